@@ -1,0 +1,118 @@
+!> Galerkin integrals of the clamped spline space: everything in (3.11) to (3.13) that depends on
+!> the mesh alone, so that it is computed once and serves every trial value of the parameters.
+module beamid_galerkin
+   use beamid_bands, only: band_t, new_band
+   use beamid_kinds, only: wp
+   use beamid_quadrature, only: rule_t, composite
+   use beamid_splines, only: spline_space_t, new_spline_space
+   implicit none
+   private
+
+   public :: mesh_t, galerkin_t, new_galerkin
+
+   !> How the beam is discretized.
+   type :: mesh_t
+      integer :: degree = 3         !< of the splines: 3, 5 or 7
+      integer :: elements = 8       !< N
+      integer :: gauss_points = 4   !< per panel
+      integer :: panels = 1         !< per element
+   end type mesh_t
+
+   type :: galerkin_t
+      type(mesh_t) :: mesh
+      type(spline_space_t) :: space
+      type(band_t) :: inertia             !< <b_i, b_j> [length]
+      type(band_t) :: bending             !< <b_i'', b_j''> [1/length**3]
+      real(wp), allocatable :: tip(:)     !< (n) b_i(l)
+      type(rule_t), private :: rule
+   contains
+      procedure :: moments
+      procedure :: bending_energy
+   end type galerkin_t
+
+contains
+
+   !> Integrals for a beam of the given length [length].
+   pure function new_galerkin(mesh, length) result(self)
+      type(mesh_t), intent(in) :: mesh
+      real(wp), intent(in) :: length
+      type(galerkin_t) :: self
+      real(wp) :: b(mesh%degree + 1), d2b(mesh%degree + 1), weight
+      integer :: e, q, i, j, first, functions
+
+      self%mesh = mesh
+      self%space = new_spline_space(mesh%degree, mesh%elements, length)
+      self%rule = composite(mesh%gauss_points, mesh%panels)
+      self%tip = self%space%at(length, 0)
+      self%inertia = new_band(self%space%n, mesh%degree)
+      self%bending = new_band(self%space%n, mesh%degree)
+      do e = 0, mesh%elements - 1
+         first = self%space%first_on_element(e)
+         functions = min(mesh%degree + 1, e + mesh%degree - first)
+         do q = 1, size(self%rule%points)
+            weight = self%rule%weights(q)*length/mesh%elements
+            b = self%space%on_element(e, self%rule%points(q), 0)
+            d2b = self%space%on_element(e, self%rule%points(q), 2)
+            do j = 1, functions
+               do i = j, functions
+                  call self%inertia%add(first + i - 1, first + j - 1, weight*b(i)*b(j))
+                  call self%bending%add(first + i - 1, first + j - 1, weight*d2b(i)*d2b(j))
+               end do
+            end do
+         end do
+      end do
+   end function new_galerkin
+
+   !> <theta, b_i> for theta(x) = (x/l)**power, the load shape of (3.10).
+   !>
+   !> power   >= 2, so that theta and its slope vanish at the root
+   !> values  (n) [length]
+   pure function moments(self, power) result(values)
+      class(galerkin_t), intent(in) :: self
+      real(wp), intent(in) :: power
+      real(wp) :: values(self%space%n)
+      real(wp) :: b(self%mesh%degree + 1), weight
+      integer :: e, q, first, last
+
+      values = 0
+      do e = 0, self%mesh%elements - 1
+         first = self%space%first_on_element(e)
+         last = min(first + self%mesh%degree, e + self%mesh%degree - 1)
+         do q = 1, size(self%rule%points)
+            associate (s => self%rule%points(q))
+               weight = self%rule%weights(q)*((e + s)/self%mesh%elements)**power
+               b = self%space%on_element(e, s, 0)
+            end associate
+            values(first:last) = values(first:last) + weight*b(:last - first + 1)
+         end do
+      end do
+      values = values*self%space%length/self%mesh%elements
+   end function moments
+
+   !> Integral of (w'')**2 over the beam by quadrature, for the spline with the given coefficients.
+   !> The quadratic form of `bending` is the same in exact arithmetic, but there the curvature of a
+   !> smooth function is a difference of fourth order, which costs N**4 units of round-off; here it is
+   !> one of second order.
+   !>
+   !> coefficients  (n)
+   !> result        [length**2/length**3]
+   pure real(wp) function bending_energy(self, coefficients)
+      class(galerkin_t), intent(in) :: self
+      real(wp), intent(in) :: coefficients(:)
+      real(wp) :: d2b(self%mesh%degree + 1)
+      integer :: e, q, first, last
+
+      bending_energy = 0
+      do e = 0, self%mesh%elements - 1
+         first = self%space%first_on_element(e)
+         last = min(first + self%mesh%degree, e + self%mesh%degree - 1)
+         do q = 1, size(self%rule%points)
+            d2b = self%space%on_element(e, self%rule%points(q), 2)
+            bending_energy = bending_energy + self%rule%weights(q) &
+               *dot_product(d2b(:last - first + 1), coefficients(first:last))**2
+         end do
+      end do
+      bending_energy = bending_energy*self%space%length/self%mesh%elements
+   end function bending_energy
+
+end module beamid_galerkin

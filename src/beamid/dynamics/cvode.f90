@@ -1,0 +1,334 @@
+!> Response by SUNDIALS CVODE: variable-order BDF, the stand-in for IMSL's DGEAR.
+!>
+!> The Newton systems go to `beamid_newton` through a SUNLinearSolver of our own ("matrix-embedded":
+!> CVODE holds no matrix). The integrator stops at every node of the force and starts afresh where
+!> the force jumps, so that no step straddles a discontinuity. Stability-limit detection is on:
+!> lightly damped modes lie where BDF of order 3 to 5 is unstable.
+module beamid_cvode
+   use, intrinsic :: iso_c_binding, only: c_associated, c_char, c_double, c_f_pointer, c_funloc, &
+      c_int, c_long, c_loc, c_null_char, c_null_ptr, c_ptr
+   use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
+   use beamid_equations, only: equations_t
+   use beamid_errors, only: error_t, failure
+   use beamid_excitation, only: excitation_t
+   use beamid_kinds, only: wp, ip
+   use beamid_newton, only: motion_t, new_motion
+   use beamid_responses, only: response_t, solver_t, work_t
+   use beamid_strings, only: to_text
+   use fcvode_mod, only: CV_BDF, CV_ONE_STEP, FCVode, FCVodeCreate, FCVodeFree, FCVodeGetCurrentGamma, &
+      FCVodeGetDky, FCVodeInit, FCVodeReInit, FCVodeSetErrHandlerFn, FCVodeSetLinearSolver, &
+      FCVodeSetMaxOrd, FCVodeSetStabLimDet, FCVodeSetStopTime, FCVodeSetUserData, FCVodeSVtolerances
+   use fnvector_serial_mod, only: FN_VMake_Serial
+   use fsundials_context_mod, only: FSUNContext_Create, FSUNContext_Free
+   use fsundials_linearsolver_mod, only: FSUNLinSolFreeEmpty, FSUNLinSolNewEmpty, SUNLinearSolver, &
+      SUNLinearSolver_Ops, SUNLINEARSOLVER_MATRIX_EMBEDDED
+   use fsundials_matrix_mod, only: SUNMatrix
+   use fsundials_nvector_mod, only: FN_VDestroy, N_Vector
+   implicit none
+   private
+
+   public :: cvode_t
+
+   type, extends(solver_t) :: cvode_t
+      real(wp) :: rtol = 1e-8_wp             !< relative tolerance
+      real(wp) :: atol = 0                   !< absolute, on displacement [length]; 0: rtol x its estimated size
+      integer :: max_order = 5               !< of the BDF, 1 .. 5
+      integer(ip) :: max_steps = 1000000     !< per response
+   contains
+      procedure :: respond
+      procedure :: noise
+   end type cvode_t
+
+   !> Owner of every SUNDIALS handle of one integration and of the arrays behind its vectors.
+   type :: session_t
+      type(c_ptr) :: context = c_null_ptr
+      type(c_ptr) :: memory = c_null_ptr
+      type(N_Vector), pointer :: state => null(), output => null(), tolerance => null()
+      type(SUNLinearSolver), pointer :: linear => null()
+      real(c_double), allocatable :: y(:), out(:), atol(:)    !< (2 n)
+      type(motion_t) :: motion
+      character(len=:), allocatable :: message                !< last complaint of CVODE
+   contains
+      final :: close_session
+   end type session_t
+
+   interface
+      !> Address of a vector's data (SUNDIALS, sundials_nvector.h).
+      function vector_data(vector) bind(c, name='N_VGetArrayPointer') result(data)
+         import :: c_ptr
+         type(c_ptr), value :: vector
+         type(c_ptr) :: data
+      end function vector_data
+   end interface
+
+contains
+
+   subroutine respond(self, equations, excitation, times, response, work, error)
+      class(cvode_t), intent(in) :: self
+      type(equations_t), intent(in), target :: equations
+      type(excitation_t), intent(in) :: excitation
+      real(wp), intent(in) :: times(:)
+      type(response_t), intent(out) :: response
+      type(work_t), intent(inout) :: work
+      type(error_t), allocatable, intent(out) :: error
+      type(session_t), target :: session
+      integer(ip) :: steps
+      integer :: k, nodes, next
+      real(wp) :: finish
+
+      response%t = times
+      allocate (response%displacement(size(times)), response%velocity(size(times)), &
+         response%acceleration(size(times)), source=0.0_wp)
+      work%solves = work%solves + 1
+      if (size(times) == 0) return
+      call open_session(self, equations, excitation, session, error)
+      if (allocated(error)) return
+
+      ! At rest until the force begins; at its first instant the acceleration answers at once.
+      next = 1
+      do while (next <= size(times))
+         if (times(next) > excitation%t(1)) exit
+         call observe(session, excitation%force(times(next)), session%y, next, response)
+         next = next + 1
+      end do
+
+      steps = 0
+      nodes = size(excitation%t)
+      do k = 1, nodes
+         if (next > size(times)) exit
+         session%motion%intercept = 0
+         session%motion%slope = 0
+         finish = times(size(times))
+         if (k < nodes) then
+            finish = excitation%t(k + 1)
+            associate (t => excitation%t, f => excitation%f)
+               session%motion%slope = (f(k + 1) - f(k))/(t(k + 1) - t(k))
+               session%motion%intercept = f(k) - session%motion%slope*t(k)
+            end associate
+         else if (abs(excitation%f(k)) > 0) then
+            call check(session, FCVodeReInit(session%memory, excitation%t(k), session%state), &
+               'CVodeReInit', error)
+            if (allocated(error)) exit
+         end if
+         call integrate(self, session, excitation, finish, steps, next, response, error)
+         if (allocated(error)) exit
+      end do
+      work%steps = work%steps + steps
+      work%evaluations = work%evaluations + session%motion%evaluations
+      work%factorizations = work%factorizations + session%motion%factorizations
+   end subroutine respond
+
+   pure real(wp) function noise(self)
+      class(cvode_t), intent(in) :: self
+
+      noise = self%rtol
+   end function noise
+
+   !> Advances to `finish` and fills the response at every requested time on the way.
+   subroutine integrate(self, session, excitation, finish, steps, next, response, error)
+      class(cvode_t), intent(in) :: self
+      type(session_t), intent(inout), target :: session
+      type(excitation_t), intent(in) :: excitation
+      real(wp), intent(in) :: finish
+      integer(ip), intent(inout) :: steps
+      integer, intent(inout) :: next
+      type(response_t), intent(inout) :: response
+      type(error_t), allocatable, intent(out) :: error
+      real(c_double) :: t(1)
+
+      call check(session, FCVodeSetStopTime(session%memory, finish), 'CVodeSetStopTime', error)
+      if (allocated(error)) return
+      t = -huge(t)
+      do while (t(1) < finish .and. next <= size(response%t))
+         if (steps >= self%max_steps) then
+            call failure(error, 'CVODE: max_steps = '//to_text(self%max_steps)// &
+               ' steps used up at t = '//to_text(t(1))//' of '//to_text(response%t(size(response%t))))
+            return
+         end if
+         call check(session, FCVode(session%memory, finish, session%state, t, CV_ONE_STEP), 'CVode', error)
+         if (allocated(error)) return
+         steps = steps + 1
+         do while (next <= size(response%t))
+            if (response%t(next) > t(1)) exit
+            call check(session, FCVodeGetDky(session%memory, response%t(next), 0_c_int, session%output), &
+               'CVodeGetDky', error)
+            if (allocated(error)) return
+            if (.not. all(ieee_is_finite(session%out))) then
+               call failure(error, 'CVODE: the response is not finite at t = '//to_text(response%t(next)))
+               return
+            end if
+            call observe(session, excitation%force(response%t(next)), session%out, next, response)
+            next = next + 1
+         end do
+      end do
+   end subroutine integrate
+
+   !> Motion of the observed point in state y = (w, v) under the given force [force].
+   subroutine observe(session, force, y, k, response)
+      type(session_t), intent(in) :: session
+      real(wp), intent(in) :: force, y(:)
+      integer, intent(in) :: k
+      type(response_t), intent(inout) :: response
+      real(wp) :: a(size(y)/2)
+
+      associate (n => size(a), observer => session%motion%equations%observer)
+         call session%motion%acceleration(force, y(:n), y(n + 1:), a)
+         response%displacement(k) = dot_product(observer, y(:n))
+         response%velocity(k) = dot_product(observer, y(n + 1:))
+         response%acceleration(k) = dot_product(observer, a)
+      end associate
+   end subroutine observe
+
+   !> Creates every handle, at rest at the first node of the force.
+   subroutine open_session(self, equations, excitation, session, error)
+      class(cvode_t), intent(in) :: self
+      type(equations_t), intent(in), target :: equations
+      type(excitation_t), intent(in) :: excitation
+      type(session_t), intent(inout), target :: session
+      type(error_t), allocatable, intent(out) :: error
+      real(wp) :: atol
+      integer :: n
+
+      n = equations%n
+      call new_motion(equations, session%motion, error)
+      if (allocated(error)) return
+      atol = self%atol
+      if (.not. atol > 0) atol = self%rtol*equations%displacement
+      if (.not. atol > 0) atol = self%rtol
+      allocate (session%y(2*n), session%out(2*n), source=0.0_c_double)
+      session%atol = atol*[1/equations%unit, equations%omega/equations%unit]
+
+      call check(session, FSUNContext_Create(c_null_ptr, session%context), 'SUNContext_Create', error)
+      if (allocated(error)) return
+      session%state => FN_VMake_Serial(2_c_long*n, session%y, session%context)
+      session%output => FN_VMake_Serial(2_c_long*n, session%out, session%context)
+      session%tolerance => FN_VMake_Serial(2_c_long*n, session%atol, session%context)
+      session%memory = FCVodeCreate(CV_BDF, session%context)
+      session%linear => FSUNLinSolNewEmpty(session%context)
+      call attach_linear_solver(session)
+
+      call then_check(FCVodeSetErrHandlerFn(session%memory, c_funloc(keep_message), c_loc(session)), &
+         'CVodeSetErrHandlerFn')
+      call then_check(FCVodeInit(session%memory, c_funloc(right_hand_side), excitation%t(1), &
+         session%state), 'CVodeInit')
+      call then_check(FCVodeSetUserData(session%memory, c_loc(session)), 'CVodeSetUserData')
+      call then_check(FCVodeSVtolerances(session%memory, self%rtol, session%tolerance), 'CVodeSVtolerances')
+      call then_check(FCVodeSetMaxOrd(session%memory, int(self%max_order, c_int)), 'CVodeSetMaxOrd')
+      call then_check(FCVodeSetStabLimDet(session%memory, 1_c_int), 'CVodeSetStabLimDet')
+      call then_check(FCVodeSetLinearSolver(session%memory, session%linear, no_matrix()), &
+         'CVodeSetLinearSolver')
+
+   contains
+
+      subroutine then_check(flag, call_name)
+         integer(c_int), intent(in) :: flag
+         character(len=*), intent(in) :: call_name
+
+         if (.not. allocated(error)) call check(session, flag, call_name, error)
+      end subroutine then_check
+
+      function no_matrix() result(matrix)
+         type(SUNMatrix), pointer :: matrix
+
+         matrix => null()
+      end function no_matrix
+
+   end subroutine open_session
+
+   !> Fills the table of operations of the empty SUNLinearSolver.
+   subroutine attach_linear_solver(session)
+      type(session_t), intent(inout), target :: session
+      type(SUNLinearSolver_Ops), pointer :: operations
+
+      session%linear%content = c_loc(session)
+      call c_f_pointer(session%linear%ops, operations)
+      operations%gettype = c_funloc(linear_type)
+      operations%solve = c_funloc(linear_solve)
+   end subroutine attach_linear_solver
+
+   !> Frees what `open_session` created, as far as it came.
+   subroutine close_session(session)
+      type(session_t), intent(inout) :: session
+      integer(c_int) :: flag
+
+      if (c_associated(session%memory)) call FCVodeFree(session%memory)
+      if (associated(session%linear)) call FSUNLinSolFreeEmpty(session%linear)
+      if (associated(session%state)) call FN_VDestroy(session%state)
+      if (associated(session%output)) call FN_VDestroy(session%output)
+      if (associated(session%tolerance)) call FN_VDestroy(session%tolerance)
+      if (c_associated(session%context)) flag = FSUNContext_Free(session%context)
+   end subroutine close_session
+
+   !> Turns a negative flag into an error that names the call and repeats CVODE's own words.
+   subroutine check(session, flag, call_name, error)
+      type(session_t), intent(in) :: session
+      integer(c_int), intent(in) :: flag
+      character(len=*), intent(in) :: call_name
+      type(error_t), allocatable, intent(out) :: error
+
+      if (flag >= 0) return
+      if (allocated(session%message)) then
+         call failure(error, call_name//': '//session%message)
+      else
+         call failure(error, call_name//' failed with flag '//to_text(int(flag)))
+      end if
+   end subroutine check
+
+   !> Adapter (CVRhsFn): y' of `motion_t`. A state that is not finite asks for a shorter step.
+   integer(c_int) function right_hand_side(t, y, dy, user_data) bind(c)
+      real(c_double), value :: t
+      type(c_ptr), value :: y, dy, user_data
+      type(session_t), pointer :: session
+      real(c_double), pointer :: state(:), derivative(:)
+
+      call c_f_pointer(user_data, session)
+      call c_f_pointer(vector_data(y), state, [size(session%y)])
+      call c_f_pointer(vector_data(dy), derivative, [size(session%y)])
+      call session%motion%derivative(t, state, derivative)
+      right_hand_side = merge(0_c_int, 1_c_int, all(ieee_is_finite(derivative)))
+   end function right_hand_side
+
+   !> Adapter (SUNLinSolGetType): CVODE holds no matrix for this solver.
+   integer(c_int) function linear_type(solver) bind(c)
+      type(c_ptr), value :: solver
+
+      linear_type = merge(SUNLINEARSOLVER_MATRIX_EMBEDDED, -1, c_associated(solver))
+   end function linear_type
+
+   !> Adapter (SUNLinSolSolve): the Newton system of the current step through `motion_t`.
+   integer(c_int) function linear_solve(solver, matrix, x, b, tolerance) bind(c)
+      type(SUNLinearSolver), intent(in) :: solver
+      type(c_ptr), value :: matrix, x, b
+      real(c_double), value :: tolerance
+      type(session_t), pointer :: session
+      real(c_double), pointer :: solution(:), residual(:)
+      real(c_double) :: gamma(1)
+      logical :: positive
+
+      call c_f_pointer(solver%content, session)
+      call c_f_pointer(vector_data(x), solution, [size(session%y)])
+      call c_f_pointer(vector_data(b), residual, [size(session%y)])
+      linear_solve = FCVodeGetCurrentGamma(session%memory, gamma)
+      if (linear_solve < 0 .or. c_associated(matrix) .or. tolerance < 0) return
+      call session%motion%newton_step(gamma(1), residual, solution, positive)
+      linear_solve = merge(0_c_int, 1_c_int, positive)
+   end function linear_solve
+
+   !> Adapter (CVErrHandlerFn): keeps CVODE's message instead of letting it print.
+   subroutine keep_message(code, module_name, function_name, message, user_data) bind(c)
+      integer(c_int), value :: code
+      type(c_ptr), value :: module_name, function_name, message, user_data
+      type(session_t), pointer :: session
+      character(kind=c_char), pointer :: text(:)
+      integer :: length
+
+      if (code >= 0 .or. .not. (c_associated(module_name) .and. c_associated(function_name))) return
+      call c_f_pointer(user_data, session)
+      call c_f_pointer(message, text, [1000])
+      do length = 0, size(text) - 1
+         if (text(length + 1) == c_null_char) exit
+      end do
+      session%message = transfer(text(:length), repeat(' ', length))
+   end subroutine keep_message
+
+end module beamid_cvode

@@ -1,0 +1,108 @@
+!> Right-hand side and Newton system of (3.13) as the first-order system w' = v, M v' = f F - C v - K w.
+!>
+!> A step of BDF solves (I - gamma J) (dw, dv) = (r_w, r_v). With the first block row
+!> dw = r_w + gamma dv the second becomes symmetric, positive definite and banded,
+!>
+!>     (M + gamma C + gamma**2 K) dv = M r_v - gamma K r_w,
+!>
+!> so that a step costs O(N), and the inverse of M is never formed.
+module beamid_newton
+   use beamid_bands, only: band_t
+   use beamid_equations, only: equations_t
+   use beamid_errors, only: error_t, failure
+   use beamid_kinds, only: wp, ip
+   implicit none
+   private
+
+   public :: motion_t, new_motion
+
+   type :: motion_t
+      type(equations_t), pointer :: equations => null()
+      !> The force in the current segment is intercept + slope*t [force, force/time].
+      real(wp) :: intercept = 0, slope = 0
+      integer(ip) :: evaluations = 0, factorizations = 0
+      type(band_t), private :: mass_factor      !< Cholesky factor of M
+      type(band_t), private :: step_factor      !< of M + gamma C + gamma**2 K
+      real(wp), private :: gamma = -1           !< of step_factor
+   contains
+      procedure :: derivative
+      procedure :: acceleration
+      procedure :: newton_step
+   end type motion_t
+
+contains
+
+   !> error  M is not positive definite: a mass is missing or the mesh resolves no more
+   subroutine new_motion(equations, motion, error)
+      type(equations_t), intent(in), target :: equations
+      type(motion_t), intent(out) :: motion
+      type(error_t), allocatable, intent(out) :: error
+      logical :: positive
+
+      motion%equations => equations
+      motion%mass_factor = equations%mass
+      call motion%mass_factor%factor(positive)
+      if (.not. positive) call failure(error, 'the mass matrix is not positive definite')
+      motion%step_factor = equations%mass
+   end subroutine new_motion
+
+   !> M^{-1} (force F - C v - K w) by the Cholesky factor of M.
+   !>
+   !> w, v, a  (n)
+   subroutine acceleration(self, force, w, v, a)
+      class(motion_t), intent(in) :: self
+      real(wp), intent(in) :: force, w(:), v(:)
+      real(wp), intent(out) :: a(:)
+
+      associate (eq => self%equations)
+         a = force*eq%load
+         call eq%damping%add_product(-1.0_wp, v, a)
+         call eq%stiffness%add_product(-1.0_wp, w, a)
+      end associate
+      call self%mass_factor%solve(a)
+   end subroutine acceleration
+
+   !> Derivative of the state y = (w, v), both of shape (2 n).
+   subroutine derivative(self, t, y, dy)
+      class(motion_t), intent(inout) :: self
+      real(wp), intent(in) :: t, y(:)
+      real(wp), intent(out) :: dy(:)
+
+      associate (n => self%equations%n)
+         dy(:n) = y(n + 1:)
+         call self%acceleration(self%intercept + self%slope*t, y(:n), y(n + 1:), dy(n + 1:))
+      end associate
+      self%evaluations = self%evaluations + 1
+   end subroutine derivative
+
+   !> Solves (I - gamma J) x = r; the factorization is kept while gamma stays the same.
+   !>
+   !> r, x      (2 n)
+   !> positive  .false. when the matrix could not be factored; x is then undefined
+   subroutine newton_step(self, gamma, r, x, positive)
+      class(motion_t), intent(inout) :: self
+      real(wp), intent(in) :: gamma, r(:)
+      real(wp), intent(out) :: x(:)
+      logical, intent(out) :: positive
+
+      positive = .true.
+      associate (eq => self%equations, n => self%equations%n)
+         if (abs(gamma - self%gamma) > 0) then
+            self%step_factor%a = eq%mass%a + gamma*(eq%damping%a + gamma*eq%stiffness%a)
+            call self%step_factor%factor(positive)
+            self%factorizations = self%factorizations + 1
+            self%gamma = gamma
+            if (.not. positive) then
+               self%gamma = -1
+               return
+            end if
+         end if
+         x(n + 1:) = 0
+         call eq%mass%add_product(1.0_wp, r(n + 1:), x(n + 1:))
+         call eq%stiffness%add_product(-gamma, r(:n), x(n + 1:))
+         call self%step_factor%solve(x(n + 1:))
+         x(:n) = r(:n) + gamma*x(n + 1:)
+      end associate
+   end subroutine newton_step
+
+end module beamid_newton

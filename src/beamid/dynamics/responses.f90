@@ -1,0 +1,58 @@
+!> What every response solver computes, and the one interface behind which the solvers stand.
+module beamid_responses
+   use beamid_equations, only: equations_t
+   use beamid_errors, only: error_t
+   use beamid_excitation, only: excitation_t
+   use beamid_kinds, only: wp, ip
+   implicit none
+   private
+
+   public :: response_t, solver_t, work_t
+
+   !> What a solver did, summed over the calls that were given the same counter.
+   type :: work_t
+      integer(ip) :: solves = 0             !< responses computed
+      integer(ip) :: steps = 0              !< steps of the integrator
+      integer(ip) :: evaluations = 0        !< of the right-hand side
+      integer(ip) :: factorizations = 0     !< of banded matrices
+   end type work_t
+
+   !> Motion of the observed point at the requested times, each array of the same shape.
+   type :: response_t
+      real(wp), allocatable :: t(:)              !< [time]
+      real(wp), allocatable :: displacement(:)   !< [length]
+      real(wp), allocatable :: velocity(:)       !< [length/time]
+      real(wp), allocatable :: acceleration(:)   !< (3.13) [length/time**2]
+   end type response_t
+
+   type, abstract :: solver_t
+   contains
+      procedure(respond), deferred :: respond
+      procedure(noise), deferred :: noise
+   end type solver_t
+
+   abstract interface
+      !> Response from rest, (3.13) and (3.14).
+      !>
+      !> times     ascending [time]; before the force begins the structure is at rest
+      !> response  allocated on success
+      !> work      counters to which this call adds
+      !> error     when the method could not do what was asked
+      subroutine respond(self, equations, excitation, times, response, work, error)
+         import :: equations_t, error_t, excitation_t, response_t, solver_t, work_t, wp
+         class(solver_t), intent(in) :: self
+         type(equations_t), intent(in), target :: equations
+         type(excitation_t), intent(in) :: excitation
+         real(wp), intent(in) :: times(:)
+         type(response_t), intent(out) :: response
+         type(work_t), intent(inout) :: work
+         type(error_t), allocatable, intent(out) :: error
+      end subroutine respond
+      !> Relative error that the method leaves in a response; 0: round-off only.
+      pure real(wp) function noise(self)
+         import :: solver_t, wp
+         class(solver_t), intent(in) :: self
+      end function noise
+   end interface
+
+end module beamid_responses

@@ -1,0 +1,183 @@
+!> From a record to parameters: residuals of the model against the record, and the stages of a fit.
+module beamid_identification
+   use beamid_equations, only: equations_t, new_equations
+   use beamid_errors, only: error_t
+   use beamid_excitation, only: excitation_t
+   use beamid_galerkin, only: galerkin_t, mesh_t, new_galerkin
+   use beamid_kinds, only: wp
+   use beamid_least_squares, only: fit, fit_t, monitor_t, options_t, problem_t
+   use beamid_observation, only: observation_t, sampling_t, new_sampling
+   use beamid_responses, only: response_t, solver_t, work_t
+   use beamid_strings, only: to_text
+   use beamid_structure, only: structure_t, parameter_names
+   use beamid_variables, only: variable_t, new_variable
+   implicit none
+   private
+
+   public :: model_t, stage_t, simulation_t, stage_fit_t, simulate, identify
+
+   !> What turns parameters into accelerations, mesh apart.
+   type :: model_t
+      type(structure_t) :: structure
+      type(excitation_t) :: excitation
+      type(observation_t) :: observation
+      class(solver_t), allocatable :: solver
+   end type model_t
+
+   !> One search: which parameters are free and from where. Each array has one entry per parameter.
+   type :: stage_t
+      integer, allocatable :: free(:)     !< places in `parameter_names`
+      real(wp), allocatable :: start(:)   !< not allocated: where the stage before ended
+      real(wp), allocatable :: lower(:)
+      real(wp), allocatable :: upper(:)   !< or `unbounded`
+   end type stage_t
+
+   !> A computed experiment.
+   type :: simulation_t
+      type(response_t) :: response               !< at the sample times
+      real(wp), allocatable :: acceleration(:)   !< by the formula of the observation
+      type(work_t) :: work
+   end type simulation_t
+
+   !> The outcome of one stage on one mesh.
+   type :: stage_fit_t
+      integer :: stage = 0
+      integer :: elements = 0
+      integer, allocatable :: free(:)
+      type(fit_t) :: fit
+      type(structure_t) :: structure     !< with the estimates in place
+      type(work_t) :: work
+   end type stage_fit_t
+
+   !> Residuals model - record as a function of the free parameters.
+   type, extends(problem_t) :: residual_t
+      type(galerkin_t) :: galerkin
+      type(structure_t) :: structure
+      type(excitation_t) :: excitation
+      class(solver_t), allocatable :: solver
+      type(sampling_t) :: sampling
+      integer, allocatable :: free(:)
+      real(wp), allocatable :: measured(:)
+      type(work_t) :: work
+   contains
+      procedure :: residuals
+   end type residual_t
+
+contains
+
+   !> Response and observed acceleration at given times.
+   !>
+   !> samples  ascending [time]
+   subroutine simulate(model, mesh, samples, simulation, error)
+      type(model_t), intent(in) :: model
+      type(mesh_t), intent(in) :: mesh
+      real(wp), intent(in) :: samples(:)
+      type(simulation_t), intent(out) :: simulation
+      type(error_t), allocatable, intent(out) :: error
+      type(galerkin_t), target :: galerkin
+      type(equations_t) :: equations
+      type(sampling_t) :: sampling
+      type(response_t) :: wide
+
+      galerkin = new_galerkin(mesh, model%structure%length)
+      equations = new_equations(galerkin, model%structure, model%excitation)
+      sampling = new_sampling(model%observation, samples)
+      call model%solver%respond(equations, model%excitation, sampling%times, wide, simulation%work, error)
+      if (allocated(error)) return
+      simulation%acceleration = sampling%acceleration(wide)
+      call model%solver%respond(equations, model%excitation, samples, simulation%response, &
+         simulation%work, error)
+   end subroutine simulate
+
+   !> Runs the stages in turn on one mesh, each from where the one before ended.
+   !>
+   !> samples   (m) ascending [time]
+   !> measured  (m) record at the samples [length/time**2]
+   !> fits      (size(stages)) allocated on success
+   !> error     says which stage failed, and why
+   !> monitor   told of every iteration
+   subroutine identify(model, mesh, stages, samples, measured, fits, error, monitor)
+      type(model_t), intent(in) :: model
+      type(mesh_t), intent(in) :: mesh
+      type(stage_t), intent(in) :: stages(:)
+      real(wp), intent(in) :: samples(:), measured(:)
+      type(stage_fit_t), allocatable, intent(out) :: fits(:)
+      type(error_t), allocatable, intent(out) :: error
+      class(monitor_t), intent(inout), optional :: monitor
+      type(residual_t) :: problem
+      type(options_t) :: options
+      integer :: k
+
+      problem%galerkin = new_galerkin(mesh, model%structure%length)
+      problem%structure = model%structure
+      problem%excitation = model%excitation
+      problem%solver = model%solver
+      problem%sampling = new_sampling(model%observation, samples)
+      problem%measured = measured
+      options%noise = model%solver%noise()
+      allocate (fits(size(stages)))
+      do k = 1, size(stages)
+         problem%free = stages(k)%free
+         problem%work = work_t()
+         call fit(problem, size(samples), variables_of(stages(k), problem%structure), options, &
+            fits(k)%fit, error, monitor)
+         if (allocated(error)) then
+            error%message = 'elements = '//to_text(mesh%elements)//', stage '//to_text(k)//': '//error%message
+            return
+         end if
+         fits(k)%stage = k
+         fits(k)%elements = mesh%elements
+         fits(k)%free = stages(k)%free
+         fits(k)%work = problem%work
+         problem%structure = with(problem%structure, stages(k)%free, fits(k)%fit%estimate)
+         fits(k)%structure = problem%structure
+      end do
+   end subroutine identify
+
+   !> Starts, bounds and scales of a stage's parameters.
+   pure function variables_of(stage, structure) result(variables)
+      type(stage_t), intent(in) :: stage
+      type(structure_t), intent(in) :: structure
+      type(variable_t), allocatable :: variables(:)
+      real(wp) :: start
+      integer :: k
+
+      allocate (variables(size(stage%free)))
+      do k = 1, size(stage%free)
+         start = structure%get(stage%free(k))
+         if (allocated(stage%start)) start = stage%start(k)
+         start = min(max(start, stage%lower(k)), stage%upper(k))
+         variables(k) = new_variable(start, stage%lower(k), stage%upper(k), &
+            structure%magnitude(stage%free(k)))
+      end do
+   end function variables_of
+
+   !> The structure with other values of some parameters.
+   pure function with(structure, free, values) result(changed)
+      type(structure_t), intent(in) :: structure
+      integer, intent(in) :: free(:)
+      real(wp), intent(in) :: values(:)
+      type(structure_t) :: changed
+      integer :: k
+
+      changed = structure
+      do k = 1, size(free)
+         call changed%set(free(k), values(k))
+      end do
+   end function with
+
+   subroutine residuals(self, parameters, r, error)
+      class(residual_t), intent(inout) :: self
+      real(wp), intent(in) :: parameters(:)
+      real(wp), intent(out) :: r(:)
+      type(error_t), allocatable, intent(out) :: error
+      type(response_t) :: response
+      type(equations_t) :: equations
+
+      equations = new_equations(self%galerkin, with(self%structure, self%free, parameters), self%excitation)
+      call self%solver%respond(equations, self%excitation, self%sampling%times, response, self%work, error)
+      if (allocated(error)) return
+      r = self%sampling%acceleration(response) - self%measured
+   end subroutine residuals
+
+end module beamid_identification

@@ -1,0 +1,106 @@
+!> Tip acceleration as the accelerometer's model sees it: the three formulas of Section 4.
+module beamid_observation
+   use beamid_kinds, only: wp
+   use beamid_responses, only: response_t
+   implicit none
+   private
+
+   public :: observation_t, sampling_t, new_sampling, formula_names
+
+   !> Names in the case file: (4.1), (4.2) and (3.13).
+   character(len=*), parameter :: formula_names(3) = &
+      [character(len=23) :: 'displacement_difference', 'velocity_difference', 'equation']
+
+   type :: observation_t
+      integer :: formula = 3          !< place in `formula_names`
+      real(wp) :: delta = 0           !< Delta of (4.1) and (4.2) [time], > 0 there
+   end type observation_t
+
+   !> Sample times together with the response times that the formula needs for them.
+   type :: sampling_t
+      real(wp), allocatable :: samples(:)            !< (m) ascending [time]
+      real(wp), allocatable :: times(:)              !< ascending, no two alike [time]
+      type(observation_t), private :: observation
+      integer, allocatable, private :: place(:, :)   !< (points, m) where in `times` each point lies
+   contains
+      procedure :: acceleration
+   end type sampling_t
+
+contains
+
+   !> Times that the formula reaches from each sample.
+   pure function stencil(observation) result(offsets)
+      type(observation_t), intent(in) :: observation
+      real(wp), allocatable :: offsets(:)
+
+      select case (observation%formula)
+      case (1)
+         offsets = observation%delta*[-1.0_wp, 0.0_wp, 1.0_wp]
+      case (2)
+         offsets = observation%delta*[-0.5_wp, 0.5_wp]
+      case default
+         offsets = [0.0_wp]
+      end select
+   end function stencil
+
+   !> Merges the shifted copies of the sample times into one ascending list. Times that differ only
+   !> by round-off, as t + Delta of one sample and t - Delta of another do, become one.
+   !>
+   !> samples  (m) ascending [time]
+   pure function new_sampling(observation, samples) result(self)
+      type(observation_t), intent(in) :: observation
+      real(wp), intent(in) :: samples(:)
+      type(sampling_t) :: self
+      real(wp), allocatable :: offsets(:), times(:)
+      integer, allocatable :: next(:)
+      real(wp) :: t, same
+      integer :: m, points, k, total
+
+      m = size(samples)
+      offsets = stencil(observation)
+      points = size(offsets)
+      self%observation = observation
+      self%samples = samples
+      allocate (self%place(points, m), times(points*m), next(points))
+      same = 0
+      if (m > 0) same = 64*epsilon(same)*maxval(abs(samples))
+      next = 1
+      total = 0
+      do while (any(next <= m))
+         t = huge(t)
+         do k = 1, points
+            if (next(k) <= m) t = min(t, samples(next(k)) + offsets(k))
+         end do
+         total = total + 1
+         times(total) = t
+         do k = 1, points
+            do while (next(k) <= m)
+               if (samples(next(k)) + offsets(k) > t + same) exit
+               self%place(k, next(k)) = total
+               next(k) = next(k) + 1
+            end do
+         end do
+      end do
+      self%times = times(:total)
+   end function new_sampling
+
+   !> Acceleration at the samples (m) from the response at `times` [length/time**2].
+   pure function acceleration(self, response) result(a)
+      class(sampling_t), intent(in) :: self
+      type(response_t), intent(in) :: response
+      real(wp) :: a(size(self%samples))
+
+      associate (place => self%place, delta => self%observation%delta, u => response%displacement, &
+         v => response%velocity)
+         select case (self%observation%formula)
+         case (1)
+            a = (u(place(3, :)) - 2*u(place(2, :)) + u(place(1, :)))/delta**2
+         case (2)
+            a = (v(place(2, :)) - v(place(1, :)))/delta
+         case default
+            a = response%acceleration(place(1, :))
+         end select
+      end associate
+   end function acceleration
+
+end module beamid_observation

@@ -1,0 +1,98 @@
+!> The force of the thruster in time, and how it acts on the beam.
+module beamid_excitation
+   use beamid_errors, only: error_t, bad_input
+   use beamid_kinds, only: wp
+   use beamid_strings, only: to_text
+   implicit none
+   private
+
+   public :: excitation_t, new_pulse, new_force_table
+
+   !> f is linear between its nodes and zero outside [first node, last node]; it may jump at these two.
+   type :: excitation_t
+      real(wp), allocatable :: t(:)      !< nodes, >= 0, strictly increasing [time]
+      real(wp), allocatable :: f(:)      !< force at the nodes [force]
+      !> .false.: the force acts at the tip, (3.11). .true.: distributed, (3.10), with
+      !> theta(x) = (x/l)**power.
+      logical :: distributed = .false.
+      real(wp) :: power = 2              !< >= 2
+   contains
+      procedure :: force
+      procedure :: size_scale
+   end type excitation_t
+
+contains
+
+   !> Constant force of the thruster, 0 <= t <= duration.
+   !>
+   !> amplitude  [force]
+   !> duration   > 0 [time]
+   pure function new_pulse(amplitude, duration) result(excitation)
+      real(wp), intent(in) :: amplitude, duration
+      type(excitation_t) :: excitation
+
+      excitation%t = [0.0_wp, duration]
+      excitation%f = [amplitude, amplitude]
+   end function new_pulse
+
+   !> A force given by nodes.
+   !>
+   !> t, f   nodes [time] and forces [force]
+   !> error  fewer than two nodes, a negative first time or times that do not increase
+   pure subroutine new_force_table(t, f, excitation, error)
+      real(wp), intent(in) :: t(:), f(:)
+      type(excitation_t), intent(inout) :: excitation
+      type(error_t), allocatable, intent(out) :: error
+
+      if (size(t) < 2) then
+         call bad_input(error, 'found '//to_text(size(t))//' rows, expected 2 or more')
+      else if (t(1) < 0) then
+         call bad_input(error, 'found a first time of '//to_text(t(1))//', expected 0 or later')
+      else if (any(t(2:) <= t(:size(t) - 1))) then
+         call bad_input(error, 'found times that do not increase')
+      else
+         excitation%t = t
+         excitation%f = f
+      end if
+   end subroutine new_force_table
+
+   !> f(t) [force], with the closed interval of the paper: f(duration) is still the amplitude.
+   elemental real(wp) function force(self, t)
+      class(excitation_t), intent(in) :: self
+      real(wp), intent(in) :: t
+      integer :: low, high, middle
+
+      force = 0
+      associate (nodes => self%t, f => self%f)
+         low = 1
+         high = size(nodes)
+         if (t < nodes(low) .or. t > nodes(high)) return
+         do while (high - low > 1)
+            middle = (low + high)/2
+            if (t < nodes(middle)) then
+               high = middle
+            else
+               low = middle
+            end if
+         end do
+         force = f(low) + (f(high) - f(low))*((t - nodes(low))/(nodes(high) - nodes(low)))
+      end associate
+   end function force
+
+   !> Size of the displacement that the force causes in an oscillator: the smaller of what its peak
+   !> does statically and what its impulse does suddenly.
+   !>
+   !> stiffness  [force/length]
+   !> omega      angular frequency [1/time]
+   pure real(wp) function size_scale(self, stiffness, omega)
+      class(excitation_t), intent(in) :: self
+      real(wp), intent(in) :: stiffness, omega
+      real(wp) :: impulse
+      integer :: m
+
+      m = size(self%t)
+      impulse = sum((abs(self%f(2:)) + abs(self%f(:m - 1)))/2*(self%t(2:) - self%t(:m - 1)))
+      size_scale = min(maxval(abs(self%f)), impulse*omega)/stiffness
+   end function size_scale
+
+end module beamid_excitation

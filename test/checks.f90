@@ -1,0 +1,59 @@
+!> Checks shared by the test programs: each prints one line and counts; a NaN never passes.
+module checks
+   use, intrinsic :: iso_fortran_env, only: output_unit
+   use beamid_kinds, only: wp
+   implicit none
+   private
+
+   public :: check, check_close, skip, finish
+
+   integer :: passed = 0, failed = 0, skipped = 0
+
+contains
+
+   !> Passes when `condition` holds; `detail` is printed either way.
+   subroutine check(name, condition, detail)
+      character(len=*), intent(in) :: name
+      logical, intent(in) :: condition
+      character(len=*), intent(in), optional :: detail
+
+      if (condition) then
+         passed = passed + 1
+         write (output_unit, '(2a)', advance='no') 'ok    ', name
+      else
+         failed = failed + 1
+         write (output_unit, '(2a)', advance='no') 'FAIL  ', name
+      end if
+      if (present(detail)) write (output_unit, '(2a)', advance='no') ' | ', detail
+      write (output_unit, '()')
+   end subroutine check
+
+   !> Passes when |value - reference| <= tolerance; prints value, reference and difference.
+   subroutine check_close(name, value, reference, tolerance)
+      character(len=*), intent(in) :: name
+      real(wp), intent(in) :: value, reference, tolerance
+      character(len=120) :: detail
+
+      write (detail, '(a,es22.14,a,es22.14,a,es9.2,a,es9.2)') 'got', value, ' expected', reference, &
+         ' difference', value - reference, ' allowed', tolerance
+      call check(name, abs(value - reference) <= tolerance, trim(detail))
+   end subroutine check_close
+
+   !> Says that something was not tested, and why.
+   subroutine skip(name, reason)
+      character(len=*), intent(in) :: name, reason
+
+      skipped = skipped + 1
+      write (output_unit, '(4a)') 'skip  ', name, ' | ', reason
+   end subroutine skip
+
+   !> Prints the counts in the form that scripts/test.sh adds up; exit status 1 if anything failed.
+   subroutine finish(suite)
+      character(len=*), intent(in) :: suite
+
+      write (output_unit, '(2a,i0,a,i0,a,i0,a)') suite, ': ', passed, ' passed, ', failed, &
+         ' failed, ', skipped, ' skipped'
+      if (failed > 0 .or. passed + skipped == 0) stop 1, quiet=.true.
+   end subroutine finish
+
+end module checks
