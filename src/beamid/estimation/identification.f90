@@ -14,7 +14,7 @@ module beamid_identification
    implicit none
    private
 
-   public :: model_t, stage_t, simulation_t, stage_fit_t, simulate, identify
+   public :: model_t, stage_t, simulation_t, stage_fit_t, simulate, identify, identify_meshes
 
    !> What turns parameters into accelerations, mesh apart.
    type :: model_t
@@ -85,8 +85,7 @@ contains
       call model%solver%respond(equations, model%excitation, sampling%times, wide, simulation%work, error)
       if (allocated(error)) return
       simulation%acceleration = sampling%acceleration(wide)
-      call model%solver%respond(equations, model%excitation, samples, simulation%response, &
-         simulation%work, error)
+      simulation%response = sampling%at_samples(wide)
    end subroutine simulate
 
    !> Runs the stages in turn on one mesh, each from where the one before ended.
@@ -120,7 +119,8 @@ contains
          problem%free = stages(k)%free
          problem%work = work_t()
          call fit(problem, size(samples), variables_of(stages(k), problem%structure), options, &
-            fits(k)%fit, error, monitor)
+            fits(k)%fit, error, monitor, 'N = '//to_text(mesh%elements)// &
+            ', stage '//to_text(k), parameter_names(stages(k)%free))
          if (allocated(error)) then
             error%message = 'elements = '//to_text(mesh%elements)//', stage '//to_text(k)//': '//error%message
             return
@@ -133,6 +133,44 @@ contains
          fits(k)%structure = problem%structure
       end do
    end subroutine identify
+
+   !> `identify` on each mesh, as many at a time as there are threads.
+   !>
+   !> fits  (size(stages), size(meshes)) allocated on success
+   !> error that of the first mesh, in the order given, which failed
+   subroutine identify_meshes(model, meshes, stages, samples, measured, fits, error, monitor)
+      type(model_t), intent(in) :: model
+      type(mesh_t), intent(in) :: meshes(:)
+      type(stage_t), intent(in) :: stages(:)
+      real(wp), intent(in) :: samples(:), measured(:)
+      type(stage_fit_t), allocatable, intent(out) :: fits(:, :)
+      type(error_t), allocatable, intent(out) :: error
+      class(monitor_t), intent(inout), optional :: monitor
+      type :: outcome_t
+         type(stage_fit_t), allocatable :: fits(:)
+         type(error_t), allocatable :: error
+      end type outcome_t
+      type(outcome_t), allocatable :: outcomes(:)
+      integer :: k
+
+      ! The finest mesh takes longest: it goes first.
+      allocate (outcomes(size(meshes)))
+      !$omp parallel do schedule(dynamic, 1)
+      do k = size(meshes), 1, -1
+         call identify(model, meshes(k), stages, samples, measured, outcomes(k)%fits, &
+            outcomes(k)%error, monitor)
+      end do
+      !$omp end parallel do
+      do k = 1, size(meshes)
+         if (.not. allocated(outcomes(k)%error)) cycle
+         call move_alloc(outcomes(k)%error, error)
+         return
+      end do
+      allocate (fits(size(stages), size(meshes)))
+      do k = 1, size(meshes)
+         fits(:, k) = outcomes(k)%fits
+      end do
+   end subroutine identify_meshes
 
    !> Starts, bounds and scales of a stage's parameters.
    pure function variables_of(stage, structure) result(variables)

@@ -53,11 +53,15 @@ module beamid_least_squares
          real(wp), intent(out) :: r(:)
          type(error_t), allocatable, intent(out) :: error
       end subroutine residuals
+      !> May be called by several threads at once.
+      !>
+      !> label       which search it is
       !> J           sum of squares so far
-      !> parameters  (n) physical values
-      subroutine iteration(self, number, evaluations, J, parameters)
+      !> names, parameters  (n) physical values
+      subroutine iteration(self, label, number, evaluations, J, names, parameters)
          import :: monitor_t, wp
          class(monitor_t), intent(inout) :: self
+         character(len=*), intent(in) :: label, names(:)
          integer, intent(in) :: number, evaluations
          real(wp), intent(in) :: J, parameters(:)
       end subroutine iteration
@@ -87,9 +91,10 @@ module beamid_least_squares
    type :: search_t
       class(problem_t), pointer :: problem => null()
       class(monitor_t), pointer :: monitor => null()
+      character(len=:), allocatable :: label
+      character(len=16), allocatable :: names(:)
       type(variable_t), allocatable :: variables(:)
       real(wp) :: first_norm = -1       !< of the residuals at the start
-      logical :: differencing = .false. !< the last call served the Jacobian
       integer :: iterations = 0, evaluations = 0, shortened = 0, failures_in_a_row = 0
       type(error_t), allocatable :: error
    end type search_t
@@ -111,7 +116,9 @@ contains
    !> result     estimates, J, counts, reason
    !> error      the model fails at the start, or wherever the search turns; no convergence
    !> monitor    told of every iteration
-   subroutine fit(problem, m, variables, options, result, error, monitor)
+   !> label      what the monitor calls this search
+   !> names      (n) of the variables, for the monitor
+   subroutine fit(problem, m, variables, options, result, error, monitor, label, names)
       class(problem_t), intent(inout), target :: problem
       integer, intent(in) :: m
       type(variable_t), intent(in) :: variables(:)
@@ -119,6 +126,7 @@ contains
       type(fit_t), intent(out) :: result
       type(error_t), allocatable, intent(out) :: error
       class(monitor_t), intent(inout), target, optional :: monitor
+      character(len=*), intent(in), optional :: label, names(:)
       type(search_t), target :: search
       real(wp) :: z(size(variables)), diag(size(variables)), qtf(size(variables)), epsfcn
       real(wp), dimension(size(variables)) :: wa1, wa2, wa3
@@ -132,6 +140,11 @@ contains
       end if
       search%problem => problem
       if (present(monitor)) search%monitor => monitor
+      search%label = ''
+      if (present(label)) search%label = label
+      allocate (search%names(size(variables)))
+      search%names = ''
+      if (present(names)) search%names = names
       search%variables = variables
       allocate (result%residual(m), fjac(m, size(variables)), wa4(m))
       z = 1
@@ -199,8 +212,8 @@ contains
       type(search_t), intent(inout) :: search
       real(wp), intent(in) :: z(:), r(:)
 
-      if (associated(search%monitor)) call search%monitor%iteration(search%iterations, &
-         search%evaluations, sum(r**2), search%variables%value(z))
+      if (associated(search%monitor)) call search%monitor%iteration(search%label, &
+         search%iterations, search%evaluations, sum(r**2), search%names, search%variables%value(z))
       search%iterations = search%iterations + 1
    end subroutine report
 

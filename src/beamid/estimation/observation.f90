@@ -24,11 +24,12 @@ module beamid_observation
       integer, allocatable, private :: place(:, :)   !< (points, m) where in `times` each point lies
    contains
       procedure :: acceleration
+      procedure :: at_samples
    end type sampling_t
 
 contains
 
-   !> Times that the formula reaches from each sample.
+   !> Times that the formula reaches from each sample; the sample itself is always in the middle.
    pure function stencil(observation) result(offsets)
       type(observation_t), intent(in) :: observation
       real(wp), allocatable :: offsets(:)
@@ -37,7 +38,7 @@ contains
       case (1)
          offsets = observation%delta*[-1.0_wp, 0.0_wp, 1.0_wp]
       case (2)
-         offsets = observation%delta*[-0.5_wp, 0.5_wp]
+         offsets = observation%delta*[-0.5_wp, 0.0_wp, 0.5_wp]
       case default
          offsets = [0.0_wp]
       end select
@@ -96,11 +97,25 @@ contains
          case (1)
             a = (u(place(3, :)) - 2*u(place(2, :)) + u(place(1, :)))/delta**2
          case (2)
-            a = (v(place(2, :)) - v(place(1, :)))/delta
+            a = (v(place(3, :)) - v(place(1, :)))/delta
          case default
             a = response%acceleration(place(1, :))
          end select
       end associate
    end function acceleration
+
+   !> The response at the samples alone.
+   pure function at_samples(self, response) result(narrow)
+      class(sampling_t), intent(in) :: self
+      type(response_t), intent(in) :: response
+      type(response_t) :: narrow
+
+      associate (middle => self%place((size(self%place, 1) + 1)/2, :))
+         narrow%t = self%samples
+         narrow%displacement = response%displacement(middle)
+         narrow%velocity = response%velocity(middle)
+         narrow%acceleration = response%acceleration(middle)
+      end associate
+   end function at_samples
 
 end module beamid_observation

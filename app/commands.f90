@@ -1,0 +1,163 @@
+!> One routine per command: read the case, call the library, gather the outputs, print the summary.
+module beamid_commands
+   use beamid
+   use beamid_terminal, only: new_progress, print_text, progress_t
+   implicit none
+   private
+
+   public :: settings_t, run_identify, run_simulate, run_modes
+   public :: add_fit_tables, deliver, output_folder
+
+   !> The command line, parsed.
+   type :: settings_t
+      character(len=:), allocatable :: command
+      character(len=:), allocatable :: subject   !< the case file, or what is to be reproduced
+      character(len=:), allocatable :: out       !< not allocated: out/<case name>
+      logical :: quiet = .false.
+   end type settings_t
+
+contains
+
+   !> beamid identify
+   subroutine run_identify(settings, error)
+      type(settings_t), intent(in) :: settings
+      type(error_t), allocatable, intent(out) :: error
+      type(case_t) :: case
+      type(stage_fit_t), allocatable :: fits(:, :)
+      type(output_t) :: output
+      type(progress_t) :: progress
+      real(wp), allocatable :: samples(:), measured(:)
+
+      call read_case(settings%subject, needs_fit, case, error)
+      if (allocated(error)) return
+      call measured_samples(case, samples, measured, error)
+      if (allocated(error)) return
+      progress = new_progress(settings%quiet)
+      call identify_meshes(case%model, case%meshes, case%stages, samples, measured, fits, error, progress)
+      call progress%finish()
+      if (allocated(error)) then
+         error%message = case%path//': '//error%message
+         return
+      end if
+      call add_fit_tables(output, case, fits, samples, measured)
+      call deliver(output, fit_summary(case, samples, fits), output_folder(settings, case%name), error)
+   end subroutine run_identify
+
+   !> estimates.csv, fit.csv and labels.csv.
+   subroutine add_fit_tables(output, case, fits, samples, measured)
+      type(output_t), intent(inout) :: output
+      type(case_t), intent(in) :: case
+      type(stage_fit_t), intent(in) :: fits(:, :)
+      real(wp), intent(in) :: samples(:), measured(:)
+      type(text_t) :: estimates, curves
+      integer :: stage, mesh
+
+      call estimates%line(estimates_header)
+      call curves%line(fit_header)
+      do mesh = 1, size(fits, 2)
+         do stage = 1, size(fits, 1)
+            call add_estimates(estimates, fits(stage, mesh), case%units)
+         end do
+         call add_fit(curves, fits(size(fits, 1), mesh), samples, measured)
+      end do
+      call output%add('estimates.csv', estimates%content())
+      call output%add('fit.csv', curves%content())
+      call output%add('labels.csv', labels_table(case%units))
+   end subroutine add_fit_tables
+
+   !> beamid simulate
+   subroutine run_simulate(settings, error)
+      type(settings_t), intent(in) :: settings
+      type(error_t), allocatable, intent(out) :: error
+      type(case_t) :: case
+      type(simulation_t), allocatable :: simulations(:)
+      type(output_t) :: output
+      type(text_t) :: responses
+      real(wp), allocatable :: times(:)
+      integer :: k
+
+      call read_case(settings%subject, needs_response, case, error)
+      if (allocated(error)) return
+      call sample_times(case, times, error)
+      if (allocated(error)) return
+      allocate (simulations(size(case%meshes)))
+      call responses%line(response_header)
+      do k = 1, size(case%meshes)
+         call simulate(case%model, case%meshes(k), times, simulations(k), error)
+         if (allocated(error)) then
+            error%message = case%path//': elements = '//to_text(case%meshes(k)%elements)//': '//error%message
+            return
+         end if
+         call add_response(responses, case%meshes(k)%elements, case%model%excitation, simulations(k))
+      end do
+      call output%add('response.csv', responses%content())
+      call output%add('record.csv', record_table(times, simulations(size(simulations))%acceleration))
+      call output%add('labels.csv', labels_table(case%units))
+      call deliver(output, response_summary(case, simulations), output_folder(settings, case%name), error)
+   end subroutine run_simulate
+
+   !> beamid modes
+   subroutine run_modes(settings, error)
+      type(settings_t), intent(in) :: settings
+      type(error_t), allocatable, intent(out) :: error
+      integer, parameter :: max_unknowns = 2000
+      type(case_t) :: case
+      type(galerkin_t), target :: galerkin
+      type(equations_t) :: equations
+      type(output_t) :: output
+      type(text_t) :: table, summary
+      real(wp), allocatable :: omega(:), shapes(:, :)
+      complex(wp), allocatable :: roots(:)
+      integer :: k
+
+      call read_case(settings%subject, needs_nothing, case, error)
+      if (allocated(error)) return
+      if (any(case%meshes%elements > max_unknowns)) then
+         call bad_input(error, case%path//': &discretization elements: found '// &
+            to_text(maxval(case%meshes%elements))//', expected at most '//to_text(max_unknowns)// &
+            ' for all modes at once')
+         return
+      end if
+      case%model%excitation = new_pulse(0.0_wp, 1.0_wp)
+      call table%line(modes_header)
+      call summary%line(case%name//': natural modes')
+      do k = 1, size(case%meshes)
+         galerkin = new_galerkin(case%meshes(k), case%model%structure%length)
+         equations = new_equations(galerkin, case%model%structure, case%model%excitation)
+         call undamped_modes(equations, omega, shapes, error)
+         if (.not. allocated(error)) call damped_roots(equations, roots, error)
+         if (allocated(error)) then
+            error%message = case%path//': elements = '//to_text(case%meshes(k)%elements)//': '//error%message
+            return
+         end if
+         call add_modes(table, case%meshes(k)%elements, roots)
+         call summary%line()
+         call modes_summary(summary, case, case%meshes(k)%elements, omega, roots)
+      end do
+      call output%add('modes.csv', table%content())
+      call deliver(output, summary%content(), output_folder(settings, case%name), error)
+   end subroutine run_modes
+
+   !> Where the outputs of a case go.
+   function output_folder(settings, name) result(folder)
+      type(settings_t), intent(in) :: settings
+      character(len=*), intent(in) :: name
+      character(len=:), allocatable :: folder
+
+      folder = 'out/'//name
+      if (allocated(settings%out)) folder = settings%out
+   end function output_folder
+
+   !> Writes all outputs, all or none; prints the summary when they are safe.
+   subroutine deliver(output, summary, folder, error)
+      type(output_t), intent(inout) :: output
+      character(len=*), intent(in) :: summary, folder
+      type(error_t), allocatable, intent(out) :: error
+
+      call output%add('summary.txt', summary)
+      call output%commit(folder, error)
+      if (allocated(error)) return
+      call print_text(summary)
+   end subroutine deliver
+
+end module beamid_commands

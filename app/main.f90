@@ -1,0 +1,132 @@
+!> beamid <command> <case.nml> [--out DIR] [--quiet]
+program beamid_main
+   use beamid, only: bad_input, error_t, version
+   use beamid_commands, only: run_identify, run_modes, run_simulate, settings_t
+   use beamid_reproduction, only: run_reproduce
+   use beamid_terminal, only: complain, print_text
+   implicit none
+
+   type(settings_t) :: settings
+   type(error_t), allocatable :: error
+
+   call parse(settings, error)
+   if (.not. allocated(error)) then
+      select case (settings%command)
+      case ('identify'); call run_identify(settings, error)
+      case ('simulate'); call run_simulate(settings, error)
+      case ('modes'); call run_modes(settings, error)
+      case ('reproduce'); call run_reproduce(settings, error)
+      case ('help'); call print_text(help())
+      case ('version'); call print_text('beamid '//version//new_line('a'))
+      end select
+   end if
+   if (allocated(error)) then
+      call complain(error%message)
+      stop error%status, quiet=.true.
+   end if
+
+contains
+
+   !> Splits the command line; whatever is not understood is bad input.
+   subroutine parse(settings, error)
+      type(settings_t), intent(out) :: settings
+      type(error_t), allocatable, intent(out) :: error
+      character(len=:), allocatable :: word
+      integer :: k
+
+      k = 0
+      do while (k < command_argument_count())
+         k = k + 1
+         word = argument(k)
+         if (word == '--quiet') then
+            settings%quiet = .true.
+         else if (word == '--out') then
+            k = k + 1
+            if (k <= command_argument_count()) settings%out = argument(k)
+            if (.not. allocated(settings%out)) then
+               call bad_input(error, 'command line: --out: found nothing, expected a folder')
+               return
+            else if (settings%out == '') then
+               call bad_input(error, 'command line: --out: found an empty name, expected a folder')
+               return
+            end if
+         else if (word == '--help' .or. word == '-h') then
+            settings%command = 'help'
+            return
+         else if (word == '--version') then
+            settings%command = 'version'
+            return
+         else if (index(word, '-') == 1) then
+            call bad_input(error, 'command line: found '//word//', expected --out DIR or --quiet')
+            return
+         else if (.not. allocated(settings%command)) then
+            settings%command = word
+         else if (.not. allocated(settings%subject)) then
+            settings%subject = word
+         else
+            call bad_input(error, 'command line: found '//word//' behind '//settings%subject// &
+               ', expected nothing more')
+            return
+         end if
+      end do
+      call check_command(settings, error)
+   end subroutine parse
+
+   !> Known command, with a subject where it needs one.
+   subroutine check_command(settings, error)
+      type(settings_t), intent(in) :: settings
+      type(error_t), allocatable, intent(out) :: error
+      character(len=*), parameter :: commands = 'identify, simulate, modes, reproduce, help or version'
+
+      if (.not. allocated(settings%command)) then
+         call bad_input(error, 'command line: found no command, expected '//commands)
+         return
+      end if
+      select case (settings%command)
+      case ('help', 'version')
+         if (allocated(settings%subject)) call bad_input(error, 'command line: found '// &
+            settings%subject//' behind '//settings%command//', expected nothing')
+      case ('identify', 'simulate', 'modes')
+         if (.not. allocated(settings%subject)) call bad_input(error, 'command line: '// &
+            settings%command//': found nothing, expected a case file')
+      case ('reproduce')
+         if (.not. allocated(settings%subject)) call bad_input(error, &
+            'command line: reproduce: found nothing, expected table-4.1')
+      case default
+         call bad_input(error, 'command line: found '//settings%command//', expected '//commands)
+      end select
+   end subroutine check_command
+
+   !> One word of the command line.
+   function argument(k) result(word)
+      integer, intent(in) :: k
+      character(len=:), allocatable :: word
+      integer :: length
+
+      call get_command_argument(k, length=length)
+      allocate (character(len=length) :: word)
+      call get_command_argument(k, word)
+   end function argument
+
+   !> The text of `beamid help`.
+   function help() result(text)
+      character(len=:), allocatable :: text
+      character(len=*), parameter :: nl = new_line('a')
+
+      text = 'beamid '//version//': physical parameters of a flexible beam from an accelerometer record'//nl// &
+         nl// &
+         'usage: beamid <command> [case.nml] [--out DIR] [--quiet]'//nl// &
+         nl// &
+         '  identify case.nml     fit the free parameters of each stage to the record'//nl// &
+         '  simulate case.nml     response of the structure at the sample times'//nl// &
+         '  modes case.nml        natural frequencies and damping ratios'//nl// &
+         '  reproduce table-4.1   Table 4.1 of NASA CR-178199 beside the paper''s numbers'//nl// &
+         '  help, version'//nl// &
+         nl// &
+         '  --out DIR             folder of the outputs; left out: out/<case name>'//nl// &
+         '  --quiet               no progress on standard error'//nl// &
+         nl// &
+         'Exit status: 0 done, 1 the computation failed, 2 bad input.'//nl
+   end function help
+
+end program beamid_main

@@ -1,0 +1,64 @@
+#!/usr/bin/env bash
+# Runs every test program in one profile, debug (default) or release; the last line is the sum.
+set -euo pipefail
+
+# fpm puts these flags in front of the profile's own. Not trapped: invalid and overflow, which
+# comparing a NaN and reading 1e999 raise, and tests do both.
+checks='-fcheck=all -finit-real=snan -ffpe-trap=zero'
+profile=${1:-debug}
+case $profile in
+debug) flags=(--profile debug --flag "$checks") ;;
+release) flags=(--profile release) ;;
+*)
+   echo "usage: test.sh [debug|release], not '$profile'" >&2
+   exit 2
+   ;;
+esac
+
+checkout=$(dirname "$(dirname "$(realpath "${BASH_SOURCE[0]}")")")
+"$checkout/scripts/setup.sh"
+cd "$checkout"
+
+fpm=(.venv/lib/python*/site-packages/fpm/fpm)
+fpm() { "${fpm[0]}" "$@" "${flags[@]}" </dev/null 2>&1; }
+paths() { grep '^build/' || true; }
+
+passed=0 failed=0 skipped=0
+log=$(mktemp)
+trap 'rm -f "$log"' EXIT
+
+# Runs one test program; no closing line, or a bad exit status after a clean one, is a failure.
+run_suite() {
+   local status=0 closing counts
+   "$1" </dev/null 2>&1 | tee "$log" || status=$?
+   closing=$(grep -Eax '.+: [0-9]+ passed, [0-9]+ failed, [0-9]+ skipped' "$log") || true
+   closing=${closing##*$'\n'}
+   read -ra counts <<<"$(tr -cd '0-9 ' <<<"${closing##*: }")"
+   passed=$((passed + ${counts[0]:-0}))
+   failed=$((failed + ${counts[1]:-0}))
+   skipped=$((skipped + ${counts[2]:-0}))
+   if [[ -z $closing || ($status != 0 && ${counts[1]} == 0) ]]; then
+      failed=$((failed + 1))
+      echo "FAIL  ${1##*/}: exit status $status, closing line: ${closing:-none}"
+   fi
+}
+
+# `--runner echo` builds, and prints the paths instead of running what is there.
+if fpm build >"$log" && fpm run beamid --runner echo >>"$log" &&
+   programs=$(fpm test --runner echo); then
+   BEAMID_PROGRAM=$checkout/$(paths <"$log" | tail -n 1)
+   export BEAMID_PROGRAM
+   for test in $(paths <<<"$programs"); do
+      run_suite "$test"
+   done
+   [[ $((passed + failed)) -gt 0 ]] || { failed=1 && echo "FAIL  no check ran"; }
+else
+   cat "$log"
+   echo "${programs:-}"
+   failed=1
+   echo "FAIL  the build in profile $profile"
+fi
+
+[[ $skipped == 0 ]] && rest= || rest=", $skipped skipped"
+echo "$passed passed, $failed failed$rest"
+[[ $failed == 0 ]]

@@ -1,0 +1,36 @@
+!> beamid: physical parameters of a flexible beam from an accelerometer record.
+!>
+!> The facade: everything that a program needs. See README.md for the command-line program.
+module beamid
+   use beamid_bands, only: band_t
+   use beamid_cases, only: case_t, measured_samples, needs_fit, needs_nothing, needs_response, &
+      read_case, sample_times
+   use beamid_cvode, only: cvode_t
+   use beamid_equations, only: equations_t, new_equations
+   use beamid_errors, only: bad_input, error_t, failure, status_bad_input, status_failed
+   use beamid_excitation, only: excitation_t, new_force_table, new_pulse
+   use beamid_files, only: directory_of, join_path, output_t
+   use beamid_galerkin, only: galerkin_t, mesh_t, new_galerkin
+   use beamid_identification, only: identify, identify_meshes, model_t, simulate, simulation_t, &
+      stage_fit_t, stage_t
+   use beamid_kinds, only: wp
+   use beamid_least_squares, only: fit, fit_t, monitor_t, options_t, problem_t
+   use beamid_modes, only: damped_roots, undamped_modes
+   use beamid_observation, only: formula_names, new_sampling, observation_t, sampling_t
+   use beamid_records, only: read_record, take_samples, window_t
+   use beamid_responses, only: response_t, solver_t, work_t
+   use beamid_strings, only: fixed, full, to_text
+   use beamid_structure, only: parameter_index, parameter_names, structure_t
+   use beamid_summaries, only: fit_summary, left, modes_summary, response_summary, right
+   use beamid_tables, only: add_estimates, add_fit, add_modes, add_response, estimates_header, &
+      fit_header, labels_table, modes_header, record_table, response_header
+   use beamid_texts, only: text_t
+   use beamid_units, only: units_t
+   use beamid_variables, only: new_variable, unbounded, variable_t
+   implicit none
+   public
+
+   !> Version of the library and of the program.
+   character(len=*), parameter :: version = '0.1.0'
+
+end module beamid

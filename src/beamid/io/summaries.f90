@@ -1,0 +1,199 @@
+!> Results for the reader: what is printed on standard output and kept in summary.txt.
+module beamid_summaries
+   use beamid_cases, only: case_t
+   use beamid_identification, only: simulation_t, stage_fit_t
+   use beamid_kinds, only: wp
+   use beamid_observation, only: formula_names
+   use beamid_responses, only: work_t
+   use beamid_strings, only: fixed, to_text
+   use beamid_structure, only: parameter_names
+   use beamid_texts, only: text_t
+   implicit none
+   private
+
+   public :: fit_summary, response_summary, modes_summary, right, left
+
+   integer, parameter :: width = 14
+
+contains
+
+   !> The estimates, a table for each stage with a row for each mesh.
+   !>
+   !> fits     (stages, meshes)
+   !> samples  (m) [time]
+   function fit_summary(case, samples, fits) result(content)
+      type(case_t), intent(in) :: case
+      real(wp), intent(in) :: samples(:)
+      type(stage_fit_t), intent(in) :: fits(:, :)
+      character(len=:), allocatable :: content
+      type(text_t) :: text
+      integer :: k
+
+      call text%line(case%name//': identification from '//to_text(size(samples))//' samples, t = '// &
+         to_text(samples(1))//' to '//to_text(samples(size(samples)))//label(case%units%time))
+      call text%line('observed: '//observed(case))
+      do k = 1, size(fits, 1)
+         call text%line()
+         call add_stage(text, case, fits(k, :))
+      end do
+      content = text%content()
+   end function fit_summary
+
+   !> One stage: starts, then estimates, J and effort for each mesh.
+   subroutine add_stage(text, case, fits)
+      type(text_t), intent(inout) :: text
+      type(case_t), intent(in) :: case
+      type(stage_fit_t), intent(in) :: fits(:)
+      character(len=:), allocatable :: names, units, start, line
+      integer :: k, j
+
+      names = '    N'
+      units = '     '
+      start = 'start'
+      associate (free => fits(1)%free)
+         do k = 1, size(free)
+            names = names//right(trim(parameter_names(free(k))))
+            units = units//right(case%units%of_parameter(free(k)))
+            start = start//right(to_text(fits(1)%fit%start(k)))
+         end do
+      end associate
+      call text%line('Stage '//to_text(fits(1)%stage))
+      call text%line(names//right('J')//'  iterations  evaluations  why it stopped')
+      call text%line(units//right(case%units%sum_of_squares()))
+      call text%line(start)
+      do k = 1, size(fits)
+         line = right(to_text(fits(k)%elements), 5)
+         do j = 1, size(fits(k)%free)
+            line = line//right(to_text(fits(k)%fit%estimate(j)))
+         end do
+         associate (fit => fits(k)%fit)
+            line = line//right(to_text(fit%J))//right(to_text(fit%iterations), 12)// &
+               right(to_text(fit%evaluations), 13)//'  '//fit%reason
+            if (fit%shortened > 0) line = line//'; '//to_text(fit%shortened)// &
+               ' steps shortened because the response could not be computed'
+         end associate
+         call text%line(line)
+         call text%line('       '//effort(fits(k)%work))
+      end do
+   end subroutine add_stage
+
+   !> What a solver did.
+   function effort(work) result(line)
+      type(work_t), intent(in) :: work
+      character(len=:), allocatable :: line
+
+      line = to_text(work%solves)//' responses, '//to_text(work%steps)//' steps, '// &
+         to_text(work%evaluations)//' right-hand sides, '//to_text(work%factorizations)//' factorizations'
+   end function effort
+
+   !> Which formula turns the response into accelerations.
+   function observed(case) result(line)
+      type(case_t), intent(in) :: case
+      character(len=:), allocatable :: line
+
+      associate (observation => case%model%observation)
+         line = 'acceleration by '//trim(formula_names(observation%formula))
+         if (observation%delta > 0) line = line//', Delta = '//to_text(observation%delta)// &
+            label(case%units%time)
+      end associate
+   end function observed
+
+   !> Extremes of a computed response on each mesh.
+   function response_summary(case, simulations) result(content)
+      type(case_t), intent(in) :: case
+      type(simulation_t), intent(in) :: simulations(:)
+      character(len=:), allocatable :: content
+      type(text_t) :: text
+      integer :: k
+
+      associate (t => simulations(1)%response%t)
+         call text%line(case%name//': response at '//to_text(size(t))//' times, t = '//to_text(t(1))// &
+            ' to '//to_text(t(size(t)))//label(case%units%time))
+      end associate
+      call text%line('observed: '//observed(case))
+      call text%line()
+      call text%line('    N'//right('max |u|')//right('max |u_t|')//right('max |u_tt|'))
+      call text%line('     '//right(case%units%length)//right(case%units%velocity())// &
+         right(case%units%acceleration()))
+      do k = 1, size(simulations)
+         associate (s => simulations(k))
+            call text%line(right(to_text(case%meshes(k)%elements), 5)// &
+               right(to_text(maxval(abs(s%response%displacement))))// &
+               right(to_text(maxval(abs(s%response%velocity))))//right(to_text(maxval(abs(s%acceleration)))))
+            call text%line('       '//effort(s%work))
+         end associate
+      end do
+      content = text%content()
+   end function response_summary
+
+   !> The lowest modes on one mesh: undamped angular frequencies and damped roots.
+   !>
+   !> omega  ascending [1/time]
+   !> roots  ascending modulus [1/time]
+   subroutine modes_summary(text, case, elements, omega, roots)
+      type(text_t), intent(inout) :: text
+      type(case_t), intent(in) :: case
+      integer, intent(in) :: elements
+      real(wp), intent(in) :: omega(:)
+      complex(wp), intent(in) :: roots(:)
+      integer, parameter :: shown = 10
+      character(len=:), allocatable :: line
+      real(wp), parameter :: pi = acos(-1.0_wp)
+      integer :: k
+
+      call text%line('N = '//to_text(elements)//': '//to_text(size(omega))//' modes, the lowest '// &
+         to_text(min(shown, size(omega))))
+      call text%line(' mode  undamped '//frequency_unit(case)//'    |s|/2 pi '//frequency_unit(case)// &
+         '   damping ratio        Re s         Im s')
+      do k = 1, min(shown, size(roots))
+         line = right(to_text(k), 5)//right(merge(fixed(omega(min(k, size(omega)))/(2*pi), 14, 6), &
+            repeat(' ', 14), k <= size(omega)), 16)
+         line = line//right(fixed(abs(roots(k))/(2*pi), 14, 6), 18)
+         line = line//right(to_text(merge(-real(roots(k))/abs(roots(k)), 0.0_wp, abs(roots(k)) > 0 &
+            .and. abs(real(roots(k))) > 0)), 16)
+         call text%line(line//right(to_text(real(roots(k))), 13)//right(to_text(aimag(roots(k))), 13))
+      end do
+   end subroutine modes_summary
+
+   !> Hz only where the time is in seconds.
+   function frequency_unit(case) result(unit)
+      type(case_t), intent(in) :: case
+      character(len=:), allocatable :: unit
+
+      unit = '[Hz]'
+      if (.not. allocated(case%units%time)) return
+      if (case%units%time /= '' .and. case%units%time /= 's') unit = '[1/'//case%units%time//']'
+   end function frequency_unit
+
+   !> A unit behind a number, or nothing.
+   pure function label(unit) result(text)
+      character(len=:), allocatable, intent(in) :: unit
+      character(len=:), allocatable :: text
+
+      text = ''
+      if (.not. allocated(unit)) return
+      if (unit /= '') text = ' '//unit
+   end function label
+
+   !> Text at the right end of a column.
+   pure function right(text, columns)
+      character(len=*), intent(in) :: text
+      integer, intent(in), optional :: columns
+      character(len=:), allocatable :: right
+      integer :: wide
+
+      wide = width
+      if (present(columns)) wide = columns
+      right = repeat(' ', max(1, wide - len_trim(adjustl(text))))//trim(adjustl(text))
+   end function right
+
+   !> Text at the left end of a column.
+   pure function left(text, columns)
+      character(len=*), intent(in) :: text
+      integer, intent(in) :: columns
+      character(len=max(columns, len(text))) :: left
+
+      left = text
+   end function left
+
+end module beamid_summaries

@@ -1,0 +1,53 @@
+!> Text that grows line by line, in memory, until it is printed or written as a whole.
+module beamid_texts
+   implicit none
+   private
+
+   public :: text_t
+
+   type :: text_t
+      character(len=:), allocatable, private :: buffer
+      integer, private :: length = 0
+   contains
+      procedure :: add
+      procedure :: line
+      procedure :: content
+   end type text_t
+
+contains
+
+   !> Appends `piece` as it is.
+   subroutine add(self, piece)
+      class(text_t), intent(inout) :: self
+      character(len=*), intent(in) :: piece
+      character(len=:), allocatable :: larger
+
+      if (.not. allocated(self%buffer)) allocate (character(len=4096) :: self%buffer)
+      if (self%length + len(piece) > len(self%buffer)) then
+         allocate (character(len=2*(self%length + len(piece))) :: larger)
+         larger(:self%length) = self%buffer(:self%length)
+         call move_alloc(larger, self%buffer)
+      end if
+      self%buffer(self%length + 1:self%length + len(piece)) = piece
+      self%length = self%length + len(piece)
+   end subroutine add
+
+   !> Appends a line, blanks at its end left out.
+   subroutine line(self, piece)
+      class(text_t), intent(inout) :: self
+      character(len=*), intent(in), optional :: piece
+
+      if (present(piece)) call self%add(trim(piece))
+      call self%add(new_line('a'))
+   end subroutine line
+
+   !> All that was added.
+   pure function content(self)
+      class(text_t), intent(in) :: self
+      character(len=:), allocatable :: content
+
+      content = ''
+      if (allocated(self%buffer)) content = self%buffer(:self%length)
+   end function content
+
+end module beamid_texts

@@ -1,0 +1,82 @@
+!> Labels of units. The program never converts: any consistent set is right, labels are for the reader.
+module beamid_units
+   use beamid_structure, only: parameter_names
+   implicit none
+   private
+
+   public :: units_t
+
+   type :: units_t
+      character(len=:), allocatable :: length, force, time, mass   !< labels, '' where not given
+   contains
+      procedure :: of_parameter
+      procedure :: acceleration
+      procedure :: velocity
+      procedure :: sum_of_squares
+   end type units_t
+
+contains
+
+   !> Unit of a parameter by its place in `parameter_names`.
+   pure function of_parameter(self, k) result(unit)
+      class(units_t), intent(in) :: self
+      integer, intent(in) :: k
+      character(len=:), allocatable :: unit
+
+      unit = ''
+      if (.not. allocated(self%length)) return
+      select case (parameter_names(k))
+      case ('m_T', 'm_H'); unit = joined(self%mass, '', '')
+      case ('E'); unit = joined(self%force, '', power(self%length, '^2'))
+      case ('c_D'); unit = joined(self%force, self%time, power(self%length, '^2'))
+      case ('c_H'); unit = joined(self%force, self%time, self%length)
+      case ('k_H'); unit = joined(self%force, '', self%length)
+      case ('rho'); unit = joined(self%mass, '', self%length)
+      end select
+   end function of_parameter
+
+   pure function velocity(self) result(unit)
+      class(units_t), intent(in) :: self
+      character(len=:), allocatable :: unit
+
+      unit = ''
+      if (allocated(self%length)) unit = joined(self%length, '', self%time)
+   end function velocity
+
+   pure function acceleration(self) result(unit)
+      class(units_t), intent(in) :: self
+      character(len=:), allocatable :: unit
+
+      unit = ''
+      if (allocated(self%length)) unit = joined(self%length, '', power(self%time, '^2'))
+   end function acceleration
+
+   !> Unit of J, the sum of squared accelerations.
+   pure function sum_of_squares(self) result(unit)
+      class(units_t), intent(in) :: self
+      character(len=:), allocatable :: unit
+
+      unit = ''
+      if (allocated(self%length)) unit = joined(power(self%length, '^2'), '', power(self%time, '^4'))
+   end function sum_of_squares
+
+   pure function power(label, exponent) result(unit)
+      character(len=*), intent(in) :: label, exponent
+      character(len=:), allocatable :: unit
+
+      unit = ''
+      if (label /= '') unit = label//exponent
+   end function power
+
+   !> first second/under; nothing when a label is missing.
+   pure function joined(first, second, under) result(unit)
+      character(len=*), intent(in) :: first, second, under
+      character(len=:), allocatable :: unit
+
+      unit = first
+      if (second /= '') unit = unit//' '//second
+      if (under /= '') unit = unit//'/'//under
+      if (first == '') unit = ''
+   end function joined
+
+end module beamid_units

@@ -1,0 +1,257 @@
+!> Reading whole files, and writing all outputs or none.
+program test_files
+   use, intrinsic :: iso_c_binding, only: c_int
+   use beamid_errors, only: error_t
+   use beamid_files, only: read_text, output_t, directory_of, join_path
+   use checks, only: check, finish
+   implicit none
+
+   interface
+      integer(c_int) function c_getpid() bind(c, name='getpid')
+         import :: c_int
+      end function c_getpid
+   end interface
+
+   character(len=*), parameter :: line_feed = achar(10)
+   !> Every byte from 0 to 255, so that nothing is translated unseen.
+   character(len=256) :: all_bytes
+   character(len=40) :: scratch
+   character(len=200) :: argument
+   integer :: i
+
+   do i = 0, 255
+      all_bytes(i + 1:i + 1) = char(i)
+   end do
+   call get_command_argument(1, argument)
+   if (argument /= '') call commit_under_limit(trim(argument))
+
+   write (scratch, '(a,i0)') '/tmp/beamid-test-files-', c_getpid()
+   call shell('mkdir '//trim(scratch))
+   call test_paths()
+   call test_reading()
+   call test_refusals()
+   call test_writing()
+   call test_harmless_failure()
+   call test_rollback()
+   call test_full_disk()
+   call shell('rm -r '//trim(scratch))
+   call finish('files')
+
+contains
+
+   !> Paths are joined and split as `dirname` does.
+   subroutine test_paths()
+      call check('directory of a/b.csv', directory_of('a/b.csv') == 'a')
+      call check('directory of b.csv', directory_of('b.csv') == '.')
+      call check('directory of /b.csv', directory_of('/b.csv') == '/')
+      call check('join a, b', join_path('a', 'b') == 'a/b')
+      call check('join a/, b', join_path('a/', 'b') == 'a/b')
+      call check('join a, /b', join_path('a', '/b') == '/b')
+      call check('join nothing, b', join_path('', 'b') == 'b')
+   end subroutine test_paths
+
+   !> What was written is read back byte for byte, at any size.
+   subroutine test_reading()
+      call check_round_trip('empty', '')
+      call check_round_trip('one byte, no line end', 'x')
+      call check_round_trip('all bytes', all_bytes//all_bytes)
+      ! The first buffer holds 4096 bytes or the size that the system gives plus one.
+      call check_round_trip('4095 bytes', repeat('x', 4095))
+      call check_round_trip('4096 bytes', repeat('y', 4096))
+      call check_round_trip('3 MB', repeat(all_bytes, 12000))
+   end subroutine test_reading
+
+   subroutine check_round_trip(name, text)
+      character(len=*), intent(in) :: name, text
+      type(output_t) :: output
+      type(error_t), allocatable :: error
+      character(len=:), allocatable :: got
+
+      call output%add('bytes', text)
+      call output%commit(trim(scratch), error)
+      if (.not. allocated(error)) call read_text(trim(scratch)//'/bytes', got, error)
+      call check(name//': no error', .not. allocated(error))
+      if (allocated(error)) return
+      call check(name//': same bytes', len(got) == len(text) .and. got == text)
+   end subroutine check_round_trip
+
+   !> Whatever is not a readable regular file is refused in one line, and nothing waits for ever.
+   subroutine test_refusals()
+      type(error_t), allocatable :: error
+      character(len=:), allocatable :: text
+
+      call shell('mkfifo '//trim(scratch)//'/pipe')
+      call shell('truncate -s 1100M '//trim(scratch)//'/huge')
+      call shell('ln -s '//trim(scratch)//'/loop '//trim(scratch)//'/loop')
+      call refuse('missing', 'no such file')
+      call refuse('.', 'is a directory, expected a file')
+      call refuse('pipe', 'a pipe or a device')
+      call refuse('huge', 'more than 1 GiB')
+      call refuse('bytes/below', 'Not a directory')
+      call refuse('loop', 'symbolic links')
+      call refuse(repeat('n', 300), 'too long')
+      call refuse('/dev/zero', 'a pipe or a device')
+      call read_text('', text, error)
+      call check('empty path', allocated(error))
+      call shell('rm '//trim(scratch)//'/huge')
+      ! The system gives 0 bytes as the size of this file; it is read to its end all the same.
+      call read_text('/proc/self/status', text, error)
+      call check('size unknown before', .not. allocated(error) .and. len(text) > 0)
+   end subroutine test_refusals
+
+   subroutine refuse(name, words)
+      character(len=*), intent(in) :: name, words
+      type(error_t), allocatable :: error
+      character(len=:), allocatable :: text
+
+      call read_text(join_path(trim(scratch), name), text, error)
+      call check('refused: '//words, allocated(error))
+      if (.not. allocated(error)) return
+      call check('  says so, status 2, one line', error%status == 2 .and. &
+         index(error%message, words) > 0 .and. index(error%message, line_feed) == 0, error%message)
+   end subroutine refuse
+
+   !> Folders are made, a name given twice keeps the last text, nothing else is left behind.
+   subroutine test_writing()
+      type(output_t) :: output
+      type(error_t), allocatable :: error
+
+      call output%add('one.csv', 'old')
+      call output%add('two.csv', 'second')
+      call output%add('one.csv', 'first')
+      call output%commit(trim(scratch)//'/new//deep/folder/', error)
+      call check('folders are made', .not. allocated(error))
+      call check('first file', content('new/deep/folder/one.csv') == 'first')
+      call check('second file', content('new/deep/folder/two.csv') == 'second')
+      call check('no other file', holds('new/deep/folder', 2))
+      call output%add('one.csv', 'again')
+      call output%commit(trim(scratch)//'/new/deep/folder', error)
+      call check('written over', content('new/deep/folder/one.csv') == 'again')
+      call check('no other file', holds('new/deep/folder', 2))
+   end subroutine test_writing
+
+   !> A folder that cannot be written is bad input; what was made on the way is removed.
+   subroutine test_harmless_failure()
+      type(output_t) :: output
+      type(error_t), allocatable :: error
+
+      call output%add('one.csv', 'text')
+      call output%commit(trim(scratch)//'/bytes/out', error)
+      call check_failed('below a file', error, 2, 'Not a directory')
+      call output%commit(trim(scratch)//'/bytes', error)
+      call check_failed('a file itself', error, 2, 'Not a directory')
+      call output%commit('/proc/none', error)
+      call check_failed('in /proc', error, 2, 'cannot be written')
+      ! No file name may have 300 bytes: the second file fails after the first is written.
+      call output%add(repeat('n', 300), 'text')
+      call output%commit(trim(scratch)//'/made/for/nothing', error)
+      call check_failed('name too long', error, 2, 'too long')
+      call check('made folders are gone', .not. exists('made'))
+      call output%commit(trim(scratch)//'/new/deep/folder', error)
+      call check_failed('name too long, old folder', error, 2, 'too long')
+      call check('older file is whole', content('new/deep/folder/one.csv') == 'again')
+      call check('no temporary file', holds('new/deep/folder', 2))
+   end subroutine test_harmless_failure
+
+   !> When the last name cannot be given, the names given before are taken back.
+   subroutine test_rollback()
+      type(output_t) :: output
+      type(error_t), allocatable :: error
+
+      call shell('mkdir -p '//trim(scratch)//'/back/taken')
+      call output%add('old.csv', 'old')
+      call output%commit(trim(scratch)//'/back', error)
+      call output%add('old.csv', 'new')
+      call output%add('fresh.csv', 'new')
+      call output%add('taken', 'a folder has this name')
+      call output%commit(trim(scratch)//'/back', error)
+      call check_failed('a folder in the way', error, 2, 'directory')
+      call check('older file is back', content('back/old.csv') == 'old')
+      call check('fresh file is gone', .not. exists('back/fresh.csv'))
+      call check('no temporary file', holds('back', 2))
+   end subroutine test_rollback
+
+   !> A full disk is a failure (status 1), shown by the limit on the size of a file: this program
+   !> is started again under the limit and commits more than it allows.
+   subroutine test_full_disk()
+      type(output_t) :: output
+      type(error_t), allocatable :: error
+      character(len=200) :: program_name
+      integer :: code
+
+      call output%add('big.csv', 'older')
+      call output%commit(trim(scratch)//'/full', error)
+      call get_command_argument(0, program_name)
+      call execute_command_line('ulimit -f 64; '//trim(program_name)//' '//trim(scratch)//'/full', &
+         exitstat=code)
+      call check('limit reached: failure, no signal', code == 11)
+      call check('older file is whole', content('full/big.csv') == 'older')
+      call check('no temporary file', holds('full', 1))
+   end subroutine test_full_disk
+
+   !> The part of the test above under the limit; the exit status is 10 + the error's status.
+   subroutine commit_under_limit(directory)
+      character(len=*), intent(in) :: directory
+      type(output_t) :: output
+      type(error_t), allocatable :: error
+
+      call output%add('small.csv', 'x')
+      call output%add('big.csv', repeat('x', 10**6))
+      call output%commit(directory, error)
+      if (.not. allocated(error)) stop 10, quiet=.true.
+      if (index(error%message, 'File too large') == 0) stop 13, quiet=.true.
+      if (error%status == 1) stop 11, quiet=.true.
+      stop 12, quiet=.true.
+   end subroutine commit_under_limit
+
+   subroutine check_failed(name, error, status, words)
+      character(len=*), intent(in) :: name, words
+      type(error_t), allocatable, intent(in) :: error
+      integer, intent(in) :: status
+
+      call check(name//': refused', allocated(error))
+      if (.not. allocated(error)) return
+      call check('  status and words', error%status == status .and. &
+         index(error%message, words) > 0 .and. index(error%message, line_feed) == 0, error%message)
+   end subroutine check_failed
+
+   function content(name) result(text)
+      character(len=*), intent(in) :: name
+      character(len=:), allocatable :: text
+      type(error_t), allocatable :: error
+
+      call read_text(trim(scratch)//'/'//name, text, error)
+      if (allocated(error)) text = '(unreadable)'
+   end function content
+
+   logical function exists(name)
+      character(len=*), intent(in) :: name
+
+      exists = succeeds('test -e '//trim(scratch)//'/'//name)
+   end function exists
+
+   !> Whether a folder has exactly n entries, hidden ones too.
+   logical function holds(name, n)
+      character(len=*), intent(in) :: name
+      integer, intent(in) :: n
+      character(len=8) :: digits
+
+      write (digits, '(i0)') n
+      holds = succeeds('test $(ls -A '//trim(scratch)//'/'//name//' | wc -l) -eq '//digits)
+   end function holds
+
+   logical function succeeds(command)
+      character(len=*), intent(in) :: command
+      integer :: code
+
+      call execute_command_line(command, exitstat=code)
+      succeeds = code == 0
+   end function succeeds
+
+   subroutine shell(command)
+      character(len=*), intent(in) :: command
+
+      if (.not. succeeds(command)) call check('command: '//command, .false.)
+   end subroutine shell
+
+end program test_files
