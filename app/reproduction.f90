@@ -130,9 +130,9 @@ contains
       if (allocated(error)) return
       table%record_difference = maxval(abs(simulation%acceleration - table%measured))
 
-      ! Evidence, not results: orders of magnitude are enough, and 1e-6 gives them.
+      ! Evidence, not results: orders of magnitude are enough, and 1e-7 gives them.
       model = table%case%model
-      model%solver = cvode_t(rtol=1e-6_wp)
+      model%solver = cvode_t(rtol=1e-7_wp)
       mesh = table%case%meshes(1)
       mesh%gauss_points = 2
       mesh%panels = 1

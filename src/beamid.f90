@@ -15,6 +15,7 @@ module beamid
       stage_fit_t, stage_t
    use beamid_kinds, only: wp
    use beamid_least_squares, only: fit, fit_t, monitor_t, options_t, problem_t
+   use beamid_modal, only: modal_t
    use beamid_modes, only: damped_roots, undamped_modes
    use beamid_observation, only: formula_names, new_sampling, observation_t, sampling_t
    use beamid_records, only: read_record, take_samples, window_t

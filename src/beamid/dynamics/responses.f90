@@ -1,8 +1,9 @@
 !> What every response solver computes, and the one interface behind which the solvers stand.
 module beamid_responses
    use beamid_equations, only: equations_t
-   use beamid_errors, only: error_t
+   use beamid_errors, only: error_t, failure
    use beamid_excitation, only: excitation_t
+   use beamid_galerkin, only: galerkin_t
    use beamid_kinds, only: wp, ip
    implicit none
    private
@@ -29,6 +30,9 @@ module beamid_responses
    contains
       procedure(respond), deferred :: respond
       procedure(noise), deferred :: noise
+      procedure :: prepare
+      procedure :: is_exact
+      procedure :: differentiate
    end type solver_t
 
    abstract interface
@@ -54,5 +58,44 @@ module beamid_responses
          class(solver_t), intent(in) :: self
       end function noise
    end interface
+
+contains
+
+   !> What a method computes once per mesh, before the first response; nothing by default.
+   subroutine prepare(self, galerkin, error)
+      class(solver_t), intent(inout) :: self
+      type(galerkin_t), intent(in) :: galerkin
+      type(error_t), allocatable, intent(out) :: error
+
+      if (self%noise() < 0 .or. galerkin%space%n < 1) call failure(error, 'the mesh has no functions')
+   end subroutine prepare
+
+   !> Whether the method has exact derivatives.
+   pure logical function is_exact(self)
+      class(solver_t), intent(in) :: self
+
+      is_exact = .not. same_type_as(self, self)
+   end function is_exact
+
+   !> Response together with its derivatives.
+   !>
+   !> parameters  places among m_T, E, c_D, m_H, c_H, k_H, rho
+   !> slopes      (size(parameters)) derivatives of each motion
+   !> error       also when the method has no derivatives
+   subroutine differentiate(self, equations, excitation, times, parameters, response, slopes, work, error)
+      class(solver_t), intent(in) :: self
+      type(equations_t), intent(in), target :: equations
+      type(excitation_t), intent(in) :: excitation
+      real(wp), intent(in) :: times(:)
+      integer, intent(in) :: parameters(:)
+      type(response_t), intent(out) :: response
+      type(response_t), allocatable, intent(out) :: slopes(:)
+      type(work_t), intent(inout) :: work
+      type(error_t), allocatable, intent(out) :: error
+
+      allocate (slopes(size(parameters)))
+      call self%respond(equations, excitation, times, response, work, error)
+      if (.not. allocated(error)) call failure(error, 'this method has no exact derivatives')
+   end subroutine differentiate
 
 end module beamid_responses

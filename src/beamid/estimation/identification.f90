@@ -61,6 +61,8 @@ module beamid_identification
       type(work_t) :: work
    contains
       procedure :: residuals
+      procedure :: has_jacobian
+      procedure :: jacobian
    end type residual_t
 
 contains
@@ -78,11 +80,15 @@ contains
       type(equations_t) :: equations
       type(sampling_t) :: sampling
       type(response_t) :: wide
+      class(solver_t), allocatable :: solver
 
       galerkin = new_galerkin(mesh, model%structure%length)
+      solver = model%solver
+      call solver%prepare(galerkin, error)
+      if (allocated(error)) return
       equations = new_equations(galerkin, model%structure, model%excitation)
       sampling = new_sampling(model%observation, samples)
-      call model%solver%respond(equations, model%excitation, sampling%times, wide, simulation%work, error)
+      call solver%respond(equations, model%excitation, sampling%times, wide, simulation%work, error)
       if (allocated(error)) return
       simulation%acceleration = sampling%acceleration(wide)
       simulation%response = sampling%at_samples(wide)
@@ -111,6 +117,8 @@ contains
       problem%structure = model%structure
       problem%excitation = model%excitation
       problem%solver = model%solver
+      call problem%solver%prepare(problem%galerkin, error)
+      if (allocated(error)) return
       problem%sampling = new_sampling(model%observation, samples)
       problem%measured = measured
       options%noise = model%solver%noise()
@@ -217,5 +225,31 @@ contains
       if (allocated(error)) return
       r = self%sampling%acceleration(response) - self%measured
    end subroutine residuals
+
+   pure logical function has_jacobian(self)
+      class(residual_t), intent(in) :: self
+
+      has_jacobian = self%solver%is_exact()
+   end function has_jacobian
+
+   subroutine jacobian(self, parameters, r, jac, error)
+      class(residual_t), intent(inout) :: self
+      real(wp), intent(in) :: parameters(:)
+      real(wp), intent(out) :: r(:), jac(:, :)
+      type(error_t), allocatable, intent(out) :: error
+      type(response_t) :: response
+      type(response_t), allocatable :: slopes(:)
+      type(equations_t) :: equations
+      integer :: k
+
+      equations = new_equations(self%galerkin, with(self%structure, self%free, parameters), self%excitation)
+      call self%solver%differentiate(equations, self%excitation, self%sampling%times, self%free, &
+         response, slopes, self%work, error)
+      if (allocated(error)) return
+      r = self%sampling%acceleration(response) - self%measured
+      do k = 1, size(self%free)
+         jac(:, k) = self%sampling%acceleration(slopes(k))
+      end do
+   end subroutine jacobian
 
 end module beamid_identification

@@ -16,11 +16,13 @@ module beamid_variables
       real(wp) :: start = 0                    !< value at z = 1
       real(wp) :: lower = -unbounded
       real(wp) :: upper = unbounded
+      real(wp), private :: moderate = 1        !< what a moderate value is
       real(wp), private :: scale = 1           !< size of the parameter's region of interest
       real(wp), private :: x = 1               !< x = z*self%x is the argument of the formulas below
    contains
       procedure :: value
       procedure :: derivative
+      procedure :: magnitude
    end type variable_t
 
 contains
@@ -38,6 +40,7 @@ contains
       self%lower = lower
       self%upper = upper
       self%start = start
+      self%moderate = magnitude
       inside = 1e-2_wp*magnitude
       if (has(lower) .and. has(upper)) inside = min(inside, 1e-3_wp*(upper - lower))
       if (has(lower) .and. start - lower < 1e-4_wp*inside) then
@@ -94,6 +97,13 @@ contains
          derivative = self%scale
       end if
    end function derivative
+
+   !> What a moderate value of the parameter is.
+   elemental real(wp) function magnitude(self)
+      class(variable_t), intent(in) :: self
+
+      magnitude = self%moderate
+   end function magnitude
 
    !> Whether a bound is there.
    elemental logical function has(bound)

@@ -9,6 +9,7 @@ module beamid_cases
    use beamid_galerkin, only: mesh_t
    use beamid_identification, only: model_t, stage_t
    use beamid_kinds, only: wp, ip
+   use beamid_modal, only: modal_t
    use beamid_namelist, only: block_t, group, group_t, integer_key, real_key, scan_namelist, &
       string_key, string_length
    use beamid_observation, only: formula_names
@@ -90,7 +91,7 @@ contains
       case%path = path
       case%name = name_of(path)
       case%meshes = [mesh_t()]
-      allocate (cvode_t :: case%model%solver)
+      allocate (modal_t :: case%model%solver)
       allocate (case%stages(0), case%stage_lines(0))
 
       ! The structure first, whatever the order in the file: other groups are checked against it.
@@ -319,14 +320,14 @@ contains
       integer :: max_order, max_steps, status
       namelist /integrator/ method, rtol, atol, max_order, max_steps
 
-      method = 'cvode'; rtol = solver%rtol; atol = 0
+      method = 'modal'; rtol = solver%rtol; atol = 0
       max_order = solver%max_order; max_steps = int(solver%max_steps)
       read (block%text, nml=integrator, iostat=status)
       call accept(case, block, status, error)
       if (allocated(error)) return
-      if (method /= 'cvode') then
-         call refuse(case, block%line_of('method'), 'integrator', 'method', quoted(method), '''cvode''', &
-            error)
+      if (method /= 'cvode' .and. method /= 'modal') then
+         call refuse(case, block%line_of('method'), 'integrator', 'method', quoted(method), &
+            '''modal'' or ''cvode''', error)
       else if (.not. (rtol >= 1e-14_wp .and. rtol <= 1e-1_wp)) then
          call refuse(case, block%line_of('rtol'), 'integrator', 'rtol', to_text(rtol), &
             '1E-14 to 0.1', error)
@@ -336,7 +337,13 @@ contains
       end if
       call in_range(case, block, 'max_order', max_order, 1, 5, error)
       call in_range(case, block, 'max_steps', max_steps, 1, huge(max_steps), error)
+      if (method == 'modal') call exclude(case, block, [character(len=9) :: 'rtol', 'atol', 'max_order', &
+         'max_steps'], 'with method = ''modal''', error)
       if (allocated(error)) return
+      if (method == 'modal') then
+         case%model%solver = modal_t()
+         return
+      end if
       solver%rtol = rtol
       solver%atol = atol
       solver%max_order = max_order

@@ -37,7 +37,7 @@ contains
       call text%line(first//'J,'//units%sum_of_squares()//',,'//full(fit%fit%J)//',,,,')
    end subroutine add_estimates
 
-   !> t, measured  (m); residual = model - measured
+   !> t, measured  (m); residual = measured - model, as in the paper
    subroutine add_fit(text, fit, t, measured)
       type(text_t), intent(inout) :: text
       type(stage_fit_t), intent(in) :: fit
@@ -46,7 +46,7 @@ contains
 
       associate (r => fit%fit%residual)
          do k = 1, size(t)
-            call text%line(row(fit%elements, [t(k), measured(k), measured(k) + r(k), r(k)]))
+            call text%line(row(fit%elements, [t(k), measured(k), measured(k) + r(k), -r(k)]))
          end do
       end associate
    end subroutine add_fit

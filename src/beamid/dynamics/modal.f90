@@ -1,0 +1,250 @@
+!> Response as a sum of exponentials, exact in time, with exact derivatives.
+!>
+!> Each pole carries a state z' = s z + f(t), at rest before the force. f is linear between its nodes,
+!> so that z is known in closed form; tip displacement, velocity and acceleration are
+!> Re(sum r z), Re(sum r s z) and Re(sum r s**2 z) + f b' M**-1 F.
+module beamid_modal
+   use beamid_bands, only: band_t
+   use beamid_equations, only: equations_t
+   use beamid_errors, only: error_t, failure
+   use beamid_excitation, only: excitation_t
+   use beamid_galerkin, only: galerkin_t
+   use beamid_kinds, only: wp
+   use beamid_modes, only: bare_beam_modes
+   use beamid_poles, only: differentiate_poles, find_poles, poles_t
+   use beamid_receptance, only: new_receptance, receptance_t
+   use beamid_responses, only: response_t, solver_t, work_t
+   implicit none
+   private
+
+   public :: modal_t
+
+   type, extends(solver_t) :: modal_t
+      real(wp), allocatable, private :: mu(:)          !< (n) of the bare beam [1/length**4]
+      real(wp), allocatable, private :: shapes(:, :)   !< (n, n) columns phi, phi' G phi = 1
+      real(wp), allocatable, private :: tip(:)         !< (n) phi(l)
+   contains
+      procedure :: prepare
+      procedure :: respond
+      procedure :: noise
+      procedure :: is_exact
+      procedure :: differentiate
+   end type modal_t
+
+   !> States of all poles, and their derivatives with respect to the pole.
+   type :: states_t
+      complex(wp), allocatable :: z(:), y(:)          !< z, dz/ds
+      complex(wp), allocatable :: growth(:)           !< e**(s step)
+      real(wp) :: step = -1                           !< of `growth` [time]
+      integer :: repeated = 0                         !< how often in a row it was used
+   end type states_t
+
+contains
+
+   !> Modes of the bare beam: once per mesh.
+   subroutine prepare(self, galerkin, error)
+      class(modal_t), intent(inout) :: self
+      type(galerkin_t), intent(in) :: galerkin
+      type(error_t), allocatable, intent(out) :: error
+
+      call bare_beam_modes(galerkin, self%mu, self%shapes, error)
+      if (allocated(error)) return
+      self%tip = matmul(galerkin%tip, self%shapes)
+   end subroutine prepare
+
+   pure real(wp) function noise(self)
+      class(modal_t), intent(in) :: self
+
+      noise = 0*size(self%mu)
+   end function noise
+
+   pure logical function is_exact(self)
+      class(modal_t), intent(in) :: self
+
+      is_exact = same_type_as(self, self)
+   end function is_exact
+
+   subroutine respond(self, equations, excitation, times, response, work, error)
+      class(modal_t), intent(in) :: self
+      type(equations_t), intent(in), target :: equations
+      type(excitation_t), intent(in) :: excitation
+      real(wp), intent(in) :: times(:)
+      type(response_t), intent(out) :: response
+      type(work_t), intent(inout) :: work
+      type(error_t), allocatable, intent(out) :: error
+      type(response_t), allocatable :: slopes(:)
+
+      call self%differentiate(equations, excitation, times, [integer ::], response, slopes, work, error)
+   end subroutine respond
+
+   subroutine differentiate(self, equations, excitation, times, parameters, response, slopes, work, error)
+      class(modal_t), intent(in) :: self
+      type(equations_t), intent(in), target :: equations
+      type(excitation_t), intent(in) :: excitation
+      real(wp), intent(in) :: times(:)
+      integer, intent(in) :: parameters(:)
+      type(response_t), intent(out) :: response
+      type(response_t), allocatable, intent(out) :: slopes(:)
+      type(work_t), intent(inout) :: work
+      type(error_t), allocatable, intent(out) :: error
+      type(receptance_t) :: receptance
+      type(poles_t) :: poles
+      real(wp), allocatable :: load(:)
+
+      work%solves = work%solves + 1
+      if (.not. allocated(self%mu)) then
+         call failure(error, 'modal: the modes of the mesh have not been prepared')
+         return
+      else if (size(self%mu) /= equations%galerkin%space%n) then
+         call failure(error, 'modal: prepared for another mesh')
+         return
+      end if
+      load = self%tip
+      if (excitation%distributed) load = matmul(equations%load(:size(self%mu)), self%shapes)
+      receptance = new_receptance(equations%structure, self%mu, self%tip, load)
+      call find_poles(receptance, poles, error)
+      if (allocated(error)) return
+      call differentiate_poles(receptance, parameters, poles)
+      call synthesize(poles, excitation, times, response, slopes)
+   end subroutine differentiate
+
+   !> Marches through the sample times and the nodes of the force.
+   subroutine synthesize(poles, excitation, times, response, slopes)
+      type(poles_t), intent(in) :: poles
+      type(excitation_t), intent(in) :: excitation
+      real(wp), intent(in) :: times(:)
+      type(response_t), intent(inout) :: response
+      type(response_t), allocatable, intent(out) :: slopes(:)
+      type(states_t) :: states
+      complex(wp), allocatable :: rs(:), rss(:)
+      real(wp) :: t
+      integer :: k, node, p
+
+      response = silence(times)
+      allocate (slopes(size(poles%ds, 2)))
+      do p = 1, size(slopes)
+         slopes(p) = silence(times)
+      end do
+      allocate (states%z(size(poles%s)), states%y(size(poles%s)), states%growth(size(poles%s)))
+      states%z = 0
+      states%y = 0
+      rs = poles%residue*poles%s
+      rss = rs*poles%s
+      node = 1
+      t = excitation%t(1)
+      do k = 1, size(times)
+         do while (node < size(excitation%t))
+            if (excitation%t(node + 1) > times(k)) exit
+            call advance(states, poles%s, excitation, node, t, excitation%t(node + 1))
+            t = excitation%t(node + 1)
+            node = node + 1
+         end do
+         if (times(k) > t) then
+            call advance(states, poles%s, excitation, node, t, times(k))
+            t = times(k)
+         end if
+         call observe(states, poles, rs, rss, excitation%force(times(k)), k, response, slopes)
+      end do
+   end subroutine synthesize
+
+   !> A response of zeros.
+   pure function silence(times) result(response)
+      real(wp), intent(in) :: times(:)
+      type(response_t) :: response
+
+      response%t = times
+      allocate (response%displacement(size(times)), response%velocity(size(times)), &
+         response%acceleration(size(times)), source=0.0_wp)
+   end function silence
+
+   !> From t to `finish`, within the segment of the force that begins at `node`.
+   pure subroutine advance(states, s, excitation, node, t, finish)
+      type(states_t), intent(inout) :: states
+      complex(wp), intent(in) :: s(:)
+      type(excitation_t), intent(in) :: excitation
+      integer, intent(in) :: node
+      real(wp), intent(in) :: t, finish
+      real(wp) :: step, force, slope
+      complex(wp) :: phi(3), x
+      integer :: k
+
+      step = finish - t
+      ! On a uniform grid the exponentials serve again; now and then they are computed afresh, so that
+      ! differences in the last digit of the step do not add up.
+      if (abs(step - states%step) > 4*spacing(finish) .or. states%repeated >= 64) then
+         states%growth = exp(s*step)
+         states%step = step
+         states%repeated = 0
+      end if
+      states%repeated = states%repeated + 1
+      states%y = states%growth*(states%y + step*states%z)
+      states%z = states%growth*states%z
+      if (node >= size(excitation%t)) return
+      associate (nodes => excitation%t, f => excitation%f)
+         slope = (f(node + 1) - f(node))/(nodes(node + 1) - nodes(node))
+         force = f(node) + slope*(t - nodes(node))
+      end associate
+      do k = 1, size(s)
+         ! z: force step phi_1 + slope step**2 phi_2; its derivative by (x phi_j)' = phi_(j-1) - ...
+         x = s(k)*step
+         phi = phi_functions(x, states%growth(k))
+         states%z(k) = states%z(k) + step*(force*phi(1) + slope*step*phi(2))
+         states%y(k) = states%y(k) + step**2*(force*(phi(1) - phi(2)) + slope*step*(phi(2) - 2*phi(3)))
+      end do
+   end subroutine advance
+
+   !> phi_1 = (e**x - 1)/x, phi_2 = (phi_1 - 1)/x, phi_3 = (phi_2 - 1/2)/x; by their series for small x.
+   !> Their derivatives are phi_1' = phi_1 - phi_2 and phi_2' = phi_2 - 2 phi_3.
+   pure function phi_functions(x, exponential) result(phi)
+      complex(wp), intent(in) :: x, exponential
+      complex(wp) :: phi(3)
+      integer :: k
+
+      if (abs(x) > 2) then
+         phi(1) = (exponential - 1)/x
+         phi(2) = (phi(1) - 1)/x
+         phi(3) = (phi(2) - 0.5_wp)/x
+      else
+         ! phi_3 = sum x**k/(k + 3)!, to 2**24/27! < 1e-20
+         phi(3) = 1
+         do k = 24, 1, -1
+            phi(3) = 1 + phi(3)*x/(k + 3)
+         end do
+         phi(3) = phi(3)/6
+         phi(2) = 0.5_wp + x*phi(3)
+         phi(1) = 1 + x*phi(2)
+      end if
+   end function phi_functions
+
+   !> Motion at sample k and its derivatives.
+   pure subroutine observe(states, poles, rs, rss, force, k, response, slopes)
+      type(states_t), intent(in) :: states
+      type(poles_t), intent(in) :: poles
+      complex(wp), intent(in) :: rs(:), rss(:)
+      real(wp), intent(in) :: force
+      integer, intent(in) :: k
+      type(response_t), intent(inout) :: response
+      type(response_t), intent(inout) :: slopes(:)
+      complex(wp) :: r_p, s_p, change
+      integer :: i, p
+
+      response%displacement(k) = real(sum(poles%residue*states%z))
+      response%velocity(k) = real(sum(rs*states%z))
+      response%acceleration(k) = real(sum(rss*states%z)) + force*poles%impulse
+      do p = 1, size(slopes)
+         slopes(p)%acceleration(k) = force*poles%dimpulse(p)
+         do i = 1, size(poles%s)
+            r_p = poles%dr(i, p)
+            s_p = poles%ds(i, p)
+            ! d(r z) = r_p z + r s_p y; with s before it, twice: the product rule.
+            change = r_p*states%z(i) + poles%residue(i)*s_p*states%y(i)
+            slopes(p)%displacement(k) = slopes(p)%displacement(k) + real(change)
+            change = change*poles%s(i) + poles%residue(i)*states%z(i)*s_p
+            slopes(p)%velocity(k) = slopes(p)%velocity(k) + real(change)
+            change = change*poles%s(i) + rs(i)*states%z(i)*s_p
+            slopes(p)%acceleration(k) = slopes(p)%acceleration(k) + real(change)
+         end do
+      end do
+   end subroutine observe
+
+end module beamid_modal

@@ -1,0 +1,147 @@
+!> Student's t, chi-square and normal distributions from the incomplete beta and gamma functions.
+module beamid_distributions
+   use beamid_kinds, only: wp
+   implicit none
+   private
+
+   public :: incomplete_beta, incomplete_gamma, student_probability, student_quantile, chi_square_tail
+
+   integer, parameter :: max_terms = 100000
+
+contains
+
+   !> Regularised incomplete beta function I_x(a, b), 0 <= x <= 1, a, b > 0: the continued fraction
+   !> DLMF 8.17.22, on the side where it converges fast.
+   pure real(wp) function incomplete_beta(a, b, x) result(value)
+      real(wp), intent(in) :: a, b, x
+      real(wp) :: front
+
+      if (x <= 0 .or. x >= 1) then
+         value = merge(0.0_wp, 1.0_wp, x <= 0)
+         return
+      end if
+      front = exp(log_gamma(a + b) - log_gamma(a) - log_gamma(b) + a*log(x) + b*log1m(x))
+      if (x < (a + 1)/(a + b + 2)) then
+         value = front*beta_fraction(a, b, x)/a
+      else
+         value = 1 - front*beta_fraction(b, a, 1 - x)/b
+      end if
+   end function incomplete_beta
+
+   !> log(1 - x), also for small x.
+   pure real(wp) function log1m(x)
+      real(wp), intent(in) :: x
+      real(wp) :: y
+
+      ! log(y)/(y - 1) varies slowly: the rounding of y = 1 - x cancels.
+      y = 1 - x
+      log1m = -x
+      if (abs(y - 1) > 0) log1m = -x*log(y)/(y - 1)
+   end function log1m
+
+   !> The fraction 1/(1+ d_1/(1+ d_2/(1+ ...))) of the incomplete beta function, by Lentz's method.
+   pure real(wp) function beta_fraction(a, b, x) result(value)
+      real(wp), intent(in) :: a, b, x
+      real(wp) :: c, d, term
+      integer :: m, k
+
+      c = 1
+      d = 1/away_from_zero(1 - (a + b)*x/(a + 1))
+      value = d
+      do m = 1, max_terms
+         do k = 0, 1
+            if (k == 0) then
+               term = m*(b - m)*x/((a + 2*m - 1)*(a + 2*m))
+            else
+               term = -(a + m)*(a + b + m)*x/((a + 2*m)*(a + 2*m + 1))
+            end if
+            d = 1/away_from_zero(1 + term*d)
+            c = away_from_zero(1 + term/c)
+            value = value*c*d
+            if (k == 1 .and. abs(c*d - 1) <= epsilon(value)) return
+         end do
+      end do
+   end function beta_fraction
+
+   pure real(wp) function away_from_zero(x)
+      real(wp), intent(in) :: x
+
+      away_from_zero = x
+      if (abs(x) < tiny(x)) away_from_zero = tiny(x)
+   end function away_from_zero
+
+   !> Regularised upper incomplete gamma function Q(a, x), a > 0, x >= 0: the series DLMF 8.11.4 of
+   !> 1 - Q for x < a + 1, the continued fraction 8.9.2 beyond.
+   pure real(wp) function incomplete_gamma(a, x) result(value)
+      real(wp), intent(in) :: a, x
+      real(wp) :: front, term, c, d, b
+      integer :: k
+
+      value = 1
+      if (x <= 0) return
+      front = exp(a*log(x) - x - log_gamma(a))
+      if (x < a + 1) then
+         term = 1/a
+         value = term
+         do k = 1, max_terms
+            term = term*x/(a + k)
+            value = value + term
+            if (term <= epsilon(value)*value) exit
+         end do
+         value = 1 - front*value
+      else
+         b = x + 1 - a
+         c = 1/tiny(x)
+         d = 1/b
+         value = d
+         do k = 1, max_terms
+            b = b + 2
+            d = 1/away_from_zero(b - k*(k - a)*d)
+            c = away_from_zero(b - k*(k - a)/c)
+            value = value*c*d
+            if (abs(c*d - 1) <= epsilon(value)) exit
+         end do
+         value = front*value
+      end if
+   end function incomplete_gamma
+
+   !> Probability that |T| <= t, t >= 0, for Student's t with `freedom` > 0 degrees of freedom.
+   pure real(wp) function student_probability(t, freedom) result(value)
+      real(wp), intent(in) :: t, freedom
+
+      value = 1 - incomplete_beta(freedom/2, 0.5_wp, freedom/(freedom + t**2))
+   end function student_probability
+
+   !> The t with P(|T| <= t) = probability, by bisection to machine precision.
+   !>
+   !> probability  0 < probability < 1; 0.95 for a 95 % interval
+   pure real(wp) function student_quantile(probability, freedom) result(t)
+      real(wp), intent(in) :: probability, freedom
+      real(wp) :: below, above
+      integer :: k
+
+      below = 0
+      above = 1
+      do while (student_probability(above, freedom) < probability .and. above < 1e300_wp)
+         below = above
+         above = 2*above
+      end do
+      do k = 1, 200
+         t = (below + above)/2
+         if (t <= below .or. t >= above) exit
+         if (student_probability(t, freedom) < probability) then
+            below = t
+         else
+            above = t
+         end if
+      end do
+   end function student_quantile
+
+   !> Probability that chi-square with `freedom` degrees of freedom exceeds x.
+   pure real(wp) function chi_square_tail(x, freedom) result(value)
+      real(wp), intent(in) :: x, freedom
+
+      value = incomplete_gamma(freedom/2, max(0.0_wp, x)/2)
+   end function chi_square_tail
+
+end module beamid_distributions

@@ -1,0 +1,269 @@
+!> What a least-squares fit says about its parameters: errors, correlations, what is not determined,
+!> and whether the residuals look like noise. Works on any Jacobian.
+module beamid_statistics
+   use beamid_distributions, only: chi_square_tail, student_quantile
+   use beamid_errors, only: error_t, failure
+   use beamid_kinds, only: wp
+   use beamid_strings, only: to_text
+   implicit none
+   private
+
+   public :: statistics_t, residual_check_t, new_statistics, check_residuals, undetermined
+   public :: akaike, bayes, nested_test
+
+   !> Lags of the autocorrelation.
+   integer, parameter :: max_lags = 20
+
+   !> Linear theory around the estimate.
+   type :: statistics_t
+      integer :: samples = 0, parameters = 0
+      real(wp) :: variance = 0                       !< of the noise, J/(m - n)
+      real(wp), allocatable :: covariance(:, :)      !< (n, n)
+      real(wp), allocatable :: std_error(:)          !< (n); huge where a parameter is not determined at all
+      real(wp), allocatable :: half_width(:)         !< (n) of the 95 % interval
+      real(wp), allocatable :: correlation(:, :)     !< (n, n)
+      !> Singular values, descending, of the Jacobian per relative change: column j times |estimate_j|.
+      real(wp), allocatable :: singular(:)
+      real(wp), allocatable :: direction(:, :)       !< (n, n) column k belongs to singular(k)
+      real(wp) :: condition = 0                      !< singular(1)/singular(n)
+      logical, allocatable :: determined(:)          !< (n) the 95 % interval is narrower than the value
+   end type statistics_t
+
+   !> Are the residuals white?
+   type :: residual_check_t
+      real(wp), allocatable :: autocorrelation(:)    !< lags 1, 2, ...
+      real(wp) :: band = 0                           !< 95 % of white residuals' lags lie within +-band
+      real(wp) :: ljung_box = 0
+      real(wp) :: probability = 1                    !< of so large a Ljung-Box sum for white residuals
+      logical :: white = .true.                      !< probability >= 0.05
+      real(wp) :: inflation = 1                      !< variance of a mean over that of white residuals, >= 1
+      real(wp) :: effective = 0                      !< number of independent samples, m/inflation
+   end type residual_check_t
+
+   interface
+      subroutine dgesvd(jobu, jobvt, m, n, a, lda, s, u, ldu, vt, ldvt, work, lwork, info)
+         import :: wp
+         character, intent(in) :: jobu, jobvt
+         integer, intent(in) :: m, n, lda, ldu, ldvt, lwork
+         real(wp), intent(inout) :: a(lda, *)
+         real(wp), intent(out) :: s(*), u(ldu, *), vt(ldvt, *), work(*)
+         integer, intent(out) :: info
+      end subroutine dgesvd
+   end interface
+
+contains
+
+   !> jacobian  (m, n) derivatives of the residuals with respect to the parameters
+   !> residual  (m)
+   !> estimate  (n)
+   !> error     no degrees of freedom left, or a singular value decomposition that fails
+   subroutine new_statistics(jacobian, residual, estimate, statistics, error)
+      real(wp), intent(in) :: jacobian(:, :), residual(:), estimate(:)
+      type(statistics_t), intent(out) :: statistics
+      type(error_t), allocatable, intent(out) :: error
+      real(wp), allocatable :: scale(:), inverse(:, :)
+      real(wp) :: t, smallest
+      integer :: m, n, j, k
+
+      m = size(jacobian, 1)
+      n = size(jacobian, 2)
+      statistics%samples = m
+      statistics%parameters = n
+      if (m <= n) then
+         call failure(error, 'statistics: '//to_text(m)//' residuals leave no degree of freedom for '// &
+            to_text(n)//' parameters')
+         return
+      end if
+      scale = merge(abs(estimate), 1.0_wp, abs(estimate) > 0)
+      call decompose(jacobian, scale, statistics%singular, statistics%direction, error)
+      if (allocated(error)) return
+      statistics%variance = sum(residual**2)/(m - n)
+      smallest = epsilon(1.0_wp)*m*statistics%singular(1)
+      statistics%condition = statistics%singular(1)/max(statistics%singular(n), tiny(1.0_wp))
+
+      ! Covariance sigma**2 V S**-2 V', undone for the scale; null directions count as infinite.
+      allocate (inverse(n, n), source=0.0_wp)
+      do k = 1, n
+         associate (v => statistics%direction(:, k), s => max(statistics%singular(k), smallest, tiny(1.0_wp)))
+            do j = 1, n
+               inverse(:, j) = inverse(:, j) + (v/s)*(v(j)/s)
+            end do
+         end associate
+      end do
+      allocate (statistics%covariance(n, n), statistics%correlation(n, n))
+      do j = 1, n
+         statistics%covariance(:, j) = statistics%variance*scale*inverse(:, j)*scale(j)
+         statistics%correlation(:, j) = inverse(:, j)/sqrt([(inverse(k, k), k=1, n)]*inverse(j, j))
+      end do
+      statistics%std_error = [(sqrt(statistics%covariance(j, j)), j=1, n)]
+      t = student_quantile(0.95_wp, real(m - n, wp))
+      statistics%half_width = t*statistics%std_error
+      statistics%determined = statistics%half_width < abs(estimate)
+   end subroutine new_statistics
+
+   !> Singular values and right singular vectors of the Jacobian with its columns scaled.
+   subroutine decompose(jacobian, scale, singular, direction, error)
+      real(wp), intent(in) :: jacobian(:, :), scale(:)
+      real(wp), allocatable, intent(out) :: singular(:), direction(:, :)
+      type(error_t), allocatable, intent(out) :: error
+      real(wp), allocatable :: a(:, :), vt(:, :), work(:)
+      real(wp) :: unused(1, 1)
+      integer :: m, n, info
+
+      m = size(jacobian, 1)
+      n = size(jacobian, 2)
+      a = jacobian*spread(scale, 1, m)
+      allocate (singular(n), vt(n, n), work(10*(m + n)))
+      call dgesvd('N', 'A', m, n, a, m, singular, unused, 1, vt, n, work, size(work), info)
+      direction = transpose(vt)
+      if (info /= 0) call failure(error, 'statistics: the singular value decomposition did not converge')
+   end subroutine decompose
+
+   !> A sentence for each combination of parameters that the record does not determine: a relative
+   !> change along it that the noise cannot tell from nothing is larger than one.
+   !>
+   !> names     (n)
+   !> residual  (m), jacobian (m, n) for the change of J along a direction
+   function undetermined(statistics, names, estimate, jacobian) result(sentences)
+      type(statistics_t), intent(in) :: statistics
+      character(len=*), intent(in) :: names(:)
+      real(wp), intent(in) :: estimate(:), jacobian(:, :)
+      character(len=160), allocatable :: sentences(:)
+      real(wp) :: t, threshold
+      integer :: k, n
+
+      n = statistics%parameters
+      allocate (sentences(0))
+      t = student_quantile(0.95_wp, real(statistics%samples - n, wp))
+      threshold = t*sqrt(statistics%variance)
+      do k = n, 1, -1
+         if (statistics%singular(k) > threshold) cycle
+         sentences = [character(len=160) :: sentences, sentence(statistics, names, estimate, jacobian, k)]
+      end do
+   end function undetermined
+
+   !> What direction k is, and how flat J lies along it.
+   function sentence(statistics, names, estimate, jacobian, k) result(text)
+      type(statistics_t), intent(in) :: statistics
+      character(len=*), intent(in) :: names(:)
+      real(wp), intent(in) :: estimate(:), jacobian(:, :)
+      integer, intent(in) :: k
+      character(len=:), allocatable :: text
+      real(wp), allocatable :: v(:)
+      real(wp) :: change
+      integer :: j, largest
+
+      v = statistics%direction(:, k)
+      largest = maxloc(abs(v), dim=1)
+      v = v/v(largest)
+      if (count(abs(v) > 0.1_wp) == 1) then
+         change = sum((jacobian(:, largest)*estimate(largest))**2)
+         text = trim(names(largest))//' is not determined by this record: doubling it changes J by '// &
+            to_text(change)//' ('//percent(change/max(residual_sum(statistics), tiny(1.0_wp)))//' of J)'
+         return
+      end if
+      text = ''
+      do j = 1, size(v)
+         if (abs(v(j)) <= 0.1_wp) cycle
+         if (text /= '') text = text//', '
+         text = text//trim(names(j))//' by '//signed(nint(100*v(j)))//' %'
+      end do
+      text = 'not determined together: changing '//text//' at once changes J by '// &
+         to_text((statistics%singular(k)/statistics%direction(largest, k))**2)
+   end function sentence
+
+   pure real(wp) function residual_sum(statistics)
+      type(statistics_t), intent(in) :: statistics
+
+      residual_sum = statistics%variance*(statistics%samples - statistics%parameters)
+   end function residual_sum
+
+   pure function percent(ratio) result(text)
+      real(wp), intent(in) :: ratio
+      character(len=:), allocatable :: text
+
+      text = to_text(100*ratio)//' %'
+   end function percent
+
+   pure function signed(value) result(text)
+      integer, intent(in) :: value
+      character(len=:), allocatable :: text
+
+      text = to_text(value)
+      if (value > 0) text = '+'//text
+   end function signed
+
+   !> Autocorrelation, the Ljung-Box test and the effective number of samples. The sum of the
+   !> autocorrelations stops at the first lag inside the band (Thomson's initial sequence).
+   !>
+   !> residual    (m) in the order of time
+   !> parameters  number fitted, taken from the degrees of freedom
+   pure function check_residuals(residual, parameters) result(found)
+      real(wp), intent(in) :: residual(:)
+      integer, intent(in) :: parameters
+      type(residual_check_t) :: found
+      real(wp), allocatable :: r(:)
+      real(wp) :: freedom
+      integer :: m, lags, k
+
+      m = size(residual)
+      found%effective = m
+      lags = min(max_lags, m/2)
+      allocate (found%autocorrelation(lags), source=0.0_wp)
+      if (lags < 1 .or. .not. any(abs(residual) > 0)) return
+      r = residual - sum(residual)/m
+      if (.not. any(abs(r) > 0)) return
+      do k = 1, lags
+         found%autocorrelation(k) = dot_product(r(:m - k), r(k + 1:))/sum(r**2)
+      end do
+      found%band = 1.959963984540054_wp/sqrt(real(m, wp))
+      found%ljung_box = m*(m + 2.0_wp)*sum(found%autocorrelation**2/[(m - k, k=1, lags)])
+      freedom = max(1, lags - parameters)
+      found%probability = chi_square_tail(found%ljung_box, freedom)
+      found%white = found%probability >= 0.05_wp
+      if (found%white) return
+      do k = 1, lags
+         if (found%autocorrelation(k) <= found%band) exit
+         found%inflation = found%inflation + 2*(1 - real(k, wp)/m)*found%autocorrelation(k)
+      end do
+      found%effective = m/found%inflation
+   end function check_residuals
+
+   !> Akaike's criterion with the correction for few samples:
+   !> m ln(J/m) + 2 k + 2 k (k + 1)/(m - k - 1), k = parameters + 1 with the noise variance.
+   pure real(wp) function akaike(J, samples, parameters) result(value)
+      real(wp), intent(in) :: J
+      integer, intent(in) :: samples, parameters
+      integer :: k
+
+      k = parameters + 1
+      value = samples*log(J/samples) + 2*k
+      if (samples > k + 1) then
+         value = value + 2.0_wp*k*(k + 1)/(samples - k - 1)
+      else
+         value = huge(value)
+      end if
+   end function akaike
+
+   !> Schwarz's criterion: m ln(J/m) + k ln m.
+   pure real(wp) function bayes(J, samples, parameters) result(value)
+      real(wp), intent(in) :: J
+      integer, intent(in) :: samples, parameters
+
+      value = samples*log(J/samples) + (parameters + 1)*log(real(samples, wp))
+   end function bayes
+
+   !> Banks and Fitzpatrick: U = m (J_restricted - J_full)/J_full against chi-square with as many
+   !> degrees of freedom as there are restrictions.
+   !>
+   !> probability  of so large a U if the restrictions hold
+   pure subroutine nested_test(J_restricted, J_full, samples, restrictions, U, probability)
+      real(wp), intent(in) :: J_restricted, J_full
+      integer, intent(in) :: samples, restrictions
+      real(wp), intent(out) :: U, probability
+
+      U = samples*(J_restricted - J_full)/J_full
+      probability = chi_square_tail(U, real(restrictions, wp))
+   end subroutine nested_test
+
+end module beamid_statistics
