@@ -1,7 +1,8 @@
 !> One routine per command: read the case, call the library, gather the outputs, print the summary.
 module beamid_commands
+   use, intrinsic :: iso_fortran_env, only: int64
    use beamid
-   use beamid_terminal, only: new_progress, print_text, progress_t
+   use beamid_terminal, only: new_progress, print_text, progress_t, tell
    implicit none
    private
 
@@ -12,8 +13,10 @@ module beamid_commands
    type :: settings_t
       character(len=:), allocatable :: command
       character(len=:), allocatable :: subject   !< the case file, or what is to be reproduced
+      character(len=1024), allocatable :: subjects(:)   !< every word behind the command
       character(len=:), allocatable :: out       !< not allocated: out/<case name>
       logical :: quiet = .false.
+      logical :: time = .false.                  !< measure how long a fit takes
    end type settings_t
 
 contains
@@ -39,9 +42,45 @@ contains
          error%message = case%path//': '//error%message
          return
       end if
+      if (settings%time) call time_fits(case, samples, measured)
       call add_fit_tables(output, case, fits, samples, measured)
       call deliver(output, fit_summary(case, samples, fits), output_folder(settings, case%name), error)
    end subroutine run_identify
+
+   !> Repeats the fit on each mesh for a second at most and tells the median time on standard error.
+   subroutine time_fits(case, samples, measured)
+      type(case_t), intent(in) :: case
+      real(wp), intent(in) :: samples(:), measured(:)
+      integer, parameter :: most = 101
+      type(stage_fit_t), allocatable :: fits(:)
+      type(error_t), allocatable :: error
+      real(wp) :: seconds(most)
+      integer(int64) :: begin, finish, rate
+      integer :: mesh, k
+
+      do mesh = 1, size(case%meshes)
+         do k = 1, most
+            call system_clock(begin, rate)
+            call identify(case%model, case%meshes(mesh), case%stages, samples, measured, fits, error)
+            call system_clock(finish)
+            seconds(k) = real(finish - begin, wp)/rate
+            if (sum(seconds(:k)) > 1) exit
+         end do
+         call tell('time: N = '//to_text(case%meshes(mesh)%elements)//', median of '// &
+            to_text(min(k, most))//' fits: '//to_text(median(seconds(:min(k, most))))//' s')
+      end do
+   end subroutine time_fits
+
+   !> The middle one of some numbers.
+   pure real(wp) function median(values)
+      real(wp), intent(in) :: values(:)
+      integer :: k
+
+      do k = 1, size(values)
+         median = values(k)
+         if (count(values < median) <= size(values)/2 .and. count(values <= median) > size(values)/2) return
+      end do
+   end function median
 
    !> estimates.csv, fit.csv and labels.csv.
    subroutine add_fit_tables(output, case, fits, samples, measured)
@@ -49,19 +88,25 @@ contains
       type(case_t), intent(in) :: case
       type(stage_fit_t), intent(in) :: fits(:, :)
       real(wp), intent(in) :: samples(:), measured(:)
-      type(text_t) :: estimates, curves
+      type(text_t) :: estimates, curves, correlations, autocorrelation
       integer :: stage, mesh
 
       call estimates%line(estimates_header)
       call curves%line(fit_header)
+      call correlations%line(correlations_header)
+      call autocorrelation%line(autocorrelation_header)
       do mesh = 1, size(fits, 2)
          do stage = 1, size(fits, 1)
             call add_estimates(estimates, fits(stage, mesh), case%units)
+            call add_correlations(correlations, fits(stage, mesh))
          end do
          call add_fit(curves, fits(size(fits, 1), mesh), samples, measured)
+         call add_autocorrelation(autocorrelation, fits(size(fits, 1), mesh))
       end do
       call output%add('estimates.csv', estimates%content())
       call output%add('fit.csv', curves%content())
+      call output%add('correlations.csv', correlations%content())
+      call output%add('autocorrelation.csv', autocorrelation%content())
       call output%add('labels.csv', labels_table(case%units))
    end subroutine add_fit_tables
 
@@ -91,7 +136,8 @@ contains
          call add_response(responses, case%meshes(k)%elements, case%model%excitation, simulations(k))
       end do
       call output%add('response.csv', responses%content())
-      call output%add('record.csv', record_table(times, simulations(size(simulations))%acceleration))
+      call output%add('record.csv', record_table(times, simulations(size(simulations))%acceleration + &
+         gaussian_noise(size(times), case%noise_sd, case%noise_seed)))
       call output%add('labels.csv', labels_table(case%units))
       call deliver(output, response_summary(case, simulations), output_folder(settings, case%name), error)
    end subroutine run_simulate

@@ -1,6 +1,7 @@
 !> beamid <command> <case.nml> [--out DIR] [--quiet]
 program beamid_main
-   use beamid, only: bad_input, error_t, version
+   use beamid, only: bad_input, error_t, to_text, version
+   use beamid_comparison, only: run_compare
    use beamid_commands, only: run_identify, run_modes, run_simulate, settings_t
    use beamid_reproduction, only: run_reproduce
    use beamid_terminal, only: complain, print_text
@@ -15,6 +16,7 @@ program beamid_main
       case ('identify'); call run_identify(settings, error)
       case ('simulate'); call run_simulate(settings, error)
       case ('modes'); call run_modes(settings, error)
+      case ('compare'); call run_compare(settings, error)
       case ('reproduce'); call run_reproduce(settings, error)
       case ('help'); call print_text(help())
       case ('version'); call print_text('beamid '//version//new_line('a'))
@@ -35,11 +37,14 @@ contains
       integer :: k
 
       k = 0
+      allocate (settings%subjects(0))
       do while (k < command_argument_count())
          k = k + 1
          word = argument(k)
          if (word == '--quiet') then
             settings%quiet = .true.
+         else if (word == '--time') then
+            settings%time = .true.
          else if (word == '--out') then
             k = k + 1
             if (k <= command_argument_count()) settings%out = argument(k)
@@ -57,12 +62,13 @@ contains
             settings%command = 'version'
             return
          else if (index(word, '-') == 1) then
-            call bad_input(error, 'command line: found '//word//', expected --out DIR or --quiet')
+            call bad_input(error, 'command line: found '//word//', expected --out DIR, --quiet or --time')
             return
          else if (.not. allocated(settings%command)) then
             settings%command = word
-         else if (.not. allocated(settings%subject)) then
-            settings%subject = word
+         else if (.not. allocated(settings%subject) .or. settings%command == 'compare') then
+            if (.not. allocated(settings%subject)) settings%subject = word
+            settings%subjects = [character(len=len(settings%subjects)) :: settings%subjects, word]
          else
             call bad_input(error, 'command line: found '//word//' behind '//settings%subject// &
                ', expected nothing more')
@@ -76,7 +82,8 @@ contains
    subroutine check_command(settings, error)
       type(settings_t), intent(in) :: settings
       type(error_t), allocatable, intent(out) :: error
-      character(len=*), parameter :: commands = 'identify, simulate, modes, reproduce, help or version'
+      character(len=*), parameter :: commands = &
+         'identify, simulate, modes, compare, reproduce, help or version'
 
       if (.not. allocated(settings%command)) then
          call bad_input(error, 'command line: found no command, expected '//commands)
@@ -89,6 +96,9 @@ contains
       case ('identify', 'simulate', 'modes')
          if (.not. allocated(settings%subject)) call bad_input(error, 'command line: '// &
             settings%command//': found nothing, expected a case file')
+      case ('compare')
+         if (size(settings%subjects) < 2) call bad_input(error, &
+            'command line: compare: found '//to_text(size(settings%subjects))//' case files, expected two or more')
       case ('reproduce')
          if (.not. allocated(settings%subject)) call bad_input(error, &
             'command line: reproduce: found nothing, expected table-4.1')
@@ -120,11 +130,13 @@ contains
          '  identify case.nml     fit the free parameters of each stage to the record'//nl// &
          '  simulate case.nml     response of the structure at the sample times'//nl// &
          '  modes case.nml        natural frequencies and damping ratios'//nl// &
+         '  compare a.nml b.nml   several models of one record: AICc, BIC, nested-model tests'//nl// &
          '  reproduce table-4.1   Table 4.1 of NASA CR-178199 beside the paper''s numbers'//nl// &
          '  help, version'//nl// &
          nl// &
          '  --out DIR             folder of the outputs; left out: out/<case name>'//nl// &
          '  --quiet               no progress on standard error'//nl// &
+         '  --time                identify: the time of a fit, on standard error'//nl// &
          nl// &
          'Exit status: 0 done, 1 the computation failed, 2 bad input.'//nl
    end function help

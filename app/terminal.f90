@@ -6,7 +6,7 @@ module beamid_terminal
    implicit none
    private
 
-   public :: progress_t, new_progress, print_text, complain
+   public :: progress_t, new_progress, print_text, tell, complain
 
    !> One line per iteration: overwritten in a terminal, plain lines elsewhere, none when quiet.
    type, extends(monitor_t) :: progress_t
@@ -80,7 +80,14 @@ contains
       flush (output_unit)
    end subroutine print_text
 
-   !> A message on standard error.
+   !> A line on standard error.
+   subroutine tell(line)
+      character(len=*), intent(in) :: line
+
+      write (error_unit, '(a)') line
+   end subroutine tell
+
+   !> An error's message on standard error.
    subroutine complain(message)
       character(len=*), intent(in) :: message
 

@@ -14,16 +14,22 @@ module beamid
    use beamid_identification, only: identify, identify_meshes, model_t, simulate, simulation_t, &
       stage_fit_t, stage_t
    use beamid_kinds, only: wp
-   use beamid_least_squares, only: fit, fit_t, monitor_t, options_t, problem_t
+   use beamid_least_squares, only: fit, fit_t, monitor_t, options_t
    use beamid_modal, only: modal_t
    use beamid_modes, only: damped_roots, undamped_modes
+   use beamid_noise, only: gaussian_noise
    use beamid_observation, only: formula_names, new_sampling, observation_t, sampling_t
+   use beamid_problems, only: problem_t
    use beamid_records, only: read_record, take_samples, window_t
    use beamid_responses, only: response_t, solver_t, work_t
+   use beamid_statistics, only: akaike, bayes, check_residuals, nested_test, new_statistics, &
+      residual_check_t, statistics_t, undetermined
    use beamid_strings, only: fixed, full, to_text
-   use beamid_structure, only: parameter_index, parameter_names, structure_t
+   use beamid_parameters, only: free_index, free_names, get_free
+   use beamid_structure, only: structure_t
    use beamid_summaries, only: fit_summary, left, modes_summary, response_summary, right
-   use beamid_tables, only: add_estimates, add_fit, add_modes, add_response, estimates_header, &
+   use beamid_tables, only: add_autocorrelation, add_correlations, autocorrelation_header, &
+      correlations_header, add_estimates, add_fit, add_modes, add_response, estimates_header, &
       fit_header, labels_table, modes_header, record_table, response_header
    use beamid_texts, only: text_t
    use beamid_units, only: units_t

@@ -101,7 +101,11 @@ contains
          if (buffer(last:last) == '.') last = last - 1
       end if
       text = trim(adjustl(buffer(:last)))
-      if (mark <= len(buffer)) text = text//trim(buffer(mark:))
+      if (mark <= len(buffer)) then
+         ! Three digits of exponent only where they are needed.
+         if (buffer(mark + 2:mark + 2) == '0') buffer(mark + 2:) = buffer(mark + 3:)
+         text = text//trim(buffer(mark:))
+      end if
       if (text(1:1) == '.') text = '0'//text
       if (len(text) > 1) then
          if (text(1:2) == '-.') text = '-0'//text(2:)

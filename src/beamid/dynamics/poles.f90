@@ -263,7 +263,7 @@ contains
                       D_sp = st%I*mu
             case (7); D_p = root%s**2
                       D_sp = 2*root%s
-            case default
+            case (1, 4, 5, 6)
                place = merge(1, parameters(p) - 2, parameters(p) == 1)
                h_p = h_q(place)
                dh_p = dh_q(place)

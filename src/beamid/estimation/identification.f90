@@ -5,11 +5,14 @@ module beamid_identification
    use beamid_excitation, only: excitation_t
    use beamid_galerkin, only: galerkin_t, mesh_t, new_galerkin
    use beamid_kinds, only: wp
-   use beamid_least_squares, only: fit, fit_t, monitor_t, options_t, problem_t
+   use beamid_least_squares, only: fit, fit_t, monitor_t, options_t
    use beamid_observation, only: observation_t, sampling_t, new_sampling
+   use beamid_problems, only: problem_t
    use beamid_responses, only: response_t, solver_t, work_t
    use beamid_strings, only: to_text
-   use beamid_structure, only: structure_t, parameter_names
+   use beamid_parameters, only: amplitude, free_magnitude, free_names, get_free, set_free
+   use beamid_statistics, only: check_residuals, new_statistics, residual_check_t, statistics_t
+   use beamid_structure, only: structure_t
    use beamid_variables, only: variable_t, new_variable
    implicit none
    private
@@ -26,7 +29,7 @@ module beamid_identification
 
    !> One search: which parameters are free and from where. Each array has one entry per parameter.
    type :: stage_t
-      integer, allocatable :: free(:)     !< places in `parameter_names`
+      integer, allocatable :: free(:)     !< places in `free_names`
       real(wp), allocatable :: start(:)   !< not allocated: where the stage before ended
       real(wp), allocatable :: lower(:)
       real(wp), allocatable :: upper(:)   !< or `unbounded`
@@ -45,7 +48,11 @@ module beamid_identification
       integer :: elements = 0
       integer, allocatable :: free(:)
       type(fit_t) :: fit
+      real(wp), allocatable :: lower(:), upper(:)   !< bounds of the search
       type(structure_t) :: structure     !< with the estimates in place
+      real(wp), allocatable :: scale(:)  !< what relative changes of the estimates are relative to
+      type(statistics_t) :: statistics   !< `samples` is 0 where no degree of freedom was left
+      type(residual_check_t) :: check
       type(work_t) :: work
    end type stage_fit_t
 
@@ -126,9 +133,9 @@ contains
       do k = 1, size(stages)
          problem%free = stages(k)%free
          problem%work = work_t()
-         call fit(problem, size(samples), variables_of(stages(k), problem%structure), options, &
+         call fit(problem, size(samples), variables_of(stages(k), problem%structure, problem%excitation), options, &
             fits(k)%fit, error, monitor, 'N = '//to_text(mesh%elements)// &
-            ', stage '//to_text(k), parameter_names(stages(k)%free))
+            ', stage '//to_text(k), free_names(stages(k)%free))
          if (allocated(error)) then
             error%message = 'elements = '//to_text(mesh%elements)//', stage '//to_text(k)//': '//error%message
             return
@@ -136,8 +143,15 @@ contains
          fits(k)%stage = k
          fits(k)%elements = mesh%elements
          fits(k)%free = stages(k)%free
+         fits(k)%lower = stages(k)%lower
+         fits(k)%upper = stages(k)%upper
          fits(k)%work = problem%work
-         problem%structure = with(problem%structure, stages(k)%free, fits(k)%fit%estimate)
+         fits(k)%scale = scales(problem%structure, problem%excitation, stages(k)%free)
+         fits(k)%check = check_residuals(fits(k)%fit%residual, size(stages(k)%free))
+         if (size(samples) > size(stages(k)%free)) call new_statistics(fits(k)%fit%jacobian, &
+            fits(k)%fit%residual, fits(k)%fit%estimate, fits(k)%scale, fits(k)%statistics, error)
+         if (allocated(error)) return
+         call set_all(problem%structure, problem%excitation, stages(k)%free, fits(k)%fit%estimate)
          fits(k)%structure = problem%structure
       end do
    end subroutine identify
@@ -181,36 +195,50 @@ contains
    end subroutine identify_meshes
 
    !> Starts, bounds and scales of a stage's parameters.
-   pure function variables_of(stage, structure) result(variables)
+   pure function variables_of(stage, structure, excitation) result(variables)
       type(stage_t), intent(in) :: stage
       type(structure_t), intent(in) :: structure
+      type(excitation_t), intent(in) :: excitation
       type(variable_t), allocatable :: variables(:)
       real(wp) :: start
       integer :: k
 
       allocate (variables(size(stage%free)))
       do k = 1, size(stage%free)
-         start = structure%get(stage%free(k))
+         start = get_free(structure, excitation, stage%free(k))
          if (allocated(stage%start)) start = stage%start(k)
          start = min(max(start, stage%lower(k)), stage%upper(k))
          variables(k) = new_variable(start, stage%lower(k), stage%upper(k), &
-            structure%magnitude(stage%free(k)))
+            free_magnitude(structure, excitation, stage%free(k)))
       end do
    end function variables_of
 
-   !> The structure with other values of some parameters.
-   pure function with(structure, free, values) result(changed)
+   !> Values of the free parameters, or where they are zero moderate ones.
+   pure function scales(structure, excitation, free)
       type(structure_t), intent(in) :: structure
+      type(excitation_t), intent(in) :: excitation
       integer, intent(in) :: free(:)
-      real(wp), intent(in) :: values(:)
-      type(structure_t) :: changed
+      real(wp) :: scales(size(free))
       integer :: k
 
-      changed = structure
       do k = 1, size(free)
-         call changed%set(free(k), values(k))
+         scales(k) = abs(get_free(structure, excitation, free(k)))
+         if (.not. scales(k) > 0) scales(k) = free_magnitude(structure, excitation, free(k))
       end do
-   end function with
+   end function scales
+
+   !> Gives the free parameters their values.
+   pure subroutine set_all(structure, excitation, free, values)
+      type(structure_t), intent(inout) :: structure
+      type(excitation_t), intent(inout) :: excitation
+      integer, intent(in) :: free(:)
+      real(wp), intent(in) :: values(:)
+      integer :: k
+
+      do k = 1, size(free)
+         call set_free(structure, excitation, free(k), values(k))
+      end do
+   end subroutine set_all
 
    subroutine residuals(self, parameters, r, error)
       class(residual_t), intent(inout) :: self
@@ -219,9 +247,14 @@ contains
       type(error_t), allocatable, intent(out) :: error
       type(response_t) :: response
       type(equations_t) :: equations
+      type(structure_t) :: structure
+      type(excitation_t) :: excitation
 
-      equations = new_equations(self%galerkin, with(self%structure, self%free, parameters), self%excitation)
-      call self%solver%respond(equations, self%excitation, self%sampling%times, response, self%work, error)
+      structure = self%structure
+      excitation = self%excitation
+      call set_all(structure, excitation, self%free, parameters)
+      equations = new_equations(self%galerkin, structure, excitation)
+      call self%solver%respond(equations, excitation, self%sampling%times, response, self%work, error)
       if (allocated(error)) return
       r = self%sampling%acceleration(response) - self%measured
    end subroutine residuals
@@ -240,11 +273,22 @@ contains
       type(response_t) :: response
       type(response_t), allocatable :: slopes(:)
       type(equations_t) :: equations
+      type(structure_t) :: structure
+      type(excitation_t) :: excitation
       integer :: k
 
-      equations = new_equations(self%galerkin, with(self%structure, self%free, parameters), self%excitation)
-      call self%solver%differentiate(equations, self%excitation, self%sampling%times, self%free, &
+      structure = self%structure
+      excitation = self%excitation
+      call set_all(structure, excitation, self%free, parameters)
+      equations = new_equations(self%galerkin, structure, excitation)
+      call self%solver%differentiate(equations, excitation, self%sampling%times, self%free, &
          response, slopes, self%work, error)
+      if (.not. allocated(error) .and. any(self%free == amplitude)) then
+         ! The response is linear in the amplitude: its derivative is the response to a unit one.
+         call excitation%set_amplitude(1.0_wp)
+         call self%solver%respond(equations, excitation, self%sampling%times, &
+            slopes(findloc(self%free, amplitude, dim=1)), self%work, error)
+      end if
       if (allocated(error)) return
       r = self%sampling%acceleration(response) - self%measured
       do k = 1, size(self%free)

@@ -7,20 +7,13 @@ module beamid_least_squares
    use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
    use beamid_errors, only: error_t, failure
    use beamid_kinds, only: wp
+   use beamid_problems, only: compare_derivatives, derivatives, problem_t
    use beamid_strings, only: to_text
    use beamid_variables, only: variable_t
    implicit none
    private
 
-   public :: problem_t, monitor_t, fit_t, options_t, fit
-
-   !> A sum of squares to be minimised.
-   type, abstract :: problem_t
-   contains
-      procedure(residuals), deferred :: residuals
-      procedure :: has_jacobian
-      procedure :: jacobian
-   end type problem_t
+   public :: monitor_t, fit_t, options_t, fit
 
    !> Is told of every iteration.
    type, abstract :: monitor_t
@@ -50,16 +43,6 @@ module beamid_least_squares
    end type fit_t
 
    abstract interface
-      !> parameters  (n) physical values
-      !> r           (m)
-      !> error       the model cannot be computed there
-      subroutine residuals(self, parameters, r, error)
-         import :: error_t, problem_t, wp
-         class(problem_t), intent(inout) :: self
-         real(wp), intent(in) :: parameters(:)
-         real(wp), intent(out) :: r(:)
-         type(error_t), allocatable, intent(out) :: error
-      end subroutine residuals
       !> May be called by several threads at once.
       !>
       !> label       which search it is
@@ -118,6 +101,11 @@ module beamid_least_squares
       character(len=:), allocatable :: label
       character(len=16), allocatable :: names(:)
       type(variable_t), allocatable :: variables(:)
+      real(wp), allocatable :: parameters(:)   !< (n) values of those that do not move
+      integer, allocatable :: moving(:)        !< which variables MINPACK moves
+      logical, allocatable :: held(:)          !< (n) may not be held at a bound a second time
+      integer :: near_bound = 0                !< a moving variable that has come to a bound, 0: none
+      integer :: lingering = 0                 !< iterations in a row that it has spent there
       real(wp) :: first_norm = -1       !< of the residuals at the start
       integer :: iterations = 0, evaluations = 0, shortened = 0, failures_in_a_row = 0
       type(error_t), allocatable :: error
@@ -152,8 +140,8 @@ contains
       class(monitor_t), intent(inout), target, optional :: monitor
       character(len=*), intent(in), optional :: label, names(:)
       type(search_t), target :: search
-      real(wp) :: z(size(variables)), epsfcn
-      integer :: info
+      real(wp) :: noise
+      integer :: info, k
 
       if (m < size(variables)) then
          call failure(error, 'least squares: '//to_text(m)//' residuals for '// &
@@ -168,35 +156,95 @@ contains
       search%names = ''
       if (present(names)) search%names = names
       search%variables = variables
-      allocate (result%residual(m))
-      z = 1
-      result%start = variables%value(z)
-      if (problem%has_jacobian()) call check_derivatives(problem, m, result%start, variables%magnitude(), &
+      search%parameters = variables%start
+      search%moving = [(k, k=1, size(variables))]
+      allocate (search%held(size(variables)), source=.false.)
+      allocate (result%residual(m), result%jacobian(m, size(variables)))
+      result%start = variables%start
+      if (problem%has_jacobian()) call compare_derivatives(problem, result%start, variables, m, &
          result%derivative_check(1), error)
       if (allocated(error)) return
 
-      ! The difference step, sqrt(epsfcn) |z|, must stand well above the noise of the model: a step
+      ! The difference step, sqrt(noise) |z|, must stand well above the noise of the model: a step
       ! that drowns in integration error leaves the parameters where they are, with a success code.
-      epsfcn = max(options%noise, epsilon(epsfcn))
-      if (options%noise > 0) epsfcn = max(epsfcn, 1e-8_wp)
-      active => search
-      call minimise(problem%has_jacobian(), options, epsfcn, z, result%residual, info)
-      active => null()
-
-      result%estimate = variables%value(z)
+      noise = max(options%noise, epsilon(noise))
+      if (options%noise > 0) noise = max(noise, 1e-8_wp)
+      call minimise_with_bounds(search, options, noise, result, info, error)
+      if (allocated(error)) return
       result%J = sum(result%residual**2)
       result%iterations = search%iterations
       result%evaluations = search%evaluations
       result%shortened = search%shortened
       result%reason = reason_in_words(info)
-      if (allocated(search%error)) then
-         call move_alloc(search%error, error)
-      else if (info == 0 .or. info == 5) then
+      if (info == 0 .or. info == 5) then
          call failure(error, 'least squares: no convergence; '//result%reason)
-      else
-         call final_jacobian(problem, variables, epsfcn, result, error)
+      else if (problem%has_jacobian()) then
+         call compare_derivatives(problem, result%estimate, variables, m, result%derivative_check(2), error)
       end if
    end subroutine fit
+
+   !> Minimises; where the minimum lies on a bound the change of variable has no slope there and the
+   !> search would creep. A variable that lingers at a bound is held on it while the others move, and
+   !> let go, once, if J falls towards the inside.
+   subroutine minimise_with_bounds(search, options, noise, result, info, error)
+      type(search_t), intent(inout), target :: search
+      type(options_t), intent(in) :: options
+      real(wp), intent(in) :: noise
+      type(fit_t), intent(inout) :: result
+      integer, intent(out) :: info
+      type(error_t), allocatable, intent(out) :: error
+      real(wp), allocatable :: z(:)
+      integer :: k
+
+      do
+         search%variables(search%moving) = search%variables(search%moving)%from( &
+            search%parameters(search%moving))
+         allocate (z(size(search%moving)), source=1.0_wp)
+         search%near_bound = 0
+         search%lingering = 0
+         active => search
+         call minimise(search%problem%has_jacobian(), options, noise, z, result%residual, info)
+         active => null()
+         if (allocated(search%error)) then
+            call move_alloc(search%error, error)
+            return
+         end if
+         search%parameters(search%moving) = search%variables(search%moving)%value(z)
+         deallocate (z)
+         if (info < 0) then
+            ! Stopped by `report`: hold the variable at its bound and go on with the others.
+            k = search%near_bound
+            search%held(k) = .true.
+            search%parameters(k) = search%variables(k)%nearest_bound(search%parameters(k))
+            search%moving = pack(search%moving, search%moving /= k)
+            if (size(search%moving) > 0) cycle
+            call search%problem%residuals(search%parameters, result%residual, error)
+            if (allocated(error)) return
+            info = 4
+         end if
+         result%estimate = search%parameters
+         call derivatives(search%problem, search%parameters, search%variables, noise, result%jacobian, error)
+         if (allocated(error)) return
+         k = inward(search, result)
+         if (k == 0) exit
+         search%moving = [search%moving, k]
+      end do
+   end subroutine minimise_with_bounds
+
+   !> A variable held at a bound from which J falls towards the inside; 0 when there is none.
+   pure integer function inward(search, result) result(k)
+      type(search_t), intent(in) :: search
+      type(fit_t), intent(in) :: result
+      real(wp) :: slope
+
+      do k = 1, size(search%variables)
+         if (any(search%moving == k)) cycle
+         slope = dot_product(result%jacobian(:, k), result%residual)
+         if (search%parameters(k) >= search%variables(k)%upper) slope = -slope
+         if (slope < 0) return
+      end do
+      k = 0
+   end function inward
 
    !> Calls MINPACK for the active search.
    !>
@@ -227,95 +275,6 @@ contains
       end associate
    end subroutine minimise
 
-   !> The Jacobian at the estimate: exact, and compared with central differences, or these alone.
-   subroutine final_jacobian(problem, variables, epsfcn, result, error)
-      class(problem_t), intent(inout) :: problem
-      type(variable_t), intent(in) :: variables(:)
-      real(wp), intent(in) :: epsfcn
-      type(fit_t), intent(inout) :: result
-      type(error_t), allocatable, intent(out) :: error
-      real(wp), allocatable :: r(:)
-
-      allocate (result%jacobian(size(result%residual), size(result%estimate)), r(size(result%residual)))
-      if (problem%has_jacobian()) then
-         call problem%jacobian(result%estimate, r, result%jacobian, error)
-         if (.not. allocated(error)) call check_derivatives(problem, size(r), result%estimate, &
-            variables%magnitude(), result%derivative_check(2), error)
-      else
-         call central_differences(problem, result%estimate, &
-            epsfcn**(1/3.0_wp)*max(abs(result%estimate), 1e-3_wp*variables%magnitude()), result%jacobian, error)
-      end if
-   end subroutine final_jacobian
-
-   !> Largest relative difference, over the columns, between the exact Jacobian and central differences.
-   subroutine check_derivatives(problem, m, parameters, magnitude, worst, error)
-      class(problem_t), intent(inout) :: problem
-      integer, intent(in) :: m
-      real(wp), intent(in) :: parameters(:), magnitude(:)
-      real(wp), intent(out) :: worst
-      type(error_t), allocatable, intent(out) :: error
-      real(wp), allocatable :: exact(:, :), differences(:, :), r(:)
-      real(wp) :: size_of_column
-      integer :: k
-
-      worst = -1
-      allocate (exact(m, size(parameters)), differences(m, size(parameters)), r(m))
-      call problem%jacobian(parameters, r, exact, error)
-      if (allocated(error)) return
-      call central_differences(problem, parameters, &
-         epsilon(1.0_wp)**(1/3.0_wp)*max(abs(parameters), 1e-3_wp*magnitude), differences, error)
-      if (allocated(error)) return
-      do k = 1, size(parameters)
-         size_of_column = max(norm2(exact(:, k)), norm2(differences(:, k)))
-         if (size_of_column > 0) worst = max(worst, norm2(exact(:, k) - differences(:, k))/size_of_column)
-      end do
-   end subroutine check_derivatives
-
-   !> d residual/d parameter by central differences.
-   !>
-   !> step  (n) > 0
-   subroutine central_differences(problem, parameters, step, jacobian, error)
-      class(problem_t), intent(inout) :: problem
-      real(wp), intent(in) :: parameters(:), step(:)
-      real(wp), intent(out) :: jacobian(:, :)
-      type(error_t), allocatable, intent(out) :: error
-      real(wp) :: p(size(parameters)), ahead(size(jacobian, 1)), behind(size(jacobian, 1))
-      integer :: k
-
-      do k = 1, size(parameters)
-         p = parameters
-         p(k) = parameters(k) + step(k)
-         call problem%residuals(p, ahead, error)
-         if (allocated(error)) return
-         p(k) = parameters(k) - step(k)
-         call problem%residuals(p, behind, error)
-         if (allocated(error)) return
-         jacobian(:, k) = (ahead - behind)/(2*step(k))
-      end do
-   end subroutine central_differences
-
-   !> By default a problem has no derivatives of its own.
-   pure logical function has_jacobian(self)
-      class(problem_t), intent(in) :: self
-
-      has_jacobian = .not. same_type_as(self, self)
-   end function has_jacobian
-
-   !> Residuals and their derivatives.
-   !>
-   !> r    (m)
-   !> jac  (m, n) d r/d parameter, physical parameters
-   subroutine jacobian(self, parameters, r, jac, error)
-      class(problem_t), intent(inout) :: self
-      real(wp), intent(in) :: parameters(:)
-      real(wp), intent(out) :: r(:), jac(:, :)
-      type(error_t), allocatable, intent(out) :: error
-
-      call self%residuals(parameters, r, error)
-      jac = 0
-      if (.not. allocated(error)) call failure(error, 'this problem has no exact derivatives')
-   end subroutine jacobian
-
    !> The callback of `lmder`: residuals through `evaluate`, derivatives for iflag = 2.
    subroutine evaluate_both(m, n, x, fvec, fjac, ldfjac, iflag)
       integer, intent(in) :: m, n, ldfjac
@@ -323,22 +282,22 @@ contains
       real(wp), intent(inout) :: fvec(m), fjac(ldfjac, n)
       integer, intent(inout) :: iflag
       type(error_t), allocatable :: error
-      real(wp) :: r(m)
+      real(wp) :: r(m), full(m, size(active%variables))
 
       if (iflag /= 2) then
          call evaluate(m, n, x, fvec, iflag)
          return
       end if
       active%evaluations = active%evaluations + 1
-      call active%problem%jacobian(active%variables%value(x), r, fjac(:m, :), error)
-      if (.not. allocated(error) .and. .not. all(ieee_is_finite(fjac(:m, :)))) &
+      call active%problem%jacobian(trial(active, x), r, full, error)
+      if (.not. allocated(error) .and. .not. all(ieee_is_finite(full))) &
          call failure(error, 'the derivatives are not finite')
       if (allocated(error)) then
          call move_alloc(error, active%error)
          iflag = -1
          return
       end if
-      fjac(:m, :) = fjac(:m, :)*spread(active%variables%derivative(x), 1, m)
+      fjac(:m, :) = full(:, active%moving)*spread(active%variables(active%moving)%derivative(x), 1, m)
    end subroutine evaluate_both
 
    !> The callback of MINPACK. iflag = 0: a new iteration; 2: a difference for the Jacobian; 1: the
@@ -352,11 +311,11 @@ contains
       type(error_t), allocatable :: error
 
       if (iflag == 0) then
-         call report(active, x, fvec)
+         call report(active, x, fvec, iflag)
          return
       end if
       active%evaluations = active%evaluations + 1
-      call active%problem%residuals(active%variables%value(x), fvec, error)
+      call active%problem%residuals(trial(active, x), fvec, error)
       if (.not. allocated(error) .and. .not. all(ieee_is_finite(fvec))) &
          call failure(error, 'the residuals are not finite')
       if (.not. allocated(error)) then
@@ -375,14 +334,39 @@ contains
       fvec = 100*(active%first_norm + tiny(1.0_wp))/sqrt(real(m, wp))
    end subroutine evaluate
 
-   !> Passes an iteration on to the monitor.
-   subroutine report(search, z, r)
-      type(search_t), intent(inout) :: search
-      real(wp), intent(in) :: z(:), r(:)
+   !> The physical parameters at x of MINPACK.
+   function trial(search, x) result(parameters)
+      type(search_t), intent(in) :: search
+      real(wp), intent(in) :: x(:)
+      real(wp) :: parameters(size(search%variables))
 
+      parameters = search%parameters
+      parameters(search%moving) = search%variables(search%moving)%value(x)
+   end function trial
+
+   !> Passes an iteration on to the monitor, and stops MINPACK (iflag < 0) when a variable has spent
+   !> some iterations at a bound.
+   subroutine report(search, x, r, iflag)
+      type(search_t), intent(inout) :: search
+      real(wp), intent(in) :: x(:), r(:)
+      integer, intent(inout) :: iflag
+      integer, parameter :: patience = 3
+      real(wp) :: parameters(size(search%variables))
+      integer :: k, near
+
+      parameters = trial(search, x)
       if (associated(search%monitor)) call search%monitor%iteration(search%label, &
-         search%iterations, search%evaluations, sum(r**2), search%names, search%variables%value(z))
+         search%iterations, search%evaluations, sum(r**2), search%names, parameters)
       search%iterations = search%iterations + 1
+      near = 0
+      do k = 1, size(search%variables)
+         if (search%held(k) .or. .not. any(search%moving == k)) cycle
+         if (search%variables(k)%is_at_bound(parameters(k))) near = k
+      end do
+      search%lingering = merge(search%lingering + 1, 0, near > 0 .and. (near == search%near_bound .or. &
+         search%lingering == 0))
+      search%near_bound = near
+      if (search%lingering >= patience) iflag = -1
    end subroutine report
 
    !> MINPACK's info.

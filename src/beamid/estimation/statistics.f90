@@ -22,11 +22,16 @@ module beamid_statistics
       real(wp), allocatable :: std_error(:)          !< (n); huge where a parameter is not determined at all
       real(wp), allocatable :: half_width(:)         !< (n) of the 95 % interval
       real(wp), allocatable :: correlation(:, :)     !< (n, n)
-      !> Singular values, descending, of the Jacobian per relative change: column j times |estimate_j|.
+      !> Singular values, descending, of the Jacobian per relative change: column j times scale_j.
       real(wp), allocatable :: singular(:)
       real(wp), allocatable :: direction(:, :)       !< (n, n) column k belongs to singular(k)
       real(wp) :: condition = 0                      !< singular(1)/singular(n)
       logical, allocatable :: determined(:)          !< (n) the 95 % interval is narrower than the value
+      !> The same for residuals that are not white, never smaller: the autocovariance of the residuals
+      !> takes the place of sigma**2 (Newey and West's estimate), and the number of samples that would
+      !> carry as much if they were independent, the least over the parameters, that of m.
+      real(wp), allocatable :: corrected_error(:), corrected_half_width(:)
+      real(wp) :: effective = 0
    end type statistics_t
 
    !> Are the residuals white?
@@ -36,8 +41,6 @@ module beamid_statistics
       real(wp) :: ljung_box = 0
       real(wp) :: probability = 1                    !< of so large a Ljung-Box sum for white residuals
       logical :: white = .true.                      !< probability >= 0.05
-      real(wp) :: inflation = 1                      !< variance of a mean over that of white residuals, >= 1
-      real(wp) :: effective = 0                      !< number of independent samples, m/inflation
    end type residual_check_t
 
    interface
@@ -56,12 +59,14 @@ contains
    !> jacobian  (m, n) derivatives of the residuals with respect to the parameters
    !> residual  (m)
    !> estimate  (n)
+   !> scale     (n) > 0, what a relative change of each parameter is relative to: its value, or where
+   !>           that is zero something of its usual size
    !> error     no degrees of freedom left, or a singular value decomposition that fails
-   subroutine new_statistics(jacobian, residual, estimate, statistics, error)
-      real(wp), intent(in) :: jacobian(:, :), residual(:), estimate(:)
+   subroutine new_statistics(jacobian, residual, estimate, scale, statistics, error)
+      real(wp), intent(in) :: jacobian(:, :), residual(:), estimate(:), scale(:)
       type(statistics_t), intent(out) :: statistics
       type(error_t), allocatable, intent(out) :: error
-      real(wp), allocatable :: scale(:), inverse(:, :)
+      real(wp), allocatable :: inverse(:, :)
       real(wp) :: t, smallest
       integer :: m, n, j, k
 
@@ -74,7 +79,6 @@ contains
             to_text(n)//' parameters')
          return
       end if
-      scale = merge(abs(estimate), 1.0_wp, abs(estimate) > 0)
       call decompose(jacobian, scale, statistics%singular, statistics%direction, error)
       if (allocated(error)) return
       statistics%variance = sum(residual**2)/(m - n)
@@ -99,7 +103,41 @@ contains
       t = student_quantile(0.95_wp, real(m - n, wp))
       statistics%half_width = t*statistics%std_error
       statistics%determined = statistics%half_width < abs(estimate)
+      call correct(jacobian, residual, statistics)
    end subroutine new_statistics
+
+   !> Errors with the autocovariances of the residuals up to `max_lags`, tapered linearly.
+   subroutine correct(jacobian, residual, statistics)
+      real(wp), intent(in) :: jacobian(:, :), residual(:)
+      type(statistics_t), intent(inout) :: statistics
+      real(wp), allocatable :: influence(:, :)
+      real(wp) :: variance, gamma
+      integer :: j, k, m, lags
+
+      ! A row of `influence` is what a unit residual does to an estimate.
+      m = size(residual)
+      lags = min(max_lags, m/2)
+      statistics%corrected_error = statistics%std_error
+      statistics%effective = m
+      if (.not. statistics%variance > 0) then
+         statistics%corrected_half_width = statistics%half_width
+         return
+      end if
+      influence = matmul(jacobian, statistics%covariance)/statistics%variance
+      do j = 1, statistics%parameters
+         variance = statistics%covariance(j, j)
+         do k = 1, lags
+            gamma = dot_product(residual(:m - k), residual(k + 1:))/(m - statistics%parameters)
+            variance = variance + 2*(1 - k/(lags + 1.0_wp))*gamma &
+               *dot_product(influence(:m - k, j), influence(k + 1:, j))
+         end do
+         if (variance <= statistics%covariance(j, j)) cycle
+         statistics%corrected_error(j) = sqrt(variance)
+         statistics%effective = min(statistics%effective, m*statistics%covariance(j, j)/variance)
+      end do
+      statistics%corrected_half_width = statistics%corrected_error*student_quantile(0.95_wp, &
+         max(1.0_wp, statistics%effective - statistics%parameters))
+   end subroutine correct
 
    !> Singular values and right singular vectors of the Jacobian with its columns scaled.
    subroutine decompose(jacobian, scale, singular, direction, error)
@@ -123,11 +161,12 @@ contains
    !> change along it that the noise cannot tell from nothing is larger than one.
    !>
    !> names     (n)
-   !> residual  (m), jacobian (m, n) for the change of J along a direction
-   function undetermined(statistics, names, estimate, jacobian) result(sentences)
+   !> scale     (n) as in `new_statistics`
+   !> jacobian  (m, n) for the change of J along a direction
+   function undetermined(statistics, names, scale, jacobian) result(sentences)
       type(statistics_t), intent(in) :: statistics
       character(len=*), intent(in) :: names(:)
-      real(wp), intent(in) :: estimate(:), jacobian(:, :)
+      real(wp), intent(in) :: scale(:), jacobian(:, :)
       character(len=160), allocatable :: sentences(:)
       real(wp) :: t, threshold
       integer :: k, n
@@ -138,15 +177,15 @@ contains
       threshold = t*sqrt(statistics%variance)
       do k = n, 1, -1
          if (statistics%singular(k) > threshold) cycle
-         sentences = [character(len=160) :: sentences, sentence(statistics, names, estimate, jacobian, k)]
+         sentences = [character(len=160) :: sentences, sentence(statistics, names, scale, jacobian, k)]
       end do
    end function undetermined
 
    !> What direction k is, and how flat J lies along it.
-   function sentence(statistics, names, estimate, jacobian, k) result(text)
+   function sentence(statistics, names, scale, jacobian, k) result(text)
       type(statistics_t), intent(in) :: statistics
       character(len=*), intent(in) :: names(:)
-      real(wp), intent(in) :: estimate(:), jacobian(:, :)
+      real(wp), intent(in) :: scale(:), jacobian(:, :)
       integer, intent(in) :: k
       character(len=:), allocatable :: text
       real(wp), allocatable :: v(:)
@@ -157,7 +196,7 @@ contains
       largest = maxloc(abs(v), dim=1)
       v = v/v(largest)
       if (count(abs(v) > 0.1_wp) == 1) then
-         change = sum((jacobian(:, largest)*estimate(largest))**2)
+         change = sum((jacobian(:, largest)*scale(largest))**2)
          text = trim(names(largest))//' is not determined by this record: doubling it changes J by '// &
             to_text(change)//' ('//percent(change/max(residual_sum(statistics), tiny(1.0_wp)))//' of J)'
          return
@@ -193,8 +232,7 @@ contains
       if (value > 0) text = '+'//text
    end function signed
 
-   !> Autocorrelation, the Ljung-Box test and the effective number of samples. The sum of the
-   !> autocorrelations stops at the first lag inside the band (Thomson's initial sequence).
+   !> Autocorrelation, and the Ljung-Box test.
    !>
    !> residual    (m) in the order of time
    !> parameters  number fitted, taken from the degrees of freedom
@@ -207,7 +245,6 @@ contains
       integer :: m, lags, k
 
       m = size(residual)
-      found%effective = m
       lags = min(max_lags, m/2)
       allocate (found%autocorrelation(lags), source=0.0_wp)
       if (lags < 1 .or. .not. any(abs(residual) > 0)) return
@@ -221,12 +258,6 @@ contains
       freedom = max(1, lags - parameters)
       found%probability = chi_square_tail(found%ljung_box, freedom)
       found%white = found%probability >= 0.05_wp
-      if (found%white) return
-      do k = 1, lags
-         if (found%autocorrelation(k) <= found%band) exit
-         found%inflation = found%inflation + 2*(1 - real(k, wp)/m)*found%autocorrelation(k)
-      end do
-      found%effective = m/found%inflation
    end function check_residuals
 
    !> Akaike's criterion with the correction for few samples:

@@ -23,6 +23,9 @@ module beamid_variables
       procedure :: value
       procedure :: derivative
       procedure :: magnitude
+      procedure :: from
+      procedure :: is_at_bound
+      procedure :: nearest_bound
    end type variable_t
 
 contains
@@ -104,6 +107,32 @@ contains
 
       magnitude = self%moderate
    end function magnitude
+
+   !> The same variable with another start.
+   elemental type(variable_t) function from(self, start)
+      class(variable_t), intent(in) :: self
+      real(wp), intent(in) :: start
+
+      from = new_variable(start, self%lower, self%upper, self%moderate)
+   end function from
+
+   !> Whether a value is so near a bound that it might as well lie on it.
+   elemental logical function is_at_bound(self, value)
+      class(variable_t), intent(in) :: self
+      real(wp), intent(in) :: value
+
+      is_at_bound = has(self%lower) .and. value - self%lower < 1e-4_wp*self%moderate .or. &
+         has(self%upper) .and. self%upper - value < 1e-4_wp*self%moderate
+   end function is_at_bound
+
+   !> The bound that is nearest to a value.
+   elemental real(wp) function nearest_bound(self, value)
+      class(variable_t), intent(in) :: self
+      real(wp), intent(in) :: value
+
+      nearest_bound = merge(self%lower, self%upper, .not. has(self%upper) .or. &
+         has(self%lower) .and. value - self%lower <= self%upper - value)
+   end function nearest_bound
 
    !> Whether a bound is there.
    elemental logical function has(bound)

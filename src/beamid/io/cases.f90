@@ -15,7 +15,8 @@ module beamid_cases
    use beamid_observation, only: formula_names
    use beamid_records, only: everything, grid, read_record, take_samples, window_t
    use beamid_strings, only: lower, to_text
-   use beamid_structure, only: check_structure, parameter_index, parameter_names
+   use beamid_parameters, only: belongs_to_hose, free_index, free_names, may_be_negative
+   use beamid_structure, only: check_structure
    use beamid_units, only: units_t
    use beamid_variables, only: unbounded
    implicit none
@@ -38,6 +39,8 @@ module beamid_cases
       type(window_t) :: window
       type(stage_t), allocatable :: stages(:)
       type(units_t) :: units
+      real(wp) :: noise_sd = 0                  !< of the noise that `simulate` adds to a record [acceleration]
+      integer :: noise_seed = 1
       integer, private :: record_line = 0
       integer, allocatable, private :: stage_lines(:)
    end type case_t
@@ -62,10 +65,11 @@ contains
          group('observation', [string_key('formula'), real_key('delta')]), &
          group('record', [string_key('file'), real_key('t_first'), real_key('t_last'), &
                           real_key('t_step')]), &
-         group('stage', [string_key('free', size(parameter_names)), &
-                         real_key('start', size(parameter_names)), &
-                         real_key('lower', size(parameter_names)), &
-                         real_key('upper', size(parameter_names))], may_repeat=.true.), &
+         group('stage', [string_key('free', size(free_names)), &
+                         real_key('start', size(free_names)), &
+                         real_key('lower', size(free_names)), &
+                         real_key('upper', size(free_names))], may_repeat=.true.), &
+         group('noise', [real_key('sd'), integer_key('seed')]), &
          group('units', [string_key('length'), string_key('force'), string_key('time'), &
                          string_key('mass')])]
    end function schema
@@ -111,6 +115,7 @@ contains
          case ('integrator'); call read_integrator(blocks(k), case, error)
          case ('observation'); call read_observation(blocks(k), case, error)
          case ('record'); call read_window(blocks(k), case, error)
+         case ('noise'); call read_noise(blocks(k), case, error)
          case ('stage'); call read_stage(blocks(k), case, error)
          case ('units'); call read_units(blocks(k), case, error)
          end select
@@ -337,8 +342,6 @@ contains
       end if
       call in_range(case, block, 'max_order', max_order, 1, 5, error)
       call in_range(case, block, 'max_steps', max_steps, 1, huge(max_steps), error)
-      if (method == 'modal') call exclude(case, block, [character(len=9) :: 'rtol', 'atol', 'max_order', &
-         'max_steps'], 'with method = ''modal''', error)
       if (allocated(error)) return
       if (method == 'modal') then
          case%model%solver = modal_t()
@@ -408,12 +411,30 @@ contains
       case%record = join_path(directory_of(case%path), trim(file))
    end subroutine read_window
 
+   subroutine read_noise(block, case, error)
+      type(block_t), intent(in) :: block
+      type(case_t), intent(inout) :: case
+      type(error_t), allocatable, intent(out) :: error
+      real(wp) :: sd
+      integer :: seed, status
+      namelist /noise/ sd, seed
+
+      sd = 0; seed = 1
+      read (block%text, nml=noise, iostat=status)
+      call accept(case, block, status, error)
+      call require(case, block, ['sd'], error)
+      if (.not. allocated(error) .and. .not. sd >= 0) call refuse(case, block%line_of('sd'), 'noise', &
+         'sd', to_text(sd), '0 or more', error)
+      case%noise_sd = sd
+      case%noise_seed = seed
+   end subroutine read_noise
+
    subroutine read_stage(block, case, error)
       type(block_t), intent(in) :: block
       type(case_t), intent(inout) :: case
       type(error_t), allocatable, intent(out) :: error
-      character(len=string_length) :: free(size(parameter_names))
-      real(wp), dimension(size(parameter_names)) :: start, lower, upper
+      character(len=string_length) :: free(size(free_names))
+      real(wp), dimension(size(free_names)) :: start, lower, upper
       type(stage_t) :: found
       integer :: status, n, k
       namelist /stage/ free, start, lower, upper
@@ -430,17 +451,20 @@ contains
       if (allocated(error)) return
       allocate (found%free(0))
       do k = 1, n
-         associate (p => parameter_index(free(k)), s => case%model%structure)
+         associate (p => free_index(free(k)), s => case%model%structure)
+            if (p > 0 .and. .not. block%has('lower')) then
+               if (may_be_negative(p)) lower(k) = -unbounded
+            end if
             if (p == 0) then
                call refuse(case, block%line_of('free'), 'stage', 'free', quoted(free(k)), &
                   'one of'//known_parameters(), error)
             else if (any(found%free == p)) then
                call refuse(case, block%line_of('free'), 'stage', 'free', quoted(free(k))//' twice', &
                   'each parameter once', error)
-            else if (.not. s%has_hose() .and. any(p == [4, 5, 6])) then
+            else if (belongs_to_hose(p) .and. .not. s%has_hose()) then
                call refuse(case, block%line_of('free'), 'stage', 'free', quoted(free(k)), &
                   'a &hose group with m_H > 0 for it', error)
-            else if (.not. lower(k) >= 0) then
+            else if (.not. (lower(k) >= 0 .or. may_be_negative(p))) then
                call refuse(case, block%line_of('lower'), 'stage', 'lower', to_text(lower(k)), &
                   '0 or more', error)
             else if (.not. upper(k) > lower(k)) then
@@ -449,7 +473,7 @@ contains
             else if (block%has('start')) then
                if (start(k) < lower(k) .or. start(k) > upper(k)) call refuse(case, &
                   block%line_of('start'), 'stage', 'start', to_text(start(k))//' for '// &
-                  trim(parameter_names(p)), 'a value between '//to_text(lower(k))//' and '// &
+                  trim(free_names(p)), 'a value between '//to_text(lower(k))//' and '// &
                   upper_text(upper(k)), error)
             end if
             if (allocated(error)) return
@@ -656,8 +680,8 @@ contains
       integer :: k
 
       text = ''
-      do k = 1, size(parameter_names)
-         text = text//' '//trim(parameter_names(k))
+      do k = 1, size(free_names)
+         text = text//' '//trim(free_names(k))
       end do
    end function known_parameters
 

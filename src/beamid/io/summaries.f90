@@ -6,7 +6,8 @@ module beamid_summaries
    use beamid_observation, only: formula_names
    use beamid_responses, only: work_t
    use beamid_strings, only: fixed, to_text
-   use beamid_structure, only: parameter_names
+   use beamid_parameters, only: free_names
+   use beamid_statistics, only: undetermined
    use beamid_texts, only: text_t
    implicit none
    private
@@ -35,6 +36,7 @@ contains
       do k = 1, size(fits, 1)
          call text%line()
          call add_stage(text, case, fits(k, :))
+         call add_statistics(text, case, fits(k, size(fits, 2)))
       end do
       content = text%content()
    end function fit_summary
@@ -52,7 +54,7 @@ contains
       start = 'start'
       associate (free => fits(1)%free)
          do k = 1, size(free)
-            names = names//right(trim(parameter_names(free(k))))
+            names = names//right(trim(free_names(free(k))))
             units = units//right(case%units%of_parameter(free(k)))
             start = start//right(to_text(fits(1)%fit%start(k)))
          end do
@@ -77,12 +79,103 @@ contains
       end do
    end subroutine add_stage
 
+   !> Errors, correlations, what is not determined and what the residuals say, on one mesh.
+   subroutine add_statistics(text, case, fit)
+      type(text_t), intent(inout) :: text
+      type(case_t), intent(in) :: case
+      type(stage_fit_t), intent(in) :: fit
+      character(len=:), allocatable :: line
+      character(len=len(free_names)) :: names(size(fit%free))
+      character(len=160), allocatable :: sentences(:)
+      integer :: j, k
+
+      if (fit%statistics%samples == 0) then
+         call text%line('No degree of freedom is left for standard errors.')
+         return
+      end if
+      names = free_names(fit%free)
+      call text%line()
+      call text%line('Statistics for N = '//to_text(fit%elements)//': noise sd '// &
+         to_text(sqrt(fit%statistics%variance))//label(case%units%acceleration())//', '// &
+         to_text(fit%statistics%samples - size(fit%free))//' degrees of freedom')
+      line = '              estimate     std error        lower95        upper95'
+      if (.not. fit%check%white) line = line//'  corrected se        lower95        upper95'
+      call text%line(line//'  correlations')
+      associate (s => fit%statistics, p => fit%fit%estimate)
+         do k = 1, size(p)
+            line = left(trim(names(k)), 9)//right(to_text(p(k)), 13)//interval(fit, k, s%std_error(k), &
+               s%half_width(k))
+            if (.not. fit%check%white) line = line//interval(fit, k, &
+               s%corrected_error(k), s%corrected_half_width(k))
+            do j = 1, k - 1
+               line = line//right(fixed(s%correlation(k, j), 9, 4), 9)
+            end do
+            call text%line(line)
+         end do
+         call text%line('singular values of the Jacobian per relative change:'//joined(s%singular)// &
+            '; condition number '//to_text(s%condition))
+         sentences = undetermined(s, names, fit%scale, fit%fit%jacobian)
+         do k = 1, size(sentences)
+            call text%line(sentences(k))
+         end do
+         if (size(sentences) == 0) call text%line('every parameter is determined by this record')
+      end associate
+      if (fit%fit%derivative_check(1) >= 0) call text%line('derivatives, exact against central differences: '// &
+         to_text(fit%fit%derivative_check(1))//' at the start, '//to_text(fit%fit%derivative_check(2))// &
+         ' at the end')
+      call add_residual_check(text, fit)
+   end subroutine add_statistics
+
+   !> Whiteness of the residuals.
+   subroutine add_residual_check(text, fit)
+      type(text_t), intent(inout) :: text
+      type(stage_fit_t), intent(in) :: fit
+
+      associate (check => fit%check)
+         call text%line('residuals: autocorrelation at lag 1 '//to_text(check%autocorrelation(1))// &
+            ' (white: within '//to_text(check%band)//'), Ljung-Box '//to_text(check%ljung_box)// &
+            ' over '//to_text(size(check%autocorrelation))//' lags, probability '//to_text(check%probability))
+         if (check%white) then
+            call text%line('residuals pass for white noise')
+         else
+            call text%line('residuals are NOT white: as good as '//to_text(fit%statistics%effective)// &
+               ' independent samples; the corrected errors allow for that')
+         end if
+      end associate
+   end subroutine add_residual_check
+
+   !> Standard error and interval in columns, within the bounds of the search.
+   function interval(fit, k, std_error, half_width) result(columns)
+      type(stage_fit_t), intent(in) :: fit
+      integer, intent(in) :: k
+      real(wp), intent(in) :: std_error, half_width
+      character(len=:), allocatable :: columns
+
+      associate (p => fit%fit%estimate(k))
+         columns = right(to_text(std_error))//right(to_text(max(p - half_width, fit%lower(k))), 15)// &
+            right(to_text(min(p + half_width, fit%upper(k))), 15)
+      end associate
+   end function interval
+
+   !> Numbers in a row.
+   function joined(values) result(line)
+      real(wp), intent(in) :: values(:)
+      character(len=:), allocatable :: line
+      integer :: k
+
+      line = ''
+      do k = 1, size(values)
+         line = line//' '//to_text(values(k))
+      end do
+   end function joined
+
    !> What a solver did.
    function effort(work) result(line)
       type(work_t), intent(in) :: work
       character(len=:), allocatable :: line
 
-      line = to_text(work%solves)//' responses, '//to_text(work%steps)//' steps, '// &
+      line = to_text(work%solves)//' responses'
+      if (work%steps > 0) line = line//', '//to_text(work%steps)//' steps, '// &
          to_text(work%evaluations)//' right-hand sides, '//to_text(work%factorizations)//' factorizations'
    end function effort
 
@@ -167,11 +260,11 @@ contains
 
    !> A unit behind a number, or nothing.
    pure function label(unit) result(text)
-      character(len=:), allocatable, intent(in) :: unit
+      character(len=*), intent(in), optional :: unit
       character(len=:), allocatable :: text
 
       text = ''
-      if (.not. allocated(unit)) return
+      if (.not. present(unit)) return
       if (unit /= '') text = ' '//unit
    end function label
 

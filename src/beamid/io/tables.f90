@@ -4,19 +4,23 @@ module beamid_tables
    use beamid_identification, only: simulation_t, stage_fit_t
    use beamid_kinds, only: wp
    use beamid_strings, only: full, to_text
-   use beamid_structure, only: parameter_names
+   use beamid_parameters, only: free_names
    use beamid_texts, only: text_t
    use beamid_units, only: units_t
    implicit none
    private
 
-   public :: add_estimates, add_fit, add_response, add_modes
+   public :: add_autocorrelation, add_correlations, add_estimates, add_fit, add_response, add_modes
+   public :: correlations_header, autocorrelation_header
    public :: estimates_header, fit_header, response_header, modes_header, record_table, labels_table
 
    character(len=*), parameter :: estimates_header = &
-      'stage,elements,parameter,unit,start,estimate,std_error,lower95,upper95,determined'
+      'stage,elements,parameter,unit,start,estimate,std_error,lower95,upper95,determined,'// &
+      'std_error_corrected,lower95_corrected,upper95_corrected'
    character(len=*), parameter :: fit_header = 'elements,t,measured,model,residual'
    character(len=*), parameter :: response_header = 'elements,t,force,displacement,velocity,acceleration'
+   character(len=*), parameter :: correlations_header = 'stage,elements,parameter,other,correlation'
+   character(len=*), parameter :: autocorrelation_header = 'elements,lag,autocorrelation,band95'
    character(len=*), parameter :: modes_header = 'elements,mode,frequency_hz,damping_ratio,real,imag'
 
 contains
@@ -26,16 +30,64 @@ contains
       type(text_t), intent(inout) :: text
       type(stage_fit_t), intent(in) :: fit
       type(units_t), intent(in) :: units
-      character(len=:), allocatable :: first
+      character(len=:), allocatable :: first, line
       integer :: k
 
       first = to_text(fit%stage)//','//to_text(fit%elements)//','
       do k = 1, size(fit%free)
-         call text%line(first//trim(parameter_names(fit%free(k)))//','//units%of_parameter(fit%free(k))// &
-            ','//full(fit%fit%start(k))//','//full(fit%fit%estimate(k))//',,,,')
+         line = first//trim(free_names(fit%free(k)))//','//units%of_parameter(fit%free(k))// &
+            ','//full(fit%fit%start(k))//','//full(fit%fit%estimate(k))
+         if (fit%statistics%samples > 0) then
+            line = line//','//interval(fit, k, fit%statistics%std_error(k), fit%statistics%half_width(k))// &
+               ','//trim(merge('yes', 'no ', fit%statistics%determined(k)))// &
+               ','//interval(fit, k, fit%statistics%corrected_error(k), fit%statistics%corrected_half_width(k))
+         else
+            line = line//repeat(',', 7)
+         end if
+         call text%line(line)
       end do
-      call text%line(first//'J,'//units%sum_of_squares()//',,'//full(fit%fit%J)//',,,,')
+      call text%line(first//'J,'//units%sum_of_squares()//',,'//full(fit%fit%J)//repeat(',', 7))
    end subroutine add_estimates
+
+   !> Standard error, lower and upper end of an interval, the ends within the bounds of the search.
+   function interval(fit, k, std_error, half_width) result(fields)
+      type(stage_fit_t), intent(in) :: fit
+      integer, intent(in) :: k
+      real(wp), intent(in) :: std_error, half_width
+      character(len=:), allocatable :: fields
+
+      associate (p => fit%fit%estimate(k))
+         fields = full(std_error)//','//full(max(p - half_width, fit%lower(k)))//','// &
+            full(min(p + half_width, fit%upper(k)))
+      end associate
+   end function interval
+
+   !> Correlations between the estimates of one stage.
+   subroutine add_correlations(text, fit)
+      type(text_t), intent(inout) :: text
+      type(stage_fit_t), intent(in) :: fit
+      integer :: j, k
+
+      if (fit%statistics%samples == 0) return
+      do j = 1, size(fit%free)
+         do k = 1, size(fit%free)
+            call text%line(to_text(fit%stage)//','//to_text(fit%elements)//','// &
+               trim(free_names(fit%free(j)))//','//trim(free_names(fit%free(k)))//','// &
+               full(fit%statistics%correlation(j, k)))
+         end do
+      end do
+   end subroutine add_correlations
+
+   !> Autocorrelation of the residuals.
+   subroutine add_autocorrelation(text, fit)
+      type(text_t), intent(inout) :: text
+      type(stage_fit_t), intent(in) :: fit
+      integer :: k
+
+      do k = 1, size(fit%check%autocorrelation)
+         call text%line(to_text(fit%elements)//','//row(k, [fit%check%autocorrelation(k), fit%check%band]))
+      end do
+   end subroutine add_autocorrelation
 
    !> t, measured  (m); residual = measured - model, as in the paper
    subroutine add_fit(text, fit, t, measured)

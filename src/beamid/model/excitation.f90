@@ -11,13 +11,16 @@ module beamid_excitation
    !> f is linear between its nodes and zero outside [first node, last node]; it may jump at these two.
    type :: excitation_t
       real(wp), allocatable :: t(:)      !< nodes, >= 0, strictly increasing [time]
-      real(wp), allocatable :: f(:)      !< force at the nodes [force]
+      real(wp), allocatable :: f(:)      !< force at the nodes, amplitude*shape [force]
+      real(wp), allocatable, private :: shape(:)
+      real(wp) :: amplitude = 1          !< of a pulse [force]; of a table a factor
       !> .false.: the force acts at the tip, (3.11). .true.: distributed, (3.10), with
       !> theta(x) = (x/l)**power.
       logical :: distributed = .false.
       real(wp) :: power = 2              !< >= 2
    contains
       procedure :: force
+      procedure :: set_amplitude
       procedure :: size_scale
    end type excitation_t
 
@@ -32,8 +35,18 @@ contains
       type(excitation_t) :: excitation
 
       excitation%t = [0.0_wp, duration]
-      excitation%f = [amplitude, amplitude]
+      excitation%shape = [1.0_wp, 1.0_wp]
+      call excitation%set_amplitude(amplitude)
    end function new_pulse
+
+   !> Scales the force.
+   pure subroutine set_amplitude(self, amplitude)
+      class(excitation_t), intent(inout) :: self
+      real(wp), intent(in) :: amplitude
+
+      self%amplitude = amplitude
+      self%f = amplitude*self%shape
+   end subroutine set_amplitude
 
    !> A force given by nodes.
    !>
@@ -52,7 +65,8 @@ contains
          call bad_input(error, 'found times that do not increase')
       else
          excitation%t = t
-         excitation%f = f
+         excitation%shape = f
+         call excitation%set_amplitude(1.0_wp)
       end if
    end subroutine new_force_table
 

@@ -1,6 +1,6 @@
 !> Labels of units. The program never converts: any consistent set is right, labels are for the reader.
 module beamid_units
-   use beamid_structure, only: parameter_names
+   use beamid_parameters, only: free_names
    implicit none
    private
 
@@ -17,7 +17,7 @@ module beamid_units
 
 contains
 
-   !> Unit of a parameter by its place in `parameter_names`.
+   !> Unit of a parameter by its place in `free_names`.
    pure function of_parameter(self, k) result(unit)
       class(units_t), intent(in) :: self
       integer, intent(in) :: k
@@ -25,12 +25,13 @@ contains
 
       unit = ''
       if (.not. allocated(self%length)) return
-      select case (parameter_names(k))
+      select case (free_names(k))
       case ('m_T', 'm_H'); unit = joined(self%mass, '', '')
       case ('E'); unit = joined(self%force, '', power(self%length, '^2'))
       case ('c_D'); unit = joined(self%force, self%time, power(self%length, '^2'))
       case ('c_H'); unit = joined(self%force, self%time, self%length)
       case ('k_H'); unit = joined(self%force, '', self%length)
+      case ('amplitude'); unit = self%force
       case ('rho'); unit = joined(self%mass, '', self%length)
       end select
    end function of_parameter

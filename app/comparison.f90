@@ -1,0 +1,172 @@
+!> `beamid compare`: several models of one record, by information criteria and nested-model tests.
+module beamid_comparison
+   use beamid
+   use beamid_commands, only: deliver, output_folder, settings_t
+   use beamid_terminal, only: new_progress, progress_t
+   implicit none
+   private
+
+   public :: run_compare
+
+   !> One model, fitted on the last mesh of its case.
+   type :: candidate_t
+      type(case_t) :: case
+      type(stage_fit_t) :: fit
+      real(wp), allocatable :: samples(:), measured(:)
+   end type candidate_t
+
+contains
+
+   !> beamid compare a.nml b.nml ...
+   subroutine run_compare(settings, error)
+      type(settings_t), intent(in) :: settings
+      type(error_t), allocatable, intent(out) :: error
+      type(candidate_t), allocatable :: candidates(:)
+      type(progress_t) :: progress
+      type(text_t) :: summary, models, nested
+      type(output_t) :: output
+      integer :: k
+
+      allocate (candidates(size(settings%subjects)))
+      do k = 1, size(candidates)
+         call read_candidate(trim(settings%subjects(k)), candidates(k), error)
+         if (allocated(error)) return
+         call same_record(candidates(1), candidates(k), error)
+         if (allocated(error)) return
+      end do
+      progress = new_progress(settings%quiet)
+      do k = 1, size(candidates)
+         call fit_candidate(candidates(k), progress, error)
+         call progress%finish()
+         if (allocated(error)) return
+      end do
+      call add_models(summary, models, candidates)
+      call add_nested(summary, nested, candidates)
+      call output%add('models.csv', models%content())
+      call output%add('nested.csv', nested%content())
+      call deliver(output, summary%content(), output_folder(settings, 'compare'), error)
+   end subroutine run_compare
+
+   subroutine read_candidate(path, candidate, error)
+      character(len=*), intent(in) :: path
+      type(candidate_t), intent(inout) :: candidate
+      type(error_t), allocatable, intent(out) :: error
+
+      call read_case(path, needs_fit, candidate%case, error)
+      if (.not. allocated(error)) call measured_samples(candidate%case, candidate%samples, &
+         candidate%measured, error)
+   end subroutine read_candidate
+
+   !> Criteria compare models of the same samples only.
+   subroutine same_record(first, other, error)
+      type(candidate_t), intent(in) :: first, other
+      type(error_t), allocatable, intent(out) :: error
+      logical :: same
+
+      same = size(first%samples) == size(other%samples)
+      if (same) same = all(abs(first%samples - other%samples) <= 0) .and. &
+         all(abs(first%measured - other%measured) <= 0)
+      if (.not. same) call bad_input(error, other%case%path//': &record: found other samples than in '// &
+         first%case%path//', expected the same ones')
+   end subroutine same_record
+
+   subroutine fit_candidate(candidate, progress, error)
+      type(candidate_t), intent(inout) :: candidate
+      type(progress_t), intent(inout) :: progress
+      type(error_t), allocatable, intent(out) :: error
+      type(stage_fit_t), allocatable :: fits(:)
+
+      associate (case => candidate%case)
+         call identify(case%model, case%meshes(size(case%meshes)), case%stages, candidate%samples, &
+            candidate%measured, fits, error, progress)
+         if (allocated(error)) then
+            error%message = case%path//': '//error%message
+            return
+         end if
+      end associate
+      candidate%fit = fits(size(fits))
+   end subroutine fit_candidate
+
+   !> J, number of parameters and criteria of each model.
+   subroutine add_models(summary, table, candidates)
+      type(text_t), intent(inout) :: summary, table
+      type(candidate_t), intent(in) :: candidates(:)
+      real(wp) :: aicc(size(candidates)), bic(size(candidates))
+      integer :: k, m
+
+      m = size(candidates(1)%samples)
+      do k = 1, size(candidates)
+         associate (fit => candidates(k)%fit)
+            aicc(k) = akaike(fit%fit%J, m, size(fit%free))
+            bic(k) = bayes(fit%fit%J, m, size(fit%free))
+         end associate
+      end do
+      call summary%line('Models of one record, m = '//to_text(m)//' samples')
+      call summary%line('AICc = m ln(J/m) + 2 k + 2 k (k + 1)/(m - k - 1), BIC = m ln(J/m) + k ln m,')
+      call summary%line('k = number of free parameters + 1 for the noise; the smaller the better.')
+      call summary%line()
+      call summary%line(left('model', 28)//right('N', 5)//right('free', 6)//right('J')//right('AICc')// &
+         right('- best')//right('BIC')//right('- best'))
+      call table%line('model,elements,parameters,J,aicc,bic')
+      do k = 1, size(candidates)
+         associate (fit => candidates(k)%fit, name => candidates(k)%case%name)
+            call summary%line(left(name, 28)//right(to_text(fit%elements), 5)// &
+               right(to_text(size(fit%free)), 6)//right(to_text(fit%fit%J))// &
+               right(trim(adjustl(fixed(aicc(k), 12, 2))))//right(trim(adjustl(fixed(aicc(k) - minval(aicc), 12, 2))))// &
+               right(trim(adjustl(fixed(bic(k), 12, 2))))//right(trim(adjustl(fixed(bic(k) - minval(bic), 12, 2)))))
+            call table%line(name//','//to_text(fit%elements)//','//to_text(size(fit%free))//','// &
+               full(fit%fit%J)//','//full(aicc(k))//','//full(bic(k)))
+         end associate
+      end do
+   end subroutine add_models
+
+   !> Banks and Fitzpatrick's test for every pair of which one is a special case of the other.
+   subroutine add_nested(summary, table, candidates)
+      type(text_t), intent(inout) :: summary, table
+      type(candidate_t), intent(in) :: candidates(:)
+      real(wp) :: U, probability
+      integer :: i, j, restrictions
+
+      call table%line('restricted,full,restrictions,U,probability')
+      call summary%line()
+      call summary%line('Nested pairs: U = m (J_restricted - J_full)/J_full against chi-square')
+      do i = 1, size(candidates)
+         do j = 1, size(candidates)
+            if (.not. is_nested(candidates(i), candidates(j))) cycle
+            restrictions = size(candidates(j)%fit%free) - size(candidates(i)%fit%free)
+            call nested_test(candidates(i)%fit%fit%J, candidates(j)%fit%fit%J, &
+               size(candidates(i)%samples), restrictions, U, probability)
+            call summary%line('  '//candidates(i)%case%name//' within '//candidates(j)%case%name// &
+               ': U = '//to_text(U)//', '//to_text(restrictions)//merge(' restriction, ', &
+               ' restrictions,', restrictions == 1)//' probability '//to_text(probability)// &
+               merge(': the full model is better          ', ': no reason to prefer the full model', &
+               probability < 0.05_wp))
+            call table%line(candidates(i)%case%name//','//candidates(j)%case%name//','// &
+               to_text(restrictions)//','//full(U)//','//full(probability))
+         end do
+      end do
+   end subroutine add_nested
+
+   !> Whether `small` is `large` with some of its free parameters held: what `large` holds fixed is the
+   !> same in both, and everything that `small` frees is free in `large`.
+   logical function is_nested(small, large)
+      type(candidate_t), intent(in) :: small, large
+      integer :: k
+
+      is_nested = .false.
+      if (size(small%fit%free) >= size(large%fit%free)) return
+      if (small%fit%elements /= large%fit%elements) return
+      do k = 1, size(small%fit%free)
+         if (.not. any(large%fit%free == small%fit%free(k))) return
+      end do
+      do k = 1, size(free_names)
+         if (any(large%fit%free == k)) cycle
+         associate (a => get_free(small%fit%structure, small%case%model%excitation, k), &
+            b => get_free(large%fit%structure, large%case%model%excitation, k))
+            if (abs(a - b) > 1e-12_wp*max(abs(a), abs(b))) return
+         end associate
+      end do
+      is_nested = .true.
+   end function is_nested
+
+end module beamid_comparison

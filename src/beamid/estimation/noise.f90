@@ -1,0 +1,56 @@
+!> Reproducible Gaussian noise, the same on every machine: L'Ecuyer's MRG32k3a (Operations Research 47,
+!> 1999, 159), whose integers are exact in double precision, and the Box-Muller transform.
+module beamid_noise
+   use beamid_kinds, only: wp
+   implicit none
+   private
+
+   public :: gaussian_noise
+
+   real(wp), parameter :: m1 = 4294967087.0_wp, m2 = 4294944443.0_wp
+   integer, parameter :: warm_up = 20
+
+contains
+
+   !> n independent values of mean 0 and standard deviation sd.
+   !>
+   !> seed  any integer; the same seed gives the same noise
+   pure function gaussian_noise(n, sd, seed) result(noise)
+      integer, intent(in) :: n, seed
+      real(wp), intent(in) :: sd
+      real(wp) :: noise(n)
+      real(wp) :: state(6), u(2)
+      real(wp), parameter :: two_pi = 2*acos(-1.0_wp)
+      integer :: k
+
+      ! Six numbers from the seed, each below both moduli; the first draws mix them.
+      state(1) = modulo(real(seed, wp), m2)
+      do k = 2, 6
+         state(k) = modulo(69069*state(k - 1) + 12345, m2)
+      end do
+      do k = 1, warm_up
+         call draw(state, u(1))
+      end do
+      do k = 1, n, 2
+         call draw(state, u(1))
+         call draw(state, u(2))
+         noise(k) = sd*sqrt(-2*log(u(1)))*cos(two_pi*u(2))
+         if (k < n) noise(k + 1) = sd*sqrt(-2*log(u(1)))*sin(two_pi*u(2))
+      end do
+   end function gaussian_noise
+
+   !> A uniform number in (0, 1).
+   pure subroutine draw(state, u)
+      real(wp), intent(inout) :: state(6)
+      real(wp), intent(out) :: u
+      real(wp) :: p1, p2
+
+      p1 = modulo(1403580*state(2) - 810728*state(1), m1)
+      p2 = modulo(527612*state(6) - 1370589*state(4), m2)
+      state = [state(2), state(3), p1, state(5), state(6), p2]
+      u = modulo(p1 - p2, m1)
+      if (.not. u > 0) u = m1
+      u = u/(m1 + 1)
+   end subroutine draw
+
+end module beamid_noise

@@ -1,0 +1,122 @@
+!> A sum of squares to be minimised, and its derivatives: exact ones where the problem has them,
+!> differences where it has not, and one against the other where it has.
+module beamid_problems
+   use beamid_errors, only: error_t, failure
+   use beamid_kinds, only: wp
+   use beamid_variables, only: variable_t
+   implicit none
+   private
+
+   public :: problem_t, derivatives, compare_derivatives
+
+   type, abstract :: problem_t
+   contains
+      procedure(residuals), deferred :: residuals
+      procedure :: has_jacobian
+      procedure :: jacobian
+   end type problem_t
+
+   abstract interface
+      !> parameters  (n) physical values
+      !> r           (m)
+      !> error       the model cannot be computed there
+      subroutine residuals(self, parameters, r, error)
+         import :: error_t, problem_t, wp
+         class(problem_t), intent(inout) :: self
+         real(wp), intent(in) :: parameters(:)
+         real(wp), intent(out) :: r(:)
+         type(error_t), allocatable, intent(out) :: error
+      end subroutine residuals
+   end interface
+
+contains
+
+   !> By default a problem has no derivatives of its own.
+   pure logical function has_jacobian(self)
+      class(problem_t), intent(in) :: self
+
+      has_jacobian = .not. same_type_as(self, self)
+   end function has_jacobian
+
+   !> Residuals and their derivatives.
+   !>
+   !> r    (m)
+   !> jac  (m, n) d r/d parameter, physical parameters
+   subroutine jacobian(self, parameters, r, jac, error)
+      class(problem_t), intent(inout) :: self
+      real(wp), intent(in) :: parameters(:)
+      real(wp), intent(out) :: r(:), jac(:, :)
+      type(error_t), allocatable, intent(out) :: error
+
+      call self%residuals(parameters, r, error)
+      jac = 0
+      if (.not. allocated(error)) call failure(error, 'this problem has no exact derivatives')
+   end subroutine jacobian
+
+   !> The Jacobian: exact, or central differences.
+   !>
+   !> noise  relative error of the residuals' model
+   !> jac    (m, n)
+   subroutine derivatives(problem, parameters, variables, noise, jac, error)
+      class(problem_t), intent(inout) :: problem
+      real(wp), intent(in) :: parameters(:), noise
+      type(variable_t), intent(in) :: variables(:)
+      real(wp), intent(out) :: jac(:, :)
+      type(error_t), allocatable, intent(out) :: error
+      real(wp) :: r(size(jac, 1))
+
+      if (problem%has_jacobian()) then
+         call problem%jacobian(parameters, r, jac, error)
+      else
+         call differences(problem, parameters, variables, noise, jac, error)
+      end if
+   end subroutine derivatives
+
+   !> Largest relative difference, over the columns, between a Jacobian and central differences.
+   subroutine compare_derivatives(problem, parameters, variables, m, worst, error)
+      class(problem_t), intent(inout) :: problem
+      real(wp), intent(in) :: parameters(:)
+      type(variable_t), intent(in) :: variables(:)
+      integer, intent(in) :: m
+      real(wp), intent(out) :: worst
+      type(error_t), allocatable, intent(out) :: error
+      real(wp), dimension(m, size(parameters)) :: exact, approximate
+      real(wp) :: r(m), length
+      integer :: k
+
+      worst = -1
+      call problem%jacobian(parameters, r, exact, error)
+      if (.not. allocated(error)) call differences(problem, parameters, variables, epsilon(r), approximate, &
+         error)
+      if (allocated(error)) return
+      do k = 1, size(parameters)
+         length = max(norm2(exact(:, k)), norm2(approximate(:, k)))
+         if (length > 0) worst = max(worst, norm2(exact(:, k) - approximate(:, k))/length)
+      end do
+   end subroutine compare_derivatives
+
+   !> Central differences with a step of the cube root of the noise, moved inside where a bound is near.
+   subroutine differences(problem, parameters, variables, noise, jac, error)
+      class(problem_t), intent(inout) :: problem
+      real(wp), intent(in) :: parameters(:), noise
+      type(variable_t), intent(in) :: variables(:)
+      real(wp), intent(out) :: jac(:, :)
+      type(error_t), allocatable, intent(out) :: error
+      real(wp) :: p(size(parameters)), step
+      real(wp), dimension(size(jac, 1)) :: above, below
+      integer :: k
+
+      do k = 1, size(parameters)
+         step = noise**(1/3.0_wp)*max(abs(parameters(k)), 1e-3_wp*variables(k)%magnitude())
+         p = parameters
+         p(k) = max(min(parameters(k), variables(k)%upper - step) - step, variables(k)%lower)
+         call problem%residuals(p, below, error)
+         if (allocated(error)) return
+         p(k) = p(k) + 2*step
+         call problem%residuals(p, above, error)
+         if (allocated(error)) return
+         jac(:, k) = (above - below)/(2*step)
+      end do
+   end subroutine differences
+
+end module beamid_problems
