@@ -55,7 +55,7 @@ contains
          call identify_meshes(case%model, case%meshes, case%stages, table%samples, table%measured, &
             table%fits, error, progress)
       end associate
-      if (.not. allocated(error)) call gather_evidence(table, progress, error)
+      if (.not. allocated(error)) call gather_evidence(table, error)
       call progress%finish()
       if (allocated(error)) then
          error%message = table%case%path//': '//error%message
@@ -116,9 +116,8 @@ contains
    end subroutine read_table
 
    !> Runs what the remarks below the table speak of.
-   subroutine gather_evidence(table, progress, error)
+   subroutine gather_evidence(table, error)
       type(table_t), intent(inout) :: table
-      type(progress_t), intent(inout) :: progress
       type(error_t), allocatable, intent(out) :: error
       type(simulation_t) :: simulation
       type(stage_fit_t), allocatable :: fits(:, :)
@@ -137,8 +136,7 @@ contains
       mesh = table%case%meshes(1)
       mesh%gauss_points = 2
       mesh%panels = 1
-      call identify_meshes(model, [mesh], table%case%stages, table%samples, table%measured, fits, error, &
-         progress)
+      call identify_meshes(model, [mesh], table%case%stages, table%samples, table%measured, fits, error)
       if (allocated(error)) return
       table%coarse_rule_J = fits(1, 1)%fit%J
 
@@ -148,7 +146,7 @@ contains
       call simulate(table%truth%model, table%truth%meshes(1), table%samples, simulation, error)
       if (allocated(error)) return
       call identify_meshes(model, table%case%meshes, table%case%stages, table%samples, &
-         simulation%acceleration, fits, error, progress)
+         simulation%acceleration, fits, error)
       if (allocated(error)) return
       table%exact_data_J = fits(1, :)%fit%J
    end subroutine gather_evidence
