@@ -36,7 +36,8 @@ contains
       call measured_samples(case, samples, measured, error)
       if (allocated(error)) return
       progress = new_progress(settings%quiet)
-      call identify_meshes(case%model, case%meshes, case%stages, samples, measured, fits, error, progress)
+      call identify_meshes(case%model, case%meshes, case%stages, samples, measured, fits, error, &
+         progress)
       call progress%finish()
       if (allocated(error)) then
          error%message = case%path//': '//error%message
@@ -44,7 +45,8 @@ contains
       end if
       if (settings%time) call time_fits(case, samples, measured)
       call add_fit_tables(output, case, fits, samples, measured)
-      call deliver(output, fit_summary(case, samples, fits), output_folder(settings, case%name), error)
+      call deliver(output, fit_summary(case, samples, fits), output_folder(settings, case%name), &
+         error)
    end subroutine run_identify
 
    !> Repeats the fit on each mesh for a second at most and tells the median time on standard error.
@@ -61,7 +63,8 @@ contains
       do mesh = 1, size(case%meshes)
          do k = 1, most
             call system_clock(begin, rate)
-            call identify(case%model, case%meshes(mesh), case%stages, samples, measured, fits, error)
+            call identify(case%model, case%meshes(mesh), case%stages, samples, measured, fits, &
+               error)
             call system_clock(finish)
             seconds(k) = real(finish - begin, wp)/rate
             if (sum(seconds(:k)) > 1) exit
@@ -78,7 +81,8 @@ contains
 
       do k = 1, size(values)
          median = values(k)
-         if (count(values < median) <= size(values)/2 .and. count(values <= median) > size(values)/2) return
+         if (count(values < median) <= size(values)/2 .and. &
+            count(values <= median) > size(values)/2) return
       end do
    end function median
 
@@ -130,16 +134,20 @@ contains
       do k = 1, size(case%meshes)
          call simulate(case%model, case%meshes(k), times, simulations(k), error)
          if (allocated(error)) then
-            error%message = case%path//': elements = '//to_text(case%meshes(k)%elements)//': '//error%message
+            error%message = case%path//': elements = '//to_text(case%meshes(k)%elements)//': '// &
+               error%message
             return
          end if
-         call add_response(responses, case%meshes(k)%elements, case%model%excitation, simulations(k))
+         call add_response(responses, case%meshes(k)%elements, case%model%excitation, &
+            simulations(k))
       end do
       call output%add('response.csv', responses%content())
-      call output%add('record.csv', record_table(times, simulations(size(simulations))%acceleration + &
+      call output%add('record.csv', record_table(times, &
+         simulations(size(simulations))%acceleration + &
          gaussian_noise(size(times), case%noise_sd, case%noise_seed)))
       call output%add('labels.csv', labels_table(case%units))
-      call deliver(output, response_summary(case, simulations), output_folder(settings, case%name), error)
+      call deliver(output, response_summary(case, simulations), output_folder(settings, &
+         case%name), error)
    end subroutine run_simulate
 
    !> beamid modes
@@ -173,7 +181,8 @@ contains
          call undamped_modes(equations, omega, shapes, error)
          if (.not. allocated(error)) call damped_roots(equations, roots, error)
          if (allocated(error)) then
-            error%message = case%path//': elements = '//to_text(case%meshes(k)%elements)//': '//error%message
+            error%message = case%path//': elements = '//to_text(case%meshes(k)%elements)//': '// &
+               error%message
             return
          end if
          call add_modes(table, case%meshes(k)%elements, roots)

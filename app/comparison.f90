@@ -66,7 +66,8 @@ contains
       same = size(first%samples) == size(other%samples)
       if (same) same = all(abs(first%samples - other%samples) <= 0) .and. &
          all(abs(first%measured - other%measured) <= 0)
-      if (.not. same) call bad_input(error, other%case%path//': &record: found other samples than in '// &
+      if (.not. same) call bad_input(error, other%case%path// &
+         ': &record: found other samples than in '// &
          first%case%path//', expected the same ones')
    end subroutine same_record
 
@@ -102,18 +103,22 @@ contains
          end associate
       end do
       call summary%line('Models of one record, m = '//to_text(m)//' samples')
-      call summary%line('AICc = m ln(J/m) + 2 k + 2 k (k + 1)/(m - k - 1), BIC = m ln(J/m) + k ln m,')
+      call summary%line( &
+         'AICc = m ln(J/m) + 2 k + 2 k (k + 1)/(m - k - 1), BIC = m ln(J/m) + k ln m,')
       call summary%line('k = number of free parameters + 1 for the noise; the smaller the better.')
       call summary%line()
-      call summary%line(left('model', 28)//right('N', 5)//right('free', 6)//right('J')//right('AICc')// &
+      call summary%line(left('model', 28)//right('N', 5)//right('free', 6)//right('J')// &
+         right('AICc')// &
          right('- best')//right('BIC')//right('- best'))
       call table%line('model,elements,parameters,J,aicc,bic')
       do k = 1, size(candidates)
          associate (fit => candidates(k)%fit, name => candidates(k)%case%name)
             call summary%line(left(name, 28)//right(to_text(fit%elements), 5)// &
                right(to_text(size(fit%free)), 6)//right(to_text(fit%fit%J))// &
-               right(trim(adjustl(fixed(aicc(k), 12, 2))))//right(trim(adjustl(fixed(aicc(k) - minval(aicc), 12, 2))))// &
-               right(trim(adjustl(fixed(bic(k), 12, 2))))//right(trim(adjustl(fixed(bic(k) - minval(bic), 12, 2)))))
+               right(trim(adjustl(fixed(aicc(k), 12, 2))))// &
+                  right(trim(adjustl(fixed(aicc(k) - minval(aicc), 12, 2))))// &
+               right(trim(adjustl(fixed(bic(k), 12, 2))))// &
+                  right(trim(adjustl(fixed(bic(k) - minval(bic), 12, 2)))))
             call table%line(name//','//to_text(fit%elements)//','//to_text(size(fit%free))//','// &
                full(fit%fit%J)//','//full(aicc(k))//','//full(bic(k)))
          end associate
@@ -139,7 +144,8 @@ contains
             call summary%line('  '//candidates(i)%case%name//' within '//candidates(j)%case%name// &
                ': U = '//to_text(U)//', '//to_text(restrictions)//merge(' restriction, ', &
                ' restrictions,', restrictions == 1)//' probability '//to_text(probability)// &
-               merge(': the full model is better          ', ': no reason to prefer the full model', &
+               merge(': the full model is better          ', &
+                  ': no reason to prefer the full model', &
                probability < 0.05_wp))
             call table%line(candidates(i)%case%name//','//candidates(j)%case%name//','// &
                to_text(restrictions)//','//full(U)//','//full(probability))
@@ -147,8 +153,8 @@ contains
       end do
    end subroutine add_nested
 
-   !> Whether `small` is `large` with some of its free parameters held: what `large` holds fixed is the
-   !> same in both, and everything that `small` frees is free in `large`.
+   !> Whether `small` is `large` with some of its free parameters held: what `large` holds fixed is
+   !> the same in both, and everything that `small` frees is free in `large`.
    logical function is_nested(small, large)
       type(candidate_t), intent(in) :: small, large
       integer :: k

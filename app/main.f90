@@ -62,7 +62,8 @@ contains
             settings%command = 'version'
             return
          else if (index(word, '-') == 1) then
-            call bad_input(error, 'command line: found '//word//', expected --out DIR, --quiet or --time')
+            call bad_input(error, 'command line: found '//word// &
+               ', expected --out DIR, --quiet or --time')
             return
          else if (.not. allocated(settings%command)) then
             settings%command = word
@@ -98,7 +99,8 @@ contains
             settings%command//': found nothing, expected a case file')
       case ('compare')
          if (size(settings%subjects) < 2) call bad_input(error, &
-            'command line: compare: found '//to_text(size(settings%subjects))//' case files, expected two or more')
+            'command line: compare: found '//to_text(size(settings%subjects))// &
+               ' case files, expected two or more')
       case ('reproduce')
          if (.not. allocated(settings%subject)) call bad_input(error, &
             'command line: reproduce: found nothing, expected table-4.1')
@@ -123,14 +125,16 @@ contains
       character(len=:), allocatable :: text
       character(len=*), parameter :: nl = new_line('a')
 
-      text = 'beamid '//version//': physical parameters of a flexible beam from an accelerometer record'//nl// &
+      text = 'beamid '//version// &
+         ': physical parameters of a flexible beam from an accelerometer record'//nl// &
          nl// &
          'usage: beamid <command> [case.nml] [--out DIR] [--quiet]'//nl// &
          nl// &
          '  identify case.nml     fit the free parameters of each stage to the record'//nl// &
          '  simulate case.nml     response of the structure at the sample times'//nl// &
          '  modes case.nml        natural frequencies and damping ratios'//nl// &
-         '  compare a.nml b.nml   several models of one record: AICc, BIC, nested-model tests'//nl// &
+         '  compare a.nml b.nml   several models of one record: AICc, BIC, nested-model tests'// &
+            nl// &
          '  reproduce table-4.1   Table 4.1 of NASA CR-178199 beside the paper''s numbers'//nl// &
          '  help, version'//nl// &
          nl// &

@@ -34,7 +34,8 @@ contains
       case ('table-4.1')
          call reproduce_table_4_1(settings, error)
       case default
-         call bad_input(error, 'command line: reproduce: found '//settings%subject//', expected table-4.1')
+         call bad_input(error, 'command line: reproduce: found '//settings%subject// &
+            ', expected table-4.1')
       end select
    end subroutine run_reproduce
 
@@ -89,7 +90,8 @@ contains
          if (found) return
          if (folder == '/' .or. folder == '.') exit
       end do
-      call bad_input(error, 'reproduce: found no folder data/ here or above the program, expected to run '// &
+      call bad_input(error, &
+         'reproduce: found no folder data/ here or above the program, expected to run '// &
          'in the project''s folder')
    end subroutine find_data
 
@@ -103,7 +105,8 @@ contains
       call read_case(join_path(data, 'table_4_1_truth.nml'), needs_response, table%truth, error)
       if (.not. allocated(error)) call read_case(join_path(data, 'table_4_1_fit.nml'), needs_fit, &
          table%case, error)
-      if (.not. allocated(error)) call measured_samples(table%case, table%samples, table%measured, error)
+      if (.not. allocated(error)) call measured_samples(table%case, table%samples, table%measured, &
+         error)
       if (.not. allocated(error)) call read_columns(join_path(data, 'paper/table_4_1.csv'), 6, &
          table%paper, header, error)
       if (allocated(error)) return
@@ -111,7 +114,8 @@ contains
          call bad_input(error, 'paper/table_4_1.csv: found '//to_text(size(table%paper, 2))// &
             ' rows, expected one for each of the meshes')
       else if (any(nint(table%paper(1, :)) /= table%case%meshes%elements)) then
-         call bad_input(error, 'paper/table_4_1.csv: found other numbers of elements than in the case')
+         call bad_input(error, &
+            'paper/table_4_1.csv: found other numbers of elements than in the case')
       end if
    end subroutine read_table
 
@@ -136,7 +140,8 @@ contains
       mesh = table%case%meshes(1)
       mesh%gauss_points = 2
       mesh%panels = 1
-      call identify_meshes(model, [mesh], table%case%stages, table%samples, table%measured, fits, error)
+      call identify_meshes(model, [mesh], table%case%stages, table%samples, table%measured, fits, &
+         error)
       if (allocated(error)) return
       table%coarse_rule_J = fits(1, 1)%fit%J
 
@@ -158,11 +163,14 @@ contains
       type(text_t) :: text
       integer :: k
 
-      call text%line('Table 4.1 of NASA CR-178199: simulated data, '//to_text(size(table%samples))// &
+      call text%line('Table 4.1 of NASA CR-178199: simulated data, '// &
+         to_text(size(table%samples))// &
          ' samples, cubic splines, CVODE and lmdif')
-      call text%line('c_D stands for c_D I (I = 1). J is the sum of squared residuals; see remark 1 for 16 J.')
+      call text%line('c_D stands for c_D I (I = 1). J is the sum of squared residuals; '// &
+         'see remark 1 for 16 J.')
       call text%line()
-      call text%line('   N            c_D         m_H         c_H         k_H           J        16 J')
+      call text%line( &
+         '   N            c_D         m_H         c_H         k_H           J        16 J')
       do k = 1, size(table%fits, 2)
          call add_mesh(text, table%fits(1, k), table%paper(:, k))
       end do
@@ -208,22 +216,31 @@ contains
                to_text(fits(k)%elements)//')'//merge(',', '.', k < size(fits))
          end do
          call text%line(line)
-         call text%line('    16 = 4**2, and 4 is the value of a cubic B-spline at its node: a constant factor of 4')
-         call text%line('    in the observation leaves every estimate as it is and multiplies J by 16.')
+         call text%line( &
+            '    16 = 4**2, and 4 is the value of a cubic B-spline at its node: a constant factor of 4')
+         call text%line( &
+            '    in the observation leaves every estimate as it is and multiplies J by 16.')
          call text%line(' 2. At the finest mesh the paper''s J lies below 16 J by a factor of '// &
             to_text(16*fits(size(fits))%fit%J/paper(6, size(fits)))//'. Not explained.')
          call text%line(' 3. The printed c_D at N = 3, .066997, is '//trim(adjustl(fixed( &
-            paper(2, 2)/fits(2)%fit%estimate(1), 12, 2)))//' times ours; .0066997 would differ by '// &
-            trim(percent(fits(2)%fit%estimate(1)/(paper(2, 2)/10) - 1))//': a misprint, in all likelihood.')
-         call text%line(' 4. The quadrature is fine enough to be exact. With a single panel of two Gauss points')
-         call text%line('    per element J at N = 2 would be '//to_text(table%coarse_rule_J)//', '// &
+            paper(2, 2)/fits(2)%fit%estimate(1), 12, 2)))// &
+               ' times ours; .0066997 would differ by '// &
+            trim(percent(fits(2)%fit%estimate(1)/(paper(2, 2)/10) - 1))// &
+               ': a misprint, in all likelihood.')
+         call text%line( &
+            ' 4. The quadrature is fine enough to be exact. With a single panel of two Gauss points')
+         call text%line('    per element J at N = 2 would be '//to_text(table%coarse_rule_J)// &
+            ', '// &
             trim(adjustl(fixed(fits(1)%fit%J/table%coarse_rule_J, 12, 0)))// &
             ' times smaller than '//to_text(fits(1)%fit%J)//': not what the authors used.')
-         line = ' 5. The data must have been differenced as the model is. With exact accelerations as data J is'
-         call text%line(line)
+         call text%line( &
+            ' 5. The data must have been differenced as the model is. With exact accelerations as')
+         call text%line('    data J is')
          line = '   '
          do k = 1, size(fits)
-            line = line//' '//to_text(table%exact_data_J(k))//' (N = '//to_text(fits(k)%elements)//')'// &
+            line = line//' '//to_text(table%exact_data_J(k))//' (N = '// &
+               to_text(fits(k)%elements)// &
+               ')'// &
                merge(',', '.', k < size(fits))
          end do
          call text%line(line)
@@ -285,7 +302,8 @@ contains
       call text%line('elements,parameter,value')
       do mesh = 1, size(paper, 2)
          do k = 1, size(columns)
-            call text%line(to_text(nint(paper(1, mesh)))//','//trim(columns(k))//','//full(paper(k + 1, mesh)))
+            call text%line(to_text(nint(paper(1, mesh)))//','//trim(columns(k))//','// &
+               full(paper(k + 1, mesh)))
          end do
          call text%line(to_text(nint(paper(1, mesh)))//',J,'//full(paper(6, mesh)))
       end do

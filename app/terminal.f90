@@ -46,7 +46,8 @@ contains
       integer :: k
 
       if (self%quiet) return
-      line = label//': iteration '//to_text(number)//', '//to_text(evaluations)//' evaluations, J = '// &
+      line = label//': iteration '//to_text(number)//', '//to_text(evaluations)// &
+         ' evaluations, J = '// &
          to_text(J)
       do k = 1, size(parameters)
          line = line//', '//trim(names(k))//' = '//to_text(parameters(k))

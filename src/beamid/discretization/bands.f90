@@ -1,4 +1,5 @@
-!> Symmetric band matrices in LAPACK's lower band storage: a(1 + i - j, j) = A(i, j), j <= i <= j + kd.
+!> Symmetric band matrices in LAPACK's lower band storage: a(1 + i - j, j) = A(i, j), j <= i <= j +
+!> kd.
 module beamid_bands
    use beamid_kinds, only: wp
    implicit none

@@ -91,8 +91,8 @@ contains
 
    !> Integral of (w'')**2 over the beam by quadrature, for the spline with the given coefficients.
    !> The quadratic form of `bending` is the same in exact arithmetic, but there the curvature of a
-   !> smooth function is a difference of fourth order, which costs N**4 units of round-off; here it is
-   !> one of second order.
+   !> smooth function is a difference of fourth order, which costs N**4 units of round-off; here it
+   !> is one of second order.
    !>
    !> coefficients  (n)
    !> result        [length**2/length**3]

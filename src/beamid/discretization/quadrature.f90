@@ -52,7 +52,8 @@ contains
       rule%weights = [(single%weights/panels, k=1, panels)]
    end function composite
 
-   !> Legendre polynomial of degree n and its derivative at x, |x| < 1, by the three-term recurrence.
+   !> Legendre polynomial of degree n and its derivative at x, |x| < 1, by the three-term
+   !> recurrence.
    pure subroutine legendre(n, x, value, derivative)
       integer, intent(in) :: n
       real(wp), intent(in) :: x

@@ -18,7 +18,8 @@ module beamid_splines
       integer :: elements = 0                  !< N
       integer :: n = 0                         !< dimension
       real(wp) :: length = 0                   !< l
-      !> Row i: the coefficients of B_{k}, B_{k+1}, B_{k+2}, k = i - (degree+1)/2, in b_i, i <= degree-2.
+      !> Row i: the coefficients of B_{k}, B_{k+1}, B_{k+2}, k = i - (degree+1)/2, in b_i, i <=
+      !> degree-2.
       real(wp), allocatable, private :: root(:, :)
    contains
       procedure :: first_on_element
@@ -85,7 +86,8 @@ contains
          return
       end if
 
-      ! plain(c) belongs to B_k, k = element - (degree+1)/2 + c; b_i = B_{i-(degree-3)/2} for i > degree-2.
+      ! plain(c) belongs to B_k, k = element - (degree+1)/2 + c; b_i = B_{i-(degree-3)/2} for i >
+      ! degree-2.
       values = 0
       first = self%first_on_element(element)
       do row = 1, min(self%degree + 1, element + self%degree - first)

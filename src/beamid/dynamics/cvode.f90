@@ -15,7 +15,8 @@ module beamid_cvode
    use beamid_newton, only: motion_t, new_motion
    use beamid_responses, only: response_t, solver_t, work_t
    use beamid_strings, only: to_text
-   use fcvode_mod, only: CV_BDF, CV_ONE_STEP, FCVode, FCVodeCreate, FCVodeFree, FCVodeGetCurrentGamma, &
+   use fcvode_mod, only: CV_BDF, CV_ONE_STEP, FCVode, FCVodeCreate, FCVodeFree, &
+      FCVodeGetCurrentGamma, &
       FCVodeGetDky, FCVodeInit, FCVodeReInit, FCVodeSetErrHandlerFn, FCVodeSetLinearSolver, &
       FCVodeSetMaxOrd, FCVodeSetStabLimDet, FCVodeSetStopTime, FCVodeSetUserData, FCVodeSVtolerances
    use fnvector_serial_mod, only: FN_VMake_Serial
@@ -31,7 +32,8 @@ module beamid_cvode
 
    type, extends(solver_t) :: cvode_t
       real(wp) :: rtol = 1e-8_wp             !< relative tolerance
-      real(wp) :: atol = 0                   !< absolute, on displacement [length]; 0: rtol x its estimated size
+      !> absolute, on displacement [length]; 0: rtol x its estimated size
+      real(wp) :: atol = 0
       integer :: max_order = 5               !< of the BDF, 1 .. 5
       integer(ip) :: max_steps = 1000000     !< per response
    contains
@@ -142,19 +144,23 @@ contains
       do while (t(1) < finish .and. next <= size(response%t))
          if (steps >= self%max_steps) then
             call failure(error, 'CVODE: max_steps = '//to_text(self%max_steps)// &
-               ' steps used up at t = '//to_text(t(1))//' of '//to_text(response%t(size(response%t))))
+               ' steps used up at t = '//to_text(t(1))//' of '// &
+                  to_text(response%t(size(response%t))))
             return
          end if
-         call check(session, FCVode(session%memory, finish, session%state, t, CV_ONE_STEP), 'CVode', error)
+         call check(session, FCVode(session%memory, finish, session%state, t, CV_ONE_STEP), &
+            'CVode', error)
          if (allocated(error)) return
          steps = steps + 1
          do while (next <= size(response%t))
             if (response%t(next) > t(1)) exit
-            call check(session, FCVodeGetDky(session%memory, response%t(next), 0_c_int, session%output), &
+            call check(session, FCVodeGetDky(session%memory, response%t(next), 0_c_int, &
+               session%output), &
                'CVodeGetDky', error)
             if (allocated(error)) return
             if (.not. all(ieee_is_finite(session%out))) then
-               call failure(error, 'CVODE: the response is not finite at t = '//to_text(response%t(next)))
+               call failure(error, 'CVODE: the response is not finite at t = '// &
+                  to_text(response%t(next)))
                return
             end if
             call observe(session, excitation%force(response%t(next)), session%out, next, response)
@@ -198,7 +204,8 @@ contains
       allocate (session%y(2*n), session%out(2*n), source=0.0_c_double)
       session%atol = atol*[1/equations%unit, equations%omega/equations%unit]
 
-      call check(session, FSUNContext_Create(c_null_ptr, session%context), 'SUNContext_Create', error)
+      call check(session, FSUNContext_Create(c_null_ptr, session%context), 'SUNContext_Create', &
+         error)
       if (allocated(error)) return
       session%state => FN_VMake_Serial(2_c_long*n, session%y, session%context)
       session%output => FN_VMake_Serial(2_c_long*n, session%out, session%context)
@@ -207,12 +214,14 @@ contains
       session%linear => FSUNLinSolNewEmpty(session%context)
       call attach_linear_solver(session)
 
-      call then_check(FCVodeSetErrHandlerFn(session%memory, c_funloc(keep_message), c_loc(session)), &
+      call then_check(FCVodeSetErrHandlerFn(session%memory, c_funloc(keep_message), &
+         c_loc(session)), &
          'CVodeSetErrHandlerFn')
       call then_check(FCVodeInit(session%memory, c_funloc(right_hand_side), excitation%t(1), &
          session%state), 'CVodeInit')
       call then_check(FCVodeSetUserData(session%memory, c_loc(session)), 'CVodeSetUserData')
-      call then_check(FCVodeSVtolerances(session%memory, self%rtol, session%tolerance), 'CVodeSVtolerances')
+      call then_check(FCVodeSVtolerances(session%memory, self%rtol, session%tolerance), &
+         'CVodeSVtolerances')
       call then_check(FCVodeSetMaxOrd(session%memory, int(self%max_order, c_int)), 'CVodeSetMaxOrd')
       call then_check(FCVodeSetStabLimDet(session%memory, 1_c_int), 'CVodeSetStabLimDet')
       call then_check(FCVodeSetLinearSolver(session%memory, session%linear, no_matrix()), &

@@ -1,8 +1,8 @@
 !> The semidiscrete equations (3.13), M w'' + C w' + K w = f(t) F, of one structure on one mesh.
 !>
 !> The unknowns are the spline coefficients followed by the displacement y of the hose. The hose
-!> couples only with the splines that do not vanish at the tip, so that placed last it costs nothing:
-!> M, C and K keep the half-bandwidth of the splines, 3 for cubics.
+!> couples only with the splines that do not vanish at the tip, so that placed last it costs
+!> nothing: M, C and K keep the half-bandwidth of the splines, 3 for cubics.
 module beamid_equations
    use beamid_bands, only: band_t, new_band
    use beamid_excitation, only: excitation_t
@@ -21,7 +21,8 @@ module beamid_equations
       type(band_t) :: stiffness              !< K
       real(wp), allocatable :: load(:)       !< (n) F, per unit force
       real(wp), allocatable :: observer(:)   !< (n) tip displacement = observer . w
-      real(wp), allocatable :: unit(:)       !< (n) displacement that one unit of each unknown stands for
+      !> (n) displacement that one unit of each unknown stands for
+      real(wp), allocatable :: unit(:)
       type(galerkin_t), pointer :: galerkin => null()   !< the integrals it was assembled from
       type(structure_t) :: structure
       real(wp) :: omega = 0                  !< estimate of the first angular frequency [1/time]

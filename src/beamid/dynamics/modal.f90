@@ -1,7 +1,7 @@
 !> Response as a sum of exponentials, exact in time, with exact derivatives.
 !>
-!> Each pole carries a state z' = s z + f(t), at rest before the force. f is linear between its nodes,
-!> so that z is known in closed form; tip displacement, velocity and acceleration are
+!> Each pole carries a state z' = s z + f(t), at rest before the force. f is linear between its
+!> nodes, so that z is known in closed form; tip displacement, velocity and acceleration are
 !> Re(sum r z), Re(sum r s z) and Re(sum r s**2 z) + f b' M**-1 F.
 module beamid_modal
    use beamid_bands, only: band_t
@@ -74,10 +74,12 @@ contains
       type(error_t), allocatable, intent(out) :: error
       type(response_t), allocatable :: slopes(:)
 
-      call self%differentiate(equations, excitation, times, [integer ::], response, slopes, work, error)
+      call self%differentiate(equations, excitation, times, [integer ::], response, slopes, work, &
+         error)
    end subroutine respond
 
-   subroutine differentiate(self, equations, excitation, times, parameters, response, slopes, work, error)
+   subroutine differentiate(self, equations, excitation, times, parameters, response, slopes, &
+      work, error)
       class(modal_t), intent(in) :: self
       type(equations_t), intent(in), target :: equations
       type(excitation_t), intent(in) :: excitation
@@ -169,8 +171,8 @@ contains
       integer :: k
 
       step = finish - t
-      ! On a uniform grid the exponentials serve again; now and then they are computed afresh, so that
-      ! differences in the last digit of the step do not add up.
+      ! On a uniform grid the exponentials serve again; now and then they are computed afresh, so
+      ! that differences in the last digit of the step do not add up.
       if (abs(step - states%step) > 4*spacing(finish) .or. states%repeated >= 64) then
          states%growth = exp(s*step)
          states%step = step
@@ -189,12 +191,13 @@ contains
          x = s(k)*step
          phi = phi_functions(x, states%growth(k))
          states%z(k) = states%z(k) + step*(force*phi(1) + slope*step*phi(2))
-         states%y(k) = states%y(k) + step**2*(force*(phi(1) - phi(2)) + slope*step*(phi(2) - 2*phi(3)))
+         states%y(k) = states%y(k) + step**2*(force*(phi(1) - phi(2)) &
+            + slope*step*(phi(2) - 2*phi(3)))
       end do
    end subroutine advance
 
-   !> phi_1 = (e**x - 1)/x, phi_2 = (phi_1 - 1)/x, phi_3 = (phi_2 - 1/2)/x; by their series for small x.
-   !> Their derivatives are phi_1' = phi_1 - phi_2 and phi_2' = phi_2 - 2 phi_3.
+   !> phi_1 = (e**x - 1)/x, phi_2 = (phi_1 - 1)/x, phi_3 = (phi_2 - 1/2)/x; by their series for
+   !> small x. Their derivatives are phi_1' = phi_1 - phi_2 and phi_2' = phi_2 - 2 phi_3.
    pure function phi_functions(x, exponential) result(phi)
       complex(wp), intent(in) :: x, exponential
       complex(wp) :: phi(3)

@@ -34,10 +34,10 @@ contains
 
    !> Solves K x = omega**2 M x by LAPACK for band matrices.
    !>
-   !> The eigenvalues of M x = mu (K + sigma M) x, mu = 1/(omega**2 + sigma), are asked for: LAPACK's
-   !> error is relative to the largest eigenvalue, which in this form belongs to the lowest mode.
-   !> Rayleigh's quotient with the energies of the shapes then removes the round-off of K itself,
-   !> which would cost the lowest frequencies digits like N**4.
+   !> The eigenvalues of M x = mu (K + sigma M) x, mu = 1/(omega**2 + sigma), are asked for:
+   !> LAPACK's error is relative to the largest eigenvalue, which in this form belongs to the lowest
+   !> mode. Rayleigh's quotient with the energies of the shapes then removes the round-off of K
+   !> itself, which would cost the lowest frequencies digits like N**4.
    !>
    !> omega   (n) ascending [1/time]
    !> shapes  (n, n) columns x with x' M x = 1
@@ -52,8 +52,8 @@ contains
       omega = [(sqrt(equations%strain_energy(shapes(:, k))), k=1, equations%n)]
    end subroutine undamped_modes
 
-   !> The bare clamped beam, B phi = mu G phi with the integrals of the mesh alone; EI mu/rho are the
-   !> squares of its angular frequencies.
+   !> The bare clamped beam, B phi = mu G phi with the integrals of the mesh alone; EI mu/rho are
+   !> the squares of its angular frequencies.
    !>
    !> mu      (n) ascending [1/length**4]
    !> shapes  (n, n) columns phi with phi' G phi = 1
@@ -87,7 +87,8 @@ contains
       shifted = stiffness
       shifted%a = shifted%a + sigma*mass%a
       allocate (mu(n), z(n, n), work(1 + 5*n + 2*n**2), iwork(3 + 5*n))
-      call dsbgvd('V', 'L', n, mass%kd, shifted%kd, mass%a, mass%kd + 1, shifted%a, shifted%kd + 1, &
+      call dsbgvd('V', 'L', n, mass%kd, shifted%kd, mass%a, mass%kd + 1, shifted%a, &
+         shifted%kd + 1, &
          mu, z, n, work, size(work), iwork, size(iwork), info)
       if (info /= 0 .or. mu(1) <= 0) then
          call failure(error, 'modes: mass or stiffness matrix is not positive definite')
@@ -104,7 +105,8 @@ contains
    !> Roots s of the damped structure, in the coordinates of the undamped modes, where with
    !> (Omega q, q') as the state the matrix [0 Omega; -Omega -D] is as well scaled as can be.
    !>
-   !> roots  complex pairs once, with positive imaginary part; real roots each; ascending |s| [1/time]
+   !> roots  complex pairs once, with positive imaginary part; real roots each; ascending |s|
+   !>        [1/time]
    subroutine damped_roots(equations, roots, error)
       type(equations_t), intent(in) :: equations
       complex(wp), allocatable, intent(out) :: roots(:)

@@ -1,4 +1,5 @@
-!> Right-hand side and Newton system of (3.13) as the first-order system w' = v, M v' = f F - C v - K w.
+!> Right-hand side and Newton system of (3.13) as the first-order system w' = v, M v' = f F - C v -
+!> K w.
 !>
 !> A step of BDF solves (I - gamma J) (dw, dv) = (r_w, r_v). With the first block row
 !> dw = r_w + gamma dv the second becomes symmetric, positive definite and banded,

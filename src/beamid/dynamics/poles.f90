@@ -16,10 +16,13 @@ module beamid_poles
    public :: poles_t, find_poles, differentiate_poles
 
    type :: poles_t
-      type(root_t), allocatable :: root(:)        !< one of each complex pair, Im s > 0, and the real ones
+      !> one of each complex pair, Im s > 0, and the real ones
+      type(root_t), allocatable :: root(:)
       complex(wp), allocatable :: s(:)            !< their positions [1/time]
-      complex(wp), allocatable :: residue(:)      !< r, doubled for the pairs: Re(sum r e**(s t)) is the answer
-      real(wp) :: impulse = 0                     !< sum r s = b' M**-1 F: the acceleration at unit force
+      !> r, doubled for the pairs: Re(sum r e**(s t)) is the answer
+      complex(wp), allocatable :: residue(:)
+      !> sum r s = b' M**-1 F: the acceleration at unit force
+      real(wp) :: impulse = 0
       complex(wp), allocatable :: ds(:, :)        !< (poles, parameters) d s/d parameter
       complex(wp), allocatable :: dr(:, :)        !< (poles, parameters) d residue/d parameter
       real(wp), allocatable :: dimpulse(:)        !< (parameters)
@@ -34,8 +37,8 @@ module beamid_poles
    end type sums_t
 
    integer, parameter :: max_sweeps = 200
-   !> Sensitivity of a root, relative to that of a simple mode, beyond which two roots count as equal:
-   !> round-off of 1e-16 would leave less than seven digits of the response.
+   !> Sensitivity of a root, relative to that of a simple mode, beyond which two roots count as
+   !> equal: round-off of 1e-16 would leave less than seven digits of the response.
    real(wp), parameter :: max_condition = 1e9_wp
 
 contains
@@ -55,8 +58,8 @@ contains
       call residues(receptance, poles, error)
    end subroutine find_poles
 
-   !> Roots of the beam with its tip mass, and of the hose alone, each moved by what the other part does
-   !> to it at first order, and off the real axis: two real roots may have to become a pair.
+   !> Roots of the beam with its tip mass, and of the hose alone, each moved by what the other part
+   !> does to it at first order, and off the real axis: two real roots may have to become a pair.
    subroutine starting_points(receptance, roots)
       type(receptance_t), intent(in) :: receptance
       type(root_t), allocatable, intent(out) :: roots(:)
@@ -116,10 +119,10 @@ contains
             roots(k)%s = roots(k)%s + step
             roots(k)%offset = roots(k)%offset + step
             call attach(receptance, roots(k))
-            ! Convergence is at least quadratic: after such a step the error is round-off. Only double
-            ! roots take longer, and never reach it.
-            done(k) = abs(step) <= 1e-9_wp*max(abs(roots(k)%offset), 1e-14_wp*abs(roots(k)%s)) .or. &
-               sweep > max_sweeps/2 .and. abs(step) <= 1e-6_wp*abs(roots(k)%s)
+            ! Convergence is at least quadratic: after such a step the error is round-off. Only
+            ! double roots take longer, and never reach it.
+            done(k) = abs(step) <= 1e-9_wp*max(abs(roots(k)%offset), 1e-14_wp*abs(roots(k)%s)) &
+               .or. sweep > max_sweeps/2 .and. abs(step) <= 1e-6_wp*abs(roots(k)%s)
          end do
          if (all(done)) return
       end do
@@ -203,7 +206,8 @@ contains
          poles%residue(k) = weight(poles%s(k))*sums%G*sums%G_F/sums%A
       end do
       if (worst > max_condition) then
-         call failure(error, 'modal: two roots coincide near s = '//to_text(real(poles%s(worst_k)))// &
+         call failure(error, 'modal: two roots coincide near s = '// &
+            to_text(real(poles%s(worst_k)))// &
             ' + '//to_text(aimag(poles%s(worst_k)))//' i; method = ''cvode'' has no such limit')
          return
       end if
@@ -250,7 +254,8 @@ contains
 
       sums = root_sums(receptance, root)
       call receptance%attachment_slopes(root%s, h_q, dh_q)
-      associate (st => receptance%structure, mu => receptance%mu, tip => receptance%tip, q => sums%q)
+      associate (st => receptance%structure, mu => receptance%mu, tip => receptance%tip, &
+         q => sums%q)
          D_s = 2*st%rho*root%s + st%c_D*st%I*mu
          do p = 1, size(parameters)
             D_p = 0
@@ -308,10 +313,12 @@ contains
       real(wp) :: mass
       integer :: k, p
 
-      allocate (poles%ds(size(poles%s), size(parameters)), poles%dr(size(poles%s), size(parameters)))
+      allocate (poles%ds(size(poles%s), size(parameters)), poles%dr(size(poles%s), &
+         size(parameters)))
       allocate (poles%dimpulse(size(parameters)), source=0.0_wp)
       do k = 1, size(poles%s)
-         call differentiate_root(receptance, poles%root(k), parameters, poles%ds(k, :), poles%dr(k, :))
+         call differentiate_root(receptance, poles%root(k), parameters, poles%ds(k, :), &
+            poles%dr(k, :))
          poles%dr(k, :) = weight(poles%s(k))*poles%dr(k, :)
       end do
       associate (st => receptance%structure, tip => receptance%tip)

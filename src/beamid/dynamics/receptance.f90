@@ -3,11 +3,12 @@
 !> In the modes of the bare beam (B phi = mu G phi, phi' G phi = 1, of the mesh alone) the beam is
 !> diagonal, D_i(s) = rho s**2 + (E + c_D s) I mu_i, and tip mass and hose hang on its tip: with
 !>
-!>     g(s) = sum_i phi_i(l)**2/D_i(s)                                      receptance of the bare tip
+!>     g(s) = sum_i phi_i(l)**2/D_i(s)                                      receptance of the bare
+!>     tip
 !>     h(s) = m_T s**2 + m_H s**2 (k_H + c_H s)/(m_H s**2 + c_H s + k_H)     dynamic stiffness on it
 !>
-!> the tip answers a load F by b'(s**2 M + s C + K)^{-1} F = g_F/(1 + g h). Its poles are the roots of
-!> the damped structure. Near a pole p_j of the beam all sums are taken times e = D_j(s), with
+!> the tip answers a load F by b'(s**2 M + s C + K)^{-1} F = g_F/(1 + g h). Its poles are the roots
+!> of the damped structure. Near a pole p_j of the beam all sums are taken times e = D_j(s), with
 !> q_i = D_j/D_i, so that nothing grows without bound when an attachment is light.
 module beamid_receptance
    use beamid_kinds, only: wp
@@ -147,7 +148,8 @@ contains
       associate (j => root%j, rho => self%structure%rho)
          D = rho*(root%s - self%pole(:, 1))*(root%s - self%pole(:, 2))
          if (j > 0) then
-            D(j) = rho*root%offset*(root%offset + self%pole(j, root%side) - self%pole(j, 3 - root%side))
+            D(j) = rho*root%offset*(root%offset + self%pole(j, root%side) - self%pole(j, &
+               3 - root%side))
             e = D(j)
             D(j) = 1
             q = e/D
@@ -175,7 +177,8 @@ contains
             numerator = mass
          case (1)
             denominator = [st%m_H*s + st%c_H, cmplx(st%m_H, 0.0_wp, wp), (0.0_wp, 0.0_wp)]
-            numerator = product_rule(mass, denominator) + st%m_H*st%c_H*[s**2, 2*s, (2.0_wp, 0.0_wp)]
+            numerator = product_rule(mass, denominator) + st%m_H*st%c_H*[s**2, 2*s, (2.0_wp, &
+               0.0_wp)]
          case default
             denominator = [st%m_H*s**2 + st%c_H*s + st%k_H, 2*st%m_H*s + st%c_H, &
                            cmplx(2*st%m_H, 0.0_wp, wp)]
@@ -217,8 +220,9 @@ contains
       dh_q(2:) = [2*s*alpha**2 + 2*s**2*alpha*dalpha, beta**2 - 2*s*beta*dalpha, -2*beta*dalpha]
    end subroutine attachment_slopes
 
-   !> Logarithmic derivative of the characteristic polynomial, W'/W + sum 1/(s - p) over the poles of
-   !> the beam other than those of mode j, with W = e denominator + (sum_i phi_i**2 q_i) numerator.
+   !> Logarithmic derivative of the characteristic polynomial, W'/W + sum 1/(s - p) over the poles
+   !> of the beam other than those of mode j, with W = e denominator + (sum_i phi_i**2 q_i)
+   !> numerator.
    pure complex(wp) function secular(self, root) result(value)
       class(receptance_t), intent(in) :: self
       type(root_t), intent(in) :: root

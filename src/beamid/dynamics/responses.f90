@@ -67,7 +67,8 @@ contains
       type(galerkin_t), intent(in) :: galerkin
       type(error_t), allocatable, intent(out) :: error
 
-      if (self%noise() < 0 .or. galerkin%space%n < 1) call failure(error, 'the mesh has no functions')
+      if (self%noise() < 0 .or. galerkin%space%n < 1) call failure(error, &
+         'the mesh has no functions')
    end subroutine prepare
 
    !> Whether the method has exact derivatives.
@@ -82,7 +83,8 @@ contains
    !> parameters  places among m_T, E, c_D, m_H, c_H, k_H, rho
    !> slopes      (size(parameters)) derivatives of each motion
    !> error       also when the method has no derivatives
-   subroutine differentiate(self, equations, excitation, times, parameters, response, slopes, work, error)
+   subroutine differentiate(self, equations, excitation, times, parameters, response, slopes, &
+      work, error)
       class(solver_t), intent(in) :: self
       type(equations_t), intent(in), target :: equations
       type(excitation_t), intent(in) :: excitation

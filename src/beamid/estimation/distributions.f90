@@ -4,7 +4,8 @@ module beamid_distributions
    implicit none
    private
 
-   public :: incomplete_beta, incomplete_gamma, student_probability, student_quantile, chi_square_tail
+   public :: incomplete_beta, incomplete_gamma, student_probability, student_quantile, &
+      chi_square_tail
 
    integer, parameter :: max_terms = 100000
 

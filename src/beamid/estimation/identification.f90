@@ -133,11 +133,13 @@ contains
       do k = 1, size(stages)
          problem%free = stages(k)%free
          problem%work = work_t()
-         call fit(problem, size(samples), variables_of(stages(k), problem%structure, problem%excitation), options, &
+         call fit(problem, size(samples), variables_of(stages(k), problem%structure, &
+            problem%excitation), options, &
             fits(k)%fit, error, monitor, 'N = '//to_text(mesh%elements)// &
             ', stage '//to_text(k), free_names(stages(k)%free))
          if (allocated(error)) then
-            error%message = 'elements = '//to_text(mesh%elements)//', stage '//to_text(k)//': '//error%message
+            error%message = 'elements = '//to_text(mesh%elements)//', stage '//to_text(k)//': '// &
+               error%message
             return
          end if
          fits(k)%stage = k
@@ -254,7 +256,8 @@ contains
       excitation = self%excitation
       call set_all(structure, excitation, self%free, parameters)
       equations = new_equations(self%galerkin, structure, excitation)
-      call self%solver%respond(equations, excitation, self%sampling%times, response, self%work, error)
+      call self%solver%respond(equations, excitation, self%sampling%times, response, self%work, &
+         error)
       if (allocated(error)) return
       r = self%sampling%acceleration(response) - self%measured
    end subroutine residuals

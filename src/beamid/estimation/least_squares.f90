@@ -1,5 +1,5 @@
-!> Nonlinear least squares by MINPACK behind one interface: `lmdif`, the stand-in for IMSL's ZXSSQ, or
-!> `lmder` for problems that know their derivatives.
+!> Nonlinear least squares by MINPACK behind one interface: `lmdif`, the stand-in for IMSL's ZXSSQ,
+!> or `lmder` for problems that know their derivatives.
 !>
 !> MINPACK calls back a procedure without a place for data of ours: `active`, private to this module
 !> and to each thread, points to the problem in hand while MINPACK runs.
@@ -22,7 +22,8 @@ module beamid_least_squares
    end type monitor_t
 
    type :: options_t
-      real(wp) :: noise = 0                !< relative error of the residuals' model (integrator tolerance)
+      !> relative error of the residuals' model (integrator tolerance)
+      real(wp) :: noise = 0
       real(wp) :: tolerance = 1e-10_wp     !< relative, on J and on the parameters
       integer :: max_evaluations = 2000
    end type options_t
@@ -34,7 +35,8 @@ module beamid_least_squares
       real(wp) :: J = 0                       !< sum of squares of the residuals
       integer :: iterations = 0
       integer :: evaluations = 0              !< of the residuals, those for differences included
-      integer :: shortened = 0                !< trial steps at which the model could not be computed
+      !> trial steps at which the model could not be computed
+      integer :: shortened = 0
       real(wp), allocatable :: jacobian(:, :) !< (m, n) d residual/d parameter at the estimate
       !> Largest relative difference between exact derivatives and central differences, column by
       !> column, at the start and at the estimate; negative where the problem has no exact ones.
@@ -82,7 +84,8 @@ module beamid_least_squares
          integer, intent(out) :: info, nfev, ipvt(n)
          real(wp), intent(out) :: fvec(m), fjac(ldfjac, n), qtf(n), wa1(n), wa2(n), wa3(n), wa4(m)
       end subroutine lmdif
-      subroutine lmder(fcn, m, n, x, fvec, fjac, ldfjac, ftol, xtol, gtol, maxfev, diag, mode, factor, &
+      subroutine lmder(fcn, m, n, x, fvec, fjac, ldfjac, ftol, xtol, gtol, maxfev, diag, mode, &
+         factor, &
          nprint, info, nfev, njev, ipvt, qtf, wa1, wa2, wa3, wa4)
          import :: wp, jacobian_callback
          procedure(jacobian_callback) :: fcn
@@ -104,7 +107,8 @@ module beamid_least_squares
       real(wp), allocatable :: parameters(:)   !< (n) values of those that do not move
       integer, allocatable :: moving(:)        !< which variables MINPACK moves
       logical, allocatable :: held(:)          !< (n) may not be held at a bound a second time
-      integer :: near_bound = 0                !< a moving variable that has come to a bound, 0: none
+      !> a moving variable that has come to a bound, 0: none
+      integer :: near_bound = 0
       integer :: lingering = 0                 !< iterations in a row that it has spent there
       real(wp) :: first_norm = -1       !< of the residuals at the start
       integer :: iterations = 0, evaluations = 0, shortened = 0, failures_in_a_row = 0
@@ -179,13 +183,14 @@ contains
       if (info == 0 .or. info == 5) then
          call failure(error, 'least squares: no convergence; '//result%reason)
       else if (problem%has_jacobian()) then
-         call compare_derivatives(problem, result%estimate, variables, m, result%derivative_check(2), error)
+         call compare_derivatives(problem, result%estimate, variables, m, &
+            result%derivative_check(2), error)
       end if
    end subroutine fit
 
    !> Minimises; where the minimum lies on a bound the change of variable has no slope there and the
-   !> search would creep. A variable that lingers at a bound is held on it while the others move, and
-   !> let go, once, if J falls towards the inside.
+   !> search would creep. A variable that lingers at a bound is held on it while the others move,
+   !> and let go, once, if J falls towards the inside.
    subroutine minimise_with_bounds(search, options, noise, result, info, error)
       type(search_t), intent(inout), target :: search
       type(options_t), intent(in) :: options
@@ -223,7 +228,8 @@ contains
             info = 4
          end if
          result%estimate = search%parameters
-         call derivatives(search%problem, search%parameters, search%variables, noise, result%jacobian, error)
+         call derivatives(search%problem, search%parameters, search%variables, noise, &
+            result%jacobian, error)
          if (allocated(error)) return
          k = inward(search, result)
          if (k == 0) exit
@@ -267,9 +273,11 @@ contains
       associate (m => size(r), n => size(z), tolerance => options%tolerance)
          if (exact) then
             call lmder(evaluate_both, m, n, z, r, fjac, m, 1e-14_wp, tolerance, gtol, &
-               options%max_evaluations, diag, 1, factor, 1, info, nfev, njev, ipvt, qtf, wa1, wa2, wa3, wa4)
+               options%max_evaluations, diag, 1, factor, 1, info, nfev, njev, ipvt, qtf, wa1, wa2, &
+                  wa3, wa4)
          else
-            call lmdif(evaluate, m, n, z, r, tolerance, tolerance, gtol, options%max_evaluations, epsfcn, &
+            call lmdif(evaluate, m, n, z, r, tolerance, tolerance, gtol, options%max_evaluations, &
+               epsfcn, &
                diag, 1, factor, 1, info, nfev, fjac, m, ipvt, qtf, wa1, wa2, wa3, wa4)
          end if
       end associate
@@ -297,7 +305,8 @@ contains
          iflag = -1
          return
       end if
-      fjac(:m, :) = full(:, active%moving)*spread(active%variables(active%moving)%derivative(x), 1, m)
+      fjac(:m, :) = full(:, active%moving)*spread(active%variables(active%moving)%derivative(x), &
+         1, m)
    end subroutine evaluate_both
 
    !> The callback of MINPACK. iflag = 0: a new iteration; 2: a difference for the Jacobian; 1: the
@@ -363,8 +372,8 @@ contains
          if (search%held(k) .or. .not. any(search%moving == k)) cycle
          if (search%variables(k)%is_at_bound(parameters(k))) near = k
       end do
-      search%lingering = merge(search%lingering + 1, 0, near > 0 .and. (near == search%near_bound .or. &
-         search%lingering == 0))
+      search%lingering = merge(search%lingering + 1, 0, near > 0 .and. &
+         (near == search%near_bound .or. search%lingering == 0))
       search%near_bound = near
       if (search%lingering >= patience) iflag = -1
    end subroutine report

@@ -1,5 +1,5 @@
-!> Reproducible Gaussian noise, the same on every machine: L'Ecuyer's MRG32k3a (Operations Research 47,
-!> 1999, 159), whose integers are exact in double precision, and the Box-Muller transform.
+!> Reproducible Gaussian noise, the same on every machine: L'Ecuyer's MRG32k3a (Operations Research
+!> 47, 1999, 159), whose integers are exact in double precision, and the Box-Muller transform.
 module beamid_noise
    use beamid_kinds, only: wp
    implicit none

@@ -86,7 +86,8 @@ contains
 
       worst = -1
       call problem%jacobian(parameters, r, exact, error)
-      if (.not. allocated(error)) call differences(problem, parameters, variables, epsilon(r), approximate, &
+      if (.not. allocated(error)) call differences(problem, parameters, variables, epsilon(r), &
+         approximate, &
          error)
       if (allocated(error)) return
       do k = 1, size(parameters)
@@ -95,7 +96,8 @@ contains
       end do
    end subroutine compare_derivatives
 
-   !> Central differences with a step of the cube root of the noise, moved inside where a bound is near.
+   !> Central differences with a step of the cube root of the noise, moved inside where a bound is
+   !> near.
    subroutine differences(problem, parameters, variables, noise, jac, error)
       class(problem_t), intent(inout) :: problem
       real(wp), intent(in) :: parameters(:), noise

@@ -19,17 +19,20 @@ module beamid_statistics
       integer :: samples = 0, parameters = 0
       real(wp) :: variance = 0                       !< of the noise, J/(m - n)
       real(wp), allocatable :: covariance(:, :)      !< (n, n)
-      real(wp), allocatable :: std_error(:)          !< (n); huge where a parameter is not determined at all
+      !> (n); huge where a parameter is not determined at all
+      real(wp), allocatable :: std_error(:)
       real(wp), allocatable :: half_width(:)         !< (n) of the 95 % interval
       real(wp), allocatable :: correlation(:, :)     !< (n, n)
       !> Singular values, descending, of the Jacobian per relative change: column j times scale_j.
       real(wp), allocatable :: singular(:)
       real(wp), allocatable :: direction(:, :)       !< (n, n) column k belongs to singular(k)
       real(wp) :: condition = 0                      !< singular(1)/singular(n)
-      logical, allocatable :: determined(:)          !< (n) the 95 % interval is narrower than the value
-      !> The same for residuals that are not white, never smaller: the autocovariance of the residuals
-      !> takes the place of sigma**2 (Newey and West's estimate), and the number of samples that would
-      !> carry as much if they were independent, the least over the parameters, that of m.
+      !> (n) the 95 % interval is narrower than the value
+      logical, allocatable :: determined(:)
+      !> The same for residuals that are not white, never smaller: the autocovariance of the
+      !> residuals takes the place of sigma**2 (Newey and West's estimate), and the number of
+      !> samples that would carry as much if they were independent, the least over the parameters,
+      !> that of m.
       real(wp), allocatable :: corrected_error(:), corrected_half_width(:)
       real(wp) :: effective = 0
    end type statistics_t
@@ -37,9 +40,11 @@ module beamid_statistics
    !> Are the residuals white?
    type :: residual_check_t
       real(wp), allocatable :: autocorrelation(:)    !< lags 1, 2, ...
-      real(wp) :: band = 0                           !< 95 % of white residuals' lags lie within +-band
+      !> 95 % of white residuals' lags lie within +-band
+      real(wp) :: band = 0
       real(wp) :: ljung_box = 0
-      real(wp) :: probability = 1                    !< of so large a Ljung-Box sum for white residuals
+      !> of so large a Ljung-Box sum for white residuals
+      real(wp) :: probability = 1
       logical :: white = .true.                      !< probability >= 0.05
    end type residual_check_t
 
@@ -59,7 +64,8 @@ contains
    !> jacobian  (m, n) derivatives of the residuals with respect to the parameters
    !> residual  (m)
    !> estimate  (n)
-   !> scale     (n) > 0, what a relative change of each parameter is relative to: its value, or where
+   !> scale     (n) > 0, what a relative change of each parameter is relative to: its value, or
+   !>           where
    !>           that is zero something of its usual size
    !> error     no degrees of freedom left, or a singular value decomposition that fails
    subroutine new_statistics(jacobian, residual, estimate, scale, statistics, error)
@@ -75,7 +81,8 @@ contains
       statistics%samples = m
       statistics%parameters = n
       if (m <= n) then
-         call failure(error, 'statistics: '//to_text(m)//' residuals leave no degree of freedom for '// &
+         call failure(error, 'statistics: '//to_text(m)// &
+            ' residuals leave no degree of freedom for '// &
             to_text(n)//' parameters')
          return
       end if
@@ -88,7 +95,8 @@ contains
       ! Covariance sigma**2 V S**-2 V', undone for the scale; null directions count as infinite.
       allocate (inverse(n, n), source=0.0_wp)
       do k = 1, n
-         associate (v => statistics%direction(:, k), s => max(statistics%singular(k), smallest, tiny(1.0_wp)))
+         associate (v => statistics%direction(:, k), s => max(statistics%singular(k), smallest, &
+            tiny(1.0_wp)))
             do j = 1, n
                inverse(:, j) = inverse(:, j) + (v/s)*(v(j)/s)
             end do
@@ -154,7 +162,8 @@ contains
       allocate (singular(n), vt(n, n), work(10*(m + n)))
       call dgesvd('N', 'A', m, n, a, m, singular, unused, 1, vt, n, work, size(work), info)
       direction = transpose(vt)
-      if (info /= 0) call failure(error, 'statistics: the singular value decomposition did not converge')
+      if (info /= 0) call failure(error, &
+         'statistics: the singular value decomposition did not converge')
    end subroutine decompose
 
    !> A sentence for each combination of parameters that the record does not determine: a relative
@@ -177,7 +186,8 @@ contains
       threshold = t*sqrt(statistics%variance)
       do k = n, 1, -1
          if (statistics%singular(k) > threshold) cycle
-         sentences = [character(len=160) :: sentences, sentence(statistics, names, scale, jacobian, k)]
+         sentences = [character(len=160) :: sentences, sentence(statistics, names, scale, &
+            jacobian, k)]
       end do
    end function undetermined
 
@@ -197,8 +207,10 @@ contains
       v = v/v(largest)
       if (count(abs(v) > 0.1_wp) == 1) then
          change = sum((jacobian(:, largest)*scale(largest))**2)
-         text = trim(names(largest))//' is not determined by this record: doubling it changes J by '// &
-            to_text(change)//' ('//percent(change/max(residual_sum(statistics), tiny(1.0_wp)))//' of J)'
+         text = trim(names(largest))// &
+            ' is not determined by this record: doubling it changes J by '// &
+            to_text(change)//' ('//percent(change/max(residual_sum(statistics), tiny(1.0_wp)))// &
+               ' of J)'
          return
       end if
       text = ''

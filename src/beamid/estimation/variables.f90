@@ -30,7 +30,8 @@ module beamid_variables
 
 contains
 
-   !> start         lower <= start <= upper. At a bound every smooth change of variable is stationary:
+   !> start         lower <= start <= upper. At a bound every smooth change of variable is
+   !>               stationary:
    !>               a search from there starts one per cent of `magnitude` (at most 1/1000 of the
    !>               interval) inside; component `start` tells where
    !> lower, upper  or -unbounded, unbounded

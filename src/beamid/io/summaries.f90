@@ -30,7 +30,8 @@ contains
       type(text_t) :: text
       integer :: k
 
-      call text%line(case%name//': identification from '//to_text(size(samples))//' samples, t = '// &
+      call text%line(case%name//': identification from '//to_text(size(samples))// &
+         ' samples, t = '// &
          to_text(samples(1))//' to '//to_text(samples(size(samples)))//label(case%units%time))
       call text%line('observed: '//observed(case))
       do k = 1, size(fits, 1)
@@ -103,7 +104,8 @@ contains
       call text%line(line//'  correlations')
       associate (s => fit%statistics, p => fit%fit%estimate)
          do k = 1, size(p)
-            line = left(trim(names(k)), 9)//right(to_text(p(k)), 13)//interval(fit, k, s%std_error(k), &
+            line = left(trim(names(k)), 9)//right(to_text(p(k)), 13)//interval(fit, k, &
+               s%std_error(k), &
                s%half_width(k))
             if (.not. fit%check%white) line = line//interval(fit, k, &
                s%corrected_error(k), s%corrected_half_width(k))
@@ -112,7 +114,8 @@ contains
             end do
             call text%line(line)
          end do
-         call text%line('singular values of the Jacobian per relative change:'//joined(s%singular)// &
+         call text%line('singular values of the Jacobian per relative change:'// &
+            joined(s%singular)// &
             '; condition number '//to_text(s%condition))
          sentences = undetermined(s, names, fit%scale, fit%fit%jacobian)
          do k = 1, size(sentences)
@@ -120,8 +123,10 @@ contains
          end do
          if (size(sentences) == 0) call text%line('every parameter is determined by this record')
       end associate
-      if (fit%fit%derivative_check(1) >= 0) call text%line('derivatives, exact against central differences: '// &
-         to_text(fit%fit%derivative_check(1))//' at the start, '//to_text(fit%fit%derivative_check(2))// &
+      if (fit%fit%derivative_check(1) >= 0) call text%line( &
+         'derivatives, exact against central differences: '// &
+         to_text(fit%fit%derivative_check(1))//' at the start, '// &
+            to_text(fit%fit%derivative_check(2))// &
          ' at the end')
       call add_residual_check(text, fit)
    end subroutine add_statistics
@@ -132,13 +137,16 @@ contains
       type(stage_fit_t), intent(in) :: fit
 
       associate (check => fit%check)
-         call text%line('residuals: autocorrelation at lag 1 '//to_text(check%autocorrelation(1))// &
+         call text%line('residuals: autocorrelation at lag 1 '// &
+            to_text(check%autocorrelation(1))// &
             ' (white: within '//to_text(check%band)//'), Ljung-Box '//to_text(check%ljung_box)// &
-            ' over '//to_text(size(check%autocorrelation))//' lags, probability '//to_text(check%probability))
+            ' over '//to_text(size(check%autocorrelation))//' lags, probability '// &
+               to_text(check%probability))
          if (check%white) then
             call text%line('residuals pass for white noise')
          else
-            call text%line('residuals are NOT white: as good as '//to_text(fit%statistics%effective)// &
+            call text%line('residuals are NOT white: as good as '// &
+               to_text(fit%statistics%effective)// &
                ' independent samples; the corrected errors allow for that')
          end if
       end associate
@@ -152,7 +160,8 @@ contains
       character(len=:), allocatable :: columns
 
       associate (p => fit%fit%estimate(k))
-         columns = right(to_text(std_error))//right(to_text(max(p - half_width, fit%lower(k))), 15)// &
+         columns = right(to_text(std_error))//right(to_text(max(p - half_width, fit%lower(k))), &
+            15)// &
             right(to_text(min(p + half_width, fit%upper(k))), 15)
       end associate
    end function interval
@@ -176,7 +185,8 @@ contains
 
       line = to_text(work%solves)//' responses'
       if (work%steps > 0) line = line//', '//to_text(work%steps)//' steps, '// &
-         to_text(work%evaluations)//' right-hand sides, '//to_text(work%factorizations)//' factorizations'
+         to_text(work%evaluations)//' right-hand sides, '//to_text(work%factorizations)// &
+            ' factorizations'
    end function effort
 
    !> Which formula turns the response into accelerations.
@@ -200,7 +210,8 @@ contains
       integer :: k
 
       associate (t => simulations(1)%response%t)
-         call text%line(case%name//': response at '//to_text(size(t))//' times, t = '//to_text(t(1))// &
+         call text%line(case%name//': response at '//to_text(size(t))//' times, t = '// &
+            to_text(t(1))// &
             ' to '//to_text(t(size(t)))//label(case%units%time))
       end associate
       call text%line('observed: '//observed(case))
@@ -212,7 +223,8 @@ contains
          associate (s => simulations(k))
             call text%line(right(to_text(case%meshes(k)%elements), 5)// &
                right(to_text(maxval(abs(s%response%displacement))))// &
-               right(to_text(maxval(abs(s%response%velocity))))//right(to_text(maxval(abs(s%acceleration)))))
+               right(to_text(maxval(abs(s%response%velocity))))// &
+                  right(to_text(maxval(abs(s%acceleration)))))
             call text%line('       '//effort(s%work))
          end associate
       end do
@@ -234,9 +246,11 @@ contains
       real(wp), parameter :: pi = acos(-1.0_wp)
       integer :: k
 
-      call text%line('N = '//to_text(elements)//': '//to_text(size(omega))//' modes, the lowest '// &
+      call text%line('N = '//to_text(elements)//': '//to_text(size(omega))// &
+         ' modes, the lowest '// &
          to_text(min(shown, size(omega))))
-      call text%line(' mode  undamped '//frequency_unit(case)//'    |s|/2 pi '//frequency_unit(case)// &
+      call text%line(' mode  undamped '//frequency_unit(case)//'    |s|/2 pi '// &
+         frequency_unit(case)// &
          '   damping ratio        Re s         Im s')
       do k = 1, min(shown, size(roots))
          line = right(to_text(k), 5)//right(merge(fixed(omega(min(k, size(omega)))/(2*pi), 14, 6), &
@@ -244,7 +258,8 @@ contains
          line = line//right(fixed(abs(roots(k))/(2*pi), 14, 6), 18)
          line = line//right(to_text(merge(-real(roots(k))/abs(roots(k)), 0.0_wp, abs(roots(k)) > 0 &
             .and. abs(real(roots(k))) > 0)), 16)
-         call text%line(line//right(to_text(real(roots(k))), 13)//right(to_text(aimag(roots(k))), 13))
+         call text%line(line//right(to_text(real(roots(k))), 13)//right(to_text(aimag(roots(k))), &
+            13))
       end do
    end subroutine modes_summary
 

@@ -18,10 +18,12 @@ module beamid_tables
       'stage,elements,parameter,unit,start,estimate,std_error,lower95,upper95,determined,'// &
       'std_error_corrected,lower95_corrected,upper95_corrected'
    character(len=*), parameter :: fit_header = 'elements,t,measured,model,residual'
-   character(len=*), parameter :: response_header = 'elements,t,force,displacement,velocity,acceleration'
+   character(len=*), &
+      parameter :: response_header = 'elements,t,force,displacement,velocity,acceleration'
    character(len=*), parameter :: correlations_header = 'stage,elements,parameter,other,correlation'
    character(len=*), parameter :: autocorrelation_header = 'elements,lag,autocorrelation,band95'
-   character(len=*), parameter :: modes_header = 'elements,mode,frequency_hz,damping_ratio,real,imag'
+   character(len=*), &
+      parameter :: modes_header = 'elements,mode,frequency_hz,damping_ratio,real,imag'
 
 contains
 
@@ -38,9 +40,11 @@ contains
          line = first//trim(free_names(fit%free(k)))//','//units%of_parameter(fit%free(k))// &
             ','//full(fit%fit%start(k))//','//full(fit%fit%estimate(k))
          if (fit%statistics%samples > 0) then
-            line = line//','//interval(fit, k, fit%statistics%std_error(k), fit%statistics%half_width(k))// &
+            line = line//','//interval(fit, k, fit%statistics%std_error(k), &
+               fit%statistics%half_width(k))// &
                ','//trim(merge('yes', 'no ', fit%statistics%determined(k)))// &
-               ','//interval(fit, k, fit%statistics%corrected_error(k), fit%statistics%corrected_half_width(k))
+               ','//interval(fit, k, fit%statistics%corrected_error(k), &
+                  fit%statistics%corrected_half_width(k))
          else
             line = line//repeat(',', 7)
          end if
@@ -85,7 +89,8 @@ contains
       integer :: k
 
       do k = 1, size(fit%check%autocorrelation)
-         call text%line(to_text(fit%elements)//','//row(k, [fit%check%autocorrelation(k), fit%check%band]))
+         call text%line(to_text(fit%elements)//','//row(k, [fit%check%autocorrelation(k), &
+            fit%check%band]))
       end do
    end subroutine add_autocorrelation
 

@@ -8,7 +8,8 @@ module beamid_excitation
 
    public :: excitation_t, new_pulse, new_force_table
 
-   !> f is linear between its nodes and zero outside [first node, last node]; it may jump at these two.
+   !> f is linear between its nodes and zero outside [first node, last node]; it may jump at these
+   !> two.
    type :: excitation_t
       real(wp), allocatable :: t(:)      !< nodes, >= 0, strictly increasing [time]
       real(wp), allocatable :: f(:)      !< force at the nodes, amplitude*shape [force]

@@ -1,4 +1,5 @@
-!> Everything that a fit may free, by name: the parameters of the structure and the force's amplitude.
+!> Everything that a fit may free, by name: the parameters of the structure and the force's
+!> amplitude.
 module beamid_parameters
    use beamid_excitation, only: excitation_t
    use beamid_kinds, only: wp
@@ -7,7 +8,8 @@ module beamid_parameters
    implicit none
    private
 
-   public :: free_names, free_index, get_free, set_free, free_magnitude, may_be_negative, belongs_to_hose
+   public :: free_names, free_index, get_free, set_free, free_magnitude, may_be_negative, &
+      belongs_to_hose
    public :: amplitude
 
    !> Names as they are printed; the first ones are those of `structure_t`.

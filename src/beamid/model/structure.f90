@@ -1,5 +1,6 @@
-!> The structure of Figure 2.3: a clamped beam with Kelvin-Voigt damping, a tip mass, and a hose that
-!> acts as a mass on a dashpot and a spring at the tip; q = (m_T, E, c_D, m_H, c_H, k_H) of Section 2.
+!> The structure of Figure 2.3: a clamped beam with Kelvin-Voigt damping, a tip mass, and a hose
+!> that acts as a mass on a dashpot and a spring at the tip; q = (m_T, E, c_D, m_H, c_H, k_H) of
+!> Section 2.
 module beamid_structure
    use beamid_errors, only: error_t, bad_input
    use beamid_kinds, only: wp
@@ -135,6 +136,10 @@ contains
          call not_negative('m_H', s%m_H)
          call not_negative('c_H', s%c_H)
          call not_negative('k_H', s%k_H)
+         ! Each is in range, but the whole may be out of what numbers can hold.
+         if (.not. allocated(error) .and. .not. (s%omega() > 0 .and. s%omega() < huge(1.0_wp))) &
+            call bad_input(error, 'E: found a structure whose first frequency is '// &
+                           to_text(s%omega())//', expected a finite one above 0')
       end associate
 
    contains

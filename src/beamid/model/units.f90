@@ -1,4 +1,5 @@
-!> Labels of units. The program never converts: any consistent set is right, labels are for the reader.
+!> Labels of units. The program never converts: any consistent set is right, labels are for the
+!> reader.
 module beamid_units
    use beamid_parameters, only: free_names
    implicit none
@@ -58,7 +59,8 @@ contains
       character(len=:), allocatable :: unit
 
       unit = ''
-      if (allocated(self%length)) unit = joined(power(self%length, '^2'), '', power(self%time, '^4'))
+      if (allocated(self%length)) unit = joined(power(self%length, '^2'), '', power(self%time, &
+         '^4'))
    end function sum_of_squares
 
    pure function power(label, exponent) result(unit)

@@ -1,0 +1,42 @@
+!> What a case file may hold: the table of groups and keys.
+module beamid_vocabulary
+   use beamid_namelist, only: group, group_t, integer_key, real_key, string_key
+   use beamid_parameters, only: free_names
+   implicit none
+   private
+
+   public :: case_vocabulary, max_list
+
+   !> The longest list of numbers of elements.
+   integer, parameter :: max_list = 50
+
+contains
+
+   !> Groups and keys of a case file.
+   function case_vocabulary() result(groups)
+      type(group_t), allocatable :: groups(:)
+
+      groups = [ &
+         group('beam', [real_key('length'), real_key('rho'), real_key('E'), real_key('I'), &
+                        real_key('width'), real_key('height'), real_key('c_D')], required=.true.), &
+         group('tip', [real_key('m_T')]), &
+         group('hose', [real_key('m_H'), real_key('c_H'), real_key('k_H')]), &
+         group('excitation', [string_key('kind'), real_key('amplitude'), real_key('duration'), &
+                              string_key('file'), string_key('load'), real_key('power')]), &
+         group('discretization', [integer_key('degree'), integer_key('elements', max_list), &
+                                  integer_key('gauss_points'), integer_key('panels')]), &
+         group('integrator', [string_key('method'), real_key('rtol'), real_key('atol'), &
+                              integer_key('max_order'), integer_key('max_steps')]), &
+         group('observation', [string_key('formula'), real_key('delta')]), &
+         group('record', [string_key('file'), real_key('t_first'), real_key('t_last'), &
+                          real_key('t_step')]), &
+         group('stage', [string_key('free', size(free_names)), &
+                         real_key('start', size(free_names)), &
+                         real_key('lower', size(free_names)), &
+                         real_key('upper', size(free_names))], may_repeat=.true.), &
+         group('noise', [real_key('sd'), integer_key('seed')]), &
+         group('units', [string_key('length'), string_key('force'), string_key('time'), &
+                         string_key('mass')])]
+   end function case_vocabulary
+
+end module beamid_vocabulary
