@@ -16,14 +16,12 @@ module beamid_cvode
    use beamid_responses, only: response_t, solver_t, work_t
    use beamid_strings, only: to_text
    use fcvode_mod, only: CV_BDF, CV_ONE_STEP, FCVode, FCVodeCreate, FCVodeFree, &
-      FCVodeGetCurrentGamma, &
-      FCVodeGetDky, FCVodeInit, FCVodeReInit, FCVodeSetErrHandlerFn, FCVodeSetLinearSolver, &
+      FCVodeGetCurrentGamma, FCVodeGetDky, FCVodeInit, FCVodeReInit, FCVodeSetErrHandlerFn, &
       FCVodeSetMaxOrd, FCVodeSetStabLimDet, FCVodeSetStopTime, FCVodeSetUserData, FCVodeSVtolerances
    use fnvector_serial_mod, only: FN_VMake_Serial
    use fsundials_context_mod, only: FSUNContext_Create, FSUNContext_Free
    use fsundials_linearsolver_mod, only: FSUNLinSolFreeEmpty, FSUNLinSolNewEmpty, SUNLinearSolver, &
       SUNLinearSolver_Ops, SUNLINEARSOLVER_MATRIX_EMBEDDED
-   use fsundials_matrix_mod, only: SUNMatrix
    use fsundials_nvector_mod, only: FN_VDestroy, N_Vector
    implicit none
    private
@@ -61,6 +59,12 @@ module beamid_cvode
          type(c_ptr), value :: vector
          type(c_ptr) :: data
       end function vector_data
+      !> CVodeSetLinearSolver (cvode_ls.h), which the Fortran module cannot be given a null matrix.
+      integer(c_int) function set_linear_solver(memory, solver, matrix) &
+         bind(c, name='CVodeSetLinearSolver')
+         import :: c_int, c_ptr
+         type(c_ptr), value :: memory, solver, matrix
+      end function set_linear_solver
    end interface
 
 contains
@@ -224,7 +228,7 @@ contains
          'CVodeSVtolerances')
       call then_check(FCVodeSetMaxOrd(session%memory, int(self%max_order, c_int)), 'CVodeSetMaxOrd')
       call then_check(FCVodeSetStabLimDet(session%memory, 1_c_int), 'CVodeSetStabLimDet')
-      call then_check(FCVodeSetLinearSolver(session%memory, session%linear, no_matrix()), &
+      call then_check(set_linear_solver(session%memory, c_loc(session%linear), c_null_ptr), &
          'CVodeSetLinearSolver')
 
    contains
@@ -235,12 +239,6 @@ contains
 
          if (.not. allocated(error)) call check(session, flag, call_name, error)
       end subroutine then_check
-
-      function no_matrix() result(matrix)
-         type(SUNMatrix), pointer :: matrix
-
-         matrix => null()
-      end function no_matrix
 
    end subroutine open_session
 

@@ -55,7 +55,7 @@ contains
    pure real(wp) function noise(self)
       class(modal_t), intent(in) :: self
 
-      noise = 0*size(self%mu)
+      noise = merge(0.0_wp, huge(noise), same_type_as(self, self))
    end function noise
 
    pure logical function is_exact(self)

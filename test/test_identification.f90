@@ -1,0 +1,196 @@
+!> Parameters come back from records that the model itself made.
+program test_identification
+   use beamid_cvode, only: cvode_t
+   use beamid_errors, only: error_t, status_failed
+   use beamid_excitation, only: new_pulse
+   use beamid_galerkin, only: mesh_t
+   use beamid_identification, only: identify, identify_meshes, model_t, simulate, simulation_t, &
+      stage_fit_t, stage_t
+   use beamid_kinds, only: ip, wp
+   use beamid_observation, only: observation_t
+   use beamid_strings, only: to_text
+   use beamid_structure, only: parameter_index, structure_t
+   use beamid_variables, only: unbounded
+   use checks, only: check, check_close, finish
+   implicit none
+
+   type(structure_t), parameter :: truth = structure_t(length=4, rho=0.03_wp, E=80, I=1, &
+      c_D=0.05_wp, m_T=0.15_wp, m_H=0.04_wp, c_H=0.01_wp, k_H=0.3_wp)
+   type(mesh_t), parameter :: mesh = mesh_t(3, 2, 4, 1)
+   integer :: k
+   real(wp), parameter :: samples(30) = [(0.1_wp*k, k=1, 30)]
+
+   call test_recovery(1)
+   call test_recovery(2)
+   call test_recovery(3)
+   call test_stages()
+   call test_meshes()
+   call test_refused()
+   call finish('identification')
+
+contains
+
+   type(model_t) function model_of(formula, rtol)
+      integer, intent(in) :: formula
+      real(wp), intent(in) :: rtol
+
+      model_of%structure = truth
+      model_of%excitation = new_pulse(1.0_wp, 0.05_wp)
+      model_of%observation = observation_t(formula, 0.1_wp)
+      model_of%solver = cvode_t(rtol=rtol)
+   end function model_of
+
+   !> All of `names` free, from the given starts, positive.
+   type(stage_t) function stage_of(names, start)
+      character(len=*), intent(in) :: names(:)
+      real(wp), intent(in), optional :: start(:)
+      integer :: i
+
+      stage_of%free = [(parameter_index(names(i)), i=1, size(names))]
+      if (present(start)) stage_of%start = start
+      stage_of%lower = spread(0.0_wp, 1, size(names))
+      stage_of%upper = spread(unbounded, 1, size(names))
+   end function stage_of
+
+   subroutine record_of(model, measured)
+      type(model_t), intent(in) :: model
+      real(wp), allocatable, intent(out) :: measured(:)
+      type(simulation_t) :: simulation
+      type(error_t), allocatable :: error
+
+      call simulate(model, mesh, samples, simulation, error)
+      call check('record simulated', .not. allocated(error))
+      measured = simulation%acceleration
+   end subroutine record_of
+
+   !> Same model, same mesh, same integrator: J = 0 at the truth, and a search that ends where J, or
+   !> the step, is at the level of the integrator's noise. That is 1e-9 of each response; what it
+   !> does to a parameter is worse by the condition of the problem, some hundred: 1e-6 is asked for.
+   subroutine test_recovery(formula)
+      integer, intent(in) :: formula
+      type(model_t) :: model
+      type(stage_fit_t), allocatable :: fits(:)
+      type(error_t), allocatable :: error
+      real(wp), allocatable :: measured(:)
+      character(len=*), parameter :: names(3) = ['m_H', 'c_H', 'k_H']
+      real(wp), parameter :: exact(3) = [truth%m_H, truth%c_H, truth%k_H]
+      integer :: i
+
+      model = model_of(formula, 1e-9_wp)
+      call record_of(model, measured)
+      call identify(model, mesh, [stage_of(names, exact*[0.8_wp, 1.2_wp, 1.2_wp])], samples, &
+         measured, fits, error)
+      if (allocated(error)) then
+         call check('formula '//to_text(formula)//': converges', .false., error%message)
+         return
+      end if
+      do i = 1, 3
+         call check_close('formula '//to_text(formula)//': '//names(i), &
+            fits(1)%fit%estimate(i)/exact(i), 1.0_wp, 1e-6_wp)
+         call check_close('formula '//to_text(formula)//': start of '//names(i), &
+            fits(1)%fit%start(i)/exact(i), merge(0.8_wp, 1.2_wp, i == 1), 1e-12_wp)
+         call check_close('formula '//to_text(formula)//': '//names(i)//' is in the structure', &
+            fits(1)%structure%get(parameter_index(names(i))), fits(1)%fit%estimate(i), 0.0_wp)
+      end do
+      ! (1e-6)^2 of the sum of squares of the record.
+      call check_close('formula '//to_text(formula)//': J', fits(1)%fit%J/sum(measured**2), &
+         0.0_wp, 1e-12_wp)
+      ! Parameters not free stay as they are; the work of the search is counted.
+      call check('formula '//to_text(formula)//': others untouched', &
+         abs(fits(1)%structure%c_D - truth%c_D) <= 0 .and. abs(fits(1)%structure%E - truth%E) <= 0)
+      call check('formula '//to_text(formula)//': counts', fits(1)%stage == 1 .and. &
+         fits(1)%elements == mesh%elements .and. &
+         fits(1)%work%solves >= fits(1)%fit%evaluations .and. &
+         fits(1)%work%steps > fits(1)%work%solves, to_text(fits(1)%work%solves)//' responses')
+   end subroutine test_recovery
+
+   !> The second stage starts where the first ended, for parameters with and without starts of their
+   !> own; the first alone cannot fit, since c_H is 20 per cent off and held.
+   subroutine test_stages()
+      type(model_t) :: model
+      type(stage_t) :: stages(2)
+      type(stage_fit_t), allocatable :: fits(:)
+      type(error_t), allocatable :: error
+      real(wp), allocatable :: measured(:)
+
+      model = model_of(1, 1e-9_wp)
+      call record_of(model, measured)
+      model%structure%c_H = 1.2_wp*truth%c_H
+      stages(1) = stage_of(['m_H', 'k_H'], [0.8_wp*truth%m_H, 1.2_wp*truth%k_H])
+      stages(2) = stage_of(['k_H', 'm_H', 'c_H'])
+      call identify(model, mesh, stages, samples, measured, fits, error)
+      if (allocated(error)) then
+         call check('two stages: converge', .false., error%message)
+         return
+      end if
+      ! A start goes through the change of variable and back: round-off.
+      call check_close('two stages: k_H from the first', fits(2)%fit%start(1), &
+         fits(1)%fit%estimate(2), 1e-14_wp)
+      call check_close('two stages: m_H from the first', fits(2)%fit%start(2), &
+         fits(1)%fit%estimate(1), 1e-14_wp)
+      call check_close('two stages: c_H from the case', fits(2)%fit%start(3), 1.2_wp*truth%c_H, &
+         1e-14_wp)
+      call check('two stages: the first could not fit', fits(1)%fit%J > 1e-6_wp, &
+         to_text(fits(1)%fit%J)//' and '//to_text(fits(2)%fit%J))
+      ! As in test_recovery.
+      call check_close('two stages: k_H', fits(2)%fit%estimate(1)/truth%k_H, 1.0_wp, 1e-6_wp)
+      call check_close('two stages: m_H', fits(2)%fit%estimate(2)/truth%m_H, 1.0_wp, 1e-6_wp)
+      call check_close('two stages: c_H', fits(2)%fit%estimate(3)/truth%c_H, 1.0_wp, 1e-6_wp)
+   end subroutine test_stages
+
+   !> Several meshes at once are what each would be alone, bit for bit.
+   subroutine test_meshes()
+      type(mesh_t), parameter :: meshes(3) = [mesh_t(3, 1, 4, 1), mesh, mesh_t(5, 2, 6, 1)]
+      type(model_t) :: model
+      type(stage_t) :: stage
+      type(stage_fit_t), allocatable :: fits(:, :), alone(:)
+      type(error_t), allocatable :: error
+      real(wp), allocatable :: measured(:)
+      integer :: m
+
+      model = model_of(1, 1e-7_wp)
+      call record_of(model, measured)
+      stage = stage_of(['m_H', 'k_H'], [0.8_wp*truth%m_H, 1.2_wp*truth%k_H])
+      call identify_meshes(model, meshes, [stage], samples, measured, fits, error)
+      call check('several meshes: converge', .not. allocated(error))
+      if (allocated(error)) return
+      do m = 1, size(meshes)
+         call identify(model, meshes(m), [stage], samples, measured, alone, error)
+         call check_close('several meshes: '//to_text(meshes(m)%elements)//' of degree '// &
+            to_text(meshes(m)%degree), maxval(abs(fits(1, m)%fit%estimate &
+            - alone(1)%fit%estimate)), 0.0_wp, 0.0_wp)
+      end do
+   end subroutine test_meshes
+
+   !> Fewer samples than parameters; an integrator that gives up: which mesh, which stage, and why.
+   subroutine test_refused()
+      type(model_t) :: model
+      type(stage_t) :: stage
+      type(stage_fit_t), allocatable :: fits(:)
+      type(error_t), allocatable :: error
+
+      model = model_of(1, 1e-7_wp)
+      stage = stage_of(['m_H', 'k_H'])
+      call identify(model, mesh, [stage], samples(:1), [0.1_wp], fits, error)
+      call refused('one sample, two parameters', error, 'elements = 2, stage 1: ', &
+         '1 residuals for 2')
+      deallocate (model%solver)
+      model%solver = cvode_t(max_steps=20_ip)
+      call identify(model, mesh, [stage], samples, 0*samples, fits, error)
+      call refused('an integrator that gives up', error, 'elements = 2, stage 1: ', &
+         'max_steps = 20')
+   end subroutine test_refused
+
+   subroutine refused(name, error, first, words)
+      character(len=*), intent(in) :: name, first, words
+      type(error_t), allocatable, intent(in) :: error
+
+      if (.not. allocated(error)) then
+         call check(name, .false., 'no error')
+      else
+         call check(name, error%status == status_failed .and. &
+            index(error%message, first) == 1 .and. index(error%message, words) > 0, error%message)
+      end if
+   end subroutine refused
+
+end program test_identification

@@ -1,0 +1,388 @@
+!> Least-squares problems with certified answers, and problems that fail in every way they can.
+module problems
+   use, intrinsic :: ieee_arithmetic, only: ieee_positive_inf, ieee_quiet_nan, ieee_value
+   use beamid_errors, only: error_t, failure
+   use beamid_kinds, only: wp
+   use beamid, only: monitor_t, problem_t
+   implicit none
+   private
+
+   public :: nist_t, rosenbrock_t, line_t, history_t
+
+   !> NIST StRD nonlinear regression.
+   type, extends(problem_t) :: nist_t
+      character(len=7) :: name = ''
+      real(wp), allocatable :: x(:), y(:)
+   contains
+      procedure :: residuals => nist_residuals
+   end type nist_t
+
+   !> 10 (b - a^2), 1 - a; b outside [least, largest] cannot be computed, in one of three ways.
+   type, extends(problem_t) :: rosenbrock_t
+      real(wp) :: least = -huge(1.0_wp), largest = huge(1.0_wp)
+      integer :: how = 1            !< 1: an error; 2: NaN; 3: infinite
+      integer :: refusals = 0
+   contains
+      procedure :: residuals => rosenbrock_residuals
+   end type rosenbrock_t
+
+   !> parameters - target, one residual each: the minimum is the target, or the nearest bound.
+   type, extends(problem_t) :: line_t
+      real(wp), allocatable :: target(:)
+   contains
+      procedure :: residuals => line_residuals
+   end type line_t
+
+   !> Writes down what a search reports.
+   type, extends(monitor_t) :: history_t
+      integer :: count = 0
+      logical :: numbered = .true., named = .true.
+      real(wp) :: J(1000) = 0
+      real(wp), allocatable :: last(:)
+   contains
+      procedure :: iteration
+   end type history_t
+
+contains
+
+   subroutine nist_residuals(self, parameters, r, error)
+      class(nist_t), intent(inout) :: self
+      real(wp), intent(in) :: parameters(:)
+      real(wp), intent(out) :: r(:)
+      type(error_t), allocatable, intent(out) :: error
+
+      if (size(r) /= size(self%y)) call failure(error, 'wrong number of residuals')
+      associate (b => parameters, x => self%x)
+         select case (self%name)
+         case ('MGH09')
+            r = b(1)*(x**2 + b(2)*x)/(x**2 + b(3)*x + b(4)) - self%y
+         case default
+            r = b(1)*(1 - exp(-b(2)*x)) - self%y
+         end select
+      end associate
+   end subroutine nist_residuals
+
+   subroutine rosenbrock_residuals(self, parameters, r, error)
+      class(rosenbrock_t), intent(inout) :: self
+      real(wp), intent(in) :: parameters(:)
+      real(wp), intent(out) :: r(:)
+      type(error_t), allocatable, intent(out) :: error
+
+      r = [10*(parameters(2) - parameters(1)**2), 1 - parameters(1)]
+      if (parameters(2) >= self%least .and. parameters(2) <= self%largest) return
+      self%refusals = self%refusals + 1
+      select case (self%how)
+      case (1); call failure(error, 'no model outside the limits')
+      case (2); r(2) = ieee_value(1.0_wp, ieee_quiet_nan)
+      case (3); r(1) = ieee_value(1.0_wp, ieee_positive_inf)
+      end select
+   end subroutine rosenbrock_residuals
+
+   subroutine line_residuals(self, parameters, r, error)
+      class(line_t), intent(inout) :: self
+      real(wp), intent(in) :: parameters(:)
+      real(wp), intent(out) :: r(:)
+      type(error_t), allocatable, intent(out) :: error
+
+      r = parameters - self%target
+      if (size(r) == 0) call failure(error, 'no residuals')
+   end subroutine line_residuals
+
+   subroutine iteration(self, label, number, evaluations, J, names, parameters)
+      class(history_t), intent(inout) :: self
+      character(len=*), intent(in) :: label, names(:)
+      integer, intent(in) :: number, evaluations
+      real(wp), intent(in) :: J, parameters(:)
+
+      self%numbered = self%numbered .and. number == self%count .and. evaluations > 0
+      self%named = self%named .and. label == 'a label' .and. all(names == ['a', 'b'])
+      self%count = self%count + 1
+      self%J(self%count) = J
+      self%last = parameters
+   end subroutine iteration
+
+end module problems
+
+program test_least_squares
+   use beamid_errors, only: error_t, status_failed
+   use beamid_kinds, only: wp
+   use beamid, only: fit, fit_t, options_t
+   use beamid_strings, only: to_text
+   use beamid_variables, only: new_variable, unbounded, variable_t
+   use checks, only: check, check_close, finish
+   use problems, only: history_t, line_t, nist_t, rosenbrock_t
+   implicit none
+
+   !> NIST StRD, public data and certified values.
+   real(wp), parameter :: misra_y(14) = [10.07_wp, 14.73_wp, 17.94_wp, 23.93_wp, 29.61_wp, &
+      35.18_wp, 40.02_wp, 44.82_wp, 50.76_wp, 55.05_wp, 61.01_wp, 66.40_wp, 75.47_wp, 81.78_wp], &
+      misra_x(14) = [77.6_wp, 114.9_wp, 141.1_wp, 190.8_wp, 239.9_wp, 289.0_wp, 332.8_wp, &
+      378.4_wp, 434.8_wp, 477.3_wp, 536.8_wp, 593.1_wp, 689.1_wp, 760.0_wp], &
+      misra_b(2) = [2.3894212918e+02_wp, 5.5015643181e-04_wp], misra_rss = 1.2455138894e-01_wp
+   real(wp), parameter :: mgh_y(11) = [0.1957_wp, 0.1947_wp, 0.1735_wp, 0.1600_wp, 0.0844_wp, &
+      0.0627_wp, 0.0456_wp, 0.0342_wp, 0.0323_wp, 0.0235_wp, 0.0246_wp], &
+      mgh_x(11) = [4.0_wp, 2.0_wp, 1.0_wp, 0.5_wp, 0.25_wp, 0.167_wp, 0.125_wp, 0.1_wp, 0.0833_wp, &
+      0.0714_wp, 0.0625_wp], &
+      mgh_b(4) = [1.9280693458e-01_wp, 1.9128232873e-01_wp, 1.2305650693e-01_wp, &
+      1.3606233068e-01_wp], mgh_rss = 3.0750560385e-04_wp
+   real(wp), parameter :: box_y(6) = [109.0_wp, 149.0_wp, 149.0_wp, 191.0_wp, 213.0_wp, 224.0_wp], &
+      box_x(6) = [1.0_wp, 2.0_wp, 3.0_wp, 5.0_wp, 7.0_wp, 10.0_wp], &
+      box_b(2) = [2.1380940889e+02_wp, 5.4723748542e-01_wp], box_rss = 1.1680088766e+03_wp
+
+   call test_nist()
+   call test_box_trap()
+   call test_monitor()
+   call test_forbidden()
+   call test_never()
+   call test_bounds()
+   call test_limits()
+   call finish('least_squares')
+
+contains
+
+   !> Variables from starts without bounds, or with every parameter positive.
+   function variables(starts, positive) result(v)
+      real(wp), intent(in) :: starts(:)
+      logical, intent(in) :: positive
+      type(variable_t) :: v(size(starts))
+      integer :: k
+
+      v = [(new_variable(starts(k), merge(0.0_wp, -unbounded, positive), unbounded, &
+         max(abs(starts(k)), 0.1_wp)), k=1, size(starts))]
+   end function variables
+
+   !> With options%tolerance = 1e-10, the default, J may end that much above its minimum,
+   !> relatively: the parameters are then off by sqrt((m - n) 1e-10) standard deviations or less,
+   !> 3e-5 for MGH09, whose standard deviations are as large as its parameters; 2e-6 and less for
+   !> the others, of which they are 1 and 20 per cent. With 1e-14 it is six digits for all.
+   subroutine test_nist()
+      real(wp), parameter :: default = 1e-10_wp, tight = 1e-14_wp
+      integer :: k
+
+      do k = 0, 1
+         associate (positive => k == 1)
+            call nist('Misra1a', misra_x, misra_y, [500.0_wp, 1e-4_wp], misra_b, misra_rss, &
+               positive, default, 1e-6_wp)
+            call nist('Misra1a', misra_x, misra_y, [250.0_wp, 5e-4_wp], misra_b, misra_rss, &
+               positive, default, 1e-6_wp)
+            call nist('Misra1a', misra_x, misra_y, [500.0_wp, 1e-4_wp], misra_b, misra_rss, &
+               positive, tight, 1e-7_wp)
+            call nist('MGH09', mgh_x, mgh_y, [0.25_wp, 0.39_wp, 0.415_wp, 0.39_wp], mgh_b, &
+               mgh_rss, positive, default, 3e-5_wp)
+            call nist('MGH09', mgh_x, mgh_y, [0.25_wp, 0.39_wp, 0.415_wp, 0.39_wp], mgh_b, &
+               mgh_rss, positive, tight, 1e-6_wp)
+            call nist('BoxBOD', box_x, box_y, [100.0_wp, 0.75_wp], box_b, box_rss, positive, &
+               default, 5e-6_wp)
+            call nist('BoxBOD', box_x, box_y, [100.0_wp, 0.75_wp], box_b, box_rss, positive, &
+               tight, 1e-6_wp)
+         end associate
+      end do
+      call nist('MGH09', mgh_x, mgh_y, [25.0_wp, 39.0_wp, 41.5_wp, 39.0_wp], mgh_b, mgh_rss, &
+         .false., default, 3e-5_wp)
+      call nist('MGH09', mgh_x, mgh_y, [25.0_wp, 39.0_wp, 41.5_wp, 39.0_wp], mgh_b, mgh_rss, &
+         .false., tight, 1e-6_wp)
+   end subroutine test_nist
+
+   !> Parameters to `allowed`, relative; J, stationary at the minimum, is certified to 11 digits and
+   !> must be right to 1e-10 of the fit's tolerance twice over.
+   subroutine nist(name, x, y, starts, certified, rss, positive, tolerance, allowed)
+      character(len=*), intent(in) :: name
+      real(wp), intent(in) :: x(:), y(:), starts(:), certified(:), rss, tolerance, allowed
+      logical, intent(in) :: positive
+      type(nist_t) :: problem
+      type(fit_t) :: result
+      type(error_t), allocatable :: error
+      character(len=:), allocatable :: title
+      integer :: k
+
+      title = name//' from '//to_text(starts(1))
+      if (positive) title = title//', positive'
+      title = title//', tolerance '//to_text(tolerance)//': '
+      problem = nist_t(name, x, y)
+      call fit(problem, size(y), variables(starts, positive), options_t(tolerance=tolerance), &
+         result, error)
+      if (allocated(error)) then
+         call check(title//'converges', .false., error%message)
+         return
+      end if
+      do k = 1, size(certified)
+         call check_close(title//'b'//to_text(k), result%estimate(k)/certified(k), 1.0_wp, allowed)
+      end do
+      call check_close(title//'J', result%J/rss, 1.0_wp, 2e-10_wp)
+      ! A fit reports the residuals of its estimate, and nothing else.
+      call check_close(title//'J is the sum of squares', result%J, sum(result%residual**2), &
+         1e-12_wp*rss)
+      ! z = 1 gives back the start to round-off.
+      call check_close(title//'start', maxval(abs(result%start/starts - 1)), 0.0_wp, 1e-12_wp)
+      call check(title//'counts', result%iterations > 1 .and. &
+         result%evaluations > result%iterations .and. result%shortened == 0 .and. &
+         len(result%reason) > 0, result%reason)
+   end subroutine nist
+
+   !> BoxBOD from (1, 1) is NIST's trap: MINPACK takes a step to where exp(-b2 x) = 0, no derivative
+   !> with respect to b2 is left, and it stops with a success code at the mean of the data, J =
+   !> 9771. What `fit` can say is what it does say: no error, and J, which is 8 times the certified
+   !> one.
+   subroutine test_box_trap()
+      type(nist_t) :: problem
+      type(fit_t) :: result
+      type(error_t), allocatable :: error
+      real(wp) :: mean
+
+      problem = nist_t('BoxBOD', box_x, box_y)
+      call fit(problem, size(box_y), variables([1.0_wp, 1.0_wp], .false.), options_t(), result, &
+         error)
+      call check('BoxBOD from (1, 1): a success code', .not. allocated(error))
+      if (allocated(error)) return
+      mean = sum(box_y)/size(box_y)
+      ! A linear problem in b1, solved to the tolerance of the fit, 1e-10, or better.
+      call check_close('BoxBOD from (1, 1): b1 is the mean of the data', result%estimate(1), mean, &
+         1e-6_wp*mean)
+      call check_close('BoxBOD from (1, 1): J is that of the mean', result%J, &
+         sum((box_y - mean)**2), 1e-9_wp*result%J)
+      call check('BoxBOD from (1, 1): b2 has lost its effect', result%estimate(2) > 20, &
+         'b2 = '//to_text(result%estimate(2))//', J = '//to_text(result%J)//', certified '// &
+         to_text(box_rss)//'; '//result%reason)
+   end subroutine test_box_trap
+
+   !> J never rises from one iteration to the next; the last report is the result.
+   subroutine test_monitor()
+      type(rosenbrock_t) :: problem
+      type(history_t) :: history
+      type(fit_t) :: result
+      type(error_t), allocatable :: error
+
+      call fit(problem, 2, variables([-1.2_wp, 1.0_wp], .false.), options_t(), result, error, &
+         history, 'a label', ['a', 'b'])
+      call check('monitor: converges', .not. allocated(error))
+      if (allocated(error)) return
+      ! J = 0 is reached at least to the square of the tolerance in the parameters.
+      call check_close('monitor: minimum of Rosenbrock''s function', &
+         maxval(abs(result%estimate - 1)), 0.0_wp, 1e-7_wp)
+      associate (J => history%J(:history%count))
+         call check('monitor: J does not rise', all(J(2:) <= J(:size(J) - 1)), &
+            to_text(history%count)//' reports from '//to_text(J(1))//' to '//to_text(J(size(J))))
+         ! J(-1.2, 1) = (10*(1 - 1.44))^2 + 2.2^2 = 24.2.
+         call check_close('monitor: J at the start', J(1), 24.2_wp, 1e-13_wp)
+         call check('monitor: more than the start', size(J) > 5)
+         call check_close('monitor: last J', J(size(J)), result%J, 1e-12_wp)
+      end associate
+      call check('monitor: numbers and names', history%numbered .and. history%named .and. &
+         history%count == result%iterations)
+      call check_close('monitor: last parameters', maxval(abs(history%last - result%estimate)), &
+         0.0_wp, 1e-7_wp)
+   end subroutine test_monitor
+
+   !> From (-1.2, 1) the first full step leads to b = 2 a - a^2 = -3.84. When the model cannot be
+   !> computed below -1, steps are made shorter, and the minimum (1, 1) is found all the same.
+   subroutine test_forbidden()
+      character(len=*), parameter :: how(3) = [character(len=8) :: 'error', 'NaN', 'infinite']
+      type(rosenbrock_t) :: problem
+      type(fit_t) :: result
+      type(error_t), allocatable :: error
+      integer :: k
+
+      do k = 1, 3
+         problem = rosenbrock_t(least=-1.0_wp, how=k)
+         call fit(problem, 2, variables([-1.2_wp, 1.0_wp], .false.), options_t(), result, error)
+         call check('forbidden region, '//trim(how(k))//': converges', .not. allocated(error))
+         if (allocated(error)) cycle
+         call check('forbidden region, '//trim(how(k))//': steps were shortened', &
+            result%shortened > 0 .and. result%shortened == problem%refusals, &
+            to_text(result%shortened))
+         ! As in test_monitor.
+         call check_close('forbidden region, '//trim(how(k))//': minimum', &
+            maxval(abs(result%estimate - 1)), 0.0_wp, 1e-7_wp)
+      end do
+   end subroutine test_forbidden
+
+   !> A model that fails at the start, or from there on everywhere, is an error with its own words.
+   subroutine test_never()
+      character(len=*), parameter :: words(3) = [character(len=12) :: 'no model', 'not finite', &
+         'not finite']
+      type(rosenbrock_t) :: problem
+      type(fit_t) :: result
+      type(error_t), allocatable :: error
+      integer :: k
+
+      do k = 1, 3
+         problem = rosenbrock_t(least=2.0_wp, how=k)
+         call fit(problem, 2, variables([-1.2_wp, 1.0_wp], .false.), options_t(), result, error)
+         call fails('fails at the start, '//to_text(k), error, trim(words(k)))
+         call check('one attempt is enough, '//to_text(k), problem%refusals == 1, &
+            to_text(problem%refusals))
+      end do
+      ! The start lies on the edge: the first difference for the Jacobian cannot be computed.
+      problem = rosenbrock_t(largest=1.0_wp, how=1)
+      call fit(problem, 2, variables([-1.2_wp, 1.0_wp], .false.), options_t(), result, error)
+      call fails('fails at the first difference', error, 'no model')
+   end subroutine test_never
+
+   subroutine fails(name, error, words)
+      character(len=*), intent(in) :: name, words
+      type(error_t), allocatable, intent(in) :: error
+
+      if (.not. allocated(error)) then
+         call check(name, .false., 'no error')
+      else
+         call check(name, error%status == status_failed .and. index(error%message, words) > 0, &
+            error%message)
+      end if
+   end subroutine fails
+
+   !> Residuals b - target: the minimum is the target, cut at the bounds, where J = 1 + 9 is left of
+   !> the two targets that cannot be reached. A relative tolerance of 1e-10 on J is 1e-9 then: 3e-5
+   !> in the parameters that reach their targets, whose squares it bounds; 1e-9 over the slope of J,
+   !> 2 and 6, in those at their bounds.
+   subroutine test_bounds()
+      type(line_t) :: problem
+      type(variable_t) :: v(4)
+      type(fit_t) :: result
+      type(error_t), allocatable :: error
+      real(wp), parameter :: expected(4) = [0.0_wp, 2.0_wp, 1.0_wp, -3.0_wp], &
+         targets(4) = [-1.0_wp, 5.0_wp, 1.0_wp, -3.0_wp]
+      integer :: k
+
+      problem = line_t(targets)
+      v = [new_variable(0.7_wp, 0.0_wp, unbounded, 1.0_wp), &
+           new_variable(0.5_wp, -1.0_wp, 2.0_wp, 1.0_wp), &
+           new_variable(0.2_wp, -10.0_wp, 10.0_wp, 1.0_wp), &
+           new_variable(4.0_wp, -unbounded, 5.0_wp, 1.0_wp)]
+      call fit(problem, 4, v, options_t(), result, error)
+      call check('bounds: converges', .not. allocated(error))
+      if (allocated(error)) return
+      do k = 1, 4
+         call check_close('bounds: parameter '//to_text(k), result%estimate(k), expected(k), &
+            merge(1e-9_wp, 3e-5_wp, k <= 2))
+      end do
+      call check('bounds: kept', result%estimate(1) >= 0 .and. result%estimate(2) <= 2)
+      call check_close('bounds: J', result%J, 10.0_wp, 1e-9_wp)
+      ! Starts at a bound, with the minimum inside: the search must get away.
+      problem = line_t([0.3_wp, 0.4_wp])
+      call fit(problem, 2, [new_variable(0.0_wp, 0.0_wp, unbounded, 1.0_wp), &
+         new_variable(1.0_wp, 0.0_wp, 1.0_wp, 1.0_wp)], options_t(), result, error)
+      call check('start at a bound: converges', .not. allocated(error))
+      if (allocated(error)) return
+      ! J = 0 there: the last step is quadratic, and 1e-8 is more than it leaves.
+      call check_close('start at a bound: minimum', &
+         maxval(abs(result%estimate - [0.3_wp, 0.4_wp])), 0.0_wp, 1e-8_wp)
+      call check('start at a bound: said where', result%start(1) > 0 .and. result%start(2) < 1)
+   end subroutine test_bounds
+
+   !> Too few residuals, too few evaluations.
+   subroutine test_limits()
+      type(rosenbrock_t) :: problem
+      type(fit_t) :: result
+      type(error_t), allocatable :: error
+
+      call fit(problem, 1, variables([-1.2_wp, 1.0_wp], .false.), options_t(), result, error)
+      call fails('fewer residuals than parameters', error, '1 residuals for 2 parameters')
+      call fit(problem, 2, variables([-1.2_wp, 1.0_wp], .false.), options_t(max_evaluations=7), &
+         result, error)
+      call fails('evaluations used up', error, 'evaluations allowed are used up')
+      call check('evaluations used up: no more than a Jacobian beyond', &
+         result%evaluations <= 7 + 2 + 1, to_text(result%evaluations))
+      call check('evaluations used up: the best so far is there', result%J <= 24.2_wp)
+   end subroutine test_limits
+
+end program test_least_squares

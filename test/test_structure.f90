@@ -1,0 +1,338 @@
+!> The structure and its equations: bands, energies, loads, refused values, parameters by name.
+program test_structure
+   use beamid_bands, only: band_t
+   use beamid_equations, only: equations_t, new_equations
+   use beamid_errors, only: error_t, status_bad_input
+   use beamid_excitation, only: excitation_t, new_pulse
+   use beamid_galerkin, only: galerkin_t, mesh_t, new_galerkin
+   use beamid_kinds, only: wp
+   use beamid_quadrature, only: gauss_legendre, rule_t
+   use beamid_strings, only: to_text
+   use beamid_structure, only: check_structure, parameter_index, parameter_names, structure_t
+   use checks, only: check, check_close, finish
+   implicit none
+
+   real(wp), parameter :: eps = epsilon(1.0_wp)
+   type(structure_t), parameter :: assembly = structure_t(length=1.6_wp, rho=0.7_wp, E=30.0_wp, &
+      I=0.2_wp, c_D=0.05_wp, m_T=0.4_wp, m_H=0.3_wp, c_H=0.2_wp, k_H=11.0_wp)
+   integer, parameter :: degrees(*) = [3, 5, 7], meshes(*) = [1, 2, 3, 9, 20]
+   integer :: d, m
+
+   do d = 1, size(degrees)
+      do m = 1, size(meshes)
+         call test_matrices(degrees(d), meshes(m))
+         call test_energies(degrees(d), meshes(m))
+         call test_loads(degrees(d), meshes(m))
+         call test_no_hose(degrees(d), meshes(m))
+      end do
+   end do
+   call test_partial_hose()
+   call test_check_structure()
+   call test_parameters()
+   call test_estimates()
+   call finish('structure')
+
+contains
+
+   function of(degree, elements) result(text)
+      integer, intent(in) :: degree, elements
+      character(len=:), allocatable :: text
+
+      text = 'degree '//to_text(degree)//', N = '//to_text(elements)//': '
+   end function of
+
+   function dense_of(band) result(dense)
+      type(band_t), intent(in) :: band
+      real(wp) :: dense(band%n, band%n)
+      integer :: i, j
+
+      do j = 1, band%n
+         do i = 1, band%n
+            dense(i, j) = band%element(i, j)
+         end do
+      end do
+   end function dense_of
+
+   !> M, C, K of (3.11) assembled densely from the Gram matrices: same entries, same bandwidth.
+   subroutine test_matrices(degree, elements)
+      integer, intent(in) :: degree, elements
+      type(galerkin_t), target :: galerkin
+      type(equations_t) :: equations
+      real(wp), allocatable :: gram(:, :), bending(:, :), mass(:, :), damping(:, :), &
+         stiffness(:, :), b(:), d(:)
+      integer :: n, expected
+
+      galerkin = new_galerkin(mesh_t(degree, elements, degree + 1, 1), assembly%length)
+      equations = new_equations(galerkin, assembly, new_pulse(1.0_wp, 1.0_wp))
+      n = galerkin%space%n + 1
+      call check(of(degree, elements)//'unknowns with the hose', equations%n == n)
+      allocate (gram(n, n), bending(n, n), b(n), d(n), source=0.0_wp)
+      gram(:n - 1, :n - 1) = dense_of(galerkin%inertia)
+      bending(:n - 1, :n - 1) = dense_of(galerkin%bending)
+      b(:n - 1) = galerkin%space%at(assembly%length, 0)
+      d = -b
+      d(n) = 1
+      mass = assembly%rho*gram + assembly%m_T*outer(b)
+      mass(n, n) = assembly%m_H
+      damping = assembly%c_D*assembly%I*bending + assembly%c_H*outer(d)
+      stiffness = assembly%E*assembly%I*bending + assembly%k_H*outer(d)
+      ! An entry is two products and a sum on both sides.
+      call check_close(of(degree, elements)//'M', &
+         maxval(abs(dense_of(equations%mass) - mass))/maxval(abs(mass)), 0.0_wp, 4*eps)
+      call check_close(of(degree, elements)//'C', &
+         maxval(abs(dense_of(equations%damping) - damping))/maxval(abs(damping)), 0.0_wp, 4*eps)
+      call check_close(of(degree, elements)//'K', maxval(abs(dense_of(equations%stiffness) &
+         - stiffness))/maxval(abs(stiffness)), 0.0_wp, 4*eps)
+      ! The hose does not widen the band; a matrix of order n has no more than n - 1.
+      expected = min(degree, n - 1)
+      call check(of(degree, elements)//'half-bandwidth of K', &
+         equations%stiffness%half_bandwidth() == expected .and. bandwidth(stiffness) == expected, &
+         to_text(equations%stiffness%half_bandwidth()))
+      call check(of(degree, elements)//'half-bandwidth of C', &
+         equations%damping%half_bandwidth() == expected .and. bandwidth(damping) == expected)
+      ! In M the hose stands alone: one less where the band reaches the corner only with it.
+      expected = min(degree, n - 2)
+      call check(of(degree, elements)//'half-bandwidth of M', &
+         equations%mass%half_bandwidth() == expected .and. bandwidth(mass) == expected, &
+         to_text(equations%mass%half_bandwidth()))
+   end subroutine test_matrices
+
+   pure function outer(x) result(matrix)
+      real(wp), intent(in) :: x(:)
+      real(wp) :: matrix(size(x), size(x))
+
+      matrix = spread(x, 1, size(x))*spread(x, 2, size(x))
+   end function outer
+
+   !> Largest |i - j| with a nonzero entry of a dense matrix.
+   pure integer function bandwidth(matrix)
+      real(wp), intent(in) :: matrix(:, :)
+      integer :: i, j
+
+      bandwidth = 0
+      do j = 1, size(matrix, 2)
+         do i = 1, size(matrix, 1)
+            if (abs(matrix(i, j)) > 0) bandwidth = max(bandwidth, abs(i - j))
+         end do
+      end do
+   end function bandwidth
+
+   !> x'Kx = EI int u''^2 + k_H (y - u(l))^2; x'Cx likewise; x'Mx = rho int u^2 + m_T u(l)^2 + m_H
+   !> y^2. The integrals by twelve Gauss points per element from the spline's values, not its
+   !> matrices.
+   subroutine test_energies(degree, elements)
+      integer, intent(in) :: degree, elements
+      type(galerkin_t), target :: galerkin
+      type(equations_t) :: equations
+      type(rule_t) :: rule
+      real(wp), allocatable :: x(:), u(:)
+      real(wp) :: position, squared, curvature, tip, y, potential, kinetic, loss
+      integer :: e, q, k
+
+      galerkin = new_galerkin(mesh_t(degree, elements, degree + 1, 1), assembly%length)
+      equations = new_equations(galerkin, assembly, new_pulse(1.0_wp, 1.0_wp))
+      x = [(cos(4.1_wp*k), k=1, equations%n)]
+      u = x(:equations%n - 1)
+      y = x(equations%n)
+      rule = gauss_legendre(12)
+      squared = 0
+      curvature = 0
+      do e = 0, elements - 1
+         do q = 1, size(rule%points)
+            position = (e + rule%points(q))*assembly%length/elements
+            associate (weight => rule%weights(q)*assembly%length/elements)
+               squared = squared + weight*dot_product(galerkin%space%at(position, 0), u)**2
+               curvature = curvature + weight*dot_product(galerkin%space%at(position, 2), u)**2
+            end associate
+         end do
+      end do
+      tip = dot_product(galerkin%space%at(assembly%length, 0), u)
+      associate (s => assembly)
+         potential = s%E*s%I*curvature + s%k_H*(y - tip)**2
+         loss = s%c_D*s%I*curvature + s%c_H*(y - tip)**2
+         kinetic = s%rho*squared + s%m_T*tip**2 + s%m_H*y**2
+      end associate
+      ! Irregular coefficients: no more cancellation than the root combinations of degree 7 bring.
+      call check_close(of(degree, elements)//'potential energy', &
+         dot_product(x, equations%stiffness%times(x))/potential, 1.0_wp, 200*eps)
+      call check_close(of(degree, elements)//'strain_energy', &
+         equations%strain_energy(x)/potential, 1.0_wp, 200*eps)
+      call check_close(of(degree, elements)//'dissipation', &
+         dot_product(x, equations%damping%times(x))/loss, 1.0_wp, 200*eps)
+      call check_close(of(degree, elements)//'kinetic energy', &
+         dot_product(x, equations%mass%times(x))/kinetic, 1.0_wp, 200*eps)
+      call check_close(of(degree, elements)//'observer', dot_product(equations%observer, x), tip, &
+         200*eps*gamma(degree + 1.0_wp))
+   end subroutine test_energies
+
+   !> Point load b(l); distributed load theta(l) b(l) + <theta, b>, theta = (x/l)^3; none on the
+   !> hose.
+   subroutine test_loads(degree, elements)
+      integer, intent(in) :: degree, elements
+      type(galerkin_t), target :: galerkin
+      type(equations_t) :: equations
+      type(excitation_t) :: excitation
+      type(rule_t) :: rule
+      real(wp), allocatable :: load(:)
+      real(wp) :: scale
+      integer :: e, q
+
+      galerkin = new_galerkin(mesh_t(degree, elements, degree + 1, 1), assembly%length)
+      excitation = new_pulse(3.0_wp, 1.0_wp)
+      equations = new_equations(galerkin, assembly, excitation)
+      load = galerkin%space%at(assembly%length, 0)
+      scale = maxval(abs(load))
+      call check_close(of(degree, elements)//'point load, hose free', &
+         maxval(abs(equations%load - [load, 0.0_wp])), 0.0_wp, 4*eps*scale)
+      rule = gauss_legendre(12)
+      do e = 0, elements - 1
+         do q = 1, size(rule%points)
+            associate (position => (e + rule%points(q))/elements)
+               load = load + rule%weights(q)*assembly%length/elements*position**3 &
+                  *galerkin%space%at(position*assembly%length, 0)
+            end associate
+         end do
+      end do
+      excitation%distributed = .true.
+      excitation%power = 3
+      equations = new_equations(galerkin, assembly, excitation)
+      ! Sums of numbers of the size of the basis.
+      call check_close(of(degree, elements)//'distributed load', &
+         maxval(abs(equations%load - [load, 0.0_wp])), 0.0_wp, 40*eps*scale)
+   end subroutine test_loads
+
+   !> Without a hose: one unknown fewer, and the beam's part of the matrices as it was.
+   subroutine test_no_hose(degree, elements)
+      integer, intent(in) :: degree, elements
+      type(galerkin_t), target :: galerkin
+      type(equations_t) :: with_hose, without
+      type(structure_t) :: bare
+      real(wp), allocatable :: mass(:, :), stiffness(:, :)
+      integer :: n
+
+      galerkin = new_galerkin(mesh_t(degree, elements, degree + 1, 1), assembly%length)
+      bare = assembly
+      bare%m_H = 0
+      call check('no hose mass, no hose', assembly%has_hose() .and. .not. bare%has_hose())
+      with_hose = new_equations(galerkin, assembly, new_pulse(1.0_wp, 1.0_wp))
+      without = new_equations(galerkin, bare, new_pulse(1.0_wp, 1.0_wp))
+      n = without%n
+      call check(of(degree, elements)//'one unknown fewer', n == with_hose%n - 1 .and. &
+         n == galerkin%space%n .and. size(without%load) == n .and. size(without%observer) == n)
+      mass = dense_of(with_hose%mass)
+      stiffness = dense_of(with_hose%stiffness)
+      ! The same operations: identical.
+      call check_close(of(degree, elements)//'M without the hose', &
+         maxval(abs(dense_of(without%mass) - mass(:n, :n))), 0.0_wp, 0.0_wp)
+      ! k_H and c_H of a hose without mass act on nothing: only the beam's stiffness is left.
+      call check_close(of(degree, elements)//'K without the hose', &
+         maxval(abs(dense_of(without%stiffness) - bare%E*bare%I*dense_of(galerkin%bending))), &
+         0.0_wp, 0.0_wp)
+      call check(of(degree, elements)//'the hose is felt', maxval(abs(stiffness(:n, :n) &
+         - dense_of(without%stiffness))) > assembly%k_H/2)
+   end subroutine test_no_hose
+
+   !> A hose with mass only: y is there, free of the beam.
+   subroutine test_partial_hose()
+      type(galerkin_t), target :: galerkin
+      type(equations_t) :: equations
+      type(structure_t) :: loose
+
+      loose = assembly
+      loose%k_H = 0
+      loose%c_H = 0
+      galerkin = new_galerkin(mesh_t(), loose%length)
+      equations = new_equations(galerkin, loose, new_pulse(1.0_wp, 1.0_wp))
+      call check('a loose hose keeps its coordinate', equations%n == galerkin%space%n + 1 .and. &
+         abs(equations%stiffness%element(equations%n, equations%n)) <= 0 .and. &
+         abs(equations%mass%element(equations%n, equations%n) - loose%m_H) <= 0)
+   end subroutine test_partial_hose
+
+   subroutine test_check_structure()
+      type(error_t), allocatable :: error
+      type(structure_t) :: s
+
+      call check_structure(assembly, error)
+      call check('check_structure accepts the assembly', .not. allocated(error))
+      s = assembly
+      s%c_D = 0; s%m_T = 0; s%m_H = 0; s%c_H = 0; s%k_H = 0
+      call check_structure(s, error)
+      call check('check_structure accepts zeros', .not. allocated(error))
+      s = assembly; s%length = 0; call refused('length', s)
+      s = assembly; s%length = -1; call refused('length', s)
+      s = assembly; s%rho = 0; call refused('rho', s)
+      s = assembly; s%rho = -0.1_wp; call refused('rho', s)
+      s = assembly; s%E = 0; call refused('E', s)
+      s = assembly; s%E = -80; call refused('E', s)
+      s = assembly; s%I = 0; call refused('I', s)
+      s = assembly; s%I = -1; call refused('I', s)
+      s = assembly; s%c_D = -1e-9_wp; call refused('c_D', s)
+      s = assembly; s%m_T = -1; call refused('m_T', s)
+      s = assembly; s%m_H = -1; call refused('m_H', s)
+      s = assembly; s%c_H = -1; call refused('c_H', s)
+      s = assembly; s%k_H = -1; call refused('k_H', s)
+   end subroutine test_check_structure
+
+   !> The message starts with the key.
+   subroutine refused(key, structure)
+      character(len=*), intent(in) :: key
+      type(structure_t), intent(in) :: structure
+      type(error_t), allocatable :: error
+
+      call check_structure(structure, error)
+      if (.not. allocated(error)) then
+         call check('check_structure refuses '//key, .false., 'accepted')
+      else
+         call check('check_structure refuses '//key, error%status == status_bad_input .and. &
+            index(error%message, key//': found ') == 1, error%message)
+      end if
+   end subroutine refused
+
+   !> Each name reaches its own component, and no other.
+   subroutine test_parameters()
+      type(structure_t) :: s
+      real(wp) :: before(size(parameter_names)), direct
+      integer :: k, j
+
+      do k = 1, size(parameter_names)
+         s = assembly
+         before = [(s%get(j), j=1, size(before))]
+         call s%set(k, 123.5_wp + k)
+         select case (trim(parameter_names(k)))
+         case ('m_T'); direct = s%m_T
+         case ('E'); direct = s%E
+         case ('c_D'); direct = s%c_D
+         case ('m_H'); direct = s%m_H
+         case ('c_H'); direct = s%c_H
+         case ('k_H'); direct = s%k_H
+         case ('rho'); direct = s%rho
+         case default; direct = -1
+         end select
+         before(k) = 123.5_wp + k
+         ! Copies, not computations: exact.
+         call check_close('set '//trim(parameter_names(k)), direct, 123.5_wp + k, 0.0_wp)
+         call check_close('get '//trim(parameter_names(k))//' and all others', &
+            maxval(abs([(s%get(j), j=1, size(before))] - before)), 0.0_wp, 0.0_wp)
+         call check('index of '//trim(parameter_names(k)), parameter_index(parameter_names(k)) == k)
+         call check('magnitude of '//trim(parameter_names(k))//' is positive', &
+            assembly%magnitude(k) > 0)
+      end do
+      call check('any case', parameter_index('M_h') == parameter_index('m_H') &
+         .and. parameter_index('e') == parameter_index('E'))
+      call check('no such parameter', parameter_index('m') == 0 .and. parameter_index('') == 0 &
+         .and. parameter_index('length') == 0)
+   end subroutine test_parameters
+
+   !> Rayleigh's estimate lies above the first frequency of a cantilever, by 1.5 per cent without
+   !> tip mass: 3 * 140/33 against 1.875104068712^4.
+   subroutine test_estimates()
+      type(structure_t) :: s
+
+      s = structure_t(length=2, rho=3, E=5, I=7)
+      ! Closed forms of a few operations.
+      call check_close('tip stiffness 3EI/l^3', s%stiffness(), 105/8.0_wp, 8*eps*14)
+      call check_close('Rayleigh over the first frequency', &
+         s%omega()/(1.875104068712_wp**2*sqrt(35/48.0_wp)), 1.0147_wp, 1e-4_wp)
+   end subroutine test_estimates
+
+end program test_structure
