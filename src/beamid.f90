@@ -16,7 +16,8 @@ module beamid
    use beamid_kinds, only: wp
    use beamid_least_squares, only: fit, fit_t, monitor_t, options_t
    use beamid_modal, only: modal_t
-   use beamid_modes, only: damped_roots, undamped_modes
+   use beamid_modes, only: undamped_modes
+   use beamid_poles, only: damped_roots
    use beamid_noise, only: gaussian_noise
    use beamid_observation, only: formula_names, new_sampling, observation_t, sampling_t
    use beamid_problems, only: problem_t

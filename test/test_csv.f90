@@ -4,7 +4,8 @@ program test_csv
    use beamid_kinds, only: wp, ip
    use beamid_errors, only: error_t
    use beamid_files, only: output_t
-   use beamid_csv, only: column_length, parse_number, read_columns
+   use beamid_csv, only: column_length, read_columns
+   use beamid_numbers, only: parse_number
    use checks, only: check, finish
    implicit none
 

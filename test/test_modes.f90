@@ -5,7 +5,8 @@ program test_modes
    use beamid_excitation, only: new_pulse
    use beamid_galerkin, only: galerkin_t, mesh_t, new_galerkin
    use beamid_kinds, only: wp
-   use beamid_modes, only: damped_roots, undamped_modes
+   use beamid_modes, only: undamped_modes
+   use beamid_poles, only: damped_roots
    use beamid_strings, only: to_text
    use beamid_structure, only: structure_t
    use checks, only: check, check_close, finish
@@ -40,7 +41,6 @@ program test_modes
    call test_shapes(5, 16)
    call test_shapes(7, 24)
    call test_kelvin_voigt()
-   call test_air_damping()
    call test_poles_satisfy_equation()
    call finish('modes')
 
@@ -344,44 +344,17 @@ contains
          if (half > omega(i)) root(1) = omega(i)**2/root(2)
          if (half > omega(i)) real_pairs = real_pairs + 1
          do k = 1, merge(2, 1, half > omega(i))
-            ! Round-off of the largest entry of the eigenvalue problem, c_D omega_max^2 = 1e5.
+            ! The roots rest on the tip values of the bare beam's modes. Those of the highest modes
+            ! carry eps lambda_max/lambda_1, some 1e-9, of which the tip mass, moving the roots by
+            ! 1e-4 at that end, passes on 1e-13: ten times that is allowed.
             call check_close('Kelvin-Voigt: mode '//to_text(i)//', root '//to_text(k)//' near '// &
                to_text(real(root(k), wp)), minval(abs(roots - root(k))), 0.0_wp, &
-               100*eps*beam%c_D*maxval(omega)**2)
+               1e-12_wp*abs(root(k)))
          end do
       end do
       call check('Kelvin-Voigt: some modes are overdamped, some not', &
          real_pairs > 0 .and. real_pairs < size(omega), to_text(real_pairs))
    end subroutine test_kelvin_voigt
-
-   !> Banks, Wang, Inman and Slater 1994, a beam without tip mass in air: f and zeta as printed.
-   !> Air damping, gamma int u_t v, is no part of the structure: it is added to C here.
-   subroutine test_air_damping()
-      type(structure_t), parameter :: beam = structure_t(length=0.4573_wp, rho=0.093_wp, &
-         E=0.491_wp, I=1, c_D=0.649e-5_wp)
-      real(wp), parameter :: gamma = 0.013_wp, f(2) = [6.148480_wp, 38.531865_wp], &
-         zeta(2) = [2.064502e-3_wp, 1.888738e-3_wp]
-      type(galerkin_t), target :: galerkin
-      type(equations_t) :: equations
-      type(error_t), allocatable :: error
-      complex(wp), allocatable :: roots(:)
-      integer :: i
-
-      galerkin = new_galerkin(mesh_t(5, 16, 6, 1), beam%length)
-      equations = new_equations(galerkin, beam, new_pulse(1.0_wp, 1.0_wp))
-      equations%damping%a = equations%damping%a + gamma*galerkin%inertia%a
-      call damped_roots(equations, roots, error)
-      call check('beam in air: roots found', .not. allocated(error))
-      if (allocated(error)) return
-      do i = 1, 2
-         ! One unit of the last digit printed. The frequency printed is |s|/2 pi: |Im s| is lower by
-         ! zeta^2/2 = 2e-6, two units and more.
-         call check_close('beam in air: frequency '//to_text(i), abs(roots(i))/(2*pi), f(i), &
-            1e-6_wp)
-         call check_close('beam in air: damping ratio '//to_text(i), &
-            -real(roots(i), wp)/abs(roots(i)), zeta(i), 1e-9_wp)
-      end do
-   end subroutine test_air_damping
 
    !> Any structure: the sum of all roots is -trace(M^-1 C), here by solving column by column.
    subroutine test_poles_satisfy_equation()

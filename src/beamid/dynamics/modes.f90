@@ -1,4 +1,4 @@
-!> Natural modes: undamped frequencies and shapes, and the damped roots of (s**2 M + s C + K) x = 0.
+!> Undamped natural modes of the structure, and those of the bare beam.
 module beamid_modes
    use beamid_bands, only: band_t
    use beamid_equations, only: equations_t
@@ -8,7 +8,7 @@ module beamid_modes
    implicit none
    private
 
-   public :: undamped_modes, bare_beam_modes, damped_roots
+   public :: undamped_modes, bare_beam_modes
 
    interface
       subroutine dsbgvd(jobz, uplo, n, ka, kb, ab, ldab, bb, ldbb, w, z, ldz, work, lwork, iwork, &
@@ -20,14 +20,6 @@ module beamid_modes
          real(wp), intent(out) :: w(*), z(ldz, *), work(*)
          integer, intent(out) :: iwork(*), info
       end subroutine dsbgvd
-      subroutine dgeev(jobvl, jobvr, n, a, lda, wr, wi, vl, ldvl, vr, ldvr, work, lwork, info)
-         import :: wp
-         character, intent(in) :: jobvl, jobvr
-         integer, intent(in) :: n, lda, ldvl, ldvr, lwork
-         real(wp), intent(inout) :: a(lda, *)
-         real(wp), intent(out) :: wr(*), wi(*), vl(ldvl, *), vr(ldvr, *), work(*)
-         integer, intent(out) :: info
-      end subroutine dgeev
    end interface
 
 contains
@@ -101,57 +93,5 @@ contains
          shapes(:, n + 1 - k) = z(:, k)/sqrt(dot_product(z(:, k), mass_matrix%times(z(:, k))))
       end do
    end subroutine shapes_of
-
-   !> Roots s of the damped structure, in the coordinates of the undamped modes, where with
-   !> (Omega q, q') as the state the matrix [0 Omega; -Omega -D] is as well scaled as can be.
-   !>
-   !> roots  complex pairs once, with positive imaginary part; real roots each; ascending |s|
-   !>        [1/time]
-   subroutine damped_roots(equations, roots, error)
-      type(equations_t), intent(in) :: equations
-      complex(wp), allocatable, intent(out) :: roots(:)
-      type(error_t), allocatable, intent(out) :: error
-      real(wp), allocatable :: omega(:), shapes(:, :), a(:, :), re(:), im(:), work(:)
-      real(wp) :: unused(1, 1)
-      integer :: n, k, info
-
-      call undamped_modes(equations, omega, shapes, error)
-      if (allocated(error)) return
-      n = equations%n
-      if (.not. any(abs(equations%damping%a) > 0)) then
-         roots = cmplx(0.0_wp, omega, wp)
-         return
-      end if
-      allocate (a(2*n, 2*n), source=0.0_wp)
-      allocate (re(2*n), im(2*n), work(16*n))
-      do k = 1, n
-         a(k, n + k) = omega(k)
-         a(n + k, k) = -omega(k)
-         a(n + 1:, n + k) = -matmul(equations%damping%times(shapes(:, k)), shapes)
-      end do
-      call dgeev('N', 'N', 2*n, a, 2*n, re, im, unused, 1, unused, 1, work, size(work), info)
-      if (info /= 0) then
-         call failure(error, 'modes: the eigenvalues of the damped structure did not converge')
-         return
-      end if
-      roots = pack(cmplx(re, im, wp), im >= 0)
-      call sort_by_modulus(roots)
-   end subroutine damped_roots
-
-   !> Ascending |s|, by insertion.
-   pure subroutine sort_by_modulus(roots)
-      complex(wp), intent(inout) :: roots(:)
-      complex(wp) :: root
-      integer :: i, j
-
-      do i = 2, size(roots)
-         root = roots(i)
-         do j = i - 1, 1, -1
-            if (abs(roots(j)) <= abs(root)) exit
-            roots(j + 1) = roots(j)
-         end do
-         roots(j + 1) = root
-      end do
-   end subroutine sort_by_modulus
 
 end module beamid_modes

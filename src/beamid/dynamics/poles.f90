@@ -6,14 +6,16 @@
 !> ds/dp = -(sum phi**2 D_p q**2 + G**2 h_p)/A: in terms of the eigenvector x, normalised so that
 !> x'(2 s M + C) x = 1, these are (b'x)(x'F) and -x'(s**2 M_p + s C_p + K_p) x.
 module beamid_poles
+   use beamid_equations, only: equations_t
    use beamid_errors, only: error_t, failure
    use beamid_kinds, only: wp
-   use beamid_receptance, only: receptance_t, root_t
+   use beamid_modes, only: bare_beam_modes
+   use beamid_receptance, only: new_receptance, receptance_t, root_t
    use beamid_strings, only: to_text
    implicit none
    private
 
-   public :: poles_t, find_poles, differentiate_poles
+   public :: poles_t, find_poles, differentiate_poles, damped_roots
 
    type :: poles_t
       !> one of each complex pair, Im s > 0, and the real ones
@@ -48,15 +50,63 @@ contains
       type(receptance_t), intent(in) :: receptance
       type(poles_t), intent(out) :: poles
       type(error_t), allocatable, intent(out) :: error
+
+      call find_roots(receptance, poles%root, error)
+      if (allocated(error)) return
+      poles%s = poles%root%s
+      call residues(receptance, poles, error)
+   end subroutine find_poles
+
+   !> Roots s of (s**2 M + s C + K) x = 0.
+   !>
+   !> roots  complex pairs once, with positive imaginary part; real roots each; ascending |s| [1/time]
+   subroutine damped_roots(equations, roots, error)
+      type(equations_t), intent(in) :: equations
+      complex(wp), allocatable, intent(out) :: roots(:)
+      type(error_t), allocatable, intent(out) :: error
+      real(wp), allocatable :: mu(:), shapes(:, :), tip(:)
+      type(root_t), allocatable :: half(:)
+
+      call bare_beam_modes(equations%galerkin, mu, shapes, error)
+      if (allocated(error)) return
+      tip = matmul(equations%galerkin%tip, shapes)
+      associate (structure => equations%structure)
+         call find_roots(new_receptance(structure, mu, tip, tip), half, error)
+         if (allocated(error)) return
+         roots = half%s
+         ! A hose without a spring is free to drift: a root that the tip does not see.
+         if (structure%has_hose() .and. .not. structure%k_H > 0) roots = [roots, (0.0_wp, 0.0_wp)]
+      end associate
+      call sort_by_modulus(roots)
+   end subroutine damped_roots
+
+   !> Ascending |s|, by insertion.
+   pure subroutine sort_by_modulus(roots)
+      complex(wp), intent(inout) :: roots(:)
+      complex(wp) :: root
+      integer :: i, j
+
+      do i = 2, size(roots)
+         root = roots(i)
+         do j = i - 1, 1, -1
+            if (abs(roots(j)) <= abs(root)) exit
+            roots(j + 1) = roots(j)
+         end do
+         roots(j + 1) = root
+      end do
+   end subroutine sort_by_modulus
+
+   !> One root of each complex pair, and the real ones.
+   subroutine find_roots(receptance, half, error)
+      type(receptance_t), intent(in) :: receptance
+      type(root_t), allocatable, intent(out) :: half(:)
+      type(error_t), allocatable, intent(out) :: error
       type(root_t), allocatable :: roots(:)
 
       call starting_points(receptance, roots)
       call iterate(receptance, roots, error)
-      if (allocated(error)) return
-      call select_half(receptance, roots, poles%root)
-      poles%s = poles%root%s
-      call residues(receptance, poles, error)
-   end subroutine find_poles
+      if (.not. allocated(error)) call select_half(receptance, roots, half)
+   end subroutine find_roots
 
    !> Roots of the beam with its tip mass, and of the hose alone, each moved by what the other part
    !> does to it at first order, and off the real axis: two real roots may have to become a pair.

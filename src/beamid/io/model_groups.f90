@@ -10,7 +10,7 @@ module beamid_model_groups
    use beamid_refusals, only: accept, exclude, positive, quoted, refuse, require
    use beamid_strings, only: to_text
    use beamid_structure, only: check_structure, structure_t
-   use beamid_units, only: units_t
+   use beamid_units, only: label_length, units_t
    implicit none
    private
 
@@ -165,10 +165,10 @@ contains
       call label('time', time)
       call label('mass', mass)
       if (allocated(error)) return
-      labels%length = trim(length)
-      labels%force = trim(force)
-      labels%time = trim(time)
-      labels%mass = trim(mass)
+      labels%length = length
+      labels%force = force
+      labels%time = time
+      labels%mass = mass
 
    contains
 
@@ -176,9 +176,9 @@ contains
       subroutine label(key, text)
          character(len=*), intent(in) :: key, text
 
-         if (scan(text, ',"') > 0) call refuse(path, block%line_of(key), 'units', key, &
-            quoted(text), &
-            'a label without commas and double quotes', error)
+         if (scan(text, ',"') > 0 .or. len_trim(text) > label_length) call refuse(path, &
+            block%line_of(key), 'units', key, quoted(text), 'a label without commas and double quotes, of at most '// &
+            to_text(label_length)//' characters', error)
       end subroutine label
 
    end subroutine read_units

@@ -269,18 +269,16 @@ contains
       character(len=:), allocatable :: unit
 
       unit = '[Hz]'
-      if (.not. allocated(case%units%time)) return
-      if (case%units%time /= '' .and. case%units%time /= 's') unit = '[1/'//case%units%time//']'
+      if (case%units%time /= '' .and. case%units%time /= 's') unit = '[1/'//trim(case%units%time)//']'
    end function frequency_unit
 
    !> A unit behind a number, or nothing.
    pure function label(unit) result(text)
-      character(len=*), intent(in), optional :: unit
+      character(len=*), intent(in) :: unit
       character(len=:), allocatable :: text
 
       text = ''
-      if (.not. present(unit)) return
-      if (unit /= '') text = ' '//unit
+      if (unit /= '') text = ' '//trim(unit)
    end function label
 
    !> Text at the right end of a column.

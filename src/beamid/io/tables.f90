@@ -160,14 +160,12 @@ contains
       type(text_t) :: text
 
       call text%line('quantity,unit')
-      if (allocated(units%length)) then
-         call text%line('time,'//units%time)
-         call text%line('length,'//units%length)
-         call text%line('force,'//units%force)
-         call text%line('mass,'//units%mass)
-         call text%line('velocity,'//units%velocity())
-         call text%line('acceleration,'//units%acceleration())
-      end if
+      call text%line('time,'//units%time)
+      call text%line('length,'//units%length)
+      call text%line('force,'//units%force)
+      call text%line('mass,'//units%mass)
+      call text%line('velocity,'//units%velocity())
+      call text%line('acceleration,'//units%acceleration())
       content = text%content()
    end function labels_table
 

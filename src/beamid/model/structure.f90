@@ -137,9 +137,10 @@ contains
          call not_negative('c_H', s%c_H)
          call not_negative('k_H', s%k_H)
          ! Each is in range, but the whole may be out of what numbers can hold.
-         if (.not. allocated(error) .and. .not. (s%omega() > 0 .and. s%omega() < huge(1.0_wp))) &
-            call bad_input(error, 'E: found a structure whose first frequency is '// &
-                           to_text(s%omega())//', expected a finite one above 0')
+         if (allocated(error)) return
+         if (.not. (s%omega() > 0 .and. s%omega() < huge(1.0_wp))) call bad_input(error, &
+            'E: found a structure whose first frequency is '//to_text(s%omega())// &
+            ', expected a finite one above 0')
       end associate
 
    contains

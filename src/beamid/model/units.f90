@@ -5,10 +5,14 @@ module beamid_units
    implicit none
    private
 
-   public :: units_t
+   public :: units_t, label_length
+
+   !> The longest label.
+   integer, parameter :: label_length = 16
 
    type :: units_t
-      character(len=:), allocatable :: length, force, time, mass   !< labels, '' where not given
+      !> Labels, blank where not given.
+      character(len=label_length) :: length = '', force = '', time = '', mass = ''
    contains
       procedure :: of_parameter
       procedure :: acceleration
@@ -25,14 +29,13 @@ contains
       character(len=:), allocatable :: unit
 
       unit = ''
-      if (.not. allocated(self%length)) return
       select case (free_names(k))
       case ('m_T', 'm_H'); unit = joined(self%mass, '', '')
       case ('E'); unit = joined(self%force, '', power(self%length, '^2'))
       case ('c_D'); unit = joined(self%force, self%time, power(self%length, '^2'))
       case ('c_H'); unit = joined(self%force, self%time, self%length)
       case ('k_H'); unit = joined(self%force, '', self%length)
-      case ('amplitude'); unit = self%force
+      case ('amplitude'); unit = trim(self%force)
       case ('rho'); unit = joined(self%mass, '', self%length)
       end select
    end function of_parameter
@@ -41,16 +44,14 @@ contains
       class(units_t), intent(in) :: self
       character(len=:), allocatable :: unit
 
-      unit = ''
-      if (allocated(self%length)) unit = joined(self%length, '', self%time)
+      unit = joined(self%length, '', self%time)
    end function velocity
 
    pure function acceleration(self) result(unit)
       class(units_t), intent(in) :: self
       character(len=:), allocatable :: unit
 
-      unit = ''
-      if (allocated(self%length)) unit = joined(self%length, '', power(self%time, '^2'))
+      unit = joined(self%length, '', power(self%time, '^2'))
    end function acceleration
 
    !> Unit of J, the sum of squared accelerations.
@@ -58,9 +59,7 @@ contains
       class(units_t), intent(in) :: self
       character(len=:), allocatable :: unit
 
-      unit = ''
-      if (allocated(self%length)) unit = joined(power(self%length, '^2'), '', power(self%time, &
-         '^4'))
+      unit = joined(power(self%length, '^2'), '', power(self%time, '^4'))
    end function sum_of_squares
 
    pure function power(label, exponent) result(unit)
@@ -68,7 +67,7 @@ contains
       character(len=:), allocatable :: unit
 
       unit = ''
-      if (label /= '') unit = label//exponent
+      if (label /= '') unit = trim(label)//exponent
    end function power
 
    !> first second/under; nothing when a label is missing.
@@ -76,9 +75,9 @@ contains
       character(len=*), intent(in) :: first, second, under
       character(len=:), allocatable :: unit
 
-      unit = first
-      if (second /= '') unit = unit//' '//second
-      if (under /= '') unit = unit//'/'//under
+      unit = trim(first)
+      if (second /= '') unit = unit//' '//trim(second)
+      if (under /= '') unit = unit//'/'//trim(under)
       if (first == '') unit = ''
    end function joined
 
