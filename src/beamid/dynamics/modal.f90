@@ -4,7 +4,7 @@
 !> nodes, so that z is known in closed form; tip displacement, velocity and acceleration are
 !> Re(sum r z), Re(sum r s z) and Re(sum r s**2 z) + f b' M**-1 F.
 module beamid_modal
-   use beamid_bands, only: band_t
+   use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
    use beamid_equations, only: equations_t
    use beamid_errors, only: error_t, failure
    use beamid_excitation, only: excitation_t
@@ -108,6 +108,8 @@ contains
       if (allocated(error)) return
       call differentiate_poles(receptance, parameters, poles)
       call synthesize(poles, excitation, times, response, slopes)
+      if (.not. all(ieee_is_finite(response%acceleration + response%displacement))) &
+         call failure(error, 'modal: the response is not finite')
    end subroutine differentiate
 
    !> Marches through the sample times and the nodes of the force.

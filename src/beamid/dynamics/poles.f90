@@ -36,6 +36,8 @@ module beamid_poles
       complex(wp) :: G = 0, G_F = 0, A = 0
       complex(wp) :: h(0:2) = 0                        !< h, h', h''
       real(wp) :: size_A = 0                           !< A with every term made positive
+      !> A root of the hose alone, where h has its pole: the tip does not see it.
+      logical :: hidden = .false.
    end type sums_t
 
    integer, parameter :: max_sweeps = 200
@@ -248,6 +250,10 @@ contains
       allocate (poles%residue(size(poles%s)))
       do k = 1, size(poles%s)
          sums = root_sums(receptance, poles%root(k))
+         if (sums%hidden) then
+            poles%residue(k) = 0
+            cycle
+         end if
          condition = sums%size_A/max(abs(sums%A), tiny(1.0_wp))
          if (condition > worst) then
             worst = condition
@@ -278,6 +284,12 @@ contains
       allocate (sums%D(size(receptance%mu)), sums%q(size(receptance%mu)))
       call receptance%beam(root, sums%D, sums%q, e)
       call receptance%attachment(root%s, num, den)
+      ! The residue is of the order of den**2: below the square of this, 1e-20, it is nothing.
+      associate (st => receptance%structure, s => abs(root%s))
+         sums%hidden = size(receptance%hose) > 0 .and. &
+            abs(den(0)) <= 1e-10_wp*(st%m_H*s**2 + st%c_H*s + st%k_H)
+      end associate
+      if (sums%hidden) return
       sums%h(0) = num(0)/den(0)
       sums%h(1) = (num(1) - sums%h(0)*den(1))/den(0)
       sums%h(2) = (num(2) - 2*sums%h(1)*den(1) - sums%h(0)*den(2))/den(0)
@@ -303,6 +315,9 @@ contains
       integer :: p, place
 
       sums = root_sums(receptance, root)
+      ds = 0
+      dr = 0
+      if (sums%hidden) return
       call receptance%attachment_slopes(root%s, h_q, dh_q)
       associate (st => receptance%structure, mu => receptance%mu, tip => receptance%tip, &
          q => sums%q)

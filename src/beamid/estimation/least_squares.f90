@@ -325,8 +325,10 @@ contains
       end if
       active%evaluations = active%evaluations + 1
       call active%problem%residuals(trial(active, x), fvec, error)
-      if (.not. allocated(error) .and. .not. all(ieee_is_finite(fvec))) &
-         call failure(error, 'the residuals are not finite')
+      if (.not. allocated(error)) then
+         if (.not. ieee_is_finite(sum(fvec**2))) &
+            call failure(error, 'the sum of squared residuals is not finite')
+      end if
       if (.not. allocated(error)) then
          if (active%first_norm < 0) active%first_norm = norm2(fvec)
          active%failures_in_a_row = 0

@@ -9,7 +9,10 @@ module beamid_statistics
    private
 
    public :: statistics_t, residual_check_t, new_statistics, check_residuals, undetermined
-   public :: akaike, bayes, nested_test
+   public :: akaike, bayes, nested_test, unlimited
+
+   !> Stands for the error of a parameter that the record says nothing about.
+   real(wp), parameter :: unlimited = huge(1.0_wp)
 
    !> Lags of the autocorrelation.
    integer, parameter :: max_lags = 20
@@ -19,7 +22,7 @@ module beamid_statistics
       integer :: samples = 0, parameters = 0
       real(wp) :: variance = 0                       !< of the noise, J/(m - n)
       real(wp), allocatable :: covariance(:, :)      !< (n, n)
-      !> (n); huge where a parameter is not determined at all
+      !> (n); `unlimited` where the record says nothing about a parameter
       real(wp), allocatable :: std_error(:)
       real(wp), allocatable :: half_width(:)         !< (n) of the 95 % interval
       real(wp), allocatable :: correlation(:, :)     !< (n, n)
@@ -72,9 +75,8 @@ contains
       real(wp), intent(in) :: jacobian(:, :), residual(:), estimate(:), scale(:)
       type(statistics_t), intent(out) :: statistics
       type(error_t), allocatable, intent(out) :: error
-      real(wp), allocatable :: inverse(:, :)
-      real(wp) :: t, smallest
-      integer :: m, n, j, k
+      real(wp) :: t
+      integer :: m, n
 
       m = size(jacobian, 1)
       n = size(jacobian, 2)
@@ -89,30 +91,52 @@ contains
       call decompose(jacobian, scale, statistics%singular, statistics%direction, error)
       if (allocated(error)) return
       statistics%variance = sum(residual**2)/(m - n)
-      smallest = epsilon(1.0_wp)*m*statistics%singular(1)
       statistics%condition = statistics%singular(1)/max(statistics%singular(n), tiny(1.0_wp))
 
-      ! Covariance sigma**2 V S**-2 V', undone for the scale; null directions count as infinite.
-      allocate (inverse(n, n), source=0.0_wp)
-      do k = 1, n
-         associate (v => statistics%direction(:, k), s => max(statistics%singular(k), smallest, &
-            tiny(1.0_wp)))
-            do j = 1, n
+      call add_covariance(statistics, scale, epsilon(1.0_wp)*m*statistics%singular(1))
+      t = student_quantile(0.95_wp, real(m - n, wp))
+      statistics%half_width = min(t, unlimited/statistics%std_error)*statistics%std_error
+      statistics%determined = statistics%half_width < abs(estimate)
+      call correct(jacobian, residual, statistics)
+   end subroutine new_statistics
+
+   !> Covariance sigma**2 V S**-2 V', undone for the scale. A parameter with a part in a direction
+   !> whose singular value is round-off has no limits at all.
+   !>
+   !> smallest  singular values up to here are round-off
+   pure subroutine add_covariance(statistics, scale, smallest)
+      type(statistics_t), intent(inout) :: statistics
+      real(wp), intent(in) :: scale(:), smallest
+      real(wp) :: inverse(size(scale), size(scale)), root(size(scale))
+      logical :: lost(size(scale))
+      integer :: j, k
+
+      inverse = 0
+      lost = .false.
+      do k = 1, size(scale)
+         associate (v => statistics%direction(:, k), s => statistics%singular(k))
+            if (s <= smallest) then
+               lost = lost .or. abs(v) > 1e-6_wp
+               cycle
+            end if
+            do j = 1, size(scale)
                inverse(:, j) = inverse(:, j) + (v/s)*(v(j)/s)
             end do
          end associate
       end do
-      allocate (statistics%covariance(n, n), statistics%correlation(n, n))
-      do j = 1, n
+      root = [(sqrt(inverse(k, k)), k=1, size(scale))]
+      allocate (statistics%covariance(size(scale), size(scale)))
+      allocate (statistics%correlation(size(scale), size(scale)), source=0.0_wp)
+      do j = 1, size(scale)
          statistics%covariance(:, j) = statistics%variance*scale*inverse(:, j)*scale(j)
-         statistics%correlation(:, j) = inverse(:, j)/sqrt([(inverse(k, k), k=1, n)]*inverse(j, j))
+         do k = 1, size(scale)
+            if (j == k) statistics%correlation(k, j) = 1
+            if (j /= k .and. .not. (lost(j) .or. lost(k))) statistics%correlation(k, j) = &
+               inverse(k, j)/(root(k)*root(j))
+         end do
       end do
-      statistics%std_error = [(sqrt(statistics%covariance(j, j)), j=1, n)]
-      t = student_quantile(0.95_wp, real(m - n, wp))
-      statistics%half_width = t*statistics%std_error
-      statistics%determined = statistics%half_width < abs(estimate)
-      call correct(jacobian, residual, statistics)
-   end subroutine new_statistics
+      statistics%std_error = merge(unlimited, sqrt(statistics%variance)*scale*root, lost)
+   end subroutine add_covariance
 
    !> Errors with the autocovariances of the residuals up to `max_lags`, tapered linearly.
    subroutine correct(jacobian, residual, statistics)
@@ -127,7 +151,7 @@ contains
       lags = min(max_lags, m/2)
       statistics%corrected_error = statistics%std_error
       statistics%effective = m
-      if (.not. statistics%variance > 0) then
+      if (.not. statistics%variance > 0 .or. any(statistics%std_error >= unlimited)) then
          statistics%corrected_half_width = statistics%half_width
          return
       end if

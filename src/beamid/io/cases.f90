@@ -168,9 +168,27 @@ contains
       type(error_t), allocatable, intent(out) :: error
 
       call grid(case%window, times, error)
-      if (allocated(error)) error%message = case%path//':'//to_text(case%record_line)// &
-         ': &record t_step: '//error%message
+      if (allocated(error)) then
+         error%message = case%path//':'//to_text(case%record_line)//': &record t_step: '//error%message
+         return
+      end if
+      call check_delta(case, times, error)
    end subroutine sample_times
+
+   !> A Delta that the sample times cannot resolve would leave differences of round-off.
+   subroutine check_delta(case, times, error)
+      type(case_t), intent(in) :: case
+      real(wp), intent(in) :: times(:)
+      type(error_t), allocatable, intent(out) :: error
+      real(wp) :: least
+
+      least = 1e-6_wp*maxval(abs(times))
+      associate (delta => case%model%observation%delta)
+         if (delta > 0 .and. delta < least) call bad_input(error, case%path// &
+            ': &observation delta: found '//to_text(delta)//', expected at least '// &
+            to_text(least)//', a millionth of the last time')
+      end associate
+   end subroutine check_delta
 
    !> Reads the record and takes the samples of the window; refuses fewer samples than parameters.
    !>
@@ -191,6 +209,8 @@ contains
             error%message
          return
       end if
+      call check_delta(case, samples, error)
+      if (allocated(error)) return
       do k = 1, size(case%stages)
          if (size(case%stages(k)%free) <= size(samples)) cycle
          call refuse(case%path, case%stage_lines(k), 'stage', 'free', &

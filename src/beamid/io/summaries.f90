@@ -7,7 +7,7 @@ module beamid_summaries
    use beamid_responses, only: work_t
    use beamid_strings, only: fixed, to_text
    use beamid_parameters, only: free_names
-   use beamid_statistics, only: undetermined
+   use beamid_statistics, only: undetermined, unlimited
    use beamid_texts, only: text_t
    implicit none
    private
@@ -160,8 +160,9 @@ contains
       character(len=:), allocatable :: columns
 
       associate (p => fit%fit%estimate(k))
-         columns = right(to_text(std_error))//right(to_text(max(p - half_width, fit%lower(k))), &
-            15)// &
+         columns = right('unlimited')//right('-', 15)//right('-', 15)
+         if (std_error < unlimited .and. half_width < unlimited) columns = &
+            right(to_text(std_error))//right(to_text(max(p - half_width, fit%lower(k))), 15)// &
             right(to_text(min(p + half_width, fit%upper(k))), 15)
       end associate
    end function interval
@@ -253,15 +254,24 @@ contains
          frequency_unit(case)// &
          '   damping ratio        Re s         Im s')
       do k = 1, min(shown, size(roots))
-         line = right(to_text(k), 5)//right(merge(fixed(omega(min(k, size(omega)))/(2*pi), 14, 6), &
+         line = right(to_text(k), 5)//right(merge(frequency(omega(min(k, size(omega)))/(2*pi)), &
             repeat(' ', 14), k <= size(omega)), 16)
-         line = line//right(fixed(abs(roots(k))/(2*pi), 14, 6), 18)
+         line = line//right(frequency(abs(roots(k))/(2*pi)), 18)
          line = line//right(to_text(merge(-real(roots(k))/abs(roots(k)), 0.0_wp, abs(roots(k)) > 0 &
             .and. abs(real(roots(k))) > 0)), 16)
          call text%line(line//right(to_text(real(roots(k))), 13)//right(to_text(aimag(roots(k))), &
             13))
       end do
    end subroutine modes_summary
+
+   !> Six decimals where they fit.
+   pure function frequency(value) result(text)
+      real(wp), intent(in) :: value
+      character(len=14) :: text
+
+      text = to_text(value)
+      if (value < 1e6_wp) text = fixed(value, 14, 6)
+   end function frequency
 
    !> Hz only where the time is in seconds.
    function frequency_unit(case) result(unit)

@@ -5,6 +5,7 @@ module beamid_tables
    use beamid_kinds, only: wp
    use beamid_strings, only: full, to_text
    use beamid_parameters, only: free_names
+   use beamid_statistics, only: unlimited
    use beamid_texts, only: text_t
    use beamid_units, only: units_t
    implicit none
@@ -61,8 +62,9 @@ contains
       character(len=:), allocatable :: fields
 
       associate (p => fit%fit%estimate(k))
-         fields = full(std_error)//','//full(max(p - half_width, fit%lower(k)))//','// &
-            full(min(p + half_width, fit%upper(k)))
+         fields = ',,'
+         if (std_error < unlimited .and. half_width < unlimited) fields = full(std_error)//','// &
+            full(max(p - half_width, fit%lower(k)))//','//full(min(p + half_width, fit%upper(k)))
       end associate
    end function interval
 
