@@ -183,7 +183,7 @@ contains
       code = 0
       do i = 1, len(directory)
          if (i < len(directory)) then
-            if (i == 1 .or. directory(i + 1:i + 1) /= '/') cycle
+            if (directory(i:i) == '/' .or. directory(i + 1:i + 1) /= '/') cycle
          end if
          call file_status(directory(:i), kind, bytes, code)
          if (kind == kind_directory) cycle
