@@ -17,12 +17,12 @@ module beamid
    use beamid_least_squares, only: fit, fit_t, monitor_t, options_t
    use beamid_modal, only: modal_t
    use beamid_modes, only: undamped_modes
-   use beamid_poles, only: damped_roots
    use beamid_noise, only: gaussian_noise
    use beamid_observation, only: formula_names, new_sampling, observation_t, sampling_t
    use beamid_problems, only: problem_t
    use beamid_records, only: read_record, take_samples, window_t
    use beamid_responses, only: response_t, solver_t, work_t
+   use beamid_roots, only: damped_roots
    use beamid_statistics, only: akaike, bayes, check_residuals, nested_test, new_statistics, &
       residual_check_t, statistics_t, undetermined
    use beamid_strings, only: fixed, full, to_text

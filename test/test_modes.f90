@@ -6,7 +6,7 @@ program test_modes
    use beamid_galerkin, only: galerkin_t, mesh_t, new_galerkin
    use beamid_kinds, only: wp
    use beamid_modes, only: undamped_modes
-   use beamid_poles, only: damped_roots
+   use beamid_roots, only: damped_roots
    use beamid_strings, only: to_text
    use beamid_structure, only: structure_t
    use checks, only: check, check_close, finish

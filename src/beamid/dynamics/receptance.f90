@@ -16,7 +16,7 @@ module beamid_receptance
    implicit none
    private
 
-   public :: receptance_t, new_receptance, root_t
+   public :: receptance_t, new_receptance, root_t, sums_t, root_sums
 
    type :: receptance_t
       type(structure_t) :: structure
@@ -41,6 +41,16 @@ module beamid_receptance
       complex(wp) :: offset = 0
       complex(wp) :: s = 0
    end type root_t
+
+   !> What residues and derivatives at a root are made of.
+   type :: sums_t
+      complex(wp), allocatable, dimension(:) :: D, q   !< (n)
+      complex(wp) :: G = 0, G_F = 0, A = 0
+      complex(wp) :: h(0:2) = 0                        !< h, h', h''
+      real(wp) :: size_A = 0                           !< A with every term made positive
+      !> A root of the hose alone, where h has its pole: the tip does not see it.
+      logical :: hidden = .false.
+   end type sums_t
 
 contains
 
@@ -251,5 +261,33 @@ contains
       end if
       value = dw/w + sum(dD/D)
    end function secular
+
+   !> G = sum phi**2 q, G_F = sum phi F q and A = sum phi**2 D' q**2 + G**2 h' at a root.
+   pure function root_sums(receptance, root) result(sums)
+      type(receptance_t), intent(in) :: receptance
+      type(root_t), intent(in) :: root
+      type(sums_t) :: sums
+      complex(wp) :: e, num(0:2), den(0:2), terms(size(receptance%mu))
+
+      allocate (sums%D(size(receptance%mu)), sums%q(size(receptance%mu)))
+      call receptance%beam(root, sums%D, sums%q, e)
+      call receptance%attachment(root%s, num, den)
+      ! The residue is of the order of den**2: below the square of this, 1e-20, it is nothing.
+      associate (st => receptance%structure, s => abs(root%s))
+         sums%hidden = size(receptance%hose) > 0 .and. &
+            abs(den(0)) <= 1e-10_wp*(st%m_H*s**2 + st%c_H*s + st%k_H)
+      end associate
+      if (sums%hidden) return
+      sums%h(0) = num(0)/den(0)
+      sums%h(1) = (num(1) - sums%h(0)*den(1))/den(0)
+      sums%h(2) = (num(2) - 2*sums%h(1)*den(1) - sums%h(0)*den(2))/den(0)
+      associate (st => receptance%structure, tip => receptance%tip)
+         sums%G = sum(tip**2*sums%q)
+         sums%G_F = sum(tip*receptance%load*sums%q)
+         terms = tip**2*(2*st%rho*root%s + st%c_D*st%I*receptance%mu)*sums%q**2
+      end associate
+      sums%A = sum(terms) + sums%G**2*sums%h(1)
+      sums%size_A = sum(abs(terms)) + abs(sums%G**2*sums%h(1))
+   end function root_sums
 
 end module beamid_receptance
