@@ -25,8 +25,12 @@ module beamid_galerkin
       type(band_t) :: bending             !< <b_i'', b_j''> [1/length**3]
       real(wp), allocatable :: tip(:)     !< (n) b_i(l)
       type(rule_t), private :: rule
+      !> (degree + 1, points, rows) sqrt(weight) b'' at the points of the rule for the bending
+      !> integrals; all elements from number `rows - 1` on are alike.
+      real(wp), allocatable, private :: curvature(:, :, :)
    contains
       procedure :: moments
+      procedure :: add_bending_force
       procedure :: bending_energy
    end type galerkin_t
 
@@ -46,6 +50,7 @@ contains
       self%tip = self%space%at(length, 0)
       self%inertia = new_band(self%space%n, mesh%degree)
       self%bending = new_band(self%space%n, mesh%degree)
+      call tabulate_curvature(self)
       do e = 0, mesh%elements - 1
          first = self%space%first_on_element(e)
          functions = min(mesh%degree + 1, e + mesh%degree - first)
@@ -89,30 +94,71 @@ contains
       values = values*self%space%length/self%mesh%elements
    end function moments
 
-   !> Integral of (w'')**2 over the beam by quadrature, for the spline with the given coefficients.
-   !> The quadratic form of `bending` is the same in exact arithmetic, but there the curvature of a
-   !> smooth function is a difference of fourth order, which costs N**4 units of round-off; here it
-   !> is one of second order.
+   !> Tabulates curvatures for `bending_energy` and `add_bending_force`: at degree - 1 Gauss points
+   !> when the rule of the mesh is exact for the bending integrals, as these then are, else at its own.
+   pure subroutine tabulate_curvature(self)
+      type(galerkin_t), intent(inout) :: self
+      type(rule_t) :: rule
+      integer :: e, q
+
+      associate (mesh => self%mesh)
+         rule = self%rule
+         if (mesh%gauss_points >= mesh%degree - 1) rule = composite(mesh%degree - 1, 1)
+         allocate (self%curvature(mesh%degree + 1, size(rule%points), &
+            min(mesh%elements, mesh%degree + 1)))
+         do e = 0, size(self%curvature, 3) - 1
+            do q = 1, size(rule%points)
+               self%curvature(:, q, e + 1) = sqrt(rule%weights(q)*self%space%length/mesh%elements) &
+                  *self%space%on_element(e, rule%points(q), 2)
+            end do
+         end do
+      end associate
+   end subroutine tabulate_curvature
+
+   !> force := force + factor (bending w), the bending matrix times w, by way of the curvature.
    !>
-   !> coefficients  (n)
-   !> result        [length**2/length**3]
-   pure real(wp) function bending_energy(self, coefficients)
+   !> In the band matrix the curvature of a smooth function is a difference of fourth order between
+   !> rounded entries, which costs N**4 units of round-off; here it is one of second order.
+   !>
+   !> w, force  (n)
+   pure subroutine add_bending_force(self, factor, w, force)
       class(galerkin_t), intent(in) :: self
-      real(wp), intent(in) :: coefficients(:)
-      real(wp) :: d2b(self%mesh%degree + 1)
-      integer :: e, q, first, last
+      real(wp), intent(in) :: factor, w(:)
+      real(wp), intent(inout) :: force(:)
+      real(wp) :: kappa
+      integer :: e, q, row, first, last, m
+
+      do e = 0, self%mesh%elements - 1
+         first = self%space%first_on_element(e)
+         last = min(first + self%mesh%degree, e + self%mesh%degree - 1)
+         m = last - first + 1
+         row = min(e + 1, size(self%curvature, 3))
+         do q = 1, size(self%curvature, 2)
+            kappa = factor*dot_product(self%curvature(:m, q, row), w(first:last))
+            force(first:last) = force(first:last) + kappa*self%curvature(:m, q, row)
+         end do
+      end do
+   end subroutine add_bending_force
+
+   !> Integral of (w'')**2 over the beam, as accurate as `add_bending_force`.
+   !>
+   !> w       (n)
+   !> result  [length**2/length**3]
+   pure real(wp) function bending_energy(self, w)
+      class(galerkin_t), intent(in) :: self
+      real(wp), intent(in) :: w(:)
+      integer :: e, q, row, first, last
 
       bending_energy = 0
       do e = 0, self%mesh%elements - 1
          first = self%space%first_on_element(e)
          last = min(first + self%mesh%degree, e + self%mesh%degree - 1)
-         do q = 1, size(self%rule%points)
-            d2b = self%space%on_element(e, self%rule%points(q), 2)
-            bending_energy = bending_energy + self%rule%weights(q) &
-               *dot_product(d2b(:last - first + 1), coefficients(first:last))**2
+         row = min(e + 1, size(self%curvature, 3))
+         do q = 1, size(self%curvature, 2)
+            bending_energy = bending_energy &
+               + dot_product(self%curvature(:last - first + 1, q, row), w(first:last))**2
          end do
       end do
-      bending_energy = bending_energy*self%space%length/self%mesh%elements
    end function bending_energy
 
 end module beamid_galerkin

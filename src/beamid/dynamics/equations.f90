@@ -28,6 +28,7 @@ module beamid_equations
       real(wp) :: omega = 0                  !< estimate of the first angular frequency [1/time]
       real(wp) :: displacement = 0           !< estimate of the size of the displacement [length]
    contains
+      procedure :: subtract_internal_force
       procedure :: strain_energy
    end type equations_t
 
@@ -73,6 +74,26 @@ contains
       self%omega = structure%omega()
       self%displacement = excitation%size_scale(structure%stiffness(), self%omega)
    end function new_equations
+
+   !> force := force - C v - K w without the cancellation that the band matrices suffer on fine
+   !> meshes.
+   !>
+   !> w, v, force  (n)
+   pure subroutine subtract_internal_force(self, w, v, force)
+      class(equations_t), intent(in) :: self
+      real(wp), intent(in) :: w(:), v(:)
+      real(wp), intent(inout) :: force(:)
+      real(wp) :: pull
+
+      associate (n => self%galerkin%space%n, s => self%structure, tip => self%galerkin%tip)
+         call self%galerkin%add_bending_force(-s%I, s%E*w(:n) + s%c_D*v(:n), force(:n))
+         if (.not. s%has_hose()) return
+         pull = s%k_H*(w(n + 1) - dot_product(tip, w(:n))) &
+            + s%c_H*(v(n + 1) - dot_product(tip, v(:n)))
+         force(:n) = force(:n) + pull*tip
+         force(n + 1) = force(n + 1) - pull
+      end associate
+   end subroutine subtract_internal_force
 
    !> x' K x without the cancellation that the band matrix K suffers on fine meshes.
    !>

@@ -55,11 +55,8 @@ contains
       real(wp), intent(in) :: force, w(:), v(:)
       real(wp), intent(out) :: a(:)
 
-      associate (eq => self%equations)
-         a = force*eq%load
-         call eq%damping%add_product(-1.0_wp, v, a)
-         call eq%stiffness%add_product(-1.0_wp, w, a)
-      end associate
+      a = force*self%equations%load
+      call self%equations%subtract_internal_force(w, v, a)
       call self%mass_factor%solve(a)
    end subroutine acceleration
 

@@ -18,7 +18,7 @@ contains
 
    !> Roots s of (s**2 M + s C + K) x = 0.
    !>
-   !> roots  complex pairs once, with positive imaginary part; real roots each; ascending |s| [1/time]
+   !> roots  complex pairs once, Im s > 0; real roots each; ascending |s| [1/time]
    subroutine damped_roots(equations, roots, error)
       type(equations_t), intent(in) :: equations
       complex(wp), allocatable, intent(out) :: roots(:)

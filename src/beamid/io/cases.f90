@@ -169,7 +169,8 @@ contains
 
       call grid(case%window, times, error)
       if (allocated(error)) then
-         error%message = case%path//':'//to_text(case%record_line)//': &record t_step: '//error%message
+         error%message = case%path//':'//to_text(case%record_line)//': &record t_step: '// &
+            error%message
          return
       end if
       call check_delta(case, times, error)

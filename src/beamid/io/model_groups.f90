@@ -177,7 +177,8 @@ contains
          character(len=*), intent(in) :: key, text
 
          if (scan(text, ',"') > 0 .or. len_trim(text) > label_length) call refuse(path, &
-            block%line_of(key), 'units', key, quoted(text), 'a label without commas and double quotes, of at most '// &
+            block%line_of(key), 'units', key, quoted(text), &
+            'a label without commas and double quotes, of at most '// &
             to_text(label_length)//' characters', error)
       end subroutine label
 

@@ -279,7 +279,8 @@ contains
       character(len=:), allocatable :: unit
 
       unit = '[Hz]'
-      if (case%units%time /= '' .and. case%units%time /= 's') unit = '[1/'//trim(case%units%time)//']'
+      if (case%units%time /= '' .and. case%units%time /= 's') &
+         unit = '[1/'//trim(case%units%time)//']'
    end function frequency_unit
 
    !> A unit behind a number, or nothing.
