@@ -92,7 +92,16 @@ contains
    subroutine complain(message)
       character(len=*), intent(in) :: message
 
-      write (error_unit, '(2a)') 'beamid: ', message
+      integer :: first, last
+
+      ! Several problems of one file come as several lines.
+      first = 1
+      do while (first <= len(message))
+         last = index(message(first:), new_line('a'))
+         last = merge(len(message), first + last - 2, last == 0)
+         write (error_unit, '(2a)') 'beamid: ', message(first:last)
+         first = last + 2
+      end do
    end subroutine complain
 
 end module beamid_terminal

@@ -94,8 +94,8 @@ contains
       values = values*self%space%length/self%mesh%elements
    end function moments
 
-   !> Tabulates curvatures for `bending_energy` and `add_bending_force`: at degree - 1 Gauss points
-   !> when the rule of the mesh is exact for the bending integrals, as these then are, else at its own.
+   !> Tabulates curvatures for `bending_energy` and `add_bending_force`: at degree - 1 Gauss points,
+   !> which are exact, where the rule of the mesh is exact for them too, else at its own.
    pure subroutine tabulate_curvature(self)
       type(galerkin_t), intent(inout) :: self
       type(rule_t) :: rule

@@ -91,7 +91,9 @@ contains
       call decompose(jacobian, scale, statistics%singular, statistics%direction, error)
       if (allocated(error)) return
       statistics%variance = sum(residual**2)/(m - n)
-      statistics%condition = statistics%singular(1)/max(statistics%singular(n), tiny(1.0_wp))
+      statistics%condition = unlimited
+      if (statistics%singular(n) > statistics%singular(1)/unlimited) &
+         statistics%condition = statistics%singular(1)/statistics%singular(n)
 
       call add_covariance(statistics, scale, epsilon(1.0_wp)*m*statistics%singular(1))
       t = student_quantile(0.95_wp, real(m - n, wp))
@@ -109,13 +111,16 @@ contains
       real(wp), intent(in) :: scale(:), smallest
       real(wp) :: inverse(size(scale), size(scale)), root(size(scale))
       logical :: lost(size(scale))
+      real(wp) :: largest
       integer :: j, k
 
+      ! In units of the largest singular value, so that nothing over- or underflows on the way.
       inverse = 0
       lost = .false.
+      largest = max(statistics%singular(1), tiny(1.0_wp))
       do k = 1, size(scale)
-         associate (v => statistics%direction(:, k), s => statistics%singular(k))
-            if (s <= smallest) then
+         associate (v => statistics%direction(:, k), s => statistics%singular(k)/largest)
+            if (statistics%singular(k) <= smallest) then
                lost = lost .or. abs(v) > 1e-6_wp
                cycle
             end if
@@ -128,14 +133,16 @@ contains
       allocate (statistics%covariance(size(scale), size(scale)))
       allocate (statistics%correlation(size(scale), size(scale)), source=0.0_wp)
       do j = 1, size(scale)
-         statistics%covariance(:, j) = statistics%variance*scale*inverse(:, j)*scale(j)
+         statistics%covariance(:, j) = (sqrt(statistics%variance)*(scale/largest))*inverse(:, j) &
+            *(sqrt(statistics%variance)*(scale(j)/largest))
          do k = 1, size(scale)
             if (j == k) statistics%correlation(k, j) = 1
             if (j /= k .and. .not. (lost(j) .or. lost(k))) statistics%correlation(k, j) = &
                inverse(k, j)/(root(k)*root(j))
          end do
       end do
-      statistics%std_error = merge(unlimited, sqrt(statistics%variance)*scale*root, lost)
+      statistics%std_error = merge(unlimited, &
+         min(unlimited, sqrt(statistics%variance)*(scale/largest)*root), lost)
    end subroutine add_covariance
 
    !> Errors with the autocovariances of the residuals up to `max_lags`, tapered linearly.
@@ -151,7 +158,9 @@ contains
       lags = min(max_lags, m/2)
       statistics%corrected_error = statistics%std_error
       statistics%effective = m
-      if (.not. statistics%variance > 0 .or. any(statistics%std_error >= unlimited)) then
+      ! Nothing to correct, or nothing that could be squared.
+      if (.not. statistics%variance > 0 .or. &
+         any(statistics%std_error >= sqrt(unlimited)*epsilon(unlimited))) then
          statistics%corrected_half_width = statistics%half_width
          return
       end if

@@ -116,6 +116,11 @@ contains
          call exclude(path, block, [character(len=9) :: 'amplitude', 'duration'], &
             'with kind = ''table''', error)
          if (allocated(error)) return
+         if (file == '') then
+            call refuse(path, block%line_of('file'), 'excitation', 'file', '''''', &
+               'the path of a force table', error)
+            return
+         end if
          call read_force(join_path(directory_of(path), trim(file)), force, error)
          if (allocated(error)) return
       case default

@@ -88,7 +88,8 @@ contains
       if (window%t_step <= 0) then
          samples = pack(t, t >= window%t_first - near .and. t <= window%t_last + near)
          measured = pack(z, t >= window%t_first - near .and. t <= window%t_last + near)
-         if (size(samples) == 0) call bad_input(error, 'found no sample in the window')
+         if (size(samples) == 0) call bad_input(error, &
+            'found no sample in the window, expected one or more')
          return
       end if
 

@@ -116,7 +116,7 @@ contains
          end do
          call text%line('singular values of the Jacobian per relative change:'// &
             joined(s%singular)// &
-            '; condition number '//to_text(s%condition))
+            '; condition number '//limited(s%condition))
          sentences = undetermined(s, names, fit%scale, fit%fit%jacobian)
          do k = 1, size(sentences)
             call text%line(sentences(k))
@@ -166,6 +166,15 @@ contains
             right(to_text(min(p + half_width, fit%upper(k))), 15)
       end associate
    end function interval
+
+   !> A number, or what stands for none.
+   function limited(value) result(text)
+      real(wp), intent(in) :: value
+      character(len=:), allocatable :: text
+
+      text = 'unlimited'
+      if (value < unlimited) text = to_text(value)
+   end function limited
 
    !> Numbers in a row.
    function joined(values) result(line)
