@@ -106,7 +106,8 @@ contains
       receptance = new_receptance(equations%structure, self%mu, self%tip, load)
       call find_poles(receptance, poles, error)
       if (allocated(error)) return
-      call differentiate_poles(receptance, parameters, poles)
+      call differentiate_poles(receptance, parameters, poles, error)
+      if (allocated(error)) return
       call synthesize(poles, excitation, times, response, slopes)
       if (.not. all(ieee_is_finite(response%acceleration + response%displacement))) &
          call failure(error, 'modal: the response is not finite')

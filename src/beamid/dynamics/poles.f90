@@ -26,6 +26,8 @@ module beamid_poles
       complex(wp), allocatable :: ds(:, :)        !< (poles, parameters) d s/d parameter
       complex(wp), allocatable :: dr(:, :)        !< (poles, parameters) d residue/d parameter
       real(wp), allocatable :: dimpulse(:)        !< (parameters)
+      !> Sensitivity of the most sensitive root to round-off, 1 for simple modes.
+      real(wp) :: condition = 0
    end type poles_t
 
    !> Sensitivity of a root, relative to that of a simple mode, beyond which two roots count as
@@ -72,6 +74,7 @@ contains
          end if
          poles%residue(k) = weight(poles%s(k))*sums%G*sums%G_F/sums%A
       end do
+      poles%condition = worst
       if (worst > max_condition) then
          call failure(error, 'modal: two roots coincide near s = '// &
             to_text(real(poles%s(worst_k)))// &
@@ -155,12 +158,20 @@ contains
    !> Derivatives of poles and residues.
    !>
    !> parameters  places among m_T, E, c_D, m_H, c_H, k_H, rho
-   subroutine differentiate_poles(receptance, parameters, poles)
+   !> error       two roots nearly coincide: derivatives lose twice the digits that the response does
+   subroutine differentiate_poles(receptance, parameters, poles, error)
       type(receptance_t), intent(in) :: receptance
       integer, intent(in) :: parameters(:)
       type(poles_t), intent(inout) :: poles
+      type(error_t), allocatable, intent(out) :: error
       real(wp) :: mass
       integer :: k, p
+
+      if (size(parameters) > 0 .and. poles%condition > sqrt(max_condition)*100) then
+         call failure(error, 'modal: two roots nearly coincide, so that derivatives would have less '// &
+            'than four digits; method = ''cvode'' has no such limit')
+         return
+      end if
 
       allocate (poles%ds(size(poles%s), size(parameters)), poles%dr(size(poles%s), &
          size(parameters)))

@@ -249,7 +249,10 @@ contains
          de = dD(root%j)
          D(root%j) = 1
          dD(root%j) = 0
-         dG = sum(terms*(-dD/D)) + de*(sum(self%tip**2/D) - self%tip(root%j)**2)
+         dG = sum(terms*(-dD/D))
+         terms = self%tip**2/D
+         terms(root%j) = 0
+         dG = dG + de*sum(terms)
       else
          dG = sum(terms*(-dD/D))
       end if

@@ -102,13 +102,13 @@ contains
       end do
    end subroutine starting_points
 
-   !> Ehrlich-Aberth: Newton's correction for the polynomial without the other roots.
+   !> Ehrlich-Aberth: corrections in turn until none moves.
    subroutine iterate(receptance, roots, error)
       type(receptance_t), intent(in) :: receptance
       type(root_t), intent(inout) :: roots(:)
       type(error_t), allocatable, intent(out) :: error
       logical :: done(size(roots))
-      complex(wp) :: slope, step
+      real(wp) :: moved
       integer :: k, sweep
 
       if (bare(receptance)) then
@@ -122,22 +122,40 @@ contains
       do sweep = 1, max_sweeps
          do k = 1, size(roots)
             if (done(k)) cycle
-            slope = receptance%secular(roots(k)) - sum(1/(roots(k)%s - roots(:k - 1)%s)) &
-               - sum(1/(roots(k)%s - roots(k + 1:)%s))
-            step = -1/slope
-            roots(k)%s = roots(k)%s + step
-            roots(k)%offset = roots(k)%offset + step
-            call attach(receptance, roots(k))
-            ! Convergence is at least quadratic: after such a step the error is round-off. Only
-            ! double roots take longer, and never reach it.
-            done(k) = abs(step) <= 1e-9_wp*max(abs(roots(k)%offset), 1e-14_wp*abs(roots(k)%s)) &
-               .or. sweep > max_sweeps/2 .and. abs(step) <= 1e-6_wp*abs(roots(k)%s)
+            call correct(receptance, roots, k, moved)
+            ! Only double roots never come so far.
+            done(k) = moved <= 1e-9_wp*max(abs(roots(k)%offset), 1e-14_wp*abs(roots(k)%s)) .or. &
+               sweep > max_sweeps/2 .and. moved <= 1e-6_wp*abs(roots(k)%s)
          end do
-         if (all(done)) return
+         if (.not. all(done)) cycle
+         ! With all the others in place one more correction leaves round-off.
+         do k = 1, size(roots)
+            call correct(receptance, roots, k, moved)
+         end do
+         return
       end do
       call failure(error, 'modal: '//to_text(count(.not. done))//' of '//to_text(size(roots))// &
          ' roots of the characteristic equation did not converge')
    end subroutine iterate
+
+   !> Newton's correction of root k for the polynomial without the other roots.
+   !>
+   !> moved  its size
+   pure subroutine correct(receptance, roots, k, moved)
+      type(receptance_t), intent(in) :: receptance
+      type(root_t), intent(inout) :: roots(:)
+      integer, intent(in) :: k
+      real(wp), intent(out) :: moved
+      complex(wp) :: slope, step
+
+      slope = receptance%secular(roots(k)) - sum(1/(roots(k)%s - roots(:k - 1)%s)) &
+         - sum(1/(roots(k)%s - roots(k + 1:)%s))
+      step = -1/slope
+      roots(k)%s = roots(k)%s + step
+      roots(k)%offset = roots(k)%offset + step
+      call attach(receptance, roots(k))
+      moved = abs(step)
+   end subroutine correct
 
    !> Whether nothing hangs on the beam.
    pure logical function bare(receptance)
@@ -179,7 +197,8 @@ contains
          end if
       end associate
       do k = 1, size(roots)
-         if (abs(aimag(roots(k)%s)) > 1e-11_wp*abs(roots(k)%s)) cycle
+         ! A pair so near the real axis would be refused as a double root.
+         if (abs(aimag(roots(k)%s)) > 1e-10_wp*abs(roots(k)%s)) cycle
          roots(k)%s = real(roots(k)%s)
          if (roots(k)%j > 0) then
             if (abs(aimag(receptance%pole(roots(k)%j, roots(k)%side))) > 0) then
