@@ -11,7 +11,8 @@ module beamid_comparison
    !> One model, fitted on the last mesh of its case.
    type :: candidate_t
       type(case_t) :: case
-      type(stage_fit_t) :: fit
+      type(stage_fit_t) :: fit             !< of the last stage
+      integer, allocatable :: free(:)      !< parameters that any stage fitted to the record
       real(wp), allocatable :: samples(:), measured(:)
    end type candidate_t
 
@@ -76,6 +77,7 @@ contains
       type(progress_t), intent(inout) :: progress
       type(error_t), allocatable, intent(out) :: error
       type(stage_fit_t), allocatable :: fits(:)
+      integer :: j, k
 
       associate (case => candidate%case)
          call identify(case%model, case%meshes(size(case%meshes)), case%stages, candidate%samples, &
@@ -86,6 +88,12 @@ contains
          end if
       end associate
       candidate%fit = fits(size(fits))
+      allocate (candidate%free(0))
+      do k = 1, size(free_names)
+         if (any([(any(fits(j)%free == k), j=1, size(fits))])) candidate%free = [candidate%free, k]
+      end do
+      if (.not. candidate%fit%fit%J > 0) call failure(error, candidate%case%path// &
+         ': J = 0: the criteria are not defined for a model that leaves no residual')
    end subroutine fit_candidate
 
    !> J, number of parameters and criteria of each model.
@@ -98,8 +106,8 @@ contains
       m = size(candidates(1)%samples)
       do k = 1, size(candidates)
          associate (fit => candidates(k)%fit)
-            aicc(k) = akaike(fit%fit%J, m, size(fit%free))
-            bic(k) = bayes(fit%fit%J, m, size(fit%free))
+            aicc(k) = akaike(fit%fit%J, m, size(candidates(k)%free))
+            bic(k) = bayes(fit%fit%J, m, size(candidates(k)%free))
          end associate
       end do
       call summary%line('Models of one record, m = '//to_text(m)//' samples')
@@ -112,14 +120,15 @@ contains
          right('- best')//right('BIC')//right('- best'))
       call table%line('model,elements,parameters,J,aicc,bic')
       do k = 1, size(candidates)
-         associate (fit => candidates(k)%fit, name => candidates(k)%case%name)
+         associate (fit => candidates(k)%fit, name => candidates(k)%case%path)
             call summary%line(left(name, 28)//right(to_text(fit%elements), 5)// &
-               right(to_text(size(fit%free)), 6)//right(to_text(fit%fit%J))// &
+               right(to_text(size(candidates(k)%free)), 6)//right(to_text(fit%fit%J))// &
                right(trim(adjustl(fixed(aicc(k), 12, 2))))// &
                   right(trim(adjustl(fixed(aicc(k) - minval(aicc), 12, 2))))// &
                right(trim(adjustl(fixed(bic(k), 12, 2))))// &
                   right(trim(adjustl(fixed(bic(k) - minval(bic), 12, 2)))))
-            call table%line(name//','//to_text(fit%elements)//','//to_text(size(fit%free))//','// &
+            call table%line(name//','//to_text(fit%elements)//','// &
+               to_text(size(candidates(k)%free))//','// &
                full(fit%fit%J)//','//full(aicc(k))//','//full(bic(k)))
          end associate
       end do
@@ -138,20 +147,30 @@ contains
       do i = 1, size(candidates)
          do j = 1, size(candidates)
             if (.not. is_nested(candidates(i), candidates(j))) cycle
-            restrictions = size(candidates(j)%fit%free) - size(candidates(i)%fit%free)
+            restrictions = size(candidates(j)%free) - size(candidates(i)%free)
             call nested_test(candidates(i)%fit%fit%J, candidates(j)%fit%fit%J, &
                size(candidates(i)%samples), restrictions, U, probability)
-            call summary%line('  '//candidates(i)%case%name//' within '//candidates(j)%case%name// &
+            call summary%line('  '//candidates(i)%case%path//' within '//candidates(j)%case%path// &
                ': U = '//to_text(U)//', '//to_text(restrictions)//merge(' restriction, ', &
                ' restrictions,', restrictions == 1)//' probability '//to_text(probability)// &
                merge(': the full model is better          ', &
                   ': no reason to prefer the full model', &
                probability < 0.05_wp))
-            call table%line(candidates(i)%case%name//','//candidates(j)%case%name//','// &
+            call table%line(candidates(i)%case%path//','//candidates(j)%case%path//','// &
                to_text(restrictions)//','//full(U)//','//full(probability))
          end do
       end do
    end subroutine add_nested
+
+   !> The test in words.
+   function verdict(U, probability) result(words)
+      real(wp), intent(in) :: U, probability
+      character(len=:), allocatable :: words
+
+      words = ': no reason to prefer the full model'
+      if (probability < 0.05_wp) words = ': the full model is better'
+      if (U < 0) words = ': the fit of the full model did not reach its minimum'
+   end function verdict
 
    !> Whether `small` is `large` with some of its free parameters held: what `large` holds fixed is
    !> the same in both, and everything that `small` frees is free in `large`.
@@ -160,19 +179,34 @@ contains
       integer :: k
 
       is_nested = .false.
-      if (size(small%fit%free) >= size(large%fit%free)) return
-      if (small%fit%elements /= large%fit%elements) return
-      do k = 1, size(small%fit%free)
-         if (.not. any(large%fit%free == small%fit%free(k))) return
+      if (size(small%free) >= size(large%free)) return
+      if (.not. same_method(small%case, large%case)) return
+      do k = 1, size(small%free)
+         if (.not. any(large%free == small%free(k))) return
       end do
       do k = 1, size(free_names)
-         if (any(large%fit%free == k)) cycle
-         associate (a => get_free(small%fit%structure, small%case%model%excitation, k), &
-            b => get_free(large%fit%structure, large%case%model%excitation, k))
+         if (any(large%free == k)) cycle
+         associate (a => get_free(small%fit%structure, small%fit%excitation, k), &
+            b => get_free(large%fit%structure, large%fit%excitation, k))
             if (abs(a - b) > 1e-12_wp*max(abs(a), abs(b))) return
          end associate
       end do
       is_nested = .true.
    end function is_nested
+
+   !> Whether two cases differ in nothing but their parameters.
+   logical function same_method(a, b)
+      type(case_t), intent(in) :: a, b
+
+      same_method = same_mesh(a%meshes(size(a%meshes)), b%meshes(size(b%meshes))) .and. &
+         a%model%observation%formula == b%model%observation%formula .and. &
+         abs(a%model%observation%delta - b%model%observation%delta) <= 0 .and. &
+         (a%model%excitation%distributed .eqv. b%model%excitation%distributed) .and. &
+         abs(a%model%excitation%power - b%model%excitation%power) <= 0 .and. &
+         abs(a%model%structure%length - b%model%structure%length) <= 0 .and. &
+         abs(a%model%structure%I - b%model%structure%I) <= 0 .and. &
+         size(a%model%excitation%t) == size(b%model%excitation%t)
+      if (same_method) same_method = all(abs(a%model%excitation%t - b%model%excitation%t) <= 0)
+   end function same_method
 
 end module beamid_comparison

@@ -217,7 +217,7 @@ contains
          end do
          call text%line(line)
          call text%line( &
-            '    16 = 4**2, and 4 is the value of a cubic B-spline at its node: a constant factor of 4')
+            '    16 = 4**2, and 4 is the value of a cubic B-spline at its node: a constant factor 4')
          call text%line( &
             '    in the observation leaves every estimate as it is and multiplies J by 16.')
          call text%line(' 2. At the finest mesh the paper''s J lies below 16 J by a factor of '// &
@@ -228,7 +228,7 @@ contains
             trim(percent(fits(2)%fit%estimate(1)/(paper(2, 2)/10) - 1))// &
                ': a misprint, in all likelihood.')
          call text%line( &
-            ' 4. The quadrature is fine enough to be exact. With a single panel of two Gauss points')
+            ' 4. The quadrature is fine enough to be exact. With one panel of two Gauss points')
          call text%line('    per element J at N = 2 would be '//to_text(table%coarse_rule_J)// &
             ', '// &
             trim(adjustl(fixed(fits(1)%fit%J/table%coarse_rule_J, 12, 0)))// &

@@ -10,7 +10,7 @@ module beamid
    use beamid_errors, only: bad_input, error_t, failure, status_bad_input, status_failed
    use beamid_excitation, only: excitation_t, new_force_table, new_pulse
    use beamid_files, only: directory_of, join_path, output_t
-   use beamid_galerkin, only: galerkin_t, mesh_t, new_galerkin
+   use beamid_galerkin, only: galerkin_t, mesh_t, new_galerkin, same_mesh
    use beamid_identification, only: identify, identify_meshes, model_t, simulate, simulation_t, &
       stage_fit_t, stage_t
    use beamid_kinds, only: wp

@@ -8,7 +8,7 @@ module beamid_galerkin
    implicit none
    private
 
-   public :: mesh_t, galerkin_t, new_galerkin
+   public :: mesh_t, galerkin_t, new_galerkin, same_mesh
 
    !> How the beam is discretized.
    type :: mesh_t
@@ -35,6 +35,14 @@ module beamid_galerkin
    end type galerkin_t
 
 contains
+
+   !> Whether two meshes are the same, quadrature included.
+   pure logical function same_mesh(a, b)
+      type(mesh_t), intent(in) :: a, b
+
+      same_mesh = all([a%degree, a%elements, a%gauss_points, a%panels] == &
+                      [b%degree, b%elements, b%gauss_points, b%panels])
+   end function same_mesh
 
    !> Integrals for a beam of the given length [length].
    pure function new_galerkin(mesh, length) result(self)

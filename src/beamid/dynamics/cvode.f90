@@ -10,7 +10,7 @@ module beamid_cvode
    use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
    use beamid_equations, only: equations_t
    use beamid_errors, only: error_t, failure
-   use beamid_excitation, only: excitation_t
+   use beamid_excitation, only: excitation_t, same_time
    use beamid_kinds, only: wp, ip
    use beamid_newton, only: motion_t, new_motion
    use beamid_responses, only: response_t, solver_t, work_t
@@ -101,6 +101,12 @@ contains
       steps = 0
       nodes = size(excitation%t)
       do k = 1, nodes
+         ! Samples that miss the node by round-off are taken here: the step to them would be none.
+         do while (next <= size(times))
+            if (times(next) > excitation%t(k) + same_time*spacing(excitation%t(k))) exit
+            call observe(session, excitation%force(times(next)), session%y, next, response)
+            next = next + 1
+         end do
          if (next > size(times)) exit
          session%motion%intercept = 0
          session%motion%slope = 0

@@ -8,7 +8,7 @@ module beamid_modal
    use beamid_equations, only: equations_t
    use beamid_errors, only: error_t, failure
    use beamid_excitation, only: excitation_t
-   use beamid_galerkin, only: galerkin_t
+   use beamid_galerkin, only: galerkin_t, mesh_t, same_mesh
    use beamid_kinds, only: wp
    use beamid_modes, only: bare_beam_modes
    use beamid_poles, only: differentiate_poles, find_poles, poles_t
@@ -23,6 +23,8 @@ module beamid_modal
       real(wp), allocatable, private :: mu(:)          !< (n) of the bare beam [1/length**4]
       real(wp), allocatable, private :: shapes(:, :)   !< (n, n) columns phi, phi' G phi = 1
       real(wp), allocatable, private :: tip(:)         !< (n) phi(l)
+      type(mesh_t), private :: mesh                    !< what it was prepared for
+      real(wp), private :: length = 0
    contains
       procedure :: prepare
       procedure :: respond
@@ -50,6 +52,8 @@ contains
       call bare_beam_modes(galerkin, self%mu, self%shapes, error)
       if (allocated(error)) return
       self%tip = matmul(galerkin%tip, self%shapes)
+      self%mesh = galerkin%mesh
+      self%length = galerkin%space%length
    end subroutine prepare
 
    pure real(wp) function noise(self)
@@ -97,7 +101,8 @@ contains
       if (.not. allocated(self%mu)) then
          call failure(error, 'modal: the modes of the mesh have not been prepared')
          return
-      else if (size(self%mu) /= equations%galerkin%space%n) then
+      else if (.not. same_mesh(self%mesh, equations%galerkin%mesh) .or. &
+         abs(self%length - equations%galerkin%space%length) > 0) then
          call failure(error, 'modal: prepared for another mesh')
          return
       end if

@@ -26,13 +26,13 @@ module beamid_poles
       complex(wp), allocatable :: ds(:, :)        !< (poles, parameters) d s/d parameter
       complex(wp), allocatable :: dr(:, :)        !< (poles, parameters) d residue/d parameter
       real(wp), allocatable :: dimpulse(:)        !< (parameters)
-      !> Sensitivity of the most sensitive root to round-off, 1 for simple modes.
-      real(wp) :: condition = 0
+      real(wp) :: ordinary = 0                    !< size of an ordinary residue
    end type poles_t
 
-   !> Sensitivity of a root, relative to that of a simple mode, beyond which two roots count as
-   !> equal: round-off of 1e-16 would leave less than seven digits of the response.
-   real(wp), parameter :: max_condition = 1e9_wp
+   !> The residues of all poles add up to nothing. Where two roots come together each residue grows
+   !> without bound, and what their sum leaves is the error of the response, relative to the size of
+   !> an ordinary residue: so much is allowed, of a response and of a derivative.
+   real(wp), parameter :: max_rest = 1e-8_wp, max_rest_of_derivatives = 1e-6_wp
 
 contains
 
@@ -74,19 +74,18 @@ contains
          end if
          poles%residue(k) = weight(poles%s(k))*sums%G*sums%G_F/sums%A
       end do
-      poles%condition = worst
-      if (worst > max_condition) then
-         call failure(error, 'modal: two roots coincide near s = '// &
-            to_text(real(poles%s(worst_k)))// &
-            ' + '//to_text(aimag(poles%s(worst_k)))//' i; method = ''cvode'' has no such limit')
-         return
-      end if
       poles%impulse = impulse(receptance)
-      associate (scale => sum(abs(poles%residue*poles%s)))
-         if (abs(sum(real(poles%residue*poles%s)) - poles%impulse) > 1e-8_wp*scale .or. &
-            abs(sum(real(poles%residue))) > 1e-8_wp*sum(abs(poles%residue))) call failure(error, &
-            'modal: a root of the characteristic equation was missed')
-      end associate
+      poles%ordinary = abs(poles%impulse)/minval(abs(poles%s))
+      if (abs(sum(real(poles%residue*poles%s)) - poles%impulse) <= &
+         1e-8_wp*sum(abs(poles%residue*poles%s)) .and. &
+         abs(sum(real(poles%residue))) <= max_rest*poles%ordinary) return
+      if (worst > 5) then
+         call failure(error, 'modal: two roots coincide near s = '// &
+            to_text(real(poles%s(worst_k)))//' + '//to_text(aimag(poles%s(worst_k)))// &
+            ' i; method = ''cvode'' has no such limit')
+      else
+         call failure(error, 'modal: a root of the characteristic equation was missed')
+      end if
    end subroutine residues
 
    !> ds/dp and dr/dp of one root. With the root as a function of p, D_i changes by
@@ -158,7 +157,7 @@ contains
    !> Derivatives of poles and residues.
    !>
    !> parameters  places among m_T, E, c_D, m_H, c_H, k_H, rho
-   !> error       two roots nearly coincide: derivatives lose twice the digits that the response does
+   !> error       two roots nearly coincide: derivatives lose more digits than the response does
    subroutine differentiate_poles(receptance, parameters, poles, error)
       type(receptance_t), intent(in) :: receptance
       integer, intent(in) :: parameters(:)
@@ -167,11 +166,6 @@ contains
       real(wp) :: mass
       integer :: k, p
 
-      if (size(parameters) > 0 .and. poles%condition > sqrt(max_condition)*100) then
-         call failure(error, 'modal: two roots nearly coincide, so that derivatives would have less '// &
-            'than four digits; method = ''cvode'' has no such limit')
-         return
-      end if
 
       allocate (poles%ds(size(poles%s), size(parameters)), poles%dr(size(poles%s), &
          size(parameters)))
@@ -188,6 +182,13 @@ contains
             if (parameters(p) == 7) poles%dimpulse(p) = -poles%impulse/mass
          end do
       end associate
+      do p = 1, size(parameters)
+         if (abs(sum(real(poles%dr(:, p))))*receptance%structure%get(parameters(p)) <= &
+            max_rest_of_derivatives*poles%ordinary) cycle
+         call failure(error, &
+            'modal: two roots nearly coincide, too near for exact derivatives; '// &
+            'method = ''cvode'' has no such limit')
+      end do
    end subroutine differentiate_poles
 
    !> 2 for one of a pair, 1 for a real root.

@@ -218,8 +218,13 @@ contains
       dh_q = 0
       h_q(1) = s**2
       dh_q(1) = 2*s
-      if (.not. self%structure%has_hose()) return
       associate (st => self%structure)
+         if (.not. st%has_hose()) then
+            ! What the first grain of hose would do: it moves with the tip, held by c_H and k_H.
+            if (st%k_H > 0 .or. st%c_H > 0) h_q(2) = s**2
+            if (st%k_H > 0 .or. st%c_H > 0) dh_q(2) = 2*s
+            return
+         end if
          a = st%k_H + st%c_H*s
          u = st%m_H*s**2
          alpha = a/(u + a)

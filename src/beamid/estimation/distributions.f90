@@ -110,7 +110,11 @@ contains
    pure real(wp) function student_probability(t, freedom) result(value)
       real(wp), intent(in) :: t, freedom
 
-      value = 1 - incomplete_beta(freedom/2, 0.5_wp, freedom/(freedom + t**2))
+      if (t**2 < freedom) then
+         value = incomplete_beta(0.5_wp, freedom/2, t**2/(freedom + t**2))
+      else
+         value = 1 - incomplete_beta(freedom/2, 0.5_wp, freedom/(freedom + t**2))
+      end if
    end function student_probability
 
    !> The t with P(|T| <= t) = probability, by bisection to machine precision.

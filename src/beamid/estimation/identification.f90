@@ -50,6 +50,7 @@ module beamid_identification
       type(fit_t) :: fit
       real(wp), allocatable :: lower(:), upper(:)   !< bounds of the search
       type(structure_t) :: structure     !< with the estimates in place
+      type(excitation_t) :: excitation   !< likewise
       real(wp), allocatable :: scale(:)  !< what relative changes of the estimates are relative to
       type(statistics_t) :: statistics   !< `samples` is 0 where no degree of freedom was left
       type(residual_check_t) :: check
@@ -145,16 +146,17 @@ contains
          fits(k)%stage = k
          fits(k)%elements = mesh%elements
          fits(k)%free = stages(k)%free
+         call set_all(problem%structure, problem%excitation, stages(k)%free, fits(k)%fit%estimate)
+         fits(k)%structure = problem%structure
+         fits(k)%excitation = problem%excitation
+         fits(k)%scale = scales(problem%structure, problem%excitation, stages(k)%free)
          fits(k)%lower = stages(k)%lower
          fits(k)%upper = stages(k)%upper
          fits(k)%work = problem%work
-         fits(k)%scale = scales(problem%structure, problem%excitation, stages(k)%free)
-         fits(k)%check = check_residuals(fits(k)%fit%residual, size(stages(k)%free))
+         fits(k)%check = check_residuals(fits(k)%fit%residual)
          if (size(samples) > size(stages(k)%free)) call new_statistics(fits(k)%fit%jacobian, &
             fits(k)%fit%residual, fits(k)%fit%estimate, fits(k)%scale, fits(k)%statistics, error)
          if (allocated(error)) return
-         call set_all(problem%structure, problem%excitation, stages(k)%free, fits(k)%fit%estimate)
-         fits(k)%structure = problem%structure
       end do
    end subroutine identify
 

@@ -166,8 +166,7 @@ contains
       allocate (result%residual(m), result%jacobian(m, size(variables)))
       result%start = variables%start
       if (problem%has_jacobian()) call compare_derivatives(problem, result%start, variables, m, &
-         result%derivative_check(1), error)
-      if (allocated(error)) return
+         result%derivative_check(1))
 
       ! The difference step, sqrt(noise) |z|, must stand well above the noise of the model: a step
       ! that drowns in integration error leaves the parameters where they are, with a success code.
@@ -180,11 +179,15 @@ contains
       result%evaluations = search%evaluations
       result%shortened = search%shortened
       result%reason = reason_in_words(info)
+      do k = 1, size(variables)
+         if (.not. any(search%moving == k)) result%reason = result%reason//'; '// &
+            trim(search%names(k))//' held at its bound'
+      end do
       if (info == 0 .or. info == 5) then
          call failure(error, 'least squares: no convergence; '//result%reason)
       else if (problem%has_jacobian()) then
          call compare_derivatives(problem, result%estimate, variables, m, &
-            result%derivative_check(2), error)
+            result%derivative_check(2))
       end if
    end subroutine fit
 
@@ -270,13 +273,15 @@ contains
       real(wp), parameter :: factor = 100, gtol = 0
 
       allocate (fjac(size(r), size(z)), wa4(size(r)))
-      associate (m => size(r), n => size(z), tolerance => options%tolerance)
+      ! J of an exact model may settle to the last digit; that of an integrator cannot.
+      associate (m => size(r), n => size(z), tolerance => options%tolerance, &
+         ftol => merge(options%tolerance, 1e-14_wp, options%noise > 0))
          if (exact) then
-            call lmder(evaluate_both, m, n, z, r, fjac, m, 1e-14_wp, tolerance, gtol, &
+            call lmder(evaluate_both, m, n, z, r, fjac, m, ftol, tolerance, gtol, &
                options%max_evaluations, diag, 1, factor, 1, info, nfev, njev, ipvt, qtf, wa1, wa2, &
                   wa3, wa4)
          else
-            call lmdif(evaluate, m, n, z, r, tolerance, tolerance, gtol, options%max_evaluations, &
+            call lmdif(evaluate, m, n, z, r, ftol, tolerance, gtol, options%max_evaluations, &
                epsfcn, &
                diag, 1, factor, 1, info, nfev, fjac, m, ipvt, qtf, wa1, wa2, wa3, wa4)
          end if

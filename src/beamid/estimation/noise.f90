@@ -19,14 +19,18 @@ contains
       integer, intent(in) :: n, seed
       real(wp), intent(in) :: sd
       real(wp) :: noise(n)
-      real(wp) :: state(6), u(2)
+      real(wp) :: state(6), u(2), mixed
       real(wp), parameter :: two_pi = 2*acos(-1.0_wp)
-      integer :: k
+      integer :: k, round
 
-      ! Six numbers from the seed, each below both moduli; the first draws mix them.
-      state(1) = modulo(real(seed, wp), m2)
-      do k = 2, 6
-         state(k) = modulo(69069*state(k - 1) + 12345, m2)
+      ! Six numbers from the seed by squaring: the generator is linear, and would carry a linear
+      ! relation between seeds over to their noise. No product reaches 2**53.
+      mixed = modulo(real(seed, wp), m2)
+      do k = 1, 6
+         do round = 1, warm_up
+            mixed = modulo(mixed*modulo(mixed + round, 2.0_wp**21) + 69069*k + 1, m2)
+         end do
+         state(k) = mixed
       end do
       do k = 1, warm_up
          call draw(state, u(1))

@@ -73,13 +73,14 @@ contains
    end subroutine derivatives
 
    !> Largest relative difference, over the columns, between a Jacobian and central differences.
-   subroutine compare_derivatives(problem, parameters, variables, m, worst, error)
+   !> worst  -1 where one of the two cannot be computed
+   subroutine compare_derivatives(problem, parameters, variables, m, worst)
       class(problem_t), intent(inout) :: problem
       real(wp), intent(in) :: parameters(:)
       type(variable_t), intent(in) :: variables(:)
       integer, intent(in) :: m
       real(wp), intent(out) :: worst
-      type(error_t), allocatable, intent(out) :: error
+      type(error_t), allocatable :: error
       real(wp), dimension(m, size(parameters)) :: exact, approximate
       real(wp) :: r(m), length
       integer :: k

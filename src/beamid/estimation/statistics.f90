@@ -45,6 +45,7 @@ module beamid_statistics
       real(wp), allocatable :: autocorrelation(:)    !< lags 1, 2, ...
       !> 95 % of white residuals' lags lie within +-band
       real(wp) :: band = 0
+      integer :: lags = 0                            !< of the Ljung-Box sum
       real(wp) :: ljung_box = 0
       !> of so large a Ljung-Box sum for white residuals
       real(wp) :: probability = 1
@@ -209,17 +210,18 @@ contains
       type(statistics_t), intent(in) :: statistics
       character(len=*), intent(in) :: names(:)
       real(wp), intent(in) :: scale(:), jacobian(:, :)
-      character(len=160), allocatable :: sentences(:)
+      character(len=512), allocatable :: sentences(:)
       real(wp) :: t, threshold
       integer :: k, n
 
       n = statistics%parameters
       allocate (sentences(0))
       t = student_quantile(0.95_wp, real(statistics%samples - n, wp))
-      threshold = t*sqrt(statistics%variance)
+      threshold = max(t*sqrt(statistics%variance), &
+         epsilon(1.0_wp)*statistics%samples*statistics%singular(1))
       do k = n, 1, -1
          if (statistics%singular(k) > threshold) cycle
-         sentences = [character(len=160) :: sentences, sentence(statistics, names, scale, &
+         sentences = [character(len=512) :: sentences, sentence(statistics, names, scale, &
             jacobian, k)]
       end do
    end function undetermined
@@ -277,16 +279,15 @@ contains
       if (value > 0) text = '+'//text
    end function signed
 
-   !> Autocorrelation, and the Ljung-Box test.
+   !> Autocorrelation, and the Ljung-Box test over the first lags, a tenth of the samples at most.
+   !> A regression on functions of time takes no degree of freedom from it, unlike a fit of the
+   !> correlation itself.
    !>
-   !> residual    (m) in the order of time
-   !> parameters  number fitted, taken from the degrees of freedom
-   pure function check_residuals(residual, parameters) result(found)
+   !> residual  (m) in the order of time
+   pure function check_residuals(residual) result(found)
       real(wp), intent(in) :: residual(:)
-      integer, intent(in) :: parameters
       type(residual_check_t) :: found
       real(wp), allocatable :: r(:)
-      real(wp) :: freedom
       integer :: m, lags, k
 
       m = size(residual)
@@ -299,9 +300,10 @@ contains
          found%autocorrelation(k) = dot_product(r(:m - k), r(k + 1:))/sum(r**2)
       end do
       found%band = 1.959963984540054_wp/sqrt(real(m, wp))
-      found%ljung_box = m*(m + 2.0_wp)*sum(found%autocorrelation**2/[(m - k, k=1, lags)])
-      freedom = max(1, lags - parameters)
-      found%probability = chi_square_tail(found%ljung_box, freedom)
+      found%lags = max(1, min(lags, m/10))
+      found%ljung_box = m*(m + 2.0_wp)*sum(found%autocorrelation(:found%lags)**2 &
+         /[(m - k, k=1, found%lags)])
+      found%probability = chi_square_tail(found%ljung_box, real(found%lags, wp))
       found%white = found%probability >= 0.05_wp
    end function check_residuals
 

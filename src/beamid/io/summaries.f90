@@ -87,7 +87,7 @@ contains
       type(stage_fit_t), intent(in) :: fit
       character(len=:), allocatable :: line
       character(len=len(free_names)) :: names(size(fit%free))
-      character(len=160), allocatable :: sentences(:)
+      character(len=512), allocatable :: sentences(:)
       integer :: j, k
 
       if (fit%statistics%samples == 0) then
@@ -121,7 +121,12 @@ contains
          do k = 1, size(sentences)
             call text%line(sentences(k))
          end do
-         if (size(sentences) == 0) call text%line('every parameter is determined by this record')
+         if (all(s%determined)) then
+            call text%line('every parameter is determined by this record')
+         else if (size(sentences) == 0) then
+            call text%line('the interval is wider than the value of: '// &
+               listed(pack(names, .not. s%determined)))
+         end if
       end associate
       if (fit%fit%derivative_check(1) >= 0) call text%line( &
          'derivatives, exact against central differences: '// &
@@ -140,7 +145,7 @@ contains
          call text%line('residuals: autocorrelation at lag 1 '// &
             to_text(check%autocorrelation(1))// &
             ' (white: within '//to_text(check%band)//'), Ljung-Box '//to_text(check%ljung_box)// &
-            ' over '//to_text(size(check%autocorrelation))//' lags, probability '// &
+            ' over '//to_text(check%lags)//' lags, probability '// &
                to_text(check%probability))
          if (check%white) then
             call text%line('residuals pass for white noise')
@@ -166,6 +171,18 @@ contains
             right(to_text(min(p + half_width, fit%upper(k))), 15)
       end associate
    end function interval
+
+   !> Words in a row.
+   function listed(words) result(line)
+      character(len=*), intent(in) :: words(:)
+      character(len=:), allocatable :: line
+      integer :: k
+
+      line = ''
+      do k = 1, size(words)
+         line = line//trim(words(k))//' '
+      end do
+   end function listed
 
    !> A number, or what stands for none.
    function limited(value) result(text)

@@ -8,6 +8,9 @@ module beamid_excitation
 
    public :: excitation_t, new_pulse, new_force_table
 
+   !> Times that differ by less than this many units in the last place are the same.
+   real(wp), parameter, public :: same_time = 16
+
    !> f is linear between its nodes and zero outside [first node, last node]; it may jump at these
    !> two.
    type :: excitation_t
@@ -71,7 +74,8 @@ contains
       end if
    end subroutine new_force_table
 
-   !> f(t) [force], with the closed interval of the paper: f(duration) is still the amplitude.
+   !> f(t) [force], with the closed interval of the paper: f(duration) is still the amplitude, also
+   !> where the time misses it by round-off.
    elemental real(wp) function force(self, t)
       class(excitation_t), intent(in) :: self
       real(wp), intent(in) :: t
@@ -81,7 +85,7 @@ contains
       associate (nodes => self%t, f => self%f)
          low = 1
          high = size(nodes)
-         if (t < nodes(low) .or. t > nodes(high)) return
+         if (t < nodes(low) .or. t > nodes(high) + same_time*spacing(nodes(high))) return
          do while (high - low > 1)
             middle = (low + high)/2
             if (t < nodes(middle)) then
@@ -90,7 +94,8 @@ contains
                low = middle
             end if
          end do
-         force = f(low) + (f(high) - f(low))*((t - nodes(low))/(nodes(high) - nodes(low)))
+         force = f(low) + (f(high) - f(low))* &
+            min(1.0_wp, (t - nodes(low))/(nodes(high) - nodes(low)))
       end associate
    end function force
 
