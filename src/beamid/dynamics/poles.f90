@@ -104,7 +104,7 @@ contains
       ds = 0
       dr = 0
       if (sums%hidden) return
-      call receptance%attachment_slopes(root%s, h_q, dh_q)
+      call receptance%attachment_slopes(root, h_q, dh_q)
       associate (st => receptance%structure, mu => receptance%mu, tip => receptance%tip, &
          q => sums%q)
          D_s = 2*st%rho*root%s + st%c_D*st%I*mu

@@ -39,6 +39,7 @@ module beamid_receptance
       integer :: j = 0                !< s = pole(j, side) + offset; 0: no pole of the beam is near
       integer :: side = 1
       complex(wp) :: offset = 0
+      complex(wp) :: hose(2) = 0      !< s - hose(k), for the same reason
       complex(wp) :: s = 0
    end type root_t
 
@@ -173,24 +174,24 @@ contains
    end subroutine beam
 
    !> h = numerator/denominator with both derivatives: polynomials in s, (0:2) each.
-   pure subroutine attachment(self, s, numerator, denominator)
+   pure subroutine attachment(self, root, numerator, denominator)
       class(receptance_t), intent(in) :: self
-      complex(wp), intent(in) :: s
+      type(root_t), intent(in) :: root
       complex(wp), intent(out) :: numerator(0:2), denominator(0:2)
       complex(wp) :: mass(0:2)
 
-      associate (st => self%structure)
+      associate (st => self%structure, s => root%s)
          mass = st%m_T*[s**2, 2*s, (2.0_wp, 0.0_wp)]
          select case (size(self%hose))
          case (0)
             denominator = [1, 0, 0]
             numerator = mass
          case (1)
-            denominator = [st%m_H*s + st%c_H, cmplx(st%m_H, 0.0_wp, wp), (0.0_wp, 0.0_wp)]
+            denominator = [st%m_H*root%hose(1), cmplx(st%m_H, 0.0_wp, wp), (0.0_wp, 0.0_wp)]
             numerator = product_rule(mass, denominator) + st%m_H*st%c_H*[s**2, 2*s, (2.0_wp, &
                0.0_wp)]
          case default
-            denominator = [st%m_H*s**2 + st%c_H*s + st%k_H, 2*st%m_H*s + st%c_H, &
+            denominator = [st%m_H*root%hose(1)*root%hose(2), 2*st%m_H*s + st%c_H, &
                            cmplx(2*st%m_H, 0.0_wp, wp)]
             numerator = product_rule(mass, denominator) + st%m_H*[s**2*(st%k_H + st%c_H*s), &
                         2*s*st%k_H + 3*st%c_H*s**2, 2*st%k_H + 6*st%c_H*s]
@@ -208,12 +209,13 @@ contains
 
    !> Derivatives of h and of h' with respect to m_T, m_H, c_H, k_H, each (4).
    !> With u = m_H s**2, a = k_H + c_H s, the hose is u a/(u + a).
-   pure subroutine attachment_slopes(self, s, h_q, dh_q)
+   pure subroutine attachment_slopes(self, root, h_q, dh_q)
       class(receptance_t), intent(in) :: self
-      complex(wp), intent(in) :: s
+      type(root_t), intent(in) :: root
       complex(wp), intent(out) :: h_q(4), dh_q(4)
-      complex(wp) :: a, u, alpha, beta, dalpha
+      complex(wp) :: a, u, d, alpha, beta, dalpha, s
 
+      s = root%s
       h_q = 0
       dh_q = 0
       h_q(1) = s**2
@@ -227,9 +229,14 @@ contains
          end if
          a = st%k_H + st%c_H*s
          u = st%m_H*s**2
-         alpha = a/(u + a)
-         beta = u/(u + a)
-         dalpha = (st%c_H*u - a*2*st%m_H*s)/(u + a)**2
+         select case (size(self%hose))
+         case (0); d = u + a
+         case (1); d = st%m_H*s*root%hose(1)
+         case default; d = st%m_H*root%hose(1)*root%hose(2)
+         end select
+         alpha = a/d
+         beta = u/d
+         dalpha = (st%c_H*u - a*2*st%m_H*s)/d**2
       end associate
       h_q(2:) = [s**2*alpha**2, s*beta**2, beta**2]
       dh_q(2:) = [2*s*alpha**2 + 2*s**2*alpha*dalpha, beta**2 - 2*s*beta*dalpha, -2*beta*dalpha]
@@ -245,7 +252,7 @@ contains
       complex(wp) :: e, de, G, dG, w, dw, num(0:2), den(0:2)
 
       call self%beam(root, D, q, e)
-      call self%attachment(root%s, num, den)
+      call self%attachment(root, num, den)
       dD = self%structure%rho*(2*root%s - self%pole(:, 1) - self%pole(:, 2))
       terms = self%tip**2*q
       G = sum(terms)
@@ -279,11 +286,11 @@ contains
 
       allocate (sums%D(size(receptance%mu)), sums%q(size(receptance%mu)))
       call receptance%beam(root, sums%D, sums%q, e)
-      call receptance%attachment(root%s, num, den)
-      ! The residue is of the order of den**2: below the square of this, 1e-20, it is nothing.
+      call receptance%attachment(root, num, den)
+      ! The residue is of the order of den**2: below the square of this it is nothing.
       associate (st => receptance%structure, s => abs(root%s))
          sums%hidden = size(receptance%hose) > 0 .and. &
-            abs(den(0)) <= 1e-10_wp*(st%m_H*s**2 + st%c_H*s + st%k_H)
+            abs(den(0)) <= 1e-60_wp*(st%m_H*s**2 + st%c_H*s + st%k_H)
       end associate
       if (sums%hidden) return
       sums%h(0) = num(0)/den(0)

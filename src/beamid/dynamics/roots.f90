@@ -88,17 +88,20 @@ contains
       do k = 1, 2*n
          roots(k)%j = 0
          call attach(receptance, roots(k))
+         call from_hose(receptance, roots(k))
          if (size(receptance%hose) == 0) cycle
          sums = root_sums(without_hose, roots(k))
-         call receptance%attachment(roots(k)%s, num, den)
+         call receptance%attachment(roots(k), num, den)
          turn = cmplx(1.0_wp, merge(0.2_wp, -0.2_wp, k <= n), wp)
          shift = -(num(0)/den(0) - sums%h(0))*sums%G**2/sums%A*turn
          shift = shift*min(1.0_wp, 0.2_wp*abs(roots(k)%s)/max(abs(shift), tiny(1.0_wp)))
          roots(k)%s = roots(k)%s + shift
          roots(k)%offset = roots(k)%offset + shift
+         roots(k)%hose = roots(k)%hose + shift
       end do
       do k = 1, size(receptance%hose)
          roots(2*n + k)%s = receptance%hose(k)*cmplx(1.02_wp, merge(0.05_wp, -0.05_wp, k == 1), wp)
+         call from_hose(receptance, roots(2*n + k))
       end do
    end subroutine starting_points
 
@@ -153,6 +156,7 @@ contains
       step = -1/slope
       roots(k)%s = roots(k)%s + step
       roots(k)%offset = roots(k)%offset + step
+      roots(k)%hose = roots(k)%hose + step
       call attach(receptance, roots(k))
       moved = abs(step)
    end subroutine correct
@@ -182,6 +186,16 @@ contains
       root%offset = root%s - receptance%pole(j, side)
    end subroutine attach
 
+   !> Distances from the roots of the hose.
+   pure subroutine from_hose(receptance, root)
+      type(receptance_t), intent(in) :: receptance
+      type(root_t), intent(inout) :: root
+
+      associate (m => size(receptance%hose))
+         root%hose(:m) = root%s - receptance%hose
+      end associate
+   end subroutine from_hose
+
    !> Keeps one root of each complex pair and the real ones.
    subroutine select_half(receptance, roots, half)
       type(receptance_t), intent(in) :: receptance
@@ -194,12 +208,22 @@ contains
             ! Without damping the real parts are round-off.
             roots%s = cmplx(0.0_wp, aimag(roots%s), wp)
             roots%offset = cmplx(0.0_wp, aimag(roots%offset), wp)
+            do k = 1, size(roots)
+               roots(k)%hose = cmplx(0.0_wp, aimag(roots(k)%hose), wp)
+            end do
          end if
       end associate
       do k = 1, size(roots)
          ! A pair so near the real axis would be refused as a double root.
          if (abs(aimag(roots(k)%s)) > 1e-10_wp*abs(roots(k)%s)) cycle
          roots(k)%s = real(roots(k)%s)
+         if (size(receptance%hose) > 0) then
+            if (any(abs(aimag(receptance%hose)) > 0)) then
+               call from_hose(receptance, roots(k))
+            else
+               roots(k)%hose = real(roots(k)%hose)
+            end if
+         end if
          if (roots(k)%j > 0) then
             if (abs(aimag(receptance%pole(roots(k)%j, roots(k)%side))) > 0) then
                roots(k)%offset = roots(k)%s - receptance%pole(roots(k)%j, roots(k)%side)
