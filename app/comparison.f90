@@ -101,6 +101,7 @@ contains
       type(text_t), intent(inout) :: summary, table
       type(candidate_t), intent(in) :: candidates(:)
       real(wp) :: aicc(size(candidates)), bic(size(candidates))
+      character(len=:), allocatable :: name
       integer :: k, m
 
       m = size(candidates(1)%samples)
@@ -120,7 +121,8 @@ contains
          right('- best')//right('BIC')//right('- best'))
       call table%line('model,elements,parameters,J,aicc,bic')
       do k = 1, size(candidates)
-         associate (fit => candidates(k)%fit, name => candidates(k)%case%path)
+         name = label(candidates, k)
+         associate (fit => candidates(k)%fit)
             call summary%line(left(name, 28)//right(to_text(fit%elements), 5)// &
                right(to_text(size(candidates(k)%free)), 6)//right(to_text(fit%fit%J))// &
                right(trim(adjustl(fixed(aicc(k), 12, 2))))// &
@@ -150,17 +152,33 @@ contains
             restrictions = size(candidates(j)%free) - size(candidates(i)%free)
             call nested_test(candidates(i)%fit%fit%J, candidates(j)%fit%fit%J, &
                size(candidates(i)%samples), restrictions, U, probability)
-            call summary%line('  '//candidates(i)%case%path//' within '//candidates(j)%case%path// &
+            call summary%line('  '//label(candidates, i)//' within '//label(candidates, j)// &
                ': U = '//to_text(U)//', '//to_text(restrictions)//merge(' restriction, ', &
                ' restrictions,', restrictions == 1)//' probability '//to_text(probability)// &
                merge(': the full model is better          ', &
                   ': no reason to prefer the full model', &
                probability < 0.05_wp))
-            call table%line(candidates(i)%case%path//','//candidates(j)%case%path//','// &
+            call table%line(label(candidates, i)//','//label(candidates, j)//','// &
                to_text(restrictions)//','//full(U)//','//full(probability))
          end do
       end do
    end subroutine add_nested
+
+   !> The name of a model's case, or where another has the same its path.
+   function label(candidates, k) result(text)
+      type(candidate_t), intent(in) :: candidates(:)
+      integer, intent(in) :: k
+      character(len=:), allocatable :: text
+      integer :: j
+
+      text = candidates(k)%case%name
+      do j = 1, size(candidates)
+         if (j /= k .and. candidates(j)%case%name == text) then
+            text = candidates(k)%case%path
+            return
+         end if
+      end do
+   end function label
 
    !> The test in words.
    function verdict(U, probability) result(words)

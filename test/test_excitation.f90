@@ -24,7 +24,10 @@ contains
       call check_close('f(0)', pulse%force(0.0_wp), amplitude, 0.0_wp)
       call check_close('f(duration)', pulse%force(duration), amplitude, 0.0_wp)
       call check_close('f within', pulse%force(0.031_wp), amplitude, 0.0_wp)
-      call check_close('f just after', pulse%force(nearest(duration, 1.0_wp)), 0.0_wp, 0.0_wp)
+      call check_close('f just after', pulse%force(duration*(1 + 1e-13_wp)), 0.0_wp, 0.0_wp)
+      ! A time that misses the end by round-off, as .1 + 2*.1 misses .3, is still the end.
+      call check_close('f at the end but for round-off', pulse%force(nearest(duration, 1.0_wp)), &
+         amplitude, 0.0_wp)
       call check_close('f just before', pulse%force(nearest(0.0_wp, -1.0_wp)), 0.0_wp, 0.0_wp)
       call check_close('f long after', pulse%force(1e6_wp), 0.0_wp, 0.0_wp)
       call check_close('f of an array of times', &
