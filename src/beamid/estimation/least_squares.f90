@@ -97,6 +97,17 @@ module beamid_least_squares
       end subroutine lmder
    end interface
 
+   interface
+      subroutine dgels(trans, m, n, nrhs, a, lda, b, ldb, work, lwork, info)
+         import :: wp
+         character, intent(in) :: trans
+         integer, intent(in) :: m, n, nrhs, lda, ldb, lwork
+         real(wp), intent(inout) :: a(lda, *), b(ldb, *)
+         real(wp), intent(out) :: work(*)
+         integer, intent(out) :: info
+      end subroutine dgels
+   end interface
+
    !> What the callback needs to know.
    type :: search_t
       class(problem_t), pointer :: problem => null()
@@ -238,7 +249,39 @@ contains
          if (k == 0) exit
          search%moving = [search%moving, k]
       end do
+      if (.not. search%problem%has_jacobian()) call polish(search, result)
    end subroutine minimise_with_bounds
+
+   !> One Gauss-Newton step with the central differences of the final Jacobian: the one-sided ones of
+   !> `lmdif` stop a little beside the minimum when the residuals are not zero. Taken only when it is
+   !> short and J does not rise by more than the noise.
+   subroutine polish(search, result)
+      type(search_t), intent(inout) :: search
+      type(fit_t), intent(inout) :: result
+      real(wp) :: p(size(search%variables)), r(size(result%residual))
+      real(wp), allocatable :: a(:, :), step(:, :), work(:)
+      type(error_t), allocatable :: error
+      integer :: m, n, info
+
+      m = size(r)
+      n = size(search%moving)
+      if (n == 0) return
+      a = result%jacobian(:, search%moving)
+      step = reshape(-result%residual, [m, 1])
+      allocate (work(64*(m + n)))
+      call dgels('N', m, n, 1, a, m, step, m, work, size(work), info)
+      if (info /= 0 .or. .not. all(ieee_is_finite(step(:n, 1)))) return
+      p = search%parameters
+      p(search%moving) = p(search%moving) + step(:n, 1)
+      if (any(abs(p - search%parameters) > 1e-2_wp*abs(search%parameters)) .or. &
+         any(p < search%variables%lower) .or. any(p > search%variables%upper)) return
+      call search%problem%residuals(p, r, error)
+      search%evaluations = search%evaluations + 1
+      if (allocated(error)) return
+      if (sum(r**2) > sum(result%residual**2)*(1 + 1e-6_wp)) return
+      result%estimate = p
+      result%residual = r
+   end subroutine polish
 
    !> A variable held at a bound from which J falls towards the inside; 0 when there is none.
    pure integer function inward(search, result) result(k)
