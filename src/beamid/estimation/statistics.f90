@@ -98,7 +98,8 @@ contains
 
       call add_covariance(statistics, scale, epsilon(1.0_wp)*m*statistics%singular(1))
       t = student_quantile(0.95_wp, real(m - n, wp))
-      statistics%half_width = min(t, unlimited/statistics%std_error)*statistics%std_error
+      statistics%half_width = merge(unlimited, t*min(statistics%std_error, unlimited/t), &
+         statistics%std_error >= unlimited/t)
       statistics%determined = statistics%half_width < abs(estimate)
       call correct(jacobian, residual, statistics)
    end subroutine new_statistics
