@@ -29,16 +29,19 @@ contains
       type(stage_fit_t), allocatable :: fits(:, :)
       type(output_t) :: output
       type(progress_t) :: progress
-      real(wp), allocatable :: samples(:), measured(:)
+      real(wp), allocatable :: samples(:), measured(:), scored(:), expected(:)
 
       call read_case(settings%subject, needs_fit, case, error)
       if (allocated(error)) return
       call measured_samples(case, samples, measured, error)
+      if (.not. allocated(error)) call scored_samples(case, scored, expected, error)
       if (allocated(error)) return
       progress = new_progress(settings%quiet)
       call identify_meshes(case%model, case%meshes, case%stages, samples, measured, fits, error, &
          progress)
       call progress%finish()
+      if (.not. allocated(error) .and. size(scored) > 0) call score_fits(case%model, case%meshes, &
+         scored, expected, fits, error)
       if (allocated(error)) then
          error%message = case%path//': '//error%message
          return

@@ -4,15 +4,15 @@
 module beamid
    use beamid_bands, only: band_t
    use beamid_cases, only: case_t, measured_samples, needs_fit, needs_nothing, needs_response, &
-      read_case, sample_times
+      read_case, sample_times, scored_samples
    use beamid_cvode, only: cvode_t
    use beamid_equations, only: equations_t, new_equations
    use beamid_errors, only: bad_input, error_t, failure, status_bad_input, status_failed
    use beamid_excitation, only: excitation_t, new_force_table, new_pulse
    use beamid_files, only: directory_of, join_path, output_t
    use beamid_galerkin, only: galerkin_t, mesh_t, new_galerkin, same_mesh
-   use beamid_identification, only: identify, identify_meshes, model_t, simulate, simulation_t, &
-      stage_fit_t, stage_t
+   use beamid_identification, only: identify, identify_meshes, model_t, score_fits, simulate, &
+      simulation_t, stage_fit_t, stage_t
    use beamid_kinds, only: wp
    use beamid_least_squares, only: fit, fit_t, monitor_t, options_t
    use beamid_modal, only: modal_t
@@ -20,7 +20,7 @@ module beamid
    use beamid_noise, only: gaussian_noise
    use beamid_observation, only: formula_names, new_sampling, observation_t, sampling_t
    use beamid_problems, only: problem_t
-   use beamid_records, only: read_record, take_samples, window_t
+   use beamid_records, only: read_record, recording_t, take_samples, window_t
    use beamid_responses, only: response_t, solver_t, work_t
    use beamid_roots, only: damped_roots
    use beamid_statistics, only: akaike, bayes, check_residuals, nested_test, new_statistics, &

@@ -17,7 +17,7 @@ module beamid_identification
    implicit none
    private
 
-   public :: model_t, stage_t, simulation_t, stage_fit_t, simulate, identify, identify_meshes
+   public :: model_t, stage_t, simulation_t, stage_fit_t, simulate, identify, identify_meshes, score_fits
 
    !> What turns parameters into accelerations, mesh apart.
    type :: model_t
@@ -54,6 +54,7 @@ module beamid_identification
       real(wp), allocatable :: scale(:)  !< what relative changes of the estimates are relative to
       type(statistics_t) :: statistics   !< `samples` is 0 where no degree of freedom was left
       type(residual_check_t) :: check
+      real(wp) :: score = -1             !< squared residuals over another window; -1: not asked for
       type(work_t) :: work
    end type stage_fit_t
 
@@ -197,6 +198,34 @@ contains
          fits(:, k) = outcomes(k)%fits
       end do
    end subroutine identify_meshes
+
+   !> Adds up the squared residuals of each fit over other samples than it was made from.
+   !>
+   !> meshes    (k) of the fits
+   !> samples   (m) ascending [time]
+   !> measured  (m) record at the samples [length/time**2]
+   !> fits      (stages, k) component `score` is set
+   subroutine score_fits(model, meshes, samples, measured, fits, error)
+      type(model_t), intent(in) :: model
+      type(mesh_t), intent(in) :: meshes(:)
+      real(wp), intent(in) :: samples(:), measured(:)
+      type(stage_fit_t), intent(inout) :: fits(:, :)
+      type(error_t), allocatable, intent(out) :: error
+      type(model_t) :: fitted
+      type(simulation_t) :: simulation
+      integer :: mesh, stage
+
+      fitted = model
+      do mesh = 1, size(fits, 2)
+         do stage = 1, size(fits, 1)
+            fitted%structure = fits(stage, mesh)%structure
+            fitted%excitation = fits(stage, mesh)%excitation
+            call simulate(fitted, meshes(mesh), samples, simulation, error)
+            if (allocated(error)) return
+            fits(stage, mesh)%score = sum((simulation%acceleration - measured)**2)
+         end do
+      end do
+   end subroutine score_fits
 
    !> Starts, bounds and scales of a stage's parameters.
    pure function variables_of(stage, structure, excitation) result(variables)

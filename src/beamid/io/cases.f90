@@ -2,7 +2,7 @@
 !> default or required, every value checked where it is read.
 module beamid_cases
    use beamid_errors, only: error_t, bad_input
-   use beamid_files, only: directory_of, join_path, read_text
+   use beamid_files, only: read_text
    use beamid_galerkin, only: mesh_t
    use beamid_identification, only: model_t, stage_t
    use beamid_kinds, only: wp
@@ -11,16 +11,17 @@ module beamid_cases
    use beamid_modal, only: modal_t
    use beamid_model_groups, only: read_beam, read_excitation, read_hose, read_noise, read_tip, &
       read_units
-   use beamid_namelist, only: block_t, scan_namelist, string_length
-   use beamid_records, only: everything, grid, read_record, take_samples, window_t
-   use beamid_refusals, only: accept, positive, refuse
+   use beamid_namelist, only: block_t, scan_namelist
+   use beamid_record_groups, only: read_recording, read_score
+   use beamid_records, only: everything, grid, read_record, recording_t, take_samples, window_t
+   use beamid_refusals, only: refuse
    use beamid_vocabulary, only: case_vocabulary
    use beamid_strings, only: to_text
    use beamid_units, only: units_t
    implicit none
    private
 
-   public :: case_t, read_case, sample_times, measured_samples
+   public :: case_t, read_case, sample_times, measured_samples, scored_samples
    public :: needs_nothing, needs_response, needs_fit
 
    !> What a command needs of a case: the structure alone, a response at given times, a fit.
@@ -31,14 +32,15 @@ module beamid_cases
       character(len=:), allocatable :: name     !< file name without folder and ending
       type(model_t) :: model
       type(mesh_t), allocatable :: meshes(:)    !< one for each entry of `elements`
-      character(len=:), allocatable :: record   !< path of the record; not allocated: none
-      type(window_t) :: window
+      type(recording_t) :: recording
+      !> over which `identify` adds up squared residuals once the fit is done
+      type(window_t) :: score
+      integer :: score_line = 0                 !< of the group &score; 0: there is none
       type(stage_t), allocatable :: stages(:)
       type(units_t) :: units
       !> of the noise that `simulate` adds to a record [acceleration]
       real(wp) :: noise_sd = 0
       integer :: noise_seed = 1
-      integer, private :: record_line = 0
       integer, allocatable, private :: stage_lines(:)
    end type case_t
 
@@ -92,7 +94,8 @@ contains
                case ('discretization3'); call read_discretization(path, block, case%meshes, error)
                case ('integrator3'); call read_integrator(path, block, model%solver, error)
                case ('observation3'); call read_observation(path, block, model%observation, error)
-               case ('record3'); call read_window(block, case, error)
+               case ('record3'); call read_recording(path, block, case%recording, error)
+               case ('score3'); call read_score(path, block, case%score, case%score_line, error)
                case ('noise3'); call read_noise(path, block, case%noise_sd, case%noise_seed, error)
                case ('units3'); call read_units(path, block, case%units, error)
                case ('stage3')
@@ -115,51 +118,22 @@ contains
       if (needs == needs_nothing) return
       if (.not. allocated(case%model%excitation%t)) then
          call bad_input(error, case%path//': &excitation: found no such group, expected one')
-      else if (case%record_line == 0) then
+      else if (case%recording%line == 0) then
          call bad_input(error, case%path//': &record: found no such group, expected one')
       else if (needs == needs_fit) then
-         if (.not. allocated(case%record)) then
-            call refuse(case%path, case%record_line, 'record', 'file', 'nothing', &
+         if (.not. allocated(case%recording%path)) then
+            call refuse(case%path, case%recording%line, 'record', 'file', 'nothing', &
                'the path of a record', error)
          else if (size(case%stages) == 0) then
             call bad_input(error, case%path//': &stage: found no such group, expected one or more')
          end if
-      else if (case%window%t_step <= 0 .or. case%window%t_first <= -everything .or. &
-               case%window%t_last >= everything) then
-         call bad_input(error, case%path//':'//to_text(case%record_line)// &
+      else if (case%recording%window%t_step <= 0 .or. &
+               case%recording%window%t_first <= -everything .or. &
+               case%recording%window%t_last >= everything) then
+         call bad_input(error, case%path//':'//to_text(case%recording%line)// &
             ': &record: found no grid of sample times, expected t_first, t_last and t_step')
       end if
    end subroutine check_needs
-
-   subroutine read_window(block, case, error)
-      type(block_t), intent(in) :: block
-      type(case_t), intent(inout) :: case
-      type(error_t), allocatable, intent(out) :: error
-      character(len=string_length) :: file
-      real(wp) :: t_first, t_last, t_step
-      integer :: status
-      namelist /record/ file, t_first, t_last, t_step
-
-      file = ''; t_first = -everything; t_last = everything; t_step = 0
-      read (block%text, nml=record, iostat=status)
-      call accept(case%path, block, status, error)
-      if (block%has('t_step')) call positive(case%path, block, 't_step', t_step, error)
-      if (allocated(error)) return
-      if (t_last < t_first) then
-         call refuse(case%path, block%line_of('t_last'), 'record', 't_last', to_text(t_last), &
-            'no less than t_first = '//to_text(t_first), error)
-         return
-      end if
-      case%record_line = block%line
-      case%window = window_t(t_first, t_last, t_step)
-      if (.not. block%has('file')) return
-      if (file == '') then
-         call refuse(case%path, block%line_of('file'), 'record', 'file', '''''', &
-            'the path of a record', error)
-         return
-      end if
-      case%record = join_path(directory_of(case%path), trim(file))
-   end subroutine read_window
 
    !> The grid of sample times of &record, for a response without a record.
    subroutine sample_times(case, times, error)
@@ -167,9 +141,9 @@ contains
       real(wp), allocatable, intent(out) :: times(:)
       type(error_t), allocatable, intent(out) :: error
 
-      call grid(case%window, times, error)
+      call grid(case%recording%window, times, error)
       if (allocated(error)) then
-         error%message = case%path//':'//to_text(case%record_line)//': &record t_step: '// &
+         error%message = case%path//':'//to_text(case%recording%line)//': &record t_step: '// &
             error%message
          return
       end if
@@ -198,29 +172,53 @@ contains
       type(case_t), intent(in) :: case
       real(wp), allocatable, intent(out) :: samples(:), measured(:)
       type(error_t), allocatable, intent(out) :: error
-      real(wp), allocatable :: t(:), z(:)
       integer :: k
 
-      call read_record(case%record, t, z, error)
-      if (allocated(error)) return
-      call take_samples(case%window, t, z, samples, measured, error)
-      if (allocated(error)) then
-         error%message = case%path//':'//to_text(case%record_line)//': &record: '//case%record// &
-            ': '// &
-            error%message
-         return
-      end if
-      call check_delta(case, samples, error)
+      call samples_of(case, case%recording%window, 'record', case%recording%line, samples, &
+         measured, error)
       if (allocated(error)) return
       do k = 1, size(case%stages)
          if (size(case%stages(k)%free) <= size(samples)) cycle
          call refuse(case%path, case%stage_lines(k), 'stage', 'free', &
-            to_text(size(case%stages(k)%free))// &
-            ' parameters for '//to_text(size(samples))//' samples', &
-               'no more parameters than samples', error)
+            to_text(size(case%stages(k)%free))//' parameters for '//to_text(size(samples))// &
+            ' samples', 'no more parameters than samples', error)
          return
       end do
    end subroutine measured_samples
+
+   !> The samples of the window of &score; none without such a group.
+   subroutine scored_samples(case, samples, measured, error)
+      type(case_t), intent(in) :: case
+      real(wp), allocatable, intent(out) :: samples(:), measured(:)
+      type(error_t), allocatable, intent(out) :: error
+
+      if (case%score_line == 0) then
+         allocate (samples(0), measured(0))
+         return
+      end if
+      call samples_of(case, case%score, 'score', case%score_line, samples, measured, error)
+   end subroutine scored_samples
+
+   !> The samples of one window of the record.
+   subroutine samples_of(case, window, group, line, samples, measured, error)
+      type(case_t), intent(in) :: case
+      type(window_t), intent(in) :: window
+      character(len=*), intent(in) :: group
+      integer, intent(in) :: line
+      real(wp), allocatable, intent(out) :: samples(:), measured(:)
+      type(error_t), allocatable, intent(out) :: error
+      real(wp), allocatable :: t(:), z(:)
+
+      call read_record(case%recording, t, z, error)
+      if (allocated(error)) return
+      call take_samples(window, t, z, samples, measured, error)
+      if (allocated(error)) then
+         error%message = case%path//':'//to_text(line)//': &'//group//': '// &
+            case%recording%path//': '//error%message
+         return
+      end if
+      call check_delta(case, samples, error)
+   end subroutine samples_of
 
    !> File name without folder and ending.
    pure function name_of(path) result(name)

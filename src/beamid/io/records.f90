@@ -7,7 +7,7 @@ module beamid_records
    implicit none
    private
 
-   public :: window_t, read_record, take_samples, grid
+   public :: window_t, recording_t, read_record, take_samples, grid
 
    !> More sample times than this are taken for a slip of the pen.
    integer, parameter :: max_samples = 1000000
@@ -20,24 +20,34 @@ module beamid_records
       real(wp) :: t_step = 0              !< [time]; 0: every sample between t_first and t_last
    end type window_t
 
+   !> A record on file and how to read it.
+   type :: recording_t
+      character(len=:), allocatable :: path   !< not allocated: no file
+      type(window_t) :: window                !< samples of the fit
+      !> acceleration = scale*(value - offset), the offset in the record's own unit
+      real(wp) :: scale = 1
+      real(wp) :: offset = 0
+      integer :: line = 0                     !< of its group in the case file; 0: there is none
+   end type recording_t
+
 contains
 
-   !> Times and accelerations, the first two columns of the file.
+   !> Times and calibrated accelerations, from the first two columns of the file.
    !>
    !> t      (rows) strictly increasing [time]
    !> z      (rows) [length/time**2]
    !> error  `file:line: ...` of the first thing that is not a record
-   subroutine read_record(path, t, z, error)
-      character(len=*), intent(in) :: path
+   subroutine read_record(recording, t, z, error)
+      type(recording_t), intent(in) :: recording
       real(wp), allocatable, intent(out) :: t(:), z(:)
       type(error_t), allocatable, intent(out) :: error
       character(len=column_length), allocatable :: header(:)
       real(wp), allocatable :: values(:, :)
 
-      call read_columns(path, 2, values, header, error, increasing=.true.)
+      call read_columns(recording%path, 2, values, header, error, increasing=.true.)
       if (allocated(error)) return
       t = values(1, :)
-      z = values(2, :)
+      z = recording%scale*(values(2, :) - recording%offset)
    end subroutine read_record
 
    !> t_first, t_first + t_step, ..., t_last.

@@ -52,6 +52,8 @@ contains
          call text%line(line)
       end do
       call text%line(first//'J,'//units%sum_of_squares()//',,'//full(fit%fit%J)//repeat(',', 7))
+      if (fit%score >= 0) call text%line(first//'J_score,'//units%sum_of_squares()//',,'// &
+         full(fit%score)//repeat(',', 7))
    end subroutine add_estimates
 
    !> Standard error, lower and upper end of an interval, the ends within the bounds of the search.

@@ -29,7 +29,8 @@ contains
                               integer_key('max_order'), integer_key('max_steps')]), &
          group('observation', [string_key('formula'), real_key('delta')]), &
          group('record', [string_key('file'), real_key('t_first'), real_key('t_last'), &
-                          real_key('t_step')]), &
+                          real_key('t_step'), real_key('scale'), real_key('offset')]), &
+         group('score', [real_key('t_first'), real_key('t_last'), real_key('t_step')]), &
          group('stage', [string_key('free', size(free_names)), &
                          real_key('start', size(free_names)), &
                          real_key('lower', size(free_names)), &
