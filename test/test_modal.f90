@@ -8,9 +8,9 @@ program test_modal
    use beamid_galerkin, only: galerkin_t, mesh_t, new_galerkin
    use beamid_kinds, only: ip, wp
    use beamid_modal, only: modal_t
-   use beamid_modes, only: bare_beam_modes, undamped_modes
+   use beamid_assembly, only: new_assembly
+   use beamid_modes, only: bare_beam_modes, beam_modes_t, undamped_modes
    use beamid_poles, only: find_poles, poles_t
-   use beamid_receptance, only: new_receptance
    use beamid_responses, only: response_t, solver_t, work_t
    use beamid_strings, only: to_text
    use beamid_structure, only: structure_t
@@ -150,17 +150,16 @@ contains
       type(equations_t) :: equations
       type(poles_t) :: poles
       type(error_t), allocatable :: error
-      real(wp), allocatable :: mu(:), shapes(:, :), tip(:), x(:)
+      type(beam_modes_t) :: modes
+      real(wp), allocatable :: x(:)
       logical :: positive
       integer :: i, k
 
       galerkin = new_galerkin(mesh_t(5, 24, 6, 1), assembly%length)
       equations = new_equations(galerkin, assembly, new_pulse(1.0_wp, 1.0_wp))
-      call bare_beam_modes(galerkin, mu, shapes, error)
-      if (.not. allocated(error)) then
-         tip = matmul(galerkin%tip, shapes)
-         call find_poles(new_receptance(assembly, mu, tip, tip), poles, error)
-      end if
+      call bare_beam_modes(galerkin, modes, error)
+      if (.not. allocated(error)) call find_poles(new_assembly(assembly, modes, [integer ::]), &
+         modes, poles, error)
       call check('poles found', .not. allocated(error))
       if (allocated(error)) return
       do i = 1, size(reference)
@@ -770,13 +769,13 @@ contains
    end subroutine test_tuned
 
    !> How many real roots the structure has, -1 when they cannot be had.
-   integer function real_roots(structure, mu, tip)
+   integer function real_roots(structure, modes)
       type(structure_t), intent(in) :: structure
-      real(wp), intent(in) :: mu(:), tip(:)
+      type(beam_modes_t), intent(in) :: modes
       type(poles_t) :: poles
       type(error_t), allocatable :: error
 
-      call find_poles(new_receptance(structure, mu, tip, tip), poles, error)
+      call find_poles(new_assembly(structure, modes, [integer ::]), modes, poles, error)
       real_roots = -1
       if (.not. allocated(error)) real_roots = count(.not. aimag(poles%s) > 0)
    end function real_roots
@@ -789,27 +788,26 @@ contains
       type(galerkin_t), target :: galerkin
       type(error_t), allocatable :: error
       type(response_t) :: exact, integrated
-      real(wp), allocatable :: mu(:), shapes(:, :), tip(:)
+      type(beam_modes_t) :: modes
       character(len=:), allocatable :: name
       real(wp) :: below, above, middle
       integer :: i, side, fewer, number, refusals, answers
 
       galerkin = new_galerkin(mesh, table_4_1%length)
-      call bare_beam_modes(galerkin, mu, shapes, error)
-      tip = matmul(galerkin%tip, shapes)
+      call bare_beam_modes(galerkin, modes, error)
       structure = table_4_1
       below = sqrt(table_4_1%k_H*table_4_1%m_H)
       above = 4*below
       structure%c_H = below
-      fewer = real_roots(structure, mu, tip)
+      fewer = real_roots(structure, modes)
       structure%c_H = above
-      call check('double root: bracketed', real_roots(structure, mu, tip) == fewer + 2, &
+      call check('double root: bracketed', real_roots(structure, modes) == fewer + 2, &
          to_text(fewer))
       do i = 1, 60
          middle = (below + above)/2
          if (middle <= below .or. middle >= above) exit
          structure%c_H = middle
-         number = real_roots(structure, mu, tip)
+         number = real_roots(structure, modes)
          ! A refusal here is as near as one can come.
          if (number < 0) exit
          if (number == fewer) below = middle

@@ -1,4 +1,4 @@
-!> Galerkin integrals of the clamped spline space: everything in (3.11) to (3.13) that depends on
+!> Galerkin integrals of the spline space: everything in (3.11) to (3.13) that depends on
 !> the mesh alone, so that it is computed once and serves every trial value of the parameters.
 module beamid_galerkin
    use beamid_bands, only: band_t, new_band
@@ -45,15 +45,18 @@ contains
    end function same_mesh
 
    !> Integrals for a beam of the given length [length].
-   pure function new_galerkin(mesh, length) result(self)
+   !>
+   !> turning  whether the root may turn; default .false.
+   pure function new_galerkin(mesh, length, turning) result(self)
       type(mesh_t), intent(in) :: mesh
       real(wp), intent(in) :: length
+      logical, intent(in), optional :: turning
       type(galerkin_t) :: self
       real(wp) :: b(mesh%degree + 1), d2b(mesh%degree + 1), weight
       integer :: e, q, i, j, first, functions
 
       self%mesh = mesh
-      self%space = new_spline_space(mesh%degree, mesh%elements, length)
+      self%space = new_spline_space(mesh%degree, mesh%elements, length, turning)
       self%rule = composite(mesh%gauss_points, mesh%panels)
       self%tip = self%space%at(length, 0)
       self%inertia = new_band(self%space%n, mesh%degree)
@@ -61,7 +64,7 @@ contains
       call tabulate_curvature(self)
       do e = 0, mesh%elements - 1
          first = self%space%first_on_element(e)
-         functions = min(mesh%degree + 1, e + mesh%degree - first)
+         functions = self%space%last_on_element(e) - first + 1
          do q = 1, size(self%rule%points)
             weight = self%rule%weights(q)*length/mesh%elements
             b = self%space%on_element(e, self%rule%points(q), 0)
@@ -78,7 +81,7 @@ contains
 
    !> <theta, b_i> for theta(x) = (x/l)**power, the load shape of (3.10).
    !>
-   !> power   >= 2, so that theta and its slope vanish at the root
+   !> power   >= 2 for a load, so that theta and its slope vanish at the root
    !> values  (n) [length]
    pure function moments(self, power) result(values)
       class(galerkin_t), intent(in) :: self
@@ -90,7 +93,7 @@ contains
       values = 0
       do e = 0, self%mesh%elements - 1
          first = self%space%first_on_element(e)
-         last = min(first + self%mesh%degree, e + self%mesh%degree - 1)
+         last = self%space%last_on_element(e)
          do q = 1, size(self%rule%points)
             associate (s => self%rule%points(q))
                weight = self%rule%weights(q)*((e + s)/self%mesh%elements)**power
@@ -138,7 +141,7 @@ contains
 
       do e = 0, self%mesh%elements - 1
          first = self%space%first_on_element(e)
-         last = min(first + self%mesh%degree, e + self%mesh%degree - 1)
+         last = self%space%last_on_element(e)
          m = last - first + 1
          row = min(e + 1, size(self%curvature, 3))
          do q = 1, size(self%curvature, 2)
@@ -160,7 +163,7 @@ contains
       bending_energy = 0
       do e = 0, self%mesh%elements - 1
          first = self%space%first_on_element(e)
-         last = min(first + self%mesh%degree, e + self%mesh%degree - 1)
+         last = self%space%last_on_element(e)
          row = min(e + 1, size(self%curvature, 3))
          do q = 1, size(self%curvature, 2)
             bending_energy = bending_energy &

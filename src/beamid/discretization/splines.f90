@@ -5,6 +5,8 @@
 !> B_j(x_j) = 4, B_j(x_j +- h) = 1. The degree functions that do not vanish at the root are replaced
 !> by local combinations of three neighbours, for cubics b_1 = B_0 - 2 B_1 - 2 B_{-1}, so that the
 !> Gram matrices keep half-bandwidth = degree. The dimension is N + degree - 2.
+!>
+!> A root that may turn (phi(0) = 0 alone) adds one function in front, for cubics B_{-1} - B_0/4.
 module beamid_splines
    use beamid_kinds, only: wp
    implicit none
@@ -17,12 +19,14 @@ module beamid_splines
       integer :: degree = 0                    !< odd, >= 3
       integer :: elements = 0                  !< N
       integer :: n = 0                         !< dimension
+      integer :: turning = 0                   !< 1: the root may turn; 0: clamped
       real(wp) :: length = 0                   !< l
       !> Row i: the coefficients of B_{k}, B_{k+1}, B_{k+2}, k = i - (degree+1)/2, in b_i, i <=
       !> degree-2.
       real(wp), allocatable, private :: root(:, :)
    contains
       procedure :: first_on_element
+      procedure :: last_on_element
       procedure :: on_element
       procedure :: at
    end type spline_space_t
@@ -32,16 +36,19 @@ contains
    !> degree    odd, >= 3
    !> elements  number of mesh intervals, >= 1
    !> length    l > 0 [length]
-   pure function new_spline_space(degree, elements, length) result(space)
+   !> turning   whether the root may turn; default .false.
+   pure function new_spline_space(degree, elements, length, turning) result(space)
       integer, intent(in) :: degree, elements
       real(wp), intent(in) :: length
+      logical, intent(in), optional :: turning
       type(spline_space_t) :: space
       real(wp) :: value(degree + 1), slope(degree + 1), determinant
       integer :: i
 
       space%degree = degree
       space%elements = elements
-      space%n = elements + degree - 2
+      if (present(turning)) space%turning = merge(1, 0, turning)
+      space%n = elements + degree - 2 + space%turning
       space%length = length
 
       ! At the root, B_k with k = -(degree-1)/2 + i - 1 has value(i) and slope(i), i = 1..degree.
@@ -63,8 +70,16 @@ contains
       class(spline_space_t), intent(in) :: self
       integer, intent(in) :: element
 
-      first_on_element = max(1, element - 1)
+      first_on_element = max(1, element - 1 + self%turning)
    end function first_on_element
+
+   !> Index of the last of them.
+   pure integer function last_on_element(self, element)
+      class(spline_space_t), intent(in) :: self
+      integer, intent(in) :: element
+
+      last_on_element = element + self%degree - 1 + self%turning
+   end function last_on_element
 
    !> Derivative of order `derivative` of the functions first, first+1, ... that live on an element.
    !>
@@ -78,7 +93,7 @@ contains
       real(wp), intent(in) :: s
       real(wp) :: values(self%degree + 1)
       real(wp) :: plain(self%degree + 1)
-      integer :: i, c, k, row, first
+      integer :: i, c, k, row, first, functions
 
       plain = cardinal(self%degree, derivative, s)*(self%elements/self%length)**derivative
       if (element >= self%degree) then
@@ -89,8 +104,8 @@ contains
       ! plain(c) belongs to B_k, k = element - (degree+1)/2 + c; b_i = B_{i-(degree-3)/2} for i >
       ! degree-2.
       values = 0
-      first = self%first_on_element(element)
-      do row = 1, min(self%degree + 1, element + self%degree - first)
+      first = max(1, element - 1)
+      do row = 1, element + self%degree - first
          i = first + row - 1
          if (i > self%degree - 2) then
             values(row) = plain(i - element + 2)
@@ -101,6 +116,14 @@ contains
             end do
          end if
       end do
+      if (self%turning == 0 .or. element > 1) return
+      ! The function that turns the root lives on the first two elements, in front of the others.
+      functions = element + self%degree - 1
+      values(2:functions + 1) = values(:functions)
+      associate (at_root => cardinal(self%degree, 0, 0.0_wp))
+         if (element == 0) values(1) = plain(1) - at_root(1)/at_root(2)*plain(2)
+         if (element == 1) values(1) = -at_root(1)/at_root(2)*plain(1)
+      end associate
    end function on_element
 
    !> Derivative of order `derivative` of all basis functions at one position.
@@ -119,7 +142,7 @@ contains
       position = x/self%length*self%elements
       element = min(max(int(position), 0), self%elements - 1)
       first = self%first_on_element(element)
-      last = min(first + self%degree, element + self%degree - 1)
+      last = self%last_on_element(element)
       local = self%on_element(element, position - element, derivative)
       values = 0
       values(first:last) = local(:last - first + 1)

@@ -70,7 +70,7 @@ module beamid_cvode
 contains
 
    subroutine respond(self, equations, excitation, times, response, work, error)
-      class(cvode_t), intent(in) :: self
+      class(cvode_t), intent(inout) :: self
       type(equations_t), intent(in), target :: equations
       type(excitation_t), intent(in) :: excitation
       real(wp), intent(in) :: times(:)

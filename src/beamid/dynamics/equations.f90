@@ -20,7 +20,9 @@ module beamid_equations
       type(band_t) :: damping                !< C
       type(band_t) :: stiffness              !< K
       real(wp), allocatable :: load(:)       !< (n) F, per unit force
-      real(wp), allocatable :: observer(:)   !< (n) tip displacement = observer . w
+      real(wp), allocatable :: tip(:)        !< (n) tip displacement = tip . w
+      real(wp), allocatable :: observer(:)   !< (n) displacement of the sensor = observer . w
+      real(wp), allocatable :: root(:)       !< (n) slope at the root = root . w
       !> (n) displacement that one unit of each unknown stands for
       real(wp), allocatable :: unit(:)
       type(galerkin_t), pointer :: galerkin => null()   !< the integrals it was assembled from
@@ -36,13 +38,13 @@ contains
 
    !> Assembles (3.11) with the point load, or with the distributed load of (3.10).
    !>
-   !> galerkin  must outlive the result, which points to it
+   !> galerkin  must outlive the result, which points to it; `turning` for a root that is not rigid
    function new_equations(galerkin, structure, excitation) result(self)
       type(galerkin_t), intent(in), target :: galerkin
       type(structure_t), intent(in) :: structure
       type(excitation_t), intent(in) :: excitation
       type(equations_t) :: self
-      real(wp), allocatable :: hose(:)
+      real(wp), allocatable :: hose(:), slope(:)
       integer :: n
 
       self%galerkin => galerkin
@@ -50,21 +52,29 @@ contains
       n = galerkin%space%n
       self%n = n
       if (structure%has_hose()) self%n = n + 1
-      allocate (self%load(self%n), self%observer(self%n), hose(self%n), source=0.0_wp)
+      allocate (self%load(self%n), self%tip(self%n), self%observer(self%n), self%root(self%n), &
+         hose(self%n), slope(self%n), source=0.0_wp)
 
       ! The B-splines add up to degree!, the hose moves by y itself.
       allocate (self%unit(self%n), source=1.0_wp)
       self%unit(:n) = gamma(galerkin%mesh%degree + 1.0_wp)
-      self%observer(:n) = galerkin%tip
+      self%tip(:n) = galerkin%tip
+      self%observer(:n) = galerkin%space%at(structure%sensor_place(), 0)
+      self%root(:n) = galerkin%space%at(0.0_wp, 1)
+      slope(:n) = galerkin%space%at(structure%length, 1)
       self%load(:n) = galerkin%tip
       if (excitation%distributed) self%load(:n) = galerkin%tip + galerkin%moments(excitation%power)
 
       self%mass = scaled(structure%rho, galerkin%inertia, self%n)
       self%damping = scaled(structure%c_D*structure%I, galerkin%bending, self%n)
       self%stiffness = scaled(structure%E*structure%I, galerkin%bending, self%n)
-      call self%mass%add_rank_one(structure%m_T, self%observer)
+      self%damping%a(:, :n) = self%damping%a(:, :n) + structure%gamma*galerkin%inertia%a
+      call self%mass%add_rank_one(structure%m_T, self%tip)
+      call self%mass%add_rank_one(structure%J_T, slope)
+      call self%mass%add_rank_one(structure%m_S, self%observer)
+      if (structure%has_soft_root()) call self%stiffness%add_rank_one(structure%k_R, self%root)
       if (structure%has_hose()) then
-         hose = -self%observer
+         hose = -self%tip
          hose(n + 1) = 1
          call self%mass%add(n + 1, n + 1, structure%m_H)
          call self%damping%add_rank_one(structure%c_H, hose)
@@ -79,7 +89,7 @@ contains
    !> meshes.
    !>
    !> w, v, force  (n)
-   pure subroutine subtract_internal_force(self, w, v, force)
+   subroutine subtract_internal_force(self, w, v, force)
       class(equations_t), intent(in) :: self
       real(wp), intent(in) :: w(:), v(:)
       real(wp), intent(inout) :: force(:)
@@ -87,6 +97,8 @@ contains
 
       associate (n => self%galerkin%space%n, s => self%structure, tip => self%galerkin%tip)
          call self%galerkin%add_bending_force(-s%I, s%E*w(:n) + s%c_D*v(:n), force(:n))
+         if (s%gamma > 0) call self%galerkin%inertia%add_product(-s%gamma, v(:n), force(:n))
+         if (s%has_soft_root()) force = force - s%k_R*dot_product(self%root, w)*self%root
          if (.not. s%has_hose()) return
          pull = s%k_H*(w(n + 1) - dot_product(tip, w(:n))) &
             + s%c_H*(v(n + 1) - dot_product(tip, v(:n)))
@@ -104,6 +116,8 @@ contains
 
       associate (n => self%galerkin%space%n, s => self%structure)
          strain_energy = s%E*s%I*self%galerkin%bending_energy(x(:n))
+         if (s%has_soft_root()) strain_energy = strain_energy &
+            + s%k_R*dot_product(self%root, x)**2
          if (s%has_hose()) strain_energy = strain_energy &
             + s%k_H*(x(n + 1) - dot_product(self%galerkin%tip, x(:n)))**2
       end associate

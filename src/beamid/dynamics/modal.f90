@@ -1,18 +1,18 @@
 !> Response as a sum of exponentials, exact in time, with exact derivatives.
 !>
 !> Each pole carries a state z' = s z + f(t), at rest before the force. f is linear between its
-!> nodes, so that z is known in closed form; tip displacement, velocity and acceleration are
-!> Re(sum r z), Re(sum r s z) and Re(sum r s**2 z) + f b' M**-1 F.
+!> nodes, so that z is known in closed form; displacement, velocity and acceleration of the sensor
+!> are Re(sum r z), Re(sum r s z) and Re(sum r s**2 z) + f o' M**-1 F.
 module beamid_modal
    use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
+   use beamid_assembly, only: assembly_t, new_assembly
    use beamid_equations, only: equations_t
    use beamid_errors, only: error_t, failure
    use beamid_excitation, only: excitation_t
    use beamid_galerkin, only: galerkin_t, mesh_t, same_mesh
    use beamid_kinds, only: wp
-   use beamid_modes, only: bare_beam_modes
+   use beamid_modes, only: bare_beam_modes, beam_modes_t
    use beamid_poles, only: differentiate_poles, find_poles, poles_t
-   use beamid_receptance, only: new_receptance, receptance_t
    use beamid_responses, only: response_t, solver_t, work_t
    implicit none
    private
@@ -20,11 +20,9 @@ module beamid_modal
    public :: modal_t
 
    type, extends(solver_t) :: modal_t
-      real(wp), allocatable, private :: mu(:)          !< (n) of the bare beam [1/length**4]
-      real(wp), allocatable, private :: shapes(:, :)   !< (n, n) columns phi, phi' G phi = 1
-      real(wp), allocatable, private :: tip(:)         !< (n) phi(l)
-      type(mesh_t), private :: mesh                    !< what it was prepared for
-      real(wp), private :: length = 0
+      type(beam_modes_t), allocatable, private :: modes   !< of the bare beam
+      type(mesh_t), private :: mesh                       !< what it was prepared for
+      type(poles_t), private :: poles                     !< of the last structure
    contains
       procedure :: prepare
       procedure :: respond
@@ -49,11 +47,10 @@ contains
       type(galerkin_t), intent(in) :: galerkin
       type(error_t), allocatable, intent(out) :: error
 
-      call bare_beam_modes(galerkin, self%mu, self%shapes, error)
-      if (allocated(error)) return
-      self%tip = matmul(galerkin%tip, self%shapes)
+      if (allocated(self%modes)) deallocate (self%modes)
+      allocate (self%modes)
+      call bare_beam_modes(galerkin, self%modes, error)
       self%mesh = galerkin%mesh
-      self%length = galerkin%space%length
    end subroutine prepare
 
    pure real(wp) function noise(self)
@@ -69,7 +66,7 @@ contains
    end function is_exact
 
    subroutine respond(self, equations, excitation, times, response, work, error)
-      class(modal_t), intent(in) :: self
+      class(modal_t), intent(inout) :: self
       type(equations_t), intent(in), target :: equations
       type(excitation_t), intent(in) :: excitation
       real(wp), intent(in) :: times(:)
@@ -84,7 +81,7 @@ contains
 
    subroutine differentiate(self, equations, excitation, times, parameters, response, slopes, &
       work, error)
-      class(modal_t), intent(in) :: self
+      class(modal_t), intent(inout) :: self
       type(equations_t), intent(in), target :: equations
       type(excitation_t), intent(in) :: excitation
       real(wp), intent(in) :: times(:)
@@ -93,30 +90,48 @@ contains
       type(response_t), allocatable, intent(out) :: slopes(:)
       type(work_t), intent(inout) :: work
       type(error_t), allocatable, intent(out) :: error
-      type(receptance_t) :: receptance
-      type(poles_t) :: poles
-      real(wp), allocatable :: load(:)
+      type(assembly_t) :: assembly
 
       work%solves = work%solves + 1
-      if (.not. allocated(self%mu)) then
+      if (.not. allocated(self%modes)) then
          call failure(error, 'modal: the modes of the mesh have not been prepared')
          return
       else if (.not. same_mesh(self%mesh, equations%galerkin%mesh) .or. &
-         abs(self%length - equations%galerkin%space%length) > 0) then
+         self%modes%space%turning /= equations%galerkin%space%turning .or. &
+         abs(self%modes%space%length - equations%galerkin%space%length) > 0) then
          call failure(error, 'modal: prepared for another mesh')
          return
       end if
-      load = self%tip
-      if (excitation%distributed) load = matmul(equations%load(:size(self%mu)), self%shapes)
-      receptance = new_receptance(equations%structure, self%mu, self%tip, load)
-      call find_poles(receptance, poles, error)
+      call assemble(self%modes, equations, excitation, parameters, assembly)
+      call find_poles(assembly, self%modes, self%poles, error)
+      if (.not. allocated(error)) call differentiate_poles(assembly, self%poles, error)
       if (allocated(error)) return
-      call differentiate_poles(receptance, parameters, poles, error)
-      if (allocated(error)) return
-      call synthesize(poles, excitation, times, response, slopes)
+      call synthesize(self%poles, excitation, times, response, slopes)
       if (.not. all(ieee_is_finite(response%acceleration + response%displacement))) &
          call failure(error, 'modal: the response is not finite')
    end subroutine differentiate
+
+   !> The structure in the modes of the bare beam, with its load.
+   subroutine assemble(modes, equations, excitation, parameters, assembly)
+      type(beam_modes_t), intent(in) :: modes
+      type(equations_t), intent(in) :: equations
+      type(excitation_t), intent(in) :: excitation
+      integer, intent(in) :: parameters(:)
+      type(assembly_t), intent(out) :: assembly
+      integer :: first, last
+
+      if (.not. excitation%distributed) then
+         assembly = new_assembly(equations%structure, modes, parameters)
+         return
+      end if
+      first = 1 + modes%space%turning
+      last = modes%space%n
+      ! (3.10) on w = x: theta(l) l and the integral of theta x.
+      associate (l => modes%space%length)
+         assembly = new_assembly(equations%structure, modes, parameters, &
+            matmul(equations%load(first:last), modes%shapes), l + l**2/(excitation%power + 2))
+      end associate
+   end subroutine assemble
 
    !> Marches through the sample times and the nodes of the force.
    subroutine synthesize(poles, excitation, times, response, slopes)

@@ -5,10 +5,24 @@ module beamid_modes
    use beamid_errors, only: error_t, failure
    use beamid_galerkin, only: galerkin_t
    use beamid_kinds, only: wp
+   use beamid_splines, only: spline_space_t
    implicit none
    private
 
-   public :: undamped_modes, bare_beam_modes
+   public :: undamped_modes, beam_modes_t, bare_beam_modes
+
+   !> The modes of the bare clamped beam: B phi = mu G phi with the integrals of the mesh alone;
+   !> E I mu/rho are the squares of its angular frequencies.
+   type :: beam_modes_t
+      real(wp), allocatable :: mu(:)           !< (n) ascending [1/length**4]
+      real(wp), allocatable :: shapes(:, :)    !< (n, n) columns phi with phi' G phi = 1
+      real(wp), allocatable :: tip(:)          !< (n) phi(l)
+      real(wp), allocatable :: tip_slope(:)    !< (n) phi'(l)
+      real(wp), allocatable :: moment(:)       !< (n) integral of x phi
+      type(spline_space_t) :: space
+   contains
+      procedure :: at
+   end type beam_modes_t
 
    interface
       subroutine dsbgvd(jobz, uplo, n, ka, kb, ab, ldab, bb, ldbb, w, z, ldz, work, lwork, iwork, &
@@ -44,22 +58,56 @@ contains
       omega = [(sqrt(equations%strain_energy(shapes(:, k))), k=1, equations%n)]
    end subroutine undamped_modes
 
-   !> The bare clamped beam, B phi = mu G phi with the integrals of the mesh alone; EI mu/rho are
-   !> the squares of its angular frequencies.
-   !>
-   !> mu      (n) ascending [1/length**4]
-   !> shapes  (n, n) columns phi with phi' G phi = 1
-   subroutine bare_beam_modes(galerkin, mu, shapes, error)
+   !> Modes of the bare beam, clamped also where the space of the mesh lets the root turn.
+   subroutine bare_beam_modes(galerkin, modes, error)
       type(galerkin_t), intent(in) :: galerkin
-      real(wp), allocatable, intent(out) :: mu(:), shapes(:, :)
+      type(beam_modes_t), intent(out) :: modes
       type(error_t), allocatable, intent(out) :: error
+      real(wp) :: moments(galerkin%space%n), x(galerkin%space%n)
       integer :: k
 
-      ! The first eigenvalue of a cantilever is 12.36/length**4.
-      call shapes_of(galerkin%bending, galerkin%inertia, 12/galerkin%space%length**4, shapes, error)
-      if (allocated(error)) return
-      mu = [(galerkin%bending_energy(shapes(:, k)), k=1, galerkin%space%n)]
+      modes%space = galerkin%space
+      associate (first => 1 + galerkin%space%turning, length => galerkin%space%length)
+         ! The first eigenvalue of a cantilever is 12.36/length**4.
+         call shapes_of(part(galerkin%bending, first), part(galerkin%inertia, first), &
+            12/length**4, modes%shapes, error)
+         if (allocated(error)) return
+         allocate (modes%mu(size(modes%shapes, 2)))
+         x = 0
+         do k = 1, size(modes%mu)
+            x(first:) = modes%shapes(:, k)
+            modes%mu(k) = galerkin%bending_energy(x)
+         end do
+         moments = galerkin%moments(1.0_wp)
+         modes%moment = length*matmul(moments(first:), modes%shapes)
+         modes%tip = modes%at(length, 0)
+         modes%tip_slope = modes%at(length, 1)
+      end associate
    end subroutine bare_beam_modes
+
+   !> Values of the modes, or of a derivative, at one place.
+   !>
+   !> x  0 .. l [length]
+   function at(self, x, derivative) result(values)
+      class(beam_modes_t), intent(in) :: self
+      real(wp), intent(in) :: x
+      integer, intent(in) :: derivative
+      real(wp) :: values(size(self%shapes, 2)), b(self%space%n)
+
+      b = self%space%at(x, derivative)
+      values = matmul(b(1 + self%space%turning:), self%shapes)
+   end function at
+
+   !> A band matrix without its first rows and columns.
+   pure function part(band, first)
+      type(band_t), intent(in) :: band
+      integer, intent(in) :: first
+      type(band_t) :: part
+
+      part%n = band%n - first + 1
+      part%kd = band%kd
+      part%a = band%a(:, first:)
+   end function part
 
    !> Eigenvectors of K x = lambda M x in ascending order of lambda, x' M x = 1.
    !>

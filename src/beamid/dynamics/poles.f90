@@ -1,15 +1,18 @@
-!> Poles and residues of the tip's response, and their derivatives with respect to the parameters.
+!> Poles and residues of the sensor's response, and their derivatives with respect to the
+!> parameters.
 !>
-!> With the sums of `beamid_receptance` (G = sum phi**2 q, G_F = sum phi F q) and
-!> A = sum phi**2 D' q**2 + G**2 h', the residue is r = G G_F/A, and
-!> ds/dp = -(sum phi**2 D_p q**2 + G**2 h_p)/A: in terms of the eigenvector x, normalised so that
-!> x'(2 s M + C) x = 1, these are (b'x)(x'F) and -x'(s**2 M_p + s C_p + K_p) x.
+!> With the vector x of a root s and A = x'(2 s M + C) x the residue is (o'x)(x'F)/A, o the observer,
+!> and ds/dp = -x'(s**2 M_p + s C_p + K_p) x/A. The vector's own derivative follows from the
+!> equations of `beamid_vectors` with the root as a function of p.
 module beamid_poles
+   use beamid_assembly, only: assembly_t
    use beamid_errors, only: error_t, failure
    use beamid_kinds, only: wp
-   use beamid_receptance, only: receptance_t, root_sums, root_t, sums_t
+   use beamid_modes, only: beam_modes_t
    use beamid_roots, only: find_roots
    use beamid_strings, only: to_text
+   use beamid_structure, only: of_x_S
+   use beamid_vectors, only: couplings, root_t, solve_coupled, solve_mass, vector_at, vector_t
    implicit none
    private
 
@@ -18,15 +21,17 @@ module beamid_poles
    type :: poles_t
       !> one of each complex pair, Im s > 0, and the real ones
       type(root_t), allocatable :: root(:)
-      complex(wp), allocatable :: s(:)            !< their positions [1/time]
+      type(root_t), allocatable :: all(:)         !< every root, to start the next search from
+      complex(wp), allocatable :: s(:)            !< positions of `root` [1/time]
       !> r, doubled for the pairs: Re(sum r e**(s t)) is the answer
       complex(wp), allocatable :: residue(:)
-      !> sum r s = b' M**-1 F: the acceleration at unit force
+      !> sum r s = o' M**-1 F: the acceleration at unit force
       real(wp) :: impulse = 0
       complex(wp), allocatable :: ds(:, :)        !< (poles, parameters) d s/d parameter
       complex(wp), allocatable :: dr(:, :)        !< (poles, parameters) d residue/d parameter
       real(wp), allocatable :: dimpulse(:)        !< (parameters)
       real(wp) :: ordinary = 0                    !< size of an ordinary residue
+      type(vector_t), allocatable :: vector(:)    !< of each root
    end type poles_t
 
    !> The residues of all poles add up to nothing. Where two roots come together each residue grows
@@ -36,46 +41,59 @@ module beamid_poles
 
 contains
 
+   !> poles  in: `all` of a structure much like this one, or nothing
    !> error  the iteration does not converge, two roots coincide, or a root was missed
-   subroutine find_poles(receptance, poles, error)
-      type(receptance_t), intent(in) :: receptance
-      type(poles_t), intent(out) :: poles
+   subroutine find_poles(assembly, modes, poles, error)
+      type(assembly_t), intent(in) :: assembly
+      type(beam_modes_t), intent(in) :: modes
+      type(poles_t), intent(inout) :: poles
       type(error_t), allocatable, intent(out) :: error
+      logical :: warm
 
-      call find_roots(receptance, poles%root, error)
-      if (allocated(error)) return
-      poles%s = poles%root%s
-      call residues(receptance, poles, error)
+      warm = allocated(poles%all)
+      call find_roots(assembly, modes, poles%all, poles%root, error)
+      if (.not. allocated(error)) call residues(assembly, poles, error)
+      if (.not. (allocated(error) .and. warm)) return
+      ! The roots of the other structure led astray.
+      deallocate (poles%all, error)
+      call find_roots(assembly, modes, poles%all, poles%root, error)
+      if (.not. allocated(error)) call residues(assembly, poles, error)
+      if (allocated(error) .and. allocated(poles%all)) deallocate (poles%all)
    end subroutine find_poles
 
    !> Residues, and the checks that no root is double or missing: the residues add up to zero, and
    !> r s to the acceleration that a unit force causes at once.
-   subroutine residues(receptance, poles, error)
-      type(receptance_t), intent(in) :: receptance
+   subroutine residues(assembly, poles, error)
+      type(assembly_t), intent(in) :: assembly
       type(poles_t), intent(inout) :: poles
       type(error_t), allocatable, intent(out) :: error
-      real(wp) :: condition, worst
+      real(wp) :: condition, worst, x(assembly%n), y(size(assembly%v, 1))
       integer :: k, worst_k
-      type(sums_t) :: sums
 
       worst = 0
       worst_k = 1
-      allocate (poles%residue(size(poles%s)))
+      poles%s = poles%root%s
+      if (allocated(poles%vector)) deallocate (poles%vector)
+      if (allocated(poles%residue)) deallocate (poles%residue)
+      allocate (poles%vector(size(poles%s)), poles%residue(size(poles%s)))
       do k = 1, size(poles%s)
-         sums = root_sums(receptance, poles%root(k))
-         if (sums%hidden) then
-            poles%residue(k) = 0
-            cycle
-         end if
-         condition = sums%size_A/max(abs(sums%A), tiny(1.0_wp))
-         if (condition > worst) then
-            worst = condition
-            worst_k = k
-         end if
-         poles%residue(k) = weight(poles%s(k))*sums%G*sums%G_F/sums%A
+         poles%vector(k) = vector_at(assembly, poles%root(k))
+         associate (vector => poles%vector(k))
+            condition = vector%size_A/max(abs(vector%A), tiny(1.0_wp))
+            if (condition > worst) then
+               worst = condition
+               worst_k = k
+            end if
+            poles%residue(k) = weight(poles%s(k))*vector%y(assembly%sensor) &
+               *sum(assembly%load*vector%x)/vector%A
+         end associate
       end do
-      poles%impulse = impulse(receptance)
-      poles%ordinary = abs(poles%impulse)/minval(abs(poles%s))
+      call solve_mass(assembly, assembly%load, x, y)
+      poles%impulse = y(assembly%sensor)
+      poles%ordinary = dot_product(assembly%load, x)
+      call solve_mass(assembly, assembly%v(assembly%sensor, :), x, y)
+      poles%ordinary = sqrt(poles%ordinary*y(assembly%sensor)) &
+         /minval(abs(poles%s), mask=abs(poles%s) > 0)
       if (abs(sum(real(poles%residue*poles%s)) - poles%impulse) <= &
          1e-8_wp*sum(abs(poles%residue*poles%s)) .and. &
          abs(sum(real(poles%residue))) <= max_rest*poles%ordinary) return
@@ -88,102 +106,29 @@ contains
       end if
    end subroutine residues
 
-   !> ds/dp and dr/dp of one root. With the root as a function of p, D_i changes by
-   !> D_i' ds + D_ip, and q_i = D_j/D_i with it; r = G G_F/A follows by the chain rule.
-   pure subroutine differentiate_root(receptance, root, parameters, ds, dr)
-      type(receptance_t), intent(in) :: receptance
-      type(root_t), intent(in) :: root
-      integer, intent(in) :: parameters(:)
-      complex(wp), intent(out) :: ds(:), dr(:)
-      complex(wp), dimension(size(receptance%mu)) :: D_s, D_p, D_sp, D_all, q_all
-      complex(wp) :: h_q(4), dh_q(4), h_p, dh_p, G_all, G_F_all, A_all
-      type(sums_t) :: sums
-      integer :: p, place
-
-      sums = root_sums(receptance, root)
-      ds = 0
-      dr = 0
-      if (sums%hidden) return
-      call receptance%attachment_slopes(root, h_q, dh_q)
-      associate (st => receptance%structure, mu => receptance%mu, tip => receptance%tip, &
-         q => sums%q)
-         D_s = 2*st%rho*root%s + st%c_D*st%I*mu
-         do p = 1, size(parameters)
-            D_p = 0
-            D_sp = 0
-            h_p = 0
-            dh_p = 0
-            select case (parameters(p))
-            case (2); D_p = st%I*mu
-            case (3); D_p = root%s*st%I*mu
-                      D_sp = st%I*mu
-            case (7); D_p = root%s**2
-                      D_sp = 2*root%s
-            case (1, 4, 5, 6)
-               place = merge(1, parameters(p) - 2, parameters(p) == 1)
-               h_p = h_q(place)
-               dh_p = dh_q(place)
-            end select
-            ds(p) = -(sum(tip**2*D_p*q**2) + sums%G**2*h_p)/sums%A
-            D_all = D_s*ds(p) + D_p
-            if (root%j > 0) then
-               q_all = D_all(root%j)
-               D_all(root%j) = 0
-            else
-               q_all = 0
-            end if
-            q_all = quotient(q_all - q*D_all, sums%D, root%j)
-            G_all = sum(tip**2*q_all)
-            G_F_all = sum(tip*receptance%load*q_all)
-            A_all = sum(tip**2*((2*st%rho*ds(p) + D_sp)*q**2 + 2*D_s*q*q_all)) &
-               + 2*sums%G*G_all*sums%h(1) + sums%G**2*(sums%h(2)*ds(p) + dh_p)
-            dr(p) = (G_all*sums%G_F + sums%G*G_F_all - sums%G*sums%G_F/sums%A*A_all)/sums%A
-         end do
-      end associate
-   end subroutine differentiate_root
-
-   !> x/D, and 0 at place j, where q stays 1.
-   pure function quotient(x, D, j) result(ratio)
-      complex(wp), intent(in) :: x(:), D(:)
-      integer, intent(in) :: j
-      complex(wp) :: ratio(size(x)), divisor(size(x))
-
-      divisor = D
-      if (j > 0) divisor(j) = 1
-      ratio = x/divisor
-      if (j > 0) ratio(j) = 0
-   end function quotient
-
-   !> Derivatives of poles and residues.
+   !> Derivatives of poles and residues with respect to the parameters of the assembly.
    !>
-   !> parameters  places among m_T, E, c_D, m_H, c_H, k_H, rho
-   !> error       two roots nearly coincide: derivatives lose more digits than the response does
-   subroutine differentiate_poles(receptance, parameters, poles, error)
-      type(receptance_t), intent(in) :: receptance
-      integer, intent(in) :: parameters(:)
+   !> error  two roots nearly coincide: derivatives lose more digits than the response does
+   subroutine differentiate_poles(assembly, poles, error)
+      type(assembly_t), intent(in) :: assembly
       type(poles_t), intent(inout) :: poles
       type(error_t), allocatable, intent(out) :: error
-      real(wp) :: mass
-      integer :: k, p
+      integer :: k, p, n
 
-
-      allocate (poles%ds(size(poles%s), size(parameters)), poles%dr(size(poles%s), &
-         size(parameters)))
-      allocate (poles%dimpulse(size(parameters)), source=0.0_wp)
+      n = size(assembly%parameters)
+      if (allocated(poles%ds)) deallocate (poles%ds, poles%dr, poles%dimpulse)
+      allocate (poles%ds(size(poles%s), n), poles%dr(size(poles%s), n), poles%dimpulse(n))
+      if (n == 0) return
       do k = 1, size(poles%s)
-         call differentiate_root(receptance, poles%root(k), parameters, poles%ds(k, :), &
-            poles%dr(k, :))
+         do p = 1, n
+            call differentiate_root(assembly, poles%root(k), poles%vector(k), p, poles%ds(k, p), &
+               poles%dr(k, p))
+         end do
          poles%dr(k, :) = weight(poles%s(k))*poles%dr(k, :)
       end do
-      associate (st => receptance%structure, tip => receptance%tip)
-         mass = st%rho + st%m_T*sum(tip**2)
-         do p = 1, size(parameters)
-            if (parameters(p) == 1) poles%dimpulse(p) = -poles%impulse*sum(tip**2)/mass
-            if (parameters(p) == 7) poles%dimpulse(p) = -poles%impulse/mass
-         end do
-      end associate
-      do p = 1, size(parameters)
-         if (abs(sum(real(poles%dr(:, p))))*receptance%structure%get(parameters(p)) <= &
+      call differentiate_impulse(assembly, poles%dimpulse)
+      do p = 1, n
+         if (abs(sum(real(poles%dr(:, p))))*assembly%structure%get(assembly%parameters(p)) <= &
             max_rest_of_derivatives*poles%ordinary) cycle
          call failure(error, &
             'modal: two roots nearly coincide, too near for exact derivatives; '// &
@@ -191,20 +136,106 @@ contains
       end do
    end subroutine differentiate_poles
 
+   !> ds/dp and dr/dp of one root: every quantity of `beamid_vectors` differentiated in turn, with
+   !> the root as a function of p.
+   subroutine differentiate_root(assembly, root, vector, p, ds, dr)
+      type(assembly_t), intent(in) :: assembly
+      type(root_t), intent(in) :: root
+      type(vector_t), intent(in) :: vector
+      integer, intent(in) :: p
+      complex(wp), intent(out) :: ds, dr
+      complex(wp), dimension(assembly%n) :: D_p, D_sp, D_all, D_s_all, x_all
+      complex(wp), dimension(size(assembly%v, 1), size(assembly%v, 1)) :: H_p, H_sp, H_all
+      complex(wp) :: y_all(size(assembly%v, 1), 1), f_all(size(assembly%v, 1)), A_all
+      complex(wp) :: driven
+      logical :: moves
+
+      associate (pencil => assembly%pencil, slope => assembly%slope(p), x => vector%x, &
+         y => vector%y, f => vector%f, D => vector%D, v => assembly%v, j => root%j)
+         moves = assembly%parameters(p) == of_x_S
+         D_p = (slope%m*root%s + slope%c)*root%s + slope%k
+         D_sp = 2*slope%m*root%s + slope%c
+         call couplings(slope, root%s, H_p, H_sp)
+         ds = sum(D_p*x**2) + sum(y*matmul(H_p, y))
+         if (moves) ds = ds &
+            + 2*sum(assembly%sensor_slope*x)*f(assembly%sensor)
+         ds = -ds/vector%A
+
+         D_all = vector%dD*ds + D_p
+         D_s_all = 2*pencil%m*ds + D_sp
+         H_all = vector%dH*ds + H_p
+         x_all = x*D_all
+         x_all(j) = 0
+         x_all(:j - 1) = x_all(:j - 1)/D(:j - 1)
+         x_all(j + 1:) = x_all(j + 1:)/D(j + 1:)
+         y_all(:, 1) = -matmul(v, x_all) - matmul(vector%G, matmul(H_all, y))
+         if (moves) call move_sensor(y_all(:, 1))
+         call solve_coupled(vector%G, vector%H, y_all)
+         f_all = matmul(H_all, y) + matmul(vector%H, y_all(:, 1))
+         x_all = -x*D_all - matmul(f_all, v)
+         if (moves) x_all = x_all &
+            - assembly%sensor_slope*f(assembly%sensor)
+         x_all(j) = 0
+         x_all(:j - 1) = x_all(:j - 1)/D(:j - 1)
+         x_all(j + 1:) = x_all(j + 1:)/D(j + 1:)
+         A_all = sum(D_s_all*x**2 + 2*vector%dD*x*x_all) &
+            + 2*sum(y_all(:, 1)*matmul(vector%dH, y)) &
+            + sum(y*matmul(2*pencil%hm*ds + H_sp, y))
+
+         driven = sum(assembly%load*x)
+         associate (seen => y(assembly%sensor), dseen => y_all(assembly%sensor, 1))
+            dr = (dseen*driven + seen*sum(assembly%load*x_all) - seen*driven/vector%A*A_all) &
+               /vector%A
+         end associate
+      end associate
+
+   contains
+
+      !> What the columns of V that change add to the right-hand side of y.
+      subroutine move_sensor(right)
+         complex(wp), intent(inout) :: right(:)
+         complex(wp) :: term(assembly%n)
+
+         associate (sensor => assembly%sensor, slope => assembly%sensor_slope, j => root%j)
+            term = slope*vector%f(sensor)
+            term(j) = 0
+            term(:j - 1) = term(:j - 1)/vector%D(:j - 1)
+            term(j + 1:) = term(j + 1:)/vector%D(j + 1:)
+            right = right - matmul(assembly%v, term)
+            ! x_j = 1 is the term of dv_j.
+            right(sensor) = right(sensor) + sum(slope*vector%x)
+         end associate
+      end subroutine move_sensor
+
+   end subroutine differentiate_root
+
+   !> Derivatives of o' M**-1 F: -(M**-1 o)' M_p (M**-1 F), and what a moving sensor adds.
+   subroutine differentiate_impulse(assembly, slopes)
+      type(assembly_t), intent(in) :: assembly
+      real(wp), intent(out) :: slopes(:)
+      real(wp), dimension(assembly%n) :: o, x
+      real(wp), dimension(size(assembly%v, 1)) :: yo, yx
+      integer :: p
+
+      call solve_mass(assembly, assembly%v(assembly%sensor, :), o, yo)
+      call solve_mass(assembly, assembly%load, x, yx)
+      do p = 1, size(slopes)
+         associate (slope => assembly%slope(p), m_S => assembly%structure%m_S)
+            slopes(p) = -sum(o*slope%m*x) - dot_product(yo, matmul(slope%hm, yx))
+            if (assembly%parameters(p) /= of_x_S) cycle
+            associate (d => assembly%sensor_slope, s => assembly%sensor)
+               slopes(p) = slopes(p) + dot_product(d, x) &
+                  - m_S*(dot_product(d, o)*yx(s) + yo(s)*dot_product(d, x))
+            end associate
+         end associate
+      end do
+   end subroutine differentiate_impulse
+
    !> 2 for one of a pair, 1 for a real root.
    pure real(wp) function weight(s)
       complex(wp), intent(in) :: s
 
       weight = merge(2.0_wp, 1.0_wp, abs(aimag(s)) > 0)
    end function weight
-
-   !> b' M**-1 F with M = rho + m_T phi phi' in the modes of the bare beam.
-   pure real(wp) function impulse(receptance)
-      type(receptance_t), intent(in) :: receptance
-
-      associate (st => receptance%structure, tip => receptance%tip)
-         impulse = dot_product(tip, receptance%load)/(st%rho + st%m_T*sum(tip**2))
-      end associate
-   end function impulse
 
 end module beamid_poles

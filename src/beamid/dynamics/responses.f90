@@ -36,7 +36,7 @@ module beamid_responses
    end type solver_t
 
    abstract interface
-      !> Response from rest, (3.13) and (3.14).
+      !> Response from rest, (3.13) and (3.14). A method may keep what it found, for the next call.
       !>
       !> times     ascending [time]; before the force begins the structure is at rest
       !> response  allocated on success
@@ -44,7 +44,7 @@ module beamid_responses
       !> error     when the method could not do what was asked
       subroutine respond(self, equations, excitation, times, response, work, error)
          import :: equations_t, error_t, excitation_t, response_t, solver_t, work_t, wp
-         class(solver_t), intent(in) :: self
+         class(solver_t), intent(inout) :: self
          type(equations_t), intent(in), target :: equations
          type(excitation_t), intent(in) :: excitation
          real(wp), intent(in) :: times(:)
@@ -80,12 +80,12 @@ contains
 
    !> Response together with its derivatives.
    !>
-   !> parameters  places among m_T, E, c_D, m_H, c_H, k_H, rho
+   !> parameters  places among `parameter_names`
    !> slopes      (size(parameters)) derivatives of each motion
    !> error       also when the method has no derivatives
    subroutine differentiate(self, equations, excitation, times, parameters, response, slopes, &
       work, error)
-      class(solver_t), intent(in) :: self
+      class(solver_t), intent(inout) :: self
       type(equations_t), intent(in), target :: equations
       type(excitation_t), intent(in) :: excitation
       real(wp), intent(in) :: times(:)

@@ -1,12 +1,13 @@
 !> Roots of the characteristic equation of the damped structure, all at once by the Ehrlich-Aberth
 !> iteration from those of its parts (Aberth, Math. Comp. 27, 1973, 339).
 module beamid_roots
+   use beamid_assembly, only: assembly_t, new_assembly, quadratic
    use beamid_equations, only: equations_t
    use beamid_errors, only: error_t, failure
    use beamid_kinds, only: wp
-   use beamid_modes, only: bare_beam_modes
-   use beamid_receptance, only: new_receptance, receptance_t, root_sums, root_t, sums_t
+   use beamid_modes, only: bare_beam_modes, beam_modes_t
    use beamid_strings, only: to_text
+   use beamid_vectors, only: logarithmic_derivative, nearest_pole, root_t
    implicit none
    private
 
@@ -23,18 +24,18 @@ contains
       type(equations_t), intent(in) :: equations
       complex(wp), allocatable, intent(out) :: roots(:)
       type(error_t), allocatable, intent(out) :: error
-      real(wp), allocatable :: mu(:), shapes(:, :), tip(:)
-      type(root_t), allocatable :: half(:)
+      type(beam_modes_t) :: modes
+      type(root_t), allocatable :: all(:), half(:)
 
-      call bare_beam_modes(equations%galerkin, mu, shapes, error)
+      call bare_beam_modes(equations%galerkin, modes, error)
       if (allocated(error)) return
-      tip = matmul(equations%galerkin%tip, shapes)
       associate (structure => equations%structure)
-         call find_roots(new_receptance(structure, mu, tip, tip), half, error)
+         call find_roots(new_assembly(structure, modes, [integer ::]), modes, all, half, error)
          if (allocated(error)) return
          roots = half%s
-         ! A hose without a spring is free to drift: a root that the tip does not see.
-         if (structure%has_hose() .and. .not. structure%k_H > 0) roots = [roots, (0.0_wp, 0.0_wp)]
+         ! A hose that nothing holds is free to drift: a root that the tip does not see.
+         if (structure%has_hose() .and. .not. (structure%k_H > 0 .or. structure%c_H > 0)) &
+            roots = [roots, (0.0_wp, 0.0_wp)]
       end associate
       call sort_by_modulus(roots)
    end subroutine damped_roots
@@ -55,69 +56,162 @@ contains
       end do
    end subroutine sort_by_modulus
 
-   !> One root of each complex pair, and the real ones.
-   subroutine find_roots(receptance, half, error)
-      type(receptance_t), intent(in) :: receptance
+   !> All roots, and one of each complex pair with the real ones.
+   !>
+   !> modes  of the bare beam, for starting points
+   !> all    in and out: roots of a structure much like this one, where there are as many; else not
+   !>        allocated or of another size, and the search starts from the structure's parts
+   subroutine find_roots(assembly, modes, all, half, error)
+      type(assembly_t), intent(in) :: assembly
+      type(beam_modes_t), intent(in) :: modes
+      type(root_t), allocatable, intent(inout) :: all(:)
       type(root_t), allocatable, intent(out) :: half(:)
       type(error_t), allocatable, intent(out) :: error
-      type(root_t), allocatable :: roots(:)
+      integer :: k
 
-      call starting_points(receptance, roots)
-      call iterate(receptance, roots, error)
-      if (.not. allocated(error)) call select_half(receptance, roots, half)
+      if (allocated(all)) then
+         if (size(all) /= 2*assembly%n) deallocate (all)
+      end if
+      if (allocated(all)) then
+         do k = 1, size(all)
+            all(k)%j = 0
+            call nearest_pole(assembly, all(k))
+         end do
+      else
+         call starting_points(assembly, modes, all)
+      end if
+      call iterate(assembly, all, error)
+      if (allocated(error)) return
+      half = all
+      call select_half(assembly, half)
    end subroutine find_roots
 
-   !> Roots of the beam with its tip mass, and of the hose alone, each moved by what the other part
-   !> does to it at first order, and off the real axis: two real roots may have to become a pair.
-   subroutine starting_points(receptance, roots)
-      type(receptance_t), intent(in) :: receptance
+   !> Roots of the beam with its tip mass, moved by what else hangs on it at first order and off the
+   !> real axis, since two real roots may have to become a pair; and those of the other oscillators,
+   !> moved a little.
+   subroutine starting_points(assembly, modes, roots)
+      type(assembly_t), intent(in) :: assembly
+      type(beam_modes_t), intent(in) :: modes
       type(root_t), allocatable, intent(out) :: roots(:)
-      type(receptance_t) :: without_hose
-      type(sums_t) :: sums
-      complex(wp) :: num(0:2), den(0:2), shift, turn
-      integer :: n, k
+      real(wp) :: mu
+      complex(wp) :: pair(2)
+      integer :: k, side
 
-      n = size(receptance%mu)
-      without_hose = receptance
-      without_hose%structure%m_H = 0
-      deallocate (without_hose%hose)
-      allocate (without_hose%hose(0), roots(2*n + size(receptance%hose)))
-      do k = 1, n
-         roots([k, n + k])%s = receptance%pair(receptance%with_tip_mass(k))
+      allocate (roots(2*assembly%n))
+      do k = 1, assembly%n
+         if (k <= assembly%beam) then
+            associate (s => assembly%structure)
+               mu = with_tip_mass(modes, s%m_T/s%rho, k)
+               pair = quadratic(s%rho, s%gamma + s%c_D*s%I*mu, s%E*s%I*mu)
+            end associate
+            if (.not. assembly%is_bare()) pair = pair + shift(assembly, modes, pair)
+         else
+            pair = assembly%pole(k, :)*[(1.02_wp, 0.05_wp), (1.02_wp, -0.05_wp)]
+         end if
+         do side = 1, 2
+            roots(k + (side - 1)*assembly%n)%s = pair(side)
+         end do
       end do
-      do k = 1, 2*n
+      do k = 1, size(roots)
          roots(k)%j = 0
-         call attach(receptance, roots(k))
-         call from_hose(receptance, roots(k))
-         if (size(receptance%hose) == 0) cycle
-         sums = root_sums(without_hose, roots(k))
-         call receptance%attachment(roots(k), num, den)
-         turn = cmplx(1.0_wp, merge(0.2_wp, -0.2_wp, k <= n), wp)
-         shift = -(num(0)/den(0) - sums%h(0))*sums%G**2/sums%A*turn
-         shift = shift*min(1.0_wp, 0.2_wp*abs(roots(k)%s)/max(abs(shift), tiny(1.0_wp)))
-         roots(k)%s = roots(k)%s + shift
-         roots(k)%offset = roots(k)%offset + shift
-         roots(k)%hose = roots(k)%hose + shift
-      end do
-      do k = 1, size(receptance%hose)
-         roots(2*n + k)%s = receptance%hose(k)*cmplx(1.02_wp, merge(0.05_wp, -0.05_wp, k == 1), wp)
-         call from_hose(receptance, roots(2*n + k))
+         call nearest_pole(assembly, roots(k))
       end do
    end subroutine starting_points
 
+   !> What everything but the tip mass does, at first order, to a root of the beam with the tip mass.
+   elemental complex(wp) function shift(assembly, modes, s)
+      type(assembly_t), intent(in) :: assembly
+      type(beam_modes_t), intent(in) :: modes
+      complex(wp), intent(in) :: s
+      complex(wp), dimension(size(modes%mu)) :: D, x
+      complex(wp) :: stiffness, tip, u, a
+      integer :: j, b
+
+      b = assembly%beam
+      shift = 0
+      associate (p => assembly%pencil, st => assembly%structure)
+         D = (p%m(:b)*s + p%c(:b))*s + p%k(:b)
+         j = minloc(abs(D), dim=1)
+         u = D(j)
+         D(j) = 1
+         x = modes%tip/modes%tip(j)*u/D
+         x(j) = 1
+         tip = sum(modes%tip*x)
+         stiffness = 0
+         if (assembly%hose > 0) then
+            u = st%m_H*s**2
+            a = st%c_H*s + st%k_H
+            if (abs(u + a) > 0) stiffness = u*a/(u + a)*tip**2
+         end if
+         if (assembly%turn > 0) stiffness = stiffness + st%J_T*(s*sum(modes%tip_slope*x))**2
+         stiffness = stiffness + st%m_S*(s*sum(assembly%v(assembly%sensor, :b)*x))**2
+         if (.not. abs(stiffness) > 0) return
+         shift = -stiffness/(sum((2*p%m(:b)*s + p%c(:b))*x**2) + 2*st%m_T*s*tip**2) &
+            *cmplx(1.0_wp, merge(0.2_wp, -0.2_wp, aimag(s) >= 0), wp)
+      end associate
+      shift = shift*min(1.0_wp, 0.2_wp*abs(s)/max(abs(shift), tiny(1.0_wp)))
+   end function shift
+
+   !> mu of mode k with the tip mass on the beam. With it alone D_i = (E + c_D s) I (mu_i - nu) and
+   !> H = -(m_T/rho) (E + c_D s) I nu turn the characteristic equation into a real one for nu, with
+   !> one root between each two of the bare beam's, found by Newton's method within brackets.
+   !>
+   !> ratio  m_T/rho
+   pure real(wp) function with_tip_mass(modes, ratio, k)
+      type(beam_modes_t), intent(in) :: modes
+      real(wp), intent(in) :: ratio
+      integer, intent(in) :: k
+      real(wp) :: below, above, delta, nu, f, slope, step
+      real(wp) :: term(size(modes%mu)), gap(size(modes%mu))
+      integer :: iteration
+
+      associate (mu => modes%mu)
+         with_tip_mass = mu(k)
+         if (.not. ratio > 0) return
+         below = 0
+         above = mu(k)
+         if (k > 1) above = mu(k) - mu(k - 1)
+         delta = above/2
+         do iteration = 1, 60
+            ! delta (1 - ratio nu sum phi_i**2/(mu_i - nu)), nu = mu_k - delta: rises from below 0.
+            nu = mu(k) - delta
+            gap = mu - nu
+            gap(k) = 1
+            term = modes%tip**2/gap
+            term(k) = 0
+            f = delta*(1 - ratio*nu*sum(term)) - ratio*nu*modes%tip(k)**2
+            slope = 1 - ratio*nu*sum(term) + delta*ratio*(sum(term) + nu*sum(term/gap)) &
+               + ratio*modes%tip(k)**2
+            if (f > 0) then
+               above = delta
+            else
+               below = delta
+            end if
+            step = -f/slope
+            if (delta + step <= below .or. delta + step >= above .or. .not. slope > 0) &
+               step = (below + above)/2 - delta
+            delta = delta + step
+            if (abs(step) <= 1e-6_wp*delta) exit
+         end do
+         with_tip_mass = mu(k) - delta
+      end associate
+   end function with_tip_mass
+
    !> Ehrlich-Aberth: corrections in turn until none moves.
-   subroutine iterate(receptance, roots, error)
-      type(receptance_t), intent(in) :: receptance
+   subroutine iterate(assembly, roots, error)
+      type(assembly_t), intent(in) :: assembly
       type(root_t), intent(inout) :: roots(:)
       type(error_t), allocatable, intent(out) :: error
       logical :: done(size(roots))
       real(wp) :: moved
       integer :: k, sweep
 
-      if (bare(receptance)) then
-         roots%offset = 0
+      if (assembly%is_bare()) then
          do k = 1, size(roots)
-            roots(k)%s = receptance%pole(roots(k)%j, roots(k)%side)
+            roots(k)%j = modulo(k - 1, assembly%n) + 1
+            roots(k)%side = 1 + (k - 1)/assembly%n
+            roots(k)%offset = 0
+            roots(k)%s = assembly%pole(roots(k)%j, roots(k)%side)
          end do
          return
       end if
@@ -125,7 +219,7 @@ contains
       do sweep = 1, max_sweeps
          do k = 1, size(roots)
             if (done(k)) cycle
-            call correct(receptance, roots, k, moved)
+            call correct(assembly, roots, k, moved)
             ! Only double roots never come so far.
             done(k) = moved <= 1e-9_wp*max(abs(roots(k)%offset), 1e-14_wp*abs(roots(k)%s)) .or. &
                sweep > max_sweeps/2 .and. moved <= 1e-6_wp*abs(roots(k)%s)
@@ -133,7 +227,7 @@ contains
          if (.not. all(done)) cycle
          ! With all the others in place one more correction leaves round-off.
          do k = 1, size(roots)
-            call correct(receptance, roots, k, moved)
+            call correct(assembly, roots, k, moved)
          end do
          return
       end do
@@ -144,95 +238,48 @@ contains
    !> Newton's correction of root k for the polynomial without the other roots.
    !>
    !> moved  its size
-   pure subroutine correct(receptance, roots, k, moved)
-      type(receptance_t), intent(in) :: receptance
+   subroutine correct(assembly, roots, k, moved)
+      type(assembly_t), intent(in) :: assembly
       type(root_t), intent(inout) :: roots(:)
       integer, intent(in) :: k
       real(wp), intent(out) :: moved
       complex(wp) :: slope, step
 
-      slope = receptance%secular(roots(k)) - sum(1/(roots(k)%s - roots(:k - 1)%s)) &
+      slope = logarithmic_derivative(assembly, roots(k)) - sum(1/(roots(k)%s - roots(:k - 1)%s)) &
          - sum(1/(roots(k)%s - roots(k + 1:)%s))
       step = -1/slope
       roots(k)%s = roots(k)%s + step
       roots(k)%offset = roots(k)%offset + step
-      roots(k)%hose = roots(k)%hose + step
-      call attach(receptance, roots(k))
+      call nearest_pole(assembly, roots(k))
       moved = abs(step)
    end subroutine correct
 
-   !> Whether nothing hangs on the beam.
-   pure logical function bare(receptance)
-      type(receptance_t), intent(in) :: receptance
-
-      bare = .not. receptance%structure%m_T > 0 .and. size(receptance%hose) == 0
-   end function bare
-
-   !> Gives the root the nearest pole of the beam as its origin.
-   pure subroutine attach(receptance, root)
-      type(receptance_t), intent(in) :: receptance
-      type(root_t), intent(inout) :: root
-      real(wp) :: distance(2)
-      integer :: j, side
-
-      do side = 1, 2
-         distance(side) = minval(abs(root%s - receptance%pole(:, side)))
-      end do
-      side = minloc(distance, dim=1)
-      j = minloc(abs(root%s - receptance%pole(:, side)), dim=1)
-      if (j == root%j .and. side == root%side) return
-      root%j = j
-      root%side = side
-      root%offset = root%s - receptance%pole(j, side)
-   end subroutine attach
-
-   !> Distances from the roots of the hose.
-   pure subroutine from_hose(receptance, root)
-      type(receptance_t), intent(in) :: receptance
-      type(root_t), intent(inout) :: root
-
-      associate (m => size(receptance%hose))
-         root%hose(:m) = root%s - receptance%hose
-      end associate
-   end subroutine from_hose
-
    !> Keeps one root of each complex pair and the real ones.
-   subroutine select_half(receptance, roots, half)
-      type(receptance_t), intent(in) :: receptance
-      type(root_t), intent(inout) :: roots(:)
-      type(root_t), allocatable, intent(out) :: half(:)
+   subroutine select_half(assembly, roots)
+      type(assembly_t), intent(in) :: assembly
+      type(root_t), allocatable, intent(inout) :: roots(:)
       integer :: k
 
-      associate (st => receptance%structure)
-         if (.not. (st%c_D > 0 .or. st%has_hose() .and. st%c_H > 0)) then
-            ! Without damping the real parts are round-off.
-            roots%s = cmplx(0.0_wp, aimag(roots%s), wp)
-            roots%offset = cmplx(0.0_wp, aimag(roots%offset), wp)
-            do k = 1, size(roots)
-               roots(k)%hose = cmplx(0.0_wp, aimag(roots(k)%hose), wp)
-            end do
-         end if
-      end associate
+      if (assembly%is_undamped()) then
+         ! Without damping the real parts are round-off.
+         do k = 1, size(roots)
+            roots(k)%s = cmplx(0.0_wp, aimag(roots(k)%s), wp)
+            roots(k)%offset = cmplx(0.0_wp, aimag(roots(k)%offset), wp)
+         end do
+      end if
       do k = 1, size(roots)
          ! A pair so near the real axis would be refused as a double root.
          if (abs(aimag(roots(k)%s)) > 1e-10_wp*abs(roots(k)%s)) cycle
          roots(k)%s = real(roots(k)%s)
-         if (size(receptance%hose) > 0) then
-            if (any(abs(aimag(receptance%hose)) > 0)) then
-               call from_hose(receptance, roots(k))
-            else
-               roots(k)%hose = real(roots(k)%hose)
-            end if
-         end if
-         if (roots(k)%j > 0) then
-            if (abs(aimag(receptance%pole(roots(k)%j, roots(k)%side))) > 0) then
-               roots(k)%offset = roots(k)%s - receptance%pole(roots(k)%j, roots(k)%side)
+         associate (pole => assembly%pole(roots(k)%j, roots(k)%side))
+            if (abs(aimag(pole)) > 0) then
+               roots(k)%offset = roots(k)%s - pole
             else
                roots(k)%offset = real(roots(k)%offset)
             end if
-         end if
+         end associate
       end do
-      half = pack(roots, aimag(roots%s) >= 0)
+      roots = pack(roots, aimag(roots%s) >= 0)
    end subroutine select_half
 
 end module beamid_roots

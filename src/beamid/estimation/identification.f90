@@ -91,7 +91,8 @@ contains
       type(response_t) :: wide
       class(solver_t), allocatable :: solver
 
-      galerkin = new_galerkin(mesh, model%structure%length)
+      galerkin = new_galerkin(mesh, model%structure%length, &
+         model%structure%has_soft_root())
       solver = model%solver
       call solver%prepare(galerkin, error)
       if (allocated(error)) return
@@ -122,7 +123,8 @@ contains
       type(options_t) :: options
       integer :: k
 
-      problem%galerkin = new_galerkin(mesh, model%structure%length)
+      problem%galerkin = new_galerkin(mesh, model%structure%length, &
+         model%structure%has_soft_root())
       problem%structure = model%structure
       problem%excitation = model%excitation
       problem%solver = model%solver

@@ -1,6 +1,7 @@
 !> The structure of Figure 2.3: a clamped beam with Kelvin-Voigt damping, a tip mass, and a hose
 !> that acts as a mass on a dashpot and a spring at the tip; q = (m_T, E, c_D, m_H, c_H, k_H) of
-!> Section 2.
+!> Section 2. What a beam on a bench has besides: air damping, rotary inertia of the tip mass, a
+!> sensor with a mass somewhere on the beam, a clamp that gives way.
 module beamid_structure
    use beamid_errors, only: error_t, bad_input
    use beamid_kinds, only: wp
@@ -9,6 +10,9 @@ module beamid_structure
    private
 
    public :: structure_t, check_structure, parameter_names, parameter_index
+
+   !> A root that does not turn, and a sensor that sits at the tip.
+   real(wp), parameter, public :: rigid = huge(1.0_wp), at_tip = -1
 
    !> Any consistent set of units.
    type :: structure_t
@@ -21,8 +25,16 @@ module beamid_structure
       real(wp) :: m_H = 0            !< hose mass [mass], >= 0; 0 means that there is no hose
       real(wp) :: c_H = 0            !< hose damping [force time/length], >= 0
       real(wp) :: k_H = 0            !< hose stiffness [force/length], >= 0
+      real(wp) :: gamma = 0          !< air damping, gamma u_t [force time/length**2], >= 0
+      real(wp) :: J_T = 0            !< rotary inertia at the tip [mass length**2], >= 0
+      real(wp) :: k_R = rigid        !< torsional spring at the root [force length], > 0
+      real(wp) :: m_S = 0            !< mass of the sensor [mass], >= 0
+      !> where the sensor sits and observes [length], 0 < x_S <= l; `at_tip`: at the tip
+      real(wp) :: x_S = at_tip
    contains
       procedure :: has_hose
+      procedure :: has_soft_root
+      procedure :: sensor_place
       procedure :: get
       procedure :: set
       procedure :: magnitude
@@ -30,9 +42,12 @@ module beamid_structure
       procedure :: omega
    end type structure_t
 
-   !> Names of the parameters that a fit may free, as they are printed.
-   character(len=*), parameter :: parameter_names(7) = &
-      [character(len=3) :: 'm_T', 'E', 'c_D', 'm_H', 'c_H', 'k_H', 'rho']
+   !> Names of the parameters that a fit may free, as they are printed, and their places.
+   character(len=*), parameter :: parameter_names(12) = &
+      [character(len=5) :: 'm_T', 'E', 'c_D', 'm_H', 'c_H', 'k_H', 'rho', 'gamma', 'J_T', 'k_R', &
+       'm_S', 'x_S']
+   integer, parameter, public :: of_m_T = 1, of_E = 2, of_c_D = 3, of_m_H = 4, of_c_H = 5, &
+      of_k_H = 6, of_rho = 7, of_gamma = 8, of_J_T = 9, of_k_R = 10, of_m_S = 11, of_x_S = 12
 
 contains
 
@@ -42,6 +57,21 @@ contains
 
       has_hose = self%m_H > 0
    end function has_hose
+
+   !> Whether the clamp gives way.
+   pure logical function has_soft_root(self)
+      class(structure_t), intent(in) :: self
+
+      has_soft_root = self%k_R < rigid
+   end function has_soft_root
+
+   !> Position of the sensor [length].
+   pure real(wp) function sensor_place(self)
+      class(structure_t), intent(in) :: self
+
+      sensor_place = self%x_S
+      if (self%x_S < 0) sensor_place = self%length
+   end function sensor_place
 
    !> Place of a parameter in `parameter_names`, any case; 0 when there is none of that name.
    pure integer function parameter_index(name)
@@ -59,13 +89,18 @@ contains
 
       get = 0
       select case (k)
-      case (1); get = self%m_T
-      case (2); get = self%E
-      case (3); get = self%c_D
-      case (4); get = self%m_H
-      case (5); get = self%c_H
-      case (6); get = self%k_H
-      case (7); get = self%rho
+      case (of_m_T); get = self%m_T
+      case (of_E); get = self%E
+      case (of_c_D); get = self%c_D
+      case (of_m_H); get = self%m_H
+      case (of_c_H); get = self%c_H
+      case (of_k_H); get = self%k_H
+      case (of_rho); get = self%rho
+      case (of_gamma); get = self%gamma
+      case (of_J_T); get = self%J_T
+      case (of_k_R); get = self%k_R
+      case (of_m_S); get = self%m_S
+      case (of_x_S); get = self%sensor_place()
       end select
    end function get
 
@@ -76,21 +111,27 @@ contains
       real(wp), intent(in) :: value
 
       select case (k)
-      case (1); self%m_T = value
-      case (2); self%E = value
-      case (3); self%c_D = value
-      case (4); self%m_H = value
-      case (5); self%c_H = value
-      case (6); self%k_H = value
-      case (7); self%rho = value
+      case (of_m_T); self%m_T = value
+      case (of_E); self%E = value
+      case (of_c_D); self%c_D = value
+      case (of_m_H); self%m_H = value
+      case (of_c_H); self%c_H = value
+      case (of_k_H); self%k_H = value
+      case (of_rho); self%rho = value
+      case (of_gamma); self%gamma = value
+      case (of_J_T); self%J_T = value
+      case (of_k_R); self%k_R = value
+      case (of_m_S); self%m_S = value
+      case (of_x_S); self%x_S = value
       end select
    end subroutine set
 
-   !> Static stiffness of the tip, 3 E I/l**3 [force/length].
+   !> Static stiffness of the tip, 3 E I/l**3 with a rigid root [force/length].
    pure real(wp) function stiffness(self)
       class(structure_t), intent(in) :: self
 
       stiffness = 3*self%E*self%I/self%length**3
+      if (self%has_soft_root()) stiffness = stiffness/(1 + stiffness*self%length**2/self%k_R)
    end function stiffness
 
    !> Rayleigh's estimate of the first angular frequency [1/time]: the static tip stiffness against
@@ -110,12 +151,16 @@ contains
 
       associate (mass => self%m_T + self%rho*self%length)
          select case (k)
-         case (1, 4); magnitude = mass/10
-         case (2); magnitude = self%E
-         case (3); magnitude = 2e-2_wp*self%E/self%omega()
-         case (5); magnitude = 2e-2_wp*mass*self%omega()
-         case (6); magnitude = self%stiffness()/10
-         case (7); magnitude = self%rho
+         case (of_m_T, of_m_H, of_m_S); magnitude = mass/10
+         case (of_E); magnitude = self%E
+         case (of_c_D); magnitude = 2e-2_wp*self%E/self%omega()
+         case (of_c_H); magnitude = 2e-2_wp*mass*self%omega()
+         case (of_k_H); magnitude = self%stiffness()/10
+         case (of_rho); magnitude = self%rho
+         case (of_gamma); magnitude = 2e-2_wp*self%rho*self%omega()
+         case (of_J_T); magnitude = mass*(self%length/10)**2
+         case (of_k_R); magnitude = 10*self%E*self%I/self%length
+         case (of_x_S); magnitude = self%length
          case default; magnitude = 1
          end select
       end associate
@@ -136,6 +181,14 @@ contains
          call not_negative('m_H', s%m_H)
          call not_negative('c_H', s%c_H)
          call not_negative('k_H', s%k_H)
+         call not_negative('gamma', s%gamma)
+         call not_negative('J_T', s%J_T)
+         call positive('k_R', s%k_R)
+         call not_negative('m_S', s%m_S)
+         if (.not. allocated(error) .and. s%length > 0 .and. &
+            .not. (s%sensor_place() > 0 .and. s%sensor_place() <= s%length)) call bad_input(error, &
+            'x_S: found '//to_text(s%x_S)//', expected a place above 0, up to the length '// &
+            to_text(s%length))
          ! Each is in range, but the whole may be out of what numbers can hold.
          if (allocated(error)) return
          if (.not. (s%omega() > 0 .and. s%omega() < huge(1.0_wp))) call bad_input(error, &

@@ -30,12 +30,16 @@ contains
 
       unit = ''
       select case (free_names(k))
-      case ('m_T', 'm_H'); unit = joined(self%mass, '', '')
+      case ('m_T', 'm_H', 'm_S'); unit = joined(self%mass, '', '')
       case ('E'); unit = joined(self%force, '', power(self%length, '^2'))
       case ('c_D'); unit = joined(self%force, self%time, power(self%length, '^2'))
       case ('c_H'); unit = joined(self%force, self%time, self%length)
       case ('k_H'); unit = joined(self%force, '', self%length)
       case ('amplitude'); unit = trim(self%force)
+      case ('gamma'); unit = joined(self%force, self%time, power(self%length, '^2'))
+      case ('J_T'); unit = joined(self%mass, power(self%length, '^2'), '')
+      case ('k_R'); unit = joined(self%force, self%length, '')
+      case ('x_S'); unit = trim(self%length)
       case ('rho'); unit = joined(self%mass, '', self%length)
       end select
    end function of_parameter
