@@ -1,13 +1,17 @@
 !> The structure as oscillators that touch at few points.
 !>
-!> In the modes of the bare beam, with the hose (y - u(l)) as one more oscillator and the turn of a
-!> soft root (w = theta x) as another, M, C and K are diagonal up to what hangs on the beam:
+!> In the modes of the bare beam, with the hose as one more oscillator and the turn of a soft root
+!> (w = theta x) as another, M, C and K are diagonal up to what hangs on the beam:
 !>
 !>     s**2 M + s C + K = D(s) + V H(s) V',    D_i = m_i s**2 + c_i s + k_i.
 !>
 !> The columns of V say how much each oscillator moves the tip, the hose, the slope of the tip, the
-!> sensor, and the two coordinates that a soft root couples; H holds the masses between them, a
+!> sensor, and the two coordinates that a soft root couples; H holds what acts between them, a
 !> matrix of order six at most.
+!>
+!> The hose has the same D(s) whether its coordinate is y, with c_H s + k_H between it and the tip,
+!> or y - u(l), with m_H s**2 instead. The smaller of the two loses no digits: both forms are kept,
+!> and `form_at` says which one serves at s.
 module beamid_assembly
    use beamid_kinds, only: wp
    use beamid_modes, only: beam_modes_t
@@ -28,17 +32,18 @@ module beamid_assembly
       type(structure_t) :: structure
       integer :: n = 0                         !< oscillators
       integer :: beam = 0                      !< the first of them: modes of the bare beam
-      type(pencil_t) :: pencil
+      type(pencil_t) :: pencil(2)              !< hose by y, by y - u(l)
       real(wp), allocatable :: v(:, :)         !< (r, n) column i is v_i
       real(wp), allocatable :: load(:)         !< (n) per unit force
       complex(wp), allocatable :: pole(:, :)   !< (n, 2) roots of D_i [1/time]
       integer, allocatable :: parameters(:)    !< places of those to differentiate with respect to
-      type(pencil_t), allocatable :: slope(:)  !< d pencil/d parameter
+      type(pencil_t), allocatable :: slope(:, :)   !< (2, parameters) d pencil/d parameter
       !> (n) how the sensor's row of v changes as the sensor moves along the beam
       real(wp), allocatable :: sensor_slope(:)
       !> Rows of v; 0: not there. The sensor's may be that of the tip.
       integer :: tip = 0, hose = 0, turn = 0, sensor = 0, arrow = 0, root = 0
    contains
+      procedure :: form_at
       procedure :: is_bare
       procedure :: is_undamped
    end type assembly_t
@@ -56,23 +61,26 @@ contains
       integer, intent(in) :: parameters(:)
       real(wp), intent(in), optional :: load(:), load_root
       type(assembly_t) :: self
-      integer :: p, i
+      integer :: form, p, i
 
       self%structure = structure
       self%parameters = parameters
       self%beam = size(modes%mu)
       call lay_out(self, modes)
-      call place_pencil(self, modes)
-      allocate (self%slope(size(parameters)))
-      do p = 1, size(parameters)
-         self%slope(p) = slope_of(self, modes, parameters(p))
+      allocate (self%slope(2, size(parameters)))
+      do form = 1, 2
+         self%pencil(form) = new_pencil(self, modes, form)
+         do p = 1, size(parameters)
+            self%slope(form, p) = slope_of(self, modes, parameters(p), form)
+         end do
       end do
       self%load = self%v(self%tip, :)
       if (present(load)) self%load(:self%beam) = load
       if (present(load_root) .and. self%root > 0) self%load(self%n) = load_root
       allocate (self%pole(self%n, 2))
       do i = 1, self%n
-         self%pole(i, :) = quadratic(self%pencil%m(i), self%pencil%c(i), self%pencil%k(i))
+         self%pole(i, :) = quadratic(self%pencil(1)%m(i), self%pencil(1)%c(i), &
+            self%pencil(1)%k(i))
       end do
    end function new_assembly
 
@@ -140,13 +148,15 @@ contains
       allocate (pencil%hm(r, r), pencil%hc(r, r), pencil%hk(r, r), source=0.0_wp)
    end function nothing
 
-   !> D(s) and H(s).
-   subroutine place_pencil(self, modes)
-      type(assembly_t), intent(inout) :: self
+   !> D(s) and H(s) in one of the two forms.
+   function new_pencil(self, modes, form) result(p)
+      type(assembly_t), intent(in) :: self
       type(beam_modes_t), intent(in) :: modes
+      integer, intent(in) :: form
+      type(pencil_t) :: p
 
-      self%pencil = nothing(self)
-      associate (s => self%structure, b => self%beam, p => self%pencil, n => self%n)
+      p = nothing(self)
+      associate (s => self%structure, b => self%beam, n => self%n)
          p%m(:b) = s%rho
          p%c(:b) = s%gamma + s%c_D*s%I*modes%mu
          p%k(:b) = s%E*s%I*modes%mu
@@ -155,7 +165,9 @@ contains
             p%m(b + 1) = s%m_H
             p%c(b + 1) = s%c_H
             p%k(b + 1) = s%k_H
-            call couple_hose(self, p%hm, s%m_H)
+            if (form == 1) call couple_hose(self, p%hc, s%c_H, -1)
+            if (form == 1) call couple_hose(self, p%hk, s%k_H, -1)
+            if (form == 2) call couple_hose(self, p%hm, s%m_H, 1)
          end if
          if (self%turn > 0) p%hm(self%turn, self%turn) = s%J_T
          p%hm(self%sensor, self%sensor) = p%hm(self%sensor, self%sensor) + s%m_S
@@ -167,13 +179,13 @@ contains
             call couple_root(self, p%hc, s%gamma)
          end if
       end associate
-   end subroutine place_pencil
+   end function new_pencil
 
    !> Derivative of D and H with respect to one parameter.
-   function slope_of(self, modes, parameter) result(p)
+   function slope_of(self, modes, parameter, form) result(p)
       type(assembly_t), intent(in) :: self
       type(beam_modes_t), intent(in) :: modes
-      integer, intent(in) :: parameter
+      integer, intent(in) :: parameter, form
       type(pencil_t) :: p
 
       p = nothing(self)
@@ -195,29 +207,33 @@ contains
             if (self%root > 0) call couple_root(self, p%hc, 1.0_wp)
          case (of_m_H)
             if (self%hose > 0) p%m(b + 1) = 1
-            if (self%hose > 0) call couple_hose(self, p%hm, 1.0_wp)
+            if (form == 2) call couple_hose(self, p%hm, 1.0_wp, 1)
             ! The first grain of a hose moves with the tip, held by c_H and k_H.
             if (.not. s%has_hose() .and. (s%k_H > 0 .or. s%c_H > 0)) p%hm(tip, tip) = 1
          case (of_c_H)
             if (self%hose > 0) p%c(b + 1) = 1
+            if (form == 1) call couple_hose(self, p%hc, 1.0_wp, -1)
             ! A hose that nothing holds yet stays where it is.
             if (s%has_hose() .and. self%hose == 0) p%hc(tip, tip) = 1
          case (of_k_H)
             if (self%hose > 0) p%k(b + 1) = 1
+            if (form == 1) call couple_hose(self, p%hk, 1.0_wp, -1)
             if (s%has_hose() .and. self%hose == 0) p%hk(tip, tip) = 1
          end select
       end associate
    end function slope_of
 
-   !> The hose's mass moves by the displacement of the tip and its own.
-   pure subroutine couple_hose(self, h, mass)
+   !> A spring between hose and tip (sign -1), or a mass that moves by the sum of both (+1).
+   pure subroutine couple_hose(self, h, value, sign)
       type(assembly_t), intent(in) :: self
       real(wp), intent(inout) :: h(:, :)
-      real(wp), intent(in) :: mass
+      real(wp), intent(in) :: value
+      integer, intent(in) :: sign
 
-      h(self%tip, self%tip) = h(self%tip, self%tip) + mass
-      h(self%tip, self%hose) = h(self%tip, self%hose) + mass
-      h(self%hose, self%tip) = h(self%hose, self%tip) + mass
+      if (self%hose == 0) return
+      h(self%tip, self%tip) = h(self%tip, self%tip) + value
+      h(self%tip, self%hose) = h(self%tip, self%hose) + sign*value
+      h(self%hose, self%tip) = h(self%hose, self%tip) + sign*value
    end subroutine couple_hose
 
    !> What the turn of the root and the bending of the beam do to each other.
@@ -248,11 +264,21 @@ contains
       end if
    end function quadratic
 
+   !> Which form of the pencil loses no digits at s.
+   pure integer function form_at(self, s) result(form)
+      class(assembly_t), intent(in) :: self
+      complex(wp), intent(in) :: s
+
+      associate (st => self%structure)
+         form = merge(1, 2, abs(st%c_H*s + st%k_H) <= abs(st%m_H*s**2))
+      end associate
+   end function form_at
+
    !> Whether nothing hangs on the beam.
    pure logical function is_bare(self)
       class(assembly_t), intent(in) :: self
 
-      associate (p => self%pencil)
+      associate (p => self%pencil(1))
          is_bare = .not. any(abs(p%hm) + abs(p%hc) + abs(p%hk) > 0)
       end associate
    end function is_bare
@@ -260,7 +286,7 @@ contains
    pure logical function is_undamped(self)
       class(assembly_t), intent(in) :: self
 
-      is_undamped = .not. any(abs(self%pencil%c) > 0)
+      is_undamped = .not. any(abs(self%pencil(1)%c) > 0)
    end function is_undamped
 
 end module beamid_assembly

@@ -14,6 +14,7 @@ module beamid_modal
    use beamid_modes, only: bare_beam_modes, beam_modes_t
    use beamid_poles, only: differentiate_poles, find_poles, poles_t
    use beamid_responses, only: response_t, solver_t, work_t
+   use beamid_structure, only: same_structure, structure_t
    implicit none
    private
 
@@ -23,6 +24,9 @@ module beamid_modal
       type(beam_modes_t), allocatable, private :: modes   !< of the bare beam
       type(mesh_t), private :: mesh                       !< what it was prepared for
       type(poles_t), private :: poles                     !< of the last structure
+      type(structure_t), private :: structure             !< that structure; length 0: none yet
+      logical, private :: distributed = .false.           !< its load
+      real(wp), private :: power = 0
    contains
       procedure :: prepare
       procedure :: respond
@@ -51,6 +55,7 @@ contains
       allocate (self%modes)
       call bare_beam_modes(galerkin, self%modes, error)
       self%mesh = galerkin%mesh
+      self%structure%length = 0
    end subroutine prepare
 
    pure real(wp) function noise(self)
@@ -103,8 +108,17 @@ contains
          return
       end if
       call assemble(self%modes, equations, excitation, parameters, assembly)
-      call find_poles(assembly, self%modes, self%poles, error)
-      if (.not. allocated(error)) call differentiate_poles(assembly, self%poles, error)
+      if (.not. (same_structure(self%structure, equations%structure) .and. &
+         (self%distributed .eqv. excitation%distributed) .and. &
+         abs(self%power - excitation%power) <= 0)) then
+         self%structure%length = 0
+         call find_poles(assembly, self%modes, self%poles, error)
+         if (allocated(error)) return
+         self%structure = equations%structure
+         self%distributed = excitation%distributed
+         self%power = excitation%power
+      end if
+      call differentiate_poles(assembly, self%poles, error)
       if (allocated(error)) return
       call synthesize(self%poles, excitation, times, response, slopes)
       if (.not. all(ieee_is_finite(response%acceleration + response%displacement))) &
@@ -202,8 +216,10 @@ contains
          states%repeated = 0
       end if
       states%repeated = states%repeated + 1
-      states%y = states%growth*(states%y + step*states%z)
-      states%z = states%growth*states%z
+      do k = 1, size(s)
+         states%y(k) = states%growth(k)*(states%y(k) + step*states%z(k))
+         states%z(k) = states%growth(k)*states%z(k)
+      end do
       if (node >= size(excitation%t)) return
       associate (nodes => excitation%t, f => excitation%f)
          slope = (f(node + 1) - f(node))/(nodes(node + 1) - nodes(node))
@@ -251,25 +267,41 @@ contains
       integer, intent(in) :: k
       type(response_t), intent(inout) :: response
       type(response_t), intent(inout) :: slopes(:)
-      complex(wp) :: r_p, s_p, change
+      complex(wp) :: r_p, s_p, change, z
+      real(wp) :: u, v, a
       integer :: i, p
 
-      response%displacement(k) = real(sum(poles%residue*states%z))
-      response%velocity(k) = real(sum(rs*states%z))
-      response%acceleration(k) = real(sum(rss*states%z)) + force*poles%impulse
+      u = 0
+      v = 0
+      a = force*poles%impulse
+      do i = 1, size(poles%s)
+         z = states%z(i)
+         u = u + real(poles%residue(i))*real(z) - aimag(poles%residue(i))*aimag(z)
+         v = v + real(rs(i))*real(z) - aimag(rs(i))*aimag(z)
+         a = a + real(rss(i))*real(z) - aimag(rss(i))*aimag(z)
+      end do
+      response%displacement(k) = u
+      response%velocity(k) = v
+      response%acceleration(k) = a
       do p = 1, size(slopes)
-         slopes(p)%acceleration(k) = force*poles%dimpulse(p)
+         u = 0
+         v = 0
+         a = force*poles%dimpulse(p)
          do i = 1, size(poles%s)
             r_p = poles%dr(i, p)
             s_p = poles%ds(i, p)
+            z = states%z(i)
             ! d(r z) = r_p z + r s_p y; with s before it, twice: the product rule.
-            change = r_p*states%z(i) + poles%residue(i)*s_p*states%y(i)
-            slopes(p)%displacement(k) = slopes(p)%displacement(k) + real(change)
-            change = change*poles%s(i) + poles%residue(i)*states%z(i)*s_p
-            slopes(p)%velocity(k) = slopes(p)%velocity(k) + real(change)
-            change = change*poles%s(i) + rs(i)*states%z(i)*s_p
-            slopes(p)%acceleration(k) = slopes(p)%acceleration(k) + real(change)
+            change = r_p*z + poles%residue(i)*s_p*states%y(i)
+            u = u + real(change)
+            change = change*poles%s(i) + poles%residue(i)*z*s_p
+            v = v + real(change)
+            change = change*poles%s(i) + rs(i)*z*s_p
+            a = a + real(change)
          end do
+         slopes(p)%displacement(k) = u
+         slopes(p)%velocity(k) = v
+         slopes(p)%acceleration(k) = a
       end do
    end subroutine observe
 

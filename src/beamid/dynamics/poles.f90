@@ -12,7 +12,7 @@ module beamid_poles
    use beamid_roots, only: find_roots
    use beamid_strings, only: to_text
    use beamid_structure, only: of_x_S
-   use beamid_vectors, only: couplings, root_t, solve_coupled, solve_mass, vector_at, vector_t
+   use beamid_vectors, only: couplings, find_vector, root_t, solve_coupled, solve_mass, vector_t
    implicit none
    private
 
@@ -73,11 +73,13 @@ contains
       worst = 0
       worst_k = 1
       poles%s = poles%root%s
-      if (allocated(poles%vector)) deallocate (poles%vector)
-      if (allocated(poles%residue)) deallocate (poles%residue)
-      allocate (poles%vector(size(poles%s)), poles%residue(size(poles%s)))
+      if (allocated(poles%residue)) then
+         if (size(poles%residue) /= size(poles%s)) deallocate (poles%vector, poles%residue)
+      end if
+      if (.not. allocated(poles%residue)) allocate (poles%vector(size(poles%s)), &
+         poles%residue(size(poles%s)))
       do k = 1, size(poles%s)
-         poles%vector(k) = vector_at(assembly, poles%root(k))
+         call find_vector(assembly, poles%root(k), poles%vector(k))
          associate (vector => poles%vector(k))
             condition = vector%size_A/max(abs(vector%A), tiny(1.0_wp))
             if (condition > worst) then
@@ -149,9 +151,13 @@ contains
       complex(wp) :: y_all(size(assembly%v, 1), 1), f_all(size(assembly%v, 1)), A_all
       complex(wp) :: driven
       logical :: moves
+      integer :: r
 
-      associate (pencil => assembly%pencil, slope => assembly%slope(p), x => vector%x, &
-         y => vector%y, f => vector%f, D => vector%D, v => assembly%v, j => root%j)
+      r = size(assembly%v, 1)
+      associate (pencil => assembly%pencil(vector%form), &
+         slope => assembly%slope(vector%form, p), x => vector%x, &
+         y => vector%y(:r), f => vector%f(:r), D => vector%D, v => assembly%v, j => root%j, &
+         G => vector%G(:r, :r), H => vector%H(:r, :r), dH => vector%dH(:r, :r))
          moves = assembly%parameters(p) == of_x_S
          D_p = (slope%m*root%s + slope%c)*root%s + slope%k
          D_sp = 2*slope%m*root%s + slope%c
@@ -163,15 +169,15 @@ contains
 
          D_all = vector%dD*ds + D_p
          D_s_all = 2*pencil%m*ds + D_sp
-         H_all = vector%dH*ds + H_p
+         H_all = dH*ds + H_p
          x_all = x*D_all
          x_all(j) = 0
          x_all(:j - 1) = x_all(:j - 1)/D(:j - 1)
          x_all(j + 1:) = x_all(j + 1:)/D(j + 1:)
-         y_all(:, 1) = -matmul(v, x_all) - matmul(vector%G, matmul(H_all, y))
+         y_all(:, 1) = -matmul(v, x_all) - matmul(G, matmul(H_all, y))
          if (moves) call move_sensor(y_all(:, 1))
-         call solve_coupled(vector%G, vector%H, y_all)
-         f_all = matmul(H_all, y) + matmul(vector%H, y_all(:, 1))
+         call solve_coupled(G, H, y_all)
+         f_all = matmul(H_all, y) + matmul(H, y_all(:, 1))
          x_all = -x*D_all - matmul(f_all, v)
          if (moves) x_all = x_all &
             - assembly%sensor_slope*f(assembly%sensor)
@@ -179,7 +185,7 @@ contains
          x_all(:j - 1) = x_all(:j - 1)/D(:j - 1)
          x_all(j + 1:) = x_all(j + 1:)/D(j + 1:)
          A_all = sum(D_s_all*x**2 + 2*vector%dD*x*x_all) &
-            + 2*sum(y_all(:, 1)*matmul(vector%dH, y)) &
+            + 2*sum(y_all(:, 1)*matmul(dH, y)) &
             + sum(y*matmul(2*pencil%hm*ds + H_sp, y))
 
          driven = sum(assembly%load*x)
@@ -220,7 +226,7 @@ contains
       call solve_mass(assembly, assembly%v(assembly%sensor, :), o, yo)
       call solve_mass(assembly, assembly%load, x, yx)
       do p = 1, size(slopes)
-         associate (slope => assembly%slope(p), m_S => assembly%structure%m_S)
+         associate (slope => assembly%slope(1, p), m_S => assembly%structure%m_S)
             slopes(p) = -sum(o*slope%m*x) - dot_product(yo, matmul(slope%hm, yx))
             if (assembly%parameters(p) /= of_x_S) cycle
             associate (d => assembly%sensor_slope, s => assembly%sensor)

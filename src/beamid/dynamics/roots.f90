@@ -74,7 +74,7 @@ contains
       end if
       if (allocated(all)) then
          do k = 1, size(all)
-            all(k)%j = 0
+            all(k)%origin = 0
             call nearest_pole(assembly, all(k))
          end do
       else
@@ -104,7 +104,7 @@ contains
                mu = with_tip_mass(modes, s%m_T/s%rho, k)
                pair = quadratic(s%rho, s%gamma + s%c_D*s%I*mu, s%E*s%I*mu)
             end associate
-            if (.not. assembly%is_bare()) pair = pair + shift(assembly, modes, pair)
+            if (.not. assembly%is_bare()) pair = pair + shift(assembly, modes, pair, [1, -1])
          else
             pair = assembly%pole(k, :)*[(1.02_wp, 0.05_wp), (1.02_wp, -0.05_wp)]
          end if
@@ -113,23 +113,26 @@ contains
          end do
       end do
       do k = 1, size(roots)
-         roots(k)%j = 0
+         roots(k)%origin = 0
          call nearest_pole(assembly, roots(k))
       end do
    end subroutine starting_points
 
    !> What everything but the tip mass does, at first order, to a root of the beam with the tip mass.
-   elemental complex(wp) function shift(assembly, modes, s)
+   !>
+   !> side  1 or -1: to which side of the real axis it is pushed
+   elemental complex(wp) function shift(assembly, modes, s, side)
       type(assembly_t), intent(in) :: assembly
       type(beam_modes_t), intent(in) :: modes
       complex(wp), intent(in) :: s
+      integer, intent(in) :: side
       complex(wp), dimension(size(modes%mu)) :: D, x
       complex(wp) :: stiffness, tip, u, a
       integer :: j, b
 
       b = assembly%beam
       shift = 0
-      associate (p => assembly%pencil, st => assembly%structure)
+      associate (p => assembly%pencil(1), st => assembly%structure)
          D = (p%m(:b)*s + p%c(:b))*s + p%k(:b)
          j = minloc(abs(D), dim=1)
          u = D(j)
@@ -147,7 +150,7 @@ contains
          stiffness = stiffness + st%m_S*(s*sum(assembly%v(assembly%sensor, :b)*x))**2
          if (.not. abs(stiffness) > 0) return
          shift = -stiffness/(sum((2*p%m(:b)*s + p%c(:b))*x**2) + 2*st%m_T*s*tip**2) &
-            *cmplx(1.0_wp, merge(0.2_wp, -0.2_wp, aimag(s) >= 0), wp)
+            *cmplx(1.0_wp, 0.2_wp*side, wp)
       end associate
       shift = shift*min(1.0_wp, 0.2_wp*abs(s)/max(abs(shift), tiny(1.0_wp)))
    end function shift
@@ -209,9 +212,10 @@ contains
       if (assembly%is_bare()) then
          do k = 1, size(roots)
             roots(k)%j = modulo(k - 1, assembly%n) + 1
+            roots(k)%origin = roots(k)%j
             roots(k)%side = 1 + (k - 1)/assembly%n
             roots(k)%offset = 0
-            roots(k)%s = assembly%pole(roots(k)%j, roots(k)%side)
+            roots(k)%s = assembly%pole(roots(k)%origin, roots(k)%side)
          end do
          return
       end if
@@ -220,12 +224,12 @@ contains
          do k = 1, size(roots)
             if (done(k)) cycle
             call correct(assembly, roots, k, moved)
-            ! Only double roots never come so far.
-            done(k) = moved <= 1e-9_wp*max(abs(roots(k)%offset), 1e-14_wp*abs(roots(k)%s)) .or. &
+            ! Convergence is cubic: the last correction below leaves round-off. Only double roots
+            ! never come so far.
+            done(k) = moved <= 1e-6_wp*max(abs(roots(k)%offset), 1e-14_wp*abs(roots(k)%s)) .or. &
                sweep > max_sweeps/2 .and. moved <= 1e-6_wp*abs(roots(k)%s)
          end do
          if (.not. all(done)) cycle
-         ! With all the others in place one more correction leaves round-off.
          do k = 1, size(roots)
             call correct(assembly, roots, k, moved)
          end do
@@ -235,24 +239,59 @@ contains
          ' roots of the characteristic equation did not converge')
    end subroutine iterate
 
-   !> Newton's correction of root k for the polynomial without the other roots.
+   !> Newton's correction of root k for the polynomial without the other roots. The second of a
+   !> complex pair follows from the first as soon as that one hardly moves; before, a pair may have to
+   !> part into two real roots, which it cannot do as long as it is a mirror image.
    !>
-   !> moved  its size
+   !> moved  size of the correction
    subroutine correct(assembly, roots, k, moved)
       type(assembly_t), intent(in) :: assembly
       type(root_t), intent(inout) :: roots(:)
       integer, intent(in) :: k
       real(wp), intent(out) :: moved
-      complex(wp) :: slope, step
+      complex(wp) :: slope, step, gap
+      integer :: i, partner
+      logical :: settled
 
-      slope = logarithmic_derivative(assembly, roots(k)) - sum(1/(roots(k)%s - roots(:k - 1)%s)) &
-         - sum(1/(roots(k)%s - roots(k + 1:)%s))
+      partner = modulo(k - 1 + assembly%n, size(roots)) + 1
+      if (k > assembly%n) then
+         if (is_pair(roots(partner), roots(k))) then
+            moved = 0
+            return
+         end if
+      end if
+      slope = logarithmic_derivative(assembly, roots(k))
+      do i = 1, size(roots)
+         if (i == k) cycle
+         gap = roots(k)%s - roots(i)%s
+         slope = slope - conjg(gap)/(real(gap)**2 + aimag(gap)**2)
+      end do
       step = -1/slope
+      settled = abs(step) <= 1e-2_wp*abs(aimag(roots(k)%s)) .and. k <= assembly%n .and. &
+         abs(roots(partner)%s - conjg(roots(k)%s)) <= 1e-1_wp*abs(aimag(roots(k)%s))
       roots(k)%s = roots(k)%s + step
       roots(k)%offset = roots(k)%offset + step
       call nearest_pole(assembly, roots(k))
+      if (settled) roots(partner) = mirrored(assembly, roots(k))
       moved = abs(step)
    end subroutine correct
+
+   !> The conjugate root, from the conjugate pole.
+   pure type(root_t) function mirrored(assembly, root)
+      type(assembly_t), intent(in) :: assembly
+      type(root_t), intent(in) :: root
+
+      mirrored = root_t(root%j, root%origin, root%side, conjg(root%offset), conjg(root%s))
+      if (abs(aimag(assembly%pole(root%origin, root%side))) > 0) mirrored%side = 3 - root%side
+   end function mirrored
+
+   !> Whether two roots are conjugate and not real.
+   pure logical function is_pair(a, b)
+      type(root_t), intent(in) :: a, b
+
+      is_pair = abs(real(a%s) - real(b%s)) <= 0 .and. abs(aimag(a%s) + aimag(b%s)) <= 0 .and. &
+         abs(aimag(a%s)) > 1e-3_wp*abs(a%s)
+   end function is_pair
 
    !> Keeps one root of each complex pair and the real ones.
    subroutine select_half(assembly, roots)
@@ -271,7 +310,7 @@ contains
          ! A pair so near the real axis would be refused as a double root.
          if (abs(aimag(roots(k)%s)) > 1e-10_wp*abs(roots(k)%s)) cycle
          roots(k)%s = real(roots(k)%s)
-         associate (pole => assembly%pole(roots(k)%j, roots(k)%side))
+         associate (pole => assembly%pole(roots(k)%origin, roots(k)%side))
             if (abs(aimag(pole)) > 0) then
                roots(k)%offset = roots(k)%s - pole
             else

@@ -1,36 +1,40 @@
 !> Roots of an assembly and their vectors.
 !>
-!> For a root s near the pole p_j of oscillator j, with x_j = 1 and G = sum over i /= j of
+!> With an oscillator j that takes part in the motion, x_j = 1, and G = sum over i /= j of
 !> v_i v_i'/D_i,
 !>
 !>     y = (1 + G H)**-1 v_j,  f = H y,  x_i = -v_i'f/D_i,  D_j + v_j'f = 0:
 !>
-!> nothing in it grows without bound when what hangs on the beam is light.
+!> nothing in it grows without bound when what hangs on the beam is light and s near a pole of D_j.
 module beamid_vectors
    use beamid_assembly, only: assembly_t, pencil_t
    use beamid_kinds, only: wp
    implicit none
    private
 
-   public :: root_t, vector_t, couplings, logarithmic_derivative, nearest_pole, solve_coupled, &
-      solve_mass, vector_at
+   public :: root_t, vector_t, couplings, find_vector, logarithmic_derivative, nearest_pole, &
+      solve_coupled, solve_mass
 
-   !> A point s given relative to the nearest pole, so that D_j keeps its digits however near they
-   !> are.
+   !> The highest order of H: every coupling that `beamid_assembly` knows.
+   integer, parameter :: most = 6
+
+   !> A point s given relative to the nearest pole, so that D keeps its digits however near they are.
    type :: root_t
-      integer :: j = 0                !< s = pole(j, side) + offset
+      integer :: j = 0                !< the oscillator with x_j = 1: one that takes part
+      integer :: origin = 0           !< s = pole(origin, side) + offset
       integer :: side = 1
       complex(wp) :: offset = 0
       complex(wp) :: s = 0
    end type root_t
 
-   !> The vector x of a root, and what derivatives of it need.
+   !> The vector x of a root, and what derivatives of it need; of the small arrays the first r rows
+   !> and columns count.
    type :: vector_t
-      complex(wp), allocatable :: x(:)       !< (n)
-      complex(wp), allocatable :: y(:), f(:) !< (r) V'x and H y
-      complex(wp), allocatable :: D(:), dD(:)      !< (n) D(s) and D'(s)
-      complex(wp), allocatable :: G(:, :)          !< (r, r)
-      complex(wp), allocatable :: H(:, :), dH(:, :)
+      complex(wp), allocatable :: x(:)                        !< (n)
+      complex(wp), allocatable :: D(:), dD(:)                 !< (n) D(s) and D'(s)
+      complex(wp) :: y(most) = 0, f(most) = 0                 !< V'x and H y
+      complex(wp), dimension(most, most) :: G = 0, H = 0, dH = 0
+      integer :: form = 1                    !< of the pencil
       complex(wp) :: A = 0                   !< x'(2 s M + C) x
       real(wp) :: size_A = 0                 !< A with every term made positive
    end type vector_t
@@ -42,51 +46,53 @@ module beamid_vectors
          real(wp), intent(inout) :: a(lda, *), b(ldb, *)
          integer, intent(out) :: ipiv(*), info
       end subroutine dgesv
-      subroutine zgesv(n, nrhs, a, lda, ipiv, b, ldb, info)
-         import :: wp
-         integer, intent(in) :: n, nrhs, lda, ldb
-         complex(wp), intent(inout) :: a(lda, *), b(ldb, *)
-         integer, intent(out) :: ipiv(*), info
-      end subroutine zgesv
    end interface
 
 contains
 
-   !> Gives a point the nearest pole as its origin.
+   !> Gives a point the nearest pole as its origin, and as oscillator j the one whose own answer is
+   !> the largest against what holds it.
    pure subroutine nearest_pole(self, root)
       type(assembly_t), intent(in) :: self
       type(root_t), intent(inout) :: root
-      real(wp) :: distance(2)
-      integer :: j, side
+      complex(wp) :: s
+      real(wp) :: distance(2), least, weight(most), share, largest
+      integer :: i, k, l, origin, side, r
 
-      do side = 1, 2
-         distance(side) = minval(abs(root%s - self%pole(:, side)))
-      end do
-      side = minloc(distance, dim=1)
-      j = minloc(abs(root%s - self%pole(:, side)), dim=1)
-      if (j == root%j .and. side == root%side) return
-      root%j = j
-      root%side = side
-      root%offset = root%s - self%pole(j, side)
-   end subroutine nearest_pole
-
-   !> D(s) and D'(s). The distances from other poles are taken by way of the nearest one, which
-   !> leaves each with all its digits.
-   pure subroutine from_pole(self, root, D, dD)
-      type(assembly_t), intent(in) :: self
-      type(root_t), intent(in) :: root
-      complex(wp), intent(out) :: D(:), dD(:)
-      complex(wp) :: origin, a, b
-      integer :: i
-
-      origin = self%pole(root%j, root%side)
+      r = size(self%v, 1)
+      s = root%s
+      weight(:r) = 0
+      associate (p => self%pencil(self%form_at(s)))
+         do l = 1, r
+            do k = 1, r
+               weight(k) = max(weight(k), size_of((p%hm(k, l)*s + p%hc(k, l))*s + p%hk(k, l)))
+            end do
+         end do
+      end associate
+      least = huge(least)
+      largest = -1
+      origin = 1
+      side = 1
       do i = 1, self%n
-         a = (origin - self%pole(i, 1)) + root%offset
-         b = (origin - self%pole(i, 2)) + root%offset
-         D(i) = self%pencil%m(i)*a*b
-         dD(i) = self%pencil%m(i)*(a + b)
+         do k = 1, 2
+            distance(k) = real(s - self%pole(i, k))**2 + aimag(s - self%pole(i, k))**2
+            if (distance(k) >= least) cycle
+            least = distance(k)
+            origin = i
+            side = k
+         end do
+         share = sum(self%v(:, i)**2*weight(:r))/self%pencil(1)%m(i)
+         share = share**2/max(distance(1)*distance(2), tiny(1.0_wp))
+         if (share <= largest) cycle
+         largest = share
+         root%j = i
       end do
-   end subroutine from_pole
+      if (.not. least > 0) root%j = origin
+      if (origin == root%origin .and. side == root%side) return
+      root%origin = origin
+      root%side = side
+      root%offset = s - self%pole(origin, side)
+   end subroutine nearest_pole
 
    !> H(s) and H'(s).
    pure subroutine couplings(pencil, s, H, dH)
@@ -98,113 +104,211 @@ contains
       dH = 2*pencil%hm*s + pencil%hc
    end subroutine couplings
 
-   !> G(s), the sum without oscillator j, and G'(s).
-   pure subroutine flexibility(v, j, D, dD, G, dG)
-      real(wp), intent(in) :: v(:, :)
-      integer, intent(in) :: j
-      complex(wp), intent(in) :: D(:), dD(:)
-      complex(wp), intent(out) :: G(:, :), dG(:, :)
-      complex(wp) :: a, b
-      integer :: i, k, l
+   !> W'/W of the characteristic polynomial W(s) = det(1 + G H)(D_j + v_j'f) prod over i /= j of D_i.
+   !> The one routine that a search calls hundreds of times: no array here is allocated.
+   pure complex(wp) function logarithmic_derivative(self, root) result(value)
+      type(assembly_t), intent(in) :: self
+      type(root_t), intent(in) :: root
+      complex(wp), dimension(most, most) :: G, dG, H, dH, a
+      complex(wp) :: b(most, most + 1), y(most), origin, left, right, D, dD, D_j, dD_j, w, dw
+      logical :: regular
+      integer :: i, k, l, r
 
-      G = 0
-      dG = 0
-      do i = 1, size(D)
-         if (i == j) cycle
-         a = 1/D(i)
-         b = -dD(i)*a**2
-         do l = 1, size(v, 1)
+      r = size(self%v, 1)
+      associate (pencil => self%pencil(self%form_at(root%s)))
+         origin = self%pole(root%origin, root%side)
+         G(:r, :r) = 0
+         dG(:r, :r) = 0
+         value = 0
+         do i = 1, self%n
+            left = (origin - self%pole(i, 1)) + root%offset
+            right = (origin - self%pole(i, 2)) + root%offset
+            D = pencil%m(i)*left*right
+            dD = pencil%m(i)*(left + right)
+            if (i == root%j) then
+               D_j = D
+               dD_j = dD
+               cycle
+            end if
+            D = 1/D
+            dD = dD*D
+            value = value + dD
+            dD = -dD*D
+            do l = 1, r
+               do k = 1, l
+                  G(k, l) = G(k, l) + self%v(k, i)*self%v(l, i)*D
+                  dG(k, l) = dG(k, l) + self%v(k, i)*self%v(l, i)*dD
+               end do
+            end do
+         end do
+         do l = 1, r
+            do k = 1, r
+               H(k, l) = (pencil%hm(k, l)*root%s + pencil%hc(k, l))*root%s &
+                  + pencil%hk(k, l)
+               dH(k, l) = 2*pencil%hm(k, l)*root%s + pencil%hc(k, l)
+            end do
+            G(l, :l - 1) = G(:l - 1, l)
+            dG(l, :l - 1) = dG(:l - 1, l)
+         end do
+      end associate
+      do l = 1, r
+         do k = 1, r
+            a(k, l) = sum(G(k, :r)*H(:r, l))
+            b(k, l + 1) = sum(dG(k, :r)*H(:r, l) + G(k, :r)*dH(:r, l))
+         end do
+         a(l, l) = a(l, l) + 1
+         b(l, 1) = self%v(l, root%j)
+      end do
+      call eliminate(r, r + 1, a, b, regular)
+      w = D_j
+      dw = dD_j
+      do k = 1, r
+         y(k) = sum(H(k, :r)*b(:r, 1))
+         w = w + self%v(k, root%j)*y(k)
+         y(k) = sum(b(k, 2:r + 1)*b(:r, 1))
+      end do
+      do k = 1, r
+         dw = dw + self%v(k, root%j)*sum(dH(k, :r)*b(:r, 1) - H(k, :r)*y(:r))
+         value = value + b(k, k + 1)
+      end do
+      if (.not. regular) then
+         ! It cannot be told here: a step too short to matter.
+         value = 1/(1e-8_wp*max(abs(root%s), tiny(1.0_wp)))
+      else if (.not. abs(w) > 0) then
+         value = huge(1.0_wp)
+      else
+         value = value + dw/w
+      end if
+   end function logarithmic_derivative
+
+   !> b := a**-1 b for a tiny matrix, by elimination with partial pivoting; a is destroyed. LAPACK
+   !> takes several times as long for these orders.
+   !>
+   !> r, m     order, and columns of b
+   !> regular  .false. when a is singular; b is then undefined
+   pure subroutine eliminate(r, m, a, b, regular)
+      integer, intent(in) :: r, m
+      complex(wp), intent(inout) :: a(:, :), b(:, :)
+      logical, intent(out) :: regular
+      complex(wp) :: factor, saved
+      integer :: i, k, l, pivot
+
+      regular = .true.
+      do k = 1, r
+         pivot = k
+         do i = k + 1, r
+            if (size_of(a(i, k)) > size_of(a(pivot, k))) pivot = i
+         end do
+         if (.not. size_of(a(pivot, k)) > 0) then
+            regular = .false.
+            return
+         end if
+         if (pivot /= k) then
+            do l = k, r
+               saved = a(k, l)
+               a(k, l) = a(pivot, l)
+               a(pivot, l) = saved
+            end do
+            do l = 1, m
+               saved = b(k, l)
+               b(k, l) = b(pivot, l)
+               b(pivot, l) = saved
+            end do
+         end if
+         a(k, k) = 1/a(k, k)
+         do i = k + 1, r
+            factor = a(i, k)*a(k, k)
+            a(i, k + 1:r) = a(i, k + 1:r) - factor*a(k, k + 1:r)
+            b(i, :m) = b(i, :m) - factor*b(k, :m)
+         end do
+      end do
+      do k = r, 1, -1
+         do l = 1, m
+            b(k, l) = (b(k, l) - sum(a(k, k + 1:r)*b(k + 1:r, l)))*a(k, k)
+         end do
+      end do
+   end subroutine eliminate
+
+   !> A modulus that costs no square root.
+   elemental real(wp) function size_of(z)
+      complex(wp), intent(in) :: z
+
+      size_of = abs(real(z)) + abs(aimag(z))
+   end function size_of
+
+   !> The vector of a root.
+   pure subroutine find_vector(self, root, vector)
+      type(assembly_t), intent(in) :: self
+      type(root_t), intent(in) :: root
+      type(vector_t), intent(inout) :: vector
+      complex(wp) :: b(size(self%v, 1), 1), origin, left, right, D, force
+      integer :: i, k, l, r
+
+      r = size(self%v, 1)
+      if (allocated(vector%x)) then
+         if (size(vector%x) /= self%n) deallocate (vector%x, vector%D, vector%dD)
+      end if
+      if (.not. allocated(vector%x)) allocate (vector%x(self%n), vector%D(self%n), &
+         vector%dD(self%n))
+      vector%form = self%form_at(root%s)
+      call couplings(self%pencil(vector%form), root%s, vector%H(:r, :r), vector%dH(:r, :r))
+      origin = self%pole(root%origin, root%side)
+      vector%G(:r, :r) = 0
+      do i = 1, self%n
+         ! The distances from other poles by way of the nearest one, which leaves each its digits.
+         left = (origin - self%pole(i, 1)) + root%offset
+         right = (origin - self%pole(i, 2)) + root%offset
+         vector%D(i) = self%pencil(1)%m(i)*left*right
+         vector%dD(i) = self%pencil(1)%m(i)*(left + right)
+         if (i == root%j) cycle
+         D = 1/vector%D(i)
+         do l = 1, r
             do k = 1, l
-               G(k, l) = G(k, l) + v(k, i)*v(l, i)*a
-               dG(k, l) = dG(k, l) + v(k, i)*v(l, i)*b
+               vector%G(k, l) = vector%G(k, l) + self%v(k, i)*self%v(l, i)*D
             end do
          end do
       end do
-      do l = 1, size(v, 1)
-         G(l, :l - 1) = G(:l - 1, l)
-         dG(l, :l - 1) = dG(:l - 1, l)
+      do l = 1, r
+         vector%G(l, :l - 1) = vector%G(:l - 1, l)
       end do
-   end subroutine flexibility
-
-   !> W'/W of the characteristic polynomial W(s) = det(1 + G H)(D_j + v_j'f) prod over i /= j of D_i.
-   complex(wp) function logarithmic_derivative(self, root) result(value)
-      type(assembly_t), intent(in) :: self
-      type(root_t), intent(in) :: root
-      complex(wp), dimension(self%n) :: D, dD
-      complex(wp), dimension(size(self%v, 1), size(self%v, 1)) :: H, dH, G, dG, a
-      complex(wp) :: b(size(self%v, 1), size(self%v, 1) + 1), w, dw
-      integer :: pivots(size(self%v, 1)), info, k, r
-
-      r = size(self%v, 1)
-      call from_pole(self, root, D, dD)
-      call couplings(self%pencil, root%s, H, dH)
-      call flexibility(self%v, root%j, D, dD, G, dG)
-      associate (v => self%v(:, root%j), j => root%j)
-         a = matmul(G, H)
-         do k = 1, r
-            a(k, k) = a(k, k) + 1
-         end do
-         b(:, 1) = v
-         b(:, 2:) = matmul(dG, H) + matmul(G, dH)
-         call zgesv(r, r + 1, a, r, pivots, b, r, info)
-         w = D(j) + sum(v*matmul(H, b(:, 1)))
-         if (info /= 0 .or. .not. abs(w) > 0) then
-            ! On the root, or where it cannot be told: a step too short to matter.
-            value = huge(1.0_wp)
-            if (info /= 0) value = 1/(1e-8_wp*max(abs(root%s), tiny(1.0_wp)))
-            return
-         end if
-         dw = dD(j) + sum(v*(matmul(dH, b(:, 1)) - matmul(H, matmul(b(:, 2:), b(:, 1)))))
-         dD(j) = 0
-         D(j) = 1
-      end associate
-      value = dw/w + sum(dD/D)
-      do k = 1, r
-         value = value + b(k, k + 1)
-      end do
-   end function logarithmic_derivative
-
-   !> The vector of a root. Of a point that is no root: the answer to a force on oscillator j.
-   function vector_at(self, root) result(vector)
-      type(assembly_t), intent(in) :: self
-      type(root_t), intent(in) :: root
-      type(vector_t) :: vector
-      complex(wp), dimension(size(self%v, 1), size(self%v, 1)) :: dG
-      complex(wp) :: b(size(self%v, 1), 1)
-      integer :: r
-
-      r = size(self%v, 1)
-      allocate (vector%D(self%n), vector%dD(self%n), vector%H(r, r), vector%dH(r, r), vector%G(r, r))
-      call from_pole(self, root, vector%D, vector%dD)
-      call couplings(self%pencil, root%s, vector%H, vector%dH)
-      call flexibility(self%v, root%j, vector%D, vector%dD, vector%G, dG)
       b(:, 1) = self%v(:, root%j)
-      call solve_coupled(vector%G, vector%H, b)
-      vector%y = b(:, 1)
-      vector%f = matmul(vector%H, vector%y)
-      vector%x = -matmul(vector%f, self%v)
-      vector%x(root%j) = 1
-      vector%x(:root%j - 1) = vector%x(:root%j - 1)/vector%D(:root%j - 1)
-      vector%x(root%j + 1:) = vector%x(root%j + 1:)/vector%D(root%j + 1:)
-      vector%A = sum(vector%dD*vector%x**2) + sum(vector%y*matmul(vector%dH, vector%y))
-      vector%size_A = sum(abs(vector%dD*vector%x**2)) &
-         + sum(abs(vector%y)*matmul(abs(vector%dH), abs(vector%y)))
-   end function vector_at
+      call solve_coupled(vector%G(:r, :r), vector%H(:r, :r), b)
+      vector%y(:r) = b(:, 1)
+      vector%A = 0
+      vector%size_A = 0
+      do k = 1, r
+         vector%f(k) = sum(vector%H(k, :r)*b(:, 1))
+         D = b(k, 1)*sum(vector%dH(k, :r)*b(:, 1))
+         vector%A = vector%A + D
+         vector%size_A = vector%size_A + abs(D)
+      end do
+      do i = 1, self%n
+         vector%x(i) = 1
+         if (i /= root%j) then
+            force = sum(self%v(:, i)*vector%f(:r))
+            vector%x(i) = -force/vector%D(i)
+         end if
+         D = vector%dD(i)*vector%x(i)**2
+         vector%A = vector%A + D
+         vector%size_A = vector%size_A + abs(D)
+      end do
+   end subroutine find_vector
 
-   !> b := (1 + G H)**-1 b.
-   subroutine solve_coupled(G, H, b)
+   !> b := (1 + G H)**-1 b; zero where there is no inverse.
+   pure subroutine solve_coupled(G, H, b)
       complex(wp), intent(in) :: G(:, :), H(:, :)
       complex(wp), intent(inout) :: b(:, :)
-      complex(wp) :: a(size(G, 1), size(G, 1))
-      integer :: pivots(size(G, 1)), info, k, r
+      complex(wp) :: a(most, most)
+      logical :: regular
+      integer :: k, r
 
       r = size(G, 1)
-      a = matmul(G, H)
+      a(:r, :r) = matmul(G, H)
       do k = 1, r
          a(k, k) = a(k, k) + 1
       end do
-      call zgesv(r, size(b, 2), a, r, pivots, b, r, info)
-      if (info /= 0) b = 0
+      call eliminate(r, size(b, 2), a, b, regular)
+      if (.not. regular) b = 0
    end subroutine solve_coupled
 
    !> x = M**-1 b and y = V'x, the latter without the cancellation of a sum over x.
@@ -219,7 +323,7 @@ contains
          scaled(size(self%v, 1), self%n)
       integer :: pivots(size(self%v, 1)), info, k, r
 
-      associate (p => self%pencil, v => self%v)
+      associate (p => self%pencil(1), v => self%v)
          r = size(v, 1)
          scaled = v/spread(p%m, 1, r)
          a = matmul(matmul(scaled, transpose(v)), p%hm)

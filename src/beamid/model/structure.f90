@@ -9,7 +9,7 @@ module beamid_structure
    implicit none
    private
 
-   public :: structure_t, check_structure, parameter_names, parameter_index
+   public :: structure_t, check_structure, same_structure, parameter_names, parameter_index
 
    !> A root that does not turn, and a sensor that sits at the tip.
    real(wp), parameter, public :: rigid = huge(1.0_wp), at_tip = -1
@@ -125,6 +125,17 @@ contains
       case (of_x_S); self%x_S = value
       end select
    end subroutine set
+
+   !> Whether two structures are alike to the last digit.
+   pure logical function same_structure(a, b)
+      type(structure_t), intent(in) :: a, b
+      integer :: k
+
+      same_structure = abs(a%length - b%length) <= 0 .and. abs(a%I - b%I) <= 0
+      do k = 1, size(parameter_names)
+         same_structure = same_structure .and. abs(a%get(k) - b%get(k)) <= 0
+      end do
+   end function same_structure
 
    !> Static stiffness of the tip, 3 E I/l**3 with a rigid root [force/length].
    pure real(wp) function stiffness(self)
