@@ -3,7 +3,7 @@ program beamid_main
    use beamid, only: bad_input, error_t, to_text, version
    use beamid_comparison, only: run_compare
    use beamid_commands, only: run_identify, run_modes, run_simulate, settings_t
-   use beamid_reproduction, only: run_reproduce
+   use beamid_reproduction, only: reproducible, run_reproduce
    use beamid_terminal, only: complain, print_text
    implicit none
 
@@ -103,7 +103,7 @@ contains
                ' case files, expected two or more')
       case ('reproduce')
          if (.not. allocated(settings%subject)) call bad_input(error, &
-            'command line: reproduce: found nothing, expected table-4.1')
+            'command line: reproduce: found nothing, expected '//reproducible)
       case default
          call bad_input(error, 'command line: found '//settings%command//', expected '//commands)
       end select
@@ -135,7 +135,13 @@ contains
          '  modes case.nml        natural frequencies and damping ratios'//nl// &
          '  compare a.nml b.nml   several models of one record: AICc, BIC, nested-model tests'// &
             nl// &
-         '  reproduce table-4.1   Table 4.1 of NASA CR-178199 beside the paper''s numbers'//nl// &
+         '  reproduce WHAT        results of NASA CR-178199 beside the paper''s numbers:'//nl// &
+         '    table-4.1           simulated data, as the case file has it: CVODE'//nl// &
+         '    section-4           Tables 4.2 to 4.6 from a reconstructed record: a check of'//nl// &
+         '                        consistency, not an independent confirmation'//nl// &
+         '    table-4.2 .. 4.6    one of them, table-4.2 and so on'//nl// &
+         '    all                 table-4.1, by the exact response instead of CVODE, and'//nl// &
+         '                        section-4, each to out/<name> or DIR/<name>'//nl// &
          '  help, version'//nl// &
          nl// &
          '  --out DIR             folder of the outputs; left out: out/<case name>'//nl// &

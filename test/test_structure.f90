@@ -306,6 +306,11 @@ contains
          case ('c_H'); direct = s%c_H
          case ('k_H'); direct = s%k_H
          case ('rho'); direct = s%rho
+         case ('gamma'); direct = s%gamma
+         case ('J_T'); direct = s%J_T
+         case ('k_R'); direct = s%k_R
+         case ('m_S'); direct = s%m_S
+         case ('x_S'); direct = s%x_S
          case default; direct = -1
          end select
          before(k) = 123.5_wp + k

@@ -1,0 +1,287 @@
+!> Section 4 of the paper computed: six models of one record, fitted as the text says, at our
+!> estimates and at the paper's.
+module beamid_section_4_results
+   use beamid
+   use beamid_csv, only: column_length, read_columns
+   implicit none
+   private
+
+   public :: entry_t, results_t, compute_section_4, basis, table_4_2, table_4_3, table_4_4, &
+      table_4_5, table_4_6, is_fitted, first_bending
+
+   !> Places of the models.
+   integer, parameter :: basis = 1, table_4_2 = 2, table_4_3 = 3, table_4_4 = 4, table_4_5 = 5, &
+      table_4_6 = 6
+
+   !> The models' names and case files.
+   character(len=*), parameter :: model_names(6) = [character(len=7) :: 'no_hose', '4.2', '4.3', &
+      '4.4', '4.5', '4.6']
+   character(len=*), parameter :: case_files(6) = [character(len=17) :: 'rpl_no_hose.nml', &
+      'rpl_table_4_2.nml', 'rpl_table_4_3.nml', 'rpl_table_4_4.nml', 'rpl_table_4_5.nml', &
+      'rpl_table_4_6.nml']
+
+   !> Columns of data/paper/section_4.csv between the table's number and the sum.
+   character(len=*), parameter :: parameters(6) = [character(len=3) :: 'm_T', 'E', 'c_D', 'm_H', &
+      'c_H', 'k_H']
+
+   integer, parameter :: modes = 3
+
+   !> One model of the record.
+   type :: entry_t
+      character(len=:), allocatable :: name
+      type(case_t) :: case
+      type(stage_fit_t), allocatable :: fits(:)       !< of each stage; none: nothing is fitted
+      type(structure_t) :: ours, paper                !< with our estimates, with the paper's
+      real(wp) :: printed_sum = 0                     !< the paper's, t = 0 to 5
+      real(wp) :: our_sum = 0, sum_at_paper = 0       !< computed with either, t = 0 to 5
+      real(wp) :: our_J = 0, J_at_paper = 0           !< likewise over the samples of the fits
+      real(wp), allocatable :: response(:)            !< at the paper's estimates, t = 0 to 5 by .1
+      real(wp) :: distance2 = 0                       !< of it from that of Table 4.4
+      real(wp) :: bound = 0                           !< on the sums' difference minus distance2
+      real(wp), allocatable :: curve(:)               !< at our estimates, over the whole record
+      real(wp) :: our_frequencies(modes) = 0, paper_frequencies(modes) = 0   !< undamped [Hz]
+   end type entry_t
+
+   !> All of Section 4.
+   type :: results_t
+      type(entry_t) :: entries(6)
+      real(wp), allocatable :: samples(:), measured(:)   !< of the fits, t = 3 to 5 by .1
+      real(wp), allocatable :: scored(:), expected(:)    !< of the sums, t = 0 to 5 by .1
+      real(wp), allocatable :: t(:), z(:)                !< the whole record
+      type(stage_fit_t), allocatable :: valley(:)        !< J along m_H, c_H and k_H fitted
+      integer, allocatable :: bottoms(:)                 !< places of its local minima
+      type(stage_fit_t) :: from_4_3                      !< m_H, c_H, k_H from the paper's Table 4.3
+      type(stage_fit_t) :: from_4_4                      !< all four from the paper's Table 4.4
+      type(stage_fit_t) :: from_4_4_undamped             !< m_H, c_H, k_H from there with c_D = 0
+      real(wp) :: J_without_c_D = 0                      !< there, nothing fitted
+      real(wp) :: distance2_without_c_D = 0              !< of the responses there, c_D or none
+   end type results_t
+
+contains
+
+   !> Reads cases, record and the paper's numbers, and computes everything.
+   !>
+   !> data     folder of the cases
+   !> monitor  told of every iteration of the fits that the text describes
+   subroutine compute_section_4(data, results, error, monitor)
+      character(len=*), intent(in) :: data
+      type(results_t), intent(out) :: results
+      type(error_t), allocatable, intent(out) :: error
+      class(monitor_t), intent(inout) :: monitor
+      integer :: k
+
+      do k = 1, size(results%entries)
+         results%entries(k)%name = trim(model_names(k))
+         call read_case(join_path(data, trim(case_files(k))), merge(needs_fit, needs_response, &
+            is_fitted(k)), results%entries(k)%case, error)
+         if (allocated(error)) return
+      end do
+      call read_paper(join_path(data, 'paper/section_4.csv'), results%entries, error)
+      if (allocated(error)) return
+      associate (case => results%entries(table_4_2)%case)
+         call measured_samples(case, results%samples, results%measured, error)
+         if (.not. allocated(error)) call scored_samples(case, results%scored, results%expected, &
+            error)
+         if (.not. allocated(error)) call read_record(case%recording, results%t, results%z, error)
+      end associate
+      if (allocated(error)) return
+      do k = 1, size(results%entries)
+         call fit_entry(results%entries(k), results, monitor, error)
+         if (.not. allocated(error)) call evaluate(results%entries(k), results, error)
+         if (allocated(error)) then
+            error%message = results%entries(k)%case%path//': '//error%message
+            return
+         end if
+      end do
+      call compare_responses(results%entries)
+      call explore_valley(results, error)
+      if (allocated(error)) error%message = results%entries(table_4_4)%case%path//': '// &
+         error%message
+   end subroutine compute_section_4
+
+   !> Whether the paper fits model k to the record.
+   elemental logical function is_fitted(k)
+      integer, intent(in) :: k
+
+      is_fitted = k /= basis .and. k /= table_4_5
+   end function is_fitted
+
+   !> The paper's parameters and sums, one row per model.
+   subroutine read_paper(path, entries, error)
+      character(len=*), intent(in) :: path
+      type(entry_t), intent(inout) :: entries(:)
+      type(error_t), allocatable, intent(out) :: error
+      real(wp), parameter :: tables(6) = [4.0_wp, 4.2_wp, 4.3_wp, 4.4_wp, 4.5_wp, 4.6_wp]
+      character(len=column_length), allocatable :: header(:)
+      real(wp), allocatable :: values(:, :)
+      integer :: k, j
+
+      call read_columns(path, size(parameters) + 2, values, header, error)
+      if (allocated(error)) return
+      if (size(values, 2) /= size(tables)) then
+         call bad_input(error, path//': found '//to_text(size(values, 2))//' rows, expected '// &
+            to_text(size(tables)))
+         return
+      else if (any(nint(10*values(1, :)) /= nint(10*tables))) then
+         call bad_input(error, path//': found other tables, expected 4, 4.2, 4.3, 4.4, 4.5, 4.6')
+         return
+      end if
+      do k = 1, size(entries)
+         entries(k)%paper = entries(k)%case%model%structure
+         do j = 1, size(parameters)
+            call entries(k)%paper%set(free_index(parameters(j)), values(j + 1, k))
+         end do
+         entries(k)%printed_sum = values(size(parameters) + 2, k)
+      end do
+   end subroutine read_paper
+
+   !> The stages of one case, if it has any.
+   subroutine fit_entry(entry, results, monitor, error)
+      type(entry_t), intent(inout) :: entry
+      type(results_t), intent(in) :: results
+      class(monitor_t), intent(inout) :: monitor
+      type(error_t), allocatable, intent(out) :: error
+      type(stage_fit_t), allocatable :: fits(:, :)
+
+      entry%ours = entry%case%model%structure
+      allocate (entry%fits(0))
+      if (size(entry%case%stages) == 0) return
+      call identify_meshes(entry%case%model, entry%case%meshes(:1), entry%case%stages, &
+         results%samples, results%measured, fits, error, monitor)
+      if (allocated(error)) return
+      call score_fits(entry%case%model, entry%case%meshes(:1), results%scored, results%expected, &
+         fits, error)
+      if (allocated(error)) return
+      entry%fits = fits(:, 1)
+      entry%ours = fits(size(fits, 1), 1)%structure
+   end subroutine fit_entry
+
+   !> Sums, responses and frequencies at both estimates.
+   subroutine evaluate(entry, results, error)
+      type(entry_t), intent(inout) :: entry
+      type(results_t), intent(in) :: results
+      type(error_t), allocatable, intent(out) :: error
+      type(model_t) :: model
+      type(simulation_t) :: simulation
+
+      model = entry%case%model
+      associate (mesh => entry%case%meshes(1))
+         model%structure = entry%paper
+         call simulate(model, mesh, results%scored, simulation, error)
+         if (allocated(error)) return
+         entry%response = simulation%acceleration
+         entry%sum_at_paper = squared_distance(entry%response, results%expected)
+         call sum_of_squares(model, mesh, results%samples, results%measured, entry%J_at_paper, &
+            error)
+         if (.not. allocated(error)) call frequencies(model, mesh, entry%paper_frequencies, error)
+         if (allocated(error)) return
+
+         model%structure = entry%ours
+         call simulate(model, mesh, results%t, simulation, error)
+         if (allocated(error)) return
+         entry%curve = simulation%acceleration
+         call sum_of_squares(model, mesh, results%scored, results%expected, entry%our_sum, error)
+         if (.not. allocated(error)) call sum_of_squares(model, mesh, results%samples, &
+            results%measured, entry%our_J, error)
+         if (.not. allocated(error)) call frequencies(model, mesh, entry%our_frequencies, error)
+      end associate
+   end subroutine evaluate
+
+   !> The lowest undamped frequencies [Hz].
+   subroutine frequencies(model, mesh, hertz, error)
+      type(model_t), intent(in) :: model
+      type(mesh_t), intent(in) :: mesh
+      real(wp), intent(out) :: hertz(:)
+      type(error_t), allocatable, intent(out) :: error
+      real(wp), parameter :: turn = 8*atan(1.0_wp)
+      type(galerkin_t), target :: galerkin
+      real(wp), allocatable :: omega(:), shapes(:, :)
+
+      hertz = 0
+      galerkin = new_galerkin(mesh, model%structure%length)
+      call undamped_modes(new_equations(galerkin, model%structure, model%excitation), omega, &
+         shapes, error)
+      if (.not. allocated(error)) hertz = omega(:size(hertz))/turn
+   end subroutine frequencies
+
+   !> Place of the beam's first bending mode: with a hose as soft as these the hose's own mode comes
+   !> before it.
+   elemental integer function first_bending(entry)
+      type(entry_t), intent(in) :: entry
+
+      first_bending = merge(2, 1, entry%paper%has_hose())
+   end function first_bending
+
+   !> How far each response is from that of Table 4.4. No record has a part in it, but for the
+   !> printed sum of Table 4.4 in the bound.
+   pure subroutine compare_responses(entries)
+      type(entry_t), intent(inout) :: entries(:)
+      integer :: k
+
+      do k = 1, size(entries)
+         entries(k)%distance2 = squared_distance(entries(k)%response, entries(table_4_4)%response)
+         entries(k)%bound = difference_bound(entries(table_4_4)%printed_sum, entries(k)%distance2)
+      end do
+   end subroutine compare_responses
+
+   !> J along m_H with c_D = 0, and where searches end that start at the paper's estimates.
+   subroutine explore_valley(results, error)
+      type(results_t), intent(inout) :: results
+      type(error_t), allocatable, intent(out) :: error
+      integer, parameter :: places = 27
+      real(wp), parameter :: m_first = 0.03_wp, m_step = 0.005_wp
+      type(model_t) :: model
+      type(simulation_t) :: simulation
+      type(stage_t) :: along
+      integer :: k
+
+      associate (case => results%entries(table_4_3)%case, &
+         three => results%entries(table_4_3), four => results%entries(table_4_4))
+         model = case%model
+         model%structure = three%paper
+         along%free = [free_index('c_H'), free_index('k_H')]
+         along%lower = [0.0_wp, 0.0_wp]
+         along%upper = [unbounded, unbounded]
+         call profile(model, case%meshes(1), free_index('m_H'), [(m_first + k*m_step, k=0, &
+            places - 1)], along, results%samples, results%measured, results%valley, error)
+         if (allocated(error)) return
+         results%bottoms = lowest_places([(results%valley(k)%fit%J, k=1, places)])
+
+         call search_from(three%paper, case%stages, results%from_4_3)
+         if (allocated(error)) return
+         model%structure = four%paper
+         model%structure%c_D = 0
+         call sum_of_squares(model, case%meshes(1), results%samples, results%measured, &
+            results%J_without_c_D, error)
+         if (allocated(error)) return
+         call simulate(model, case%meshes(1), results%scored, simulation, error)
+         if (allocated(error)) return
+         results%distance2_without_c_D = squared_distance(simulation%acceleration, four%response)
+         call search_from(model%structure, case%stages, results%from_4_4_undamped)
+         if (allocated(error)) return
+         call search_from(four%paper, four%case%stages, results%from_4_4)
+      end associate
+
+   contains
+
+      !> The last of some stages, begun at the parameters of a structure.
+      subroutine search_from(structure, stages, found)
+         type(structure_t), intent(in) :: structure
+         type(stage_t), intent(in) :: stages(:)
+         type(stage_fit_t), intent(out) :: found
+         type(model_t) :: start
+         type(stage_t) :: stage(1)
+         type(stage_fit_t), allocatable :: fits(:)
+
+         stage(1) = stages(size(stages))
+         if (allocated(stage(1)%start)) deallocate (stage(1)%start)
+         start = results%entries(table_4_4)%case%model
+         start%structure = structure
+         call identify(start, results%entries(table_4_4)%case%meshes(1), stage, &
+            results%samples, results%measured, fits, error)
+         if (.not. allocated(error)) found = fits(1)
+      end subroutine search_from
+
+   end subroutine explore_valley
+
+end module beamid_section_4_results

@@ -1,0 +1,101 @@
+!> How the sum of squares lies around a fit: at given parameters, and along one of them with others
+!> fitted again; and how far two models' sums can differ.
+module beamid_profiles
+   use beamid_errors, only: error_t
+   use beamid_galerkin, only: mesh_t
+   use beamid_identification, only: identify, model_t, simulate, simulation_t, stage_fit_t, stage_t
+   use beamid_kinds, only: wp
+   use beamid_parameters, only: set_free
+   use beamid_strings, only: to_text
+   implicit none
+   private
+
+   public :: sum_of_squares, profile, lowest_places, squared_distance, difference_bound
+
+contains
+
+   !> Squared residuals of a model as it is, nothing fitted.
+   !>
+   !> samples, measured  (m) ascending [time], record there [length/time**2]
+   subroutine sum_of_squares(model, mesh, samples, measured, J, error)
+      type(model_t), intent(in) :: model
+      type(mesh_t), intent(in) :: mesh
+      real(wp), intent(in) :: samples(:), measured(:)
+      real(wp), intent(out) :: J
+      type(error_t), allocatable, intent(out) :: error
+      type(simulation_t) :: simulation
+
+      J = -1
+      call simulate(model, mesh, samples, simulation, error)
+      if (.not. allocated(error)) J = squared_distance(simulation%acceleration, measured)
+   end subroutine sum_of_squares
+
+   !> The least sum of squares along one parameter: at each of its values the parameters of the
+   !> stage are fitted, each time from where they ended before, at first from those of the model.
+   !>
+   !> parameter          place in `free_names`, not one of the stage's
+   !> values             (k) that it takes
+   !> stage              what is fitted; a start in it is not used
+   !> samples, measured  (m) as in `identify`
+   !> fits               (k) allocated on success
+   subroutine profile(model, mesh, parameter, values, stage, samples, measured, fits, error)
+      type(model_t), intent(in) :: model
+      type(mesh_t), intent(in) :: mesh
+      integer, intent(in) :: parameter
+      real(wp), intent(in) :: values(:)
+      type(stage_t), intent(in) :: stage
+      real(wp), intent(in) :: samples(:), measured(:)
+      type(stage_fit_t), allocatable, intent(out) :: fits(:)
+      type(error_t), allocatable, intent(out) :: error
+      type(model_t) :: moving
+      type(stage_t) :: stages(1)
+      type(stage_fit_t), allocatable :: found(:)
+      integer :: k
+
+      moving = model
+      stages(1) = stage
+      if (allocated(stages(1)%start)) deallocate (stages(1)%start)
+      allocate (fits(size(values)))
+      do k = 1, size(values)
+         call set_free(moving%structure, moving%excitation, parameter, values(k))
+         call identify(moving, mesh, stages, samples, measured, found, error)
+         if (allocated(error)) then
+            error%message = 'profile at '//to_text(values(k))//': '//error%message
+            deallocate (fits)
+            return
+         end if
+         fits(k) = found(1)
+         moving%structure = found(1)%structure
+         moving%excitation = found(1)%excitation
+      end do
+   end subroutine profile
+
+   !> Places of values that are lower than both of their neighbours; the ends do not count.
+   pure function lowest_places(values) result(places)
+      real(wp), intent(in) :: values(:)
+      integer, allocatable :: places(:)
+      integer :: k
+
+      places = pack([(k, k=2, size(values) - 1)], [(values(k) < values(k - 1) .and. &
+         values(k) < values(k + 1), k=2, size(values) - 1)])
+   end function lowest_places
+
+   !> |a - b|**2.
+   pure real(wp) function squared_distance(a, b)
+      real(wp), intent(in) :: a(:), b(:)
+
+      squared_distance = sum((a - b)**2)
+   end function squared_distance
+
+   !> With responses Y_1, Y_2 and a record Z, |Y_1 - Z|**2 - |Y_2 - Z|**2 is |Y_1 - Y_2|**2 plus
+   !> 2 (Y_1 - Y_2)'(Y_2 - Z), which by Schwarz's inequality is no larger than this.
+   !>
+   !> J          |Y_2 - Z|**2
+   !> distance2  |Y_1 - Y_2|**2
+   pure real(wp) function difference_bound(J, distance2)
+      real(wp), intent(in) :: J, distance2
+
+      difference_bound = 2*sqrt(J*distance2)
+   end function difference_bound
+
+end module beamid_profiles
