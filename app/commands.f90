@@ -30,10 +30,11 @@ contains
       type(output_t) :: output
       type(progress_t) :: progress
       real(wp), allocatable :: samples(:), measured(:), scored(:), expected(:)
+      character(len=note_length), allocatable :: notes(:)
 
       call read_case(settings%subject, needs_fit, case, error)
       if (allocated(error)) return
-      call measured_samples(case, samples, measured, error)
+      call measured_samples(case, samples, measured, error, notes)
       if (.not. allocated(error)) call scored_samples(case, scored, expected, error)
       if (allocated(error)) return
       progress = new_progress(settings%quiet)
@@ -48,8 +49,8 @@ contains
       end if
       if (settings%time) call time_fits(case, samples, measured)
       call add_fit_tables(output, case, fits, samples, measured)
-      call deliver(output, fit_summary(case, samples, fits), output_folder(settings, case%name), &
-         error)
+      call deliver(output, fit_summary(case, samples, fits, notes), &
+         output_folder(settings, case%name), error)
    end subroutine run_identify
 
    !> Repeats the fit on each mesh for a second at most and tells the median time on standard error.

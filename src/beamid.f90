@@ -22,7 +22,8 @@ module beamid
    use beamid_problems, only: problem_t
    use beamid_profiles, only: difference_bound, lowest_places, profile, squared_distance, &
       sum_of_squares
-   use beamid_records, only: read_record, recording_t, take_samples, window_t
+   use beamid_records, only: load_recording, note_length, read_record, recording_t, take_samples, &
+      window_t
    use beamid_responses, only: response_t, solver_t, work_t
    use beamid_roots, only: damped_roots
    use beamid_statistics, only: akaike, bayes, check_residuals, nested_test, new_statistics, &

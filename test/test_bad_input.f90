@@ -55,6 +55,7 @@ program test_bad_input
       call test_observation()
       call test_window()
       call test_window_of_fit()
+      call test_record_keys()
       call test_stage()
       call test_noise()
       call test_needs()
@@ -98,6 +99,14 @@ contains
       call accepted('tabs in the case file', 'identify', replaced(case_text, ' ', tab))
       call accepted('blank lines in the record', 'identify', case_text, &
          record=replaced(record_text, nl, nl//nl//'  '//nl))
+      call accepted('semicolons in the record', 'identify', case_text, &
+         record=replaced(record_text, ',', ';'))
+      call accepted('tabs in the record', 'identify', case_text, &
+         record=replaced(record_text, ',', tab))
+      call accepted('columns by name and number', 'identify', replaced(case_text, &
+         'file=''record.csv''', 'file=''record.csv'', time_column=''T'', value_column=''2'''))
+      call accepted('a limit that is never reached', 'identify', replaced(case_text, &
+         'file=''record.csv''', 'file=''record.csv'', clip_low=-5, clip_high=5'))
       call accepted('a third column', 'identify', case_text, record=replaced(record_text, nl, &
          ',7'//nl))
       call accepted('no header', 'identify', case_text, record=replaced(record_text, &
@@ -424,6 +433,36 @@ contains
          't_first=0.32, t_last=0.38', place//'found no sample')
    end subroutine test_window_of_fit
 
+   !> Columns, limits and thinning.
+   subroutine test_record_keys()
+      character(len=*), parameter :: place = '11: &record ', step = ', t_step=0.1', &
+         file = 'file=''record.csv'''
+
+      call refused('unknown column', file, file//', value_column=''accel''', &
+         'record.csv: found the columns ''t'', ''acceleration''|value_column = ''accel''', file='')
+      call refused('column 3 of 2', file, file//', value_column=''3''', &
+         'record.csv: found 2 columns|value_column = ''3''', file='')
+      call refused('one column for both', file, file//', time_column=''2''', &
+         'record.csv: found column 2 as time_column and as value_column|expected two', file='')
+      call refused('empty name of a column', file, file//', time_column=''''', place// &
+         'time_column: found ''''|expected the name of a column')
+      call refused('a name of 101 characters', file, file//', value_column='''// &
+         repeat('x', 101)//'''', place//'value_column: found|of at most 100 characters')
+      call refused('a column without quotes', file, file//', value_column=2', place// &
+         'value_column: found ''2''|expected text in quotes')
+      call refused('thin 1', step, ', thin=1', place//'thin: found 1|expected 2 to')
+      call refused('thin 0', step, ', thin=0', place//'thin: found 0|expected 2 to')
+      call refused('thin 2.5', step, ', thin=2.5', place//'thin: found ''2.5''|expected an integer')
+      call refused('thin beside t_step', step, step//', thin=2', place// &
+         't_step: found a value|expected none beside thin')
+      call refused('record shorter than the filter', step, ', thin=2', &
+         '11: &record: |record.csv: found no sample for which the filter of thin = 2')
+      call refused('limits in the wrong order', step, step//', clip_low=1, clip_high=-1', place// &
+         'clip_high: found -1|expected more than clip_low = 1')
+      call refused('all at the limit', step, step//', clip_high=-2', &
+         '11: &record: |found all 6 samples of the window at the sensor''s limit (-2)|expected')
+   end subroutine test_record_keys
+
    subroutine test_stage()
       character(len=*), parameter :: place = '12: &stage ', both = '''m_H'',''k_H'''
 
@@ -556,8 +595,11 @@ contains
          'record.csv:1: found ''t''|expected 2 columns')
       call refused_record('one column, no names', record_text, '0.1'//nl//'0.2'//nl, &
          'record.csv:1: column 2: found the end of the line|expected a number')
-      call refused_record('semicolons', ',', ';', &
-         'record.csv:1: fields are separated by '';''|expected '',''')
+      call refused_record('semicolons and decimal commas', record_text, &
+         '0,1;0,29'//nl//'0,2;-0,97'//nl, 'record.csv:1: found both '';'' and '',''|decimal point')
+      call refused_record('constant signal', record_text, '0.1,2'//nl//'0.2,2'//nl//'0.3,2'//nl// &
+         '0.4,2'//nl//'0.5,2'//nl//'0.6,2'//nl, &
+         '11: &record: |record.csv: found a constant signal (2 in all 6|expected')
       call refused_record('binary', record_text, repeat(achar(1)//char(255), 200), &
          'record.csv:1: found a control character|expected a text file')
    end subroutine test_record_files

@@ -52,6 +52,7 @@ program test_command_line
       call test_frequencies()
       call test_round_trip()
       call test_formulas()
+      call test_notes()
       call close_shell()
    end if
    call finish('command_line')
@@ -516,6 +517,23 @@ contains
             number(field(exact, k, 6)), 1e-3_wp)
       end do
    end subroutine test_formulas
+
+   !> What was done to the record stands below the first line of the summary.
+   subroutine test_notes()
+      type(outcome_t) :: outcome
+      character(len=:), allocatable :: second, table
+
+      call write_file('case.nml', replaced(case_text, 't_step=0.1', 't_step=0.1, clip_low=-1.2'))
+      call write_file('record.csv', record_text)
+      outcome = beamid('identify case.nml --quiet --out notes')
+      call check_success('notes', outcome, 'notes/')
+      second = line(outcome%out, 1)
+      call check('notes: samples left out', second == &
+         '2 of 6 samples left out: at the sensor''s limit (-1.2)', second)
+      call check('notes: the others are fitted', index(outcome%out, 'from 4 samples') > 0)
+      table = read_file('notes/fit.csv')
+      call check_table('fit.csv without them', table, fit_header, rows=4)
+   end subroutine test_notes
 
    !> response.csv of a case.
    function response_of(text) result(table)

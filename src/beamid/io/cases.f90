@@ -13,7 +13,7 @@ module beamid_cases
       read_units
    use beamid_namelist, only: block_t, scan_namelist
    use beamid_record_groups, only: read_recording, read_score
-   use beamid_records, only: everything, grid, read_record, recording_t, take_samples, window_t
+   use beamid_records, only: everything, grid, load_recording, note_length, recording_t, window_t
    use beamid_refusals, only: refuse
    use beamid_vocabulary, only: case_vocabulary
    use beamid_strings, only: to_text
@@ -168,14 +168,16 @@ contains
    !> Reads the record and takes the samples of the window; refuses fewer samples than parameters.
    !>
    !> samples, measured  (m) [time], [length/time**2]
-   subroutine measured_samples(case, samples, measured, error)
+   !> notes              what was done to the record, a sentence each
+   subroutine measured_samples(case, samples, measured, error, notes)
       type(case_t), intent(in) :: case
       real(wp), allocatable, intent(out) :: samples(:), measured(:)
       type(error_t), allocatable, intent(out) :: error
+      character(len=note_length), allocatable, intent(out), optional :: notes(:)
       integer :: k
 
       call samples_of(case, case%recording%window, 'record', case%recording%line, samples, &
-         measured, error)
+         measured, error, notes)
       if (allocated(error)) return
       do k = 1, size(case%stages)
          if (size(case%stages(k)%free) <= size(samples)) cycle
@@ -200,23 +202,24 @@ contains
    end subroutine scored_samples
 
    !> The samples of one window of the record.
-   subroutine samples_of(case, window, group, line, samples, measured, error)
+   subroutine samples_of(case, window, group, line, samples, measured, error, notes)
       type(case_t), intent(in) :: case
       type(window_t), intent(in) :: window
       character(len=*), intent(in) :: group
       integer, intent(in) :: line
       real(wp), allocatable, intent(out) :: samples(:), measured(:)
       type(error_t), allocatable, intent(out) :: error
-      real(wp), allocatable :: t(:), z(:)
+      character(len=note_length), allocatable, intent(out), optional :: notes(:)
+      type(recording_t) :: recording
+      character(len=note_length), allocatable :: sentences(:)
 
-      call read_record(case%recording, t, z, error)
+      recording = case%recording
+      recording%window = window
+      recording%time_unit = case%units%time
+      call load_recording(recording, samples, measured, sentences, error, &
+         place=case%path//':'//to_text(line)//': &'//group//': ')
       if (allocated(error)) return
-      call take_samples(window, t, z, samples, measured, error)
-      if (allocated(error)) then
-         error%message = case%path//':'//to_text(line)//': &'//group//': '// &
-            case%recording%path//': '//error%message
-         return
-      end if
+      if (present(notes)) call move_alloc(sentences, notes)
       call check_delta(case, samples, error)
    end subroutine samples_of
 

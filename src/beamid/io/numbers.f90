@@ -1,12 +1,13 @@
 !> The strict reading of one number, and what is quoted of a user's text in messages.
 !>
 !> gfortran's list-directed `read` takes "1/2", "2*3" and "nan" for good numbers, so the characters
-!> are checked here before the C library converts them.
+!> are checked here before the C library converts them. Short numbers, which is what records are
+!> made of, are converted here, to the same last bit.
 module beamid_numbers
    use, intrinsic :: ieee_exceptions, only: ieee_get_status, ieee_overflow, &
       ieee_set_halting_mode, ieee_set_status, ieee_status_type, ieee_underflow
    use, intrinsic :: iso_c_binding, only: c_char, c_double, c_null_char, c_null_ptr, c_ptr
-   use beamid_kinds, only: wp
+   use beamid_kinds, only: wp, ip
    implicit none
    private
 
@@ -34,7 +35,8 @@ contains
       character(len=:), allocatable :: text
       integer :: letter
 
-      value = 0
+      call parse_short(token, value, ok)
+      if (ok) return
       text = trim_blanks(token)
       ok = is_decimal(text)
       if (.not. ok) return
@@ -44,6 +46,109 @@ contains
       ok = abs(value) <= huge(value)
       if (.not. ok) value = 0
    end subroutine parse_number
+
+   !> A number of up to 18 digits and a moderate exponent, where it is certain which double is
+   !> nearest; `ok` is .false. for all others and for what is no number.
+   pure subroutine parse_short(token, value, ok)
+      character(len=*), intent(in) :: token
+      !> The number; 0 when there is none.
+      real(wp), intent(out) :: value
+      logical, intent(out) :: ok
+      integer(ip), parameter :: full = (huge(1_ip) - 9)/10
+      integer(ip) :: whole
+      integer :: at, last, digit, passed, power
+      logical :: negative, below
+
+      value = 0
+      ok = .false.
+      last = len(token)
+      do at = 1, last
+         if (token(at:at) /= ' ' .and. token(at:at) /= achar(9)) exit
+      end do
+      do last = last, at, -1
+         if (token(last:last) /= ' ' .and. token(last:last) /= achar(9)) exit
+      end do
+      if (at > last) return
+      negative = token(at:at) == '-'
+      if (negative .or. token(at:at) == '+') at = at + 1
+
+      whole = 0
+      passed = 0
+      power = 0
+      below = .false.
+      do at = at, last
+         digit = iachar(token(at:at)) - 48
+         if (digit >= 0 .and. digit <= 9) then
+            if (whole > full) return
+            whole = 10*whole + digit
+            passed = passed + 1
+            if (below) power = power - 1
+         else if (token(at:at) == '.' .and. .not. below) then
+            below = .true.
+         else
+            exit
+         end if
+      end do
+      if (passed == 0) return
+      ok = at > last
+      if (.not. ok) call add_exponent(token(at:last), power, ok)
+      if (ok) call scale_exactly(whole, power, value, ok)
+      if (negative) value = -value
+   end subroutine parse_short
+
+   !> Adds the exponent in 'e+12' to a power of ten; not `ok` with more than three digits, or none.
+   pure subroutine add_exponent(text, power, ok)
+      character(len=*), intent(in) :: text
+      integer, intent(inout) :: power
+      logical, intent(out) :: ok
+      integer :: at, first, digit, exponent
+
+      ok = .false.
+      if (scan(text(1:1), 'eEdD') == 0) return
+      first = 2
+      call pass_sign(text, first)
+      if (first > len(text) .or. len(text) - first > 2) return
+      exponent = 0
+      do at = first, len(text)
+         digit = iachar(text(at:at)) - 48
+         if (digit < 0 .or. digit > 9) return
+         exponent = 10*exponent + digit
+      end do
+      if (text(first - 1:first - 1) == '-') exponent = -exponent
+      power = power + exponent
+      ok = .true.
+   end subroutine add_exponent
+
+   !> whole*10**power to the nearest double. An integer below 2**53 and a power of ten that is exact
+   !> need one rounding only (Clinger, 1990). Others are computed with 64 bits or more, where the
+   !> compiler has them, and taken when all numbers within the error round to the same double.
+   pure subroutine scale_exactly(whole, power, value, ok)
+      integer(ip), intent(in) :: whole
+      integer, intent(in) :: power
+      !> The number; 0 when it is not certain.
+      real(wp), intent(out) :: value
+      logical, intent(out) :: ok
+      integer, parameter :: long = max(wp, selected_real_kind(18)), most = 22, most_long = 27
+      integer :: k
+      real(wp), parameter :: ten(0:most) = [(10.0_wp**k, k=0, most)]
+      real(long), parameter :: long_ten(0:most_long) = [(10.0_long**k, k=0, most_long)]
+      real(long) :: product, error
+
+      value = 0
+      ok = whole <= 2_ip**53 .and. abs(power) <= most
+      if (ok) then
+         value = real(whole, wp)
+         if (power < 0) value = value/ten(-power)
+         if (power > 0) value = value*ten(power)
+      else if (abs(power) <= most_long .and. digits(product) >= 64) then
+         product = real(whole, long)
+         if (power < 0) product = product/long_ten(-power)
+         if (power > 0) product = product*long_ten(power)
+         error = product*epsilon(product)
+         ok = real(product - error, wp) >= real(product + error, wp)
+         if (ok) value = real(product, wp)
+      end if
+   end subroutine scale_exactly
 
    !> The number in a text; that it may over- or underflow is no cause to halt.
    real(wp) function convert(c_text) result(value)

@@ -6,13 +6,15 @@ module beamid_record_groups
    use beamid_files, only: directory_of, join_path
    use beamid_kinds, only: wp
    use beamid_namelist, only: block_t, string_length
-   use beamid_records, only: everything, recording_t, window_t
-   use beamid_refusals, only: accept, positive, refuse
+   use beamid_records, only: column_length, everything, recording_t, window_t
+   use beamid_refusals, only: accept, exclude, in_range, positive, quoted, refuse
    use beamid_strings, only: to_text
    implicit none
    private
 
    public :: read_recording, read_score
+
+   integer, parameter :: max_thin = 100000
 
 contains
 
@@ -22,12 +24,16 @@ contains
       type(recording_t), intent(inout) :: found
       type(error_t), allocatable, intent(out) :: error
       character(len=string_length) :: file
-      real(wp) :: t_first, t_last, t_step, scale, offset
+      character(len=string_length) :: time_column, value_column
+      real(wp) :: t_first, t_last, t_step, scale, offset, clip_low, clip_high
       type(window_t) :: window
-      integer :: status
-      namelist /record/ file, t_first, t_last, t_step, scale, offset
+      integer :: status, thin
+      namelist /record/ file, t_first, t_last, t_step, scale, offset, time_column, value_column, &
+         clip_low, clip_high, thin
 
       file = ''; t_first = -everything; t_last = everything; t_step = 0; scale = 1; offset = 0
+      time_column = ''; value_column = ''; thin = 1
+      clip_low = -everything; clip_high = everything
       read (block%text, nml=record, iostat=status)
       call accept(path, block, status, error)
       call checked_window(path, block, t_first, t_last, t_step, window, error)
@@ -42,12 +48,37 @@ contains
             'the path of a record', error)
          return
       end if
+      call checked_column(path, block, 'time_column', time_column, error)
+      call checked_column(path, block, 'value_column', value_column, error)
+      if (block%has('thin')) call in_range(path, block, 'thin', thin, 2, max_thin, error)
+      if (block%has('thin')) call exclude(path, block, ['t_step'], 'beside thin', error)
+      if (clip_low >= clip_high) call refuse(path, block%line_of('clip_high'), 'record', &
+         'clip_high', to_text(clip_high), 'more than clip_low = '//to_text(clip_low), error)
+      if (allocated(error)) return
       if (block%has('file')) found%path = join_path(directory_of(path), trim(file))
       found%window = window
       found%scale = scale
       found%offset = offset
+      found%time_column = adjustl(time_column)
+      found%value_column = adjustl(value_column)
+      found%clip_low = clip_low
+      found%clip_high = clip_high
+      found%thin = thin
       found%line = block%line
    end subroutine read_recording
+
+   !> A column has a name, and one that is not cut.
+   subroutine checked_column(path, block, key, name, error)
+      character(len=*), intent(in) :: path, key, name
+      type(block_t), intent(in) :: block
+      type(error_t), allocatable, intent(inout) :: error
+
+      if (.not. block%has(key)) return
+      if (name == '' .or. len_trim(adjustl(name)) > column_length) call refuse(path, &
+         block%line_of(key), 'record', key, quoted(name), &
+         'the name of a column, of at most '//to_text(column_length)// &
+         ' characters, or its number', error)
+   end subroutine checked_column
 
    !> The window over which a fit is scored.
    subroutine read_score(path, block, found, line, error)

@@ -11,6 +11,8 @@ module beamid_rows
 
    character(len=*), parameter :: tab = achar(9), line_feed = achar(10), &
       carriage_return = achar(13), byte_order_mark = char(239)//char(187)//char(191)
+   !> What may separate fields, the likeliest first.
+   character(len=*), parameter :: separators = ',;'//tab
    !> Names of columns are cut to this length.
    integer, parameter :: column_length = 100
 
@@ -23,17 +25,23 @@ module beamid_rows
       integer(ip) :: line = 0
       !> First and last byte of the current field.
       integer(ip) :: left = 1, right = 0
+      !> First and last byte of a field to be remembered.
+      integer(ip) :: mark(2) = [1, 0]
+      !> What separates the fields: set by the first line that is neither blank nor a comment.
+      character(len=1) :: separator = ' '
       !> First and last byte of the current line without its end, and where the next one begins.
       integer(ip), private :: first = 1, last = 0, next = 1
-      !> What separates the fields of the line: a tab when it has tabs and no comma.
-      character(len=1), private :: separator = ','
+      !> How often the current line holds each of the separators.
+      integer, private :: counts(len(separators)) = 0
    contains
       procedure :: rewind => go_to_start
       procedure :: next_row
+      procedure :: rows_behind
       procedure :: row
       procedure :: restart_row
       procedure :: next_field
       procedure :: count_fields
+      procedure :: count_of
       procedure :: problem
    end type reader_t
 
@@ -45,43 +53,95 @@ contains
 
       self%line = 0
       self%next = 1
-      if (len(self%text) < 3) return
+      self%separator = ' '
+      if (len(self%text, ip) < 3) return
       if (self%text(:3) == byte_order_mark) self%next = 4
    end subroutine go_to_start
 
    !> Goes to the next line that is neither blank nor a comment; .false. at the end.
    logical function next_row(self) result(found)
       class(reader_t), intent(inout) :: self
-      integer(ip) :: length
 
       found = .false.
       do while (self%next <= len(self%text, ip) .and. .not. found)
          self%line = self%line + 1
          self%first = self%next
-         length = index(self%text(self%first:), line_feed, kind=ip) - 1
-         if (length < 0) length = len(self%text, ip) - self%first + 1
-         self%last = self%first + length - 1
-         self%next = self%last + 2
-         if (length == 0) cycle
-         if (self%text(self%last:self%last) == carriage_return) self%last = self%last - 1
-         found = is_data(self%text(self%first:self%last))
+         call scan_line(self%text, self%first, self%last, self%next, self%counts, found)
       end do
       if (.not. found) return
-      associate (line => self%text(self%first:self%last))
-         self%separator = merge(tab, ',', scan(line, tab) > 0 .and. scan(line, ',') == 0)
-      end associate
+      if (self%separator == ' ') self%separator = dominant(self%counts)
       call self%restart_row()
    end function next_row
 
-   !> Whether a line is neither blank nor a comment.
-   pure logical function is_data(line)
-      character(len=*), intent(in) :: line
-      integer(ip) :: start
+   !> How many rows there are behind the current one.
+   integer(ip) function rows_behind(self) result(n)
+      class(reader_t), intent(in) :: self
+      integer(ip) :: first, last, next
+      integer :: counts(len(separators))
+      logical :: found
 
-      start = verify(line, ' '//tab, kind=ip)
-      is_data = start > 0
-      if (is_data) is_data = line(start:start) /= '#'
-   end function is_data
+      n = 0
+      next = self%next
+      do while (next <= len(self%text, ip))
+         first = next
+         call scan_line(self%text, first, last, next, counts, found)
+         if (found) n = n + 1
+      end do
+   end function rows_behind
+
+   !> One pass over the bytes of a line.
+   pure subroutine scan_line(text, first, last, next, counts, is_data)
+      character(len=*), intent(in) :: text
+      !> First byte of the line.
+      integer(ip), intent(in) :: first
+      !> Last byte of the line without its end, and first byte of the next line.
+      integer(ip), intent(out) :: last, next
+      !> How many commas, semicolons and tabs there are.
+      integer, intent(out) :: counts(:)
+      !> Whether the line is neither blank nor a comment.
+      logical, intent(out) :: is_data
+      integer(ip) :: at
+      logical :: blank, comment
+
+      counts = 0
+      blank = .true.
+      comment = .false.
+      do at = first, len(text, ip)
+         select case (text(at:at))
+         case (line_feed)
+            exit
+         case (' ', carriage_return)
+            cycle
+         case (tab)
+            counts(3) = counts(3) + 1
+            cycle
+         case (',')
+            counts(1) = counts(1) + 1
+         case (';')
+            counts(2) = counts(2) + 1
+         case ('#')
+            comment = comment .or. blank
+         end select
+         blank = .false.
+      end do
+      next = at + 1
+      last = at - 1
+      if (last >= first) then
+         if (text(last:last) == carriage_return) last = last - 1
+      end if
+      is_data = .not. (blank .or. comment)
+   end subroutine scan_line
+
+   !> The separator of a line: a comma where there is one, else a semicolon, else a tab.
+   pure character(len=1) function dominant(counts) result(separator)
+      integer, intent(in) :: counts(:)
+      integer :: k
+
+      separator = separators(1:1)
+      do k = size(counts), 1, -1
+         if (counts(k) > 0) separator = separators(k:k)
+      end do
+   end function dominant
 
    !> The current line.
    pure function row(self)
@@ -101,26 +161,40 @@ contains
    !> Goes to the next field of the line; .false. behind the last.
    logical function next_field(self) result(found)
       class(reader_t), intent(inout) :: self
-      integer(ip) :: length
 
       found = self%right < self%last
       if (.not. found) return
       self%left = self%right + 2
-      length = scan(self%text(self%left:self%last), self%separator, kind=ip) - 1
-      if (length < 0) length = self%last - self%left + 1
-      self%right = self%left + length - 1
+      self%right = field_end(self%text(:self%last), self%left, self%separator)
    end function next_field
+
+   !> The last byte before a separator or the end of the text.
+   pure integer(ip) function field_end(text, left, separator) result(right)
+      character(len=*), intent(in) :: text
+      integer(ip), intent(in) :: left
+      character(len=1), intent(in) :: separator
+
+      do right = left, len(text, ip)
+         if (text(right:right) == separator) exit
+      end do
+      right = right - 1
+   end function field_end
 
    !> How many fields the current line has.
    pure integer function count_fields(self) result(n)
       class(reader_t), intent(in) :: self
-      integer(ip) :: i
 
-      n = 1
-      do i = self%first, self%last
-         if (self%text(i:i) == self%separator) n = n + 1
-      end do
+      n = 1 + self%count_of(self%separator)
    end function count_fields
+
+   !> How often a separator stands in the current line.
+   pure integer function count_of(self, separator) result(n)
+      class(reader_t), intent(in) :: self
+      !> ',', ';' or a tab.
+      character(len=1), intent(in) :: separator
+
+      n = self%counts(index(separators, separator))
+   end function count_of
 
    !> An error at the current line: "path:line: column k ('name'): message".
    subroutine problem(self, error, message, k)

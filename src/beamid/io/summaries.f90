@@ -22,10 +22,11 @@ contains
    !>
    !> fits     (stages, meshes)
    !> samples  (m) [time]
-   function fit_summary(case, samples, fits) result(content)
+   function fit_summary(case, samples, fits, notes) result(content)
       type(case_t), intent(in) :: case
       real(wp), intent(in) :: samples(:)
       type(stage_fit_t), intent(in) :: fits(:, :)
+      character(len=*), intent(in), optional :: notes(:)   !< on the record
       character(len=:), allocatable :: content
       type(text_t) :: text
       integer :: k
@@ -33,6 +34,11 @@ contains
       call text%line(case%name//': identification from '//to_text(size(samples))// &
          ' samples, t = '// &
          to_text(samples(1))//' to '//to_text(samples(size(samples)))//label(case%units%time))
+      if (present(notes)) then
+         do k = 1, size(notes)
+            call text%line(notes(k))
+         end do
+      end if
       call text%line('observed: '//observed(case))
       do k = 1, size(fits, 1)
          call text%line()

@@ -29,7 +29,9 @@ contains
                               integer_key('max_order'), integer_key('max_steps')]), &
          group('observation', [string_key('formula'), real_key('delta')]), &
          group('record', [string_key('file'), real_key('t_first'), real_key('t_last'), &
-                          real_key('t_step'), real_key('scale'), real_key('offset')]), &
+                          real_key('t_step'), real_key('scale'), real_key('offset'), &
+                          string_key('time_column'), string_key('value_column'), &
+                          real_key('clip_low'), real_key('clip_high'), integer_key('thin')]), &
          group('score', [real_key('t_first'), real_key('t_last'), real_key('t_step')]), &
          group('stage', [string_key('free', size(free_names)), &
                          real_key('start', size(free_names)), &

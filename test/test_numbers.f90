@@ -1,0 +1,171 @@
+!> The quick reading of numbers against the runtime's own `read`, bit for bit.
+program test_numbers
+   use beamid_kinds, only: wp, ip
+   use beamid_numbers, only: parse_number
+   use checks, only: check, finish
+   implicit none
+
+   integer(ip) :: state = 20240607_ip
+   integer :: wrong
+   character(len=:), allocatable :: first_wrong
+
+   call test_random()
+   call test_halves()
+   call test_edges()
+   call test_zero()
+   call finish('numbers')
+
+contains
+
+   !> Digits, point and exponent anywhere: short and long ones, inside and outside of what the quick
+   !> way takes.
+   subroutine test_random()
+      character(len=60) :: token
+      integer :: trial, digits, exponent
+
+      call begin()
+      do trial = 1, 100000
+         digits = pick(22)
+         token = sign_of(trial)//number_of(digits)
+         exponent = pick(121) - 61
+         if (pick(3) == 1) exponent = pick(600) - 300
+         if (pick(3) > 1) write (token, '(2a,i0)') trim(token), letter(trial), exponent
+         call compare(trim(token))
+      end do
+      call done('10**5 random numbers')
+      call begin()
+      do trial = 1, 20000
+         write (token, '(es24.16e3)') random_double()
+         call compare(trim(adjustl(token)))
+      end do
+      call done('2 10**4 doubles with 17 digits')
+   end subroutine test_random
+
+   !> Decimals as near to the middle between two doubles as 15 to 19 digits allow: the hardest.
+   subroutine test_halves()
+      integer, parameter :: qp = selected_real_kind(30)
+      character(len=60) :: token, form
+      real(wp) :: x
+      integer :: trial
+
+      call begin()
+      do trial = 1, 20000
+         x = random_double()
+         if (abs(x) < 1e-20_wp .or. abs(x) > 1e20_wp) cycle
+         write (form, '(a,i0,a)') '(es40.', 14 + pick(7), 'e3)'
+         write (token, form) (real(x, qp) + real(nearest(x, 1.0_wp), qp))/2
+         call compare(trim(adjustl(token)))
+      end do
+      call done('decimals near the middle of two doubles')
+   end subroutine test_halves
+
+   subroutine test_edges()
+      character(len=30), parameter :: tokens(*) = [character(len=30) :: '9007199254740991', &
+         '9007199254740992', '9007199254740993', '9007199254740995', '9007199254740993e-22', &
+         '9007199254740992e22', '9007199254740992e23', '1e22', '1e23', '1e-22', '1e-23', '1e27', &
+         '1e28', '999999999999999999', '9223372036854775807', '9223372036854775808', &
+         '18446744073709551616', '8.5', '123456789012345678e27', '123456789012345678e-27', &
+         '4.9e-324', '2.2250738585072011e-308', '1.7976931348623157e308', '000000000000000000001', &
+         '0.000000000000000000000001', '1e+022', '1E-005', '.5d0', '5.d0', '+7', '1.e1', &
+         '100000000000000000000', '0.1000000000000000055511151231']
+      integer :: k
+
+      call begin()
+      do k = 1, size(tokens)
+         call compare(trim(tokens(k)))
+         call compare('-'//trim(tokens(k)))
+         call compare(' '//trim(tokens(k))//achar(9)//' ', trim(tokens(k)))
+      end do
+      call done('edges of the quick way')
+   end subroutine test_edges
+
+   !> The sign of zero survives.
+   subroutine test_zero()
+      real(wp) :: value
+      logical :: ok
+
+      call parse_number('-0.0', value, ok)
+      call check('minus zero', ok .and. abs(value) <= 0 .and. sign(1.0_wp, value) < 0)
+      call parse_number('0', value, ok)
+      call check('zero', ok .and. abs(value) <= 0 .and. sign(1.0_wp, value) > 0)
+   end subroutine test_zero
+
+   subroutine begin()
+      wrong = 0
+      first_wrong = ''
+   end subroutine begin
+
+   subroutine done(what)
+      character(len=*), intent(in) :: what
+
+      call check(what//': the same bits as read', wrong == 0, first_wrong)
+   end subroutine done
+
+   subroutine compare(token, bare)
+      character(len=*), intent(in) :: token
+      !> What `read` gets, when that is not the same.
+      character(len=*), intent(in), optional :: bare
+      real(wp) :: value, reference
+      integer :: status
+      logical :: ok
+
+      call parse_number(token, value, ok)
+      if (present(bare)) then
+         read (bare, *, iostat=status) reference
+      else
+         read (token, *, iostat=status) reference
+      end if
+      if (status == 0 .and. ok) then
+         if (transfer(value, 1_ip) == transfer(reference, 1_ip)) return
+      else if (.not. ok .and. (status /= 0 .or. abs(reference) > huge(1.0_wp))) then
+         return
+      end if
+      if (wrong == 0) first_wrong = token
+      wrong = wrong + 1
+   end subroutine compare
+
+   !> Digits with a point among them, or none.
+   function number_of(digits) result(text)
+      integer, intent(in) :: digits
+      character(len=:), allocatable :: text
+      integer :: k, point
+
+      text = ''
+      point = pick(2*digits)
+      do k = 1, digits
+         text = text//achar(47 + pick(10))
+         if (k == point) text = text//'.'
+      end do
+   end function number_of
+
+   !> Any finite double of the middle range of exponents.
+   real(wp) function random_double() result(x)
+      x = (pick(1000000) + pick(1000000)/1e6_wp + pick(1000000)/1e12_wp)
+      x = x*10.0_wp**(pick(41) - 21)
+   end function random_double
+
+   function sign_of(k) result(text)
+      integer, intent(in) :: k
+      character(len=:), allocatable :: text
+
+      text = ''
+      if (mod(k, 3) == 0) text = '-'
+      if (mod(k, 7) == 0) text = '+'
+   end function sign_of
+
+   pure character(len=1) function letter(k)
+      integer, intent(in) :: k
+      character(len=*), parameter :: letters = 'eEdD'
+
+      letter = letters(mod(k, 4) + 1:)
+   end function letter
+
+   !> A number from 1 to n: Lehmer's generator, the same in every run.
+   integer function pick(n)
+      integer, intent(in) :: n
+
+      state = mod(16807_ip*state, 2147483647_ip)
+      pick = int(mod(state, int(n, ip))) + 1
+   end function pick
+
+end program test_numbers
