@@ -29,16 +29,17 @@ contains
       type(stage_fit_t), allocatable :: fits(:, :)
       type(output_t) :: output
       type(progress_t) :: progress
-      real(wp), allocatable :: samples(:), measured(:), scored(:), expected(:)
+      type(experiment_t), allocatable :: experiments(:)
+      real(wp), allocatable :: scored(:), expected(:)
       character(len=note_length), allocatable :: notes(:)
 
       call read_case(settings%subject, needs_fit, case, error)
       if (allocated(error)) return
-      call measured_samples(case, samples, measured, error, notes)
+      call load_experiments(case, experiments, notes, error)
       if (.not. allocated(error)) call scored_samples(case, scored, expected, error)
       if (allocated(error)) return
       progress = new_progress(settings%quiet)
-      call identify_meshes(case%model, case%meshes, case%stages, samples, measured, fits, error, &
+      call identify_meshes(case%model, case%meshes, case%stages, experiments, fits, error, &
          progress)
       call progress%finish()
       if (.not. allocated(error) .and. size(scored) > 0) call score_fits(case%model, case%meshes, &
@@ -47,16 +48,16 @@ contains
          error%message = case%path//': '//error%message
          return
       end if
-      if (settings%time) call time_fits(case, samples, measured)
-      call add_fit_tables(output, case, fits, samples, measured)
-      call deliver(output, fit_summary(case, samples, fits, notes), &
+      if (settings%time) call time_fits(case, experiments)
+      call add_fit_tables(output, case, fits, experiments)
+      call deliver(output, fit_summary(case, experiments, fits, notes), &
          output_folder(settings, case%name), error)
    end subroutine run_identify
 
    !> Repeats the fit on each mesh for a second at most and tells the median time on standard error.
-   subroutine time_fits(case, samples, measured)
+   subroutine time_fits(case, experiments)
       type(case_t), intent(in) :: case
-      real(wp), intent(in) :: samples(:), measured(:)
+      type(experiment_t), intent(in) :: experiments(:)
       integer, parameter :: most = 101
       type(stage_fit_t), allocatable :: fits(:)
       type(error_t), allocatable :: error
@@ -67,7 +68,7 @@ contains
       do mesh = 1, size(case%meshes)
          do k = 1, most
             call system_clock(begin, rate)
-            call identify(case%model, case%meshes(mesh), case%stages, samples, measured, fits, &
+            call identify(case%model, case%meshes(mesh), case%stages, experiments, fits, &
                error)
             call system_clock(finish)
             seconds(k) = real(finish - begin, wp)/rate
@@ -91,11 +92,11 @@ contains
    end function median
 
    !> estimates.csv, fit.csv and labels.csv.
-   subroutine add_fit_tables(output, case, fits, samples, measured)
+   subroutine add_fit_tables(output, case, fits, experiments)
       type(output_t), intent(inout) :: output
       type(case_t), intent(in) :: case
       type(stage_fit_t), intent(in) :: fits(:, :)
-      real(wp), intent(in) :: samples(:), measured(:)
+      type(experiment_t), intent(in) :: experiments(:)
       type(text_t) :: estimates, curves, correlations, autocorrelation
       integer :: stage, mesh
 
@@ -108,7 +109,7 @@ contains
             call add_estimates(estimates, fits(stage, mesh), case%units)
             call add_correlations(correlations, fits(stage, mesh))
          end do
-         call add_fit(curves, fits(size(fits, 1), mesh), samples, measured)
+         call add_fit(curves, fits(size(fits, 1), mesh), experiments)
          call add_autocorrelation(autocorrelation, fits(size(fits, 1), mesh))
       end do
       call output%add('estimates.csv', estimates%content())

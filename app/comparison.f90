@@ -13,7 +13,9 @@ module beamid_comparison
       type(case_t) :: case
       type(stage_fit_t) :: fit             !< of the last stage
       integer, allocatable :: free(:)      !< parameters that any stage fitted to the record
-      real(wp), allocatable :: samples(:), measured(:)
+      type(experiment_t), allocatable :: experiments(:)
+   contains
+      procedure :: parameters
    end type candidate_t
 
 contains
@@ -48,14 +50,29 @@ contains
       call deliver(output, summary%content(), output_folder(settings, 'compare'), error)
    end subroutine run_compare
 
+   !> How many parameters were fitted: by any stage, and what was eliminated.
+   pure integer function parameters(self)
+      class(candidate_t), intent(in) :: self
+
+      parameters = size(self%free) + size(self%fit%quantities) - size(self%fit%free)
+   end function parameters
+
+   !> Of all records together.
+   pure integer function number_of_samples(candidate)
+      type(candidate_t), intent(in) :: candidate
+
+      number_of_samples = size(candidate%fit%fit%residual)
+   end function number_of_samples
+
    subroutine read_candidate(path, candidate, error)
       character(len=*), intent(in) :: path
       type(candidate_t), intent(inout) :: candidate
       type(error_t), allocatable, intent(out) :: error
+      character(len=note_length), allocatable :: notes(:)
 
       call read_case(path, needs_fit, candidate%case, error)
-      if (.not. allocated(error)) call measured_samples(candidate%case, candidate%samples, &
-         candidate%measured, error)
+      if (.not. allocated(error)) call load_experiments(candidate%case, candidate%experiments, &
+         notes, error)
    end subroutine read_candidate
 
    !> Criteria compare models of the same samples only.
@@ -63,10 +80,17 @@ contains
       type(candidate_t), intent(in) :: first, other
       type(error_t), allocatable, intent(out) :: error
       logical :: same
+      integer :: k
 
-      same = size(first%samples) == size(other%samples)
-      if (same) same = all(abs(first%samples - other%samples) <= 0) .and. &
-         all(abs(first%measured - other%measured) <= 0)
+      same = size(first%experiments) == size(other%experiments)
+      do k = 1, size(first%experiments)
+         if (.not. same) exit
+         associate (a => first%experiments(k), b => other%experiments(k))
+            same = size(a%samples) == size(b%samples)
+            if (same) same = all(abs(a%samples - b%samples) <= 0) .and. &
+               all(abs(a%measured - b%measured) <= 0)
+         end associate
+      end do
       if (.not. same) call bad_input(error, other%case%path// &
          ': &record: found other samples than in '// &
          first%case%path//', expected the same ones')
@@ -80,8 +104,8 @@ contains
       integer :: j, k
 
       associate (case => candidate%case)
-         call identify(case%model, case%meshes(size(case%meshes)), case%stages, candidate%samples, &
-            candidate%measured, fits, error, progress)
+         call identify(case%model, case%meshes(size(case%meshes)), case%stages, &
+            candidate%experiments, fits, error, progress)
          if (allocated(error)) then
             error%message = case%path//': '//error%message
             return
@@ -104,11 +128,11 @@ contains
       character(len=:), allocatable :: name
       integer :: k, m
 
-      m = size(candidates(1)%samples)
+      m = number_of_samples(candidates(1))
       do k = 1, size(candidates)
          associate (fit => candidates(k)%fit)
-            aicc(k) = akaike(fit%fit%J, m, size(candidates(k)%free))
-            bic(k) = bayes(fit%fit%J, m, size(candidates(k)%free))
+            aicc(k) = akaike(fit%fit%J, m, candidates(k)%parameters())
+            bic(k) = bayes(fit%fit%J, m, candidates(k)%parameters())
          end associate
       end do
       call summary%line('Models of one record, m = '//to_text(m)//' samples')
@@ -124,13 +148,13 @@ contains
          name = label(candidates, k)
          associate (fit => candidates(k)%fit)
             call summary%line(left(name, 28)//right(to_text(fit%elements), 5)// &
-               right(to_text(size(candidates(k)%free)), 6)//right(to_text(fit%fit%J))// &
+               right(to_text(candidates(k)%parameters()), 6)//right(to_text(fit%fit%J))// &
                right(trim(adjustl(fixed(aicc(k), 12, 2))))// &
                   right(trim(adjustl(fixed(aicc(k) - minval(aicc), 12, 2))))// &
                right(trim(adjustl(fixed(bic(k), 12, 2))))// &
                   right(trim(adjustl(fixed(bic(k) - minval(bic), 12, 2)))))
             call table%line(name//','//to_text(fit%elements)//','// &
-               to_text(size(candidates(k)%free))//','// &
+               to_text(candidates(k)%parameters())//','// &
                full(fit%fit%J)//','//full(aicc(k))//','//full(bic(k)))
          end associate
       end do
@@ -149,15 +173,13 @@ contains
       do i = 1, size(candidates)
          do j = 1, size(candidates)
             if (.not. is_nested(candidates(i), candidates(j))) cycle
-            restrictions = size(candidates(j)%free) - size(candidates(i)%free)
+            restrictions = candidates(j)%parameters() - candidates(i)%parameters()
             call nested_test(candidates(i)%fit%fit%J, candidates(j)%fit%fit%J, &
-               size(candidates(i)%samples), restrictions, U, probability)
+               number_of_samples(candidates(i)), restrictions, U, probability)
             call summary%line('  '//label(candidates, i)//' within '//label(candidates, j)// &
                ': U = '//to_text(U)//', '//to_text(restrictions)//merge(' restriction, ', &
                ' restrictions,', restrictions == 1)//' probability '//to_text(probability)// &
-               merge(': the full model is better          ', &
-                  ': no reason to prefer the full model', &
-               probability < 0.05_wp))
+               verdict(U, probability))
             call table%line(label(candidates, i)//','//label(candidates, j)//','// &
                to_text(restrictions)//','//full(U)//','//full(probability))
          end do
@@ -197,8 +219,9 @@ contains
       integer :: k
 
       is_nested = .false.
-      if (size(small%free) >= size(large%free)) return
+      if (small%parameters() >= large%parameters()) return
       if (.not. same_method(small%case, large%case)) return
+      if (any(small%case%stages%offset) .and. .not. any(large%case%stages%offset)) return
       do k = 1, size(small%free)
          if (.not. any(large%free == small%free(k))) return
       end do
@@ -219,6 +242,7 @@ contains
       same_method = same_mesh(a%meshes(size(a%meshes)), b%meshes(size(b%meshes))) .and. &
          a%model%observation%formula == b%model%observation%formula .and. &
          abs(a%model%observation%delta - b%model%observation%delta) <= 0 .and. &
+         a%model%excitation%modes == b%model%excitation%modes .and. &
          (a%model%excitation%distributed .eqv. b%model%excitation%distributed) .and. &
          abs(a%model%excitation%power - b%model%excitation%power) <= 0 .and. &
          abs(a%model%structure%length - b%model%structure%length) <= 0 .and. &

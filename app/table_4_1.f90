@@ -37,6 +37,7 @@ contains
       type(table_t) :: table
       type(progress_t) :: progress
       type(output_t) :: output
+      type(experiment_t) :: experiment
       character(len=:), allocatable :: data
 
       call find_data(data, error)
@@ -59,7 +60,9 @@ contains
          error%message = table%case%path//': '//error%message
          return
       end if
-      call add_fit_tables(output, table%case, table%fits, table%samples, table%measured)
+      experiment%samples = table%samples
+      experiment%measured = table%measured
+      call add_fit_tables(output, table%case, table%fits, [experiment])
       call output%add('truth.csv', truth_csv(table%truth%model%structure))
       call output%add('paper.csv', paper_csv(table%paper))
       call deliver(output, report(table), output_folder(settings, 'table-4.1'), error)

@@ -4,11 +4,12 @@
 module beamid
    use beamid_bands, only: band_t
    use beamid_cases, only: case_t, measured_samples, needs_fit, needs_nothing, needs_response, &
-      read_case, sample_times, scored_samples
+      read_case, sample_times, scored_samples, load_experiments
    use beamid_cvode, only: cvode_t
    use beamid_equations, only: equations_t, new_equations
    use beamid_errors, only: bad_input, error_t, failure, status_bad_input, status_failed
-   use beamid_excitation, only: excitation_t, new_force_table, new_pulse
+   use beamid_excitation, only: excitation_t, new_force_table, new_free, new_pulse, new_release
+   use beamid_experiments, only: experiment_t
    use beamid_files, only: directory_of, join_path, output_t
    use beamid_galerkin, only: galerkin_t, mesh_t, new_galerkin, same_mesh
    use beamid_identification, only: identify, identify_meshes, model_t, score_fits, simulate, &

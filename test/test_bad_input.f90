@@ -300,7 +300,7 @@ contains
 
    subroutine test_excitation()
       call refused('unknown kind', '''pulse''', '''step''', &
-         '6: &excitation kind: found ''step''|expected ''pulse'' or ''table''')
+         '6: &excitation kind: found ''step''|expected ''pulse'', ''table'', ''release'' or ''free''')
       call refused('no kind', 'kind=''pulse'',', '', '6: &excitation kind: found nothing|expected')
       call refused('no amplitude', 'amplitude=1.0,', '', &
          '6: &excitation amplitude: found nothing|expected')
@@ -497,7 +497,7 @@ contains
       call refused('negative lower', 'lower=0,0.1', 'lower=-1,0.1', place// &
          'lower: found -1|expected 0 or more')
       call refused('more parameters than samples', 't_last=0.6', 't_last=0.1', place// &
-         'free: found 2 parameters for 1 samples|expected no more')
+         'free: found 2 unknowns for 1 samples|expected no more')
       call refused('second stage', '&units ', '&stage free=''q'' /'//nl//'&units ', &
          '13: &stage free: found ''q''|expected one of')
    end subroutine test_stage

@@ -89,12 +89,12 @@ contains
       call check_close('the fits begin', samples(1), 3.0_wp, 1e-9_wp)
       call check_close('the sums begin', scored(1), 0.1_wp, 1e-9_wp)
       do k = 1, 6
-         call read_record(cases(k)%recording, t, z, error)
+         call read_record(cases(k)%recordings(1), t, z, error)
          call check(trim(names(k))//': the record of 1000 samples', .not. allocated(error))
          if (allocated(error)) return
          call check_close(trim(names(k))//': 1000 samples', real(size(t), wp), 1000.0_wp, 0.0_wp)
          ! 5 volts per g, g = 32 ft/s^2.
-         call check_close(trim(names(k))//': the scale', cases(k)%recording%scale, 32/5.0_wp, &
+         call check_close(trim(names(k))//': the scale', cases(k)%recordings(1)%scale, 32/5.0_wp, &
             1e-12_wp)
       end do
    end subroutine test_windows

@@ -716,7 +716,7 @@ contains
                all(a%fit%derivative_check >= 0) .and. all(a%fit%derivative_check < 1e-5_wp), &
                to_text(a%fit%derivative_check(1))//' and '//to_text(a%fit%derivative_check(2)))
             call check(label//'no exact derivatives with cvode', all(b%fit%derivative_check < 0))
-            text = undetermined(a%statistics, names, a%scale, a%fit%jacobian)
+            text = undetermined(a%statistics, names, a%quantities%scale, a%jacobian)
             do i = 1, size(text)
                print '(3a)', '      ', label, trim(text(i))
             end do
@@ -727,7 +727,7 @@ contains
             ! together: relative changes are relative to the estimates.
             do i = 1, 4
                call check_close(label//names(i)//', relative to its estimate', &
-                  a%scale(i)/a%fit%estimate(i), 1.0_wp, 1e-12_wp)
+                  a%quantities(i)%scale/a%fit%estimate(i), 1.0_wp, 1e-12_wp)
             end do
             call check(label//'no sentence denies it', size(text) == 0)
          end associate

@@ -8,12 +8,13 @@ module beamid_modal
    use beamid_assembly, only: assembly_t, new_assembly
    use beamid_equations, only: equations_t
    use beamid_errors, only: error_t, failure
-   use beamid_excitation, only: excitation_t
+   use beamid_excitation, only: excitation_t, new_pulse
    use beamid_galerkin, only: galerkin_t, mesh_t, same_mesh
    use beamid_kinds, only: wp
    use beamid_modes, only: bare_beam_modes, beam_modes_t
    use beamid_poles, only: differentiate_poles, find_poles, poles_t
    use beamid_responses, only: response_t, solver_t, work_t
+   use beamid_strings, only: to_text
    use beamid_structure, only: same_structure, structure_t
    implicit none
    private
@@ -33,6 +34,8 @@ module beamid_modal
       procedure :: noise
       procedure :: is_exact
       procedure :: differentiate
+      procedure :: free_motion
+      procedure, private :: solve
    end type modal_t
 
    !> States of all poles, and their derivatives with respect to the pole.
@@ -95,6 +98,21 @@ contains
       type(response_t), allocatable, intent(out) :: slopes(:)
       type(work_t), intent(inout) :: work
       type(error_t), allocatable, intent(out) :: error
+      call self%solve(equations, excitation, parameters, work, error)
+      if (allocated(error)) return
+      call synthesize(self%poles, excitation, times, response, slopes)
+      if (.not. all(ieee_is_finite(response%acceleration + response%displacement))) &
+         call failure(error, 'modal: the response is not finite')
+   end subroutine differentiate
+
+   !> Poles of the structure and their derivatives; those of the last structure are kept.
+   subroutine solve(self, equations, excitation, parameters, work, error)
+      class(modal_t), intent(inout) :: self
+      type(equations_t), intent(in) :: equations
+      type(excitation_t), intent(in) :: excitation
+      integer, intent(in) :: parameters(:)
+      type(work_t), intent(inout) :: work
+      type(error_t), allocatable, intent(out) :: error
       type(assembly_t) :: assembly
 
       work%solves = work%solves + 1
@@ -119,11 +137,43 @@ contains
          self%power = excitation%power
       end if
       call differentiate_poles(assembly, self%poles, error)
+   end subroutine solve
+
+   subroutine free_motion(self, equations, parameters, s, ds, work, error)
+      class(modal_t), intent(inout) :: self
+      type(equations_t), intent(in), target :: equations
+      integer, intent(in) :: parameters(:)
+      complex(wp), intent(out) :: s(:), ds(:, :)
+      type(work_t), intent(inout) :: work
+      type(error_t), allocatable, intent(out) :: error
+      integer :: k, next
+
+      call self%solve(equations, new_pulse(0.0_wp, 1.0_wp), parameters, work, error)
       if (allocated(error)) return
-      call synthesize(self%poles, excitation, times, response, slopes)
-      if (.not. all(ieee_is_finite(response%acceleration + response%displacement))) &
-         call failure(error, 'modal: the response is not finite')
-   end subroutine differentiate
+      call take(aimag(self%poles%s) > 0)
+
+   contains
+
+      !> The lowest of the poles that are waiting, one after the other.
+      subroutine take(oscillates)
+         logical, intent(in) :: oscillates(:)
+         logical :: waiting(size(oscillates))
+
+         waiting = oscillates
+         if (count(waiting) < size(s)) then
+            call failure(error, 'modal: found '//to_text(count(waiting))// &
+               ' modes that oscillate, expected '//to_text(size(s)))
+            return
+         end if
+         do k = 1, size(s)
+            next = minloc(abs(self%poles%s), dim=1, mask=waiting)
+            waiting(next) = .false.
+            s(k) = self%poles%s(next)
+            ds(k, :) = self%poles%ds(next, :)
+         end do
+      end subroutine take
+
+   end subroutine free_motion
 
    !> The structure in the modes of the bare beam, with its load.
    subroutine assemble(modes, equations, excitation, parameters, assembly)

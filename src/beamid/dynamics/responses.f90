@@ -33,6 +33,7 @@ module beamid_responses
       procedure :: prepare
       procedure :: is_exact
       procedure :: differentiate
+      procedure :: free_motion
    end type solver_t
 
    abstract interface
@@ -99,5 +100,25 @@ contains
       call self%respond(equations, excitation, times, response, work, error)
       if (.not. allocated(error)) call failure(error, 'this method has no exact derivatives')
    end subroutine differentiate
+
+   !> Roots of the lowest modes that oscillate, and their derivatives.
+   !>
+   !> s   as many as are wanted, Im s > 0, ascending |s| [1/time]
+   !> ds  (modes, parameters)
+   !> error  also when the method has none
+   subroutine free_motion(self, equations, parameters, s, ds, work, error)
+      class(solver_t), intent(inout) :: self
+      type(equations_t), intent(in), target :: equations
+      integer, intent(in) :: parameters(:)
+      complex(wp), intent(out) :: s(:), ds(:, :)
+      type(work_t), intent(inout) :: work
+      type(error_t), allocatable, intent(out) :: error
+
+      s = 0
+      ds = 0
+      if (self%is_exact() .or. equations%n < 0 .or. work%solves < 0 .or. size(parameters) < 0) &
+         return
+      call failure(error, 'this method has no modes')
+   end subroutine free_motion
 
 end module beamid_responses

@@ -1,23 +1,26 @@
-!> From a record to parameters: residuals of the model against the record, and the stages of a fit.
+!> From records to parameters: the stages of a fit, on one mesh or on several.
 module beamid_identification
    use beamid_equations, only: equations_t, new_equations
    use beamid_errors, only: error_t
    use beamid_excitation, only: excitation_t
+   use beamid_experiments, only: experiment_t, new_apparatus
    use beamid_galerkin, only: galerkin_t, mesh_t, new_galerkin
    use beamid_kinds, only: wp
    use beamid_least_squares, only: fit, fit_t, monitor_t, options_t
    use beamid_observation, only: observation_t, sampling_t, new_sampling
-   use beamid_problems, only: problem_t
+   use beamid_residuals, only: residual_t
    use beamid_responses, only: response_t, solver_t, work_t
    use beamid_strings, only: to_text
-   use beamid_parameters, only: amplitude, free_magnitude, free_names, get_free, set_free
+   use beamid_parameters, only: offset
    use beamid_statistics, only: check_residuals, new_statistics, residual_check_t, statistics_t
    use beamid_structure, only: structure_t
-   use beamid_variables, only: variable_t, new_variable
+   use beamid_unknowns, only: quantity_t, stage_t, variables_of, world_t
+   use beamid_variables, only: variable_t
    implicit none
    private
 
-   public :: model_t, stage_t, simulation_t, stage_fit_t, simulate, identify, identify_meshes, score_fits
+   public :: model_t, stage_t, simulation_t, stage_fit_t, quantity_t, simulate, identify, &
+      identify_meshes, score_fits
 
    !> What turns parameters into accelerations, mesh apart.
    type :: model_t
@@ -26,14 +29,6 @@ module beamid_identification
       type(observation_t) :: observation
       class(solver_t), allocatable :: solver
    end type model_t
-
-   !> One search: which parameters are free and from where. Each array has one entry per parameter.
-   type :: stage_t
-      integer, allocatable :: free(:)     !< places in `free_names`
-      real(wp), allocatable :: start(:)   !< not allocated: where the stage before ended
-      real(wp), allocatable :: lower(:)
-      real(wp), allocatable :: upper(:)   !< or `unbounded`
-   end type stage_t
 
    !> A computed experiment.
    type :: simulation_t
@@ -46,33 +41,29 @@ module beamid_identification
    type :: stage_fit_t
       integer :: stage = 0
       integer :: elements = 0
-      integer, allocatable :: free(:)
-      type(fit_t) :: fit
-      real(wp), allocatable :: lower(:), upper(:)   !< bounds of the search
-      type(structure_t) :: structure     !< with the estimates in place
+      integer, allocatable :: free(:)    !< (n) of the parameters that were searched for
+      type(fit_t) :: fit                 !< of these alone
+      !> (n + k) the parameters, then what was eliminated; statistics are of all of them
+      type(quantity_t), allocatable :: quantities(:)
+      real(wp), allocatable :: jacobian(:, :)   !< (m, n + k)
+      type(structure_t) :: structure     !< of the first record, with the estimates in place
       type(excitation_t) :: excitation   !< likewise
-      real(wp), allocatable :: scale(:)  !< what relative changes of the estimates are relative to
+      type(world_t) :: world             !< of every record
       type(statistics_t) :: statistics   !< `samples` is 0 where no degree of freedom was left
       type(residual_check_t) :: check
       real(wp) :: score = -1             !< squared residuals over another window; -1: not asked for
       type(work_t) :: work
    end type stage_fit_t
 
-   !> Residuals model - record as a function of the free parameters.
-   type, extends(problem_t) :: residual_t
-      type(galerkin_t) :: galerkin
-      type(structure_t) :: structure
-      type(excitation_t) :: excitation
-      class(solver_t), allocatable :: solver
-      type(sampling_t) :: sampling
-      integer, allocatable :: free(:)
-      real(wp), allocatable :: measured(:)
-      type(work_t) :: work
-   contains
-      procedure :: residuals
-      procedure :: has_jacobian
-      procedure :: jacobian
-   end type residual_t
+   !> Of one record, given by its samples and the model's own excitation, or of several.
+   interface identify
+      module procedure :: identify_samples
+      module procedure :: identify_experiments
+   end interface identify
+   interface identify_meshes
+      module procedure :: identify_meshes_samples
+      module procedure :: identify_meshes_experiments
+   end interface identify_meshes
 
 contains
 
@@ -86,7 +77,8 @@ contains
       type(simulation_t), intent(out) :: simulation
       type(error_t), allocatable, intent(out) :: error
       type(galerkin_t), target :: galerkin
-      type(equations_t) :: equations
+      type(equations_t), target :: equations
+      type(excitation_t) :: excitation
       type(sampling_t) :: sampling
       type(response_t) :: wide
       class(solver_t), allocatable :: solver
@@ -96,9 +88,11 @@ contains
       solver = model%solver
       call solver%prepare(galerkin, error)
       if (allocated(error)) return
-      equations = new_equations(galerkin, model%structure, model%excitation)
+      excitation = model%excitation
+      call excitation%fit_to(model%structure%stiffness())
+      equations = new_equations(galerkin, model%structure, excitation)
       sampling = new_sampling(model%observation, samples)
-      call solver%respond(equations, model%excitation, sampling%times, wide, simulation%work, error)
+      call solver%respond(equations, excitation, sampling%times, wide, simulation%work, error)
       if (allocated(error)) return
       simulation%acceleration = sampling%acceleration(wide)
       simulation%response = sampling%at_samples(wide)
@@ -106,41 +100,37 @@ contains
 
    !> Runs the stages in turn on one mesh, each from where the one before ended.
    !>
-   !> samples   (m) ascending [time]
-   !> measured  (m) record at the samples [length/time**2]
-   !> fits      (size(stages)) allocated on success
-   !> error     says which stage failed, and why
-   !> monitor   told of every iteration
-   subroutine identify(model, mesh, stages, samples, measured, fits, error, monitor)
+   !> experiments  one for each record
+   !> fits         (size(stages)) allocated on success
+   !> error        says which stage failed, and why
+   !> monitor      told of every iteration
+   subroutine identify_experiments(model, mesh, stages, experiments, fits, error, monitor)
       type(model_t), intent(in) :: model
       type(mesh_t), intent(in) :: mesh
       type(stage_t), intent(in) :: stages(:)
-      real(wp), intent(in) :: samples(:), measured(:)
+      type(experiment_t), intent(in) :: experiments(:)
       type(stage_fit_t), allocatable, intent(out) :: fits(:)
       type(error_t), allocatable, intent(out) :: error
       class(monitor_t), intent(inout), optional :: monitor
       type(residual_t) :: problem
       type(options_t) :: options
-      integer :: k
+      integer :: i, k
 
-      problem%galerkin = new_galerkin(mesh, model%structure%length, &
-         model%structure%has_soft_root())
-      problem%structure = model%structure
-      problem%excitation = model%excitation
-      problem%solver = model%solver
-      call problem%solver%prepare(problem%galerkin, error)
-      if (allocated(error)) return
-      problem%sampling = new_sampling(model%observation, samples)
-      problem%measured = measured
+      allocate (problem%parts(size(experiments)))
+      allocate (problem%world%structures(size(experiments)))
+      allocate (problem%world%excitations(size(experiments)))
+      do i = 1, size(experiments)
+         problem%world%structures(i) = experiments(i)%structure_of(model%structure)
+         problem%world%excitations(i) = experiments(i)%excitation
+         call new_apparatus(experiments(i), problem%world%structures(i), mesh, &
+            model%observation, model%solver, problem%parts(i), error)
+         if (allocated(error)) return
+      end do
       options%noise = model%solver%noise()
       allocate (fits(size(stages)))
       do k = 1, size(stages)
-         problem%free = stages(k)%free
-         problem%work = work_t()
-         call fit(problem, size(samples), variables_of(stages(k), problem%structure, &
-            problem%excitation), options, &
-            fits(k)%fit, error, monitor, 'N = '//to_text(mesh%elements)// &
-            ', stage '//to_text(k), free_names(stages(k)%free))
+         call run_stage(problem, stages(k), options, 'N = '//to_text(mesh%elements)// &
+            ', stage '//to_text(k), experiments, fits(k), error, monitor)
          if (allocated(error)) then
             error%message = 'elements = '//to_text(mesh%elements)//', stage '//to_text(k)//': '// &
                error%message
@@ -148,30 +138,131 @@ contains
          end if
          fits(k)%stage = k
          fits(k)%elements = mesh%elements
-         fits(k)%free = stages(k)%free
-         call set_all(problem%structure, problem%excitation, stages(k)%free, fits(k)%fit%estimate)
-         fits(k)%structure = problem%structure
-         fits(k)%excitation = problem%excitation
-         fits(k)%scale = scales(problem%structure, problem%excitation, stages(k)%free)
-         fits(k)%lower = stages(k)%lower
-         fits(k)%upper = stages(k)%upper
-         fits(k)%work = problem%work
-         fits(k)%check = check_residuals(fits(k)%fit%residual)
-         if (size(samples) > size(stages(k)%free)) call new_statistics(fits(k)%fit%jacobian, &
-            fits(k)%fit%residual, fits(k)%fit%estimate, fits(k)%scale, fits(k)%statistics, error)
-         if (allocated(error)) return
       end do
-   end subroutine identify
+   end subroutine identify_experiments
+
+   !> One search and what it says; the estimates stay in the problem's world.
+   subroutine run_stage(problem, stage, options, label, experiments, found, error, monitor)
+      type(residual_t), intent(inout) :: problem
+      type(stage_t), intent(in) :: stage
+      type(options_t), intent(in) :: options
+      character(len=*), intent(in) :: label
+      type(experiment_t), intent(in) :: experiments(:)
+      type(stage_fit_t), intent(out) :: found
+      type(error_t), allocatable, intent(out) :: error
+      class(monitor_t), intent(inout), optional :: monitor
+      type(variable_t), allocatable :: variables(:)
+      integer :: i, k
+
+      problem%free = stage%free
+      problem%record = stage%owners()
+      problem%offset = stage%offset
+      do i = 1, size(problem%parts)
+         problem%parts(i)%work = work_t()
+      end do
+      call variables_of(stage, problem%world, variables, found%quantities)
+      call fit(problem, problem%samples(), variables, options, found%fit, error, monitor, label, &
+         found%quantities%name)
+      if (allocated(error)) return
+      found%free = stage%free
+      do k = 1, size(stage%free)
+         call problem%world%set(problem%free(k), problem%record(k), found%fit%estimate(k))
+         found%quantities(k)%value = found%fit%estimate(k)
+         found%quantities(k)%scale = abs(found%fit%estimate(k))
+         if (.not. found%quantities(k)%scale > 0) found%quantities(k)%scale = &
+            problem%world%magnitude(problem%free(k), problem%record(k))
+      end do
+      found%world = problem%world
+      found%structure = problem%world%structures(1)
+      found%excitation = problem%world%excitations(1)
+      call add_linear(problem, experiments, found, error)
+      if (allocated(error)) return
+      do i = 1, size(problem%parts)
+         found%work%solves = found%work%solves + problem%parts(i)%work%solves
+         found%work%steps = found%work%steps + problem%parts(i)%work%steps
+         found%work%evaluations = found%work%evaluations + problem%parts(i)%work%evaluations
+         found%work%factorizations = found%work%factorizations &
+            + problem%parts(i)%work%factorizations
+      end do
+      found%check = check_residuals(found%fit%residual)
+      ! What was eliminated counts, but no one asks whether an offset of nothing differs from it.
+      if (problem%samples() > size(found%quantities)) call new_statistics(found%jacobian, &
+         found%fit%residual, merge(found%quantities%value, found%quantities%scale, &
+         [(k <= size(stage%free), k=1, size(found%quantities))]), found%quantities%scale, &
+         found%statistics, error)
+   end subroutine run_stage
+
+   !> The quantities that were eliminated, and derivatives with respect to all.
+   subroutine add_linear(problem, experiments, found, error)
+      type(residual_t), intent(inout) :: problem
+      type(experiment_t), intent(in) :: experiments(:)
+      type(stage_fit_t), intent(inout) :: found
+      type(error_t), allocatable, intent(out) :: error
+      type(quantity_t), allocatable :: linear(:)
+      real(wp), allocatable :: c(:)
+      real(wp) :: r(problem%samples()), size_of_record
+      integer :: k
+
+      linear = problem%linear_quantities()
+      if (size(linear) == 0) then
+         found%jacobian = found%fit%jacobian
+         return
+      end if
+      allocate (c(size(linear)), found%jacobian(size(r), size(found%free) + size(linear)))
+      call problem%linear_jacobian(found%fit%estimate, r, found%jacobian, c, error)
+      if (allocated(error)) return
+      do k = 1, size(linear)
+         associate (experiment => experiments(max(1, linear(k)%record)))
+            size_of_record = norm2(experiment%measured)/sqrt(real(size(experiment%measured), wp))
+            linear(k)%value = c(k)
+            linear(k)%scale = max(size_of_record, tiny(1.0_wp))
+            if (linear(k)%parameter == offset) then
+               linear(k)%start = experiment%offset
+               linear(k)%value = experiment%offset + c(k)
+               linear(k)%scale = linear(k)%scale/abs(experiment%scale)
+            end if
+         end associate
+      end do
+      found%quantities = [found%quantities, linear]
+   end subroutine add_linear
+
+   !> One record from its samples.
+   !>
+   !> samples   (m) ascending [time]
+   !> measured  (m) record at the samples [length/time**2]
+   subroutine identify_samples(model, mesh, stages, samples, measured, fits, error, monitor)
+      type(model_t), intent(in) :: model
+      type(mesh_t), intent(in) :: mesh
+      type(stage_t), intent(in) :: stages(:)
+      real(wp), intent(in) :: samples(:), measured(:)
+      type(stage_fit_t), allocatable, intent(out) :: fits(:)
+      type(error_t), allocatable, intent(out) :: error
+      class(monitor_t), intent(inout), optional :: monitor
+
+      call identify_experiments(model, mesh, stages, [experiment_of(model, samples, measured)], &
+         fits, error, monitor)
+   end subroutine identify_samples
+
+   !> The model's own excitation and a record.
+   function experiment_of(model, samples, measured) result(experiment)
+      type(model_t), intent(in) :: model
+      real(wp), intent(in) :: samples(:), measured(:)
+      type(experiment_t) :: experiment
+
+      experiment%samples = samples
+      experiment%measured = measured
+      experiment%excitation = model%excitation
+   end function experiment_of
 
    !> `identify` on each mesh, as many at a time as there are threads.
    !>
    !> fits  (size(stages), size(meshes)) allocated on success
    !> error that of the first mesh, in the order given, which failed
-   subroutine identify_meshes(model, meshes, stages, samples, measured, fits, error, monitor)
+   subroutine identify_meshes_experiments(model, meshes, stages, experiments, fits, error, monitor)
       type(model_t), intent(in) :: model
       type(mesh_t), intent(in) :: meshes(:)
       type(stage_t), intent(in) :: stages(:)
-      real(wp), intent(in) :: samples(:), measured(:)
+      type(experiment_t), intent(in) :: experiments(:)
       type(stage_fit_t), allocatable, intent(out) :: fits(:, :)
       type(error_t), allocatable, intent(out) :: error
       class(monitor_t), intent(inout), optional :: monitor
@@ -186,7 +277,7 @@ contains
       allocate (outcomes(size(meshes)))
       !$omp parallel do schedule(dynamic, 1)
       do k = size(meshes), 1, -1
-         call identify(model, meshes(k), stages, samples, measured, outcomes(k)%fits, &
+         call identify_experiments(model, meshes(k), stages, experiments, outcomes(k)%fits, &
             outcomes(k)%error, monitor)
       end do
       !$omp end parallel do
@@ -199,7 +290,21 @@ contains
       do k = 1, size(meshes)
          fits(:, k) = outcomes(k)%fits
       end do
-   end subroutine identify_meshes
+   end subroutine identify_meshes_experiments
+
+   subroutine identify_meshes_samples(model, meshes, stages, samples, measured, fits, error, &
+      monitor)
+      type(model_t), intent(in) :: model
+      type(mesh_t), intent(in) :: meshes(:)
+      type(stage_t), intent(in) :: stages(:)
+      real(wp), intent(in) :: samples(:), measured(:)
+      type(stage_fit_t), allocatable, intent(out) :: fits(:, :)
+      type(error_t), allocatable, intent(out) :: error
+      class(monitor_t), intent(inout), optional :: monitor
+
+      call identify_meshes_experiments(model, meshes, stages, [experiment_of(model, samples, &
+         measured)], fits, error, monitor)
+   end subroutine identify_meshes_samples
 
    !> Adds up the squared residuals of each fit over other samples than it was made from.
    !>
@@ -228,108 +333,5 @@ contains
          end do
       end do
    end subroutine score_fits
-
-   !> Starts, bounds and scales of a stage's parameters.
-   pure function variables_of(stage, structure, excitation) result(variables)
-      type(stage_t), intent(in) :: stage
-      type(structure_t), intent(in) :: structure
-      type(excitation_t), intent(in) :: excitation
-      type(variable_t), allocatable :: variables(:)
-      real(wp) :: start
-      integer :: k
-
-      allocate (variables(size(stage%free)))
-      do k = 1, size(stage%free)
-         start = get_free(structure, excitation, stage%free(k))
-         if (allocated(stage%start)) start = stage%start(k)
-         start = min(max(start, stage%lower(k)), stage%upper(k))
-         variables(k) = new_variable(start, stage%lower(k), stage%upper(k), &
-            free_magnitude(structure, excitation, stage%free(k)))
-      end do
-   end function variables_of
-
-   !> Values of the free parameters, or where they are zero moderate ones.
-   pure function scales(structure, excitation, free)
-      type(structure_t), intent(in) :: structure
-      type(excitation_t), intent(in) :: excitation
-      integer, intent(in) :: free(:)
-      real(wp) :: scales(size(free))
-      integer :: k
-
-      do k = 1, size(free)
-         scales(k) = abs(get_free(structure, excitation, free(k)))
-         if (.not. scales(k) > 0) scales(k) = free_magnitude(structure, excitation, free(k))
-      end do
-   end function scales
-
-   !> Gives the free parameters their values.
-   pure subroutine set_all(structure, excitation, free, values)
-      type(structure_t), intent(inout) :: structure
-      type(excitation_t), intent(inout) :: excitation
-      integer, intent(in) :: free(:)
-      real(wp), intent(in) :: values(:)
-      integer :: k
-
-      do k = 1, size(free)
-         call set_free(structure, excitation, free(k), values(k))
-      end do
-   end subroutine set_all
-
-   subroutine residuals(self, parameters, r, error)
-      class(residual_t), intent(inout) :: self
-      real(wp), intent(in) :: parameters(:)
-      real(wp), intent(out) :: r(:)
-      type(error_t), allocatable, intent(out) :: error
-      type(response_t) :: response
-      type(equations_t) :: equations
-      type(structure_t) :: structure
-      type(excitation_t) :: excitation
-
-      structure = self%structure
-      excitation = self%excitation
-      call set_all(structure, excitation, self%free, parameters)
-      equations = new_equations(self%galerkin, structure, excitation)
-      call self%solver%respond(equations, excitation, self%sampling%times, response, self%work, &
-         error)
-      if (allocated(error)) return
-      r = self%sampling%acceleration(response) - self%measured
-   end subroutine residuals
-
-   pure logical function has_jacobian(self)
-      class(residual_t), intent(in) :: self
-
-      has_jacobian = self%solver%is_exact()
-   end function has_jacobian
-
-   subroutine jacobian(self, parameters, r, jac, error)
-      class(residual_t), intent(inout) :: self
-      real(wp), intent(in) :: parameters(:)
-      real(wp), intent(out) :: r(:), jac(:, :)
-      type(error_t), allocatable, intent(out) :: error
-      type(response_t) :: response
-      type(response_t), allocatable :: slopes(:)
-      type(equations_t) :: equations
-      type(structure_t) :: structure
-      type(excitation_t) :: excitation
-      integer :: k
-
-      structure = self%structure
-      excitation = self%excitation
-      call set_all(structure, excitation, self%free, parameters)
-      equations = new_equations(self%galerkin, structure, excitation)
-      call self%solver%differentiate(equations, excitation, self%sampling%times, self%free, &
-         response, slopes, self%work, error)
-      if (.not. allocated(error) .and. any(self%free == amplitude)) then
-         ! The response is linear in the amplitude: its derivative is the response to a unit one.
-         call excitation%set_amplitude(1.0_wp)
-         call self%solver%respond(equations, excitation, self%sampling%times, &
-            slopes(findloc(self%free, amplitude, dim=1)), self%work, error)
-      end if
-      if (allocated(error)) return
-      r = self%sampling%acceleration(response) - self%measured
-      do k = 1, size(self%free)
-         jac(:, k) = self%sampling%acceleration(slopes(k))
-      end do
-   end subroutine jacobian
 
 end module beamid_identification

@@ -2,6 +2,8 @@
 !> default or required, every value checked where it is read.
 module beamid_cases
    use beamid_errors, only: error_t, bad_input
+   use beamid_excitation, only: excitation_t
+   use beamid_experiments, only: experiment_t
    use beamid_files, only: read_text
    use beamid_galerkin, only: mesh_t
    use beamid_identification, only: model_t, stage_t
@@ -9,19 +11,20 @@ module beamid_cases
    use beamid_method_groups, only: read_discretization, read_integrator, read_observation, &
       read_stage
    use beamid_modal, only: modal_t
-   use beamid_model_groups, only: read_beam, read_excitation, read_hose, read_noise, read_tip, &
-      read_units
+   use beamid_model_groups, only: read_beam, read_excitation, read_hose, read_noise, read_sensor, &
+      read_tip, read_units
    use beamid_namelist, only: block_t, scan_namelist
    use beamid_record_groups, only: read_recording, read_score
    use beamid_records, only: everything, grid, load_recording, note_length, recording_t, window_t
    use beamid_refusals, only: refuse
    use beamid_vocabulary, only: case_vocabulary
    use beamid_strings, only: to_text
+   use beamid_structure, only: check_structure, structure_t
    use beamid_units, only: units_t
    implicit none
    private
 
-   public :: case_t, read_case, sample_times, measured_samples, scored_samples
+   public :: case_t, read_case, sample_times, measured_samples, scored_samples, load_experiments
    public :: needs_nothing, needs_response, needs_fit
 
    !> What a command needs of a case: the structure alone, a response at given times, a fit.
@@ -32,7 +35,9 @@ module beamid_cases
       character(len=:), allocatable :: name     !< file name without folder and ending
       type(model_t) :: model
       type(mesh_t), allocatable :: meshes(:)    !< one for each entry of `elements`
-      type(recording_t) :: recording
+      type(recording_t), allocatable :: recordings(:)
+      !> one for each recording, or one for all
+      type(excitation_t), allocatable :: excitations(:)
       !> over which `identify` adds up squared residuals once the fit is done
       type(window_t) :: score
       integer :: score_line = 0                 !< of the group &score; 0: there is none
@@ -68,38 +73,46 @@ contains
       case%name = name_of(path)
       case%meshes = [mesh_t()]
       allocate (modal_t :: case%model%solver)
-      allocate (case%stages(0), case%stage_lines(0))
+      allocate (case%stages(0), case%stage_lines(0), case%recordings(0), case%excitations(0))
 
       call read_groups(blocks, case, error)
       if (.not. allocated(error)) call check_needs(case, needs, error)
    end subroutine read_case
 
-   !> Every group in turn; the structure first, whatever the order in the file, because others are
-   !> checked against it.
+   !> Every group in turn; the structure first and the stages last, whatever the order in the file,
+   !> because others are checked against it, and they against others.
    subroutine read_groups(blocks, case, error)
       type(block_t), intent(in) :: blocks(:)
       type(case_t), intent(inout) :: case
       type(error_t), allocatable, intent(out) :: error
       type(stage_t) :: stage
+      type(recording_t) :: recording
+      type(excitation_t) :: excitation
       integer :: pass, k
 
-      do pass = 1, 3
+      do pass = 1, 4
          do k = 1, size(blocks)
             associate (block => blocks(k), path => case%path, model => case%model)
                select case (trim(block%name)//achar(48 + pass))
                case ('beam1'); call read_beam(path, block, model%structure, error)
                case ('tip2'); call read_tip(path, block, model%structure, error)
+               case ('sensor2'); call read_sensor(path, block, model%structure, error)
                case ('hose2'); call read_hose(path, block, model%structure, error)
-               case ('excitation3'); call read_excitation(path, block, model%excitation, error)
                case ('discretization3'); call read_discretization(path, block, case%meshes, error)
                case ('integrator3'); call read_integrator(path, block, model%solver, error)
                case ('observation3'); call read_observation(path, block, model%observation, error)
-               case ('record3'); call read_recording(path, block, case%recording, error)
                case ('score3'); call read_score(path, block, case%score, case%score_line, error)
                case ('noise3'); call read_noise(path, block, case%noise_sd, case%noise_seed, error)
                case ('units3'); call read_units(path, block, case%units, error)
-               case ('stage3')
-                  call read_stage(path, block, model%structure, stage, error)
+               case ('excitation3')
+                  call read_excitation(path, block, excitation, error)
+                  case%excitations = [case%excitations, excitation]
+               case ('record3')
+                  call read_recording(path, block, recording, error)
+                  call append(case%recordings, recording)
+               case ('stage4')
+                  call read_stage(path, block, model%structure, size(case%recordings), &
+                     case%excitations, stage, error)
                   case%stages = [case%stages, stage]
                   case%stage_lines = [case%stage_lines, block%line]
                end select
@@ -107,7 +120,24 @@ contains
             if (allocated(error)) return
          end do
       end do
+      if (size(case%excitations) > 0) case%model%excitation = case%excitations(1)
+      if (size(case%excitations) > 1 .and. size(case%excitations) /= size(case%recordings)) &
+         call bad_input(error, case%path//': &excitation: found '// &
+         to_text(size(case%excitations))//' such groups for '//to_text(size(case%recordings))// &
+         ' of &record, expected one, or one for each record')
    end subroutine read_groups
+
+   !> One recording more. (An array constructor would not do for texts of their own length.)
+   subroutine append(list, item)
+      type(recording_t), allocatable, intent(inout) :: list(:)
+      type(recording_t), intent(in) :: item
+      type(recording_t), allocatable :: longer(:)
+
+      allocate (longer(size(list) + 1))
+      longer(:size(list)) = list
+      longer(size(longer)) = item
+      call move_alloc(longer, list)
+   end subroutine append
 
    !> Refuses a case that lacks what the command needs.
    subroutine check_needs(case, needs, error)
@@ -115,22 +145,35 @@ contains
       integer, intent(in) :: needs
       type(error_t), allocatable, intent(out) :: error
 
+      integer :: k
+
       if (needs == needs_nothing) return
-      if (.not. allocated(case%model%excitation%t)) then
+      if (size(case%excitations) == 0) then
          call bad_input(error, case%path//': &excitation: found no such group, expected one')
-      else if (case%recording%line == 0) then
+      else if (size(case%recordings) == 0) then
          call bad_input(error, case%path//': &record: found no such group, expected one')
       else if (needs == needs_fit) then
-         if (.not. allocated(case%recording%path)) then
-            call refuse(case%path, case%recording%line, 'record', 'file', 'nothing', &
-               'the path of a record', error)
-         else if (size(case%stages) == 0) then
-            call bad_input(error, case%path//': &stage: found no such group, expected one or more')
-         end if
-      else if (case%recording%window%t_step <= 0 .or. &
-               case%recording%window%t_first <= -everything .or. &
-               case%recording%window%t_last >= everything) then
-         call bad_input(error, case%path//':'//to_text(case%recording%line)// &
+         do k = 1, size(case%recordings)
+            if (.not. allocated(case%recordings(k)%path)) call refuse(case%path, &
+               case%recordings(k)%line, 'record', 'file', 'nothing', 'the path of a record', error)
+         end do
+         if (.not. allocated(error) .and. size(case%stages) == 0) call bad_input(error, &
+            case%path//': &stage: found no such group, expected one or more')
+         if (.not. allocated(error) .and. case%score_line > 0 .and. &
+            (size(case%recordings) > 1 .or. any(case%excitations%modes > 0) .or. &
+            any(case%stages%offset))) call bad_input(error, case%path//':'// &
+            to_text(case%score_line)//': &score: found it beside several records, a free start '// &
+            'or a free offset, expected one record with a known start')
+      else if (size(case%recordings) > 1) then
+         call bad_input(error, case%path//':'//to_text(case%recordings(2)%line)// &
+            ': &record: found a second one, expected one for a response')
+      else if (case%excitations(1)%modes > 0) then
+         call bad_input(error, case%path// &
+            ': &excitation kind: found ''free'', expected a start that is known for a response')
+      else if (case%recordings(1)%window%t_step <= 0 .or. &
+               case%recordings(1)%window%t_first <= -everything .or. &
+               case%recordings(1)%window%t_last >= everything) then
+         call bad_input(error, case%path//':'//to_text(case%recordings(1)%line)// &
             ': &record: found no grid of sample times, expected t_first, t_last and t_step')
       end if
    end subroutine check_needs
@@ -141,9 +184,9 @@ contains
       real(wp), allocatable, intent(out) :: times(:)
       type(error_t), allocatable, intent(out) :: error
 
-      call grid(case%recording%window, times, error)
+      call grid(case%recordings(1)%window, times, error)
       if (allocated(error)) then
-         error%message = case%path//':'//to_text(case%recording%line)//': &record t_step: '// &
+         error%message = case%path//':'//to_text(case%recordings(1)%line)//': &record t_step: '// &
             error%message
          return
       end if
@@ -165,7 +208,71 @@ contains
       end associate
    end subroutine check_delta
 
-   !> Reads the record and takes the samples of the window; refuses fewer samples than parameters.
+   !> The records and how each came about; refuses fewer samples than parameters.
+   !>
+   !> notes  what was done to the records, a sentence each
+   subroutine load_experiments(case, experiments, notes, error)
+      type(case_t), intent(in) :: case
+      type(experiment_t), allocatable, intent(out) :: experiments(:)
+      character(len=note_length), allocatable, intent(out) :: notes(:)
+      type(error_t), allocatable, intent(out) :: error
+      character(len=note_length), allocatable :: sentences(:)
+      integer :: k, total
+
+      allocate (experiments(size(case%recordings)), notes(0))
+      do k = 1, size(experiments)
+         associate (experiment => experiments(k), recording => case%recordings(k))
+            call samples_of(case, recording, 'record', recording%line, experiment%samples, &
+               experiment%measured, error, sentences)
+            if (allocated(error)) return
+            if (size(experiments) > 1 .and. size(sentences) > 0) &
+               sentences = 'record '//to_text(k)//': '//sentences
+            notes = [notes, sentences]
+            experiment%excitation = case%excitations(min(k, size(case%excitations)))
+            experiment%length = recording%length
+            experiment%x_S = recording%x_S
+            experiment%scale = recording%scale
+            experiment%offset = recording%offset
+            call check_place(case, recording, experiment%structure_of(case%model%structure), error)
+            if (allocated(error)) return
+         end associate
+      end do
+      total = sum([(size(experiments(k)%samples), k=1, size(experiments))])
+      do k = 1, size(case%stages)
+         if (unknowns(case, k) <= total) cycle
+         call refuse(case%path, case%stage_lines(k), 'stage', 'free', &
+            to_text(unknowns(case, k))//' unknowns for '//to_text(total)//' samples', &
+            'no more unknowns than samples', error)
+         return
+      end do
+   end subroutine load_experiments
+
+   !> How many unknowns a stage has, those that enter linearly included.
+   pure integer function unknowns(case, k)
+      type(case_t), intent(in) :: case
+      integer, intent(in) :: k
+      integer :: r
+
+      unknowns = size(case%stages(k)%free)
+      do r = 1, size(case%recordings)
+         unknowns = unknowns + 2*case%excitations(min(r, size(case%excitations)))%modes
+         if (case%stages(k)%offset) unknowns = unknowns + 1
+      end do
+   end function unknowns
+
+   !> A record's own length and sensor must go together.
+   subroutine check_place(case, recording, structure, error)
+      type(case_t), intent(in) :: case
+      type(recording_t), intent(in) :: recording
+      type(structure_t), intent(in) :: structure
+      type(error_t), allocatable, intent(out) :: error
+
+      call check_structure(structure, error)
+      if (allocated(error)) error%message = case%path//':'//to_text(recording%line)// &
+         ': &record '//error%message
+   end subroutine check_place
+
+   !> The samples of the first record.
    !>
    !> samples, measured  (m) [time], [length/time**2]
    !> notes              what was done to the record, a sentence each
@@ -174,18 +281,14 @@ contains
       real(wp), allocatable, intent(out) :: samples(:), measured(:)
       type(error_t), allocatable, intent(out) :: error
       character(len=note_length), allocatable, intent(out), optional :: notes(:)
-      integer :: k
+      type(experiment_t), allocatable :: experiments(:)
+      character(len=note_length), allocatable :: sentences(:)
 
-      call samples_of(case, case%recording%window, 'record', case%recording%line, samples, &
-         measured, error, notes)
+      call load_experiments(case, experiments, sentences, error)
       if (allocated(error)) return
-      do k = 1, size(case%stages)
-         if (size(case%stages(k)%free) <= size(samples)) cycle
-         call refuse(case%path, case%stage_lines(k), 'stage', 'free', &
-            to_text(size(case%stages(k)%free))//' parameters for '//to_text(size(samples))// &
-            ' samples', 'no more parameters than samples', error)
-         return
-      end do
+      samples = experiments(1)%samples
+      measured = experiments(1)%measured
+      if (present(notes)) call move_alloc(sentences, notes)
    end subroutine measured_samples
 
    !> The samples of the window of &score; none without such a group.
@@ -193,30 +296,32 @@ contains
       type(case_t), intent(in) :: case
       real(wp), allocatable, intent(out) :: samples(:), measured(:)
       type(error_t), allocatable, intent(out) :: error
+      type(recording_t) :: recording
 
       if (case%score_line == 0) then
          allocate (samples(0), measured(0))
          return
       end if
-      call samples_of(case, case%score, 'score', case%score_line, samples, measured, error)
+      recording = case%recordings(1)
+      recording%window = case%score
+      call samples_of(case, recording, 'score', case%score_line, samples, measured, error)
    end subroutine scored_samples
 
-   !> The samples of one window of the record.
-   subroutine samples_of(case, window, group, line, samples, measured, error, notes)
+   !> The samples of one window of a record.
+   subroutine samples_of(case, recording, group, line, samples, measured, error, notes)
       type(case_t), intent(in) :: case
-      type(window_t), intent(in) :: window
+      type(recording_t), intent(in) :: recording
       character(len=*), intent(in) :: group
       integer, intent(in) :: line
       real(wp), allocatable, intent(out) :: samples(:), measured(:)
       type(error_t), allocatable, intent(out) :: error
       character(len=note_length), allocatable, intent(out), optional :: notes(:)
-      type(recording_t) :: recording
+      type(recording_t) :: labelled
       character(len=note_length), allocatable :: sentences(:)
 
-      recording = case%recording
-      recording%window = window
-      recording%time_unit = case%units%time
-      call load_recording(recording, samples, measured, sentences, error, &
+      labelled = recording
+      labelled%time_unit = case%units%time
+      call load_recording(labelled, samples, measured, sentences, error, &
          place=case%path//':'//to_text(line)//': &'//group//': ')
       if (allocated(error)) return
       if (present(notes)) call move_alloc(sentences, notes)

@@ -18,6 +18,8 @@ module beamid_keys
       integer :: kind = kind_real
       !> How many values it takes at most; 1 for a scalar.
       integer :: max_count = 1
+      !> Where a value in quotes goes instead: another key of the group, of texts.
+      character(len=name_length) :: text_key = ''
    end type key_t
 
    !> One group and what it may hold.
@@ -53,11 +55,13 @@ module beamid_keys
 contains
 
    !> A key whose values are real numbers, one or up to `max_count`.
-   pure type(key_t) function real_key(name, max_count) result(key)
+   pure type(key_t) function real_key(name, max_count, text_key) result(key)
       character(len=*), intent(in) :: name
       integer, intent(in), optional :: max_count
+      character(len=*), intent(in), optional :: text_key
 
       key%name = name
+      if (present(text_key)) key%text_key = text_key
       if (present(max_count)) key%max_count = max_count
    end function real_key
 

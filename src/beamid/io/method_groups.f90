@@ -9,12 +9,14 @@ module beamid_method_groups
    use beamid_modal, only: modal_t
    use beamid_namelist, only: block_t, string_length
    use beamid_observation, only: formula_names, observation_t
-   use beamid_parameters, only: belongs_to_hose, free_index, free_names, may_be_negative
+   use beamid_excitation, only: excitation_t
+   use beamid_parameters, only: amplitude, belongs_to_hose, free_index, free_names, &
+      may_be_negative, offset
    use beamid_refusals, only: accept, exclude, in_range, positive, quoted, refuse, require
    use beamid_responses, only: solver_t
    use beamid_vocabulary, only: max_list
    use beamid_strings, only: to_text
-   use beamid_structure, only: structure_t
+   use beamid_structure, only: of_k_R, structure_t
    use beamid_variables, only: unbounded
    implicit none
    private
@@ -137,18 +139,23 @@ contains
       observed%delta = delta
    end subroutine read_observation
 
-   subroutine read_stage(path, block, structure, found, error)
+   !> records      how many there are: a parameter that is not shared gets a value for each
+   !> excitations  of the case
+   subroutine read_stage(path, block, structure, records, excitations, found, error)
       character(len=*), intent(in) :: path
       type(block_t), intent(in) :: block
       type(structure_t), intent(in) :: structure
+      integer, intent(in) :: records
+      type(excitation_t), intent(in) :: excitations(:)
       type(stage_t), intent(out) :: found
       type(error_t), allocatable, intent(out) :: error
-      character(len=string_length) :: free(size(free_names))
+      character(len=string_length) :: free(size(free_names)), shared(size(free_names)), start_from
       real(wp), dimension(size(free_names)) :: start, lower, upper
+      integer, allocatable :: together(:)
       integer :: status, n, k
-      namelist /stage/ free, start, lower, upper
+      namelist /stage/ free, shared, start, start_from, lower, upper
 
-      free = ''; start = 0; lower = 0; upper = unbounded
+      free = ''; shared = ''; start = 0; start_from = ''; lower = 0; upper = unbounded
       read (block%text, nml=stage, iostat=status)
       call accept(path, block, status, error)
       call require(path, block, ['free'], error)
@@ -171,6 +178,12 @@ contains
                call refuse(path, block%line_of('free'), 'stage', 'free', quoted(free(k))// &
                   ' twice', &
                   'each parameter once', error)
+            else if (p == of_k_R .and. .not. s%has_soft_root()) then
+               call refuse(path, block%line_of('free'), 'stage', 'free', quoted(free(k)), &
+                  'a value of k_R in &beam for it', error)
+            else if (p == amplitude .and. any(excitations%modes > 0)) then
+               call refuse(path, block%line_of('free'), 'stage', 'free', quoted(free(k)), &
+                  'no amplitude beside a free start', error)
             else if (belongs_to_hose(p) .and. .not. s%has_hose()) then
                call refuse(path, block%line_of('free'), 'stage', 'free', quoted(free(k)), &
                   'a &hose group with m_H > 0 for it', error)
@@ -187,12 +200,21 @@ contains
                   upper_text(upper(k)), error)
             end if
             if (allocated(error)) return
+            if (p == offset) found%offset = .true.
             found%free = [found%free, p]
          end associate
       end do
-      if (block%has('start')) found%start = start(:n)
       found%lower = lower(:n)
       found%upper = upper(:n)
+      if (block%has('start')) found%start = start(:n)
+      if (block%has('start_from') .and. start_from /= 'auto') then
+         call refuse(path, block%line_of('start_from'), 'stage', 'start', quoted(start_from), &
+            'numbers or ''auto''', error)
+         return
+      end if
+      found%automatic = block%has('start_from')
+      call read_shared(together)
+      if (.not. allocated(error)) call found%distribute(together, records)
 
    contains
 
@@ -203,6 +225,28 @@ contains
          if (block%count_of(key) /= n) call refuse(path, block%line_of(key), 'stage', key, &
             to_text(block%count_of(key))//' values', to_text(n)//', one for each of free', error)
       end subroutine same_count
+
+      !> Places of the parameters that all records have in common.
+      subroutine read_shared(places)
+         integer, allocatable, intent(out) :: places(:)
+         integer :: j, place
+
+         allocate (places(0))
+         if (.not. block%has('shared')) then
+            places = found%free
+            return
+         end if
+         do j = 1, block%count_of('shared')
+            place = free_index(shared(j))
+            if (any(found%free == place)) then
+               places = [places, place]
+            else
+               call refuse(path, block%line_of('shared'), 'stage', 'shared', quoted(shared(j)), &
+                  'parameters that are free', error)
+               return
+            end if
+         end do
+      end subroutine read_shared
 
       function upper_text(value) result(text)
          real(wp), intent(in) :: value

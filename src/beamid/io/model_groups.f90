@@ -3,18 +3,18 @@
 module beamid_model_groups
    use beamid_csv, only: column_length, read_columns
    use beamid_errors, only: error_t
-   use beamid_excitation, only: excitation_t, new_force_table, new_pulse
+   use beamid_excitation, only: excitation_t, new_force_table, new_free, new_pulse, new_release
    use beamid_files, only: directory_of, join_path
    use beamid_kinds, only: wp
    use beamid_namelist, only: block_t, string_length
-   use beamid_refusals, only: accept, exclude, positive, quoted, refuse, require
+   use beamid_refusals, only: accept, exclude, in_range, positive, quoted, refuse, require
    use beamid_strings, only: to_text
-   use beamid_structure, only: check_structure, structure_t
+   use beamid_structure, only: at_tip, check_structure, rigid, structure_t
    use beamid_units, only: label_length, units_t
    implicit none
    private
 
-   public :: read_beam, read_tip, read_hose, read_excitation, read_units, read_noise
+   public :: read_beam, read_tip, read_hose, read_sensor, read_excitation, read_units, read_noise
 
 contains
 
@@ -23,11 +23,11 @@ contains
       type(block_t), intent(in) :: block
       type(structure_t), intent(inout) :: structure
       type(error_t), allocatable, intent(out) :: error
-      real(wp) :: length, rho, E, I, width, height, c_D
+      real(wp) :: length, rho, E, I, width, height, c_D, gamma, k_R
       integer :: status
-      namelist /beam/ length, rho, E, I, width, height, c_D
+      namelist /beam/ length, rho, E, I, width, height, c_D, gamma, k_R
 
-      length = 0; rho = 0; E = 0; I = 0; width = 0; height = 0; c_D = 0
+      length = 0; rho = 0; E = 0; I = 0; width = 0; height = 0; c_D = 0; gamma = 0; k_R = rigid
       read (block%text, nml=beam, iostat=status)
       call accept(path, block, status, error)
       call require(path, block, [character(len=6) :: 'length', 'rho', 'E'], error)
@@ -49,6 +49,8 @@ contains
       structure%E = E
       structure%I = I
       structure%c_D = c_D
+      structure%gamma = gamma
+      structure%k_R = k_R
       call accept_structure(path, block, structure, error)
    end subroutine read_beam
 
@@ -57,15 +59,16 @@ contains
       type(block_t), intent(in) :: block
       type(structure_t), intent(inout) :: structure
       type(error_t), allocatable, intent(out) :: error
-      real(wp) :: m_T
+      real(wp) :: m_T, J_T
       integer :: status
-      namelist /tip/ m_T
+      namelist /tip/ m_T, J_T
 
-      m_T = 0
+      m_T = 0; J_T = 0
       read (block%text, nml=tip, iostat=status)
       call accept(path, block, status, error)
       if (allocated(error)) return
       structure%m_T = m_T
+      structure%J_T = J_T
       call accept_structure(path, block, structure, error)
    end subroutine read_tip
 
@@ -89,43 +92,73 @@ contains
       call accept_structure(path, block, structure, error)
    end subroutine read_hose
 
-   subroutine read_excitation(path, block, force, error)
+   subroutine read_sensor(path, block, structure, error)
       character(len=*), intent(in) :: path
       type(block_t), intent(in) :: block
-      type(excitation_t), intent(inout) :: force
+      type(structure_t), intent(inout) :: structure
+      type(error_t), allocatable, intent(out) :: error
+      real(wp) :: m_S, x_S
+      integer :: status
+      namelist /sensor/ m_S, x_S
+
+      m_S = 0; x_S = at_tip
+      read (block%text, nml=sensor, iostat=status)
+      call accept(path, block, status, error)
+      if (block%has('x_S')) call positive(path, block, 'x_S', x_S, error)
+      if (allocated(error)) return
+      structure%m_S = m_S
+      structure%x_S = x_S
+      call accept_structure(path, block, structure, error)
+   end subroutine read_sensor
+
+   subroutine read_excitation(path, block, found, error)
+      character(len=*), intent(in) :: path
+      type(block_t), intent(in) :: block
+      type(excitation_t), intent(inout) :: found
       type(error_t), allocatable, intent(out) :: error
       character(len=string_length) :: kind, file, load
-      real(wp) :: amplitude, duration, power
-      integer :: status
-      namelist /excitation/ kind, amplitude, duration, file, load, power
+      real(wp) :: amplitude, duration, power, force, displacement, time
+      integer :: modes, status
+      namelist /excitation/ kind, amplitude, duration, file, load, power, force, displacement, &
+         time, modes
 
       kind = ''; file = ''; load = 'point'; amplitude = 0; duration = 0; power = 2
+      force = 0; displacement = 0; time = 0; modes = 2
       read (block%text, nml=excitation, iostat=status)
       call accept(path, block, status, error)
       call require(path, block, ['kind'], error)
       if (allocated(error)) return
+      call exclude_strangers(path, block, trim(kind), error)
+      if (allocated(error)) return
       select case (kind)
       case ('pulse')
          call require(path, block, [character(len=9) :: 'amplitude', 'duration'], error)
-         call exclude(path, block, [character(len=9) :: 'file'], 'with kind = ''pulse''', error)
          call positive(path, block, 'duration', duration, error)
          if (allocated(error)) return
-         force = new_pulse(amplitude, duration)
+         found = new_pulse(amplitude, duration)
       case ('table')
          call require(path, block, ['file'], error)
-         call exclude(path, block, [character(len=9) :: 'amplitude', 'duration'], &
-            'with kind = ''table''', error)
+         if (.not. allocated(error) .and. file == '') call refuse(path, block%line_of('file'), &
+            'excitation', 'file', '''''', 'the path of a force table', error)
          if (allocated(error)) return
-         if (file == '') then
-            call refuse(path, block%line_of('file'), 'excitation', 'file', '''''', &
-               'the path of a force table', error)
+         call read_force(join_path(directory_of(path), trim(file)), found, error)
+         if (allocated(error)) return
+      case ('release')
+         if (block%has('force') .eqv. block%has('displacement')) then
+            call refuse(path, block%line, 'excitation', 'force', merge( &
+               'both force and displacement', 'neither force, displacement', &
+               block%has('force')), 'either force or displacement of the tip before', error)
             return
          end if
-         call read_force(join_path(directory_of(path), trim(file)), force, error)
+         found = new_release(merge(displacement, force, block%has('displacement')), time, &
+            block%has('displacement'))
+      case ('free')
+         call in_range(path, block, 'modes', modes, 1, 20, error)
          if (allocated(error)) return
+         found = new_free(modes)
       case default
          call refuse(path, block%line_of('kind'), 'excitation', 'kind', quoted(kind), &
-            '''pulse'' or ''table''', error)
+            '''pulse'', ''table'', ''release'' or ''free''', error)
          return
       end select
       if (load /= 'point' .and. load /= 'distributed') then
@@ -135,9 +168,29 @@ contains
          call refuse(path, block%line_of('power'), 'excitation', 'power', to_text(power), &
             '2 or more', error)
       end if
-      force%distributed = load == 'distributed'
-      force%power = power
+      found%distributed = load == 'distributed'
+      found%power = power
    end subroutine read_excitation
+
+   !> Each kind of excitation has its own keys.
+   subroutine exclude_strangers(path, block, kind, error)
+      character(len=*), intent(in) :: path, kind
+      type(block_t), intent(in) :: block
+      type(error_t), allocatable, intent(inout) :: error
+      character(len=12), parameter :: keys(9) = [character(len=12) :: 'amplitude', 'duration', &
+                                      'file', 'load', 'power', 'force', 'displacement', 'time', &
+                                      'modes']
+      character(len=*), parameter :: owners(9) = [character(len=13) :: 'pulse', 'pulse', 'table', &
+                                     'pulse table', 'pulse table', 'release', 'release', &
+                                     'release', 'free']
+      integer :: k
+
+      if (.not. any(kind == [character(len=7) :: 'pulse', 'table', 'release', 'free'])) return
+      do k = 1, size(keys)
+         if (index(owners(k), kind) == 0) call exclude(path, block, keys(k:k), &
+            'with kind = '''//kind//'''', error)
+      end do
+   end subroutine exclude_strangers
 
    !> Force table: time and force, the first two columns.
    subroutine read_force(path, force, error)

@@ -21,18 +21,18 @@ contains
    subroutine read_recording(path, block, found, error)
       character(len=*), intent(in) :: path
       type(block_t), intent(in) :: block
-      type(recording_t), intent(inout) :: found
+      type(recording_t), intent(out) :: found
       type(error_t), allocatable, intent(out) :: error
       character(len=string_length) :: file
       character(len=string_length) :: time_column, value_column
-      real(wp) :: t_first, t_last, t_step, scale, offset, clip_low, clip_high
+      real(wp) :: t_first, t_last, t_step, scale, offset, clip_low, clip_high, length, x_S
       type(window_t) :: window
       integer :: status, thin
       namelist /record/ file, t_first, t_last, t_step, scale, offset, time_column, value_column, &
-         clip_low, clip_high, thin
+         clip_low, clip_high, thin, length, x_S
 
       file = ''; t_first = -everything; t_last = everything; t_step = 0; scale = 1; offset = 0
-      time_column = ''; value_column = ''; thin = 1
+      time_column = ''; value_column = ''; thin = 1; length = 0; x_S = 0
       clip_low = -everything; clip_high = everything
       read (block%text, nml=record, iostat=status)
       call accept(path, block, status, error)
@@ -50,6 +50,8 @@ contains
       end if
       call checked_column(path, block, 'time_column', time_column, error)
       call checked_column(path, block, 'value_column', value_column, error)
+      if (block%has('length')) call positive(path, block, 'length', length, error)
+      if (block%has('x_S')) call positive(path, block, 'x_S', x_S, error)
       if (block%has('thin')) call in_range(path, block, 'thin', thin, 2, max_thin, error)
       if (block%has('thin')) call exclude(path, block, ['t_step'], 'beside thin', error)
       if (clip_low >= clip_high) call refuse(path, block%line_of('clip_high'), 'record', &
@@ -64,6 +66,8 @@ contains
       found%clip_low = clip_low
       found%clip_high = clip_high
       found%thin = thin
+      found%length = length
+      found%x_S = x_S
       found%line = block%line
    end subroutine read_recording
 

@@ -1,14 +1,15 @@
 !> Results for the reader: what is printed on standard output and kept in summary.txt.
 module beamid_summaries
    use beamid_cases, only: case_t
+   use beamid_experiments, only: experiment_t
    use beamid_identification, only: simulation_t, stage_fit_t
    use beamid_kinds, only: wp
    use beamid_observation, only: formula_names
    use beamid_responses, only: work_t
    use beamid_strings, only: fixed, to_text
-   use beamid_parameters, only: free_names
    use beamid_statistics, only: undetermined, unlimited
    use beamid_texts, only: text_t
+   use beamid_unknowns, only: name_length
    implicit none
    private
 
@@ -20,20 +21,23 @@ contains
 
    !> The estimates, a table for each stage with a row for each mesh.
    !>
-   !> fits     (stages, meshes)
-   !> samples  (m) [time]
-   function fit_summary(case, samples, fits, notes) result(content)
+   !> fits  (stages, meshes)
+   function fit_summary(case, experiments, fits, notes) result(content)
       type(case_t), intent(in) :: case
-      real(wp), intent(in) :: samples(:)
+      type(experiment_t), intent(in) :: experiments(:)
       type(stage_fit_t), intent(in) :: fits(:, :)
       character(len=*), intent(in), optional :: notes(:)   !< on the record
       character(len=:), allocatable :: content
       type(text_t) :: text
       integer :: k
 
-      call text%line(case%name//': identification from '//to_text(size(samples))// &
-         ' samples, t = '// &
-         to_text(samples(1))//' to '//to_text(samples(size(samples)))//label(case%units%time))
+      do k = 1, size(experiments)
+         associate (t => experiments(k)%samples)
+            call text%line(case%name//': identification from '//to_text(size(t))// &
+               ' samples, t = '//to_text(t(1))//' to '//to_text(t(size(t)))// &
+               label(case%units%time))
+         end associate
+      end do
       if (present(notes)) then
          do k = 1, size(notes)
             call text%line(notes(k))
@@ -59,13 +63,13 @@ contains
       names = '    N'
       units = '     '
       start = 'start'
-      associate (free => fits(1)%free)
-         do k = 1, size(free)
-            names = names//right(trim(free_names(free(k))))
-            units = units//right(case%units%of_parameter(free(k)))
-            start = start//right(to_text(fits(1)%fit%start(k)))
-         end do
-      end associate
+      do k = 1, size(fits(1)%free)
+         associate (q => fits(1)%quantities(k))
+            names = names//right(trim(q%name))
+            units = units//right(case%units%of_quantity(q%parameter, fits(1)%excitation))
+            start = start//right(to_text(q%start))
+         end associate
+      end do
       call text%line('Stage '//to_text(fits(1)%stage))
       call text%line(names//right('J')//'  iterations  evaluations  why it stopped')
       call text%line(units//right(case%units%sum_of_squares()))
@@ -73,7 +77,7 @@ contains
       do k = 1, size(fits)
          line = right(to_text(fits(k)%elements), 5)
          do j = 1, size(fits(k)%free)
-            line = line//right(to_text(fits(k)%fit%estimate(j)))
+            line = line//right(to_text(fits(k)%quantities(j)%value))
          end do
          associate (fit => fits(k)%fit)
             line = line//right(to_text(fit%J))//right(to_text(fit%iterations), 12)// &
@@ -94,7 +98,7 @@ contains
       type(case_t), intent(in) :: case
       type(stage_fit_t), intent(in) :: fit
       character(len=:), allocatable :: line
-      character(len=len(free_names)) :: names(size(fit%free))
+      character(len=name_length) :: names(size(fit%quantities))
       character(len=512), allocatable :: sentences(:)
       integer :: j, k
 
@@ -102,17 +106,17 @@ contains
          call text%line('No degree of freedom is left for standard errors.')
          return
       end if
-      names = free_names(fit%free)
+      names = fit%quantities%name
       call text%line()
       call text%line('Statistics for N = '//to_text(fit%elements)//': noise sd '// &
          to_text(sqrt(fit%statistics%variance))//label(case%units%acceleration())//', '// &
-         to_text(fit%statistics%samples - size(fit%free))//' degrees of freedom')
+         to_text(fit%statistics%samples - size(names))//' degrees of freedom')
       line = '              estimate     std error        lower95        upper95'
       if (.not. fit%check%white) line = line//'  corrected se        lower95        upper95'
       call text%line(line//'  correlations')
-      associate (s => fit%statistics, p => fit%fit%estimate)
+      associate (s => fit%statistics, p => fit%quantities%value)
          do k = 1, size(p)
-            line = left(trim(names(k)), 9)//right(to_text(p(k)), 13)//interval(fit, k, &
+            line = left(trim(names(k)), 10)//right(to_text(p(k)), 12)//interval(fit, k, &
                s%std_error(k), &
                s%half_width(k))
             if (.not. fit%check%white) line = line//interval(fit, k, &
@@ -125,7 +129,7 @@ contains
          call text%line('singular values of the Jacobian per relative change:'// &
             joined(s%singular)// &
             '; condition number '//limited(s%condition))
-         sentences = undetermined(s, names, fit%scale, fit%fit%jacobian)
+         sentences = undetermined(s, names, fit%quantities%scale, fit%jacobian)
          do k = 1, size(sentences)
             call text%line(sentences(k))
          end do
@@ -172,11 +176,11 @@ contains
       real(wp), intent(in) :: std_error, half_width
       character(len=:), allocatable :: columns
 
-      associate (p => fit%fit%estimate(k))
+      associate (q => fit%quantities(k))
          columns = right('unlimited')//right('-', 15)//right('-', 15)
          if (std_error < unlimited .and. half_width < unlimited) columns = &
-            right(to_text(std_error))//right(to_text(max(p - half_width, fit%lower(k))), 15)// &
-            right(to_text(min(p + half_width, fit%upper(k))), 15)
+            right(to_text(std_error))//right(to_text(max(q%value - half_width, q%lower)), 15)// &
+            right(to_text(min(q%value + half_width, q%upper)), 15)
       end associate
    end function interval
 

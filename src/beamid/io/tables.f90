@@ -1,10 +1,10 @@
 !> Tables for other programs: comma-separated, one header line, numbers to full precision.
 module beamid_tables
    use beamid_excitation, only: excitation_t
+   use beamid_experiments, only: experiment_t
    use beamid_identification, only: simulation_t, stage_fit_t
    use beamid_kinds, only: wp
    use beamid_strings, only: full, to_text
-   use beamid_parameters, only: free_names
    use beamid_statistics, only: unlimited
    use beamid_texts, only: text_t
    use beamid_units, only: units_t
@@ -18,7 +18,7 @@ module beamid_tables
    character(len=*), parameter :: estimates_header = &
       'stage,elements,parameter,unit,start,estimate,std_error,lower95,upper95,determined,'// &
       'std_error_corrected,lower95_corrected,upper95_corrected'
-   character(len=*), parameter :: fit_header = 'elements,t,measured,model,residual'
+   character(len=*), parameter :: fit_header = 'elements,t,measured,model,residual,record'
    character(len=*), &
       parameter :: response_header = 'elements,t,force,displacement,velocity,acceleration'
    character(len=*), parameter :: correlations_header = 'stage,elements,parameter,other,correlation'
@@ -37,9 +37,11 @@ contains
       integer :: k
 
       first = to_text(fit%stage)//','//to_text(fit%elements)//','
-      do k = 1, size(fit%free)
-         line = first//trim(free_names(fit%free(k)))//','//units%of_parameter(fit%free(k))// &
-            ','//full(fit%fit%start(k))//','//full(fit%fit%estimate(k))
+      do k = 1, size(fit%quantities)
+         associate (q => fit%quantities(k))
+            line = first//trim(q%name)//','//units%of_quantity(q%parameter, fit%excitation)// &
+               ','//full(q%start)//','//full(q%value)
+         end associate
          if (fit%statistics%samples > 0) then
             line = line//','//interval(fit, k, fit%statistics%std_error(k), &
                fit%statistics%half_width(k))// &
@@ -63,10 +65,10 @@ contains
       real(wp), intent(in) :: std_error, half_width
       character(len=:), allocatable :: fields
 
-      associate (p => fit%fit%estimate(k))
+      associate (q => fit%quantities(k))
          fields = ',,'
          if (std_error < unlimited .and. half_width < unlimited) fields = full(std_error)//','// &
-            full(max(p - half_width, fit%lower(k)))//','//full(min(p + half_width, fit%upper(k)))
+            full(max(q%value - half_width, q%lower))//','//full(min(q%value + half_width, q%upper))
       end associate
    end function interval
 
@@ -77,10 +79,10 @@ contains
       integer :: j, k
 
       if (fit%statistics%samples == 0) return
-      do j = 1, size(fit%free)
-         do k = 1, size(fit%free)
+      do j = 1, size(fit%quantities)
+         do k = 1, size(fit%quantities)
             call text%line(to_text(fit%stage)//','//to_text(fit%elements)//','// &
-               trim(free_names(fit%free(j)))//','//trim(free_names(fit%free(k)))//','// &
+               trim(fit%quantities(j)%name)//','//trim(fit%quantities(k)%name)//','// &
                full(fit%statistics%correlation(j, k)))
          end do
       end do
@@ -98,18 +100,25 @@ contains
       end do
    end subroutine add_autocorrelation
 
-   !> t, measured  (m); residual = measured - model, as in the paper
-   subroutine add_fit(text, fit, t, measured)
+   !> residual = measured - model, as in the paper
+   subroutine add_fit(text, fit, experiments)
       type(text_t), intent(inout) :: text
       type(stage_fit_t), intent(in) :: fit
-      real(wp), intent(in) :: t(:), measured(:)
-      integer :: k
+      type(experiment_t), intent(in) :: experiments(:)
+      integer :: i, k, first
 
-      associate (r => fit%fit%residual)
-         do k = 1, size(t)
-            call text%line(row(fit%elements, [t(k), measured(k), measured(k) + r(k), -r(k)]))
-         end do
-      end associate
+      first = 0
+      do i = 1, size(experiments)
+         associate (e => experiments(i))
+            do k = 1, size(e%samples)
+               associate (r => fit%fit%residual(first + k))
+                  call text%line(row(fit%elements, [e%samples(k), e%measured(k), &
+                     e%measured(k) + r, -r])//','//to_text(i))
+               end associate
+            end do
+            first = first + size(e%samples)
+         end associate
+      end do
    end subroutine add_fit
 
    subroutine add_response(text, elements, excitation, simulation)

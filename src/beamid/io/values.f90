@@ -2,7 +2,7 @@
 module beamid_values
    use beamid_kinds, only: wp
    use beamid_numbers, only: is_decimal, parse_number, shown
-   use beamid_keys, only: block_t, key_t, kind_integer, kind_string, noun
+   use beamid_keys, only: block_t, key_t, kind_integer, kind_string, noun, place_of
    use beamid_strings, only: to_text
    use beamid_tokens, only: digits, letters, scanner_t, token_broken, token_string
    implicit none
@@ -16,19 +16,25 @@ module beamid_values
 contains
 
    !> Goes through the values of a key; the scanner stands on the '='.
-   subroutine scan_values(scanner, found, k)
+   subroutine scan_values(scanner, found, place)
       type(scanner_t), intent(inout) :: scanner
       !> The group, which gets the values, and the key's place in it.
       type(block_t), intent(inout) :: found
-      integer, intent(in) :: k
+      integer, intent(in) :: place
       character(len=:), allocatable :: value, message
-      integer :: n, line
+      integer :: k, n, line
       logical :: after_comma
 
       n = 0
+      k = place
       line = scanner%line
       after_comma = .false.
       call scanner%advance()
+      if (found%keys(k)%text_key /= '' .and. scanner%kind == token_string) then
+         k = place_of(found%keys(place)%text_key, found%keys)
+         found%lines(k) = line
+         found%lines(place) = 0
+      end if
       do
          if (scanner%is_mark(',')) then
             if (after_comma .or. n == 0) exit

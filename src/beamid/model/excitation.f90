@@ -1,4 +1,5 @@
-!> The force of the thruster in time, and how it acts on the beam.
+!> What sets the beam in motion: the force of a thruster in time, the release of a tip that was held
+!> aside, or something unknown before the record began.
 module beamid_excitation
    use beamid_errors, only: error_t, bad_input
    use beamid_kinds, only: wp
@@ -6,7 +7,7 @@ module beamid_excitation
    implicit none
    private
 
-   public :: excitation_t, new_pulse, new_force_table
+   public :: excitation_t, new_pulse, new_force_table, new_release, new_free
 
    !> Times that differ by less than this many units in the last place are the same.
    real(wp), parameter, public :: same_time = 16
@@ -14,7 +15,7 @@ module beamid_excitation
    !> f is linear between its nodes and zero outside [first node, last node]; it may jump at these
    !> two.
    type :: excitation_t
-      real(wp), allocatable :: t(:)      !< nodes, >= 0, strictly increasing [time]
+      real(wp), allocatable :: t(:)      !< nodes, strictly increasing [time]
       real(wp), allocatable :: f(:)      !< force at the nodes, amplitude*shape [force]
       real(wp), allocatable, private :: shape(:)
       real(wp) :: amplitude = 1          !< of a pulse [force]; of a table a factor
@@ -22,9 +23,15 @@ module beamid_excitation
       !> theta(x) = (x/l)**power.
       logical :: distributed = .false.
       real(wp) :: power = 2              !< >= 2
+      !> The tip is held aside by the amplitude [length]; the force follows from the stiffness.
+      logical :: by_displacement = .false.
+      logical :: is_release = .false.    !< f is taken away at the first node
+      !> > 0: no force is known; the motion at the first sample is any of so many modes.
+      integer :: modes = 0
    contains
       procedure :: force
       procedure :: set_amplitude
+      procedure :: fit_to
       procedure :: size_scale
    end type excitation_t
 
@@ -42,6 +49,45 @@ contains
       excitation%shape = [1.0_wp, 1.0_wp]
       call excitation%set_amplitude(amplitude)
    end function new_pulse
+
+   !> The tip is held aside and let go. The motion that follows is the answer to the step -F.
+   !>
+   !> amplitude        [force], or [length] of the tip's displacement
+   !> time             of the release [time]
+   !> by_displacement  which of the two the amplitude is
+   pure function new_release(amplitude, time, by_displacement) result(excitation)
+      real(wp), intent(in) :: amplitude, time
+      logical, intent(in) :: by_displacement
+      type(excitation_t) :: excitation
+      real(wp), parameter :: for_ever = 1e30_wp
+
+      excitation%t = [time, for_ever]
+      excitation%shape = [-1.0_wp, -1.0_wp]
+      excitation%is_release = .true.
+      excitation%by_displacement = by_displacement
+      call excitation%set_amplitude(amplitude)
+   end function new_release
+
+   !> Nothing is known about the start.
+   !>
+   !> modes  how many of the lowest modes move at the first sample, >= 1
+   pure function new_free(modes) result(excitation)
+      integer, intent(in) :: modes
+      type(excitation_t) :: excitation
+
+      excitation = new_pulse(0.0_wp, 1.0_wp)
+      excitation%modes = modes
+   end function new_free
+
+   !> The force of a displacement that is given, once the structure is known.
+   !>
+   !> stiffness  static, of the tip [force/length]
+   pure subroutine fit_to(self, stiffness)
+      class(excitation_t), intent(inout) :: self
+      real(wp), intent(in) :: stiffness
+
+      if (self%by_displacement) self%f = self%amplitude*stiffness*self%shape
+   end subroutine fit_to
 
    !> Scales the force.
    pure subroutine set_amplitude(self, amplitude)

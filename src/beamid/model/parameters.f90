@@ -1,5 +1,5 @@
-!> Everything that a fit may free, by name: the parameters of the structure and the force's
-!> amplitude.
+!> Everything that a fit may free, by name: the parameters of the structure, the amplitude of the
+!> force, the offset of the sensor.
 module beamid_parameters
    use beamid_excitation, only: excitation_t
    use beamid_kinds, only: wp
@@ -10,14 +10,14 @@ module beamid_parameters
 
    public :: free_names, free_index, get_free, set_free, free_magnitude, may_be_negative, &
       belongs_to_hose
-   public :: amplitude
+   public :: amplitude, offset
 
    !> Names as they are printed; the first ones are those of `structure_t`.
-   character(len=*), parameter :: free_names(size(parameter_names) + 1) = &
-      [character(len=9) :: parameter_names, 'amplitude']
+   character(len=*), parameter :: free_names(size(parameter_names) + 2) = &
+      [character(len=9) :: parameter_names, 'amplitude', 'offset']
 
-   !> Place of the amplitude.
-   integer, parameter :: amplitude = size(free_names)
+   !> Places of the amplitude and of the offset, which belongs to the record.
+   integer, parameter :: amplitude = size(parameter_names) + 1, offset = amplitude + 1
 
 contains
 
@@ -75,7 +75,7 @@ contains
    elemental logical function may_be_negative(k)
       integer, intent(in) :: k
 
-      may_be_negative = k == amplitude
+      may_be_negative = k == amplitude .or. k == offset
    end function may_be_negative
 
    !> m_H, c_H and k_H mean nothing without a hose.

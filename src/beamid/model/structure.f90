@@ -39,6 +39,7 @@ module beamid_structure
       procedure :: set
       procedure :: magnitude
       procedure :: stiffness
+      procedure :: stiffening
       procedure :: omega
    end type structure_t
 
@@ -144,6 +145,18 @@ contains
       stiffness = 3*self%E*self%I/self%length**3
       if (self%has_soft_root()) stiffness = stiffness/(1 + stiffness*self%length**2/self%k_R)
    end function stiffness
+
+   !> Relative change of the tip's static stiffness per unit of a parameter.
+   pure real(wp) function stiffening(self, k)
+      class(structure_t), intent(in) :: self
+      integer, intent(in) :: k
+
+      stiffening = 0
+      select case (k)
+      case (of_E); stiffening = self%stiffness()*self%length**3/(3*self%E**2*self%I)
+      case (of_k_R); stiffening = self%stiffness()*(self%length/self%k_R)**2
+      end select
+   end function stiffening
 
    !> Rayleigh's estimate of the first angular frequency [1/time]: the static tip stiffness against
    !> the tip mass and 33/140 of the beam's.

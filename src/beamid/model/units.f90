@@ -1,7 +1,8 @@
 !> Labels of units. The program never converts: any consistent set is right, labels are for the
 !> reader.
 module beamid_units
-   use beamid_parameters, only: free_names
+   use beamid_excitation, only: excitation_t
+   use beamid_parameters, only: amplitude, free_names
    implicit none
    private
 
@@ -15,6 +16,7 @@ module beamid_units
       character(len=label_length) :: length = '', force = '', time = '', mass = ''
    contains
       procedure :: of_parameter
+      procedure :: of_quantity
       procedure :: acceleration
       procedure :: velocity
       procedure :: sum_of_squares
@@ -43,6 +45,23 @@ contains
       case ('rho'); unit = joined(self%mass, '', self%length)
       end select
    end function of_parameter
+
+   !> Unit of what a fit estimates: a parameter, where the amplitude may be a displacement, or (0) an
+   !> acceleration.
+   pure function of_quantity(self, k, excitation) result(unit)
+      class(units_t), intent(in) :: self
+      integer, intent(in) :: k
+      type(excitation_t), intent(in) :: excitation
+      character(len=:), allocatable :: unit
+
+      if (k == 0) then
+         unit = self%acceleration()
+      else if (k == amplitude .and. excitation%by_displacement) then
+         unit = trim(self%length)
+      else
+         unit = self%of_parameter(k)
+      end if
+   end function of_quantity
 
    pure function velocity(self) result(unit)
       class(units_t), intent(in) :: self

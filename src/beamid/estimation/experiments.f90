@@ -1,0 +1,226 @@
+!> One record and the motion that the model has for it.
+!>
+!> The model's acceleration is f(p) + Phi(p) c: what a known force causes, and what enters linearly,
+!> the motion of some modes from an unknown start and the offset of the sensor.
+module beamid_experiments
+   use beamid_equations, only: equations_t, new_equations
+   use beamid_errors, only: error_t, bad_input
+   use beamid_excitation, only: excitation_t
+   use beamid_galerkin, only: galerkin_t, mesh_t, new_galerkin
+   use beamid_kinds, only: wp
+   use beamid_observation, only: observation_t, sampling_t, new_sampling
+   use beamid_parameters, only: amplitude
+   use beamid_responses, only: response_t, solver_t, work_t
+   use beamid_structure, only: of_x_S, structure_t
+   implicit none
+   private
+
+   public :: experiment_t, apparatus_t, new_apparatus
+
+   !> A record and how it came about.
+   type :: experiment_t
+      real(wp), allocatable :: samples(:)    !< (m) ascending [time]
+      real(wp), allocatable :: measured(:)   !< (m) [length/time**2]
+      type(excitation_t) :: excitation
+      real(wp) :: length = 0                 !< of the beam [length]; 0: the structure's
+      real(wp) :: x_S = 0                    !< place of the sensor [length]; 0: the structure's
+      !> acceleration = scale*(value - offset), the offset in the record's own unit
+      real(wp) :: scale = 1, offset = 0
+   contains
+      procedure :: structure_of
+   end type experiment_t
+
+   !> What one mesh makes of an experiment: computed once, used by every evaluation.
+   type :: apparatus_t
+      type(galerkin_t) :: galerkin
+      class(solver_t), allocatable :: solver
+      type(sampling_t) :: sampling
+      real(wp), allocatable :: measured(:)
+      real(wp) :: scale = 1
+      real(wp) :: start = 0                  !< first sample [time]
+      type(work_t) :: work
+   contains
+      procedure :: evaluate
+      procedure :: differentiate
+      procedure, private :: free_columns
+   end type apparatus_t
+
+contains
+
+   !> The structure as it was in this experiment.
+   pure type(structure_t) function structure_of(self, structure)
+      class(experiment_t), intent(in) :: self
+      type(structure_t), intent(in) :: structure
+
+      structure_of = structure
+      if (self%length > 0) structure_of%length = self%length
+      if (self%x_S > 0) structure_of%x_S = self%x_S
+   end function structure_of
+
+   !> structure  of this experiment
+   !> solver     not prepared yet
+   subroutine new_apparatus(experiment, structure, mesh, observation, solver, apparatus, error)
+      type(experiment_t), intent(in) :: experiment
+      type(structure_t), intent(in) :: structure
+      type(mesh_t), intent(in) :: mesh
+      type(observation_t), intent(in) :: observation
+      class(solver_t), intent(in) :: solver
+      type(apparatus_t), intent(out) :: apparatus
+      type(error_t), allocatable, intent(out) :: error
+
+      if (experiment%excitation%modes > 0 .and. .not. solver%is_exact()) then
+         call bad_input(error, 'found a start that is not known with method = ''cvode'', '// &
+            'expected method = ''modal'': its modes are not an integrator''s to find')
+         return
+      end if
+      apparatus%galerkin = new_galerkin(mesh, structure%length, structure%has_soft_root())
+      apparatus%solver = solver
+      call apparatus%solver%prepare(apparatus%galerkin, error)
+      if (allocated(error)) return
+      apparatus%sampling = new_sampling(observation, experiment%samples)
+      apparatus%measured = experiment%measured
+      apparatus%scale = experiment%scale
+      if (size(experiment%samples) > 0) apparatus%start = experiment%samples(1)
+   end subroutine new_apparatus
+
+   !> The model without derivatives.
+   !>
+   !> offset  whether the sensor's offset is unknown
+   !> y       (m) f - measured
+   !> phi     (m, k) columns: cosine and sine of each mode, then the offset
+   subroutine evaluate(self, structure, excitation, offset, y, phi, error)
+      class(apparatus_t), intent(inout), target :: self
+      type(structure_t), intent(in) :: structure
+      type(excitation_t), intent(in) :: excitation
+      logical, intent(in) :: offset
+      real(wp), intent(out) :: y(:)
+      real(wp), allocatable, intent(out) :: phi(:, :)
+      type(error_t), allocatable, intent(out) :: error
+      type(equations_t), target :: equations
+      type(response_t) :: response
+      type(excitation_t) :: applied
+      real(wp), allocatable :: unused(:, :, :)
+
+      applied = excitation
+      call applied%fit_to(structure%stiffness())
+      equations = new_equations(self%galerkin, structure, applied)
+      y = -self%measured
+      if (excitation%modes == 0) then
+         call self%solver%respond(equations, applied, self%sampling%times, response, self%work, &
+            error)
+         if (allocated(error)) return
+         y = self%sampling%acceleration(response) - self%measured
+      end if
+      call self%free_columns(equations, applied, [integer ::], offset, phi, unused, error)
+   end subroutine evaluate
+
+   !> The model with its derivatives.
+   !>
+   !> parameters  places in `free_names`
+   !> dy          (m, parameters)
+   !> dphi        (m, k, parameters)
+   subroutine differentiate(self, structure, excitation, offset, parameters, y, dy, phi, dphi, &
+      error)
+      class(apparatus_t), intent(inout), target :: self
+      type(structure_t), intent(in) :: structure
+      type(excitation_t), intent(in) :: excitation
+      logical, intent(in) :: offset
+      integer, intent(in) :: parameters(:)
+      real(wp), intent(out) :: y(:), dy(:, :)
+      real(wp), allocatable, intent(out) :: phi(:, :), dphi(:, :, :)
+      type(error_t), allocatable, intent(out) :: error
+      type(equations_t), target :: equations
+      type(response_t) :: response
+      type(response_t), allocatable :: slopes(:)
+      type(excitation_t) :: applied
+      integer :: p
+
+      applied = excitation
+      call applied%fit_to(structure%stiffness())
+      equations = new_equations(self%galerkin, structure, applied)
+      y = -self%measured
+      dy = 0
+      if (excitation%modes == 0) then
+         call self%solver%differentiate(equations, applied, self%sampling%times, parameters, &
+            response, slopes, self%work, error)
+         if (allocated(error)) return
+         y = self%sampling%acceleration(response)
+         do p = 1, size(parameters)
+            dy(:, p) = self%sampling%acceleration(slopes(p))
+            if (applied%by_displacement) dy(:, p) = dy(:, p) &
+               + structure%stiffening(parameters(p))*y
+         end do
+         y = y - self%measured
+      end if
+      p = findloc(parameters, amplitude, dim=1)
+      if (p > 0 .and. excitation%modes == 0) then
+         ! The response is linear in the amplitude: its derivative is the response to a unit one.
+         call applied%set_amplitude(1.0_wp)
+         call applied%fit_to(structure%stiffness())
+         call self%solver%respond(equations, applied, self%sampling%times, response, self%work, &
+            error)
+         if (allocated(error)) return
+         dy(:, p) = self%sampling%acceleration(response)
+      end if
+      call self%free_columns(equations, applied, parameters, offset, phi, dphi, error)
+   end subroutine differentiate
+
+   !> Columns of what enters linearly. The motion of a mode with root s is Re(c e**(s tau)/s**2),
+   !> tau = t - start, so that c is an acceleration.
+   subroutine free_columns(self, equations, excitation, parameters, offset, phi, dphi, error)
+      class(apparatus_t), intent(inout) :: self
+      type(equations_t), intent(in), target :: equations
+      type(excitation_t), intent(in) :: excitation
+      integer, intent(in) :: parameters(:)
+      logical, intent(in) :: offset
+      real(wp), allocatable, intent(out) :: phi(:, :), dphi(:, :, :)
+      type(error_t), allocatable, intent(out) :: error
+      complex(wp) :: s(excitation%modes), ds(excitation%modes, size(parameters))
+      complex(wp), dimension(size(self%sampling%times)) :: u, v, a
+      real(wp), dimension(size(self%sampling%times)) :: tau
+      integer :: m, k, p
+
+      m = size(self%measured)
+      allocate (phi(m, 2*excitation%modes + merge(1, 0, offset)))
+      allocate (dphi(m, size(phi, 2), size(parameters)), source=0.0_wp)
+      if (offset) phi(:, size(phi, 2)) = self%scale
+      if (excitation%modes == 0) return
+      call self%solver%free_motion(equations, parameters, s, ds, self%work, error)
+      if (allocated(error)) return
+      tau = self%sampling%times - self%start
+      do k = 1, excitation%modes
+         a = exp(s(k)*tau)
+         v = a/s(k)
+         u = v/s(k)
+         call columns(u, v, a, phi(:, 2*k - 1:2*k))
+         if (size(parameters) == 0) cycle
+         u = (tau - 2/s(k))*u
+         v = (tau - 1/s(k))*v
+         a = tau*a
+         do p = 1, size(parameters)
+            if (abs(ds(k, p)) > 0) call columns(ds(k, p)*u, ds(k, p)*v, ds(k, p)*a, &
+               dphi(:, 2*k - 1:2*k, p))
+         end do
+      end do
+
+   contains
+
+      !> What the sensor sees of a complex motion: its real part, and minus its imaginary part.
+      subroutine columns(u, v, a, pair)
+         complex(wp), intent(in) :: u(:), v(:), a(:)
+         real(wp), intent(out) :: pair(:, :)
+         type(response_t) :: seen
+
+         seen%displacement = real(u)
+         seen%velocity = real(v)
+         seen%acceleration = real(a)
+         pair(:, 1) = self%sampling%acceleration(seen)
+         seen%displacement = -aimag(u)
+         seen%velocity = -aimag(v)
+         seen%acceleration = -aimag(a)
+         pair(:, 2) = self%sampling%acceleration(seen)
+      end subroutine columns
+
+   end subroutine free_columns
+
+end module beamid_experiments

@@ -1,0 +1,115 @@
+!> Unknowns that enter linearly are eliminated: r(p) = y + Phi c with the c that makes |r| smallest,
+!> and the derivative of r with c(p) in place (Golub and Pereyra, SIAM J. Numer. Anal. 10, 1973,
+!> 413): variable projection.
+module beamid_projection
+   use beamid_errors, only: error_t, failure
+   use beamid_kinds, only: wp
+   use beamid_strings, only: to_text
+   implicit none
+   private
+
+   public :: projection_t, new_projection
+
+   type :: projection_t
+      real(wp), allocatable :: q(:, :)   !< (m, k) orthonormal basis of the columns of Phi
+      real(wp), allocatable :: r(:, :)   !< (k, k) Phi = q r, upper triangle
+   contains
+      procedure :: coefficients
+      procedure :: derivative
+   end type projection_t
+
+   interface
+      subroutine dgeqrf(m, n, a, lda, tau, work, lwork, info)
+         import :: wp
+         integer, intent(in) :: m, n, lda, lwork
+         real(wp), intent(inout) :: a(lda, *)
+         real(wp), intent(out) :: tau(*), work(*)
+         integer, intent(out) :: info
+      end subroutine dgeqrf
+      subroutine dorgqr(m, n, k, a, lda, tau, work, lwork, info)
+         import :: wp
+         integer, intent(in) :: m, n, k, lda, lwork
+         real(wp), intent(inout) :: a(lda, *)
+         real(wp), intent(in) :: tau(*)
+         real(wp), intent(out) :: work(*)
+         integer, intent(out) :: info
+      end subroutine dorgqr
+      subroutine dtrtrs(uplo, trans, diag, n, nrhs, a, lda, b, ldb, info)
+         import :: wp
+         character, intent(in) :: uplo, trans, diag
+         integer, intent(in) :: n, nrhs, lda, ldb
+         real(wp), intent(in) :: a(lda, *)
+         real(wp), intent(inout) :: b(ldb, *)
+         integer, intent(out) :: info
+      end subroutine dtrtrs
+   end interface
+
+contains
+
+   !> phi    (m, k) columns of the linear unknowns, m >= k
+   !> error  the columns are dependent: the samples cannot tell the unknowns apart
+   subroutine new_projection(phi, projection, error)
+      real(wp), intent(in) :: phi(:, :)
+      type(projection_t), intent(out) :: projection
+      type(error_t), allocatable, intent(out) :: error
+      real(wp), allocatable :: tau(:), work(:), length(:)
+      integer :: m, k, j, info
+
+      m = size(phi, 1)
+      k = size(phi, 2)
+      if (m < k) then
+         call failure(error, 'projection: '//to_text(m)//' samples for '//to_text(k)// &
+            ' linear unknowns')
+         return
+      end if
+      allocate (tau(k), work(64*max(k, 1)), projection%r(k, k))
+      projection%q = phi
+      length = norm2(phi, dim=1)
+      call dgeqrf(m, k, projection%q, m, tau, work, size(work), info)
+      projection%r = 0
+      do j = 1, k
+         projection%r(:j, j) = projection%q(:j, j)
+         if (abs(projection%r(j, j)) > 1e-10_wp*length(j)) cycle
+         call failure(error, 'the samples cannot tell the motions of the modes and the offset apart')
+         return
+      end do
+      call dorgqr(m, k, k, projection%q, m, tau, work, size(work), info)
+   end subroutine new_projection
+
+   !> The linear unknowns and what they leave.
+   !>
+   !> y  (m) on return the residuals r = y + Phi c
+   !> c  (k)
+   subroutine coefficients(self, y, c)
+      class(projection_t), intent(in) :: self
+      real(wp), intent(inout) :: y(:)
+      real(wp), intent(out) :: c(:)
+      real(wp) :: b(size(c), 1)
+      integer :: info
+
+      b(:, 1) = matmul(y, self%q)
+      y = y - matmul(self%q, b(:, 1))
+      call dtrtrs('U', 'N', 'N', size(c), 1, self%r, size(c), b, size(c), info)
+      c = -b(:, 1)
+   end subroutine coefficients
+
+   !> dr/dp of the residuals with c(p) eliminated.
+   !>
+   !> slope  (m) on entry dy/dp + (dPhi/dp) c with c held, on return dr/dp
+   !> dphi   (m, k) dPhi/dp
+   !> r      (m) the residuals
+   subroutine derivative(self, dphi, r, slope)
+      class(projection_t), intent(in) :: self
+      real(wp), intent(in) :: dphi(:, :), r(:)
+      real(wp), intent(inout) :: slope(:)
+      real(wp) :: b(size(dphi, 2), 1)
+      integer :: info, k
+
+      k = size(dphi, 2)
+      slope = slope - matmul(self%q, matmul(slope, self%q))
+      b(:, 1) = matmul(r, dphi)
+      call dtrtrs('U', 'T', 'N', k, 1, self%r, k, b, k, info)
+      slope = slope - matmul(self%q, b(:, 1))
+   end subroutine derivative
+
+end module beamid_projection

@@ -1,0 +1,161 @@
+!> What a fit searches for, and where the values go: parameters that several records share, and
+!> parameters of one record alone.
+module beamid_unknowns
+   use beamid_excitation, only: excitation_t
+   use beamid_kinds, only: wp
+   use beamid_parameters, only: free_magnitude, free_names, get_free, offset, set_free
+   use beamid_strings, only: to_text
+   use beamid_structure, only: structure_t
+   use beamid_variables, only: new_variable, variable_t
+   implicit none
+   private
+
+   public :: stage_t, world_t, quantity_t, name_of, variables_of, name_length
+
+   !> Of the name of a quantity.
+   integer, parameter :: name_length = 24
+
+   !> One search: which parameters are free and from where. Each array has one entry per parameter.
+   type :: stage_t
+      integer, allocatable :: free(:)     !< places in `free_names`
+      !> the record that a parameter belongs to, 0: all of them; not allocated: all shared
+      integer, allocatable :: record(:)
+      real(wp), allocatable :: start(:)   !< not allocated: where the stage before ended
+      real(wp), allocatable :: lower(:)
+      real(wp), allocatable :: upper(:)   !< or `unbounded`
+      logical :: offset = .false.         !< the sensor's offset is unknown, in each record
+      logical :: automatic = .false.      !< start values come from the record
+   contains
+      procedure :: owners
+      procedure :: distribute
+   end type stage_t
+
+   !> Structure and excitation in each record.
+   type :: world_t
+      type(structure_t), allocatable :: structures(:)
+      type(excitation_t), allocatable :: excitations(:)
+   contains
+      procedure :: get
+      procedure :: set
+      procedure :: magnitude
+   end type world_t
+
+   !> Something that was estimated.
+   type :: quantity_t
+      character(len=name_length) :: name = ''
+      integer :: parameter = 0            !< place in `free_names`; 0: motion of a mode
+      integer :: record = 0               !< 0: all of them
+      real(wp) :: start = 0, value = 0, lower = 0, upper = 0
+      real(wp) :: scale = 1               !< what relative changes are relative to, > 0
+   end type quantity_t
+
+contains
+
+   !> Gives a parameter that is not shared a place for each record, and takes the offset, which
+   !> enters linearly, from the list.
+   !>
+   !> shared   places of the parameters that all records have in common
+   !> records  their number
+   pure subroutine distribute(self, shared, records)
+      class(stage_t), intent(inout) :: self
+      integer, intent(in) :: shared(:), records
+      integer, allocatable :: from(:), record(:)
+      integer :: k, r
+
+      allocate (from(0), record(0))
+      do k = 1, size(self%free)
+         if (self%free(k) == offset) cycle
+         if (records < 2 .or. any(shared == self%free(k))) then
+            from = [from, k]
+            record = [record, 0]
+         else
+            from = [from, [(k, r=1, records)]]
+            record = [record, [(r, r=1, records)]]
+         end if
+      end do
+      self%free = self%free(from)
+      self%record = record
+      self%lower = self%lower(from)
+      self%upper = self%upper(from)
+      if (allocated(self%start)) self%start = self%start(from)
+   end subroutine distribute
+
+   !> The record of each parameter.
+   pure function owners(self)
+      class(stage_t), intent(in) :: self
+      integer :: owners(size(self%free))
+
+      owners = 0
+      if (allocated(self%record)) owners = self%record
+   end function owners
+
+   !> Value of a parameter; of a shared one that of the first record.
+   pure real(wp) function get(self, parameter, record)
+      class(world_t), intent(in) :: self
+      integer, intent(in) :: parameter, record
+
+      associate (r => max(record, 1))
+         get = get_free(self%structures(r), self%excitations(r), parameter)
+      end associate
+   end function get
+
+   !> Gives a parameter a value, in one record or in all.
+   pure subroutine set(self, parameter, record, value)
+      class(world_t), intent(inout) :: self
+      integer, intent(in) :: parameter, record
+      real(wp), intent(in) :: value
+      integer :: r
+
+      do r = 1, size(self%structures)
+         if (record > 0 .and. r /= record) cycle
+         call set_free(self%structures(r), self%excitations(r), parameter, value)
+      end do
+   end subroutine set
+
+   !> What a moderate value of a parameter is.
+   pure real(wp) function magnitude(self, parameter, record)
+      class(world_t), intent(in) :: self
+      integer, intent(in) :: parameter, record
+
+      associate (r => max(record, 1))
+         magnitude = free_magnitude(self%structures(r), self%excitations(r), parameter)
+      end associate
+   end function magnitude
+
+   !> A name with the number of its record, where it belongs to one.
+   pure function name_of(text, record) result(name)
+      character(len=*), intent(in) :: text
+      integer, intent(in) :: record
+      character(len=name_length) :: name
+
+      name = text
+      if (record > 0) name = trim(text)//'('//to_text(record)//')'
+   end function name_of
+
+   !> Starts, bounds and scales of a stage's parameters, and the quantities they are.
+   subroutine variables_of(stage, world, variables, quantities)
+      type(stage_t), intent(in) :: stage
+      type(world_t), intent(in) :: world
+      type(variable_t), allocatable, intent(out) :: variables(:)
+      type(quantity_t), allocatable, intent(out) :: quantities(:)
+      real(wp) :: start
+      integer :: owners(size(stage%free)), k
+
+      owners = stage%owners()
+      allocate (variables(size(stage%free)), quantities(size(stage%free)))
+      do k = 1, size(stage%free)
+         start = world%get(stage%free(k), owners(k))
+         if (allocated(stage%start)) start = stage%start(k)
+         start = min(max(start, stage%lower(k)), stage%upper(k))
+         variables(k) = new_variable(start, stage%lower(k), stage%upper(k), &
+            world%magnitude(stage%free(k), owners(k)))
+         quantities(k)%name = name_of(trim(free_names(stage%free(k))), owners(k))
+         quantities(k)%parameter = stage%free(k)
+         quantities(k)%record = owners(k)
+         quantities(k)%start = variables(k)%start
+         quantities(k)%lower = stage%lower(k)
+         quantities(k)%upper = stage%upper(k)
+      end do
+   end subroutine variables_of
+
+end module beamid_unknowns
