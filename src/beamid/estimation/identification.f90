@@ -10,6 +10,7 @@ module beamid_identification
    use beamid_observation, only: observation_t, sampling_t, new_sampling
    use beamid_residuals, only: residual_t
    use beamid_responses, only: response_t, solver_t, work_t
+   use beamid_starts, only: automatic_start, check_frequencies
    use beamid_strings, only: to_text
    use beamid_parameters, only: offset
    use beamid_statistics, only: check_residuals, new_statistics, residual_check_t, statistics_t
@@ -126,6 +127,8 @@ contains
             model%observation, model%solver, problem%parts(i), error)
          if (allocated(error)) return
       end do
+      call check_frequencies(problem, experiments, error)
+      if (allocated(error)) return
       options%noise = model%solver%noise()
       allocate (fits(size(stages)))
       do k = 1, size(stages)
@@ -160,6 +163,8 @@ contains
       do i = 1, size(problem%parts)
          problem%parts(i)%work = work_t()
       end do
+      if (stage%automatic) call automatic_start(problem, stage, experiments, error)
+      if (allocated(error)) return
       call variables_of(stage, problem%world, variables, found%quantities)
       call fit(problem, problem%samples(), variables, options, found%fit, error, monitor, label, &
          found%quantities%name)

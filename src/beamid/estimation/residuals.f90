@@ -28,7 +28,7 @@ module beamid_residuals
       procedure :: samples
       procedure :: linear_quantities
       procedure :: linear_jacobian
-      procedure, private :: with
+      procedure :: with
    end type residual_t
 
 contains
