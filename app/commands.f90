@@ -30,6 +30,7 @@ contains
       type(output_t) :: output
       type(progress_t) :: progress
       type(experiment_t), allocatable :: experiments(:)
+      type(text_t) :: found, table
       real(wp), allocatable :: scored(:), expected(:)
       character(len=note_length), allocatable :: notes(:)
 
@@ -39,20 +40,73 @@ contains
       if (.not. allocated(error)) call scored_samples(case, scored, expected, error)
       if (allocated(error)) return
       progress = new_progress(settings%quiet)
-      call identify_meshes(case%model, case%meshes, case%stages, experiments, fits, error, &
-         progress)
+      if (case%multistart%n > 0) then
+         call search_from_many(case, experiments, fits, found, output, error, progress)
+      else
+         call identify_meshes(case%model, case%meshes, case%stages, experiments, fits, error, &
+            progress)
+      end if
       call progress%finish()
       if (.not. allocated(error) .and. size(scored) > 0) call score_fits(case%model, case%meshes, &
          scored, expected, fits, error)
+      if (.not. allocated(error)) call add_modes_of_fits(case, fits, found, table, error)
       if (allocated(error)) then
          error%message = case%path//': '//error%message
          return
       end if
       if (settings%time) call time_fits(case, experiments)
       call add_fit_tables(output, case, fits, experiments)
-      call deliver(output, fit_summary(case, experiments, fits, notes), &
+      call output%add('modes.csv', table%content())
+      call deliver(output, fit_summary(case, experiments, fits, notes)//found%content(), &
          output_folder(settings, case%name), error)
    end subroutine run_identify
+
+   !> Several starts on each mesh; the fits of the lowest minimum count.
+   subroutine search_from_many(case, experiments, fits, found, output, error, progress)
+      type(case_t), intent(in) :: case
+      type(experiment_t), intent(in) :: experiments(:)
+      type(stage_fit_t), allocatable, intent(out) :: fits(:, :)
+      type(text_t), intent(inout) :: found
+      type(output_t), intent(inout) :: output
+      type(error_t), allocatable, intent(out) :: error
+      type(progress_t), intent(inout) :: progress
+      type(minimum_t), allocatable :: minima(:)
+      type(text_t) :: table
+      integer :: failures, k
+
+      allocate (fits(size(case%stages), size(case%meshes)))
+      call table%line(minima_header)
+      do k = 1, size(case%meshes)
+         call identify_from_many(case%model, case%meshes(k), case%stages, experiments, &
+            case%multistart, minima, failures, error, progress)
+         if (allocated(error)) return
+         fits(:, k) = minima(1)%fits
+         call found%line()
+         call minima_summary(found, case, case%meshes(k)%elements, minima, failures)
+         call add_minima(table, case%meshes(k)%elements, minima)
+      end do
+      call output%add('minima.csv', table%content())
+   end subroutine search_from_many
+
+   !> Modes of the structure that the last stage has found, with their intervals.
+   subroutine add_modes_of_fits(case, fits, summary, table, error)
+      type(case_t), intent(in) :: case
+      type(stage_fit_t), intent(in) :: fits(:, :)
+      type(text_t), intent(inout) :: summary, table
+      type(error_t), allocatable, intent(out) :: error
+      integer, parameter :: most = 5
+      type(fitted_mode_t), allocatable :: modes(:)
+      integer :: k
+
+      call table%line(fitted_modes_header)
+      do k = 1, size(case%meshes)
+         call fitted_modes(case%meshes(k), fits(size(fits, 1), k), most, modes, error)
+         if (allocated(error)) return
+         call add_fitted_modes(table, case%meshes(k)%elements, modes)
+      end do
+      call summary%line()
+      call fitted_modes_summary(summary, case, case%meshes(size(case%meshes))%elements, modes)
+   end subroutine add_modes_of_fits
 
    !> Repeats the fit on each mesh for a second at most and tells the median time on standard error.
    subroutine time_fits(case, experiments)
@@ -163,6 +217,7 @@ contains
       type(case_t) :: case
       type(galerkin_t), target :: galerkin
       type(equations_t) :: equations
+      type(excitation_t) :: excitation
       type(output_t) :: output
       type(text_t) :: table, summary
       real(wp), allocatable :: omega(:), shapes(:, :)
@@ -177,6 +232,7 @@ contains
             ' for all modes at once')
          return
       end if
+      excitation = case%model%excitation
       case%model%excitation = new_pulse(0.0_wp, 1.0_wp)
       call table%line(modes_header)
       call summary%line(case%name//': natural modes')
@@ -196,8 +252,39 @@ contains
          call modes_summary(summary, case, case%meshes(k)%elements, omega, roots)
       end do
       call output%add('modes.csv', table%content())
+      if (case%can_be_fitted()) call add_fit_of_modes(case, excitation, summary, output)
       call deliver(output, summary%content(), output_folder(settings, case%name), error)
    end subroutine run_modes
+
+   !> A case that says how to fit a record has intervals for its modes too. What keeps it from being
+   !> fitted is told, and is no failure: the modes of the structure as it is declared are above.
+   subroutine add_fit_of_modes(case, excitation, summary, output)
+      type(case_t), intent(in) :: case
+      type(excitation_t), intent(in) :: excitation
+      type(text_t), intent(inout) :: summary
+      type(output_t), intent(inout) :: output
+      type(case_t) :: exact
+      type(stage_fit_t), allocatable :: fits(:, :)
+      type(experiment_t), allocatable :: experiments(:)
+      character(len=note_length), allocatable :: notes(:)
+      type(error_t), allocatable :: error
+      type(text_t) :: table
+
+      exact = case
+      deallocate (exact%model%solver)
+      allocate (modal_t :: exact%model%solver)
+      exact%model%excitation = excitation
+      call load_experiments(exact, experiments, notes, error)
+      if (.not. allocated(error)) call identify_meshes(exact%model, exact%meshes, exact%stages, &
+         experiments, fits, error)
+      call summary%line()
+      if (.not. allocated(error)) call add_modes_of_fits(exact, fits, summary, table, error)
+      if (allocated(error)) then
+         call summary%line('no intervals: '//error%message)
+         return
+      end if
+      call output%add('modes_fitted.csv', table%content())
+   end subroutine add_fit_of_modes
 
    !> Where the outputs of a case go.
    function output_folder(settings, name) result(folder)

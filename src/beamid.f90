@@ -11,13 +11,16 @@ module beamid
    use beamid_excitation, only: excitation_t, new_force_table, new_free, new_pulse, new_release
    use beamid_experiments, only: experiment_t
    use beamid_files, only: directory_of, join_path, output_t
+   use beamid_fitted_modes, only: fitted_mode_t, fitted_modes
    use beamid_galerkin, only: galerkin_t, mesh_t, new_galerkin, same_mesh
    use beamid_identification, only: identify, identify_meshes, model_t, score_fits, simulate, &
       simulation_t, stage_fit_t, stage_t
    use beamid_kinds, only: wp
    use beamid_least_squares, only: fit, fit_t, monitor_t, options_t
    use beamid_modal, only: modal_t
+   use beamid_mode_summaries, only: fitted_modes_summary, minima_summary, modes_summary
    use beamid_modes, only: undamped_modes
+   use beamid_multistart, only: identify_from_many, minimum_t, multistart_t
    use beamid_noise, only: gaussian_noise
    use beamid_observation, only: formula_names, new_sampling, observation_t, sampling_t
    use beamid_problems, only: problem_t
@@ -32,11 +35,12 @@ module beamid
    use beamid_strings, only: fixed, full, to_text
    use beamid_parameters, only: free_index, free_names, get_free
    use beamid_structure, only: structure_t
-   use beamid_summaries, only: fit_summary, left, modes_summary, response_summary, right
-   use beamid_tables, only: add_autocorrelation, add_correlations, autocorrelation_header, &
+   use beamid_summaries, only: fit_summary, response_summary
+   use beamid_tables, only: add_autocorrelation, add_correlations, add_fitted_modes, &
+      add_minima, autocorrelation_header, fitted_modes_header, minima_header, &
       correlations_header, add_estimates, add_fit, add_modes, add_response, estimates_header, &
       fit_header, labels_table, modes_header, record_table, response_header
-   use beamid_texts, only: text_t
+   use beamid_texts, only: left, right, text_t
    use beamid_units, only: units_t
    use beamid_variables, only: new_variable, unbounded, variable_t
    implicit none

@@ -5,7 +5,7 @@ module beamid_noise
    implicit none
    private
 
-   public :: gaussian_noise
+   public :: gaussian_noise, uniform_noise
 
    real(wp), parameter :: m1 = 4294967087.0_wp, m2 = 4294944443.0_wp
    integer, parameter :: warm_up = 20
@@ -19,12 +19,39 @@ contains
       integer, intent(in) :: n, seed
       real(wp), intent(in) :: sd
       real(wp) :: noise(n)
-      real(wp) :: state(6), u(2), mixed
+      real(wp) :: state(6), u(2)
       real(wp), parameter :: two_pi = 2*acos(-1.0_wp)
+      integer :: k
+
+      state = seeded(seed)
+      do k = 1, n, 2
+         call draw(state, u(1))
+         call draw(state, u(2))
+         noise(k) = sd*sqrt(-2*log(u(1)))*cos(two_pi*u(2))
+         if (k < n) noise(k + 1) = sd*sqrt(-2*log(u(1)))*sin(two_pi*u(2))
+      end do
+   end function gaussian_noise
+
+   !> n independent values, uniform in (0, 1).
+   pure function uniform_noise(n, seed) result(noise)
+      integer, intent(in) :: n, seed
+      real(wp) :: noise(n)
+      real(wp) :: state(6)
+      integer :: k
+
+      state = seeded(seed)
+      do k = 1, n
+         call draw(state, noise(k))
+      end do
+   end function uniform_noise
+
+   !> Six numbers from the seed by squaring: the generator is linear, and would carry a linear relation
+   !> between seeds over to their noise. No product reaches 2**53.
+   pure function seeded(seed) result(state)
+      integer, intent(in) :: seed
+      real(wp) :: state(6), mixed, u
       integer :: k, round
 
-      ! Six numbers from the seed by squaring: the generator is linear, and would carry a linear
-      ! relation between seeds over to their noise. No product reaches 2**53.
       mixed = modulo(real(seed, wp), m2)
       do k = 1, 6
          do round = 1, warm_up
@@ -33,15 +60,9 @@ contains
          state(k) = mixed
       end do
       do k = 1, warm_up
-         call draw(state, u(1))
+         call draw(state, u)
       end do
-      do k = 1, n, 2
-         call draw(state, u(1))
-         call draw(state, u(2))
-         noise(k) = sd*sqrt(-2*log(u(1)))*cos(two_pi*u(2))
-         if (k < n) noise(k + 1) = sd*sqrt(-2*log(u(1)))*sin(two_pi*u(2))
-      end do
-   end function gaussian_noise
+   end function seeded
 
    !> A uniform number in (0, 1).
    pure subroutine draw(state, u)

@@ -8,14 +8,15 @@ module beamid_cases
    use beamid_galerkin, only: mesh_t
    use beamid_identification, only: model_t, stage_t
    use beamid_kinds, only: wp
-   use beamid_method_groups, only: read_discretization, read_integrator, read_observation, &
-      read_stage
+   use beamid_method_groups, only: read_discretization, read_integrator, read_multistart, &
+      read_observation, read_stage
    use beamid_modal, only: modal_t
+   use beamid_multistart, only: multistart_t
    use beamid_model_groups, only: read_beam, read_excitation, read_hose, read_noise, read_sensor, &
       read_tip, read_units
    use beamid_namelist, only: block_t, scan_namelist
    use beamid_record_groups, only: read_recording, read_score
-   use beamid_records, only: everything, grid, load_recording, note_length, recording_t, window_t
+   use beamid_records, only: append_recording, everything, grid, load_recording, note_length, recording_t, window_t
    use beamid_refusals, only: refuse
    use beamid_vocabulary, only: case_vocabulary
    use beamid_strings, only: to_text
@@ -42,11 +43,14 @@ module beamid_cases
       type(window_t) :: score
       integer :: score_line = 0                 !< of the group &score; 0: there is none
       type(stage_t), allocatable :: stages(:)
+      type(multistart_t) :: multistart
       type(units_t) :: units
       !> of the noise that `simulate` adds to a record [acceleration]
       real(wp) :: noise_sd = 0
       integer :: noise_seed = 1
       integer, allocatable, private :: stage_lines(:)
+   contains
+      procedure :: can_be_fitted
    end type case_t
 
 contains
@@ -101,6 +105,7 @@ contains
                case ('discretization3'); call read_discretization(path, block, case%meshes, error)
                case ('integrator3'); call read_integrator(path, block, model%solver, error)
                case ('observation3'); call read_observation(path, block, model%observation, error)
+               case ('multistart3'); call read_multistart(path, block, case%multistart, error)
                case ('score3'); call read_score(path, block, case%score, case%score_line, error)
                case ('noise3'); call read_noise(path, block, case%noise_sd, case%noise_seed, error)
                case ('units3'); call read_units(path, block, case%units, error)
@@ -109,7 +114,7 @@ contains
                   case%excitations = [case%excitations, excitation]
                case ('record3')
                   call read_recording(path, block, recording, error)
-                  call append(case%recordings, recording)
+                  call append_recording(case%recordings, recording)
                case ('stage4')
                   call read_stage(path, block, model%structure, size(case%recordings), &
                      case%excitations, stage, error)
@@ -126,18 +131,6 @@ contains
          to_text(size(case%excitations))//' such groups for '//to_text(size(case%recordings))// &
          ' of &record, expected one, or one for each record')
    end subroutine read_groups
-
-   !> One recording more. (An array constructor would not do for texts of their own length.)
-   subroutine append(list, item)
-      type(recording_t), allocatable, intent(inout) :: list(:)
-      type(recording_t), intent(in) :: item
-      type(recording_t), allocatable :: longer(:)
-
-      allocate (longer(size(list) + 1))
-      longer(:size(list)) = list
-      longer(size(longer)) = item
-      call move_alloc(longer, list)
-   end subroutine append
 
    !> Refuses a case that lacks what the command needs.
    subroutine check_needs(case, needs, error)
@@ -177,6 +170,15 @@ contains
             ': &record: found no grid of sample times, expected t_first, t_last and t_step')
       end if
    end subroutine check_needs
+
+   !> Whether the case has all that a fit needs.
+   logical function can_be_fitted(self)
+      class(case_t), intent(in) :: self
+      type(error_t), allocatable :: error
+
+      call check_needs(self, needs_fit, error)
+      can_be_fitted = .not. allocated(error)
+   end function can_be_fitted
 
    !> The grid of sample times of &record, for a response without a record.
    subroutine sample_times(case, times, error)

@@ -7,6 +7,7 @@ module beamid_method_groups
    use beamid_identification, only: stage_t
    use beamid_kinds, only: wp, ip
    use beamid_modal, only: modal_t
+   use beamid_multistart, only: multistart_t
    use beamid_namelist, only: block_t, string_length
    use beamid_observation, only: formula_names, observation_t
    use beamid_excitation, only: excitation_t
@@ -21,7 +22,7 @@ module beamid_method_groups
    implicit none
    private
 
-   public :: read_discretization, read_integrator, read_observation, read_stage
+   public :: read_discretization, read_integrator, read_multistart, read_observation, read_stage
 
    !> More elements than this are taken for a slip of the pen.
    integer, parameter :: max_elements = 10000
@@ -109,6 +110,28 @@ contains
       solver%max_steps = int(max_steps, ip)
       chosen = solver
    end subroutine read_integrator
+
+   subroutine read_multistart(path, block, plan, error)
+      character(len=*), intent(in) :: path
+      type(block_t), intent(in) :: block
+      type(multistart_t), intent(inout) :: plan
+      type(error_t), allocatable, intent(out) :: error
+      integer :: n, seed, status
+      real(wp) :: spread
+      namelist /multistart/ n, seed, spread
+
+      n = 20; seed = plan%seed; spread = plan%spread
+      read (block%text, nml=multistart, iostat=status)
+      call accept(path, block, status, error)
+      call in_range(path, block, 'n', n, 1, 100000, error)
+      if (allocated(error)) return
+      if (.not. (spread > 1 .and. spread <= 1e6_wp)) then
+         call refuse(path, block%line_of('spread'), 'multistart', 'spread', to_text(spread), &
+            'a factor above 1, up to 1e6', error)
+         return
+      end if
+      plan = multistart_t(n, seed, spread)
+   end subroutine read_multistart
 
    subroutine read_observation(path, block, observed, error)
       character(len=*), intent(in) :: path

@@ -11,7 +11,7 @@ module beamid_records
    implicit none
    private
 
-   public :: window_t, recording_t, read_record, load_recording, take_samples, grid
+   public :: append_recording, window_t, recording_t, read_record, load_recording, take_samples, grid
    public :: note_length, column_length, everything
 
    !> Of a sentence about what was done to a record.
@@ -97,6 +97,18 @@ contains
          if (present(place)) error%message = place//error%message
       end if
    end subroutine load_recording
+
+   !> One recording more. (An array constructor would not do for texts of their own length.)
+   subroutine append_recording(list, item)
+      type(recording_t), allocatable, intent(inout) :: list(:)
+      type(recording_t), intent(in) :: item
+      type(recording_t), allocatable :: longer(:)
+
+      allocate (longer(size(list) + 1))
+      longer(:size(list)) = list
+      longer(size(longer)) = item
+      call move_alloc(longer, list)
+   end subroutine append_recording
 
    !> Whether a low-pass filter stands before the samples.
    pure logical function thins(recording)

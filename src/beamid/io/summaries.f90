@@ -8,14 +8,12 @@ module beamid_summaries
    use beamid_responses, only: work_t
    use beamid_strings, only: fixed, to_text
    use beamid_statistics, only: undetermined, unlimited
-   use beamid_texts, only: text_t
+   use beamid_texts, only: left, right, text_t
    use beamid_unknowns, only: name_length
    implicit none
    private
 
-   public :: fit_summary, response_summary, modes_summary, right, left
-
-   integer, parameter :: width = 14
+   public :: fit_summary, response_summary
 
 contains
 
@@ -270,57 +268,6 @@ contains
       content = text%content()
    end function response_summary
 
-   !> The lowest modes on one mesh: undamped angular frequencies and damped roots.
-   !>
-   !> omega  ascending [1/time]
-   !> roots  ascending modulus [1/time]
-   subroutine modes_summary(text, case, elements, omega, roots)
-      type(text_t), intent(inout) :: text
-      type(case_t), intent(in) :: case
-      integer, intent(in) :: elements
-      real(wp), intent(in) :: omega(:)
-      complex(wp), intent(in) :: roots(:)
-      integer, parameter :: shown = 10
-      character(len=:), allocatable :: line
-      real(wp), parameter :: pi = acos(-1.0_wp)
-      integer :: k
-
-      call text%line('N = '//to_text(elements)//': '//to_text(size(omega))// &
-         ' modes, the lowest '// &
-         to_text(min(shown, size(omega))))
-      call text%line(' mode  undamped '//frequency_unit(case)//'    |s|/2 pi '// &
-         frequency_unit(case)// &
-         '   damping ratio        Re s         Im s')
-      do k = 1, min(shown, size(roots))
-         line = right(to_text(k), 5)//right(merge(frequency(omega(min(k, size(omega)))/(2*pi)), &
-            repeat(' ', 14), k <= size(omega)), 16)
-         line = line//right(frequency(abs(roots(k))/(2*pi)), 18)
-         line = line//right(to_text(merge(-real(roots(k))/abs(roots(k)), 0.0_wp, abs(roots(k)) > 0 &
-            .and. abs(real(roots(k))) > 0)), 16)
-         call text%line(line//right(to_text(real(roots(k))), 13)//right(to_text(aimag(roots(k))), &
-            13))
-      end do
-   end subroutine modes_summary
-
-   !> Six decimals where they fit.
-   pure function frequency(value) result(text)
-      real(wp), intent(in) :: value
-      character(len=14) :: text
-
-      text = to_text(value)
-      if (value < 1e6_wp) text = fixed(value, 14, 6)
-   end function frequency
-
-   !> Hz only where the time is in seconds.
-   function frequency_unit(case) result(unit)
-      type(case_t), intent(in) :: case
-      character(len=:), allocatable :: unit
-
-      unit = '[Hz]'
-      if (case%units%time /= '' .and. case%units%time /= 's') &
-         unit = '[1/'//trim(case%units%time)//']'
-   end function frequency_unit
-
    !> A unit behind a number, or nothing.
    pure function label(unit) result(text)
       character(len=*), intent(in) :: unit
@@ -329,26 +276,5 @@ contains
       text = ''
       if (unit /= '') text = ' '//trim(unit)
    end function label
-
-   !> Text at the right end of a column.
-   pure function right(text, columns)
-      character(len=*), intent(in) :: text
-      integer, intent(in), optional :: columns
-      character(len=:), allocatable :: right
-      integer :: wide
-
-      wide = width
-      if (present(columns)) wide = columns
-      right = repeat(' ', max(1, wide - len_trim(adjustl(text))))//trim(adjustl(text))
-   end function right
-
-   !> Text at the left end of a column.
-   pure function left(text, columns)
-      character(len=*), intent(in) :: text
-      integer, intent(in) :: columns
-      character(len=max(columns, len(text))) :: left
-
-      left = text
-   end function left
 
 end module beamid_summaries

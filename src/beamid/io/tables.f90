@@ -2,8 +2,10 @@
 module beamid_tables
    use beamid_excitation, only: excitation_t
    use beamid_experiments, only: experiment_t
+   use beamid_fitted_modes, only: fitted_mode_t
    use beamid_identification, only: simulation_t, stage_fit_t
    use beamid_kinds, only: wp
+   use beamid_multistart, only: minimum_t
    use beamid_strings, only: full, to_text
    use beamid_statistics, only: unlimited
    use beamid_texts, only: text_t
@@ -12,6 +14,7 @@ module beamid_tables
    private
 
    public :: add_autocorrelation, add_correlations, add_estimates, add_fit, add_response, add_modes
+   public :: add_fitted_modes, fitted_modes_header, add_minima, minima_header
    public :: correlations_header, autocorrelation_header
    public :: estimates_header, fit_header, response_header, modes_header, record_table, labels_table
 
@@ -25,6 +28,10 @@ module beamid_tables
    character(len=*), parameter :: autocorrelation_header = 'elements,lag,autocorrelation,band95'
    character(len=*), &
       parameter :: modes_header = 'elements,mode,frequency_hz,damping_ratio,real,imag'
+
+   character(len=*), parameter :: fitted_modes_header = modes_header//',record,'// &
+      'frequency_lower95,frequency_upper95,damping_lower95,damping_upper95'
+   character(len=*), parameter :: minima_header = 'elements,minimum,count,J,parameter,estimate'
 
 contains
 
@@ -151,6 +158,50 @@ contains
             ratio + 0.0_wp, real(roots(k)), aimag(roots(k))]))
       end do
    end subroutine add_modes
+
+   !> Modes of a fitted structure with their intervals.
+   subroutine add_fitted_modes(text, elements, modes)
+      type(text_t), intent(inout) :: text
+      integer, intent(in) :: elements
+      type(fitted_mode_t), intent(in) :: modes(:)
+      character(len=:), allocatable :: line
+      integer :: k, number
+
+      do k = 1, size(modes)
+         number = count(modes(:k)%record == modes(k)%record)
+         associate (mode => modes(k))
+            line = to_text(elements)//','//row(number, [mode%frequency, mode%damping_ratio, &
+               real(mode%s), aimag(mode%s)])//','//to_text(mode%record)//','
+            if (mode%frequency_half_width < unlimited) then
+               line = line//full(mode%frequency - mode%frequency_half_width)//','// &
+                  full(mode%frequency + mode%frequency_half_width)//','// &
+                  full(mode%damping_ratio - mode%damping_half_width)//','// &
+                  full(mode%damping_ratio + mode%damping_half_width)
+            else
+               line = line//',,,'
+            end if
+         end associate
+         call text%line(line)
+      end do
+   end subroutine add_fitted_modes
+
+   !> The minima that several starts have found.
+   subroutine add_minima(text, elements, minima)
+      type(text_t), intent(inout) :: text
+      integer, intent(in) :: elements
+      type(minimum_t), intent(in) :: minima(:)
+      integer :: j, k
+
+      do k = 1, size(minima)
+         associate (fit => minima(k)%fits(size(minima(k)%fits)))
+            do j = 1, size(fit%free)
+               call text%line(to_text(elements)//','//to_text(k)//','//to_text(minima(k)%count)// &
+                  ','//full(fit%fit%J)//','//trim(fit%quantities(j)%name)//','// &
+                  full(fit%quantities(j)%value))
+            end do
+         end associate
+      end do
+   end subroutine add_minima
 
    !> A record as `identify` reads it.
    function record_table(t, acceleration) result(content)

@@ -3,7 +3,10 @@ module beamid_texts
    implicit none
    private
 
-   public :: text_t
+   public :: text_t, left, right
+
+   !> Of a column, where nothing else is said.
+   integer, parameter :: width = 14
 
    type :: text_t
       character(len=:), allocatable, private :: buffer
@@ -49,5 +52,26 @@ contains
       content = ''
       if (allocated(self%buffer)) content = self%buffer(:self%length)
    end function content
+
+   !> Text at the right end of a column.
+   pure function right(text, columns)
+      character(len=*), intent(in) :: text
+      integer, intent(in), optional :: columns
+      character(len=:), allocatable :: right
+      integer :: wide
+
+      wide = width
+      if (present(columns)) wide = columns
+      right = repeat(' ', max(1, wide - len_trim(adjustl(text))))//trim(adjustl(text))
+   end function right
+
+   !> Text at the left end of a column.
+   pure function left(text, columns)
+      character(len=*), intent(in) :: text
+      integer, intent(in) :: columns
+      character(len=max(columns, len(text))) :: left
+
+      left = text
+   end function left
 
 end module beamid_texts

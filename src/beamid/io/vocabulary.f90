@@ -43,7 +43,7 @@ contains
                          real_key('start', size(free_names), text_key='start_from'), &
                          string_key('start_from'), real_key('lower', size(free_names)), &
                          real_key('upper', size(free_names))], may_repeat=.true.), &
-         group('multistart', [integer_key('n'), integer_key('seed')]), &
+         group('multistart', [integer_key('n'), integer_key('seed'), real_key('spread')]), &
          group('noise', [real_key('sd'), integer_key('seed')]), &
          group('units', [string_key('length'), string_key('force'), string_key('time'), &
                          string_key('mass')])]
