@@ -18,6 +18,8 @@ import warnings
 from dataclasses import dataclass
 from pathlib import Path
 
+from program import CHECKOUT, PYTHON, fail, new_parser, output_of, release, tell
+
 os.environ.update(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1")    # before NumPy reads them
 try:
     import numpy as np
@@ -29,8 +31,6 @@ try:
 except ImportError:
     np = None
 
-CHECKOUT = Path(__file__).resolve().parent.parent
-PYTHON = CHECKOUT / ".venv" / "bin" / "python"
 CASE = CHECKOUT / "data" / "table_4_1_fit.nml"
 RECORD = CHECKOUT / "data" / "table_4_1_record.csv"
 
@@ -58,46 +58,18 @@ expm       stepped: one for the pulse, one for 0.1 s; doubled: one for both, rep
 both       four Gauss points per element, exact for cubic splines"""
 
 
-def fail(message, status=1):
-    """Ends the script with one line on standard error."""
-    tell(message)
-    raise SystemExit(status)
-
-
-def tell(message):
-    """One line on standard error."""
-    print(f"benchmark: {message}", file=sys.stderr, flush=True)
-
-
 def restart_with_scipy():
     """Restarts this script with the Python of the environment, with SciPy installed into it."""
     if subprocess.run([CHECKOUT / "scripts" / "setup.sh"], stdout=sys.stderr).returncode:
-        fail("setup.sh failed")
+        fail("setup.sh failed", 1)
     works = [PYTHON, "-c", "import numpy, scipy.optimize"]
     if subprocess.run(works, stderr=subprocess.DEVNULL).returncode:
         tell("SciPy is missing: installing it into .venv with pip")
         subprocess.run([PYTHON, "-m", "pip", "-q", "--disable-pip-version-check", "install",
                         "scipy"], stdout=sys.stderr)
         if subprocess.run(works, stderr=subprocess.DEVNULL).returncode:
-            fail("could not install SciPy into .venv")
+            fail("could not install SciPy into .venv", 1)
     os.execv(PYTHON, [str(PYTHON), *sys.argv])
-
-
-def output_of(*command):
-    """Standard output of a command; its failure is ours."""
-    done = subprocess.run(command, capture_output=True, text=True, cwd=CHECKOUT)
-    if done.returncode:
-        sys.stderr.write(done.stderr)
-        fail(f"{Path(command[0]).name}: exit status {done.returncode}")
-    return done.stdout.strip()
-
-
-def build():
-    """Builds the release as run.sh does; the executable and its version."""
-    version = output_of(CHECKOUT / "scripts" / "run.sh", "version")
-    fpm = next((CHECKOUT / ".venv").glob("lib/python*/site-packages/fpm/fpm"))
-    listed = output_of(fpm, "run", "beamid", "--runner", "echo", "--profile", "release")
-    return CHECKOUT / re.findall(r"^build/.*", listed, re.MULTILINE)[-1], version
 
 
 def machine(version):
@@ -106,7 +78,8 @@ def machine(version):
     compiler = output_of("gfortran", "-dumpfullversion")
     return (f"{os.cpu_count()} cores, {model[1] if model else platform.machine()}, load "
             f"{os.getloadavg()[0]:.1f}; {version}, gfortran {compiler}; "
-            f"Python {platform.python_version()}, NumPy {np.__version__}, SciPy {scipy.__version__}")
+            f"Python {platform.python_version()}, NumPy {np.__version__}, SciPy "
+            f"{scipy.__version__}")
 
 
 @dataclass
@@ -142,7 +115,7 @@ class Beamid:
                                "--out", self.folder / "out", *options],
                               capture_output=True, text=True, timeout=limit)
         if done.returncode:
-            fail(f"beamid: {done.stderr.strip()}")
+            fail(f"beamid: {done.stderr.strip()}", 1)
         after = resource.getrusage(resource.RUSAGE_CHILDREN)
         return after.ru_utime - before.ru_utime + after.ru_stime - before.ru_stime, done.stderr
 
@@ -311,7 +284,7 @@ def check_model(model, estimates, J):
     difference, elements = abs(model.J(estimates) / J - 1), model.n - 2
     if not difference < SAME_MODEL:
         fail(f"N = {elements}: J of beamid is {J:.9g}, of the model in SciPy "
-             f"{model.J(estimates):.9g} for the same parameters: two models, nothing to compare")
+             f"{model.J(estimates):.9g} for the same parameters: two models, nothing to compare", 1)
     print(f"N = {elements}: J of beamid and of the model in SciPy, for the same parameters, "
           f"differ by {difference:.0e} of J", flush=True)
 
@@ -321,7 +294,7 @@ def compare(beamid, elements, measured, cap):
     model = Model(elements, measured)
     modal = beamid.row("beamid modal", elements, "method='modal'", cap)
     if modal.capped:
-        fail(f"N = {elements}: beamid modal takes more than {cap:g} s")
+        fail(f"N = {elements}: beamid modal takes more than {cap:g} s", 1)
     check_model(model, *beamid.estimates())
     least = model.J(modal.estimates)
 
@@ -387,9 +360,7 @@ def duration(text):
 
 def parse():
     """The command line; what is not understood is one line and exit status 2."""
-    parser = argparse.ArgumentParser(description=__doc__, epilog=NOTES, allow_abbrev=False,
-                                     formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.error = lambda message: fail(message, 2)
+    parser = new_parser(__doc__, epilog=NOTES, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--elements", metavar="N,N", type=meshes, default=[4, 6],
                         help="meshes (default: 4,6)")
     parser.add_argument("--cap", metavar="SECONDS", type=duration, default=120.0,
@@ -401,8 +372,8 @@ def main():
     arguments = parse()
     if np is None:
         restart_with_scipy()
-    program, version = build()
-    print(machine(version), flush=True)
+    program = release()
+    print(machine(output_of(program, "version")), flush=True)
     measured = np.loadtxt(RECORD, delimiter=",", skiprows=1)[:, 1]
     with tempfile.TemporaryDirectory() as folder:
         beamid = Beamid(program, folder)

@@ -1,8 +1,6 @@
 #!/usr/bin/env python3
 """Plots how a fit converges with the number of elements -> DIR/convergence.png."""
 
-import argparse
-
 import plotting as p
 import numpy as np
 
@@ -96,14 +94,8 @@ def draw(directory, ours, paper, truth):
     return figure
 
 
-def main():
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("directory", metavar="DIR", type=p.folder, help="output folder of a fit")
-    parser.add_argument("--truth", metavar="FILE", help="true values (default: DIR/truth.csv)")
-    parser.add_argument("--out", metavar="FILE", help="picture (default: DIR/convergence.png)")
-    arguments = parser.parse_args()
-
-    directory = arguments.directory
+def picture(directory, truth_file=None):
+    """The figure of an output folder; without `truth_file` its truth.csv, if there is one."""
     meshes = {n: {row["parameter"]: p.number(row, "estimate") for row in rows}
               for n, rows in p.last_stage(directory).items()}
     if len(meshes) < 2:
@@ -111,10 +103,20 @@ def main():
     ours = series(meshes)
     if "J" not in ours:
         p.fail(f"{directory / 'estimates.csv'}: no row with parameter = J")
-    truth_file = arguments.truth or directory / "truth.csv"
-    truth = read_values(truth_file) if arguments.truth or truth_file.exists() else None
-    paper = read_paper(directory / "paper.csv")
-    p.save(draw(directory, ours, paper, truth), arguments.out or directory / "convergence.png")
+    own = directory / "truth.csv"
+    truth = read_values(truth_file or own) if truth_file or own.exists() else None
+    return draw(directory, ours, read_paper(directory / "paper.csv"), truth)
+
+
+def main():
+    parser = p.new_parser(__doc__)
+    parser.add_argument("directory", metavar="DIR", type=p.folder, help="output folder of a fit")
+    parser.add_argument("--truth", metavar="FILE", help="true values (default: DIR/truth.csv)")
+    parser.add_argument("--out", metavar="FILE", help="picture (default: DIR/convergence.png)")
+    arguments = parser.parse_args()
+
+    figure = picture(arguments.directory, arguments.truth)
+    p.save(figure, arguments.out or arguments.directory / "convergence.png")
 
 
 if __name__ == "__main__":

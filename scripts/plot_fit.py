@@ -1,7 +1,6 @@
 #!/usr/bin/env python3
 """Plots a fit: measured and modelled acceleration, residuals, estimates -> DIR/fit.png."""
 
-import argparse
 import math
 
 import plotting as p
@@ -109,23 +108,28 @@ def draw(directory, meshes, chosen, rows):
     return figure
 
 
-def main():
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("directory", metavar="DIR", type=p.folder, help="output folder of a fit")
-    parser.add_argument("--elements", metavar="N", type=int, help="mesh to show (default: finest)")
-    parser.add_argument("--out", metavar="FILE", help="picture to write (default: DIR/fit.png)")
-    arguments = parser.parse_args()
-
-    directory = arguments.directory
+def picture(directory, chosen=None):
+    """The figure of an output folder, for the mesh chosen or the finest."""
     meshes = read_fit(directory)
-    chosen = max(meshes) if arguments.elements is None else arguments.elements
+    chosen = max(meshes) if chosen is None else chosen
     if chosen not in meshes:
         found = ", ".join(map(str, meshes))
         p.fail(f"{directory / 'fit.csv'}: no fit with {chosen} elements (found: {found})")
     rows = p.last_stage(directory).get(chosen)
     if not rows:
         p.fail(f"{directory / 'estimates.csv'}: no estimates for {chosen} elements")
-    p.save(draw(directory, meshes, chosen, rows), arguments.out or directory / "fit.png")
+    return draw(directory, meshes, chosen, rows)
+
+
+def main():
+    parser = p.new_parser(__doc__)
+    parser.add_argument("directory", metavar="DIR", type=p.folder, help="output folder of a fit")
+    parser.add_argument("--elements", metavar="N", type=int, help="mesh to show (default: finest)")
+    parser.add_argument("--out", metavar="FILE", help="picture to write (default: DIR/fit.png)")
+    arguments = parser.parse_args()
+
+    figure = picture(arguments.directory, arguments.elements)
+    p.save(figure, arguments.out or arguments.directory / "fit.png")
 
 
 if __name__ == "__main__":

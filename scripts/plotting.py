@@ -1,33 +1,18 @@
-"""What the plots share: the environment, one style, reading the CSV files, errors of one line.
+"""What the plots share: one style, symbols and units, files of pictures.
 
-Import this module first: when numpy or matplotlib is missing, it restarts the calling script
-with the Python of the checkout's environment.
+Import this module before numpy or matplotlib: where one is missing, it restarts the calling script
+with the Python of the checkout's environment. Also what `program` shares is here, as p.fail etc.
 """
 
-import csv
-import math
-import os
+import io
 import re
-import sys
 from pathlib import Path
 
-_VENV = Path(__file__).resolve().parent.parent / ".venv"
+from program import fail, folder, need, new_parser, number, read_table, reason  # noqa: F401
 
+need("numpy", "matplotlib")
 
-def fail(message):
-    """Ends the script with one line on standard error and exit status 2."""
-    print(f"{Path(sys.argv[0]).stem}: {message}", file=sys.stderr)
-    raise SystemExit(2)
-
-
-try:
-    import matplotlib
-    import numpy  # noqa: F401  (tested here so that every script may rely on it)
-except ImportError as missing:
-    python = _VENV / "bin" / "python"
-    if not python.exists() or Path(sys.prefix).resolve() == _VENV.resolve():
-        fail(f"no module {missing.name}; run scripts/setup.sh first")
-    os.execv(python, [str(python), *sys.argv])
+import matplotlib  # noqa: E402
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt  # noqa: E402
@@ -37,6 +22,7 @@ BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY = COLOURS = (
     "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 MARKERS = "osD^vP"
 GREY = "0.4"
+SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 plt.rcParams.update({
     "font.size": 10, "axes.titlesize": 11, "axes.titlelocation": "left", "axes.labelsize": 10,
@@ -45,44 +31,6 @@ plt.rcParams.update({
     "axes.grid": True, "grid.color": "0.88", "grid.linewidth": 0.6, "lines.linewidth": 1.4,
     "savefig.dpi": 160, "figure.constrained_layout.use": True,
 })
-
-
-def read_table(path, *columns):
-    """The rows of a CSV file as dictionaries of text; each of `columns` must be in the header."""
-    try:
-        with open(path, newline="", encoding="utf-8-sig") as file:
-            reader = csv.DictReader(file, skipinitialspace=True)
-            header = reader.fieldnames or ["none"]
-            rows = [{**row, "": f"{path}:{reader.line_num}"} for row in reader]
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        fail(f"{path}: {getattr(error, 'strerror', None) or error}")
-    for column in columns:
-        if column not in header:
-            fail(f"{path}: no column '{column}' (found: {', '.join(header)})")
-    if not rows:
-        fail(f"{path}: no data")
-    for row in rows:
-        if any(row[column] is None for column in columns):
-            fail(f"{row['']}: the row is shorter than the header")
-    return rows
-
-
-def number(row, column, kind=float):
-    """A finite number of a row of read_table."""
-    try:
-        value = kind(row[column])
-        if math.isfinite(value):
-            return value
-    except (TypeError, ValueError):
-        pass
-    fail(f"{row['']}: '{column}' is '{row[column] or ''}', expected a number")
-
-
-def folder(path):
-    """A folder that must exist."""
-    if not Path(path).is_dir():
-        fail(f"{path}: no such folder")
-    return Path(path)
 
 
 def case_name(directory):
@@ -106,6 +54,11 @@ def symbol(name):
     return rf"${match[1]}_{{\mathrm{{{match[2]}}}}}$" if match else rf"${name}$"
 
 
+def with_symbols(text):
+    """Every name such as m_T in the text as a symbol."""
+    return re.sub(r"\b[A-Za-z]_[A-Z]\b", lambda match: symbol(match[0]), text)
+
+
 def unit_text(unit):
     """A unit with its powers raised: ft/s^2."""
     return re.sub(r"\^(-?\d+)", r"$^{\1}$", (unit or "").strip())
@@ -123,10 +76,26 @@ def number_text(value, digits):
     return rf"{mantissa}$\times$10$^{{{int(exponent)}}}$" if exponent else text
 
 
+def plain_number(value, digits):
+    """A number with at most so many significant digits, without mathematical text: 1.731×10⁹."""
+    mantissa, _, exponent = f"{value:.{digits}g}".replace("-", "\u2212").partition("e")
+    power = exponent.replace("\u2212", "-")
+    return mantissa + (f"×10{str(int(power)).translate(SUPERSCRIPTS)}" if exponent else "")
+
+
 def save(figure, path):
     """Writes the figure and says where."""
     try:
         figure.savefig(path, format=Path(path).suffix[1:] or "png")
     except (OSError, ValueError) as error:
-        fail(f"{path}: {getattr(error, 'strerror', None) or error}")
+        fail(f"{path}: {reason(error)}")
+    plt.close(figure)
     print(path)
+
+
+def png(figure):
+    """The figure as the bytes of a picture."""
+    picture = io.BytesIO()
+    figure.savefig(picture, format="png", metadata={"Software": None})
+    plt.close(figure)
+    return picture.getvalue()

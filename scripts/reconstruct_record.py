@@ -5,31 +5,16 @@ The measurement itself was never published as numbers. The record written here i
 that agree with the printed sums of squared residuals and with the printed estimates.
 """
 
-import argparse
-import csv
-import re
 import subprocess
-import sys
 import tempfile
 from pathlib import Path
 
-CHECKOUT = Path(__file__).resolve().parent.parent
-PYTHON = CHECKOUT / ".venv" / "bin" / "python"
+from program import (CHECKOUT, fail, need, new_parser, number, read_table, reason, release,
+                     write_text)
 
+need("numpy")
 
-def fail(message, status=2):
-    """Ends the script with one line on standard error."""
-    print(f"reconstruct_record: {message}", file=sys.stderr)
-    raise SystemExit(status)
-
-
-try:
-    import numpy as np
-except ImportError:
-    import os
-    if not PYTHON.exists() or Path(sys.prefix).resolve() == PYTHON.parent.parent.resolve():
-        fail("no module numpy; run scripts/setup.sh first")
-    os.execv(PYTHON, [str(PYTHON), *sys.argv])
+import numpy as np  # noqa: E402
 
 BEAM = {"m_T": 0.149, "E": 15.84e8, "c_D": 0.0, "m_H": 0.0, "c_H": 0.0, "k_H": 0.0}
 HOSE = ("m_H", "c_H", "k_H")
@@ -95,7 +80,7 @@ class Beamid:
             done = subprocess.run([self.program, command, self.folder / "case.nml", "--quiet",
                                    "--out", self.folder / "out"], capture_output=True, text=True)
         except OSError as error:
-            fail(f"{self.program}: {error.strerror}")
+            fail(f"{self.program}: {reason(error)}")
         if done.returncode:
             fail(f"beamid: {done.stderr.strip()}", 1)
         return self.folder / "out"
@@ -118,25 +103,13 @@ class Beamid:
         (self.folder / "record.csv").write_text("t,acceleration\n" + rows)
         out = self.run("identify", values, *stages,
                        "&record file='record.csv', t_first=3.0, t_last=5.0, t_step=0.1 /")
-        with open(out / "estimates.csv", newline="") as file:
-            return {row["parameter"]: float(row["estimate"]) for row in csv.DictReader(file)}
+        return {row["parameter"]: number(row, "estimate")
+                for row in read_table(out / "estimates.csv", "parameter", "estimate")}
 
 
 def column(path, name):
     """One column of a CSV file."""
-    with open(path, newline="") as file:
-        return np.array([float(row[name]) for row in csv.DictReader(file)])
-
-
-def executable():
-    """The release build of the program, made if need be."""
-    done = subprocess.run([CHECKOUT / "scripts" / "run.sh", "version"], stdout=sys.stderr)
-    if done.returncode:
-        fail("the program does not build", 1)
-    fpm = next((CHECKOUT / ".venv").glob("lib/python*/site-packages/fpm/fpm"))
-    listed = subprocess.run([fpm, "run", "beamid", "--runner", "echo", "--profile", "release"],
-                            capture_output=True, text=True, cwd=CHECKOUT).stdout
-    return CHECKOUT / re.findall(r"^build/.*", listed, re.MULTILINE)[-1]
+    return np.array([number(row, name) for row in read_table(path, name)])
 
 
 def jacobian(beamid, values, names, step=1e-3):
@@ -247,22 +220,18 @@ def report(beamid, t, volts, y):
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__, allow_abbrev=False)
-    parser.add_argument("--out", metavar="FILE", type=Path, help="record to write (default: "
-                        "data/rpl_reconstructed.csv)",
-                        default=CHECKOUT / "data" / "rpl_reconstructed.csv")
+    parser = new_parser(__doc__)
+    parser.add_argument("--out", metavar="FILE", default=CHECKOUT / "data/rpl_reconstructed.csv",
+                        help="record to write (default: data/rpl_reconstructed.csv)")
     parser.add_argument("--program", metavar="FILE", help="beamid (default: the release build)")
     arguments = parser.parse_args()
-    program = arguments.program or executable()
+    program = arguments.program or release()
 
     with tempfile.TemporaryDirectory() as folder:
         beamid = Beamid(program, folder)
         t, volts, amplitude, y = reconstruct(beamid)
         rows = "".join(f"{s:.3f},{v:.7f}\n" for s, v in zip(t, volts))
-        try:
-            arguments.out.write_text(HEADER + "t,volts\n" + rows)
-        except OSError as error:
-            fail(f"{arguments.out}: {error.strerror}")
+        write_text(arguments.out, HEADER + "t,volts\n" + rows)
         print(f"Torsion: {amplitude:.4f} ft/s^2 at the start")
         report(beamid, t, volts, y)
 

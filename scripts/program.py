@@ -1,0 +1,129 @@
+"""What the scripts share: errors of one line, the command line, the environment, the program and
+the CSV files that it writes."""
+
+import argparse
+import csv
+import importlib
+import math
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+CHECKOUT = Path(__file__).resolve().parent.parent
+PYTHON = CHECKOUT / ".venv" / "bin" / "python"
+
+
+def tell(message):
+    """One line on standard error."""
+    line = str(message).replace("\n", " ")
+    print(f"{Path(sys.argv[0]).stem}: {line}", file=sys.stderr, flush=True)
+
+
+def fail(message, status=2):
+    """Ends the script with one line on standard error."""
+    tell(message)
+    raise SystemExit(status)
+
+
+def need(*modules):
+    """Restarts the calling script with the checkout's Python when one of the modules is missing."""
+    try:
+        for module in modules:
+            importlib.import_module(module)
+    except ImportError as missing:
+        if not PYTHON.exists() or Path(sys.prefix).resolve() == PYTHON.parent.parent.resolve():
+            fail(f"no module {missing.name}; run scripts/setup.sh first")
+        os.execv(PYTHON, [str(PYTHON), *sys.argv])
+
+
+def new_parser(description, **options):
+    """A command line; what it does not understand is one line and exit status 2."""
+    parser = argparse.ArgumentParser(description=description, allow_abbrev=False, **options)
+    parser.error = fail
+    return parser
+
+
+def output_of(*command):
+    """Standard output of a command run in the checkout; its failure is the script's."""
+    done = subprocess.run(command, capture_output=True, text=True, cwd=CHECKOUT)
+    if done.returncode:
+        sys.stderr.write(done.stderr)
+        fail(f"{Path(command[0]).name}: exit status {done.returncode}", 1)
+    return done.stdout.strip()
+
+
+def run(*arguments):
+    """Sets up and builds what is missing, then runs the program; its output goes nowhere."""
+    command = [CHECKOUT / "scripts" / "run.sh", *arguments]
+    if subprocess.run(command, stdout=subprocess.DEVNULL).returncode:
+        fail(f"scripts/run.sh {arguments[0]} failed", 1)
+
+
+def release():
+    """The executable of the release build, made if need be."""
+    run("version")
+    fpm = next((CHECKOUT / ".venv").glob("lib/python*/site-packages/fpm/fpm"))
+    listed = output_of(fpm, "run", "beamid", "--runner", "echo", "--profile", "release")
+    return CHECKOUT / re.findall(r"^build/.*", listed, re.MULTILINE)[-1]
+
+
+def reason(error):
+    """What went wrong, without the file's name."""
+    return getattr(error, "strerror", None) or error
+
+
+def folder(path):
+    """A folder that must exist."""
+    if not Path(path).is_dir():
+        fail(f"{path}: no such folder")
+    return Path(path)
+
+
+def read_text(path):
+    """The text of a file."""
+    try:
+        return Path(path).read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        fail(f"{path}: {reason(error)}")
+
+
+def write_text(path, text):
+    """Writes a file, into a folder that is made if need be."""
+    try:
+        Path(path).parent.mkdir(parents=True, exist_ok=True)
+        Path(path).write_text(text, encoding="utf-8")
+    except OSError as error:
+        fail(f"{path}: {reason(error)}")
+
+
+def read_table(path, *columns):
+    """The rows of a CSV file as dictionaries of text; each of `columns` must be in the header."""
+    try:
+        with open(path, newline="", encoding="utf-8-sig") as file:
+            reader = csv.DictReader(file, skipinitialspace=True)
+            header = reader.fieldnames or ["none"]
+            rows = [{**row, "": f"{path}:{reader.line_num}"} for row in reader]
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        fail(f"{path}: {reason(error)}")
+    for column in columns:
+        if column not in header:
+            fail(f"{path}: no column '{column}' (found: {', '.join(header)})")
+    if not rows:
+        fail(f"{path}: no data")
+    for row in rows:
+        if any(row[column] is None for column in columns):
+            fail(f"{row['']}: the row is shorter than the header")
+    return rows
+
+
+def number(row, column, kind=float):
+    """A finite number of a row of read_table."""
+    try:
+        value = kind(row[column])
+        if math.isfinite(value):
+            return value
+    except (TypeError, ValueError):
+        pass
+    fail(f"{row['']}: '{column}' is '{row[column] or ''}', expected a number")
