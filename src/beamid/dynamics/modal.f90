@@ -224,12 +224,13 @@ contains
       do k = 1, size(times)
          do while (node < size(excitation%t))
             if (excitation%t(node + 1) > times(k)) exit
-            call advance(states, poles%s, excitation, node, t, excitation%t(node + 1))
+            call advance(states, poles%s, excitation, node, t, excitation%t(node + 1), &
+               size(slopes) > 0)
             t = excitation%t(node + 1)
             node = node + 1
          end do
          if (times(k) > t) then
-            call advance(states, poles%s, excitation, node, t, times(k))
+            call advance(states, poles%s, excitation, node, t, times(k), size(slopes) > 0)
             t = times(k)
          end if
          call observe(states, poles, rs, rss, excitation%force(times(k)), k, response, slopes)
@@ -247,12 +248,15 @@ contains
    end function silence
 
    !> From t to `finish`, within the segment of the force that begins at `node`.
-   pure subroutine advance(states, s, excitation, node, t, finish)
+   !>
+   !> with_slopes  whether dz/ds is wanted too
+   pure subroutine advance(states, s, excitation, node, t, finish, with_slopes)
       type(states_t), intent(inout) :: states
       complex(wp), intent(in) :: s(:)
       type(excitation_t), intent(in) :: excitation
       integer, intent(in) :: node
       real(wp), intent(in) :: t, finish
+      logical, intent(in) :: with_slopes
       real(wp) :: step, force, slope
       complex(wp) :: phi(3), x
       integer :: k
@@ -266,8 +270,12 @@ contains
          states%repeated = 0
       end if
       states%repeated = states%repeated + 1
+      if (with_slopes) then
+         do k = 1, size(s)
+            states%y(k) = states%growth(k)*(states%y(k) + step*states%z(k))
+         end do
+      end if
       do k = 1, size(s)
-         states%y(k) = states%growth(k)*(states%y(k) + step*states%z(k))
          states%z(k) = states%growth(k)*states%z(k)
       end do
       if (node >= size(excitation%t)) return

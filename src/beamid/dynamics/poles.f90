@@ -12,7 +12,7 @@ module beamid_poles
    use beamid_roots, only: find_roots
    use beamid_strings, only: to_text
    use beamid_structure, only: of_x_S
-   use beamid_vectors, only: couplings, find_vector, root_t, solve_coupled, solve_mass, vector_t
+   use beamid_vectors, only: find_vector, most, root_t, solve_coupled, solve_mass, vector_t
    implicit none
    private
 
@@ -93,7 +93,8 @@ contains
       call solve_mass(assembly, assembly%load, x, y)
       poles%impulse = y(assembly%sensor)
       poles%ordinary = dot_product(assembly%load, x)
-      call solve_mass(assembly, assembly%v(assembly%sensor, :), x, y)
+      if (assembly%sensor /= assembly%tip) call solve_mass(assembly, &
+         assembly%v(assembly%sensor, :), x, y)
       poles%ordinary = sqrt(poles%ordinary*y(assembly%sensor)) &
          /minval(abs(poles%s), mask=abs(poles%s) > 0)
       if (abs(sum(real(poles%residue*poles%s)) - poles%impulse) <= &
@@ -115,6 +116,7 @@ contains
       type(assembly_t), intent(in) :: assembly
       type(poles_t), intent(inout) :: poles
       type(error_t), allocatable, intent(out) :: error
+      complex(wp) :: D_all(assembly%n), x_all(assembly%n)
       integer :: k, p, n
 
       n = size(assembly%parameters)
@@ -123,10 +125,10 @@ contains
       if (n == 0) return
       do k = 1, size(poles%s)
          do p = 1, n
-            call differentiate_root(assembly, poles%root(k), poles%vector(k), p, poles%ds(k, p), &
-               poles%dr(k, p))
+            call differentiate_root(assembly, poles%root(k), poles%vector(k), p, D_all, x_all, &
+               poles%ds(k, p), poles%dr(k, p))
+            poles%dr(k, p) = weight(poles%s(k))*poles%dr(k, p)
          end do
-         poles%dr(k, :) = weight(poles%s(k))*poles%dr(k, :)
       end do
       call differentiate_impulse(assembly, poles%dimpulse)
       do p = 1, n
@@ -139,80 +141,84 @@ contains
    end subroutine differentiate_poles
 
    !> ds/dp and dr/dp of one root: every quantity of `beamid_vectors` differentiated in turn, with
-   !> the root as a function of p.
-   subroutine differentiate_root(assembly, root, vector, p, ds, dr)
+   !> the root as a function of p. Loops rather than matrix products: the matrices are tiny, and a
+   !> search comes here hundreds of times.
+   !>
+   !> D_all, x_all  (n) room to work in
+   pure subroutine differentiate_root(assembly, root, vector, p, D_all, x_all, ds, dr)
       type(assembly_t), intent(in) :: assembly
       type(root_t), intent(in) :: root
       type(vector_t), intent(in) :: vector
       integer, intent(in) :: p
-      complex(wp), intent(out) :: ds, dr
-      complex(wp), dimension(assembly%n) :: D_p, D_sp, D_all, D_s_all, x_all
-      complex(wp), dimension(size(assembly%v, 1), size(assembly%v, 1)) :: H_p, H_sp, H_all
-      complex(wp) :: y_all(size(assembly%v, 1), 1), f_all(size(assembly%v, 1)), A_all
-      complex(wp) :: driven
+      complex(wp), intent(out) :: D_all(:), x_all(:), ds, dr
+      complex(wp), dimension(most, most) :: H_p, H_sp, H_all
+      complex(wp) :: y_all(most, 1), f_all(most), A_all, force, driven, turned
       logical :: moves
-      integer :: r
+      integer :: i, k, l, r
 
       r = size(assembly%v, 1)
-      associate (pencil => assembly%pencil(vector%form), &
-         slope => assembly%slope(vector%form, p), x => vector%x, &
-         y => vector%y(:r), f => vector%f(:r), D => vector%D, v => assembly%v, j => root%j, &
-         G => vector%G(:r, :r), H => vector%H(:r, :r), dH => vector%dH(:r, :r))
+      associate (pencil => assembly%pencil(vector%form), x => vector%x, y => vector%y, &
+         slope => assembly%slope(vector%form, p), f => vector%f, D => vector%D, &
+         v => assembly%v, j => root%j, s => root%s, sensor => assembly%sensor)
          moves = assembly%parameters(p) == of_x_S
-         D_p = (slope%m*root%s + slope%c)*root%s + slope%k
-         D_sp = 2*slope%m*root%s + slope%c
-         call couplings(slope, root%s, H_p, H_sp)
-         ds = sum(D_p*x**2) + sum(y*matmul(H_p, y))
-         if (moves) ds = ds &
-            + 2*sum(assembly%sensor_slope*x)*f(assembly%sensor)
-         ds = -ds/vector%A
+         ds = 0
+         do i = 1, assembly%n
+            D_all(i) = (slope%m(i)*s + slope%c(i))*s + slope%k(i)
+            ds = ds + D_all(i)*x(i)**2
+         end do
+         do l = 1, r
+            do k = 1, r
+               H_p(k, l) = (slope%hm(k, l)*s + slope%hc(k, l))*s + slope%hk(k, l)
+               H_sp(k, l) = 2*slope%hm(k, l)*s + slope%hc(k, l)
+               ds = ds + y(k)*H_p(k, l)*y(l)
+            end do
+         end do
+         turned = 0
+         if (moves) turned = sum(assembly%sensor_slope*x)
+         ds = -(ds + 2*turned*f(sensor))/vector%A
 
-         D_all = vector%dD*ds + D_p
-         D_s_all = 2*pencil%m*ds + D_sp
-         H_all = dH*ds + H_p
-         x_all = x*D_all
-         x_all(j) = 0
-         x_all(:j - 1) = x_all(:j - 1)/D(:j - 1)
-         x_all(j + 1:) = x_all(j + 1:)/D(j + 1:)
-         y_all(:, 1) = -matmul(v, x_all) - matmul(G, matmul(H_all, y))
-         if (moves) call move_sensor(y_all(:, 1))
-         call solve_coupled(G, H, y_all)
-         f_all = matmul(H_all, y) + matmul(H, y_all(:, 1))
-         x_all = -x*D_all - matmul(f_all, v)
-         if (moves) x_all = x_all &
-            - assembly%sensor_slope*f(assembly%sensor)
-         x_all(j) = 0
-         x_all(:j - 1) = x_all(:j - 1)/D(:j - 1)
-         x_all(j + 1:) = x_all(j + 1:)/D(j + 1:)
-         A_all = sum(D_s_all*x**2 + 2*vector%dD*x*x_all) &
-            + 2*sum(y_all(:, 1)*matmul(dH, y)) &
-            + sum(y*matmul(2*pencil%hm*ds + H_sp, y))
-
-         driven = sum(assembly%load*x)
-         associate (seen => y(assembly%sensor), dseen => y_all(assembly%sensor, 1))
-            dr = (dseen*driven + seen*sum(assembly%load*x_all) - seen*driven/vector%A*A_all) &
-               /vector%A
-         end associate
+         do l = 1, r
+            H_all(:r, l) = vector%dH(:r, l)*ds + H_p(:r, l)
+         end do
+         do k = 1, r
+            f_all(k) = sum(H_all(k, :r)*y(:r))
+         end do
+         do k = 1, r
+            y_all(k, 1) = -sum(vector%G(k, :r)*f_all(:r))
+         end do
+         do i = 1, assembly%n
+            D_all(i) = vector%dD(i)*ds + D_all(i)
+            x_all(i) = 0
+            if (i == j) cycle
+            x_all(i) = x(i)*D_all(i)
+            if (moves) x_all(i) = x_all(i) + assembly%sensor_slope(i)*f(sensor)
+            x_all(i) = -x_all(i)/D(i)
+            y_all(:r, 1) = y_all(:r, 1) + v(:, i)*x_all(i)
+         end do
+         if (moves) y_all(sensor, 1) = y_all(sensor, 1) + turned
+         call solve_coupled(vector%G(:r, :r), vector%H(:r, :r), y_all(:r, :))
+         do k = 1, r
+            f_all(k) = f_all(k) + sum(vector%H(k, :r)*y_all(:r, 1))
+         end do
+         A_all = 0
+         driven = 0
+         dr = 0
+         do i = 1, assembly%n
+            force = sum(v(:, i)*f_all(:r))
+            if (i /= j) x_all(i) = x_all(i) - force/D(i)
+            A_all = A_all + (2*(pencil%m(i)*ds + slope%m(i)*s) + slope%c(i))*x(i)**2 &
+               + 2*vector%dD(i)*x(i)*x_all(i)
+            driven = driven + assembly%load(i)*x(i)
+            dr = dr + assembly%load(i)*x_all(i)
+         end do
+         do l = 1, r
+            do k = 1, r
+               A_all = A_all + y(k)*((2*pencil%hm(k, l)*ds + H_sp(k, l))*y(l) &
+                  + 2*vector%dH(k, l)*y_all(l, 1))
+            end do
+         end do
+         dr = (y_all(sensor, 1)*driven + y(sensor)*dr - y(sensor)*driven/vector%A*A_all)/vector%A
       end associate
-
-   contains
-
-      !> What the columns of V that change add to the right-hand side of y.
-      subroutine move_sensor(right)
-         complex(wp), intent(inout) :: right(:)
-         complex(wp) :: term(assembly%n)
-
-         associate (sensor => assembly%sensor, slope => assembly%sensor_slope, j => root%j)
-            term = slope*vector%f(sensor)
-            term(j) = 0
-            term(:j - 1) = term(:j - 1)/vector%D(:j - 1)
-            term(j + 1:) = term(j + 1:)/vector%D(j + 1:)
-            right = right - matmul(assembly%v, term)
-            ! x_j = 1 is the term of dv_j.
-            right(sensor) = right(sensor) + sum(slope*vector%x)
-         end associate
-      end subroutine move_sensor
-
    end subroutine differentiate_root
 
    !> Derivatives of o' M**-1 F: -(M**-1 o)' M_p (M**-1 F), and what a moving sensor adds.

@@ -205,7 +205,7 @@ contains
       type(assembly_t), intent(in) :: assembly
       type(root_t), intent(inout) :: roots(:)
       type(error_t), allocatable, intent(out) :: error
-      logical :: done(size(roots))
+      logical :: done(size(roots)), settled(size(roots))
       real(wp) :: moved
       integer :: k, sweep
 
@@ -224,14 +224,15 @@ contains
          do k = 1, size(roots)
             if (done(k)) cycle
             call correct(assembly, roots, k, moved)
-            ! Convergence is cubic: the last correction below leaves round-off. Only double roots
-            ! never come so far.
+            ! Convergence is quadratic at least. Only double roots never come so far.
+            settled(k) = moved <= 1e-10_wp*abs(roots(k)%offset)
             done(k) = moved <= 1e-6_wp*max(abs(roots(k)%offset), 1e-14_wp*abs(roots(k)%s)) .or. &
                sweep > max_sweeps/2 .and. moved <= 1e-6_wp*abs(roots(k)%s)
          end do
          if (.not. all(done)) cycle
+         ! With all the others in place one more correction leaves round-off.
          do k = 1, size(roots)
-            call correct(assembly, roots, k, moved)
+            if (.not. settled(k)) call correct(assembly, roots, k, moved)
          end do
          return
       end do
@@ -271,7 +272,7 @@ contains
          abs(roots(partner)%s - conjg(roots(k)%s)) <= 1e-1_wp*abs(aimag(roots(k)%s))
       roots(k)%s = roots(k)%s + step
       roots(k)%offset = roots(k)%offset + step
-      call nearest_pole(assembly, roots(k))
+      if (abs(step) > 1e-2_wp*abs(roots(k)%offset)) call nearest_pole(assembly, roots(k))
       if (settled) roots(partner) = mirrored(assembly, roots(k))
       moved = abs(step)
    end subroutine correct

@@ -12,11 +12,11 @@ module beamid_vectors
    implicit none
    private
 
-   public :: root_t, vector_t, couplings, find_vector, logarithmic_derivative, nearest_pole, &
+   public :: root_t, vector_t, find_vector, logarithmic_derivative, nearest_pole, &
       solve_coupled, solve_mass
 
    !> The highest order of H: every coupling that `beamid_assembly` knows.
-   integer, parameter :: most = 6
+   integer, parameter, public :: most = 6
 
    !> A point s given relative to the nearest pole, so that D keeps its digits however near they are.
    type :: root_t
@@ -300,12 +300,14 @@ contains
       complex(wp), intent(inout) :: b(:, :)
       complex(wp) :: a(most, most)
       logical :: regular
-      integer :: k, r
+      integer :: k, l, r
 
       r = size(G, 1)
-      a(:r, :r) = matmul(G, H)
-      do k = 1, r
-         a(k, k) = a(k, k) + 1
+      do l = 1, r
+         do k = 1, r
+            a(k, l) = sum(G(k, :)*H(:, l))
+         end do
+         a(l, l) = a(l, l) + 1
       end do
       call eliminate(r, size(b, 2), a, b, regular)
       if (.not. regular) b = 0
