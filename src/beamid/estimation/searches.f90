@@ -1,0 +1,209 @@
+!> One search by MINPACK: `lmdif`, the stand-in for IMSL's ZXSSQ, or `lmder` for problems that know
+!> their derivatives.
+!>
+!> MINPACK calls back a procedure without a place for data of ours: `active`, private to this module
+!> and to each thread, points to the search in hand while MINPACK runs.
+module beamid_searches
+   use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
+   use beamid_errors, only: error_t, failure
+   use beamid_kinds, only: wp
+   use beamid_minpack, only: lmder, lmdif
+   use beamid_problems, only: problem_t
+   use beamid_variables, only: variable_t
+   implicit none
+   private
+
+   public :: monitor_t, options_t, search_t, run_search
+
+   !> Is told of every iteration.
+   type, abstract :: monitor_t
+   contains
+      procedure(iteration), deferred :: iteration
+   end type monitor_t
+
+   type :: options_t
+      !> relative error of the residuals' model (integrator tolerance)
+      real(wp) :: noise = 0
+      real(wp) :: tolerance = 1e-10_wp     !< relative, on J and on the parameters
+      integer :: max_evaluations = 2000
+   end type options_t
+
+   abstract interface
+      !> May be called by several threads at once.
+      !>
+      !> label       which search it is
+      !> J           sum of squares so far
+      !> names, parameters  (n) physical values
+      subroutine iteration(self, label, number, evaluations, J, names, parameters)
+         import :: monitor_t, wp
+         class(monitor_t), intent(inout) :: self
+         character(len=*), intent(in) :: label, names(:)
+         integer, intent(in) :: number, evaluations
+         real(wp), intent(in) :: J, parameters(:)
+      end subroutine iteration
+   end interface
+
+   !> What the callback needs to know.
+   type :: search_t
+      class(problem_t), pointer :: problem => null()
+      class(monitor_t), pointer :: monitor => null()
+      character(len=:), allocatable :: label
+      character(len=24), allocatable :: names(:)
+      type(variable_t), allocatable :: variables(:)
+      real(wp), allocatable :: parameters(:)   !< (n) values of those that do not move
+      integer, allocatable :: moving(:)        !< which variables MINPACK moves
+      logical, allocatable :: held(:)          !< (n) may not be held at a bound a second time
+      !> a moving variable that has come to a bound, 0: none
+      integer :: near_bound = 0
+      integer :: lingering = 0                 !< iterations in a row that it has spent there
+      real(wp) :: first_norm = -1       !< of the residuals at the start
+      integer :: iterations = 0, evaluations = 0, shortened = 0, failures_in_a_row = 0
+      type(error_t), allocatable :: error
+   end type search_t
+
+   type(search_t), pointer :: active => null()
+   !$omp threadprivate(active)
+
+   !> So many failing trial steps in a row, each a tenth of the one before, end a search.
+   integer, parameter :: max_failures = 10
+
+contains
+
+   !> Calls MINPACK.
+   !>
+   !> epsfcn  relative error of the residuals, for the difference step
+   !> z       (n) start, then solution
+   !> r       (m) residuals at the solution
+   !> info    MINPACK's, or negative when the search was stopped
+   subroutine run_search(search, options, epsfcn, z, r, info)
+      type(search_t), intent(inout), target :: search
+      type(options_t), intent(in) :: options
+      real(wp), intent(in) :: epsfcn
+      real(wp), intent(inout) :: z(:)
+      real(wp), intent(inout) :: r(:)
+      integer, intent(out) :: info
+      real(wp), dimension(size(z)) :: diag, qtf, wa1, wa2, wa3
+      real(wp), allocatable :: fjac(:, :), wa4(:)
+      real(wp) :: ftol, xtol
+      integer :: nfev, njev, ipvt(size(z))
+      real(wp), parameter :: factor = 100, gtol = 0
+
+      allocate (fjac(size(r), size(z)), wa4(size(r)))
+      active => search
+      ! J of an exact model may settle to the last digit; that of an integrator cannot, and what its
+      ! noise leaves open is for `polish`.
+      ftol = 1e-14_wp
+      xtol = options%tolerance
+      if (options%noise > 0) xtol = max(xtol, sqrt(options%noise))
+      if (options%noise > 0) ftol = xtol
+      associate (m => size(r), n => size(z))
+         if (search%problem%has_jacobian()) then
+            call lmder(evaluate_both, m, n, z, r, fjac, m, ftol, xtol, gtol, &
+               options%max_evaluations, diag, 1, factor, 1, info, nfev, njev, ipvt, qtf, wa1, wa2, &
+                  wa3, wa4)
+         else
+            call lmdif(evaluate, m, n, z, r, ftol, xtol, gtol, options%max_evaluations, &
+               epsfcn, diag, 1, factor, 1, info, nfev, fjac, m, ipvt, qtf, wa1, wa2, wa3, wa4)
+         end if
+      end associate
+      active => null()
+   end subroutine run_search
+
+   !> The callback of `lmder`: residuals through `evaluate`, derivatives for iflag = 2.
+   subroutine evaluate_both(m, n, x, fvec, fjac, ldfjac, iflag)
+      integer, intent(in) :: m, n, ldfjac
+      real(wp), intent(in) :: x(n)
+      real(wp), intent(inout) :: fvec(m), fjac(ldfjac, n)
+      integer, intent(inout) :: iflag
+      type(error_t), allocatable :: error
+      real(wp) :: r(m), full(m, size(active%variables))
+
+      if (iflag /= 2) then
+         call evaluate(m, n, x, fvec, iflag)
+         return
+      end if
+      active%evaluations = active%evaluations + 1
+      call active%problem%jacobian(trial(active, x), r, full, error)
+      if (.not. allocated(error) .and. .not. all(ieee_is_finite(full))) &
+         call failure(error, 'the derivatives are not finite')
+      if (allocated(error)) then
+         call move_alloc(error, active%error)
+         iflag = -1
+         return
+      end if
+      fjac(:m, :) = full(:, active%moving)*spread(active%variables(active%moving)%derivative(x), &
+         1, m)
+   end subroutine evaluate_both
+
+   !> The callback of MINPACK. iflag = 0: a new iteration; 2: a difference for the Jacobian; 1: the
+   !> start or a trial step. A trial step at which the model fails is made to look a hundred times
+   !> worse than the start, whereupon Levenberg-Marquardt takes a tenth of it.
+   subroutine evaluate(m, n, x, fvec, iflag)
+      integer, intent(in) :: m, n
+      real(wp), intent(in) :: x(n)
+      real(wp), intent(inout) :: fvec(m)
+      integer, intent(inout) :: iflag
+      type(error_t), allocatable :: error
+
+      if (iflag == 0) then
+         call report(active, x, fvec, iflag)
+         return
+      end if
+      active%evaluations = active%evaluations + 1
+      call active%problem%residuals(trial(active, x), fvec, error)
+      if (.not. allocated(error)) then
+         if (.not. ieee_is_finite(sum(fvec**2))) &
+            call failure(error, 'the sum of squared residuals is not finite')
+      end if
+      if (.not. allocated(error)) then
+         if (active%first_norm < 0) active%first_norm = norm2(fvec)
+         active%failures_in_a_row = 0
+         return
+      end if
+
+      active%failures_in_a_row = active%failures_in_a_row + 1
+      if (iflag == 2 .or. active%first_norm < 0 .or. active%failures_in_a_row > max_failures) then
+         call move_alloc(error, active%error)
+         iflag = -1
+         return
+      end if
+      active%shortened = active%shortened + 1
+      fvec = 100*(active%first_norm + tiny(1.0_wp))/sqrt(real(m, wp))
+   end subroutine evaluate
+
+   !> The physical parameters at x of MINPACK.
+   function trial(search, x) result(parameters)
+      type(search_t), intent(in) :: search
+      real(wp), intent(in) :: x(:)
+      real(wp) :: parameters(size(search%variables))
+
+      parameters = search%parameters
+      parameters(search%moving) = search%variables(search%moving)%value(x)
+   end function trial
+
+   !> Passes an iteration on to the monitor, and stops MINPACK (iflag < 0) when a variable has spent
+   !> some iterations at a bound.
+   subroutine report(search, x, r, iflag)
+      type(search_t), intent(inout) :: search
+      real(wp), intent(in) :: x(:), r(:)
+      integer, intent(inout) :: iflag
+      integer, parameter :: patience = 3
+      real(wp) :: parameters(size(search%variables))
+      integer :: k, near
+
+      parameters = trial(search, x)
+      if (associated(search%monitor)) call search%monitor%iteration(search%label, &
+         search%iterations, search%evaluations, sum(r**2), search%names, parameters)
+      search%iterations = search%iterations + 1
+      near = 0
+      do k = 1, size(search%variables)
+         if (search%held(k) .or. .not. any(search%moving == k)) cycle
+         if (search%variables(k)%is_at_bound(parameters(k))) near = k
+      end do
+      search%lingering = merge(search%lingering + 1, 0, near > 0 .and. &
+         (near == search%near_bound .or. search%lingering == 0))
+      search%near_bound = near
+      if (search%lingering >= patience) iflag = -1
+   end subroutine report
+
+end module beamid_searches
