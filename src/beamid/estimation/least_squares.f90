@@ -111,15 +111,19 @@ contains
       integer, intent(out) :: info
       type(error_t), allocatable, intent(out) :: error
       real(wp), allocatable :: z(:)
+      real(wp) :: tolerance
       integer :: k
 
+      ! The square root of an integrator's noise would end a search too early where residuals are
+      ! large and convergence is slow.
+      tolerance = max(options%tolerance, options%noise**0.75_wp)
       do
          search%variables(search%moving) = search%variables(search%moving)%from( &
             search%parameters(search%moving))
          allocate (z(size(search%moving)), source=1.0_wp)
          search%near_bound = 0
          search%lingering = 0
-         call run_search(search, options, noise, z, result%residual, info)
+         call run_search(search, options, tolerance, noise, z, result%residual, info)
          if (allocated(search%error)) then
             call move_alloc(search%error, error)
             return
@@ -148,35 +152,43 @@ contains
       if (.not. search%problem%has_jacobian()) call polish(search, result)
    end subroutine minimise_with_bounds
 
-   !> One Gauss-Newton step with the central differences of the final Jacobian: the one-sided ones of
-   !> `lmdif` stop a little beside the minimum when the residuals are not zero. Taken only when it is
-   !> short and J does not rise by more than the noise.
+   !> Gauss-Newton steps with the central differences of the final Jacobian: the one-sided ones of
+   !> `lmdif` stop a little beside the minimum when the residuals are not zero. They go on as long as
+   !> they grow shorter, each costs one evaluation, and none counts that is long or lets J rise by
+   !> more than the noise.
    subroutine polish(search, result)
       type(search_t), intent(inout) :: search
       type(fit_t), intent(inout) :: result
-      real(wp) :: p(size(search%variables)), r(size(result%residual))
+      integer, parameter :: most = 30
+      real(wp) :: p(size(search%variables)), r(size(result%residual)), length, before
       real(wp), allocatable :: a(:, :), step(:, :), work(:)
       type(error_t), allocatable :: error
-      integer :: m, n, info
+      integer :: k, m, n, info
 
       m = size(r)
       n = size(search%moving)
       if (n == 0) return
-      a = result%jacobian(:, search%moving)
-      step = reshape(-result%residual, [m, 1])
-      allocate (work(64*(m + n)))
-      call dgels('N', m, n, 1, a, m, step, m, work, size(work), info)
-      if (info /= 0 .or. .not. all(ieee_is_finite(step(:n, 1)))) return
-      p = search%parameters
-      p(search%moving) = p(search%moving) + step(:n, 1)
-      if (any(abs(p - search%parameters) > 1e-2_wp*abs(search%parameters)) .or. &
-         any(p < search%variables%lower) .or. any(p > search%variables%upper)) return
-      call search%problem%residuals(p, r, error)
-      search%evaluations = search%evaluations + 1
-      if (allocated(error)) return
-      if (sum(r**2) > sum(result%residual**2)*(1 + 1e-6_wp)) return
-      result%estimate = p
-      result%residual = r
+      before = huge(before)
+      do k = 1, most
+         a = result%jacobian(:, search%moving)
+         step = reshape(-result%residual, [m, 1])
+         if (.not. allocated(work)) allocate (work(64*(m + n)))
+         call dgels('N', m, n, 1, a, m, step, m, work, size(work), info)
+         if (info /= 0 .or. .not. all(ieee_is_finite(step(:n, 1)))) return
+         p = result%estimate
+         p(search%moving) = p(search%moving) + step(:n, 1)
+         length = maxval(abs(p - result%estimate)/max(abs(result%estimate), tiny(length)))
+         if (length > min(1e-2_wp, 0.9_wp*before) .or. any(p < search%variables%lower) .or. &
+            any(p > search%variables%upper)) return
+         call search%problem%residuals(p, r, error)
+         search%evaluations = search%evaluations + 1
+         if (allocated(error)) return
+         if (sum(r**2) > sum(result%residual**2)*(1 + 1e-6_wp)) return
+         result%estimate = p
+         result%residual = r
+         if (length <= 1e-9_wp) return
+         before = length
+      end do
    end subroutine polish
 
    !> A variable held at a bound from which J falls towards the inside; 0 when there is none.

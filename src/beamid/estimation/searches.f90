@@ -71,38 +71,35 @@ contains
 
    !> Calls MINPACK.
    !>
-   !> epsfcn  relative error of the residuals, for the difference step
-   !> z       (n) start, then solution
-   !> r       (m) residuals at the solution
-   !> info    MINPACK's, or negative when the search was stopped
-   subroutine run_search(search, options, epsfcn, z, r, info)
+   !> tolerance  relative, on the parameters; of a model with noise also on J, which cannot settle
+   !>            to the last digit
+   !> epsfcn     relative error of the residuals, for the difference step
+   !> z          (n) start, then solution
+   !> r          (m) residuals at the solution
+   !> info       MINPACK's, or negative when the search was stopped
+   subroutine run_search(search, options, tolerance, epsfcn, z, r, info)
       type(search_t), intent(inout), target :: search
       type(options_t), intent(in) :: options
-      real(wp), intent(in) :: epsfcn
+      real(wp), intent(in) :: tolerance, epsfcn
       real(wp), intent(inout) :: z(:)
       real(wp), intent(inout) :: r(:)
       integer, intent(out) :: info
       real(wp), dimension(size(z)) :: diag, qtf, wa1, wa2, wa3
       real(wp), allocatable :: fjac(:, :), wa4(:)
-      real(wp) :: ftol, xtol
+      real(wp) :: ftol
       integer :: nfev, njev, ipvt(size(z))
       real(wp), parameter :: factor = 100, gtol = 0
 
       allocate (fjac(size(r), size(z)), wa4(size(r)))
       active => search
-      ! J of an exact model may settle to the last digit; that of an integrator cannot, and what its
-      ! noise leaves open is for `polish`.
-      ftol = 1e-14_wp
-      xtol = options%tolerance
-      if (options%noise > 0) xtol = max(xtol, sqrt(options%noise))
-      if (options%noise > 0) ftol = xtol
+      ftol = merge(tolerance, 1e-14_wp, options%noise > 0)
       associate (m => size(r), n => size(z))
          if (search%problem%has_jacobian()) then
-            call lmder(evaluate_both, m, n, z, r, fjac, m, ftol, xtol, gtol, &
+            call lmder(evaluate_both, m, n, z, r, fjac, m, ftol, tolerance, gtol, &
                options%max_evaluations, diag, 1, factor, 1, info, nfev, njev, ipvt, qtf, wa1, wa2, &
                   wa3, wa4)
          else
-            call lmdif(evaluate, m, n, z, r, ftol, xtol, gtol, options%max_evaluations, &
+            call lmdif(evaluate, m, n, z, r, ftol, tolerance, gtol, options%max_evaluations, &
                epsfcn, diag, 1, factor, 1, info, nfev, fjac, m, ipvt, qtf, wa1, wa2, wa3, wa4)
          end if
       end associate
