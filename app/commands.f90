@@ -197,8 +197,7 @@ contains
                error%message
             return
          end if
-         call add_response(responses, case%meshes(k)%elements, case%model%excitation, &
-            simulations(k))
+         call add_response(responses, case%meshes(k)%elements, simulations(k))
       end do
       call output%add('response.csv', responses%content())
       call output%add('record.csv', record_table(times, &

@@ -35,6 +35,7 @@ module beamid_identification
    type :: simulation_t
       type(response_t) :: response               !< at the sample times
       real(wp), allocatable :: acceleration(:)   !< by the formula of the observation
+      real(wp), allocatable :: force(:)          !< on the tip, at the sample times [force]
       type(work_t) :: work
    end type simulation_t
 
@@ -97,6 +98,13 @@ contains
       if (allocated(error)) return
       simulation%acceleration = sampling%acceleration(wide)
       simulation%response = sampling%at_samples(wide)
+      simulation%force = excitation%force(samples)
+      if (excitation%is_release) then
+         ! The motion is counted from the deflection before.
+         simulation%force = simulation%force - excitation%f(1)
+         simulation%response%displacement = simulation%response%displacement - excitation%f(1) &
+            *model%structure%static_deflection(model%structure%sensor_place())
+      end if
    end subroutine simulate
 
    !> Runs the stages in turn on one mesh, each from where the one before ended.

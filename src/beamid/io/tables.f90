@@ -1,6 +1,5 @@
 !> Tables for other programs: comma-separated, one header line, numbers to full precision.
 module beamid_tables
-   use beamid_excitation, only: excitation_t
    use beamid_experiments, only: experiment_t
    use beamid_fitted_modes, only: fitted_mode_t
    use beamid_identification, only: simulation_t, stage_fit_t
@@ -128,16 +127,15 @@ contains
       end do
    end subroutine add_fit
 
-   subroutine add_response(text, elements, excitation, simulation)
+   subroutine add_response(text, elements, simulation)
       type(text_t), intent(inout) :: text
       integer, intent(in) :: elements
-      type(excitation_t), intent(in) :: excitation
       type(simulation_t), intent(in) :: simulation
       integer :: k
 
       associate (r => simulation%response)
          do k = 1, size(r%t)
-            call text%line(row(elements, [r%t(k), excitation%force(r%t(k)), r%displacement(k), &
+            call text%line(row(elements, [r%t(k), simulation%force(k), r%displacement(k), &
                r%velocity(k), simulation%acceleration(k)]))
          end do
       end associate

@@ -40,6 +40,7 @@ module beamid_structure
       procedure :: magnitude
       procedure :: stiffness
       procedure :: stiffening
+      procedure :: static_deflection
       procedure :: omega
    end type structure_t
 
@@ -157,6 +158,15 @@ contains
       case (of_k_R); stiffening = self%stiffness()*(self%length/self%k_R)**2
       end select
    end function stiffening
+
+   !> Deflection at x under a unit static force at the tip [length/force].
+   pure real(wp) function static_deflection(self, x)
+      class(structure_t), intent(in) :: self
+      real(wp), intent(in) :: x
+
+      static_deflection = x**2*(3*self%length - x)/(6*self%E*self%I)
+      if (self%has_soft_root()) static_deflection = static_deflection + self%length*x/self%k_R
+   end function static_deflection
 
    !> Rayleigh's estimate of the first angular frequency [1/time]: the static tip stiffness against
    !> the tip mass and 33/140 of the beam's.
