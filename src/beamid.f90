@@ -30,8 +30,8 @@ module beamid
       window_t
    use beamid_responses, only: response_t, solver_t, work_t
    use beamid_roots, only: damped_roots
-   use beamid_statistics, only: akaike, bayes, check_residuals, nested_test, new_statistics, &
-      residual_check_t, statistics_t, undetermined
+   use beamid_statistics, only: akaike, bayes, nested_test, new_statistics, statistics_t, &
+      undetermined
    use beamid_strings, only: fixed, full, to_text
    use beamid_parameters, only: free_index, free_names, get_free
    use beamid_structure, only: structure_t
@@ -43,6 +43,7 @@ module beamid
    use beamid_texts, only: left, right, text_t
    use beamid_units, only: units_t
    use beamid_variables, only: new_variable, unbounded, variable_t
+   use beamid_whiteness, only: check_residuals, residual_check_t
    implicit none
    public
 

@@ -13,10 +13,11 @@ module beamid_identification
    use beamid_starts, only: automatic_start, check_frequencies
    use beamid_strings, only: to_text
    use beamid_parameters, only: offset
-   use beamid_statistics, only: check_residuals, new_statistics, residual_check_t, statistics_t
+   use beamid_statistics, only: new_statistics, statistics_t
    use beamid_structure, only: structure_t
    use beamid_unknowns, only: quantity_t, stage_t, variables_of, world_t
    use beamid_variables, only: variable_t
+   use beamid_whiteness, only: check_residuals, residual_check_t
    implicit none
    private
 
@@ -197,7 +198,7 @@ contains
          found%work%factorizations = found%work%factorizations &
             + problem%parts(i)%work%factorizations
       end do
-      found%check = check_residuals(found%fit%residual)
+      found%check = check_residuals(found%fit%residual, found%jacobian)
       ! What was eliminated counts, but no one asks whether an offset of nothing differs from it.
       if (problem%samples() > size(found%quantities)) call new_statistics(found%jacobian, &
          found%fit%residual, merge(found%quantities%value, found%quantities%scale, &

@@ -49,6 +49,10 @@ contains
       do while (size(lines) < most .and. any(peak))
          strongest = maxloc(spectrum, dim=1, mask=peak)
          peak(strongest) = .false.
+         ! Side lobes of the window: within four widths, below a thirtieth and a bit.
+         do k = max(1, strongest - 16), min(n, strongest + 16)
+            if (spectrum(k) < 0.05_wp*spectrum(strongest)) peak(k) = .false.
+         end do
          lines = [lines, summit(spectrum, strongest, step)]
       end do
       call sort_by_frequency(lines)

@@ -209,8 +209,8 @@ contains
                high = aimag(s(size(s)))/two_pi
             end block
             call find_lines(t, experiments(r)%measured, 5*high, 1, lines, share)
-            if (size(lines) == 0) cycle
-            strongest = lines(1)%frequency
+            strongest = low
+            if (size(lines) > 0) strongest = lines(1)%frequency
             if (share > 0.05_wp .and. strongest*too_far > low) cycle
             call failure(error, 'record '//to_text(r)//': found next to nothing of it '// &
                'near the model''s frequencies, '//to_text(low)//' to '//to_text(high)// &

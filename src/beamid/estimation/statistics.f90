@@ -8,14 +8,14 @@ module beamid_statistics
    implicit none
    private
 
-   public :: statistics_t, residual_check_t, new_statistics, check_residuals, undetermined
+   public :: statistics_t, new_statistics, undetermined
    public :: akaike, bayes, nested_test, unlimited
 
    !> Stands for the error of a parameter that the record says nothing about.
    real(wp), parameter :: unlimited = huge(1.0_wp)
 
    !> Lags of the autocorrelation.
-   integer, parameter :: max_lags = 20
+   integer, parameter, public :: max_lags = 20
 
    !> Linear theory around the estimate.
    type :: statistics_t
@@ -39,18 +39,6 @@ module beamid_statistics
       real(wp), allocatable :: corrected_error(:), corrected_half_width(:)
       real(wp) :: effective = 0
    end type statistics_t
-
-   !> Are the residuals white?
-   type :: residual_check_t
-      real(wp), allocatable :: autocorrelation(:)    !< lags 1, 2, ...
-      !> 95 % of white residuals' lags lie within +-band
-      real(wp) :: band = 0
-      integer :: lags = 0                            !< of the Ljung-Box sum
-      real(wp) :: ljung_box = 0
-      !> of so large a Ljung-Box sum for white residuals
-      real(wp) :: probability = 1
-      logical :: white = .true.                      !< probability >= 0.05
-   end type residual_check_t
 
    interface
       subroutine dgesvd(jobu, jobvt, m, n, a, lda, s, u, ldu, vt, ldvt, work, lwork, info)
@@ -279,34 +267,6 @@ contains
       text = to_text(value)
       if (value > 0) text = '+'//text
    end function signed
-
-   !> Autocorrelation, and the Ljung-Box test over the first lags, a tenth of the samples at most.
-   !> A regression on functions of time takes no degree of freedom from it, unlike a fit of the
-   !> correlation itself.
-   !>
-   !> residual  (m) in the order of time
-   pure function check_residuals(residual) result(found)
-      real(wp), intent(in) :: residual(:)
-      type(residual_check_t) :: found
-      real(wp), allocatable :: r(:)
-      integer :: m, lags, k
-
-      m = size(residual)
-      lags = min(max_lags, m/2)
-      allocate (found%autocorrelation(lags), source=0.0_wp)
-      if (lags < 1 .or. .not. any(abs(residual) > 0)) return
-      r = residual - sum(residual)/m
-      if (.not. any(abs(r) > 0)) return
-      do k = 1, lags
-         found%autocorrelation(k) = dot_product(r(:m - k), r(k + 1:))/sum(r**2)
-      end do
-      found%band = 1.959963984540054_wp/sqrt(real(m, wp))
-      found%lags = max(1, min(lags, m/10))
-      found%ljung_box = m*(m + 2.0_wp)*sum(found%autocorrelation(:found%lags)**2 &
-         /[(m - k, k=1, found%lags)])
-      found%probability = chi_square_tail(found%ljung_box, real(found%lags, wp))
-      found%white = found%probability >= 0.05_wp
-   end function check_residuals
 
    !> Akaike's criterion with the correction for few samples:
    !> m ln(J/m) + 2 k + 2 k (k + 1)/(m - k - 1), k = parameters + 1 with the noise variance.
