@@ -22,7 +22,8 @@ contains
    !> t, z     (m) [time] and any unit
    !> highest  frequency up to which lines are looked for [1/time]; half the mean rate at most
    !> most     how many lines at most
-   !> lines    peaks that stand out of the median of the spectrum five times or more
+   !> lines    peaks that stand out of the median of the spectrum five times or more, and that are no
+   !>          weaker than a hundredth of the strongest
    !> share    of the record's variance that the frequencies up to the highest hold, 0 .. 1
    subroutine find_lines(t, z, highest, most, lines, share)
       real(wp), intent(in) :: t(:), z(:), highest
@@ -37,9 +38,9 @@ contains
       allocate (lines(0))
       call scan(t, z, highest, spectrum, step, share)
       n = size(spectrum)
-      if (n < 3) return
+      if (n < 8) return
       sorted = spectrum
-      threshold = 5*median(sorted)
+      threshold = max(5*median(sorted), 1e-2_wp*maxval(spectrum(6:)))
       allocate (peak(n), source=.false.)
       ! The first lines of a window are its own: a trend of the record, no motion.
       do k = 6, n - 1
