@@ -82,7 +82,8 @@ contains
          call measured_samples(case, results%samples, results%measured, error)
          if (.not. allocated(error)) call scored_samples(case, results%scored, results%expected, &
             error)
-         if (.not. allocated(error)) call read_record(case%recordings(1), results%t, results%z, error)
+         if (.not. allocated(error)) call read_record(case%recordings(1), results%t, &
+            results%z, error)
       end associate
       if (allocated(error)) return
       do k = 1, size(results%entries)

@@ -34,8 +34,8 @@ contains
       real(wp), intent(in) :: value, reference, tolerance
       character(len=120) :: detail
 
-      write (detail, '(a,es22.14,a,es22.14,a,es9.2,a,es9.2)') 'got', value, ' expected', reference, &
-         ' difference', value - reference, ' allowed', tolerance
+      write (detail, '(a,es22.14,a,es22.14,a,es9.2,a,es9.2)') 'got', value, ' expected', &
+         reference, ' difference', value - reference, ' allowed', tolerance
       call check(name, abs(value - reference) <= tolerance, trim(detail))
    end subroutine check_close
 

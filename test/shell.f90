@@ -1,4 +1,4 @@
-!> What the tests of the built program share: running it, and files in a scratch folder of their own.
+!> What the tests of the built program share: running it, and files in a scratch folder.
 module shell
    use, intrinsic :: iso_c_binding, only: c_char, c_int, c_null_char
    implicit none

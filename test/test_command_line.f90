@@ -69,7 +69,8 @@ contains
          outcome = beamid(trim(words(k)))
          call check(trim(words(k)), outcome%status == 0 .and. outcome%err == '' .and. &
             has_all(outcome%out, &
-            'usage: beamid|identify|simulate|modes|reproduce|version|--out DIR|--quiet|Exit status'))
+            'usage: beamid|identify|simulate|modes|reproduce|version|--out DIR|--quiet|'// &
+             'Exit status'))
       end do
       outcome = beamid('version')
       call check('version', outcome%status == 0 .and. outcome%err == '' .and. &

@@ -37,8 +37,8 @@ program test_starts
 
 contains
 
-   !> Two sines on uneven stamps, the weaker one dying out: frequencies far below the width of a line,
-   !> 1/T, amplitudes, and the rate of decay.
+   !> Two sines on uneven stamps, the weaker one dying out: frequencies far below the width of a
+   !> line, 1/T, amplitudes, and the rate of decay.
    subroutine test_lines()
       integer, parameter :: m = 3000
       type(line_t), allocatable :: lines(:)
@@ -100,8 +100,8 @@ contains
       stage%offset = .true.
    end function stage_of
 
-   !> From values off by factors of three to thirty the automatic start leads to the minimum that the
-   !> truth leads to.
+   !> From values off by factors of three to thirty the automatic start leads to the minimum that
+   !> the truth leads to.
    subroutine test_automatic()
       type(experiment_t) :: experiment
       type(model_t) :: model
@@ -165,8 +165,8 @@ contains
       end do
    end subroutine test_wrong_units
 
-   !> The reconstructed record of the RPL experiment has two minima by its making: several starts find
-   !> both, each start is counted once, and the same seed finds the same.
+   !> The reconstructed record of the RPL experiment has two minima by its making: several starts
+   !> find both, each start is counted once, and the same seed finds the same.
    subroutine test_minima()
       type(case_t) :: case
       type(experiment_t), allocatable :: experiments(:)
@@ -200,8 +200,8 @@ contains
       if (size(again) == size(minima)) call check('as often', all(again%count == minima%count))
    end subroutine test_minima
 
-   !> Without damping a frequency goes like sqrt(E): half the relative width of E is its own, whatever
-   !> the mode; and the damping ratio is 0 with certainty.
+   !> Without damping a frequency goes like sqrt(E): half the relative width of E is its own, in
+   !> every mode; and the damping ratio is 0 with certainty.
    subroutine test_intervals_of_modes()
       type(experiment_t) :: experiment
       type(model_t) :: model

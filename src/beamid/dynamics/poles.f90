@@ -1,8 +1,8 @@
 !> Poles and residues of the sensor's response, and their derivatives with respect to the
 !> parameters.
 !>
-!> With the vector x of a root s and A = x'(2 s M + C) x the residue is (o'x)(x'F)/A, o the observer,
-!> and ds/dp = -x'(s**2 M_p + s C_p + K_p) x/A. The vector's own derivative follows from the
+!> With the vector x of a root s and A = x'(2 s M + C) x the residue is (o'x)(x'F)/A, o the sensor's
+!> row, and ds/dp = -x'(s**2 M_p + s C_p + K_p) x/A. The vector's own derivative follows from the
 !> equations of `beamid_vectors` with the root as a function of p.
 module beamid_poles
    use beamid_assembly, only: assembly_t

@@ -118,7 +118,7 @@ contains
       end do
    end subroutine starting_points
 
-   !> What everything but the tip mass does, at first order, to a root of the beam with the tip mass.
+   !> What all but the tip mass does, at first order, to a root of the beam with the tip mass.
    !>
    !> side  1 or -1: to which side of the real axis it is pushed
    elemental complex(wp) function shift(assembly, modes, s, side)
@@ -241,8 +241,8 @@ contains
    end subroutine iterate
 
    !> Newton's correction of root k for the polynomial without the other roots. The second of a
-   !> complex pair follows from the first as soon as that one hardly moves; before, a pair may have to
-   !> part into two real roots, which it cannot do as long as it is a mirror image.
+   !> complex pair follows from the first once that one hardly moves; before, a pair may have to part
+   !> into two real roots, which it cannot do as long as it is a mirror image.
    !>
    !> moved  size of the correction
    subroutine correct(assembly, roots, k, moved)

@@ -18,7 +18,7 @@ module beamid_vectors
    !> The highest order of H: every coupling that `beamid_assembly` knows.
    integer, parameter, public :: most = 6
 
-   !> A point s given relative to the nearest pole, so that D keeps its digits however near they are.
+   !> A point s given relative to the nearest pole, so that D keeps its digits however near it is.
    type :: root_t
       integer :: j = 0                !< the oscillator with x_j = 1: one that takes part
       integer :: origin = 0           !< s = pole(origin, side) + offset
@@ -104,7 +104,8 @@ contains
       dH = 2*pencil%hm*s + pencil%hc
    end subroutine couplings
 
-   !> W'/W of the characteristic polynomial W(s) = det(1 + G H)(D_j + v_j'f) prod over i /= j of D_i.
+   !> W'/W of the characteristic polynomial, W(s) = det(1 + G H)(D_j + v_j'f) times D_i of all
+   !> other oscillators.
    !> The one routine that a search calls hundreds of times: no array here is allocated.
    pure complex(wp) function logarithmic_derivative(self, root) result(value)
       type(assembly_t), intent(in) :: self

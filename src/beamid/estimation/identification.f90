@@ -187,8 +187,8 @@ contains
             problem%world%magnitude(problem%free(k), problem%record(k))
       end do
       found%world = problem%world
-      found%structure = problem%world%structures(1)
-      found%excitation = problem%world%excitations(1)
+      found%structure = found%world%structures(1)
+      found%excitation = found%world%excitations(1)
       call add_linear(problem, experiments, found, error)
       if (allocated(error)) return
       do i = 1, size(problem%parts)
@@ -253,8 +253,8 @@ contains
       type(error_t), allocatable, intent(out) :: error
       class(monitor_t), intent(inout), optional :: monitor
 
-      call identify_experiments(model, mesh, stages, [experiment_of(model, samples, measured)], &
-         fits, error, monitor)
+      call identify(model, mesh, stages, [experiment_of(model, samples, measured)], fits, error, &
+         monitor)
    end subroutine identify_samples
 
    !> The model's own excitation and a record.
@@ -270,8 +270,8 @@ contains
 
    !> `identify` on each mesh, as many at a time as there are threads.
    !>
-   !> fits  (size(stages), size(meshes)) allocated on success
-   !> error that of the first mesh, in the order given, which failed
+   !> fits   (size(stages), size(meshes)) allocated on success
+   !> error  of the first mesh that failed
    subroutine identify_meshes_experiments(model, meshes, stages, experiments, fits, error, monitor)
       type(model_t), intent(in) :: model
       type(mesh_t), intent(in) :: meshes(:)
@@ -291,8 +291,8 @@ contains
       allocate (outcomes(size(meshes)))
       !$omp parallel do schedule(dynamic, 1)
       do k = size(meshes), 1, -1
-         call identify_experiments(model, meshes(k), stages, experiments, outcomes(k)%fits, &
-            outcomes(k)%error, monitor)
+         call identify(model, meshes(k), stages, experiments, outcomes(k)%fits, outcomes(k)%error, &
+            monitor)
       end do
       !$omp end parallel do
       do k = 1, size(meshes)
@@ -306,8 +306,7 @@ contains
       end do
    end subroutine identify_meshes_experiments
 
-   subroutine identify_meshes_samples(model, meshes, stages, samples, measured, fits, error, &
-      monitor)
+   subroutine identify_meshes_samples(model, meshes, stages, samples, measured, fits, error, monitor)
       type(model_t), intent(in) :: model
       type(mesh_t), intent(in) :: meshes(:)
       type(stage_t), intent(in) :: stages(:)
@@ -316,8 +315,8 @@ contains
       type(error_t), allocatable, intent(out) :: error
       class(monitor_t), intent(inout), optional :: monitor
 
-      call identify_meshes_experiments(model, meshes, stages, [experiment_of(model, samples, &
-         measured)], fits, error, monitor)
+      call identify_meshes(model, meshes, stages, [experiment_of(model, samples, measured)], fits, &
+         error, monitor)
    end subroutine identify_meshes_samples
 
    !> Adds up the squared residuals of each fit over other samples than it was made from.

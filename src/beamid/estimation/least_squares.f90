@@ -153,7 +153,7 @@ contains
    end subroutine minimise_with_bounds
 
    !> Gauss-Newton steps with the central differences of the final Jacobian: the one-sided ones of
-   !> `lmdif` stop a little beside the minimum when the residuals are not zero. They go on as long as
+   !> `lmdif` stop a little beside the minimum when the residuals are not zero. They go on while
    !> they grow shorter, each costs one evaluation, and none counts that is long or lets J rise by
    !> more than the noise.
    subroutine polish(search, result)

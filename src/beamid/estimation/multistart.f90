@@ -29,7 +29,7 @@ module beamid_multistart
       type(stage_fit_t), allocatable :: fits(:)
    end type minimum_t
 
-   !> Fits whose sums of squares and estimates agree so well, relatively, have found the same minimum.
+   !> Fits whose sums of squares and estimates agree so well have found the same minimum.
    real(wp), parameter :: same_sum = 1e-6_wp, same_estimate = 1e-3_wp
 
 contains

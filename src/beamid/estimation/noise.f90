@@ -45,8 +45,8 @@ contains
       end do
    end function uniform_noise
 
-   !> Six numbers from the seed by squaring: the generator is linear, and would carry a linear relation
-   !> between seeds over to their noise. No product reaches 2**53.
+   !> Six numbers from the seed by squaring: the generator is linear, and would carry a linear
+   !> relation between seeds over to their noise. No product reaches 2**53.
    pure function seeded(seed) result(state)
       integer, intent(in) :: seed
       real(wp) :: state(6), mixed, u

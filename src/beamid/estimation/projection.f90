@@ -70,7 +70,8 @@ contains
       do j = 1, k
          projection%r(:j, j) = projection%q(:j, j)
          if (abs(projection%r(j, j)) > 1e-10_wp*length(j)) cycle
-         call failure(error, 'the samples cannot tell the motions of the modes and the offset apart')
+         call failure(error, &
+            'the samples cannot tell the motions of the modes and the offset apart')
          return
       end do
       call dorgqr(m, k, k, projection%q, m, tau, work, size(work), info)

@@ -22,7 +22,7 @@ contains
    !> t, z     (m) [time] and any unit
    !> highest  frequency up to which lines are looked for [1/time]; half the mean rate at most
    !> most     how many lines at most
-   !> lines    peaks that stand out of the median of the spectrum five times or more, and that are no
+   !> lines    peaks that stand out of the median of the spectrum five times or more and are no
    !>          weaker than a hundredth of the strongest
    !> share    of the record's variance that the frequencies up to the highest hold, 0 .. 1
    subroutine find_lines(t, z, highest, most, lines, share)

@@ -16,7 +16,8 @@ module beamid_cases
       read_tip, read_units
    use beamid_namelist, only: block_t, scan_namelist
    use beamid_record_groups, only: read_recording, read_score
-   use beamid_records, only: append_recording, everything, grid, load_recording, note_length, recording_t, window_t
+   use beamid_records, only: append_recording, everything, grid, load_recording, note_length, &
+      recording_t, window_t
    use beamid_refusals, only: refuse
    use beamid_vocabulary, only: case_vocabulary
    use beamid_strings, only: to_text

@@ -92,7 +92,8 @@ contains
       integer :: j, k
 
       call text%line('N = '//to_text(elements)//': '//to_text(case%multistart%n)// &
-         ' starts, minima found: '//to_text(size(minima))//'; '//to_text(failures)//' starts failed')
+         ' starts, minima found: '//to_text(size(minima))//'; '//to_text(failures)// &
+         ' starts failed')
       line = '  found'//right('J')
       associate (fit => minima(1)%fits(size(minima(1)%fits)))
          do j = 1, size(fit%free)

@@ -11,8 +11,8 @@ module beamid_records
    implicit none
    private
 
-   public :: append_recording, window_t, recording_t, read_record, load_recording, take_samples, grid
-   public :: note_length, column_length, everything
+   public :: window_t, recording_t, read_record, load_recording, take_samples, grid
+   public :: append_recording, note_length, column_length, everything
 
    !> Of a sentence about what was done to a record.
    integer, parameter :: note_length = 200

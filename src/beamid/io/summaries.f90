@@ -85,7 +85,8 @@ contains
          end associate
          call text%line(line)
          call text%line('       '//effort(fits(k)%work))
-         if (fits(k)%score >= 0) call text%line('       sum of squares over the window of &score: '// &
+         if (fits(k)%score >= 0) call text%line( &
+            '       sum of squares over the window of &score: '// &
             to_text(fits(k)%score))
       end do
    end subroutine add_stage

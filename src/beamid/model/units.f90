@@ -46,7 +46,7 @@ contains
       end select
    end function of_parameter
 
-   !> Unit of what a fit estimates: a parameter, where the amplitude may be a displacement, or (0) an
+   !> Unit of what a fit estimates: a parameter (the amplitude may be a displacement), or for 0 an
    !> acceleration.
    pure function of_quantity(self, k, excitation) result(unit)
       class(units_t), intent(in) :: self
