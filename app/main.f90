@@ -140,8 +140,12 @@ contains
          '    section-4           Tables 4.2 to 4.6 from a reconstructed record: a check of'//nl// &
          '                        consistency, not an independent confirmation'//nl// &
          '    table-4.2 .. 4.6    one of them, table-4.2 and so on'//nl// &
+         '    acceleration        what (4.1), (4.2) and (3.13) make of an integrator''s error'// &
+            nl// &
+         '    convergence         Lemma 3.1 and Theorem 3.1 by numbers'//nl// &
          '    all                 table-4.1, by the exact response instead of CVODE, and'//nl// &
-         '                        section-4, each to out/<name> or DIR/<name>'//nl// &
+         '                        section-4, acceleration, convergence, each to out/<name>'//nl// &
+         '                        or DIR/<name>'//nl// &
          '  help, version'//nl// &
          nl// &
          '  --out DIR             folder of the outputs; left out: out/<case name>'//nl// &

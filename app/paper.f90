@@ -5,7 +5,7 @@ module beamid_paper
    implicit none
    private
 
-   public :: find_data, percent
+   public :: find_data, percent, scientific
 
 contains
 
@@ -43,5 +43,17 @@ contains
 
       text = trim(adjustl(fixed(100*value, 12, 1)))//' %'
    end function percent
+
+   !> Two decimals and an exponent at the right end of a column.
+   pure function scientific(value, width) result(text)
+      real(wp), intent(in) :: value
+      integer, intent(in) :: width
+      character(len=width) :: text
+      character(len=9) :: number
+
+      write (number, '(es9.2)') value
+      text = number
+      text = adjustr(text)
+   end function scientific
 
 end module beamid_paper

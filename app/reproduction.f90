@@ -1,7 +1,9 @@
 !> `beamid reproduce`: the paper's results computed again, beside the paper's own numbers.
 module beamid_reproduction
    use beamid
+   use beamid_acceleration, only: run_acceleration
    use beamid_commands, only: output_folder, settings_t
+   use beamid_convergence, only: run_convergence
    use beamid_section_4, only: run_section_4
    use beamid_table_4_1, only: run_table_4_1
    use beamid_terminal, only: print_text
@@ -12,11 +14,11 @@ module beamid_reproduction
 
    !> What the command line may ask for.
    character(len=*), parameter :: reproducible = 'table-4.1, section-4, table-4.2, table-4.3, '// &
-      'table-4.4, table-4.5, table-4.6 or all'
+      'table-4.4, table-4.5, table-4.6, acceleration, convergence or all'
 
    !> What `all` stands for.
-   !> NEW PARTS GO IN HERE, and below in `run_part`: 'acceleration', 'convergence'.
-   character(len=*), parameter :: parts(*) = [character(len=12) :: 'table-4.1', 'section-4']
+   character(len=*), parameter :: parts(*) = [character(len=12) :: 'table-4.1', 'section-4', &
+      'acceleration', 'convergence']
 
 contains
 
@@ -40,9 +42,8 @@ contains
       select case (settings%subject)
       case ('section-4', 'table-4.2', 'table-4.3', 'table-4.4', 'table-4.5', 'table-4.6')
          call run_section_4(settings, error)
-         ! NEW PARTS GO IN HERE, each with `use` of its module above:
-         ! case ('acceleration'); call run_acceleration(settings, error)
-         ! case ('convergence'); call run_convergence(settings, error)
+      case ('acceleration'); call run_acceleration(settings, error)
+      case ('convergence'); call run_convergence(settings, error)
       case default
          call bad_input(error, 'command line: reproduce: found '//settings%subject// &
             ', expected '//reproducible)

@@ -2,6 +2,8 @@
 !>
 !> The facade: everything that a program needs. See README.md for the command-line program.
 module beamid
+   use beamid_amplification, only: deviation_t, equation_row, formula_times, gains, measure, &
+      mode_observers
    use beamid_bands, only: band_t
    use beamid_cases, only: case_t, measured_samples, needs_fit, needs_nothing, needs_response, &
       read_case, sample_times, scored_samples, load_experiments
@@ -10,6 +12,7 @@ module beamid
    use beamid_errors, only: bad_input, error_t, failure, status_bad_input, status_failed
    use beamid_excitation, only: excitation_t, new_force_table, new_free, new_pulse, new_release
    use beamid_experiments, only: experiment_t
+   use beamid_fields, only: field_t, find_field, graded_times, motion_size, norm_H, norm_V
    use beamid_files, only: directory_of, join_path, output_t
    use beamid_fitted_modes, only: fitted_mode_t, fitted_modes
    use beamid_galerkin, only: galerkin_t, mesh_t, new_galerkin, same_mesh

@@ -479,8 +479,8 @@ contains
                ! 1e-8 but for a handful: a structure with a beam damped to half of critical and two
                ! like it lose up to two digits. The sum rule of the residues, which bounds what is
                ! lost, refuses what would be worse than 1e-6 of an ordinary residue. A derivative
-               ! that hardly counts (a motion changes by 1e-3 when the parameter doubles) may be worse by
-               ! itself, but not in what it says of the motion: there 1e-8 holds for all.
+               ! that hardly counts (a motion changes by 1e-3 when the parameter doubles) may be
+               ! worse by itself, but not in what it says of the motion: there 1e-8 holds for all.
                call check(trim(kinds(m))//' by '//trim(free_names(k))//': 3 of 1000 beyond 1e-8', &
                   tally%beyond <= 3, to_text(tally%beyond))
                call check_close(trim(kinds(m))//' by '//trim(free_names(k))//', worst of '// &

@@ -112,7 +112,7 @@ contains
          session%motion%slope = 0
          finish = times(size(times))
          if (k < nodes) then
-            finish = excitation%t(k + 1)
+            finish = min(excitation%t(k + 1), finish)
             associate (t => excitation%t, f => excitation%f)
                session%motion%slope = (f(k + 1) - f(k))/(t(k + 1) - t(k))
                session%motion%intercept = f(k) - session%motion%slope*t(k)

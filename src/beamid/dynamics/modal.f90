@@ -17,7 +17,7 @@ module beamid_modal
    implicit none
    private
 
-   public :: modal_t
+   public :: modal_t, assemble
 
    type, extends(solver_t) :: modal_t
       type(beam_modes_t), allocatable, private :: modes   !< of the bare beam

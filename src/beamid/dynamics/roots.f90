@@ -241,8 +241,8 @@ contains
    end subroutine iterate
 
    !> Newton's correction of root k for the polynomial without the other roots. The second of a
-   !> complex pair follows from the first once that one hardly moves; before, a pair may have to part
-   !> into two real roots, which it cannot do as long as it is a mirror image.
+   !> complex pair follows from the first once that one hardly moves; before, a pair may have to
+   !> part into two real roots, which it cannot do as long as it is a mirror image.
    !>
    !> moved  size of the correction
    subroutine correct(assembly, roots, k, moved)

@@ -11,7 +11,7 @@ module beamid_synthesis
    implicit none
    private
 
-   public :: synthesize
+   public :: synthesize, advance, states_t
 
    !> States of all poles, and their derivatives with respect to the pole.
    type :: states_t

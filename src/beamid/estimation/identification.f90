@@ -242,8 +242,7 @@ contains
 
    !> One record from its samples.
    !>
-   !> samples   (m) ascending [time]
-   !> measured  (m) record at the samples [length/time**2]
+   !> samples, measured  (m) ascending [time], [length/time**2]
    subroutine identify_samples(model, mesh, stages, samples, measured, fits, error, monitor)
       type(model_t), intent(in) :: model
       type(mesh_t), intent(in) :: mesh
@@ -306,7 +305,8 @@ contains
       end do
    end subroutine identify_meshes_experiments
 
-   subroutine identify_meshes_samples(model, meshes, stages, samples, measured, fits, error, monitor)
+   subroutine identify_meshes_samples(model, meshes, stages, samples, measured, fits, error, &
+      monitor)
       type(model_t), intent(in) :: model
       type(mesh_t), intent(in) :: meshes(:)
       type(stage_t), intent(in) :: stages(:)

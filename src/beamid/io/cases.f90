@@ -230,7 +230,7 @@ contains
             if (allocated(error)) return
             if (size(experiments) > 1 .and. size(sentences) > 0) &
                sentences = 'record '//to_text(k)//': '//sentences
-            notes = [notes, sentences]
+            notes = [character(len=note_length) :: notes, sentences]
             experiment%excitation = case%excitations(min(k, size(case%excitations)))
             experiment%length = recording%length
             experiment%x_S = recording%x_S

@@ -1,0 +1,316 @@
+!> Motion of the whole beam and of the hose, exact in time, and its size in the paper's norms.
+!>
+!> With the vector x of a root s, as in `beamid_poles`, the unknowns of (3.13) move by
+!> w = Re(sum x (x'F)/A z), z' = s z + f, two times that for one of a pair; s and s**2 in front of z
+!> give w' and w'' - f M**-1 F.
+module beamid_fields
+   use beamid_assembly, only: assembly_t
+   use beamid_equations, only: equations_t
+   use beamid_errors, only: error_t, failure
+   use beamid_excitation, only: excitation_t
+   use beamid_kinds, only: wp
+   use beamid_modal, only: assemble
+   use beamid_modes, only: bare_beam_modes, beam_modes_t
+   use beamid_poles, only: find_poles, poles_t
+   use beamid_quadrature, only: gauss_legendre, rule_t
+   use beamid_responses, only: response_t
+   use beamid_splines, only: spline_space_t
+   use beamid_vectors, only: solve_mass
+   use beamid_synthesis, only: advance, states_t
+   implicit none
+   private
+
+   public :: field_t, find_field, norm_V, norm_H, motion_size, graded_times
+
+   !> The solution of (3.13) at given times.
+   type :: field_t
+      real(wp), allocatable :: t(:)              !< (times) [time]
+      !> (times, unknowns, 0:2) w, w' and w'': spline coefficients, then y where there is a hose
+      real(wp), allocatable :: w(:, :, :)
+      type(spline_space_t) :: space              !< of the splines
+   contains
+      procedure :: at
+      procedure :: hose
+      procedure :: seen_by
+   end type field_t
+
+contains
+
+   !> Motion of all unknowns from rest.
+   !>
+   !> equations  of a beam whose root does not turn
+   !> times      ascending [time]
+   !> error      the root turns, or roots of the structure coincide
+   subroutine find_field(equations, excitation, times, field, error)
+      type(equations_t), intent(in) :: equations
+      type(excitation_t), intent(in) :: excitation
+      real(wp), intent(in) :: times(:)
+      type(field_t), intent(out) :: field
+      type(error_t), allocatable, intent(out) :: error
+      type(beam_modes_t) :: modes
+      type(assembly_t) :: assembly
+      type(poles_t) :: poles
+      complex(wp), allocatable :: shapes(:, :), z(:, :)
+      real(wp), allocatable :: impulse(:)
+      integer :: k, order
+
+      if (equations%structure%has_soft_root()) then
+         call failure(error, 'field: found a root that turns, expected a rigid one')
+         return
+      end if
+      call bare_beam_modes(equations%galerkin, modes, error)
+      if (allocated(error)) return
+      call assemble(modes, equations, excitation, [integer ::], assembly)
+      call find_poles(assembly, modes, poles, error)
+      if (allocated(error)) return
+      field%t = times
+      field%space = equations%galerkin%space
+      allocate (field%w(size(times), equations%n, 0:2), shapes(size(poles%s), equations%n), &
+         z(size(times), size(poles%s)))
+      call unknowns_of_poles(assembly, modes, poles, shapes, impulse)
+      call march(poles%s, excitation, times, z)
+      do order = 0, 2
+         field%w(:, :, order) = matmul(real(z), real(shapes)) - matmul(aimag(z), aimag(shapes))
+         shapes = shapes*spread(poles%s, 2, equations%n)
+      end do
+      do k = 1, equations%n
+         field%w(:, k, 2) = field%w(:, k, 2) + excitation%force(times)*impulse(k)
+      end do
+   end subroutine find_field
+
+   !> What each pole moves, per unit of its state z, and M**-1 F, both in the unknowns of (3.13).
+   !>
+   !> shapes   (poles, unknowns)
+   !> impulse  (unknowns)
+   subroutine unknowns_of_poles(assembly, modes, poles, shapes, impulse)
+      type(assembly_t), intent(in) :: assembly
+      type(beam_modes_t), intent(in) :: modes
+      type(poles_t), intent(in) :: poles
+      complex(wp), intent(out) :: shapes(:, :)
+      real(wp), allocatable, intent(out) :: impulse(:)
+      real(wp) :: x(assembly%n), y(size(assembly%v, 1))
+      complex(wp) :: factor
+      integer :: k, n, place
+
+      n = size(modes%shapes, 1)
+      place = size(shapes, 2)
+      shapes = 0
+      allocate (impulse(place), source=0.0_wp)
+      do k = 1, size(poles%s)
+         associate (vector => poles%vector(k))
+            factor = sum(assembly%load*vector%x)/vector%A
+            if (abs(aimag(poles%s(k))) > 0) factor = 2*factor
+            shapes(k, :n) = factor*cmplx(matmul(modes%shapes, real(vector%x(:n))), &
+               matmul(modes%shapes, aimag(vector%x(:n))), wp)
+            if (assembly%hose == 0) cycle
+            ! The second form of the pencil counts the hose from the tip.
+            shapes(k, place) = factor*vector%x(n + 1)
+            if (vector%form == 2) shapes(k, place) = shapes(k, place) &
+               + factor*vector%y(assembly%tip)
+         end associate
+      end do
+      call solve_mass(assembly, assembly%load, x, y)
+      impulse(:n) = matmul(modes%shapes, x(:n))
+      if (assembly%hose > 0) impulse(place) = x(n + 1)
+   end subroutine unknowns_of_poles
+
+   !> States of all poles, z' = s z + f from rest.
+   !>
+   !> z  (times, poles)
+   subroutine march(s, excitation, times, z)
+      complex(wp), intent(in) :: s(:)
+      type(excitation_t), intent(in) :: excitation
+      real(wp), intent(in) :: times(:)
+      complex(wp), intent(out) :: z(:, :)
+      type(states_t) :: states
+      real(wp) :: t, next
+      integer :: k, node
+
+      allocate (states%z(size(s)), states%y(size(s)), states%growth(size(s)))
+      states%z = 0
+      states%y = 0
+      node = 1
+      t = excitation%t(1)
+      do k = 1, size(times)
+         do while (times(k) > t)
+            next = times(k)
+            if (node < size(excitation%t)) next = min(next, excitation%t(node + 1))
+            call advance(states, s, excitation, node, t, next, with_slopes=.false.)
+            t = next
+            if (node >= size(excitation%t)) cycle
+            if (t >= excitation%t(node + 1)) node = node + 1
+         end do
+         z(k, :) = states%z
+      end do
+   end subroutine march
+
+   !> The beam at one place, at all times.
+   !>
+   !> x           0 .. l [length]
+   !> derivative  with respect to x
+   !> order       of the derivative with respect to time, 0 .. 2
+   function at(self, x, derivative, order) result(values)
+      class(field_t), intent(in) :: self
+      real(wp), intent(in) :: x
+      integer, intent(in) :: derivative, order
+      real(wp) :: values(size(self%t)), b(self%space%n)
+      integer :: i
+
+      b = self%space%at(x, derivative)
+      values = 0
+      do i = 1, size(b)
+         if (abs(b(i)) > 0) values = values + b(i)*self%w(:, i, order)
+      end do
+   end function at
+
+   !> The hose at all times; nothing where there is none.
+   !>
+   !> order  of the derivative with respect to time, 0 .. 2
+   function hose(self, order) result(values)
+      class(field_t), intent(in) :: self
+      integer, intent(in) :: order
+      real(wp) :: values(size(self%t))
+
+      values = 0
+      if (size(self%w, 2) > self%space%n) values = self%w(:, size(self%w, 2), order)
+   end function hose
+
+   !> Motion of observer . w.
+   !>
+   !> observer  (unknowns)
+   function seen_by(self, observer) result(response)
+      class(field_t), intent(in) :: self
+      real(wp), intent(in) :: observer(:)
+      type(response_t) :: response
+
+      response%t = self%t
+      response%displacement = matmul(self%w(:, :, 0), observer)
+      response%velocity = matmul(self%w(:, :, 1), observer)
+      response%acceleration = matmul(self%w(:, :, 2), observer)
+   end function seen_by
+
+   !> |(y, u(l), u)|_V of a field or of the difference between two, at all times: the root of
+   !> (y - u(l))**2 plus the integral of (u'')**2, as Section 3 defines it.
+   !>
+   !> order  of the derivative with respect to time, 0 .. 2
+   !> minus  a field at the same times whose number of elements divides, or is a multiple of,
+   !>        that of the other
+   function norm_V(field, order, minus) result(values)
+      type(field_t), intent(in) :: field
+      integer, intent(in) :: order
+      type(field_t), intent(in), optional :: minus
+      real(wp) :: values(size(field%t))
+      real(wp) :: tip(size(field%t)), hose(size(field%t))
+
+      tip = 0
+      hose = 0
+      if (size(field%w, 2) > field%space%n) call ends(field, order, minus, tip, hose)
+      values = sqrt((hose - tip)**2 + integral_of_square(field, 2, order, minus))
+   end function norm_V
+
+   !> |(y, u(l), u)|_H likewise: the root of y**2 + u(l)**2 plus the integral of u**2.
+   function norm_H(field, order, minus) result(values)
+      type(field_t), intent(in) :: field
+      integer, intent(in) :: order
+      type(field_t), intent(in), optional :: minus
+      real(wp) :: values(size(field%t))
+      real(wp) :: tip(size(field%t)), hose(size(field%t))
+
+      call ends(field, order, minus, tip, hose)
+      values = sqrt(hose**2 + tip**2 + integral_of_square(field, 0, order, minus))
+   end function norm_H
+
+   !> Tip and hose of a field, or of the difference between two.
+   subroutine ends(field, order, minus, tip, hose)
+      type(field_t), intent(in) :: field
+      integer, intent(in) :: order
+      type(field_t), intent(in), optional :: minus
+      real(wp), intent(out) :: tip(:), hose(:)
+
+      hose = field%hose(order)
+      tip = field%at(field%space%length, 0, order)
+      if (.not. present(minus)) return
+      hose = hose - minus%hose(order)
+      tip = tip - minus%at(field%space%length, 0, order)
+   end subroutine ends
+
+   !> Integral over the beam of the square of a derivative with respect to x, at all times, by
+   !> Gauss points on the finer mesh: exact where one mesh is part of the other.
+   function integral_of_square(field, derivative, order, minus) result(values)
+      type(field_t), intent(in) :: field
+      integer, intent(in) :: derivative, order
+      type(field_t), intent(in), optional :: minus
+      real(wp) :: values(size(field%t))
+      real(wp) :: difference(size(field%t)), x, h
+      type(rule_t) :: rule
+      integer :: elements, degree, e, q
+
+      elements = field%space%elements
+      degree = field%space%degree
+      if (present(minus)) then
+         elements = max(elements, minus%space%elements)
+         degree = max(degree, minus%space%degree)
+      end if
+      rule = gauss_legendre(degree - derivative + 1)
+      h = field%space%length/elements
+      values = 0
+      do e = 0, elements - 1
+         do q = 1, size(rule%points)
+            x = (e + rule%points(q))*h
+            difference = field%at(x, derivative, order)
+            if (present(minus)) difference = difference - minus%at(x, derivative, order)
+            values = values + rule%weights(q)*h*difference**2
+         end do
+      end do
+   end function integral_of_square
+
+   !> Size of a motion, or of the difference between two, in the norms of Lemma 3.1, (3.23) and
+   !> (3.24): the largest |.|_V of displacement and of velocity, and the root of the integral of
+   !> |.|_H**2 of the acceleration, (3.16).
+   !>
+   !> weights  of the times, as `graded_times` gives them [time]
+   function motion_size(field, weights, minus) result(values)
+      type(field_t), intent(in) :: field
+      real(wp), intent(in) :: weights(:)
+      type(field_t), intent(in), optional :: minus
+      real(wp) :: values(3)
+
+      values(1) = maxval(norm_V(field, 0, minus))
+      values(2) = maxval(norm_V(field, 1, minus))
+      values(3) = sqrt(sum(weights*norm_H(field, 2, minus)**2))
+   end function motion_size
+
+   !> Times and weights for integrals over [first node of the force, finish] of what a corner of the
+   !> force sets going: behind each node of the force panels that grow with the distance tau from
+   !> it, like tau**(2/3), four Gauss points in each. The high modes, which need the short ones, are
+   !> what c_D damps away first.
+   !>
+   !> finish   behind the last node of the force [time]
+   !> panels   behind the last node; fewer behind the others, so that all are graded alike
+   !> times, weights  ascending; allocated on return [time]
+   subroutine graded_times(excitation, finish, panels, times, weights)
+      type(excitation_t), intent(in) :: excitation
+      real(wp), intent(in) :: finish
+      integer, intent(in) :: panels
+      real(wp), allocatable, intent(out) :: times(:), weights(:)
+      type(rule_t) :: rule
+      real(wp), allocatable :: corners(:)
+      real(wp) :: first, last, length
+      integer :: k, j, m
+
+      rule = gauss_legendre(4)
+      corners = [excitation%t, finish]
+      allocate (times(0), weights(0))
+      length = finish - excitation%t(size(excitation%t))
+      do k = 1, size(corners) - 1
+         m = ceiling(panels*min(1.0_wp, (corners(k + 1) - corners(k))/length)**(1/3.0_wp))
+         do j = 1, m
+            first = corners(k) + (corners(k + 1) - corners(k))*(real(j - 1, wp)/m)**3
+            last = corners(k) + (corners(k + 1) - corners(k))*(real(j, wp)/m)**3
+            times = [times, first + (last - first)*rule%points]
+            weights = [weights, (last - first)*rule%weights]
+         end do
+      end do
+   end subroutine graded_times
+
+end module beamid_fields
