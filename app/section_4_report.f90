@@ -201,7 +201,7 @@ contains
             call text%line(' - '//trim(names(k))//verdict//': 95 % interval '//to_text(q(k))// &
                ' +- '//to_text(s%half_width(k)))
          end do
-         sentences = undetermined(s, names, fit%quantities%scale, fit%jacobian)
+         sentences = undetermined(s, names, [fit%quantities%scale], fit%jacobian)
          do k = 1, size(sentences)
             call text%line(' - '//trim(sentences(k)))
          end do

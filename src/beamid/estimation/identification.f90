@@ -1,21 +1,20 @@
 !> From records to parameters: the stages of a fit, on one mesh or on several.
 module beamid_identification
-   use beamid_equations, only: equations_t, new_equations
    use beamid_errors, only: error_t
    use beamid_excitation, only: excitation_t
    use beamid_experiments, only: experiment_t, new_apparatus
-   use beamid_galerkin, only: galerkin_t, mesh_t, new_galerkin
+   use beamid_galerkin, only: mesh_t
    use beamid_kinds, only: wp
    use beamid_least_squares, only: fit, fit_t, monitor_t, options_t
-   use beamid_observation, only: observation_t, sampling_t, new_sampling
    use beamid_residuals, only: residual_t
-   use beamid_responses, only: response_t, solver_t, work_t
+   use beamid_responses, only: work_t
+   use beamid_simulation, only: model_t, simulate, simulation_t
    use beamid_starts, only: automatic_start, check_frequencies
    use beamid_strings, only: to_text
    use beamid_parameters, only: offset
    use beamid_statistics, only: new_statistics, statistics_t
    use beamid_structure, only: structure_t
-   use beamid_unknowns, only: quantity_t, stage_t, variables_of, world_t
+   use beamid_unknowns, only: name_length, quantity_t, stage_t, variables_of, world_t
    use beamid_variables, only: variable_t
    use beamid_whiteness, only: check_residuals, residual_check_t
    implicit none
@@ -23,22 +22,6 @@ module beamid_identification
 
    public :: model_t, stage_t, simulation_t, stage_fit_t, quantity_t, simulate, identify, &
       identify_meshes, score_fits
-
-   !> What turns parameters into accelerations, mesh apart.
-   type :: model_t
-      type(structure_t) :: structure
-      type(excitation_t) :: excitation
-      type(observation_t) :: observation
-      class(solver_t), allocatable :: solver
-   end type model_t
-
-   !> A computed experiment.
-   type :: simulation_t
-      type(response_t) :: response               !< at the sample times
-      real(wp), allocatable :: acceleration(:)   !< by the formula of the observation
-      real(wp), allocatable :: force(:)          !< on the tip, at the sample times [force]
-      type(work_t) :: work
-   end type simulation_t
 
    !> The outcome of one stage on one mesh.
    type :: stage_fit_t
@@ -69,44 +52,6 @@ module beamid_identification
    end interface identify_meshes
 
 contains
-
-   !> Response and observed acceleration at given times.
-   !>
-   !> samples  ascending [time]
-   subroutine simulate(model, mesh, samples, simulation, error)
-      type(model_t), intent(in) :: model
-      type(mesh_t), intent(in) :: mesh
-      real(wp), intent(in) :: samples(:)
-      type(simulation_t), intent(out) :: simulation
-      type(error_t), allocatable, intent(out) :: error
-      type(galerkin_t), target :: galerkin
-      type(equations_t), target :: equations
-      type(excitation_t) :: excitation
-      type(sampling_t) :: sampling
-      type(response_t) :: wide
-      class(solver_t), allocatable :: solver
-
-      galerkin = new_galerkin(mesh, model%structure%length, &
-         model%structure%has_soft_root())
-      solver = model%solver
-      call solver%prepare(galerkin, error)
-      if (allocated(error)) return
-      excitation = model%excitation
-      call excitation%fit_to(model%structure%stiffness())
-      equations = new_equations(galerkin, model%structure, excitation)
-      sampling = new_sampling(model%observation, samples)
-      call solver%respond(equations, excitation, sampling%times, wide, simulation%work, error)
-      if (allocated(error)) return
-      simulation%acceleration = sampling%acceleration(wide)
-      simulation%response = sampling%at_samples(wide)
-      simulation%force = excitation%force(samples)
-      if (excitation%is_release) then
-         ! The motion is counted from the deflection before.
-         simulation%force = simulation%force - excitation%f(1)
-         simulation%response%displacement = simulation%response%displacement - excitation%f(1) &
-            *model%structure%static_deflection(model%structure%sensor_place())
-      end if
-   end subroutine simulate
 
    !> Runs the stages in turn on one mesh, each from where the one before ended.
    !>
@@ -164,7 +109,9 @@ contains
       type(error_t), allocatable, intent(out) :: error
       class(monitor_t), intent(inout), optional :: monitor
       type(variable_t), allocatable :: variables(:)
-      integer :: i, k
+      character(len=name_length), allocatable :: names(:)
+      real(wp), allocatable :: values(:), scales(:)
+      integer :: i, k, n
 
       problem%free = stage%free
       problem%record = stage%owners()
@@ -175,8 +122,9 @@ contains
       if (stage%automatic) call automatic_start(problem, stage, experiments, error)
       if (allocated(error)) return
       call variables_of(stage, problem%world, variables, found%quantities)
+      names = found%quantities%name
       call fit(problem, problem%samples(), variables, options, found%fit, error, monitor, label, &
-         found%quantities%name)
+         names)
       if (allocated(error)) return
       found%free = stage%free
       do k = 1, size(stage%free)
@@ -200,10 +148,11 @@ contains
       end do
       found%check = check_residuals(found%fit%residual, found%jacobian)
       ! What was eliminated counts, but no one asks whether an offset of nothing differs from it.
-      if (problem%samples() > size(found%quantities)) call new_statistics(found%jacobian, &
-         found%fit%residual, merge(found%quantities%value, found%quantities%scale, &
-         [(k <= size(stage%free), k=1, size(found%quantities))]), found%quantities%scale, &
-         found%statistics, error)
+      n = size(stage%free)
+      scales = found%quantities%scale
+      values = [found%quantities(:n)%value, found%quantities(n + 1:)%scale]
+      if (problem%samples() > size(scales)) call new_statistics(found%jacobian, &
+         found%fit%residual, values, scales, found%statistics, error)
    end subroutine run_stage
 
    !> The quantities that were eliminated, and derivatives with respect to all.

@@ -98,6 +98,7 @@ contains
       type(stage_fit_t), intent(in) :: fit
       character(len=:), allocatable :: line
       character(len=name_length) :: names(size(fit%quantities))
+      real(wp) :: scales(size(fit%quantities))
       character(len=512), allocatable :: sentences(:)
       integer :: j, k
 
@@ -128,7 +129,8 @@ contains
          call text%line('singular values of the Jacobian per relative change:'// &
             joined(s%singular)// &
             '; condition number '//limited(s%condition))
-         sentences = undetermined(s, names, fit%quantities%scale, fit%jacobian)
+         scales = fit%quantities%scale
+         sentences = undetermined(s, names, scales, fit%jacobian)
          do k = 1, size(sentences)
             call text%line(sentences(k))
          end do
