@@ -200,9 +200,12 @@ contains
          call add_response(responses, case%meshes(k)%elements, simulations(k))
       end do
       call output%add('response.csv', responses%content())
-      call output%add('record.csv', record_table(times, &
-         simulations(size(simulations))%acceleration + &
-         gaussian_noise(size(times), case%noise_sd, case%noise_seed)))
+      ! As the sensor would have it: what identify undoes by the same scale and offset.
+      associate (recording => case%recordings(1), last => simulations(size(simulations)))
+         call output%add('record.csv', record_table(times, (last%acceleration + &
+            gaussian_noise(size(times), case%noise_sd, case%noise_seed))/recording%scale &
+            + recording%offset))
+      end associate
       call output%add('labels.csv', labels_table(case%units))
       call deliver(output, response_summary(case, simulations), output_folder(settings, &
          case%name), error)

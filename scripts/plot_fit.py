@@ -1,20 +1,31 @@
 #!/usr/bin/env python3
-"""Plots a fit: measured and modelled acceleration, residuals, estimates -> DIR/fit.png."""
+"""Plots a fit -> DIR/fit.png: record and model, a few cycles of it, residuals, their
+autocorrelation, spectra, estimates. Of several records the second one goes to fit_2.png, ..."""
 
 import math
+import re
+from pathlib import Path
 
 import plotting as p
+import signals as s
 import numpy as np
+
+NUISANCE = re.compile(r"(cos|sin)_\d+")    # how the motion began, of no interest in themselves
+MARKED = 400                               # fewer samples are marked one by one
+LEAST = 8                                  # fewer samples have no spectrum worth the name
 
 
 def read_fit(directory):
-    """fit.csv as arrays (t, measured, model, residual) by number of elements."""
-    meshes = {}
+    """fit.csv as arrays (t, measured, model, residual), by record and by number of elements."""
+    path = directory / "fit.csv"
     columns = ("t", "measured", "model", "residual")
-    for row in p.read_table(directory / "fit.csv", "elements", *columns):
-        values = [p.number(row, column) for column in columns]
-        meshes.setdefault(p.number(row, "elements", int), []).append(values)
-    return {n: np.array(rows).T for n, rows in sorted(meshes.items())}
+    with_record = "record" in p.header(path)
+    values = s.read_columns(path, "elements", *columns, *["record"] * with_record)
+    record = values[5].astype(int) if with_record else np.ones(values.shape[1], dtype=int)
+    elements = values[0].astype(int)
+    return {r: {n: values[1:5, (record == r) & (elements == n)]
+                for n in map(int, np.unique(elements[record == r]))}
+            for r in map(int, np.unique(record))}
 
 
 def read_units(directory):
@@ -25,13 +36,40 @@ def read_units(directory):
     return {row["quantity"]: row["unit"] for row in p.read_table(path, "quantity", "unit")}
 
 
-def estimate_text(row):
+def read_modes(directory, elements, record):
+    """Frequencies of the fitted structure from modes.csv; empty where that is of another run."""
+    path = directory / "modes.csv"
+    if not path.exists() or "record" not in p.header(path):
+        return []
+    return [p.number(row, "frequency_hz")
+            for row in p.read_table(path, "elements", "record", "frequency_hz", "damping_ratio")
+            if (row["elements"], row["record"]) == (str(elements), str(record))
+            and p.number(row, "damping_ratio") < 1]
+
+
+def white(directory, elements, samples):
+    """Whether the residuals of all records pass the program's test for white noise."""
+    path = directory / "autocorrelation.csv"
+    if not path.exists():
+        return True
+    rows = p.read_table(path, "elements", "autocorrelation")
+    r = np.array([p.number(row, "autocorrelation") for row in rows
+                  if row["elements"] == str(elements)])[:max(1, samples // 10)]
+    if not r.size:
+        return True
+    k = 1 + np.arange(r.size)
+    ljung_box = samples * (samples + 2) * np.sum(r**2 / (samples - k))
+    spread = 2 / (9 * r.size)    # chi-square's 95 % point by Wilson and Hilferty
+    return ljung_box < r.size * (1 - spread + 1.645 * math.sqrt(spread))**3
+
+
+def estimate_text(row, ends):
     """The value with its unit; the 95 % interval, or why there is none; the colour of that."""
     digits, note, colour = 5, "", p.GREY
     if (row.get("determined") or "").strip().lower() == "no":
         note, colour = "not determined by this record", p.VERMILION
-    elif row.get("lower95") and row.get("upper95"):
-        low, high = p.number(row, "lower95"), p.number(row, "upper95")
+    elif row.get(ends[0]) and row.get(ends[1]):
+        low, high = (p.number(row, end) for end in ends)
         if high > low:    # two digits of the width, and of the value as many as of its interval
             largest = max(abs(low), abs(high))
             digits = min(max(2 + math.ceil(math.log10(largest / (high - low))), 3), 12)
@@ -40,77 +78,186 @@ def estimate_text(row):
     return f"{value} {p.unit_text(row.get('unit'))}", note, colour
 
 
-def draw_estimates(axes, rows, elements, samples):
-    """The panel of estimates: value and unit, below it the interval; then J and the samples."""
-    axes.set_axis_off()
-    intervals = any(row.get("lower95") for row in rows)
-    axes.set_title("Estimates" + ", 95 % intervals" * intervals)
-    lines = []    # symbol, text, colour, space below
-    for row in sorted(rows, key=lambda row: row["parameter"] == "J"):    # J last
-        value, note, colour = estimate_text(row)
-        lines.append((p.symbol(row["parameter"]), value, "black", 0.9 if note else 1.4))
+def estimate_lines(rows, ends, facts):
+    """Lines of the panel of estimates: symbol, text, colour, space below."""
+    lines = []
+    compact = len(rows) > 6    # start values then take one line each, of many the first ones
+    nuisance = [row for row in rows if NUISANCE.match(row["parameter"])]
+    hidden = nuisance[max(0, 20 - len(rows) + len(nuisance)):] if compact else []
+    for row in sorted(rows, key=lambda row: (row["parameter"].startswith("J"), row in nuisance)):
+        if any(row is other for other in hidden):
+            continue
+        value, note, colour = estimate_text(row, ends)
+        symbol = p.symbol(row["parameter"].partition("(")[0])
+        if compact and row in nuisance and colour == p.GREY:
+            note = ""
+        lines.append((symbol, value, "black", 0.9 if note else 1.15 if compact else 1.4))
         if note:
             lines.append(("", note, colour, 1.4))
-    lines.append(("$N$", f"{elements} elements", "black", 1.4))
-    lines.append(("$n$", f"{samples} samples", "black", 1.0))
+    if hidden:
+        lines.append(("", f"and {len(hidden)} more start values", p.GREY, 1.15))
+    return lines + [(symbol, text, "black", 1.15) for symbol, text in facts]
 
-    step = min(0.055, 1 / sum(line[3] for line in lines))
-    y = 0.97
+
+def draw_estimates(axes, rows, corrected, facts):
+    """The panel of estimates: value and unit, below it the interval; then J and the samples."""
+    axes.set_axis_off()
+    suffix = "_corrected" if corrected and any(row.get("lower95_corrected") for row in rows) else ""
+    ends = [end + suffix for end in ("lower95", "upper95")]
+    intervals = any(row.get("lower95") for row in rows)
+    axes.set_title("Estimates" + ", 95 % intervals" * intervals)
+    if suffix:
+        axes.text(0, 1, "corrected: the residuals are not white", va="top", fontsize=8.5,
+                  color=p.GREY)
+    lines = estimate_lines(rows, ends, facts)
+    step = min(0.055, 0.96 / sum(line[3] for line in lines))
+    y = 0.93 if suffix else 0.96
     for name, text, colour, space in lines:
         size = 10 if colour == "black" else 8.5
-        axes.text(0.0, y, name, va="baseline", fontsize=11)
-        axes.text(0.15, y, text, va="baseline", fontsize=size, color=colour)
+        axes.text(0.0, y, name, va="baseline", fontsize=10.5)
+        axes.text(0.2, y, text, va="baseline", fontsize=size, color=colour)
         y -= space * step
 
 
-def draw(directory, meshes, chosen, rows):
-    """The figure: fit, its residuals, the residuals of all meshes if several, estimates."""
+def draw_overview(axes, t, measured, model, elements):
+    """Record and model; where there are too many samples for dots, the extremes of each column."""
+    many = len(t) > 3000
+    size = 5 if len(t) < MARKED else 2.5
+    axes.plot(*s.envelope(t, measured), *["-"] * many, *["."] * (not many), color="black",
+              markersize=size, linewidth=1.6, zorder=1 if many else 3, label="measured")
+    axes.plot(*s.envelope(t, model), color=p.BLUE, linewidth=0.7 if many else 1.4, zorder=2,
+              label=f"model, $N$ = {elements}")
+
+
+def draw_zoom(axes, t, measured, model, span, unit):
+    """A few cycles, sample by sample."""
+    part = (t >= span[0]) & (t <= span[1])
+    axes.plot(t[part], measured[part], ".", color="black",
+              markersize=float(np.clip(1500 / part.sum(), 1.5, 5)), zorder=2)
+    axes.plot(t[part], model[part], color=p.BLUE, linewidth=1.1, zorder=3)
+    axes.set_title(f"a few cycles of the lowest mode seen, {4 / (span[1] - span[0]):.3g} {unit}",
+                   fontsize=9, color=p.GREY)
+    axes.set_xlim(*span)
+
+
+def draw_meshes(axes, meshes, chosen):
+    """Residuals of all meshes; of many samples how far their models are from the one chosen."""
+    t, _, best, difference = meshes[chosen]
+    few = len(t) < MARKED
+    for k, n in enumerate(n for n in meshes if n != chosen):
+        axes.plot(*s.envelope(t, meshes[n][3] if few else meshes[n][2] - best), linewidth=0.9,
+                  color=p.COLOURS[1 + k % 5], linestyle=("-", "--", ":")[k // 5 % 3],
+                  label=f"$N$ = {n}" if few else f"model at $N$ = {n} less that at {chosen}")
+    if few:
+        axes.plot(t, difference, color=p.BLUE, linewidth=1.6, label=f"$N$ = {chosen}")
+
+
+def draw_spectra(axes, t, measured, model, residual, modes):
+    """Amplitude spectra, both axes logarithmic, and where the modes of the fit are."""
+    if len(t) < LEAST:
+        axes.set_axis_off()
+        return
+    f, *amplitudes = s.spectrum(t, measured, model, residual)
+    styles = (("measured", "black", 1.6), ("model", p.BLUE, 1.0), ("residual", p.VERMILION, 0.9))
+    for amplitude, (label, colour, width) in zip(amplitudes, styles):
+        axes.loglog(*s.highest(f, amplitude), color=colour, linewidth=width, label=label)
+    top = max(amplitude.max() for amplitude in amplitudes[:2])
+    floor = min(np.percentile(amplitude, 20) for amplitude in amplitudes[::2])
+    if top > 0:
+        axes.set_ylim(max(floor / 3, 1e-8 * top, 1e-300), 2.5 * top)
+    axes.set_xlim(f[0], f[-1])
+    p.plain_logarithmic(axes.xaxis)
+    p.mark_frequencies(axes, [mode for mode in modes if f[0] < mode < f[-1]])
+
+
+def draw_autocorrelation(axes, residual, lags):
+    """Autocorrelation of the residuals and the band that holds 95 % of it for white noise."""
+    if len(residual) < LEAST:
+        axes.set_axis_off()
+        return
+    r, band = s.autocorrelation(residual, lags), 1.96 / math.sqrt(len(residual))
+    k = 1 + np.arange(lags)
+    axes.axhspan(-band, band, color=p.SKY, alpha=0.35, linewidth=0)
+    axes.axhline(0, color=p.GREY, linewidth=0.8)
+    if lags <= 60:
+        axes.vlines(k, 0, r, color=p.VERMILION, linewidth=1.4)
+    axes.plot(k, r, "." if lags <= 60 else "-", color=p.VERMILION, linewidth=1.1)
+    axes.set(xlabel="lag (samples)", xlim=(0, lags + 1), ylim=(min(-0.3, 1.1 * r.min()), 1))
+    axes.set_title("autocorrelation of the residuals\nblue: 95 % band of white noise", fontsize=9,
+                   color=p.GREY)
+
+
+def draw(directory, meshes, chosen, rows, corrected, record=1, of=1):
+    """The figure of one record: fit, zoom, residuals (of all meshes if several), spectra."""
     units = read_units(directory)
-    acceleration = p.with_unit("acceleration", units.get("acceleration"))
-    residual = p.with_unit("residual", units.get("acceleration"))
+    acceleration, residual, between, amplitude = (
+        p.with_unit(quantity, units.get("acceleration"))
+        for quantity in ("acceleration", "residual", "difference", "amplitude"))
+    time = p.with_unit("time", units.get("time"))
+    hertz = p.frequency_unit(units.get("time"))
     t, measured, model, difference = meshes[chosen]
+    few = len(t) < MARKED
+    several, span = len(meshes) > 1, s.some_cycles(t, measured)
+    names = ["fit", *["zoom"] * bool(span), "residual", *["meshes"] * several, "spectra"]
+    heights = {"fit": 2.2, "zoom": 1.8, "residual": 1.0, "meshes": 1.2, "spectra": 2.1}
 
-    several = len(meshes) > 1
-    heights = [2.4, 1, 1.2] if several else [2.4, 1]
-    figure = p.plt.figure(figsize=(10.5, 7.2 if several else 6))
-    grid = figure.add_gridspec(len(heights), 2, height_ratios=heights, width_ratios=[2.9, 1])
+    total = sum(heights[name] for name in names)
+    figure = p.plt.figure(figsize=(11, 1.45 * total + 0.6))
+    grid = figure.add_gridspec(len(names), 2, height_ratios=[heights[name] for name in names],
+                               width_ratios=[2.9, 1])
     figure.get_layout_engine().set(wspace=0.03)
-    title = f"Tip acceleration and fitted model: {p.case_name(directory)}"
-    figure.suptitle(title, x=0.01, ha="left")
-
-    top = figure.add_subplot(grid[0, 0])
-    size = 5 if len(t) < 400 else 2.5
-    top.plot(t, measured, ".", color="black", markersize=size, zorder=3, label="measured")
-    top.plot(t, model, color=p.BLUE, label=f"model, $N$ = {chosen}")
-    top.set_ylabel(acceleration)
-    panels = [top, figure.add_subplot(grid[1, 0], sharex=top)]
-    panels[1].axhline(0, color=p.GREY, linewidth=0.8)
-    panels[1].plot(t, difference, color=p.BLUE, marker="." if len(t) < 400 else "", markersize=4,
-                   linewidth=0.9, label=f"measured $-$ model, $N$ = {chosen}")
-    panels[1].set_ylabel(residual)
+    which = f", record {record} of {of}" if of > 1 else ""
+    figure.suptitle(f"Acceleration and fitted model: {p.case_name(directory)}{which}", x=0.01,
+                    ha="left")
+    panels = {name: figure.add_subplot(grid[k, 0]) for k, name in enumerate(names)}
+    draw_overview(panels["fit"], t, measured, model, chosen)
+    panels["fit"].set_ylabel(acceleration)
+    if span:
+        draw_zoom(panels["zoom"], t, measured, model, span, hertz)
+        panels["zoom"].set_ylabel(acceleration)
+    panels["residual"].axhline(0, color=p.GREY, linewidth=0.8)
+    panels["residual"].plot(*s.envelope(t, difference), color=p.BLUE, marker="." if few else "",
+                            markersize=4, linewidth=0.9 if few else 0.6,
+                            label=f"measured $-$ model, $N$ = {chosen}")
+    panels["residual"].set_ylabel(residual)
     if several:
-        panels.append(figure.add_subplot(grid[2, 0], sharex=top))
-        for k, n in enumerate(n for n in meshes if n != chosen):
-            style = ("-", "--", ":")[k // 5 % 3]
-            panels[2].plot(*meshes[n][[0, 3]], linewidth=0.9, linestyle=style,
-                           color=p.COLOURS[1 + k % 5], label=f"$N$ = {n}")
-        panels[2].plot(t, difference, color=p.BLUE, linewidth=1.6, label=f"$N$ = {chosen}")
-        panels[2].set_ylabel(residual)
-    for panel in panels:
-        panel.legend(loc="lower left", bbox_to_anchor=(0.07, 0.98), ncols=8, columnspacing=0.9,
-                     handlelength=1.2, handletextpad=0.5, borderaxespad=0)
-        panel.tick_params(labelbottom=panel is panels[-1])
-    panels[-1].set_xlabel(p.with_unit("time", units.get("time")))
-    top.set_xlim(t[0] - 0.01 * (t[-1] - t[0]), t[-1] + 0.01 * (t[-1] - t[0]))
-    figure.align_ylabels(panels)
+        draw_meshes(panels["meshes"], meshes, chosen)
+        panels["meshes"].set_ylabel(residual if few else between)
+    draw_spectra(panels["spectra"], t, measured, model, difference,
+                 read_modes(directory, chosen, record))
+    panels["spectra"].set_xlabel(p.with_unit("frequency", hertz))
+    panels["spectra"].set_ylabel(amplitude)
+    in_time = [panels[name] for name in names if name in ("fit", "residual", "meshes")]
+    margin = 0.01 * (t[-1] - t[0] or 1.0)
+    for panel in in_time:
+        panel.set_xlim(t[0] - margin, t[-1] + margin)
+        panel.tick_params(labelbottom=panel is in_time[-1] or bool(span) and panel is in_time[0])
+    in_time[-1].set_xlabel(time)
+    for name in set(names) - {"zoom"}:
+        if not panels[name].lines:
+            continue
+        panels[name].legend(loc="lower left", bbox_to_anchor=(0.07, 0.98), ncols=8,
+                            columnspacing=0.9, handlelength=1.2, handletextpad=0.5,
+                            borderaxespad=0)
+    figure.align_ylabels(list(panels.values()))
 
-    draw_estimates(figure.add_subplot(grid[:, 1]), rows, chosen, len(t))
+    facts = [("$N$", f"{chosen} elements"), ("$n$", f"{len(t)} samples")]
+    if of > 1:
+        unit = p.unit_text(units.get("acceleration"))
+        facts += [("rms", f"{math.sqrt(np.mean(difference**2)):.3g} {unit}, this record"),
+                  ("", "J is that of all records")]
+    draw_estimates(figure.add_subplot(grid[:-1, 1]), rows, corrected, facts)
+    mode = s.lowest_mode(t, measured) if len(t) >= s.FEW else None
+    lags = int(len(t) / (t[-1] - t[0]) / mode) if mode else 0
+    draw_autocorrelation(figure.add_subplot(grid[-1, 1]), difference,
+                         max(1, min(max(lags, 20), len(t) // 2)))
     return figure
 
 
-def picture(directory, chosen=None):
-    """The figure of an output folder, for the mesh chosen or the finest."""
-    meshes = read_fit(directory)
+def pictures(directory, chosen=None):
+    """The figures of an output folder, one for each record, for the mesh chosen or the finest."""
+    records = read_fit(directory)
+    meshes = next(iter(records.values()))
     chosen = max(meshes) if chosen is None else chosen
     if chosen not in meshes:
         found = ", ".join(map(str, meshes))
@@ -118,18 +265,29 @@ def picture(directory, chosen=None):
     rows = p.last_stage(directory).get(chosen)
     if not rows:
         p.fail(f"{directory / 'estimates.csv'}: no estimates for {chosen} elements")
-    return draw(directory, meshes, chosen, rows)
+    samples = sum(meshes[chosen].shape[1] for meshes in records.values())
+    corrected = not white(directory, chosen, samples)
+    for record, meshes in records.items():    # names end in (2) for what belongs to record 2 alone
+        mine = [row for row in rows if not re.search(r"\(\d+\)$", row["parameter"])
+                or row["parameter"].endswith(f"({record})")]
+        yield draw(directory, meshes, chosen, mine, corrected, record, len(records))
+
+
+def picture(directory, chosen=None):
+    """The figure of an output folder, of its first record."""
+    return next(pictures(directory, chosen))
 
 
 def main():
-    parser = p.new_parser(__doc__)
+    parser = p.new_parser(__doc__.replace("\n", " "))
     parser.add_argument("directory", metavar="DIR", type=p.folder, help="output folder of a fit")
     parser.add_argument("--elements", metavar="N", type=int, help="mesh to show (default: finest)")
     parser.add_argument("--out", metavar="FILE", help="picture to write (default: DIR/fit.png)")
     arguments = parser.parse_args()
 
-    figure = picture(arguments.directory, arguments.elements)
-    p.save(figure, arguments.out or arguments.directory / "fit.png")
+    path = Path(arguments.out or arguments.directory / "fit.png")
+    for k, figure in enumerate(pictures(arguments.directory, arguments.elements)):
+        p.save(figure, p.numbered(path, k + 1))
 
 
 if __name__ == "__main__":

@@ -16,6 +16,7 @@ import matplotlib  # noqa: E402
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt  # noqa: E402
+import matplotlib.ticker  # noqa: E402
 
 # Okabe and Ito's colours: told apart with every kind of colour vision.
 BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY = COLOURS = (
@@ -49,9 +50,13 @@ def last_stage(directory):
 
 
 def symbol(name):
-    """m_T as a mathematical symbol with an upright index."""
-    match = re.fullmatch(r"([A-Za-z]+)_(\w+)", name)
-    return rf"${match[1]}_{{\mathrm{{{match[2]}}}}}$" if match else rf"${name}$"
+    """m_T as a mathematical symbol with an upright index; gamma in Greek, other words upright."""
+    stem, _, index = name.partition("_")
+    if stem in ("gamma", "rho"):
+        stem = rf"\{stem}"
+    elif len(stem) > 1:
+        stem = rf"\mathrm{{{stem}}}"
+    return rf"${stem}_{{\mathrm{{{index}}}}}$" if index else rf"${stem}$"
 
 
 def with_symbols(text):
@@ -81,6 +86,43 @@ def plain_number(value, digits):
     mantissa, _, exponent = f"{value:.{digits}g}".replace("-", "\u2212").partition("e")
     power = exponent.replace("\u2212", "-")
     return mantissa + (f"×10{str(int(power)).translate(SUPERSCRIPTS)}" if exponent else "")
+
+
+def frequency_unit(time):
+    """The unit of frequencies for one of times: Hz for seconds."""
+    return {"": "", "s": "Hz"}.get(time or "", f"1/{time}")
+
+
+def mark_frequencies(axes, frequencies):
+    """A dashed line at each mode, beside it its number."""
+    for k, frequency in enumerate(frequencies):
+        axes.axvline(frequency, color=GREEN, linewidth=0.9, linestyle="--", zorder=0.5)
+        axes.annotate(f"{k + 1}", (frequency, 1), xycoords=("data", "axes fraction"),
+                      xytext=(3, -2), textcoords="offset points", va="top", fontsize=9,
+                      color=GREEN)
+
+
+def plain_logarithmic(axis):
+    """Ticks of a logarithmic axis as plain numbers; of a short one also those between."""
+    low, high = axis.get_view_interval()
+    axis.set_major_formatter("{x:g}")
+    axis.set_minor_formatter("{x:g}" if high < 4 * low else "")
+    if 4 * low <= high < 100 * low:
+        axis.set_major_locator(matplotlib.ticker.LogLocator(subs=(1, 2, 5)))
+
+
+def header(path):
+    """The names of the columns of a CSV file."""
+    try:
+        with open(path, encoding="utf-8-sig") as file:
+            return [name.strip() for name in file.readline().split(",")]
+    except (OSError, UnicodeDecodeError) as error:
+        fail(f"{path}: {reason(error)}")
+
+
+def numbered(path, k):
+    """The path of the k-th picture: name.png, name_2.png, ..."""
+    return path if k == 1 else path.with_name(f"{path.stem}_{k}{path.suffix}")
 
 
 def save(figure, path):

@@ -30,13 +30,14 @@ contains
       integer, intent(in) :: most
       type(line_t), allocatable, intent(out) :: lines(:)
       real(wp), intent(out) :: share
-      real(wp), allocatable :: spectrum(:), sorted(:)
+      real(wp), allocatable :: times(:), values(:), spectrum(:), sorted(:)
       logical, allocatable :: peak(:)
       real(wp) :: step, threshold
       integer :: k, n, strongest
 
       allocate (lines(0))
-      call scan(t, z, highest, spectrum, step, share)
+      call condense(t, z, highest, times, values)
+      call scan(times, values, highest, spectrum, step, share)
       n = size(spectrum)
       if (n < 8) return
       sorted = spectrum
@@ -58,6 +59,27 @@ contains
       end do
       call sort_by_frequency(lines)
    end subroutine find_lines
+
+   !> A long record is shortened before it is scanned, which costs samples times frequencies: means of
+   !> neighbours where the rate is far above what is looked for, and the beginning of what is left.
+   pure subroutine condense(t, z, highest, times, values)
+      real(wp), intent(in) :: t(:), z(:), highest
+      real(wp), allocatable, intent(out) :: times(:), values(:)
+      real(wp), parameter :: affordable = 2e8_wp
+      real(wp) :: span
+      integer :: block, k, m
+
+      span = t(size(t)) - t(1)
+      block = 1
+      if (span > 0) block = max(1, int(min(size(t)/(16*highest*span), 1e6_wp)))
+      m = size(t)/block
+      times = [(sum(t((k - 1)*block + 1:k*block))/block, k=1, m)]
+      values = [(sum(z((k - 1)*block + 1:k*block))/block, k=1, m)]
+      if (m*4*span*highest <= affordable) return
+      m = max(min(m, 1000), int(m*sqrt(affordable/(m*4*span*highest))))
+      times = times(:m)
+      values = values(:m)
+   end subroutine condense
 
    !> Amplitudes at 0, step, 2 step, ...: a phasor per sample, turned on from one frequency to the
    !> next.

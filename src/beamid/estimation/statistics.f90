@@ -4,7 +4,7 @@ module beamid_statistics
    use beamid_distributions, only: chi_square_tail, student_quantile
    use beamid_errors, only: error_t, failure
    use beamid_kinds, only: wp
-   use beamid_strings, only: to_text
+   use beamid_strings, only: fixed, to_text
    implicit none
    private
 
@@ -223,14 +223,18 @@ contains
       integer, intent(in) :: k
       character(len=:), allocatable :: text
       real(wp), allocatable :: v(:)
-      real(wp) :: change
+      real(wp) :: change, along, least
       integer :: j, largest
 
       v = statistics%direction(:, k)
       largest = maxloc(abs(v), dim=1)
       v = v/v(largest)
-      if (count(abs(v) > 0.1_wp) == 1) then
-         change = sum((jacobian(:, largest)*scale(largest))**2)
+      ! Alone, or only together with others that hardly move but count all the more?
+      change = sum((jacobian(:, largest)*scale(largest))**2)
+      along = (statistics%singular(k)/statistics%direction(largest, k))**2
+      least = 0.1_wp
+      if (count(abs(v) > least) == 1 .and. change > 4*along) least = 1e-4_wp
+      if (count(abs(v) > least) == 1) then
          text = trim(names(largest))// &
             ' is not determined by this record: doubling it changes J by '// &
             to_text(change)//' ('//percent(change/max(residual_sum(statistics), tiny(1.0_wp)))// &
@@ -239,12 +243,12 @@ contains
       end if
       text = ''
       do j = 1, size(v)
-         if (abs(v(j)) <= 0.1_wp) cycle
+         if (abs(v(j)) <= least) cycle
          if (text /= '') text = text//', '
-         text = text//trim(names(j))//' by '//signed(nint(100*v(j)))//' %'
+         text = text//trim(names(j))//' by '//signed(100*v(j))//' %'
       end do
       text = 'not determined together: changing '//text//' at once changes J by '// &
-         to_text((statistics%singular(k)/statistics%direction(largest, k))**2)
+         to_text(along)
    end function sentence
 
    pure real(wp) function residual_sum(statistics)
@@ -260,11 +264,13 @@ contains
       text = to_text(100*ratio)//' %'
    end function percent
 
+   !> Whole per cent, or two digits of less.
    pure function signed(value) result(text)
-      integer, intent(in) :: value
+      real(wp), intent(in) :: value
       character(len=:), allocatable :: text
 
-      text = to_text(value)
+      text = trim(adjustl(fixed(value, 12, merge(0, 2, abs(value) >= 1))))
+      text = text(:verify(text, '.', back=.true.))
       if (value > 0) text = '+'//text
    end function signed
 

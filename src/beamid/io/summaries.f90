@@ -163,9 +163,13 @@ contains
          if (check%white) then
             call text%line('residuals pass for white noise')
          else
-            call text%line('residuals are NOT white: as good as '// &
-               to_text(fit%statistics%effective)// &
-               ' independent samples; the corrected errors allow for that')
+            if (any(fit%statistics%std_error >= unlimited)) then
+               call text%line('residuals are NOT white; errors without limits cannot be corrected')
+            else
+               call text%line('residuals are NOT white: as good as '// &
+                  to_text(fit%statistics%effective)// &
+                  ' independent samples; the corrected errors allow for that')
+            end if
          end if
       end associate
    end subroutine add_residual_check

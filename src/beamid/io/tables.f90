@@ -173,7 +173,7 @@ contains
             if (mode%frequency_half_width < unlimited) then
                line = line//full(mode%frequency - mode%frequency_half_width)//','// &
                   full(mode%frequency + mode%frequency_half_width)//','// &
-                  full(mode%damping_ratio - mode%damping_half_width)//','// &
+                  full(max(0.0_wp, mode%damping_ratio - mode%damping_half_width))//','// &
                   full(mode%damping_ratio + mode%damping_half_width)
             else
                line = line//',,,'
