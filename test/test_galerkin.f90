@@ -9,15 +9,18 @@ program test_galerkin
 
    real(wp), parameter :: eps = epsilon(1.0_wp), length = 1.75_wp
    integer, parameter :: degrees(*) = [3, 5, 7], meshes(*) = [1, 2, 3, 5, 16]
-   integer :: d, m
+   integer :: d, m, turning
 
    call test_cubic_rows()
    do d = 1, size(degrees)
       call test_interior_rows(degrees(d))
       do m = 1, size(meshes)
-         call test_against_romberg(degrees(d), meshes(m))
-         call test_definite(degrees(d), meshes(m))
-         call test_energy(degrees(d), meshes(m))
+         do turning = 0, 1
+            call test_against_romberg(degrees(d), meshes(m), turning == 1)
+            call test_definite(degrees(d), meshes(m), turning == 1)
+            call test_energy(degrees(d), meshes(m), turning == 1)
+         end do
+         call test_turn(degrees(d), meshes(m))
       end do
    end do
    do m = 1, size(meshes)
@@ -28,11 +31,14 @@ program test_galerkin
 
 contains
 
-   function of(degree, elements) result(text)
+   function of(degree, elements, turning) result(text)
       integer, intent(in) :: degree, elements
+      logical, intent(in), optional :: turning
       character(len=:), allocatable :: text
 
       text = 'degree '//to_text(degree)//', N = '//to_text(elements)//': '
+      if (.not. present(turning)) return
+      if (turning) text = text//'turning root, '
    end function of
 
    !> Enough Gauss points for products of two splines to be integrated exactly.
@@ -99,21 +105,22 @@ contains
    end function eulerian
 
    !> Every entry, the root's included, and <theta, b_i>, by extrapolated trapezoidal sums.
-   subroutine test_against_romberg(degree, elements)
+   subroutine test_against_romberg(degree, elements, turning)
       integer, intent(in) :: degree, elements
+      logical, intent(in) :: turning
       type(galerkin_t) :: galerkin
       real(wp), allocatable :: gram(:, :), theta(:)
       real(wp), parameter :: powers(3) = [2.0_wp, 3.0_wp, 2.5_wp]
       real(wp) :: allowed
       integer :: k
 
-      galerkin = new_galerkin(exact_mesh(degree, elements), length)
+      galerkin = new_galerkin(exact_mesh(degree, elements), length, turning)
       ! Romberg's sums of up to 129 terms keep some tens of units of round-off of the largest entry.
       call romberg(galerkin, 0, gram)
-      call check_close(of(degree, elements)//'inertia by Romberg', &
+      call check_close(of(degree, elements, turning)//'inertia by Romberg', &
          maxval(abs(gram - dense_of(galerkin%inertia)))/maxval(abs(gram)), 0.0_wp, 100*eps)
       call romberg(galerkin, 2, gram)
-      call check_close(of(degree, elements)//'bending by Romberg', &
+      call check_close(of(degree, elements, turning)//'bending by Romberg', &
          maxval(abs(gram - dense_of(galerkin%bending)))/maxval(abs(gram)), 0.0_wp, 100*eps)
       do k = 1, size(powers)
          theta = romberg_moments(galerkin, powers(k))
@@ -122,8 +129,9 @@ contains
          ! n^-11.
          allowed = 100*eps
          if (abs(powers(k) - nint(powers(k))) > 0) allowed = 100*(degree + 1.0_wp)**(-11)
-         call check_close(of(degree, elements)//'<theta, b_i>, power '//to_text(powers(k)), &
-            maxval(abs(galerkin%moments(powers(k)) - theta))/maxval(abs(theta)), 0.0_wp, allowed)
+         call check_close(of(degree, elements, turning)//'<theta, b_i>, power '// &
+            to_text(powers(k)), maxval(abs(galerkin%moments(powers(k)) - theta)) &
+            /maxval(abs(theta)), 0.0_wp, allowed)
       end do
    end subroutine test_against_romberg
 
@@ -217,36 +225,86 @@ contains
 
    !> Both matrices are positive definite: the functions are linearly independent, and the clamp
    !> leaves no rigid motion. (They are symmetric by their storage.)
-   subroutine test_definite(degree, elements)
+   subroutine test_definite(degree, elements, turning)
       integer, intent(in) :: degree, elements
+      logical, intent(in) :: turning
       type(galerkin_t) :: galerkin
       type(band_t) :: inertia, bending
       logical :: positive
 
-      galerkin = new_galerkin(exact_mesh(degree, elements), length)
+      galerkin = new_galerkin(exact_mesh(degree, elements), length, turning)
       inertia = galerkin%inertia
       bending = galerkin%bending
       call inertia%factor(positive)
-      call check(of(degree, elements)//'inertia is positive definite', positive)
+      call check(of(degree, elements, turning)//'inertia is positive definite', positive)
+      ! A root that turns is free to: the spring of the structure holds it.
+      if (turning) call bending%add_rank_one(1/length, galerkin%space%at(0.0_wp, 1))
       call bending%factor(positive)
-      call check(of(degree, elements)//'bending is positive definite', positive)
+      call check(of(degree, elements, turning)//'bending is positive definite', positive)
    end subroutine test_definite
 
    !> The integral by quadrature and the quadratic form are one number.
-   subroutine test_energy(degree, elements)
+   subroutine test_energy(degree, elements, turning)
       integer, intent(in) :: degree, elements
+      logical, intent(in) :: turning
       type(galerkin_t) :: galerkin
       real(wp), allocatable :: x(:)
       real(wp) :: form
       integer :: k
 
-      galerkin = new_galerkin(exact_mesh(degree, elements), length)
+      galerkin = new_galerkin(exact_mesh(degree, elements), length, turning)
       x = [(sin(7.3_wp*k), k=1, galerkin%space%n)]
       form = dot_product(x, galerkin%bending%times(x))
       ! Irregular coefficients: the form does not cancel, but its terms are up to 16 times as large.
-      call check_close(of(degree, elements)//'bending energy', &
+      call check_close(of(degree, elements, turning)//'bending energy', &
          galerkin%bending_energy(x)/form, 1.0_wp, 200*eps)
    end subroutine test_energy
+
+   !> w = x, by least squares from <x, b_i>: it has no bending and the integrals of a turning bar.
+   !> The rule of the mesh has them too where it is not exact.
+   subroutine test_turn(degree, elements)
+      integer, intent(in) :: degree, elements
+      type(galerkin_t) :: galerkin
+      type(mesh_t) :: mesh
+      type(band_t) :: factor
+      real(wp), allocatable :: x(:), force(:)
+      character(len=:), allocatable :: name
+      real(wp) :: exact
+      logical :: positive
+      integer :: rule, k
+
+      do rule = 1, 2
+         mesh = exact_mesh(degree, elements)
+         ! At least as many points as functions on an element, but none of x**2 exact.
+         if (rule == 2) mesh = mesh_t(degree, elements, 1, 2*degree + 2)
+         galerkin = new_galerkin(mesh, length, .true.)
+         name = of(degree, elements, .true.)//merge('exact', 'rough', rule == 1)//' rule, '
+         factor = galerkin%inertia
+         call factor%factor(positive)
+         x = length*galerkin%moments(1.0_wp)
+         call factor%solve(x)
+         ! The inertia has a condition of 1e3 (cubics) to 1e8 (degree 7).
+         call check_close(name//'x at the tip', dot_product(galerkin%tip, x)/length, 1.0_wp, &
+            1e-9_wp)
+         call check_close(name//'x has no bending', galerkin%bending_energy(x)*length, 0.0_wp, &
+            1e-9_wp)
+         force = galerkin%inertia%times(x)
+         call check_close(name//'<x, x> is the integral of x^2', dot_product(x, force) &
+            /(length**2*galerkin%integral(2.0_wp)), 1.0_wp, 1e-9_wp)
+         do k = 2, 3
+            call check_close(name//'<theta, x>, power '//to_text(k), dot_product(x, &
+               galerkin%moments(real(k, wp)))/(length*galerkin%integral(k + 1.0_wp)), 1.0_wp, &
+               1e-9_wp)
+         end do
+         do k = 0, 4
+            ! Midpoints err by k(k - 1)/24 of the panels' width squared, relative to 1/(k - 1).
+            exact = length/(k + 1)
+            call check_close(name//'integral of (x/l)^'//to_text(k), galerkin%integral(real(k, &
+               wp))/exact, 1.0_wp, 20*eps + merge(0.0_wp, (k + 1)*k &
+               /(24*real(elements*(2*degree + 2), wp)**2), rule == 1 .or. k < 2))
+         end do
+      end do
+   end subroutine test_turn
 
    !> x^2 and x^3 in the cubic space by their blossoms: B_j has the coefficients h^2 (j^2 - 1/3)/6
    !> and h^3 (j^3 - j)/6, and b_1 takes that of B_0. Their integrals in closed form.

@@ -21,15 +21,18 @@ program test_splines
    real(wp), parameter :: eps = epsilon(1.0_wp)
    !> Neither 1 nor a power of 2: a forgotten power of the length shows.
    real(wp), parameter :: length = 2.5_wp
-   integer :: d, m
+   integer :: d, m, turning
 
    do d = 1, size(degrees)
       do m = 1, size(meshes)
          call test_root(degrees(d), meshes(m))
          call test_truncated_powers(degrees(d), meshes(m))
-         call test_derivatives(degrees(d), meshes(m))
-         call test_continuity(degrees(d), meshes(m))
-         call test_polynomials(degrees(d), meshes(m))
+         do turning = 0, 1
+            call test_derivatives(degrees(d), meshes(m), turning == 1)
+            call test_continuity(degrees(d), meshes(m), turning == 1)
+            call test_polynomials(degrees(d), meshes(m), turning == 1)
+         end do
+         call test_turning(degrees(d), meshes(m))
       end do
    end do
    call test_paper_values()
@@ -39,11 +42,14 @@ program test_splines
 contains
 
    !> "p = 3, N = 5", for the names of the checks.
-   function of(degree, elements) result(text)
+   function of(degree, elements, turning) result(text)
       integer, intent(in) :: degree, elements
+      logical, intent(in), optional :: turning
       character(len=:), allocatable :: text
 
       text = 'degree '//to_text(degree)//', N = '//to_text(elements)//': '
+      if (.not. present(turning)) return
+      if (turning) text = text//'turning root, '
    end function of
 
    !> Dimension N + degree - 2; b_i(0) = b_i'(0) = 0 for every i, b_i''(0) not for all of them.
@@ -140,10 +146,64 @@ contains
       end do
    end function bspline_slope
 
+   !> A root that may turn: one more function in front, the others those of the clamped space; all
+   !> of them vanish at the root, the slope of the first alone does not.
+   subroutine test_turning(degree, elements)
+      integer, intent(in) :: degree, elements
+      type(spline_space_t) :: space, clamped
+      real(wp) :: largest, x, slope(elements + degree - 1)
+      integer :: k, order
+
+      space = new_spline_space(degree, elements, length, .true.)
+      clamped = new_spline_space(degree, elements, length, .false.)
+      call check(of(degree, elements, .true.)//'dimension', space%n == clamped%n + 1 .and. &
+         clamped%n == elements + degree - 2, to_text(space%n))
+      ! As in test_root.
+      call check_close(of(degree, elements, .true.)//'values at the root', &
+         maxval(abs(space%at(0.0_wp, 0))), 0.0_wp, 100*eps*gamma(degree + 1.0_wp))
+      slope = space%at(0.0_wp, 1)/(elements/length)
+      call check(of(degree, elements, .true.)//'slopes at the root', abs(slope(1)) > 0.1_wp .and. &
+         maxval(abs(slope(2:))) <= 100*eps*gamma(degree + 1.0_wp), to_text(slope(1)))
+      largest = 0
+      do k = 0, 7*elements
+         x = k*length/(7*elements)
+         do order = 0, degree
+            largest = max(largest, maxval(abs(tail(space, x, order) - clamped%at(x, order))))
+         end do
+      end do
+      call check_close(of(degree, elements, .true.)//'others as clamped', largest, 0.0_wp, 0.0_wp)
+      ! The first lives on two elements.
+      if (elements > 2) call check(of(degree, elements, .true.)// &
+         'first function vanishes beyond its support', all([( &
+         abs(head(space, k*length/elements)) <= 0, k=(degree + 1)/2, elements)]))
+   end subroutine test_turning
+
+   !> All functions but the first.
+   function tail(space, x, order) result(values)
+      type(spline_space_t), intent(in) :: space
+      real(wp), intent(in) :: x
+      integer, intent(in) :: order
+      real(wp) :: values(space%n - 1), all_values(space%n)
+
+      all_values = space%at(x, order)
+      values = all_values(2:)
+   end function tail
+
+   !> The first function.
+   real(wp) function head(space, x)
+      type(spline_space_t), intent(in) :: space
+      real(wp), intent(in) :: x
+      real(wp) :: all_values(space%n)
+
+      all_values = space%at(x, 0)
+      head = all_values(1)
+   end function head
+
    !> Each derivative against the central difference of the one before. Eight points inside one
    !> element: exact for polynomials of degree 8, so only round-off is left.
-   subroutine test_derivatives(degree, elements)
+   subroutine test_derivatives(degree, elements, turning)
       integer, intent(in) :: degree, elements
+      logical, intent(in) :: turning
       real(wp), parameter :: weights(4) = &
          [4/5.0_wp, -1/5.0_wp, 4/105.0_wp, -1/280.0_wp], step = 1/16.0_wp
       type(spline_space_t) :: space
@@ -151,7 +211,7 @@ contains
       real(wp) :: largest
       integer :: order, e, k
 
-      space = new_spline_space(degree, elements, length)
+      space = new_spline_space(degree, elements, length, turning)
       do order = 1, degree
          largest = 0
          do e = 0, elements - 1
@@ -166,21 +226,22 @@ contains
          end do
          ! Values of size 2^(order-1) degree! (N/l)^(order-1), times 3 for the root combinations,
          ! lose 2 sum|weights|/step = 34 units of round-off; factor 4 for the evaluation itself.
-         call check_close(of(degree, elements)//'derivative '//to_text(order), largest, 0.0_wp, &
-            400*eps*2.0_wp**(order - 1)*gamma(degree + 1.0_wp)*(elements/length)**order)
+         call check_close(of(degree, elements, turning)//'derivative '//to_text(order), largest, &
+            0.0_wp, 400*eps*2.0_wp**(order - 1)*gamma(degree + 1.0_wp)*(elements/length)**order)
       end do
    end subroutine test_derivatives
 
    !> Derivatives up to degree - 1 agree on both sides of each knot; that of order degree jumps.
-   subroutine test_continuity(degree, elements)
+   subroutine test_continuity(degree, elements, turning)
       integer, intent(in) :: degree, elements
+      logical, intent(in) :: turning
       type(spline_space_t) :: space
       real(wp), allocatable :: left(:), right(:)
       real(wp) :: largest, unit, least
       integer :: order, e
 
       if (elements == 1) return
-      space = new_spline_space(degree, elements, length)
+      space = new_spline_space(degree, elements, length, turning)
       do order = 0, degree
          unit = 2.0_wp**order*gamma(degree + 1.0_wp)*(elements/length)**order
          largest = 0
@@ -193,10 +254,11 @@ contains
          end do
          if (order < degree) then
             ! Both sides are sums of the same few terms: some units of round-off of the size above.
-            call check_close(of(degree, elements)//'continuity of derivative '//to_text(order), &
-               largest, 0.0_wp, 40*eps*unit)
+            call check_close(of(degree, elements, turning)//'continuity of derivative '// &
+               to_text(order), largest, 0.0_wp, 40*eps*unit)
          else
-            call check(of(degree, elements)//'the highest derivative jumps at every knot', &
+            call check(of(degree, elements, turning)// &
+               'the highest derivative jumps at every knot', &
                least > 0.1_wp*unit, 'least jump '//to_text(least))
          end if
       end do
@@ -218,36 +280,38 @@ contains
       end do
    end function spread_out
 
-   !> (x/l)^2 .. (x/l)^degree lie in the space: fitted by least squares at some points, all
-   !> derivatives agree at others.
-   subroutine test_polynomials(degree, elements)
+   !> (x/l)^2 .. (x/l)^degree lie in the space, x/l too where the root may turn: fitted by least
+   !> squares at some points, all derivatives agree at others.
+   subroutine test_polynomials(degree, elements, turning)
       integer, intent(in) :: degree, elements
+      logical, intent(in) :: turning
       type(spline_space_t) :: space
       real(wp), allocatable :: a(:, :), b(:, :), work(:)
       real(wp) :: x, exact
       real(wp) :: largest(0:degree - 1)
       integer :: rows, powers, k, order, power, info
 
-      space = new_spline_space(degree, elements, length)
-      powers = degree - 1
+      space = new_spline_space(degree, elements, length, turning)
+      powers = degree - 1 + space%turning
       rows = 2*degree*elements + 1
       allocate (a(rows, space%n), b(rows, powers), work(64*(rows + space%n)))
       do k = 1, rows
          x = (k - 1)*length/(rows - 1)
          a(k, :) = space%at(x, 0)
-         b(k, :) = [((x/length)**power, power=2, degree)]
+         b(k, :) = [((x/length)**power, power=degree - powers + 1, degree)]
       end do
       call dgels('N', rows, space%n, powers, a, rows, b, rows, work, size(work), info)
       largest = 0
       do k = 1, 29
          x = k*length/31
          do order = 0, degree - 1
-            do power = 2, degree
+            do power = degree - powers + 1, degree
                exact = 0
                if (power >= order) exact = gamma(power + 1.0_wp)/gamma(power - order + 1.0_wp) &
                   *(x/length)**(power - order)/length**order
                largest(order) = max(largest(order), &
-                  abs(dot_product(space%at(x, order), b(:space%n, power - 1)) - exact))
+                  abs(dot_product(space%at(x, order), b(:space%n, power - degree + powers)) &
+                  - exact))
             end do
          end do
       end do
@@ -255,8 +319,9 @@ contains
       ! on one element allows its derivatives (2N/l)^d T_p^(d)(1) |e|, with Chebyshev's polynomial,
       ! T_p^(d)(1) = product of (p^2 - k^2)/(2k + 1), k < d.
       do order = 0, degree - 1
-         call check_close(of(degree, elements)//'x^2 .. x^p, derivative '//to_text(order), &
-            merge(largest(order), huge(x), info == 0), 0.0_wp, 16*eps*(2*elements/length)**order &
+         call check_close(of(degree, elements, turning)//'x^2 .. x^p, derivative '// &
+            to_text(order), merge(largest(order), huge(x), info == 0), 0.0_wp, &
+            16*eps*(2*elements/length)**order &
             *product([((degree**2 - k**2)/(2*k + 1.0_wp), k=0, order - 1)]))
       end do
    end subroutine test_polynomials

@@ -30,6 +30,7 @@ module beamid_galerkin
       real(wp), allocatable, private :: curvature(:, :, :)
    contains
       procedure :: moments
+      procedure :: integral
       procedure :: add_bending_force
       procedure :: bending_energy
    end type galerkin_t
@@ -104,6 +105,24 @@ contains
       end do
       values = values*self%space%length/self%mesh%elements
    end function moments
+
+   !> Integral of (x/l)**power over the beam by the rule of the mesh, exact or not: with it w = x/l,
+   !> by which a root turns, has the integrals that `inertia` and `moments` give it.
+   !>
+   !> power   >= 0
+   !> result  [length]
+   pure real(wp) function integral(self, power)
+      class(galerkin_t), intent(in) :: self
+      real(wp), intent(in) :: power
+      integer :: e
+
+      integral = 0
+      do e = 0, self%mesh%elements - 1
+         integral = integral + sum(self%rule%weights*((e + self%rule%points) &
+            /self%mesh%elements)**power)
+      end do
+      integral = integral*self%space%length/self%mesh%elements
+   end function integral
 
    !> Tabulates curvatures for `bending_energy` and `add_bending_force`: at degree - 1 Gauss points,
    !> which are exact, where the rule of the mesh is exact for them too, else at its own.

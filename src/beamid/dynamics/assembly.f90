@@ -43,6 +43,7 @@ module beamid_assembly
       !> Rows of v; 0: not there. The sensor's may be that of the tip.
       integer :: tip = 0, hose = 0, turn = 0, sensor = 0, arrow = 0, root = 0
    contains
+      procedure :: layout
       procedure :: form_at
       procedure :: is_bare
       procedure :: is_undamped
@@ -172,8 +173,8 @@ contains
          if (self%turn > 0) p%hm(self%turn, self%turn) = s%J_T
          p%hm(self%sensor, self%sensor) = p%hm(self%sensor, self%sensor) + s%m_S
          if (self%root > 0) then
-            p%m(n) = s%rho*s%length**3/3
-            p%c(n) = s%gamma*s%length**3/3
+            p%m(n) = s%rho*modes%turn
+            p%c(n) = s%gamma*modes%turn
             p%k(n) = s%k_R
             call couple_root(self, p%hm, s%rho)
             call couple_root(self, p%hc, s%gamma)
@@ -199,11 +200,11 @@ contains
          case (of_k_R); if (self%root > 0) p%k(n) = 1
          case (of_rho)
             p%m(:b) = 1
-            if (self%root > 0) p%m(n) = s%length**3/3
+            if (self%root > 0) p%m(n) = modes%turn
             if (self%root > 0) call couple_root(self, p%hm, 1.0_wp)
          case (of_gamma)
             p%c(:b) = 1
-            if (self%root > 0) p%c(n) = s%length**3/3
+            if (self%root > 0) p%c(n) = modes%turn
             if (self%root > 0) call couple_root(self, p%hc, 1.0_wp)
          case (of_m_H)
             if (self%hose > 0) p%m(b + 1) = 1
@@ -263,6 +264,15 @@ contains
          if (c > 0) roots(1) = c/(a*roots(2))
       end if
    end function quadratic
+
+   !> The rows of v. A parameter to be differentiated with respect to may add one that the structure
+   !> by itself does without: J_T = 0, a sensor at the tip by default.
+   pure function layout(self) result(rows)
+      class(assembly_t), intent(in) :: self
+      integer :: rows(6)
+
+      rows = [self%tip, self%hose, self%turn, self%sensor, self%arrow, self%root]
+   end function layout
 
    !> Which form of the pencil loses no digits at s.
    pure integer function form_at(self, s) result(form)

@@ -26,6 +26,7 @@ module beamid_modal
       type(structure_t), private :: structure             !< that structure; length 0: none yet
       logical, private :: distributed = .false.           !< its load
       real(wp), private :: power = 0
+      integer, private :: layout(6) = 0                   !< rows of the assembly they belong to
    contains
       procedure :: prepare
       procedure :: respond
@@ -119,13 +120,15 @@ contains
       call assemble(self%modes, equations, excitation, parameters, assembly)
       if (.not. (same_structure(self%structure, equations%structure) .and. &
          (self%distributed .eqv. excitation%distributed) .and. &
-         abs(self%power - excitation%power) <= 0)) then
+         abs(self%power - excitation%power) <= 0 .and. &
+         all(self%layout == assembly%layout()))) then
          self%structure%length = 0
          call find_poles(assembly, self%modes, self%poles, error)
          if (allocated(error)) return
          self%structure = equations%structure
          self%distributed = excitation%distributed
          self%power = excitation%power
+         self%layout = assembly%layout()
       end if
       call differentiate_poles(assembly, self%poles, error)
    end subroutine solve
@@ -184,7 +187,8 @@ contains
       ! (3.10) on w = x: theta(l) l and the integral of theta x.
       associate (l => modes%space%length)
          assembly = new_assembly(equations%structure, modes, parameters, &
-            matmul(equations%load(first:last), modes%shapes), l + l**2/(excitation%power + 2))
+            matmul(equations%load(first:last), modes%shapes), &
+            l*(1 + equations%galerkin%integral(excitation%power + 1)))
       end associate
    end subroutine assemble
 

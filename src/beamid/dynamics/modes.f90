@@ -19,6 +19,7 @@ module beamid_modes
       real(wp), allocatable :: tip(:)          !< (n) phi(l)
       real(wp), allocatable :: tip_slope(:)    !< (n) phi'(l)
       real(wp), allocatable :: moment(:)       !< (n) integral of x phi
+      real(wp) :: turn = 0                     !< integral of x**2 [length**3]
       type(spline_space_t) :: space
    contains
       procedure :: at
@@ -80,6 +81,7 @@ contains
          end do
          moments = galerkin%moments(1.0_wp)
          modes%moment = length*matmul(moments(first:), modes%shapes)
+         modes%turn = length**2*galerkin%integral(2.0_wp)
          modes%tip = modes%at(length, 0)
          modes%tip_slope = modes%at(length, 1)
       end associate

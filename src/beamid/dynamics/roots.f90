@@ -13,7 +13,8 @@ module beamid_roots
 
    public :: find_roots, damped_roots
 
-   integer, parameter :: max_sweeps = 200
+   !> Sweeps at most, and those after which a root that still creeps is taken for a double one.
+   integer, parameter :: max_sweeps = 1000, patience = 100
 
 contains
 
@@ -227,7 +228,9 @@ contains
             ! Convergence is quadratic at least. Only double roots never come so far.
             settled(k) = moved <= 1e-10_wp*abs(roots(k)%offset)
             done(k) = moved <= 1e-6_wp*max(abs(roots(k)%offset), 1e-14_wp*abs(roots(k)%s)) .or. &
-               sweep > max_sweeps/2 .and. moved <= 1e-6_wp*abs(roots(k)%s)
+               sweep > patience .and. moved <= 1e-6_wp*abs(roots(k)%s)
+            ! Its mirror image has arrived when it has.
+            if (k <= assembly%n .and. .not. done(k)) done(k + assembly%n) = .false.
          end do
          if (.not. all(done)) cycle
          ! With all the others in place one more correction leaves round-off.
@@ -262,19 +265,25 @@ contains
          end if
       end if
       slope = logarithmic_derivative(assembly, roots(k))
-      do i = 1, size(roots)
-         if (i == k) cycle
-         gap = roots(k)%s - roots(i)%s
-         slope = slope - conjg(gap)/(real(gap)**2 + aimag(gap)**2)
-      end do
-      step = -1/slope
-      settled = abs(step) <= 1e-2_wp*abs(aimag(roots(k)%s)) .and. k <= assembly%n .and. &
+      if (abs(slope) > 0) then
+         do i = 1, size(roots)
+            if (i == k) cycle
+            gap = roots(k)%s - roots(i)%s
+            slope = slope - conjg(gap)/(real(gap)**2 + aimag(gap)**2)
+         end do
+         step = -1/slope
+         moved = abs(step)
+      else
+         ! A little aside, where it can be told: that is no convergence.
+         step = 1e-8_wp*abs(roots(k)%s)
+         moved = huge(moved)
+      end if
+      settled = moved <= 1e-2_wp*abs(aimag(roots(k)%s)) .and. k <= assembly%n .and. &
          abs(roots(partner)%s - conjg(roots(k)%s)) <= 1e-1_wp*abs(aimag(roots(k)%s))
       roots(k)%s = roots(k)%s + step
       roots(k)%offset = roots(k)%offset + step
       if (abs(step) > 1e-2_wp*abs(roots(k)%offset)) call nearest_pole(assembly, roots(k))
       if (settled) roots(partner) = mirrored(assembly, roots(k))
-      moved = abs(step)
    end subroutine correct
 
    !> The conjugate root, from the conjugate pole.

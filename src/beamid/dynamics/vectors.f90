@@ -106,7 +106,8 @@ contains
 
    !> W'/W of the characteristic polynomial, W(s) = det(1 + G H)(D_j + v_j'f) times D_i of all
    !> other oscillators.
-   !> The one routine that a search calls hundreds of times: no array here is allocated.
+   !> The one routine that a search calls hundreds of times: no array here is allocated. 0: without
+   !> oscillator j there is a root at this very point, and the quotient cannot be told.
    pure complex(wp) function logarithmic_derivative(self, root) result(value)
       type(assembly_t), intent(in) :: self
       type(root_t), intent(in) :: root
@@ -173,8 +174,8 @@ contains
          value = value + b(k, k + 1)
       end do
       if (.not. regular) then
-         ! It cannot be told here: a step too short to matter.
-         value = 1/(1e-8_wp*max(abs(root%s), tiny(1.0_wp)))
+         ! It cannot be told here.
+         value = 0
       else if (.not. abs(w) > 0) then
          value = huge(1.0_wp)
       else
