@@ -74,8 +74,12 @@ contains
       allocate (search%held(size(variables)), source=.false.)
       allocate (result%residual(m), result%jacobian(m, size(variables)))
       result%start = variables%start
-      if (problem%has_jacobian()) call compare_derivatives(problem, result%start, variables, m, &
-         result%derivative_check(1))
+      if (problem%has_jacobian()) then
+         call search%evaluate_at(result%start, result%residual, error)
+         if (allocated(error)) return
+         call compare_derivatives(problem, result%start, variables, search%jacobian, &
+            result%derivative_check(1))
+      end if
 
       ! The difference step, sqrt(noise) |z|, must stand well above the noise of the model: a step
       ! that drowns in integration error leaves the parameters where they are, with a success code.
@@ -95,7 +99,7 @@ contains
       if (info == 0 .or. info == 5) then
          call failure(error, 'least squares: no convergence; '//result%reason)
       else if (problem%has_jacobian()) then
-         call compare_derivatives(problem, result%estimate, variables, m, &
+         call compare_derivatives(problem, result%estimate, variables, result%jacobian, &
             result%derivative_check(2))
       end if
    end subroutine fit

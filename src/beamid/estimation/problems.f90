@@ -73,23 +73,20 @@ contains
    end subroutine derivatives
 
    !> Largest relative difference, over the columns, between a Jacobian and central differences.
-   !> worst  -1 where one of the two cannot be computed
-   subroutine compare_derivatives(problem, parameters, variables, m, worst)
+   !>
+   !> exact  (m, n) the Jacobian at the parameters
+   !> worst  -1 where the differences cannot be computed
+   subroutine compare_derivatives(problem, parameters, variables, exact, worst)
       class(problem_t), intent(inout) :: problem
-      real(wp), intent(in) :: parameters(:)
+      real(wp), intent(in) :: parameters(:), exact(:, :)
       type(variable_t), intent(in) :: variables(:)
-      integer, intent(in) :: m
       real(wp), intent(out) :: worst
       type(error_t), allocatable :: error
-      real(wp), dimension(m, size(parameters)) :: exact, approximate
-      real(wp) :: r(m), length
+      real(wp) :: approximate(size(exact, 1), size(exact, 2)), length
       integer :: k
 
       worst = -1
-      call problem%jacobian(parameters, r, exact, error)
-      if (.not. allocated(error)) call differences(problem, parameters, variables, epsilon(r), &
-         approximate, &
-         error)
+      call differences(problem, parameters, variables, epsilon(worst), approximate, error)
       if (allocated(error)) return
       do k = 1, size(parameters)
          length = max(norm2(exact(:, k)), norm2(approximate(:, k)))

@@ -59,6 +59,10 @@ module beamid_searches
       real(wp) :: first_norm = -1       !< of the residuals at the start
       integer :: iterations = 0, evaluations = 0, shortened = 0, failures_in_a_row = 0
       type(error_t), allocatable :: error
+      !> (m, n) derivatives of the last point that was evaluated, and that point
+      real(wp), allocatable :: jacobian(:, :), residual(:), point(:)
+   contains
+      procedure :: evaluate_at
    end type search_t
 
    type(search_t), pointer :: active => null()
@@ -113,22 +117,19 @@ contains
       real(wp), intent(inout) :: fvec(m), fjac(ldfjac, n)
       integer, intent(inout) :: iflag
       type(error_t), allocatable :: error
-      real(wp) :: r(m), full(m, size(active%variables))
+      real(wp) :: r(m)
 
       if (iflag /= 2) then
          call evaluate(m, n, x, fvec, iflag)
          return
       end if
-      active%evaluations = active%evaluations + 1
-      call active%problem%jacobian(trial(active, x), r, full, error)
-      if (.not. allocated(error) .and. .not. all(ieee_is_finite(full))) &
-         call failure(error, 'the derivatives are not finite')
+      call active%evaluate_at(trial(active, x), r, error)
       if (allocated(error)) then
          call move_alloc(error, active%error)
          iflag = -1
          return
       end if
-      fjac(:m, :) = full(:, active%moving)*spread(active%variables(active%moving)%derivative(x), &
+      fjac(:m, :) = active%jacobian(:, active%moving)*spread(active%variables(active%moving)%derivative(x), &
          1, m)
    end subroutine evaluate_both
 
@@ -146,8 +147,7 @@ contains
          call report(active, x, fvec, iflag)
          return
       end if
-      active%evaluations = active%evaluations + 1
-      call active%problem%residuals(trial(active, x), fvec, error)
+      call active%evaluate_at(trial(active, x), fvec, error)
       if (.not. allocated(error)) then
          if (.not. ieee_is_finite(sum(fvec**2))) &
             call failure(error, 'the sum of squared residuals is not finite')
@@ -167,6 +167,39 @@ contains
       active%shortened = active%shortened + 1
       fvec = 100*(active%first_norm + tiny(1.0_wp))/sqrt(real(m, wp))
    end subroutine evaluate
+
+   !> Residuals, and with them the derivatives of a problem that knows them: most trial steps are
+   !> taken, and the next thing that is wanted are the derivatives there.
+   subroutine evaluate_at(self, parameters, r, error)
+      class(search_t), intent(inout) :: self
+      real(wp), intent(in) :: parameters(:)
+      real(wp), intent(inout) :: r(:)
+      type(error_t), allocatable, intent(out) :: error
+
+      if (.not. self%problem%has_jacobian()) then
+         self%evaluations = self%evaluations + 1
+         call self%problem%residuals(parameters, r, error)
+         return
+      end if
+      if (allocated(self%point)) then
+         if (all(abs(parameters - self%point) <= 0)) then
+            r = self%residual
+            return
+         end if
+         deallocate (self%point)
+      end if
+      self%evaluations = self%evaluations + 1
+      if (.not. allocated(self%jacobian)) allocate (self%jacobian(size(r), size(parameters)), &
+         self%residual(size(r)))
+      call self%problem%jacobian(parameters, self%residual, self%jacobian, error)
+      if (.not. allocated(error)) then
+         if (.not. all(ieee_is_finite(self%jacobian))) call failure(error, &
+            'the derivatives are not finite')
+      end if
+      if (allocated(error)) return
+      r = self%residual
+      self%point = parameters
+   end subroutine evaluate_at
 
    !> The physical parameters at x of MINPACK.
    function trial(search, x) result(parameters)
