@@ -57,6 +57,10 @@ program test_bad_input
       call test_window_of_fit()
       call test_record_keys()
       call test_stage()
+      call test_release()
+      call test_free_start()
+      call test_sensor_and_clamp()
+      call test_several_records()
       call test_noise()
       call test_needs()
       call test_record_rows()
@@ -503,6 +507,194 @@ contains
          '13: &stage free: found ''q''|expected one of')
    end subroutine test_stage
 
+   subroutine test_release()
+      character(len=*), parameter :: place = '6: &excitation ', &
+         either = '|expected either force or displacement of the tip before'
+
+      call accepted('release by force', 'identify', released('force=1'))
+      call accepted('release by displacement', 'identify', released('displacement=0.1, time=-1'))
+      call accepted('release between samples', 'simulate', released('displacement=0.1, time=0.35'))
+      call accepted('release without cvode', 'identify', replaced(released('force=1'), &
+         '''cvode''', '''modal'''))
+      call refused_case('release with both', released('force=1, displacement=0.1'), place// &
+         'force: found both force and displacement'//either)
+      call refused_case('release with neither', released('time=0'), place// &
+         'force: found neither'//either)
+      call refused_case('release with neither', released('time=0'), place// &
+         'force: found neither'//either, 'simulate')
+      call refused_case('release with an amplitude', released('force=1, amplitude=1'), place// &
+         'amplitude: found a value|expected none')
+      call refused_case('release with a duration', released('force=1, duration=1'), place// &
+         'duration: found a value|expected none')
+      call refused_case('release with modes', released('force=1, modes=2'), place// &
+         'modes: found a value|expected none')
+      call refused_case('release with a load', released('force=1, load=''point'''), place// &
+         'load: found a value|expected none')
+      call refused_case('release at NaN', released('force=1, time=NaN'), place// &
+         'time: found ''NaN''|expected a number')
+      call refused_case('release of Inf', released('displacement=Inf'), place// &
+         'displacement: found ''Inf''|expected a number')
+      call refused('pulse with a time', 'amplitude=1.0', 'amplitude=1.0, time=0', place// &
+         'time: found a value|expected none')
+      call refused('pulse with a force', 'amplitude=1.0', 'amplitude=1.0, force=1', place// &
+         'force: found a value|expected none')
+      call refused('pulse with modes', 'amplitude=1.0', 'amplitude=1.0, modes=2', place// &
+         'modes: found a value|expected none')
+   end subroutine test_release
+
+   !> The case with a release in place of the pulse.
+   function released(keys) result(text)
+      character(len=*), intent(in) :: keys
+      character(len=:), allocatable :: text
+
+      text = replaced(case_text, pulse//','//nl//'                load=''point'', power=2.0', &
+         'kind=''release'', '//keys//nl//'  ')
+   end function released
+
+   !> The case with a free start, solved exactly, one parameter free.
+   function freed(keys) result(text)
+      character(len=*), intent(in) :: keys
+      character(len=:), allocatable :: text
+
+      text = replaced(released(keys), '''release''', '''free''')
+      text = replaced(text, &
+         'method=''cvode'', rtol=1e-4, atol=1e-7, max_order=5, max_steps=20000', 'method=''modal''')
+      text = replaced(text, 'free=''m_H'',''k_H'', start=0.035,0.4, lower=0,0.1, upper=1,10', &
+         'free=''m_H''')
+   end function freed
+
+   subroutine test_free_start()
+      character(len=*), parameter :: place = '6: &excitation ', one = 'modes=1'
+
+      call accepted('free start', 'identify', freed(one))
+      call accepted('free start and offset', 'identify', replaced(freed(one), 'free=''m_H''', &
+         'free=''m_H'',''offset'''))
+      call accepted('nothing but what enters linearly', 'identify', replaced(freed(one), &
+         'free=''m_H''', 'free=''offset'''))
+      call accepted('free start', 'modes', freed(one))
+      call refused_case('no mode', freed('modes=0'), place//'modes: found 0|expected 1 to 20')
+      call refused_case('a negative number of modes', freed('modes=-1'), place// &
+         'modes: found -1|expected 1 to 20')
+      call refused_case('21 modes', freed('modes=21'), place//'modes: found 21|expected 1 to 20')
+      call refused_case('one and a half modes', freed('modes=1.5'), place// &
+         'modes: found ''1.5''|expected an integer')
+      ! Two cubic elements have three functions, and there is the hose.
+      call refused_case('more modes than the mesh has', replaced(freed('modes=5'), 't_step=0.1', &
+         't_step=0.01'), 'case.nml|&excitation modes: found 5|expected at most 4', &
+         record=long_record())
+      call refused_case('free start with a force', freed('modes=1, force=1'), place// &
+         'force: found a value|expected none')
+      call refused_case('free start with an amplitude', freed('modes=1, amplitude=1'), place// &
+         'amplitude: found a value|expected none')
+      call refused_case('free start by cvode', replaced(freed(one), '''modal''', '''cvode'''), &
+         'case.nml|found a start that is not known with method = ''cvode''|expected|''modal''')
+      call refused_case('free start', freed(one), &
+         'case.nml|&excitation kind: found ''free''|expected a start that is known', 'simulate')
+      call refused_case('amplitude of a free start', replaced(freed(one), 'free=''m_H''', &
+         'free=''m_H'',''amplitude'''), &
+         '12: &stage free: found ''amplitude''|expected no amplitude')
+      call refused_case('unknowns of the modes are counted', replaced(freed('modes=3'), &
+         'free=''m_H''', 'free=''m_H'''), &
+         '12: &stage free: found 7 unknowns for 6 samples|expected no more')
+      call refused_case('the offset is counted', replaced(freed('modes=2'), 'free=''m_H''', &
+         'free=''m_H'',''E'',''offset'''), &
+         '12: &stage free: found 7 unknowns for 6 samples|expected no more')
+      call refused_case('score beside a free start', replaced(freed(one), '&units ', &
+         '&score t_last=0.4 /'//nl//'&units '), &
+         '13: &score: found it beside|expected one record with a known start')
+      call refused_case('score beside an offset', replaced(replaced(case_text, 'free=''m_H'',', &
+         'free=''offset'','), '&units ', '&score t_last=0.4 /'//nl//'&units '), &
+         '13: &score: found it beside|expected one record with a known start')
+   end subroutine test_free_start
+
+   !> 51 samples from .1 s to .6 s.
+   function long_record() result(text)
+      character(len=:), allocatable :: text
+      character(len=24) :: row
+      integer :: k
+
+      text = 't,acceleration'//nl
+      do k = 10, 60
+         write (row, '(f4.2,a,f7.4)') k/100.0, ',', sin(0.3*k) + 0.2*cos(0.05*k*k)
+         text = text//trim(row)//nl
+      end do
+   end function long_record
+
+   subroutine test_sensor_and_clamp()
+      character(len=*), parameter :: beam = 'c_D=0.005', sensor = '5: &sensor ', &
+         tip = '&tip            m_T=0.15 /', after = tip//nl//'&sensor '
+
+      call accepted('sensor, clamp, air', 'simulate', replaced(replaced(case_text, beam, &
+         beam//', gamma=0.01, k_R=100'), tip, '&tip m_T=0.15, J_T=0.01 /'//nl// &
+         '&sensor m_S=0.01, x_S=4 /'))
+      call refused('negative air damping', beam, beam//', gamma=-1e-3', &
+         '3: &beam gamma: found -0.001|0 or more')
+      call refused('soft root of nothing', beam, beam//', k_R=0', '3: &beam k_R: found 0|above 0')
+      call refused('negative spring at the root', beam, beam//', k_R=-5', &
+         '3: &beam k_R: found -5|above 0')
+      call refused('rigid root as a number', beam, beam//', k_R=Inf', &
+         '3: &beam k_R: found ''Inf''|expected a number')
+      call refused('k_R free with a rigid root', 'free=''m_H''', 'free=''k_R''', &
+         '12: &stage free: found ''k_R''|expected a value of k_R in &beam for it')
+      call refused('negative inertia of the tip', 'm_T=0.15', 'm_T=0.15, J_T=-1', &
+         '4: &tip J_T: found -1|0 or more')
+      call refused('negative mass of the sensor', tip, after//'m_S=-0.01 /', sensor// &
+         'm_S: found -0.01|0 or more')
+      call refused('place of the sensor free beyond the tip', 'free=''m_H'',''k_H'', '// &
+         'start=0.035,0.4, lower=0,0.1, upper=1,10', 'free=''m_H'',''x_S'', lower=0,4', &
+         '12: &stage lower: found 4 for x_S|expected less than the length 4')
+      call refused('sensor beyond the tip', tip, after//'x_S=4.001 /', sensor// &
+         'x_S: found 4.001|expected a place above 0, up to the length 4')
+      call refused('sensor at the root', tip, after//'x_S=0 /', sensor//'x_S: found 0|above 0')
+      call refused('sensor behind the root', tip, after//'x_S=-1 /', sensor// &
+         'x_S: found -1|above 0')
+   end subroutine test_sensor_and_clamp
+
+   !> Several records, and what each may have of its own.
+   subroutine test_several_records()
+      character(len=*), parameter :: file = 'file=''record.csv''', &
+         more = '&record file=''record.csv'', t_first=0.1, t_last=0.6, t_step=0.1 /'//nl, &
+         units = '&units ', cause = '&excitation '//pulse//' /'//nl, &
+         score = '&score t_last=0.4 /'//nl
+      character(len=:), allocatable :: text
+
+      call accepted('two records', 'identify', replaced(case_text, units, more//units))
+      call accepted('two records, E for each', 'identify', replaced(replaced(case_text, units, &
+         more//units), 'free=''m_H'',''k_H''', 'free=''m_H'',''k_H'', shared=''m_H'''))
+      text = replaced(case_text, units, more//more//units)
+      call accepted('three records', 'identify', text)
+      call refused_case('two excitations for three records', replaced(text, units, cause//units), &
+         'case.nml|&excitation: found 2 such groups for 3 of &record|one for each record')
+      call refused('two excitations for one record', units, cause//units, &
+         '&excitation: found 2 such groups for 1 of &record|one for each record')
+      call refused('shared, but not free', 'free=''m_H'',''k_H''', &
+         'free=''m_H'',''k_H'', shared=''E''', &
+         '12: &stage shared: found ''E''|expected parameters that are free')
+      call refused('shared, but unknown', 'free=''m_H'',''k_H''', &
+         'free=''m_H'',''k_H'', shared=''m_H'',''q''', &
+         '12: &stage shared: found ''q''|expected parameters that are free')
+      call refused('a beam of nothing', file, file//', length=0', &
+         '11: &record length: found 0|above 0')
+      call refused('a sensor at the root', file, file//', x_S=0', &
+         '11: &record x_S: found 0|above 0')
+      call refused('a record''s sensor beyond the tip', file, file//', x_S=5', &
+         '11: &record x_S: found 5|up to the length 4')
+      call refused('a record''s sensor beyond the tip', file, file//', x_S=5', &
+         '11: &record x_S: found 5|up to the length 4', command='simulate')
+      call refused('a record''s sensor beyond its tip', file, file//', length=2, x_S=3', &
+         '11: &record x_S: found 3|up to the length 2')
+      call refused('score beside two records', units, more//score//units, &
+         '14: &score: found it beside several records|expected one record')
+      call refused('a response of two records', units, more//units, &
+         '13: &record: found a second one|expected one for a response', command='simulate')
+      call refused('the second record is missing', units, replaced(more, 'record.csv', &
+         'none.csv')//units, 'none.csv: found no such file|expected', file='none.csv')
+      call refused_case('parameters for each are counted', replaced(replaced(replaced(case_text, &
+         units, more//units), 't_last=0.6', 't_last=0.1'), 'free=''m_H'',''k_H''', &
+         'free=''m_H'',''k_H'', shared=''m_H'''), &
+         '12: &stage free: found 3 unknowns for 2 samples|expected no more')
+   end subroutine test_several_records
+
    subroutine test_noise()
       character(len=*), parameter :: units = '&units ', line = '13: &noise '
 
@@ -667,6 +859,21 @@ contains
       if (present(file)) place = ''
       call refused_now(what, verb, 'case.nml', place//words, lines)
    end subroutine refused
+
+   !> A case of its own is refused.
+   subroutine refused_case(what, text, words, command, record)
+      character(len=*), intent(in) :: what, text, words
+      character(len=*), intent(in), optional :: command, record
+      character(len=:), allocatable :: verb, place
+
+      verb = 'identify'
+      if (present(command)) verb = command
+      call write_good_files(text)
+      if (present(record)) call write_file(folder//'record.csv', record)
+      place = ''
+      if (scan(words(:1), '0123456789') > 0) place = 'case.nml:'
+      call refused_now(what, verb, 'case.nml', place//words)
+   end subroutine refused_case
 
    !> A change of the record is refused.
    subroutine refused_record(what, old, new, words)

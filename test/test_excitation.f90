@@ -1,7 +1,8 @@
 !> The force in time: the pulse on its closed interval, tables, and tables that are none.
 program test_excitation
    use beamid_errors, only: error_t, status_bad_input
-   use beamid_excitation, only: excitation_t, new_force_table, new_pulse
+   use beamid_excitation, only: excitation_t, new_force_table, new_free, new_pulse, &
+      new_release
    use beamid_kinds, only: wp
    use beamid_strings, only: to_text
    use checks, only: check, check_close, finish
@@ -9,6 +10,7 @@ program test_excitation
 
    call test_pulse()
    call test_table()
+   call test_replaced()
    call test_refused()
    call test_scale()
    call finish('excitation')
@@ -58,6 +60,21 @@ contains
       end do
       call check_close('last node is inside', table%force(4.5_wp), 0.0_wp, 0.0_wp)
    end subroutine test_table
+
+   !> A table in the place of a release or of a free start keeps nothing of it.
+   subroutine test_replaced()
+      type(excitation_t) :: force
+      type(error_t), allocatable :: error
+
+      force = new_free(3)
+      call new_force_table([0.0_wp, 1.0_wp], [1.0_wp, 2.0_wp], force, error)
+      call check('a table is no free start', force%modes == 0)
+      force = new_release(0.02_wp, 0.5_wp, .true.)
+      call new_force_table([0.0_wp, 1.0_wp], [1.0_wp, 2.0_wp], force, error)
+      call force%fit_to(100.0_wp)
+      call check('a table is no release', .not. (force%is_release .or. &
+         force%by_displacement) .and. abs(force%force(1.0_wp) - 2) <= 0)
+   end subroutine test_replaced
 
    subroutine test_refused()
       call refused('no node', [real(wp) ::], [real(wp) ::], '0 rows')

@@ -39,10 +39,12 @@ contains
    !> Assembles (3.11) with the point load, or with the distributed load of (3.10).
    !>
    !> galerkin  must outlive the result, which points to it; `turning` for a root that is not rigid
-   function new_equations(galerkin, structure, excitation) result(self)
+   !> matrices  .false.: M, C and K stay away, for a solver that works in modes; default .true.
+   function new_equations(galerkin, structure, excitation, matrices) result(self)
       type(galerkin_t), intent(in), target :: galerkin
       type(structure_t), intent(in) :: structure
       type(excitation_t), intent(in) :: excitation
+      logical, intent(in), optional :: matrices
       type(equations_t) :: self
       real(wp), allocatable :: hose(:), slope(:)
       integer :: n
@@ -52,8 +54,14 @@ contains
       n = galerkin%space%n
       self%n = n
       if (structure%has_hose()) self%n = n + 1
-      allocate (self%load(self%n), self%tip(self%n), self%observer(self%n), self%root(self%n), &
-         hose(self%n), slope(self%n), source=0.0_wp)
+      allocate (self%load(self%n), source=0.0_wp)
+      self%load(:n) = galerkin%tip
+      if (excitation%distributed) self%load(:n) = galerkin%tip + galerkin%moments(excitation%power)
+      if (present(matrices)) then
+         if (.not. matrices) return
+      end if
+      allocate (self%tip(self%n), self%observer(self%n), self%root(self%n), hose(self%n), &
+         slope(self%n), source=0.0_wp)
 
       ! The B-splines add up to degree!, the hose moves by y itself.
       allocate (self%unit(self%n), source=1.0_wp)
@@ -62,8 +70,6 @@ contains
       self%observer(:n) = galerkin%space%at(structure%sensor_place(), 0)
       self%root(:n) = galerkin%space%at(0.0_wp, 1)
       slope(:n) = galerkin%space%at(structure%length, 1)
-      self%load(:n) = galerkin%tip
-      if (excitation%distributed) self%load(:n) = galerkin%tip + galerkin%moments(excitation%power)
 
       self%mass = scaled(structure%rho, galerkin%inertia, self%n)
       self%damping = scaled(structure%c_D*structure%I, galerkin%bending, self%n)

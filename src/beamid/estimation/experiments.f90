@@ -11,7 +11,8 @@ module beamid_experiments
    use beamid_observation, only: observation_t, sampling_t, new_sampling
    use beamid_parameters, only: amplitude
    use beamid_responses, only: response_t, solver_t, work_t
-   use beamid_structure, only: of_x_S, structure_t
+   use beamid_strings, only: to_text
+   use beamid_structure, only: structure_t
    implicit none
    private
 
@@ -67,6 +68,7 @@ contains
       class(solver_t), intent(in) :: solver
       type(apparatus_t), intent(out) :: apparatus
       type(error_t), allocatable, intent(out) :: error
+      integer :: most
 
       if (experiment%excitation%modes > 0 .and. .not. solver%is_exact()) then
          call bad_input(error, 'found a start that is not known with method = ''cvode'', '// &
@@ -74,6 +76,12 @@ contains
          return
       end if
       apparatus%galerkin = new_galerkin(mesh, structure%length, structure%has_soft_root())
+      most = apparatus%galerkin%space%n + merge(1, 0, structure%has_hose())
+      if (experiment%excitation%modes > most) then
+         call bad_input(error, '&excitation modes: found '//to_text(experiment%excitation%modes)// &
+            ', expected at most '//to_text(most)//', as many as the mesh has')
+         return
+      end if
       apparatus%solver = solver
       call apparatus%solver%prepare(apparatus%galerkin, error)
       if (allocated(error)) return
@@ -103,7 +111,8 @@ contains
 
       applied = excitation
       call applied%fit_to(structure%stiffness())
-      equations = new_equations(self%galerkin, structure, applied)
+      equations = new_equations(self%galerkin, structure, applied, &
+         matrices=.not. self%solver%is_exact())
       y = -self%measured
       if (excitation%modes == 0) then
          call self%solver%respond(equations, applied, self%sampling%times, response, self%work, &
@@ -137,7 +146,8 @@ contains
 
       applied = excitation
       call applied%fit_to(structure%stiffness())
-      equations = new_equations(self%galerkin, structure, applied)
+      equations = new_equations(self%galerkin, structure, applied, &
+         matrices=.not. self%solver%is_exact())
       y = -self%measured
       dy = 0
       if (excitation%modes == 0) then

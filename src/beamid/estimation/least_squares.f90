@@ -30,6 +30,9 @@ module beamid_least_squares
       character(len=:), allocatable :: reason !< why the search stopped, in words
    end type fit_t
 
+   !> Beside MINPACK's own values of info.
+   integer, parameter :: all_linear = 9
+
 contains
 
    !> Minimises the sum of squares.
@@ -118,6 +121,13 @@ contains
       real(wp) :: tolerance
       integer :: k
 
+      if (size(search%variables) == 0) then
+         ! Nothing to search for: all that is unknown enters linearly.
+         result%estimate = search%parameters
+         call search%problem%residuals(search%parameters, result%residual, error)
+         info = all_linear
+         return
+      end if
       ! The square root of an integrator's noise would end a search too early where residuals are
       ! large and convergence is slow.
       tolerance = max(options%tolerance, options%noise**0.75_wp)
@@ -223,6 +233,7 @@ contains
       case (5); reason = 'the evaluations allowed are used up'
       case (6); reason = 'J cannot be made smaller in this precision'
       case (7); reason = 'the parameters cannot be improved in this precision'
+      case (all_linear); reason = 'nothing to search for: all that is free enters linearly'
       case (8); reason = 'the derivatives vanish to machine precision'
       case default; reason = 'the search could not start'
       end select

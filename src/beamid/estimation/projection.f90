@@ -65,7 +65,7 @@ contains
       allocate (tau(k), work(64*max(k, 1)), projection%r(k, k))
       projection%q = phi
       length = norm2(phi, dim=1)
-      call dgeqrf(m, k, projection%q, m, tau, work, size(work), info)
+      call dgeqrf(m, k, projection%q, max(1, m), tau, work, size(work), info)
       projection%r = 0
       do j = 1, k
          projection%r(:j, j) = projection%q(:j, j)
@@ -74,7 +74,7 @@ contains
             'the samples cannot tell the motions of the modes and the offset apart')
          return
       end do
-      call dorgqr(m, k, k, projection%q, m, tau, work, size(work), info)
+      call dorgqr(m, k, k, projection%q, max(1, m), tau, work, size(work), info)
    end subroutine new_projection
 
    !> The linear unknowns and what they leave.
@@ -86,11 +86,12 @@ contains
       real(wp), intent(inout) :: y(:)
       real(wp), intent(out) :: c(:)
       real(wp) :: b(size(c), 1)
-      integer :: info
+      integer :: info, k
 
+      k = size(c)
       b(:, 1) = matmul(y, self%q)
       y = y - matmul(self%q, b(:, 1))
-      call dtrtrs('U', 'N', 'N', size(c), 1, self%r, size(c), b, size(c), info)
+      call dtrtrs('U', 'N', 'N', k, 1, self%r, max(1, k), b, max(1, k), info)
       c = -b(:, 1)
    end subroutine coefficients
 
@@ -109,7 +110,7 @@ contains
       k = size(dphi, 2)
       slope = slope - matmul(self%q, matmul(slope, self%q))
       b(:, 1) = matmul(r, dphi)
-      call dtrtrs('U', 'T', 'N', k, 1, self%r, k, b, k, info)
+      call dtrtrs('U', 'T', 'N', k, 1, self%r, max(1, k), b, max(1, k), info)
       slope = slope - matmul(self%q, b(:, 1))
    end subroutine derivative
 

@@ -5,7 +5,7 @@ module beamid_unknowns
    use beamid_kinds, only: wp
    use beamid_parameters, only: free_magnitude, free_names, get_free, offset, set_free
    use beamid_strings, only: to_text
-   use beamid_structure, only: structure_t
+   use beamid_structure, only: of_x_S, structure_t
    use beamid_variables, only: new_variable, variable_t
    implicit none
    private
@@ -38,6 +38,7 @@ module beamid_unknowns
       procedure :: get
       procedure :: set
       procedure :: magnitude
+      procedure :: shortest
    end type world_t
 
    !> Something that was estimated.
@@ -122,6 +123,18 @@ contains
       end associate
    end function magnitude
 
+   !> Length of the beam in one record, or of the shortest in all: no sensor sits beyond it.
+   pure real(wp) function shortest(self, record)
+      class(world_t), intent(in) :: self
+      integer, intent(in) :: record
+
+      if (record > 0) then
+         shortest = self%structures(record)%length
+      else
+         shortest = minval(self%structures%length)
+      end if
+   end function shortest
+
    !> A name with the number of its record, where it belongs to one.
    pure function name_of(text, record) result(name)
       character(len=*), intent(in) :: text
@@ -138,7 +151,7 @@ contains
       type(world_t), intent(in) :: world
       type(variable_t), allocatable, intent(out) :: variables(:)
       type(quantity_t), allocatable, intent(out) :: quantities(:)
-      real(wp) :: start
+      real(wp) :: start, upper
       integer :: owners(size(stage%free)), k
 
       owners = stage%owners()
@@ -146,15 +159,17 @@ contains
       do k = 1, size(stage%free)
          start = world%get(stage%free(k), owners(k))
          if (allocated(stage%start)) start = stage%start(k)
-         start = min(max(start, stage%lower(k)), stage%upper(k))
-         variables(k) = new_variable(start, stage%lower(k), stage%upper(k), &
+         upper = stage%upper(k)
+         if (stage%free(k) == of_x_S) upper = min(upper, world%shortest(owners(k)))
+         start = min(max(start, stage%lower(k)), upper)
+         variables(k) = new_variable(start, stage%lower(k), upper, &
             world%magnitude(stage%free(k), owners(k)))
          quantities(k)%name = name_of(trim(free_names(stage%free(k))), owners(k))
          quantities(k)%parameter = stage%free(k)
          quantities(k)%record = owners(k)
          quantities(k)%start = variables(k)%start
          quantities(k)%lower = stage%lower(k)
-         quantities(k)%upper = stage%upper(k)
+         quantities(k)%upper = upper
       end do
    end subroutine variables_of
 

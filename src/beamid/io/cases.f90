@@ -21,7 +21,7 @@ module beamid_cases
    use beamid_refusals, only: refuse
    use beamid_vocabulary, only: case_vocabulary
    use beamid_strings, only: to_text
-   use beamid_structure, only: check_structure, structure_t
+   use beamid_structure, only: check_structure, of_x_S, structure_t
    use beamid_units, only: units_t
    implicit none
    private
@@ -82,7 +82,22 @@ contains
 
       call read_groups(blocks, case, error)
       if (.not. allocated(error)) call check_needs(case, needs, error)
+      if (.not. allocated(error) .and. needs == needs_response) call settle(case, error)
    end subroutine read_case
+
+   !> The one experiment whose response is wanted: the beam as its record has it.
+   subroutine settle(case, error)
+      type(case_t), intent(inout) :: case
+      type(error_t), allocatable, intent(out) :: error
+      type(experiment_t) :: experiment
+
+      associate (recording => case%recordings(1), model => case%model)
+         experiment%length = recording%length
+         experiment%x_S = recording%x_S
+         model%structure = experiment%structure_of(model%structure)
+         call check_place(case, recording, model%structure, error)
+      end associate
+   end subroutine settle
 
    !> Every group in turn; the structure first and the stages last, whatever the order in the file,
    !> because others are checked against it, and they against others.
@@ -248,7 +263,31 @@ contains
             'no more unknowns than samples', error)
          return
       end do
+      call check_free_place(case, experiments, error)
    end subroutine load_experiments
+
+   !> A sensor whose place is free must find one on every beam.
+   subroutine check_free_place(case, experiments, error)
+      type(case_t), intent(in) :: case
+      type(experiment_t), intent(in) :: experiments(:)
+      type(error_t), allocatable, intent(out) :: error
+      type(structure_t) :: structure
+      integer :: i, k, p
+
+      do k = 1, size(case%stages)
+         do p = 1, size(case%stages(k)%free)
+            if (case%stages(k)%free(p) /= of_x_S) cycle
+            do i = 1, size(experiments)
+               structure = experiments(i)%structure_of(case%model%structure)
+               if (case%stages(k)%lower(p) < structure%length) cycle
+               call refuse(case%path, case%stage_lines(k), 'stage', 'lower', &
+                  to_text(case%stages(k)%lower(p))//' for x_S', 'less than the length '// &
+                  to_text(structure%length)//' of the beam', error)
+               return
+            end do
+         end do
+      end do
+   end subroutine check_free_place
 
    !> How many unknowns a stage has, those that enter linearly included.
    pure integer function unknowns(case, k)

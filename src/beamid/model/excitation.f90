@@ -114,6 +114,7 @@ contains
       else if (any(t(2:) <= t(:size(t) - 1))) then
          call bad_input(error, 'found times that do not increase')
       else
+         excitation = excitation_t()
          excitation%t = t
          excitation%shape = f
          call excitation%set_amplitude(1.0_wp)
