@@ -129,8 +129,8 @@ contains
          iflag = -1
          return
       end if
-      fjac(:m, :) = active%jacobian(:, active%moving)*spread(active%variables(active%moving)%derivative(x), &
-         1, m)
+      fjac(:m, :) = active%jacobian(:, active%moving) &
+         *spread(active%variables(active%moving)%derivative(x), 1, m)
    end subroutine evaluate_both
 
    !> The callback of MINPACK. iflag = 0: a new iteration; 2: a difference for the Jacobian; 1: the

@@ -60,8 +60,9 @@ contains
       call sort_by_frequency(lines)
    end subroutine find_lines
 
-   !> A long record is shortened before it is scanned, which costs samples times frequencies: means of
-   !> neighbours where the rate is far above what is looked for, and the beginning of what is left.
+   !> A long record is shortened before it is scanned, which costs samples times frequencies: means
+   !> of neighbours where the rate is far above what is looked for, and the beginning of what is
+   !> left.
    pure subroutine condense(t, z, highest, times, values)
       real(wp), intent(in) :: t(:), z(:), highest
       real(wp), allocatable, intent(out) :: times(:), values(:)

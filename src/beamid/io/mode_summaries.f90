@@ -1,6 +1,6 @@
 !> Modes, and minima found from several starts, for the reader.
 module beamid_mode_summaries
-   use beamid_cases, only: case_t
+   use beamid_case_files, only: case_t
    use beamid_fitted_modes, only: fitted_mode_t
    use beamid_kinds, only: wp
    use beamid_multistart, only: minimum_t

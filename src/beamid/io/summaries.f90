@@ -1,6 +1,6 @@
 !> Results for the reader: what is printed on standard output and kept in summary.txt.
 module beamid_summaries
-   use beamid_cases, only: case_t
+   use beamid_case_files, only: case_t
    use beamid_experiments, only: experiment_t
    use beamid_identification, only: simulation_t, stage_fit_t
    use beamid_kinds, only: wp
