@@ -3,7 +3,7 @@
 !> model's roots there. The fit proper then starts in the right cycle.
 module beamid_starts
    use beamid_equations, only: equations_t, new_equations
-   use beamid_errors, only: error_t, failure
+   use beamid_errors, only: bad_input, error_t, failure
    use beamid_excitation, only: excitation_t
    use beamid_experiments, only: experiment_t
    use beamid_kinds, only: wp
@@ -212,7 +212,7 @@ contains
             strongest = low
             if (size(lines) > 0) strongest = lines(1)%frequency
             if (share > 0.05_wp .and. strongest*too_far > low) cycle
-            call failure(error, 'record '//to_text(r)//': found next to nothing of it '// &
+            call bad_input(error, 'record '//to_text(r)//': found next to nothing of it '// &
                'near the model''s frequencies, '//to_text(low)//' to '//to_text(high)// &
                '; expected units that go together')
          end associate
