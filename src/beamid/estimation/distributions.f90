@@ -122,7 +122,7 @@ contains
    !> probability  0 < probability < 1; 0.95 for a 95 % interval
    pure real(wp) function student_quantile(probability, freedom) result(t)
       real(wp), intent(in) :: probability, freedom
-      real(wp) :: below, above
+      real(wp) :: below, above, excess, density, height
       integer :: k
 
       below = 0
@@ -131,14 +131,21 @@ contains
          below = above
          above = 2*above
       end do
+      ! Newton's method within brackets; twice the density is the slope of the probability.
+      height = 2*exp(log_gamma((freedom + 1)/2) - log_gamma(freedom/2))/sqrt(freedom*acos(-1.0_wp))
+      t = (below + above)/2
       do k = 1, 200
-         t = (below + above)/2
+         if (t <= below .or. t >= above) t = (below + above)/2
          if (t <= below .or. t >= above) exit
-         if (student_probability(t, freedom) < probability) then
+         excess = student_probability(t, freedom) - probability
+         if (excess < 0) then
             below = t
          else
             above = t
          end if
+         density = height*exp(-(freedom + 1)/2*log(1 + t**2/freedom))
+         if (abs(excess) <= epsilon(t)*t*density) exit
+         t = t - excess/max(density, tiny(t))
       end do
    end function student_quantile
 

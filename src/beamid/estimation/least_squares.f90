@@ -156,8 +156,13 @@ contains
             info = 4
          end if
          result%estimate = search%parameters
-         call derivatives(search%problem, search%parameters, search%variables, noise, &
-            result%jacobian, error)
+         if (search%problem%has_jacobian()) then
+            call search%evaluate_at(search%parameters, result%residual, error)
+            if (.not. allocated(error)) result%jacobian = search%jacobian
+         else
+            call derivatives(search%problem, search%parameters, search%variables, noise, &
+               result%jacobian, error)
+         end if
          if (allocated(error)) return
          k = inward(search, result)
          if (k == 0) exit
