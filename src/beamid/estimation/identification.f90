@@ -59,7 +59,8 @@ contains
    !> fits         (size(stages)) allocated on success
    !> error        says which stage failed, and why
    !> monitor      told of every iteration
-   subroutine identify_experiments(model, mesh, stages, experiments, fits, error, monitor)
+   !> check        .false.: derivatives are not compared with differences
+   subroutine identify_experiments(model, mesh, stages, experiments, fits, error, monitor, check)
       type(model_t), intent(in) :: model
       type(mesh_t), intent(in) :: mesh
       type(stage_t), intent(in) :: stages(:)
@@ -67,6 +68,7 @@ contains
       type(stage_fit_t), allocatable, intent(out) :: fits(:)
       type(error_t), allocatable, intent(out) :: error
       class(monitor_t), intent(inout), optional :: monitor
+      logical, intent(in), optional :: check
       type(residual_t) :: problem
       type(options_t) :: options
       integer :: i, k
@@ -84,6 +86,7 @@ contains
       call check_frequencies(problem, experiments, error)
       if (allocated(error)) return
       options%noise = model%solver%noise()
+      if (present(check)) options%check = check
       allocate (fits(size(stages)))
       do k = 1, size(stages)
          call run_stage(problem, stages(k), options, 'N = '//to_text(mesh%elements)// &

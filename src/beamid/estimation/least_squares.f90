@@ -77,7 +77,7 @@ contains
       allocate (search%held(size(variables)), source=.false.)
       allocate (result%residual(m), result%jacobian(m, size(variables)))
       result%start = variables%start
-      if (problem%has_jacobian()) then
+      if (problem%has_jacobian() .and. options%check) then
          call search%evaluate_at(result%start, result%residual, error)
          if (allocated(error)) return
          call compare_derivatives(problem, result%start, variables, search%jacobian, &
@@ -101,7 +101,7 @@ contains
       end do
       if (info == 0 .or. info == 5) then
          call failure(error, 'least squares: no convergence; '//result%reason)
-      else if (problem%has_jacobian()) then
+      else if (problem%has_jacobian() .and. options%check) then
          call compare_derivatives(problem, result%estimate, variables, result%jacobian, &
             result%derivative_check(2))
       end if

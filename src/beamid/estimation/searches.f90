@@ -26,6 +26,7 @@ module beamid_searches
       real(wp) :: noise = 0
       real(wp) :: tolerance = 1e-10_wp     !< relative, on J and on the parameters
       integer :: max_evaluations = 2000
+      logical :: check = .true.            !< compare exact derivatives with differences
    end type options_t
 
    abstract interface
