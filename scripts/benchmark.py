@@ -50,7 +50,8 @@ process    CPU time of the whole process: start, one fit, results written
 ratio      s per fit over that of beamid modal
 J          sum of squares at the estimates of the row, by the exact response
 rtol       of 1e-4, 1e-6, 1e-8, 1e-10 the fastest whose J is within 0.001 of the least
-beamid     a fit includes the spline integrals, full convergence and the statistics
+beamid     a fit includes the spline integrals, full convergence and the statistics, but not the
+           comparison of derivatives with differences, which SciPy does not make
 SciPy      a fit is least_squares alone, ftol = xtol = 1e-4; logarithms of the parameters, forward
            differences; what was fastest: 'lm' and step 1e-6 with expm, 'trf' and step 3 sqrt(rtol)
            with solve_ivp, which has the analytic Jacobian of the equations of motion
