@@ -130,21 +130,9 @@ contains
             if (sum(seconds(:k)) > 1) exit
          end do
          call tell('time: N = '//to_text(case%meshes(mesh)%elements)//', median of '// &
-            to_text(min(k, most))//' fits: '//to_text(median(seconds(:min(k, most))))//' s')
+            to_text(min(k, most))//' fits: '//to_text(middle(seconds(:min(k, most))))//' s')
       end do
    end subroutine time_fits
-
-   !> The middle one of some numbers.
-   pure real(wp) function median(values)
-      real(wp), intent(in) :: values(:)
-      integer :: k
-
-      do k = 1, size(values)
-         median = values(k)
-         if (count(values < median) <= size(values)/2 .and. &
-            count(values <= median) > size(values)/2) return
-      end do
-   end function median
 
    !> estimates.csv, fit.csv and labels.csv.
    subroutine add_fit_tables(output, case, fits, experiments)

@@ -33,6 +33,7 @@ module beamid
       window_t
    use beamid_responses, only: response_t, solver_t, work_t
    use beamid_roots, only: damped_roots
+   use beamid_sorting, only: middle
    use beamid_statistics, only: akaike, bayes, nested_test, new_statistics, statistics_t, &
       undetermined
    use beamid_strings, only: fixed, full, to_text

@@ -116,8 +116,6 @@ contains
 
       s = 0
       ds = 0
-      if (self%is_exact() .or. equations%n < 0 .or. work%solves < 0 .or. size(parameters) < 0) &
-         return
       call failure(error, 'this method has no modes')
    end subroutine free_motion
 

@@ -20,8 +20,8 @@ module beamid_identification
    implicit none
    private
 
-   public :: model_t, stage_t, simulation_t, stage_fit_t, quantity_t, simulate, identify, &
-      identify_meshes, score_fits
+   public :: model_t, stage_t, simulation_t, stage_fit_t, outcome_t, quantity_t, simulate, &
+      identify, identify_meshes, score_fits
 
    !> The outcome of one stage on one mesh.
    type :: stage_fit_t
@@ -40,6 +40,12 @@ module beamid_identification
       real(wp) :: score = -1             !< squared residuals over another window; -1: not asked for
       type(work_t) :: work
    end type stage_fit_t
+
+   !> All stages on one mesh, or what went wrong.
+   type :: outcome_t
+      type(stage_fit_t), allocatable :: fits(:)
+      type(error_t), allocatable :: error
+   end type outcome_t
 
    !> Of one record, given by its samples and the model's own excitation, or of several.
    interface identify
@@ -231,10 +237,6 @@ contains
       type(stage_fit_t), allocatable, intent(out) :: fits(:, :)
       type(error_t), allocatable, intent(out) :: error
       class(monitor_t), intent(inout), optional :: monitor
-      type :: outcome_t
-         type(stage_fit_t), allocatable :: fits(:)
-         type(error_t), allocatable :: error
-      end type outcome_t
       type(outcome_t), allocatable :: outcomes(:)
       integer :: k
 

@@ -5,7 +5,7 @@ module beamid_least_squares
    use beamid_errors, only: error_t, failure
    use beamid_kinds, only: wp
    use beamid_minpack, only: dgels
-   use beamid_problems, only: compare_derivatives, derivatives, problem_t
+   use beamid_problems, only: compare_derivatives, differences, problem_t
    use beamid_searches, only: monitor_t, options_t, run_search, search_t
    use beamid_strings, only: to_text
    use beamid_variables, only: variable_t
@@ -160,7 +160,7 @@ contains
             call search%evaluate_at(search%parameters, result%residual, error)
             if (.not. allocated(error)) result%jacobian = search%jacobian
          else
-            call derivatives(search%problem, search%parameters, search%variables, noise, &
+            call differences(search%problem, search%parameters, search%variables, noise, &
                result%jacobian, error)
          end if
          if (allocated(error)) return

@@ -3,7 +3,7 @@ module beamid_multistart
    use beamid_errors, only: error_t
    use beamid_experiments, only: experiment_t
    use beamid_galerkin, only: mesh_t
-   use beamid_identification, only: identify, model_t, stage_fit_t
+   use beamid_identification, only: identify, model_t, outcome_t, stage_fit_t
    use beamid_kinds, only: wp
    use beamid_least_squares, only: monitor_t
    use beamid_noise, only: uniform_noise
@@ -51,10 +51,6 @@ contains
       integer, intent(out) :: failures
       type(error_t), allocatable, intent(out) :: error
       class(monitor_t), intent(inout), optional :: monitor
-      type :: outcome_t
-         type(stage_fit_t), allocatable :: fits(:)
-         type(error_t), allocatable :: error
-      end type outcome_t
       type(outcome_t), allocatable :: outcomes(:)
       integer :: k
 

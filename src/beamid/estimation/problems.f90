@@ -7,7 +7,7 @@ module beamid_problems
    implicit none
    private
 
-   public :: problem_t, derivatives, compare_derivatives
+   public :: problem_t, differences, compare_derivatives
 
    type, abstract :: problem_t
    contains
@@ -53,25 +53,6 @@ contains
       if (.not. allocated(error)) call failure(error, 'this problem has no exact derivatives')
    end subroutine jacobian
 
-   !> The Jacobian: exact, or central differences.
-   !>
-   !> noise  relative error of the residuals' model
-   !> jac    (m, n)
-   subroutine derivatives(problem, parameters, variables, noise, jac, error)
-      class(problem_t), intent(inout) :: problem
-      real(wp), intent(in) :: parameters(:), noise
-      type(variable_t), intent(in) :: variables(:)
-      real(wp), intent(out) :: jac(:, :)
-      type(error_t), allocatable, intent(out) :: error
-      real(wp) :: r(size(jac, 1))
-
-      if (problem%has_jacobian()) then
-         call problem%jacobian(parameters, r, jac, error)
-      else
-         call differences(problem, parameters, variables, noise, jac, error)
-      end if
-   end subroutine derivatives
-
    !> Largest relative difference, over the columns, between a Jacobian and central differences.
    !>
    !> exact  (m, n) the Jacobian at the parameters
@@ -94,8 +75,11 @@ contains
       end do
    end subroutine compare_derivatives
 
-   !> Central differences with a step of the cube root of the noise, moved inside where a bound is
-   !> near.
+   !> The Jacobian by central differences with a step of the cube root of the noise, moved inside
+   !> where a bound is near.
+   !>
+   !> noise  relative error of the residuals' model
+   !> jac    (m, n)
    subroutine differences(problem, parameters, variables, noise, jac, error)
       class(problem_t), intent(inout) :: problem
       real(wp), intent(in) :: parameters(:), noise

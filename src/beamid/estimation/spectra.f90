@@ -1,6 +1,7 @@
 !> Lines in the spectrum of a record: where a search for parameters had best begin.
 module beamid_spectra
    use beamid_kinds, only: wp
+   use beamid_sorting, only: middle
    implicit none
    private
 
@@ -30,7 +31,7 @@ contains
       integer, intent(in) :: most
       type(line_t), allocatable, intent(out) :: lines(:)
       real(wp), intent(out) :: share
-      real(wp), allocatable :: times(:), values(:), spectrum(:), sorted(:)
+      real(wp), allocatable :: times(:), values(:), spectrum(:)
       logical, allocatable :: peak(:)
       real(wp) :: step, threshold
       integer :: k, n, strongest
@@ -40,8 +41,7 @@ contains
       call scan(times, values, highest, spectrum, step, share)
       n = size(spectrum)
       if (n < 8) return
-      sorted = spectrum
-      threshold = max(5*median(sorted), 1e-2_wp*maxval(spectrum(6:)))
+      threshold = max(5*middle(spectrum), 1e-2_wp*maxval(spectrum(6:)))
       allocate (peak(n), source=.false.)
       ! The first lines of a window are its own: a trend of the record, no motion.
       do k = 6, n - 1
@@ -177,39 +177,6 @@ contains
       if (determinant > 1e-6_wp*cc*ss) amplitude = hypot(ss*sum(c*y) - cs*sum(s*y), &
          cc*sum(s*y) - cs*sum(c*y))/determinant
    end function amplitude
-
-   !> The middle of some numbers, by selection; their order is lost.
-   real(wp) function median(values)
-      real(wp), intent(inout) :: values(:)
-      real(wp) :: pivot, saved
-      integer :: low, high, i, j, middle
-
-      low = 1
-      high = size(values)
-      middle = (low + high)/2
-      do while (low < high)
-         pivot = values(middle)
-         i = low
-         j = high
-         do while (i <= j)
-            do while (values(i) < pivot)
-               i = i + 1
-            end do
-            do while (pivot < values(j))
-               j = j - 1
-            end do
-            if (i > j) exit
-            saved = values(i)
-            values(i) = values(j)
-            values(j) = saved
-            i = i + 1
-            j = j - 1
-         end do
-         if (j < middle) low = i
-         if (middle < i) high = j
-      end do
-      median = values(middle)
-   end function median
 
    !> Ascending frequency, by insertion.
    pure subroutine sort_by_frequency(lines)
