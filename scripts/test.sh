@@ -7,8 +7,8 @@ set -euo pipefail
 checks='-fcheck=all -finit-real=snan -ffpe-trap=zero'
 profile=${1:-debug}
 case $profile in
-debug) flags=(--profile debug --flag "$checks") ;;
-release) flags=(--profile release) ;;
+debug) flags=(--flag "$checks") ;;
+release) flags=() ;;
 *)
    echo "usage: test.sh [debug|release], not '$profile'" >&2
    exit 2
@@ -17,11 +17,10 @@ esac
 
 checkout=$(dirname "$(dirname "$(realpath "${BASH_SOURCE[0]}")")")
 "$checkout/scripts/setup.sh"
+# shellcheck source=scripts/fpm.sh
+source "$checkout/scripts/fpm.sh"
+find_fpm
 cd "$checkout"
-
-fpm=(.venv/lib/python*/site-packages/fpm/fpm)
-fpm() { "${fpm[0]}" "$@" "${flags[@]}" </dev/null 2>&1; }
-paths() { grep '^build/' || true; }
 
 passed=0 failed=0 skipped=0
 log=$(mktemp)
@@ -43,18 +42,14 @@ run_suite() {
    fi
 }
 
-# `--runner echo` builds, and prints the paths instead of running what is there.
-if fpm build >"$log" && fpm run beamid --runner echo >>"$log" &&
-   programs=$(fpm test --runner echo); then
-   BEAMID_PROGRAM=$checkout/$(paths <"$log" | tail -n 1)
+if build "$profile" "${flags[@]}" --tests; then
+   BEAMID_PROGRAM=$checkout/$(paths run beamid --profile "$profile" "${flags[@]}" | tail -n 1)
    export BEAMID_PROGRAM
-   for test in $(paths <<<"$programs"); do
+   for test in $(paths test --profile "$profile" "${flags[@]}"); do
       run_suite "$test"
    done
    [[ $((passed + failed)) -gt 0 ]] || { failed=1 && echo "FAIL  no check ran"; }
 else
-   cat "$log"
-   echo "${programs:-}"
    failed=1
    echo "FAIL  the build in profile $profile"
 fi
