@@ -6,7 +6,7 @@
 !> lightly damped modes lie where BDF of order 3 to 5 is unstable.
 module beamid_cvode
    use, intrinsic :: iso_c_binding, only: c_associated, c_double, c_f_pointer, c_funloc, &
-      c_int, c_long, c_loc, c_null_ptr, c_ptr
+      c_int, c_loc, c_null_ptr, c_ptr
    use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
    use beamid_equations, only: equations_t
    use beamid_errors, only: error_t, failure
@@ -18,7 +18,7 @@ module beamid_cvode
    use sundials, only: complaint_t, create_cvode, CV_ONE_STEP, FCVode, FCVodeFree, &
       FCVodeGetCurrentGamma, FCVodeGetDky, FCVodeInit, FCVodeReInit, FCVodeSetMaxOrd, &
       FCVodeSetStabLimDet, FCVodeSetStopTime, FCVodeSetUserData, FCVodeSVtolerances, FN_VDestroy, &
-      FN_VMake_Serial, FSUNContext_Free, FSUNLinSolFreeEmpty, FSUNLinSolNewEmpty, N_Vector, &
+      FSUNContext_Free, FSUNLinSolFreeEmpty, FSUNLinSolNewEmpty, N_Vector, new_vector, &
       SUNLinearSolver, SUNLinearSolver_Ops, SUNLINEARSOLVER_MATRIX_EMBEDDED
    implicit none
    private
@@ -215,9 +215,9 @@ contains
       call create_cvode(session%complaint, session%context, session%memory, flag)
       call check(session, flag, 'CVodeCreate', error)
       if (allocated(error)) return
-      session%state => FN_VMake_Serial(2_c_long*n, session%y, session%context)
-      session%output => FN_VMake_Serial(2_c_long*n, session%out, session%context)
-      session%tolerance => FN_VMake_Serial(2_c_long*n, session%atol, session%context)
+      session%state => new_vector(session%y, session%context)
+      session%output => new_vector(session%out, session%context)
+      session%tolerance => new_vector(session%atol, session%context)
       session%linear => FSUNLinSolNewEmpty(session%context)
       call attach_linear_solver(session)
 
