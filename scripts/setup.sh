@@ -1,10 +1,12 @@
 #!/usr/bin/env bash
 # Finds what beamid is built with and installs what is missing: by apt where there is apt.
 #
-#     scripts/setup.sh [pictures]     `pictures`: numpy and matplotlib too, for the plotting scripts
+#     scripts/setup.sh             what the program and the tests need
+#     scripts/setup.sh pictures    that, and numpy and matplotlib for the plotting scripts
+#     scripts/setup.sh files       lists the files of the system that a build uses
 #
-# Needed: gfortran, SUNDIALS 6.4 to 7 with its Fortran modules, MINPACK, LAPACK, BLAS, fpm 0.12.
-# SUNDIALS_ROOT names a prefix in which libraries are looked for first; FPM_FC the compiler.
+# Needed are gfortran, SUNDIALS 6.4 to 7 with its Fortran modules, MINPACK, LAPACK, BLAS and fpm 0.12.
+# SUNDIALS_ROOT names a prefix whose libraries come first, FPM_FC another compiler.
 set -euo pipefail
 
 checkout=$(dirname "$(dirname "$(realpath "${BASH_SOURCE[0]}")")")
@@ -12,11 +14,11 @@ packages=(gfortran libsundials-fortran-dev libsundials-dev liblapack-dev libblas
 fpm_version=0.12.0
 plotting=('numpy>=1.24' 'matplotlib>=3.6')
 compiler=${FPM_FC:-gfortran}
-venv=$checkout/.venv
 binding=$checkout/external/sundials
+venv=$checkout/.venv
 
 say() { echo "setup: $*" >&2; }
-give_up() { say "$*" && exit 1; }
+fail() { say "$*" && exit 1; }
 have() { command -v "$1" >/dev/null; }
 
 # Root rights: at hand, or by sudo (which may ask for a password only at a terminal).
@@ -30,62 +32,74 @@ as_root() {
 apt_install() {
    local apt=(env DEBIAN_FRONTEND=noninteractive apt-get -qq -o DPkg::Lock::Timeout=300) log
    have apt-get && may_be_root || return 1
-   say "installing by apt, some minutes: $*"
+   say "installing by apt, a minute or more: $*"
    log=$({ as_root "${apt[@]}" update || true
       as_root "${apt[@]}" install -y --no-install-recommends "$@"; } 2>&1) && return
    echo "$log" >&2
    return 1
 }
 
-# The folder with SUNDIALS' Fortran modules, and the options that find its libraries.
+# first PATTERN: the folder below SUNDIALS_ROOT of the first file of this name.
+first() {
+   local file
+   file=$(find -L "$SUNDIALS_ROOT" -maxdepth 5 -name "$1" 2>/dev/null | head -n 1)
+   [[ -z $file ]] || dirname "$(realpath "$file")"
+}
+
+# Sets `modules`, the folder of SUNDIALS' Fortran modules, `version`, and `search`, options for the
+# linker.
 find_sundials() {
-   local root=${SUNDIALS_ROOT:-} file
+   local libraries
    modules=/usr/include/sundials/fortran search=
-   if [[ -n $root ]]; then
-      file=$(find -L "$root" -maxdepth 5 -name fcvode_mod.mod 2>/dev/null | head -n 1)
-      modules=$(realpath -m "${file%/*}")
-      file=$(find -L "$root" -maxdepth 4 -name 'libsundials_fcvode_mod.*' 2>/dev/null | head -n 1)
-      [[ -n $file ]] && search="-L$(realpath "${file%/*}") -Wl,-rpath,$(realpath "${file%/*}")"
+   if [[ -n ${SUNDIALS_ROOT:-} ]]; then
+      modules=$(first fcvode_mod.mod)
+      libraries=$(first 'libsundials_fcvode_mod.*')
+      search="-L$libraries -Wl,-rpath,$libraries"
    fi
    version=6
    [[ ! -f $modules/fsundials_core_mod.mod ]] || version=7
 }
 
-# Links a program against all that the build uses; what does not work is the reason.
+# named KEY MANIFEST...: the names in a list of the manifests.
+named() {
+   local key=$1
+   shift
+   cat "$@" | tr '\n' ' ' | grep -o "$key = \[[^]]*]" | grep -o '"[^"]*"' | tr -d '"'
+}
+
+# Links a program against all that a build uses. Sets `opened`, the linker's list of files, or
+# `reason`.
 libraries_work() {
-   local libraries probe
-   have "$compiler" || { reason="no compiler $compiler" && return 1; }
+   local libraries folder status=0
+   have "$compiler" || { reason="no compiler $compiler"; return 1; }
    find_sundials
    [[ -f $modules/fcvode_mod.mod ]] || {
       reason="no Fortran modules of SUNDIALS (fcvode_mod.mod) in ${SUNDIALS_ROOT:-$modules}"
       return 1
    }
-   libraries=$(cat "$checkout"/fpm.toml "$checkout/external/sundials-$version/fpm.toml" |
-      tr '\n' ' ' | grep -o 'link = [^]]*]' | grep -o '"[^"]*"' | tr -d '"' | sed 's/^/-l/')
-   probe=$(mktemp -d)
+   mapfile -t libraries < <(named link "$checkout"/fpm.toml \
+      "$checkout/external/sundials-$version/fpm.toml" | sed 's/^/-l/')
+   folder=$(mktemp -d)
    printf '%s\n' 'use fcvode_mod, only: FCVode' 'external lmdif, lmder, dsbgvd, dgemm' \
-      'call lmdif; call lmder; call dsbgvd; call dgemm' 'end' >"$probe/probe.f90"
+      'call lmdif; call lmder; call dsbgvd; call dgemm' 'end' >"$folder/probe.f90"
    # shellcheck disable=SC2086
-   reason=$("$compiler" "-I$modules" -J "$probe" -o "$probe/probe" "$probe/probe.f90" $search \
-      $libraries 2>&1) && { rm -r "$probe" && return; }
-   rm -r "$probe"
-   reason=$(grep -iE 'error|cannot find|undefined' <<<"$reason" | head -n 3)
-   return 1
+   opened=$("$compiler" "-I$modules" -J "$folder" -o "$folder/probe" "$folder/probe.f90" $search \
+      "${libraries[@]}" -Wl,-t 2>&1) || status=1
+   rm -r "$folder"
+   [[ $status == 0 ]] || reason=$(grep -iE 'error|cannot find|undefined' <<<"$opened" | head -n 3)
+   return $status
 }
 
-# The package `external/sundials`: the binding for the version that was found, and where it lies.
+# The package `external/sundials`: the binding for the version found, and where its modules lie.
 write_binding() {
-   local manifest new
+   local manifest
    manifest=$(<"$checkout/external/sundials-$version/fpm.toml")
-   new=${manifest/sundials_fcvode_mod\"/sundials_fcvode_mod${search:+ $search}\"}
-   if [[ ! -d $binding || -L $binding ]]; then
-      rm -rf "$binding" && mkdir "$binding"
-   fi
-   [[ -f $binding/fpm.toml && $(<"$binding/fpm.toml") == "$new" ]] ||
-      echo "$new" >"$binding/fpm.toml"
-   [[ $(readlink "$binding/src") == "../sundials-$version/src" ]] ||
-      ln -sfn "../sundials-$version/src" "$binding/src"
-   [[ $(readlink "$binding/modules") == "$modules" ]] || ln -sfn "$modules" "$binding/modules"
+   manifest=${manifest/sundials_cvode\"/sundials_cvode${search:+ $search}\"}
+   [[ -d $binding ]] || mkdir "$binding"
+   [[ -f $binding/fpm.toml && $(<"$binding/fpm.toml") == "$manifest" ]] ||
+      echo "$manifest" >"$binding/fpm.toml"
+   ln -sfn "../sundials-$version/src" "$binding/src"
+   ln -sfn "$modules" "$binding/modules"
 }
 
 makes_venvs() { "$1" -c 'import ensurepip, venv' 2>/dev/null; }
@@ -93,13 +107,10 @@ makes_venvs() { "$1" -c 'import ensurepip, venv' 2>/dev/null; }
 # Puts Python packages into .venv, which is made when missing.
 pip_install() {
    local python=python3
-   if [[ ! -x $venv/bin/pip ]]; then
+   if ! "$venv/bin/python" -m pip --version &>/dev/null; then
       makes_venvs "$python" || python=/usr/bin/python3
-      makes_venvs "$python" || apt_install python3-venv || {
-         say 'missing: Python 3 with venv, for' "$@"
-         return 1
-      }
-      "$python" -m venv --clear "$venv" >&2 || return 1
+      makes_venvs "$python" || apt_install python3-venv || return 1
+      makes_venvs "$python" && "$python" -m venv --clear "$venv" >&2 || return 1
    fi
    say "installing into .venv: $*"
    "$venv/bin/python" -m pip -q --disable-pip-version-check install "$@" >&2
@@ -109,43 +120,53 @@ pip_install() {
 install_fpm() {
    local prefix=$1 lib=$1/lib/fpm-$fpm_version site
    shift
+   [[ ! -e $prefix/bin/fpm ]] || return
    site=("$venv"/lib/python*/site-packages)
    "$@" install -D -m 755 -t "$lib/fpm" "${site[0]}/fpm/fpm" &&
       "$@" install -D -m 755 -t "$lib/fpm.libs" "${site[0]}"/fpm.libs/* &&
       "$@" mkdir -p "$prefix/bin" &&
-      "$@" ln -sfn "../lib/fpm-$fpm_version/fpm/fpm" "$prefix/bin/fpm" &&
+      "$@" ln -s "../lib/fpm-$fpm_version/fpm/fpm" "$prefix/bin/fpm" &&
       say "installed fpm $fpm_version as $prefix/bin/fpm"
 }
 
-case ${1:-} in
-'') ;;
-pictures) "$venv/bin/python" -c 'import numpy, matplotlib' 2>/dev/null ||
-   pip_install "${plotting[@]}" || give_up "pictures need Python 3 with ${plotting[*]}" ;;
-*) say "found '$1', expected nothing or 'pictures'" && exit 2 ;;
-esac
+wanted=${1:-}
+[[ $wanted =~ ^(pictures|files|)$ ]] || {
+   say "found '$wanted', expected nothing, 'pictures' or 'files'"
+   exit 2
+}
 
 if ! libraries_work; then
-   first=$reason
-   { [[ -z ${SUNDIALS_ROOT:-} ]] && apt_install "${packages[@]}" && libraries_work; } || {
-      say "found: $first"
-      say 'expected: gfortran, SUNDIALS 6.4 to 7 with Fortran modules, MINPACK, LAPACK and BLAS;' \
-         'SUNDIALS_ROOT names another prefix than /usr, FPM_FC the compiler'
-      give_up "on Debian or Ubuntu: sudo apt-get update && sudo apt-get install ${packages[*]}"
+   found=$reason
+   [[ -z ${SUNDIALS_ROOT:-} ]] && apt_install "${packages[@]}" && libraries_work || {
+      say "found: $found"
+      say 'expected: gfortran, SUNDIALS 6.4 to 7 with Fortran modules, MINPACK, LAPACK, BLAS;' \
+         'SUNDIALS_ROOT names another prefix than /usr, FPM_FC another compiler'
+      fail "on Debian or Ubuntu: sudo apt-get update && sudo apt-get install ${packages[*]}"
    }
 fi
 write_binding
+
+if [[ $wanted == files ]]; then
+   grep -E '^/.*\.(so|a)$' <<<"$opened"
+   named external-modules "$binding/fpm.toml" | sed "s|.*|$modules/&.mod|"
+   exit
+fi
 
 # shellcheck source=scripts/fpm.sh
 source "$checkout/scripts/fpm.sh"
 if ! find_fpm; then
    pip_install "fpm==$fpm_version" && find_fpm ||
-      give_up "missing: fpm $fpm_version or newer, on PATH or by pip"
+      fail "missing: fpm $fpm_version or newer, on PATH or, with Python 3 and venv, by pip"
 fi
 if [[ $fpm == "$venv"/* ]]; then
    prefix=/usr/local
-   if [[ -e $prefix/bin/fpm ]] || ! may_be_root || ! install_fpm "$prefix" as_root; then
+   if ! may_be_root || ! install_fpm "$prefix" as_root; then
       prefix=~/.local
-      [[ -e $prefix/bin/fpm ]] || install_fpm "$prefix"
+      install_fpm "$prefix"
    fi
    is_fpm fpm || say "to call fpm yourself: export PATH=\"$prefix/bin:\$PATH\""
+fi
+
+if [[ $wanted == pictures ]] && ! "$venv/bin/python" -c 'import numpy, matplotlib' 2>/dev/null; then
+   pip_install "${plotting[@]}" || fail "pictures need Python 3 with venv and ${plotting[*]}"
 fi
