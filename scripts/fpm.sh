@@ -1,4 +1,5 @@
-# Which fpm serves, and a build that says what it is doing; for the other scripts to source.
+# shellcheck shell=bash
+# Which fpm serves, and a build that says what it is doing; sourced by scripts that set `checkout`.
 
 # fpm 0.12 or newer (another program of this name has no line `Version:`).
 is_fpm() {
