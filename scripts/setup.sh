@@ -6,7 +6,8 @@
 #     scripts/setup.sh files       lists the files of the system that a build uses
 #
 # Needed are gfortran, SUNDIALS 6.4 to 7 with its Fortran modules, MINPACK, LAPACK, BLAS and fpm 0.12.
-# SUNDIALS_ROOT names a prefix whose libraries come first, FPM_FC another compiler.
+# SUNDIALS_ROOT names a prefix whose libraries come first, and is remembered until it names /usr;
+# FPM_FC another compiler.
 set -euo pipefail
 
 checkout=$(dirname "$(dirname "$(realpath "${BASH_SOURCE[0]}")")")
@@ -16,6 +17,7 @@ plotting=('numpy>=1.24' 'matplotlib>=3.6')
 compiler=${FPM_FC:-gfortran}
 binding=$checkout/external/sundials
 venv=$checkout/.venv
+root=${SUNDIALS_ROOT:-$(cat "$binding/root" 2>/dev/null || echo /usr)}
 
 say() { echo "setup: $*" >&2; }
 fail() { say "$*" && exit 1; }
@@ -39,10 +41,10 @@ apt_install() {
    return 1
 }
 
-# first PATTERN: the folder below SUNDIALS_ROOT of the first file of this name.
+# first PATTERN: the folder below the prefix of the first file of this name.
 first() {
    local file
-   file=$(find -L "$SUNDIALS_ROOT" -maxdepth 5 -name "$1" 2>/dev/null | head -n 1)
+   file=$(find -L "$root" -maxdepth 5 -name "$1" 2>/dev/null | head -n 1)
    [[ -z $file ]] || dirname "$(realpath "$file")"
 }
 
@@ -51,7 +53,7 @@ first() {
 find_sundials() {
    local libraries
    modules=/usr/include/sundials/fortran search=
-   if [[ -n ${SUNDIALS_ROOT:-} ]]; then
+   if [[ $root != /usr ]]; then
       modules=$(first fcvode_mod.mod)
       libraries=$(first 'libsundials_fcvode_mod.*')
       search="-L$libraries -Wl,-rpath,$libraries"
@@ -74,7 +76,7 @@ libraries_work() {
    have "$compiler" || { reason="no compiler $compiler"; return 1; }
    find_sundials
    [[ -f $modules/fcvode_mod.mod ]] || {
-      reason="no Fortran modules of SUNDIALS (fcvode_mod.mod) in ${SUNDIALS_ROOT:-$modules}"
+      reason="no Fortran modules of SUNDIALS (fcvode_mod.mod) in $root"
       return 1
    }
    mapfile -t libraries < <(named link "$checkout"/fpm.toml \
@@ -100,6 +102,7 @@ write_binding() {
       echo "$manifest" >"$binding/fpm.toml"
    ln -sfn "../sundials-$version/src" "$binding/src"
    ln -sfn "$modules" "$binding/modules"
+   echo "$root" >"$binding/root"
 }
 
 makes_venvs() { "$1" -c 'import ensurepip, venv' 2>/dev/null; }
@@ -137,7 +140,7 @@ wanted=${1:-}
 
 if ! libraries_work; then
    found=$reason
-   [[ -z ${SUNDIALS_ROOT:-} ]] && apt_install "${packages[@]}" && libraries_work || {
+   [[ $root == /usr ]] && apt_install "${packages[@]}" && libraries_work || {
       say "found: $found"
       say 'expected: gfortran, SUNDIALS 6.4 to 7 with Fortran modules, MINPACK, LAPACK, BLAS;' \
          'SUNDIALS_ROOT names another prefix than /usr, FPM_FC another compiler'
