@@ -1,16 +1,24 @@
 #!/usr/bin/env bash
-# Runs every test program in one profile, debug (default) or release; the last line is the sum.
+# Runs every test program; the last line is the sum.
+#
+#     scripts/test.sh [debug]    with every check that the compiler can build in
+#     scripts/test.sh release    as the program is built to be used
+#     scripts/test.sh long       release, and with it what takes too long for every day
 set -euo pipefail
 
 # fpm puts these flags in front of the profile's own. Not trapped: invalid and overflow, which
 # comparing a NaN and reading 1e999 raise, and tests do both.
 checks='-fcheck=all -finit-real=snan -ffpe-trap=zero'
-profile=${1:-debug}
+profile=${1:-debug} flags=()
 case $profile in
 debug) flags=(--flag "$checks") ;;
-release) flags=() ;;
+release) ;;
+long)
+   profile=release
+   export BEAMID_LONG_TESTS=yes
+   ;;
 *)
-   echo "usage: test.sh [debug|release], not '$profile'" >&2
+   echo "usage: test.sh [debug|release|long], not '$profile'" >&2
    exit 2
    ;;
 esac
