@@ -6,14 +6,18 @@ module beamid_commands
    implicit none
    private
 
-   public :: settings_t, run_identify, run_simulate, run_modes
+   public :: settings_t, word_t, run_identify, run_simulate, run_modes
    public :: add_fit_tables, deliver, output_folder
+
+   type :: word_t
+      character(len=:), allocatable :: text
+   end type word_t
 
    !> The command line, parsed.
    type :: settings_t
       character(len=:), allocatable :: command
       character(len=:), allocatable :: subject   !< the case file, or what is to be reproduced
-      character(len=1024), allocatable :: subjects(:)   !< every word behind the command
+      type(word_t), allocatable :: subjects(:)   !< every word behind the command
       character(len=:), allocatable :: out       !< not allocated: out/<case name>
       logical :: quiet = .false.
       logical :: time = .false.                  !< measure how long a fit takes
@@ -296,7 +300,8 @@ contains
       call output%add('summary.txt', summary)
       call output%commit(folder, error)
       if (allocated(error)) return
-      call print_text(summary)
+      call print_text(summary, error)
+      if (allocated(error)) error%message = error%message//'; the outputs are in '//folder
    end subroutine deliver
 
 end module beamid_commands

@@ -32,7 +32,7 @@ contains
 
       allocate (candidates(size(settings%subjects)))
       do k = 1, size(candidates)
-         call read_candidate(trim(settings%subjects(k)), candidates(k), error)
+         call read_candidate(settings%subjects(k)%text, candidates(k), error)
          if (allocated(error)) return
          call same_record(candidates(1), candidates(k), error)
          if (allocated(error)) return

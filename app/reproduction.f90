@@ -62,7 +62,8 @@ contains
          part = settings
          part%subject = trim(parts(k))
          if (allocated(settings%out)) part%out = join_path(settings%out, part%subject)
-         if (k > 1) call print_text(new_line('a'))
+         if (k > 1) call print_text(new_line('a'), error)
+         if (allocated(error)) return
          if (part%subject == 'table-4.1') then
             call run_table_4_1(part, error, exact=.true.)
          else

@@ -2,7 +2,9 @@
 program test_files
    use, intrinsic :: iso_c_binding, only: c_int
    use beamid_errors, only: error_t
-   use beamid_files, only: read_text, output_t, directory_of, join_path
+   use beamid_files, only: read_text
+   use beamid_outputs, only: output_t
+   use beamid_paths, only: directory_of, join_path
    use checks, only: check, finish
    implicit none
 
