@@ -2,7 +2,7 @@
 module beamid_reproduction
    use beamid
    use beamid_acceleration, only: run_acceleration
-   use beamid_commands, only: output_folder, settings_t
+   use beamid_commands, only: settings_t
    use beamid_convergence, only: run_convergence
    use beamid_section_4, only: run_section_4
    use beamid_table_4_1, only: run_table_4_1

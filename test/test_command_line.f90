@@ -232,7 +232,7 @@ contains
       outcome = beamid('modes my.case.nml --out "e f"', 'two words')
       call check('--out with a blank', outcome%status == 0 .and. exists('two words/e f/modes.csv'))
       call check('no temporary file stays', &
-         text_of(run('find . -name "*.new-*" -o -name "*.old-*"')) == '')
+         text_of(run('find . -name ".beamid-*"')) == '')
    end subroutine test_output_folder
 
    !> What a case names lies beside the case, wherever the program runs.

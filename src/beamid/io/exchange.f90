@@ -2,10 +2,11 @@
 !>
 !> The new files are written to a temporary folder inside the output folder, as `new-<name>`, the new
 !> manifest last. Then the older manifest goes there, as `old-<name>`, and after it each older file
-!> while the new one takes its name; the new manifest takes its name when all others have theirs. So
-!> a folder with a manifest holds one whole run, and one without it does not. The manifest in the
-!> temporary folder says that an exchange was begun and not ended: `take_back` undoes it, at once
-!> when a step fails, else at the beginning of the next run that writes to the folder.
+!> while the new one takes its name; files that an earlier run of the same command has written and
+!> this one has not go as well. The new manifest takes its name when all others have theirs: a folder
+!> without a manifest does not hold whole runs. While the new manifest is in the temporary folder, an
+!> exchange was begun and not ended: `take_back` undoes it, at once when a step fails, else at the
+!> beginning of the next run that writes to the folder.
 !>
 !> Runs on one machine wait for one another (`lock_folder`), so a temporary folder of this machine is
 !> one of a program that has died. Those of other machines, which may share the folder, are left.
@@ -15,12 +16,13 @@ module beamid_exchange
    use beamid_files, only: read_text, write_new
    use beamid_folders, only: list_folder, lock_folder, make_folder, remove_folder, sync_folder
    use beamid_interrupts, only: hold_signals, release_signals
-   use beamid_manifests, only: compare, entries_in, entry_length, entry_of, &
-      manifest_header, manifest_name, name_in
+   use beamid_manifests, only: command_in, compare, entries_in, entry_length, &
+      entry_of, manifest_header, manifest_name, name_in
    use beamid_paths, only: join_path
    use beamid_posix, only: c_closedir, c_getpid, c_link, c_opendir, c_rename, eio, eisdir, &
       host_name, kind_directory, kind_there, last_errno, max_name
    use beamid_strings, only: to_text
+   use beamid_texts, only: text_t
    implicit none
    private
 
@@ -35,13 +37,16 @@ module beamid_exchange
 contains
 
    !> Puts the files of one run in a folder, which is there.
-   subroutine exchange(directory, files, code, left)
+   subroutine exchange(directory, files, command, code, left)
       character(len=*), intent(in) :: directory
       type(named_text_t), intent(in) :: files(:)
+      !> The command that is run, a word.
+      character(len=*), intent(in) :: command
       !> 0 or an errno.
       integer(c_int), intent(out) :: code
       !> A temporary folder with older files that could not be put back; else ''.
       character(len=:), allocatable, intent(out) :: left
+      character(len=entry_length), allocatable :: kept(:), outdated(:)
       character(len=:), allocatable :: temporary
       type(c_ptr) :: folder
       integer(c_int) :: ignored
@@ -63,8 +68,9 @@ contains
          temporary = join_path(directory, prefix()//to_text(int(c_getpid())))
          code = make_folder(temporary)
          if (code == 0) then
-            code = prepare(temporary, files)
-            if (code == 0) code = give_names(directory, temporary, files)
+            call sort_older(directory, files, command, kept, outdated)
+            code = prepare(temporary, files, command, kept)
+            if (code == 0) code = give_names(directory, temporary, files, outdated)
             if (take_back(directory, temporary) /= 0 .and. code /= 0) left = temporary
          end if
       end if
@@ -103,26 +109,55 @@ contains
       left = ''
    end subroutine take_back_all
 
-   !> Writes the new files and, last, their manifest to a temporary folder.
-   integer(c_int) function prepare(temporary, files) result(code)
-      character(len=*), intent(in) :: temporary
+   !> What earlier runs have written to the folder and this one will not, as they left it. What
+   !> somebody has changed since, or cannot be read, is his.
+   subroutine sort_older(directory, files, command, kept, outdated)
+      character(len=*), intent(in) :: directory, command
       type(named_text_t), intent(in) :: files(:)
+      !> Lines of the older manifest: of runs of other commands, and of an earlier run of this one.
+      character(len=entry_length), allocatable, intent(out) :: kept(:), outdated(:)
+      character(len=entry_length), allocatable :: entries(:)
       character(len=:), allocatable :: manifest
+      type(error_t), allocatable :: error
+      logical, allocatable :: same(:), ours(:)
+      integer(c_int) :: code
+      integer :: i, j
+
+      call read_text(join_path(directory, manifest_name), manifest, error)
+      entries = entries_in(manifest)
+      allocate (same(size(entries)), ours(size(entries)))
+      do i = 1, size(entries)
+         call compare(directory, entries(i), same(i), code)
+         if (any([(files(j)%name == name_in(entries(i)), j=1, size(files))])) same(i) = .false.
+         ours(i) = command_in(entries(i)) == command
+      end do
+      kept = pack(entries, same .and. .not. ours)
+      outdated = pack(entries, same .and. ours)
+   end subroutine sort_older
+
+   !> Writes the new files and, last, the manifest to a temporary folder.
+   integer(c_int) function prepare(temporary, files, command, kept) result(code)
+      character(len=*), intent(in) :: temporary, command, kept(:)
+      type(named_text_t), intent(in) :: files(:)
+      type(text_t) :: manifest
       integer :: i
 
-      manifest = manifest_header//new_line('a')
+      call manifest%line(manifest_header)
       do i = 1, size(files)
          code = write_new(temporary//new//files(i)%name, files(i)%text)
          if (code /= 0) return
-         manifest = manifest//entry_of(files(i)%name, files(i)%text)//new_line('a')
+         call manifest%line(entry_of(files(i)%name, files(i)%text, command))
       end do
-      code = write_new(temporary//new//manifest_name, manifest)
+      do i = 1, size(kept)
+         call manifest%line(kept(i))
+      end do
+      code = write_new(temporary//new//manifest_name, manifest%content())
       if (code == 0) code = sync_folder(temporary)
    end function prepare
 
    !> Gives the new files their names, and keeps the older ones in the temporary folder.
-   integer(c_int) function give_names(directory, temporary, files) result(code)
-      character(len=*), intent(in) :: directory, temporary
+   integer(c_int) function give_names(directory, temporary, files, outdated) result(code)
+      character(len=*), intent(in) :: directory, temporary, outdated(:)
       type(named_text_t), intent(in) :: files(:)
       integer(c_int) :: ignored
       integer :: i
@@ -133,7 +168,9 @@ contains
          if (code == 0) code = renamed(temporary//new//files(i)%name, &
             join_path(directory, files(i)%name))
       end do
-      if (code == 0) code = set_outdated_aside(directory, temporary, files)
+      do i = 1, size(outdated)
+         if (code == 0) code = set_aside(directory, temporary, name_in(outdated(i)), links=.false.)
+      end do
       if (code == 0) code = sync_folder(directory)
       if (code == 0) code = renamed(temporary//new//manifest_name, &
          join_path(directory, manifest_name))
@@ -164,32 +201,6 @@ contains
       end if
       code = renamed(path, temporary//old//name)
    end function set_aside
-
-   !> Takes away what the earlier run has written and this one has not; a file that somebody has
-   !> changed since stays.
-   integer(c_int) function set_outdated_aside(directory, temporary, files) result(code)
-      character(len=*), intent(in) :: directory, temporary
-      type(named_text_t), intent(in) :: files(:)
-      character(len=entry_length), allocatable :: entries(:)
-      character(len=:), allocatable :: manifest
-      type(error_t), allocatable :: error
-      integer(c_int) :: unreadable
-      logical :: same
-      integer :: i, j
-
-      code = 0
-      if (kind_there(temporary//old//manifest_name) == 0) return
-      call read_text(temporary//old//manifest_name, manifest, error)
-      if (allocated(error)) return
-      entries = entries_in(manifest)
-      do i = 1, size(entries)
-         if (any([(files(j)%name == name_in(entries(i)), j=1, size(files))])) cycle
-         call compare(directory, entries(i), same, unreadable)
-         if (same .and. unreadable == 0) &
-            code = set_aside(directory, temporary, name_in(entries(i)), links=.false.)
-         if (code /= 0) return
-      end do
-   end function set_outdated_aside
 
    !> Removes a temporary folder; of an exchange that was begun and not ended, puts back the older
    !> files first. It may be interrupted, and called again.
@@ -230,6 +241,8 @@ contains
       entries = entries_in(manifest)
       do i = 1, size(entries)
          name = name_in(entries(i))
+         ! Behind the new files stand those of other commands.
+         if (command_in(entries(i)) /= command_in(entries(1))) exit
          if (kind_there(temporary//new//name) /= 0) cycle
          call compare(directory, entries(i), same, code)
          if (code == 0 .and. same) code = renamed(join_path(directory, name), temporary//new//name)

@@ -1,4 +1,5 @@
-!> The manifest of an output folder: name, size and checksum of each file of one whole run.
+!> The manifest of an output folder: of each file its name, size and checksum, and the command whose
+!> run wrote it to its end.
 !>
 !> The checksum is CRC-32 as gzip, zip and PNG have it (ISO 3309; Python: `zlib.crc32`, coreutils 9.6
 !> and newer: `cksum -a crc32b`): it tells a cut file or one of another run, not a forged one.
@@ -13,12 +14,12 @@ module beamid_manifests
    implicit none
    private
 
-   public :: entry_of, entries_in, name_in, compare
+   public :: entry_of, entries_in, name_in, command_in, compare
 
    character(len=*), parameter, public :: manifest_name = 'manifest.txt'
-   character(len=*), parameter, public :: manifest_header = 'name bytes crc32'
-   !> A name of up to 255 characters, a size and a checksum.
-   integer, parameter, public :: entry_length = 300
+   character(len=*), parameter, public :: manifest_header = 'name bytes crc32 command'
+   !> A name of up to 255 characters, and the rest.
+   integer, parameter, public :: entry_length = 320
 
    character(len=*), parameter :: line_feed = achar(10)
    !> The polynomial of ISO 3309, its lowest coefficient in the highest bit.
@@ -26,13 +27,13 @@ module beamid_manifests
 
 contains
 
-   !> The line of a file: `estimates.csv 1234 0a1b2c3d`.
-   pure function entry_of(name, text) result(entry)
-      !> The file's name and its whole text.
-      character(len=*), intent(in) :: name, text
+   !> The line of a file: `estimates.csv 1234 0a1b2c3d identify`.
+   pure function entry_of(name, text, command) result(entry)
+      !> The file's name, its whole text, and a word.
+      character(len=*), intent(in) :: name, text, command
       character(len=:), allocatable :: entry
 
-      entry = line(name, len(text, ip), crc32(text, 0_int32))
+      entry = line(name, len(text, ip), crc32(text, 0_int32), command)
    end function entry_of
 
    !> The whole lines below the header of a manifest; size 0 when the text is none.
@@ -52,17 +53,26 @@ contains
       end do
    end function entries_in
 
-   !> The name in a line: what stands before size and checksum. '' where that leads elsewhere.
+   !> The name in a line, which is all but its last three words. '' where that leads elsewhere.
    pure function name_in(entry) result(name)
       character(len=*), intent(in) :: entry
       character(len=:), allocatable :: name
-      integer :: last
+      integer :: k
 
-      last = max(index(trim(entry), ' ', back=.true.) - 1, 0)
-      last = max(index(entry(:last), ' ', back=.true.) - 1, 0)
-      name = entry(:last)
+      name = trim(entry)
+      do k = 1, 3
+         name = name(:max(index(name, ' ', back=.true.) - 1, 0))
+      end do
       if (index(name, '/') > 0) name = ''
    end function name_in
+
+   !> The last word of a line.
+   pure function command_in(entry) result(command)
+      character(len=*), intent(in) :: entry
+      character(len=:), allocatable :: command
+
+      command = trim(entry(index(trim(entry), ' ', back=.true.) + 1:))
+   end function command_in
 
    !> Whether a folder holds the file of a line, byte for byte.
    subroutine compare(directory, entry, same, code)
@@ -83,15 +93,14 @@ contains
       if (kind_there(path) /= kind_regular) return
       call file_status(path, kind, bytes, code)
       if (code /= 0) return
-      same = entry(:len_trim(entry) - 8) == name_in(entry)//' '//to_text(bytes)
-      if (.not. same) return
+      if (index(entry, name_in(entry)//' '//to_text(bytes)//' ') /= 1) return
       stream = c_fopen(path//c_null_char, 'rb'//c_null_char)
       if (.not. c_associated(stream)) then
          code = last_errno()
          return
       end if
       call read_checksum(stream, checksum, code)
-      same = entry == line(name_in(entry), bytes, checksum)
+      same = entry == line(name_in(entry), bytes, checksum, command_in(entry))
       ignored = c_fclose(stream)
    end subroutine compare
 
@@ -114,15 +123,15 @@ contains
       end do
    end subroutine read_checksum
 
-   pure function line(name, bytes, checksum)
-      character(len=*), intent(in) :: name
+   pure function line(name, bytes, checksum, command)
+      character(len=*), intent(in) :: name, command
       integer(ip), intent(in) :: bytes
       integer(int32), intent(in) :: checksum
       character(len=:), allocatable :: line
       character(len=8) :: digits
 
       write (digits, '(z8.8)') checksum
-      line = name//' '//to_text(bytes)//' '//lower(digits)
+      line = name//' '//to_text(bytes)//' '//lower(digits)//' '//command
    end function line
 
    !> The checksum of a text, or of all that is behind `before` and the text.

@@ -41,22 +41,27 @@ contains
       self%files(i)%text = text
    end subroutine add
 
-   !> Writes all files and their manifest, or changes nothing (`beamid_exchange`). What the earlier run
-   !> has written there and this one has not is removed, unless somebody has changed it.
-   subroutine commit(self, directory, error)
+   !> Writes all files and their manifest, or changes nothing (`beamid_exchange`).
+   subroutine commit(self, directory, error, command)
       class(output_t), intent(in) :: self
       !> The output folder; it and its parents are created when missing.
       character(len=*), intent(in) :: directory
       !> Status 1 for a full or broken disk, 2 for a folder that cannot be written.
       type(error_t), allocatable, intent(out) :: error
-      character(len=:), allocatable :: left, message
+      !> A word for the kind of run, default `run`: what the last run of this kind has written there
+      !> and this one has not is removed, unless somebody has changed it.
+      character(len=*), intent(in), optional :: command
+      character(len=:), allocatable :: left, message, kind
       integer(c_int) :: code, ignored
       integer, allocatable :: created(:)
       integer :: i
 
       left = ''
+      kind = 'run'
+      if (present(command)) kind = command
       call make_folders(directory, created, code)
-      if (code == 0 .and. allocated(self%files)) call exchange(directory, self%files, code, left)
+      if (code == 0 .and. allocated(self%files)) &
+         call exchange(directory, self%files, kind, code, left)
       if (code == 0) return
       do i = size(created), 1, -1
          ignored = c_rmdir(directory(:created(i))//c_null_char)
