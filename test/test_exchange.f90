@@ -3,7 +3,8 @@
 !> the next run leaves nothing else.
 !>
 !> A library in front of the C library (LD_PRELOAD) counts the calls and acts at one of them. With
-!> the argument `long` the program is killed at 300 random moments instead of 24.
+!> the argument `long` the program is killed at 300 random moments instead of 24, and at every pair of
+!> calls of two runs.
 program test_exchange
    use checks, only: check, finish, skip
    use shell, only: close_shell, exists, has_all, line_count, open_shell, outcome_t, &
@@ -55,6 +56,7 @@ program test_exchange
       like_older = 'diff -r older work', like_newer = 'diff -r newer work', &
       hidden = ' -x ".beamid-*"'
    character(len=:), allocatable :: reason, newer_run
+   character(len=10) :: argument
 
    call open_shell(reason)
    if (reason == '') call set_up(reason)
@@ -66,7 +68,9 @@ program test_exchange
       call test_refused_calls('')
       call test_refused_calls('NO_LINKS=1 ')
       call test_broken_folder()
-      call test_random_moments()
+      call get_command_argument(1, argument)
+      call test_random_moments(merge(300, 24, argument == 'long'))
+      if (argument == 'long') call test_kill_twice()
       call test_two_at_once()
       call test_others()
    end if
@@ -226,14 +230,39 @@ contains
       call check('no rename any more: the next run puts them back', taken_back == 6)
    end subroutine test_broken_folder
 
-   !> Killed at any time of its life. The time that one run takes is only to choose the moments.
-   subroutine test_random_moments()
-      character(len=10) :: argument, seconds
+   !> Killed again while the next run takes back, or later.
+   subroutine test_kill_twice()
       type(outcome_t) :: outcome
-      integer :: moments, begin, end, rate
+      integer :: first, second, n, whole
 
-      call get_command_argument(1, argument)
-      moments = merge(300, 24, argument == 'long')
+      n = 0
+      whole = 0
+      do first = 1, 100
+         do second = 1, 100
+            outcome = run(again//'true')
+            outcome = hit(all_calls, first, 'SIGNAL=9')
+            if (outcome%status == 0) exit
+            outcome = hit(all_calls, second, 'SIGNAL=9')
+            if (outcome%status == 0) exit
+            n = n + 1
+            outcome = hit(' creat', 1, 'ERROR=28')
+            if (.not. (succeeds(like_older) .or. succeeds(like_newer))) cycle
+            outcome = hit('', 0, '')
+            if (outcome%status == 0 .and. succeeds(like_newer)) whole = whole + 1
+         end do
+         if (second == 1) exit
+      end do
+      call check('kill -9 at every pair of calls: no run is lost', n > 400 .and. whole == n, &
+         digits(whole)//' of '//digits(n))
+   end subroutine test_kill_twice
+
+   !> Killed at any time of its life. The time that one run takes is only to choose the moments.
+   subroutine test_random_moments(moments)
+      integer, intent(in) :: moments
+      character(len=10) :: seconds
+      type(outcome_t) :: outcome
+      integer :: begin, end, rate
+
       call system_clock(begin, rate)
       outcome = hit('', 0, '')
       call system_clock(end)
