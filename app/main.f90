@@ -34,6 +34,7 @@ contains
       type(settings_t), intent(out) :: settings
       type(error_t), allocatable, intent(out) :: error
       character(len=:), allocatable :: word
+      type(word_t) :: subject
       integer :: k
 
       k = 0
@@ -69,7 +70,8 @@ contains
             settings%command = word
          else if (.not. allocated(settings%subject) .or. settings%command == 'compare') then
             if (.not. allocated(settings%subject)) settings%subject = word
-            settings%subjects = [settings%subjects, word_t(word)]
+            subject%text = word
+            settings%subjects = [settings%subjects, subject]
          else
             call bad_input(error, 'command line: found '//word//' behind '//settings%subject// &
                ', expected nothing more')
