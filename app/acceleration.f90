@@ -3,7 +3,7 @@ module beamid_acceleration
    use beamid
    use beamid_acceleration_study, only: closer, compute_study, deviation_of, share, study_t, &
       tolerances
-   use beamid_commands, only: deliver, output_folder, settings_t
+   use beamid_commands, only: deliver, settings_t
    use beamid_paper, only: find_data, percent, scientific
    implicit none
    private
@@ -28,7 +28,7 @@ contains
       if (allocated(error)) return
       call output%add('acceleration.csv', acceleration_csv(study))
       call output%add('modes.csv', modes_csv(study))
-      call deliver(output, report(study), output_folder(settings, 'acceleration'), error)
+      call deliver(output, report(study), settings, 'acceleration', error)
    end subroutine run_acceleration
 
    !> What is printed.

@@ -6,14 +6,18 @@ module beamid_commands
    implicit none
    private
 
-   public :: settings_t, run_identify, run_simulate, run_modes
-   public :: add_fit_tables, deliver, output_folder
+   public :: settings_t, word_t, run_identify, run_simulate, run_modes
+   public :: add_fit_tables, deliver
+
+   type :: word_t
+      character(len=:), allocatable :: text
+   end type word_t
 
    !> The command line, parsed.
    type :: settings_t
       character(len=:), allocatable :: command
       character(len=:), allocatable :: subject   !< the case file, or what is to be reproduced
-      character(len=1024), allocatable :: subjects(:)   !< every word behind the command
+      type(word_t), allocatable :: subjects(:)   !< every word behind the command
       character(len=:), allocatable :: out       !< not allocated: out/<case name>
       logical :: quiet = .false.
       logical :: time = .false.                  !< measure how long a fit takes
@@ -58,7 +62,7 @@ contains
       call add_fit_tables(output, case, fits, experiments)
       call output%add('modes.csv', table%content())
       call deliver(output, fit_summary(case, experiments, fits, notes)//found%content(), &
-         output_folder(settings, case%name), error)
+         settings, case%name, error)
    end subroutine run_identify
 
    !> Several starts on each mesh; the fits of the lowest minimum count.
@@ -196,8 +200,7 @@ contains
             + recording%offset))
       end associate
       call output%add('labels.csv', labels_table(case%units))
-      call deliver(output, response_summary(case, simulations), output_folder(settings, &
-         case%name), error)
+      call deliver(output, response_summary(case, simulations), settings, case%name, error)
    end subroutine run_simulate
 
    !> beamid modes
@@ -244,7 +247,7 @@ contains
       end do
       call output%add('modes.csv', table%content())
       if (case%can_be_fitted()) call add_fit_of_modes(case, excitation, summary, output)
-      call deliver(output, summary%content(), output_folder(settings, case%name), error)
+      call deliver(output, summary%content(), settings, case%name, error)
    end subroutine run_modes
 
    !> A case that says how to fit a record has intervals for its modes too. What keeps it from being
@@ -277,26 +280,24 @@ contains
       call output%add('modes_fitted.csv', table%content())
    end subroutine add_fit_of_modes
 
-   !> Where the outputs of a case go.
-   function output_folder(settings, name) result(folder)
+   !> Writes all outputs, all or none, to --out DIR or out/<name>; prints the summary when they are
+   !> safe.
+   subroutine deliver(output, summary, settings, name, error)
+      type(output_t), intent(inout) :: output
+      character(len=*), intent(in) :: summary, name
       type(settings_t), intent(in) :: settings
-      character(len=*), intent(in) :: name
-      character(len=:), allocatable :: folder
+      type(error_t), allocatable, intent(out) :: error
+      character(len=:), allocatable :: folder, kind
 
       folder = 'out/'//name
       if (allocated(settings%out)) folder = settings%out
-   end function output_folder
-
-   !> Writes all outputs, all or none; prints the summary when they are safe.
-   subroutine deliver(output, summary, folder, error)
-      type(output_t), intent(inout) :: output
-      character(len=*), intent(in) :: summary, folder
-      type(error_t), allocatable, intent(out) :: error
-
+      kind = settings%command
+      if (kind == 'reproduce') kind = settings%subject
       call output%add('summary.txt', summary)
-      call output%commit(folder, error)
+      call output%commit(folder, error, kind)
       if (allocated(error)) return
-      call print_text(summary)
+      call print_text(summary, error)
+      if (allocated(error)) error%message = error%message//'; the outputs are in '//folder
    end subroutine deliver
 
 end module beamid_commands

@@ -1,7 +1,7 @@
 !> `beamid compare`: several models of one record, by information criteria and nested-model tests.
 module beamid_comparison
    use beamid
-   use beamid_commands, only: deliver, output_folder, settings_t
+   use beamid_commands, only: deliver, settings_t
    use beamid_terminal, only: new_progress, progress_t
    implicit none
    private
@@ -32,7 +32,7 @@ contains
 
       allocate (candidates(size(settings%subjects)))
       do k = 1, size(candidates)
-         call read_candidate(trim(settings%subjects(k)), candidates(k), error)
+         call read_candidate(settings%subjects(k)%text, candidates(k), error)
          if (allocated(error)) return
          call same_record(candidates(1), candidates(k), error)
          if (allocated(error)) return
@@ -47,7 +47,7 @@ contains
       call add_nested(summary, nested, candidates)
       call output%add('models.csv', models%content())
       call output%add('nested.csv', nested%content())
-      call deliver(output, summary%content(), output_folder(settings, 'compare'), error)
+      call deliver(output, summary%content(), settings, 'compare', error)
    end subroutine run_compare
 
    !> How many parameters were fitted: by any stage, and what was eliminated.

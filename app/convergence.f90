@@ -2,7 +2,7 @@
 !> their hypotheses hold and with one for which they do not.
 module beamid_convergence
    use beamid
-   use beamid_commands, only: deliver, output_folder, settings_t
+   use beamid_commands, only: deliver, settings_t
    use beamid_convergence_study, only: coarser, compute_motions, differences, fitted, forces, &
       loads, motion_t, motions, order, reference
    use beamid_paper, only: find_data, scientific
@@ -29,7 +29,7 @@ contains
       call output%add('convergence.csv', convergence_csv(studies))
       call output%add('minimisers.csv', minimisers_csv(studies, truth%model%structure))
       call deliver(output, report(studies, truth%model%structure, samples), &
-         output_folder(settings, 'convergence'), error)
+         settings, 'convergence', error)
    end subroutine run_convergence
 
    !> What is printed.

@@ -2,7 +2,7 @@
 program beamid_main
    use beamid, only: bad_input, error_t, to_text, version
    use beamid_comparison, only: run_compare
-   use beamid_commands, only: run_identify, run_modes, run_simulate, settings_t
+   use beamid_commands, only: run_identify, run_modes, run_simulate, settings_t, word_t
    use beamid_reproduction, only: reproducible, run_reproduce
    use beamid_terminal, only: complain, print_text
    implicit none
@@ -18,8 +18,8 @@ program beamid_main
       case ('modes'); call run_modes(settings, error)
       case ('compare'); call run_compare(settings, error)
       case ('reproduce'); call run_reproduce(settings, error)
-      case ('help'); call print_text(help())
-      case ('version'); call print_text('beamid '//version//new_line('a'))
+      case ('help'); call print_text(help(), error)
+      case ('version'); call print_text('beamid '//version//new_line('a'), error)
       end select
    end if
    if (allocated(error)) then
@@ -34,6 +34,7 @@ contains
       type(settings_t), intent(out) :: settings
       type(error_t), allocatable, intent(out) :: error
       character(len=:), allocatable :: word
+      type(word_t) :: subject
       integer :: k
 
       k = 0
@@ -69,7 +70,8 @@ contains
             settings%command = word
          else if (.not. allocated(settings%subject) .or. settings%command == 'compare') then
             if (.not. allocated(settings%subject)) settings%subject = word
-            settings%subjects = [character(len=len(settings%subjects)) :: settings%subjects, word]
+            subject%text = word
+            settings%subjects = [settings%subjects, subject]
          else
             call bad_input(error, 'command line: found '//word//' behind '//settings%subject// &
                ', expected nothing more')

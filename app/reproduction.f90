@@ -2,7 +2,7 @@
 module beamid_reproduction
    use beamid
    use beamid_acceleration, only: run_acceleration
-   use beamid_commands, only: output_folder, settings_t
+   use beamid_commands, only: settings_t
    use beamid_convergence, only: run_convergence
    use beamid_section_4, only: run_section_4
    use beamid_table_4_1, only: run_table_4_1
@@ -62,7 +62,8 @@ contains
          part = settings
          part%subject = trim(parts(k))
          if (allocated(settings%out)) part%out = join_path(settings%out, part%subject)
-         if (k > 1) call print_text(new_line('a'))
+         if (k > 1) call print_text(new_line('a'), error)
+         if (allocated(error)) return
          if (part%subject == 'table-4.1') then
             call run_table_4_1(part, error, exact=.true.)
          else

@@ -1,7 +1,7 @@
 !> `beamid reproduce section-4` and its tables: the RPL experiment.
 module beamid_section_4
    use beamid
-   use beamid_commands, only: deliver, output_folder, settings_t
+   use beamid_commands, only: deliver, settings_t
    use beamid_paper, only: find_data
    use beamid_section_4_report, only: section_4_report
    use beamid_section_4_results, only: compute_section_4, entry_t, results_t, table_4_4
@@ -37,8 +37,7 @@ contains
       call output%add('frequencies.csv', frequencies_csv(results%entries, wanted))
       call output%add('curves.csv', curves_csv(results, wanted))
       if (wanted(table_4_4)) call output%add('valley.csv', valley_csv(results%valley))
-      call deliver(output, section_4_report(results, wanted), output_folder(settings, &
-         settings%subject), error)
+      call deliver(output, section_4_report(results, wanted), settings, settings%subject, error)
    end subroutine run_section_4
 
    !> What each table prints; nothing of ours where nothing is fitted.

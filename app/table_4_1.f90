@@ -1,7 +1,7 @@
 !> Table 4.1 of the paper: four parameters from simulated accelerations.
 module beamid_table_4_1
    use beamid
-   use beamid_commands, only: add_fit_tables, deliver, output_folder, settings_t
+   use beamid_commands, only: add_fit_tables, deliver, settings_t
    use beamid_csv, only: column_length, read_columns
    use beamid_paper, only: find_data, percent
    use beamid_terminal, only: new_progress, progress_t
@@ -65,7 +65,7 @@ contains
       call add_fit_tables(output, table%case, table%fits, [experiment])
       call output%add('truth.csv', truth_csv(table%truth%model%structure))
       call output%add('paper.csv', paper_csv(table%paper))
-      call deliver(output, report(table), output_folder(settings, 'table-4.1'), error)
+      call deliver(output, report(table), settings, 'table-4.1', error)
    end subroutine run_table_4_1
 
    !> Cases, record and the paper's table.

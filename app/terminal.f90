@@ -1,8 +1,9 @@
-!> Standard error: messages, and the progress of a search.
+!> Standard output, and standard error: messages, and the progress of a search. Both are written
+!> through the C library, as gfortran's runtime does not report what a full device refuses.
 module beamid_terminal
-   use, intrinsic :: iso_c_binding, only: c_int
-   use, intrinsic :: iso_fortran_env, only: error_unit, output_unit
-   use beamid, only: monitor_t, to_text, wp
+   use, intrinsic :: iso_c_binding, only: c_int, c_intptr_t
+   use beamid, only: error_t, failure, monitor_t, to_text, wp
+   use beamid_posix, only: c_signal, reason, sig_ign, sigpipe, write_bytes
    implicit none
    private
 
@@ -18,7 +19,8 @@ module beamid_terminal
       procedure :: finish
    end type progress_t
 
-   integer(c_int), parameter :: standard_error = 2
+   integer(c_int), parameter :: standard_output = 1, standard_error = 2
+   character(len=*), parameter :: line_feed = new_line('a'), carriage_return = achar(13)
 
    interface
       integer(c_int) function isatty(descriptor) bind(c)
@@ -54,13 +56,11 @@ contains
       end do
       !$omp critical (standard_error_line)
       if (self%overwrite) then
-         write (error_unit, '(3a)', advance='no') achar(13), line, &
-            repeat(' ', max(0, self%last_length - len(line)))
+         call show(carriage_return//line//repeat(' ', max(0, self%last_length - len(line))))
          self%last_length = len(line)
       else
-         write (error_unit, '(a)') line
+         call tell(line)
       end if
-      flush (error_unit)
       !$omp end critical (standard_error_line)
    end subroutine iteration
 
@@ -69,24 +69,37 @@ contains
       class(progress_t), intent(inout) :: self
 
       if (self%last_length == 0) return
-      write (error_unit, '(3a)', advance='no') achar(13), repeat(' ', self%last_length), achar(13)
+      call show(carriage_return//repeat(' ', self%last_length)//carriage_return)
       self%last_length = 0
    end subroutine finish
 
-   !> Text on standard output, as it is.
-   subroutine print_text(text)
+   !> Text on standard output, as it is; a reader that has gone away is a failure as well.
+   subroutine print_text(text, error)
       character(len=*), intent(in) :: text
+      type(error_t), allocatable, intent(out) :: error
+      integer(c_intptr_t) :: action
+      integer(c_int) :: code
 
-      write (output_unit, '(a)', advance='no') text
-      flush (output_unit)
+      action = c_signal(sigpipe, sig_ign)
+      code = write_bytes(standard_output, text)
+      action = c_signal(sigpipe, action)
+      if (code /= 0) call failure(error, 'standard output: cannot be written: '//reason(code))
    end subroutine print_text
 
    !> A line on standard error.
    subroutine tell(line)
       character(len=*), intent(in) :: line
 
-      write (error_unit, '(a)') line
+      call show(line//line_feed)
    end subroutine tell
+
+   !> Text on standard error; when that takes none, there is no place left to say so.
+   subroutine show(text)
+      character(len=*), intent(in) :: text
+      integer(c_int) :: ignored
+
+      ignored = write_bytes(standard_error, text)
+   end subroutine show
 
    !> An error's message on standard error.
    subroutine complain(message)
@@ -97,9 +110,9 @@ contains
       ! Several problems of one file come as several lines.
       first = 1
       do while (first <= len(message))
-         last = index(message(first:), new_line('a'))
+         last = index(message(first:), line_feed)
          last = merge(len(message), first + last - 2, last == 0)
-         write (error_unit, '(2a)') 'beamid: ', message(first:last)
+         call tell('beamid: '//message(first:last))
          first = last + 2
       end do
    end subroutine complain

@@ -110,7 +110,7 @@ def picture(directory, truth_file=None):
 
 def main():
     parser = p.new_parser(__doc__)
-    parser.add_argument("directory", metavar="DIR", type=p.folder, help="output folder of a fit")
+    parser.add_argument("directory", metavar="DIR", type=p.outputs, help="output folder of a fit")
     parser.add_argument("--truth", metavar="FILE", help="true values (default: DIR/truth.csv)")
     parser.add_argument("--out", metavar="FILE", help="picture (default: DIR/convergence.png)")
     arguments = parser.parse_args()

@@ -280,7 +280,7 @@ def picture(directory, chosen=None):
 
 def main():
     parser = p.new_parser(__doc__.replace("\n", " "))
-    parser.add_argument("directory", metavar="DIR", type=p.folder, help="output folder of a fit")
+    parser.add_argument("directory", metavar="DIR", type=p.outputs, help="output folder of a fit")
     parser.add_argument("--elements", metavar="N", type=int, help="mesh to show (default: finest)")
     parser.add_argument("--out", metavar="FILE", help="picture to write (default: DIR/fit.png)")
     arguments = parser.parse_args()

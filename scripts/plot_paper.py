@@ -219,7 +219,7 @@ def main():
     directory = Path(arguments.folder)
     if not directory.is_dir():
         p.fail(f"{directory}: no such folder; make it with scripts/run.sh reproduce section-4")
-    results = read_results(directory)
+    results = read_results(p.outputs(directory))
     out = Path(arguments.out or directory)
     try:
         out.mkdir(parents=True, exist_ok=True)

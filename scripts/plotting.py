@@ -8,7 +8,8 @@ import io
 import re
 from pathlib import Path
 
-from program import fail, folder, need, new_parser, number, read_table, reason  # noqa: F401
+from program import (fail, need, new_parser, number, outputs, read_table,  # noqa: F401
+                     reason)
 
 need("numpy", "matplotlib")
 

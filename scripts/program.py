@@ -9,6 +9,7 @@ import os
 import re
 import subprocess
 import sys
+import zlib
 from pathlib import Path
 
 CHECKOUT = Path(__file__).resolve().parent.parent
@@ -74,11 +75,35 @@ def reason(error):
     return getattr(error, "strerror", None) or error
 
 
-def folder(path):
-    """A folder that must exist."""
-    if not Path(path).is_dir():
-        fail(f"{path}: no such folder")
-    return Path(path)
+def outputs(path):
+    """A folder that holds the outputs of runs that ended, as its manifest says."""
+    directory = Path(path)
+    if not directory.is_dir():
+        fail(f"{directory}: no such folder")
+    if not (directory / "manifest.txt").exists():
+        fail(f"{directory}: no manifest.txt, as after a run that was interrupted; repeat the run")
+    header, *lines = read_text(directory / "manifest.txt").splitlines() or [""]
+    if header != "name bytes crc32 command":
+        fail(f"{directory / 'manifest.txt'}: found '{header[:40]}', expected a manifest of beamid")
+    for line in lines:
+        name, *size_and_checksum = line.rsplit(" ", 3)[:3]
+        if size_and_checksum != list(size_and_crc32(directory / name)):
+            fail(f"{directory / name}: not as manifest.txt has it, changed or of another run; "
+                 "repeat the run")
+    return directory
+
+
+def size_and_crc32(path):
+    """Size and checksum of a file as a manifest has them."""
+    size = checksum = 0
+    try:
+        with open(path, "rb") as file:
+            while piece := file.read(1 << 20):
+                size += len(piece)
+                checksum = zlib.crc32(piece, checksum)
+    except OSError as error:
+        fail(f"{path}: {reason(error)}")
+    return f"{size}", f"{checksum:08x}"
 
 
 def read_text(path):

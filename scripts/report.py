@@ -66,7 +66,7 @@ class Page:
 
     def __init__(self, folder):
         self.folder = folder
-        self.results = plot_paper.read_results(folder / "section-4")
+        self.results = plot_paper.read_results(p.outputs(folder / "section-4"))
         self.summary = summary_of(folder / "section-4")
         columns = ("ours", "paper", "at_paper_estimates", "distance2", "paper_difference", "bound")
         self.sums = {row["model"]: {name: p.number(row, name) for name in columns} for row in
@@ -77,7 +77,7 @@ class Page:
             values.append(p.number(row, "frequency_hz"))
         if "no_hose" not in self.frequencies:
             p.fail(f"{folder / 'section-4' / 'frequencies.csv'}: no model 'no_hose'")
-        self.table_4_1 = folder / "table-4.1"
+        self.table_4_1 = p.outputs(folder / "table-4.1")
         self.meshes = {n: {row["parameter"]: p.number(row, "estimate") for row in rows}
                        for n, rows in p.last_stage(self.table_4_1).items()}
         self.rows_4_1 = next(iter(p.last_stage(self.table_4_1).values()))
@@ -282,6 +282,7 @@ class Page:
         if not path.exists():
             return h.paragraph(f"Not computed yet: `scripts/run.sh reproduce {name} --out {folder}`"
                                " makes it, and `scripts/report.py` then shows it here.")
+        p.outputs(folder)
         return (h.paragraph(text, badge=h.INDEPENDENT) + h.picture(p.png(draw(path)), caption)
                 + h.preformatted(summary_of(folder).text))
 

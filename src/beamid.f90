@@ -13,7 +13,6 @@ module beamid
    use beamid_excitation, only: excitation_t, new_force_table, new_free, new_pulse, new_release
    use beamid_experiments, only: experiment_t
    use beamid_fields, only: field_t, find_field, graded_times, motion_size, norm_H, norm_V
-   use beamid_files, only: directory_of, join_path, output_t
    use beamid_fitted_modes, only: fitted_mode_t, fitted_modes
    use beamid_galerkin, only: galerkin_t, mesh_t, new_galerkin, same_mesh
    use beamid_identification, only: identify, identify_meshes, model_t, score_fits, simulate, &
@@ -26,6 +25,8 @@ module beamid
    use beamid_multistart, only: identify_from_many, minimum_t, multistart_t
    use beamid_noise, only: gaussian_noise
    use beamid_observation, only: formula_names, new_sampling, observation_t, sampling_t
+   use beamid_outputs, only: output_t
+   use beamid_paths, only: directory_of, join_path
    use beamid_problems, only: problem_t
    use beamid_profiles, only: difference_bound, lowest_places, profile, squared_distance, &
       sum_of_squares

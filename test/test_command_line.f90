@@ -45,6 +45,7 @@ program test_command_line
       call test_paths()
       call test_failures()
       call test_full_disk()
+      call test_standard_output()
       call test_extremes()
       call test_forms()
       call test_force_table()
@@ -232,7 +233,7 @@ contains
       outcome = beamid('modes my.case.nml --out "e f"', 'two words')
       call check('--out with a blank', outcome%status == 0 .and. exists('two words/e f/modes.csv'))
       call check('no temporary file stays', &
-         text_of(run('find . -name "*.new-*" -o -name "*.old-*"')) == '')
+         text_of(run('find . -name ".beamid-*"')) == '')
    end subroutine test_output_folder
 
    !> What a case names lies beside the case, wherever the program runs.
@@ -359,6 +360,41 @@ contains
       call check('older outputs are replaced by the next success', outcome%status == 0 .and. &
          read_file('old/summary.txt') == outcome%out .and. read_file('old/kept.txt') == 'kept')
    end subroutine test_full_disk
+
+   !> Standard output that takes nothing, or has no reader any more: status 1 and one line, which
+   !> says where the outputs are. Standard error that takes nothing is no reason to fail.
+   subroutine test_standard_output()
+      type(outcome_t) :: outcome
+
+      call refused_by('help >/dev/full', 'No space left on device')
+      call refused_by('version >/dev/full', 'No space left on device')
+      call refused_by('version >&-', 'Bad file descriptor')
+      call remove_tree('full')
+      call refused_by('modes case.nml --out full >/dev/full', 'No space left|the outputs are in full')
+      call check('full device: the outputs are there', &
+         index(read_file('full/summary.txt'), 'natural modes') > 0 .and. exists('full/manifest.txt'))
+      ! The reader closes its end before it lets the program start.
+      outcome = run('mkfifo start; { read -r go <start; "'//program_path//'" help; '// &
+         'echo "status $?" >&2; } | { exec <&-; echo go >start; }')
+      call check('no reader: status 1 and one line', line_count(outcome%err) == 2 .and. &
+         has_all(outcome%err, 'beamid: standard output: cannot be written: Broken pipe|status 1'))
+      outcome = beamid('identify case.nml --out full 2>/dev/full')
+      call check('standard error on a full device', outcome%status == 0 .and. &
+         outcome%out == read_file('full/summary.txt'))
+      outcome = beamid('fit case.nml 2>&-')
+      call check('no standard error', outcome%status == 2)
+   end subroutine test_standard_output
+
+   subroutine refused_by(arguments, words)
+      character(len=*), intent(in) :: arguments, words
+      type(outcome_t) :: outcome
+
+      outcome = beamid(arguments)
+      call check(arguments, outcome%status == 1 .and. outcome%out == '' .and. &
+         line_count(outcome%err) == 1 .and. &
+         has_all(outcome%err, 'beamid: standard output: cannot be written: |'//words), &
+         outcome%err(:max(0, len(outcome%err) - 1)))
+   end subroutine refused_by
 
    !> One case, written in other ways: the same outputs to the last byte.
    subroutine test_forms()

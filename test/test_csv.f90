@@ -3,7 +3,7 @@ program test_csv
    use, intrinsic :: iso_c_binding, only: c_int
    use beamid_kinds, only: wp, ip
    use beamid_errors, only: error_t
-   use beamid_files, only: output_t
+   use beamid_outputs, only: output_t
    use beamid_csv, only: column_length, read_columns
    use beamid_numbers, only: parse_number
    use checks, only: check, finish

@@ -2,7 +2,9 @@
 program test_files
    use, intrinsic :: iso_c_binding, only: c_int
    use beamid_errors, only: error_t
-   use beamid_files, only: read_text, output_t, directory_of, join_path
+   use beamid_files, only: read_text
+   use beamid_outputs, only: output_t
+   use beamid_paths, only: directory_of, join_path
    use checks, only: check, finish
    implicit none
 
@@ -31,6 +33,8 @@ program test_files
    call test_reading()
    call test_refusals()
    call test_writing()
+   call test_manifest()
+   call test_outdated()
    call test_harmless_failure()
    call test_rollback()
    call test_full_disk()
@@ -123,12 +127,59 @@ contains
       call check('folders are made', .not. allocated(error))
       call check('first file', content('new/deep/folder/one.csv') == 'first')
       call check('second file', content('new/deep/folder/two.csv') == 'second')
-      call check('no other file', holds('new/deep/folder', 2))
+      call check('no other file but the manifest', holds('new/deep/folder', 3))
       call output%add('one.csv', 'again')
       call output%commit(trim(scratch)//'/new/deep/folder', error)
       call check('written over', content('new/deep/folder/one.csv') == 'again')
-      call check('no other file', holds('new/deep/folder', 2))
+      call check('no other file but the manifest', holds('new/deep/folder', 3))
    end subroutine test_writing
+
+   !> Name, size and CRC-32 of each file. The value for '123456789' is the one that the definitions of
+   !> CRC-32 give as a check; no byte has 0, and of all bytes zlib has 29058c73.
+   subroutine test_manifest()
+      type(output_t) :: output
+      type(error_t), allocatable :: error
+
+      call output%add('check.csv', '123456789')
+      call output%add('empty.csv', '')
+      call output%add('bytes', all_bytes)
+      call output%commit(trim(scratch)//'/listed', error)
+      call check('manifest', content('listed/manifest.txt') == 'name bytes crc32 command'// &
+         line_feed//'check.csv 9 cbf43926 run'//line_feed//'empty.csv 0 00000000 run'// &
+         line_feed//'bytes 256 29058c73 run'//line_feed, content('listed/manifest.txt'))
+   end subroutine test_manifest
+
+   !> What an earlier run of the same command has written and this one has not goes, unless somebody
+   !> has changed it; the files of another command, and of others, stay. A line that leads to another
+   !> folder leads nowhere.
+   subroutine test_outdated()
+      type(output_t) :: first, second, other
+      type(error_t), allocatable :: error
+
+      call other%add('zero.csv', 'zero')
+      call other%add('one.csv', 'zero')
+      call other%add('late.csv', 'zero')
+      call other%commit(trim(scratch)//'/dated', error, 'other')
+      call first%add('one.csv', 'one')
+      call first%add('two.csv', 'two')
+      call first%add('three.csv', 'three')
+      call first%commit(trim(scratch)//'/dated', error)
+      call shell('cd '//trim(scratch)//' && echo mine >dated/notes.txt && echo more '// &
+         '>>dated/three.csv && echo more >>dated/late.csv && printf two >two.csv && printf "../%s" '// &
+         '"$(grep two dated/manifest.txt)" >line && cat line >>dated/manifest.txt && '// &
+         'echo >>dated/manifest.txt && echo nonsense >>dated/manifest.txt')
+      call second%add('one.csv', 'another')
+      call second%commit(trim(scratch)//'/dated', error)
+      call check('written over', .not. allocated(error) .and. content('dated/one.csv') == 'another')
+      call check('outdated file is gone', .not. exists('dated/two.csv'))
+      call check('changed file stays', exists('dated/three.csv'))
+      call check('files of others stay', exists('dated/notes.txt') .and. exists('two.csv'))
+      call check('file of another command stays', content('dated/zero.csv') == 'zero')
+      call check('no other file', holds('dated', 6))
+      call check('the manifest has what is as it was written', content('dated/manifest.txt') == &
+         'name bytes crc32 command'//line_feed//'one.csv 7 9d293438 run'//line_feed// &
+         'zero.csv 4 abdef192 other'//line_feed, content('dated/manifest.txt'))
+   end subroutine test_outdated
 
    !> A folder that cannot be written is bad input; what was made on the way is removed.
    subroutine test_harmless_failure()
@@ -150,7 +201,7 @@ contains
       call output%commit(trim(scratch)//'/new/deep/folder', error)
       call check_failed('name too long, old folder', error, 2, 'too long')
       call check('older file is whole', content('new/deep/folder/one.csv') == 'again')
-      call check('no temporary file', holds('new/deep/folder', 2))
+      call check('no temporary file', holds('new/deep/folder', 3))
    end subroutine test_harmless_failure
 
    !> When the last name cannot be given, the names given before are taken back.
@@ -168,7 +219,7 @@ contains
       call check_failed('a folder in the way', error, 2, 'directory')
       call check('older file is back', content('back/old.csv') == 'old')
       call check('fresh file is gone', .not. exists('back/fresh.csv'))
-      call check('no temporary file', holds('back', 2))
+      call check('no temporary file', holds('back', 3))
    end subroutine test_rollback
 
    !> A full disk is a failure (status 1), shown by the limit on the size of a file: this program
@@ -186,7 +237,7 @@ contains
          exitstat=code)
       call check('limit reached: failure, no signal', code == 11)
       call check('older file is whole', content('full/big.csv') == 'older')
-      call check('no temporary file', holds('full', 1))
+      call check('no temporary file', holds('full', 2))
    end subroutine test_full_disk
 
    !> The part of the test above under the limit; the exit status is 10 + the error's status.

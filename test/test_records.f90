@@ -2,7 +2,7 @@
 program test_records
    use, intrinsic :: iso_c_binding, only: c_int
    use beamid_errors, only: error_t
-   use beamid_files, only: output_t
+   use beamid_outputs, only: output_t
    use beamid_kinds, only: wp
    use beamid_records, only: load_recording, note_length, read_record, recording_t
    use beamid_series, only: part_t, read_series, series_t

@@ -4,7 +4,7 @@ module beamid_model_groups
    use beamid_csv, only: column_length, read_columns
    use beamid_errors, only: error_t
    use beamid_excitation, only: excitation_t, new_force_table, new_free, new_pulse, new_release
-   use beamid_files, only: directory_of, join_path
+   use beamid_paths, only: directory_of, join_path
    use beamid_kinds, only: wp
    use beamid_namelist, only: block_t, string_length
    use beamid_refusals, only: accept, exclude, in_range, positive, quoted, refuse, require

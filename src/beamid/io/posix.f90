@@ -1,22 +1,31 @@
-!> Calls of the C library that `beamid_files` is made of, with their constants for Linux (glibc):
-!> the same values and layouts on x86-64 and aarch64.
+!> Calls of the C library that reading, writing and printing are made of, with their constants for
+!> Linux (glibc): the same values and layouts on x86-64 and aarch64.
 module beamid_posix
-   use, intrinsic :: iso_c_binding, only: c_char, c_f_pointer, c_int, c_int16_t, c_int32_t, &
-      c_int64_t, c_intptr_t, c_null_char, c_ptr, c_size_t
+   use, intrinsic :: iso_c_binding, only: c_associated, c_char, c_f_pointer, c_int, c_int8_t, &
+      c_int16_t, c_int32_t, c_int64_t, c_intptr_t, c_null_char, c_ptr, c_size_t
    use beamid_kinds, only: ip
    implicit none
    private
 
-   public :: c_fopen, c_fread, c_ferror, c_fclose, c_creat, c_write, c_fsync, c_close
-   public :: c_link, c_rename, c_unlink, c_mkdir, c_rmdir, c_getpid, c_signal
-   public :: file_status, last_errno, reason
+   public :: c_fopen, c_fread, c_ferror, c_fclose, c_creat, c_fsync, c_close
+   public :: c_link, c_rename, c_unlink, c_mkdir, c_rmdir, c_opendir, c_closedir, c_dirfd, c_flock
+   public :: c_getpid, c_signal, c_raise, c_usleep
+   public :: file_status, kind_there, entry_name, host_name, write_bytes, last_errno, reason
 
-   integer(c_int), parameter, public :: enoent = 2, eintr = 4, eio = 5, eexist = 17, &
-      enotdir = 20, efbig = 27, enospc = 28, edquot = 122
-   integer(c_int), parameter, public :: sigxfsz = 25
+   integer(c_int), parameter, public :: enoent = 2, eintr = 4, eio = 5, eagain = 11, eexist = 17, &
+      enotdir = 20, eisdir = 21, einval = 22, efbig = 27, enospc = 28, edquot = 122
+   integer(c_int), parameter, public :: sighup = 1, sigint = 2, sigpipe = 13, sigterm = 15, &
+      sigxfsz = 25
    integer(c_intptr_t), parameter, public :: sig_ign = 1
+   !> Operations of `c_flock`: take for oneself, and fail instead of waiting.
+   integer(c_int), parameter, public :: lock_exclusive = 2, lock_nonblocking = 4
    !> What a path leads to, as `file_status` says it.
    integer, parameter, public :: kind_directory = int(o'040000'), kind_regular = int(o'100000')
+   integer(c_int), parameter :: at_fdcwd = -100, at_symlink_nofollow = 256, &
+      basic_fields = int(z'7ff', c_int)
+   integer, parameter :: kind_mask = int(o'170000')
+   !> The longest name of a file inside a folder.
+   integer, parameter, public :: max_name = 255
 
    !> The head of `struct statx`, and room for the rest of its 256 bytes.
    type, bind(c) :: statx_t
@@ -27,6 +36,14 @@ module beamid_posix
       integer(c_int64_t) :: inode, bytes
       integer(c_int64_t) :: rest(26)
    end type statx_t
+
+   !> `struct dirent`: an entry of a folder.
+   type, bind(c) :: dirent_t
+      integer(c_int64_t) :: inode, offset
+      integer(c_int16_t) :: length
+      integer(c_int8_t) :: kind
+      character(kind=c_char) :: name(max_name + 1)
+   end type dirent_t
 
    interface
       integer(c_int) function c_statx(folder, path, flags, mask, status) bind(c, name='statx')
@@ -93,6 +110,35 @@ module beamid_posix
          import :: c_char, c_int
          character(kind=c_char), intent(in) :: path(*)
       end function c_rmdir
+      type(c_ptr) function c_opendir(path) bind(c, name='opendir')
+         import :: c_char, c_ptr
+         character(kind=c_char), intent(in) :: path(*)
+      end function c_opendir
+      type(c_ptr) function c_readdir(folder) bind(c, name='readdir')
+         import :: c_ptr
+         type(c_ptr), value :: folder
+      end function c_readdir
+      integer(c_int) function c_closedir(folder) bind(c, name='closedir')
+         import :: c_int, c_ptr
+         type(c_ptr), value :: folder
+      end function c_closedir
+      integer(c_int) function c_dirfd(folder) bind(c, name='dirfd')
+         import :: c_int, c_ptr
+         type(c_ptr), value :: folder
+      end function c_dirfd
+      integer(c_int) function c_flock(fd, operation) bind(c, name='flock')
+         import :: c_int
+         integer(c_int), value :: fd, operation
+      end function c_flock
+      integer(c_int) function c_gethostname(name, length) bind(c, name='gethostname')
+         import :: c_char, c_int, c_size_t
+         character(kind=c_char), intent(out) :: name(*)
+         integer(c_size_t), value :: length
+      end function c_gethostname
+      integer(c_int) function c_usleep(microseconds) bind(c, name='usleep')
+         import :: c_int
+         integer(c_int), value :: microseconds
+      end function c_usleep
       integer(c_int) function c_getpid() bind(c, name='getpid')
          import :: c_int
       end function c_getpid
@@ -112,6 +158,10 @@ module beamid_posix
          integer(c_int), value :: number
          integer(c_intptr_t), value :: handler
       end function c_signal
+      integer(c_int) function c_raise(number) bind(c, name='raise')
+         import :: c_int
+         integer(c_int), value :: number
+      end function c_raise
    end interface
 
 contains
@@ -125,8 +175,6 @@ contains
       integer(ip), intent(out) :: bytes
       !> 0 or an errno.
       integer(c_int), intent(out) :: code
-      integer(c_int), parameter :: at_fdcwd = -100, basic_fields = int(z'7ff', c_int)
-      integer, parameter :: kind_mask = int(o'170000')
       type(statx_t) :: status
 
       kind = 0
@@ -139,6 +187,74 @@ contains
       kind = iand(int(status%mode), kind_mask)
       bytes = status%bytes
    end subroutine file_status
+
+   !> What stands at a path, a link itself and not what it leads to; 0: nothing.
+   integer function kind_there(path)
+      character(len=*), intent(in) :: path
+      type(statx_t) :: status
+
+      kind_there = 0
+      if (c_statx(at_fdcwd, path//c_null_char, at_symlink_nofollow, basic_fields, status) == 0) &
+         kind_there = iand(int(status%mode), kind_mask)
+   end function kind_there
+
+   !> The name of the next entry of an open folder; '' behind the last.
+   function entry_name(folder) result(name)
+      !> From `c_opendir`.
+      type(c_ptr), intent(in) :: folder
+      character(len=:), allocatable :: name
+      type(dirent_t), pointer :: entry
+      type(c_ptr) :: location
+
+      name = ''
+      location = c_readdir(folder)
+      if (.not. c_associated(location)) return
+      call c_f_pointer(location, entry)
+      name = up_to_null(entry%name)
+   end function entry_name
+
+   !> The name of this machine; '' when it has none.
+   function host_name() result(name)
+      character(len=:), allocatable :: name
+      character(kind=c_char) :: letters(max_name + 1)
+
+      letters = c_null_char
+      if (c_gethostname(letters, int(max_name, c_size_t)) /= 0) letters = c_null_char
+      name = up_to_null(letters)
+   end function host_name
+
+   !> Text from C, which ends before a null character.
+   pure function up_to_null(letters) result(text)
+      character(kind=c_char), intent(in) :: letters(:)
+      character(len=:), allocatable :: text
+      integer :: i, length
+
+      length = findloc(letters, c_null_char, dim=1) - 1
+      allocate (character(len=length) :: text)
+      do i = 1, length
+         text(i:i) = letters(i)
+      end do
+   end function up_to_null
+
+   !> Writes a whole text to an open file, pipe or terminal; returns 0 or an errno.
+   integer(c_int) function write_bytes(fd, text) result(code)
+      integer(c_int), intent(in) :: fd
+      character(len=*), intent(in) :: text
+      integer(ip) :: done, n
+      integer(c_int) :: ignored
+
+      code = 0
+      done = 0
+      do while (done < len(text, ip) .and. code == 0)
+         n = c_write(fd, text(done + 1:), len(text, c_size_t) - done)
+         if (n < 0) code = last_errno()
+         if (n == 0) code = enospc
+         ! Somebody else may have made the terminal one that does not wait.
+         if (code == eagain) ignored = c_usleep(1000_c_int)
+         if (code == eintr .or. code == eagain) code = 0
+         done = done + max(n, 0_ip)
+      end do
+   end function write_bytes
 
    !> The C library's `errno`.
    integer(c_int) function last_errno() result(code)
@@ -155,14 +271,10 @@ contains
       character(len=:), allocatable :: text
       character(kind=c_char), pointer :: letters(:)
       type(c_ptr) :: message
-      integer :: i
 
       message = c_strerror(code)
-      call c_f_pointer(message, letters, [c_strlen(message)])
-      allocate (character(len=size(letters)) :: text)
-      do i = 1, size(letters)
-         text(i:i) = letters(i)
-      end do
+      call c_f_pointer(message, letters, [c_strlen(message) + 1])
+      text = up_to_null(letters)
    end function reason
 
 end module beamid_posix

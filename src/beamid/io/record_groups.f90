@@ -3,7 +3,7 @@
 !> alone on error.
 module beamid_record_groups
    use beamid_errors, only: error_t
-   use beamid_files, only: directory_of, join_path
+   use beamid_paths, only: directory_of, join_path
    use beamid_kinds, only: wp
    use beamid_namelist, only: block_t, string_length
    use beamid_records, only: column_length, everything, recording_t, window_t

@@ -1,5 +1,6 @@
 !> Text that grows line by line, in memory, until it is printed or written as a whole.
 module beamid_texts
+   use beamid_kinds, only: ip
    implicit none
    private
 
@@ -10,7 +11,7 @@ module beamid_texts
 
    type :: text_t
       character(len=:), allocatable, private :: buffer
-      integer, private :: length = 0
+      integer(ip), private :: length = 0
    contains
       procedure :: add
       procedure :: line
@@ -24,15 +25,18 @@ contains
       class(text_t), intent(inout) :: self
       character(len=*), intent(in) :: piece
       character(len=:), allocatable :: larger
+      integer(ip) :: length
 
+      ! Of 64 bits, as a text of more than 2**30 characters doubles to more than 2**31.
+      length = self%length + len(piece, ip)
       if (.not. allocated(self%buffer)) allocate (character(len=4096) :: self%buffer)
-      if (self%length + len(piece) > len(self%buffer)) then
-         allocate (character(len=2*(self%length + len(piece))) :: larger)
+      if (length > len(self%buffer, ip)) then
+         allocate (character(len=2*length) :: larger)
          larger(:self%length) = self%buffer(:self%length)
          call move_alloc(larger, self%buffer)
       end if
-      self%buffer(self%length + 1:self%length + len(piece)) = piece
-      self%length = self%length + len(piece)
+      self%buffer(self%length + 1:length) = piece
+      self%length = length
    end subroutine add
 
    !> Appends a line, blanks at its end left out.

@@ -1,0 +1,133 @@
+!> Folders: made with their parents, listed, locked, and written to the disk.
+module beamid_folders
+   use, intrinsic :: iso_c_binding, only: c_associated, c_int, c_null_char, c_ptr
+   use beamid_kinds, only: ip
+   use beamid_paths, only: join_path
+   use beamid_posix, only: c_closedir, c_dirfd, c_flock, c_fsync, c_mkdir, c_opendir, c_rmdir, &
+      c_unlink, c_usleep, eagain, eexist, einval, enotdir, entry_name, file_status, &
+      kind_directory, last_errno, lock_exclusive, lock_nonblocking, max_name
+   implicit none
+   private
+
+   public :: make_folder, make_folders, remove_folder, list_folder, lock_folder, sync_folder
+
+contains
+
+   !> Creates a folder and its missing parents.
+   subroutine make_folders(path, created, code)
+      character(len=*), intent(in) :: path
+      !> Lengths of those leading parts of the path that were created, outermost first.
+      integer, allocatable, intent(out) :: created(:)
+      !> 0 or an errno.
+      integer(c_int), intent(out) :: code
+      integer :: i
+
+      allocate (created(0))
+      code = 0
+      do i = 1, len(path)
+         if (i < len(path)) then
+            if (path(i:i) == '/' .or. path(i + 1:i + 1) /= '/') cycle
+         end if
+         if (is_folder(path(:i))) cycle
+         code = make_folder(path(:i))
+         if (code == 0) then
+            created = [created, i]
+         else if (code == eexist) then
+            ! Another run may have made it just now; what else has this name is in the way.
+            code = merge(0_c_int, enotdir, is_folder(path(:i)))
+         end if
+         if (code /= 0) return
+      end do
+   end subroutine make_folders
+
+   logical function is_folder(path)
+      character(len=*), intent(in) :: path
+      integer :: kind
+      integer(ip) :: bytes
+      integer(c_int) :: code
+
+      call file_status(path, kind, bytes, code)
+      is_folder = kind == kind_directory
+   end function is_folder
+
+   !> Returns 0 or an errno, as all functions below.
+   integer(c_int) function make_folder(path) result(code)
+      character(len=*), intent(in) :: path
+
+      code = 0
+      if (c_mkdir(path//c_null_char, int(o'777', c_int)) /= 0) code = last_errno()
+   end function make_folder
+
+   !> Removes a folder and the files in it; what else is there stays, with the folder.
+   integer(c_int) function remove_folder(path) result(code)
+      character(len=*), intent(in) :: path
+      character(len=max_name), allocatable :: names(:)
+      integer(c_int) :: ignored
+      integer :: i
+
+      code = list_folder(path, '', names)
+      do i = 1, size(names)
+         ignored = c_unlink(join_path(path, trim(names(i)))//c_null_char)
+      end do
+      if (c_rmdir(path//c_null_char) /= 0) code = last_errno()
+   end function remove_folder
+
+   !> The names in a folder that begin with `prefix`.
+   integer(c_int) function list_folder(path, prefix, names) result(code)
+      character(len=*), intent(in) :: path, prefix
+      character(len=max_name), allocatable, intent(out) :: names(:)
+      character(len=:), allocatable :: name
+      type(c_ptr) :: folder
+
+      allocate (names(0))
+      code = 0
+      folder = c_opendir(path//c_null_char)
+      if (.not. c_associated(folder)) then
+         code = last_errno()
+         return
+      end if
+      do
+         name = entry_name(folder)
+         if (name == '') exit
+         if (name == '.' .or. name == '..' .or. index(name, prefix) /= 1) cycle
+         names = [character(len=max_name) :: names, name]
+      end do
+      code = c_closedir(folder)
+   end function list_folder
+
+   !> Waits until no other run changes an open folder, half a minute at most: a run that was stopped
+   !> must not hold up this one for ever. .false. as well where a file system knows no locks.
+   logical function lock_folder(folder) result(locked)
+      !> From `c_opendir`; the lock ends when it is closed, or with the program.
+      type(c_ptr), intent(in) :: folder
+      integer, parameter :: attempts = 3000
+      integer(c_int), parameter :: microseconds = 10000
+      integer(c_int) :: ignored
+      integer :: i
+
+      do i = 1, attempts
+         locked = c_flock(c_dirfd(folder), lock_exclusive + lock_nonblocking) == 0
+         if (locked) return
+         if (last_errno() /= eagain) return
+         ignored = c_usleep(microseconds)
+      end do
+   end function lock_folder
+
+   !> Waits until the disk has the names in a folder; a file system may not know how to (EINVAL).
+   integer(c_int) function sync_folder(path) result(code)
+      character(len=*), intent(in) :: path
+      type(c_ptr) :: folder
+      integer(c_int) :: ignored
+
+      code = 0
+      folder = c_opendir(path//c_null_char)
+      if (.not. c_associated(folder)) then
+         code = last_errno()
+         return
+      end if
+      if (c_fsync(c_dirfd(folder)) /= 0) code = last_errno()
+      if (code == einval) code = 0
+      ignored = c_closedir(folder)
+   end function sync_folder
+
+end module beamid_folders

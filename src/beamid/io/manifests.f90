@@ -1,0 +1,167 @@
+!> The manifest of an output folder: of each file its name, size and checksum, and the command whose
+!> run wrote it to its end.
+!>
+!> The checksum is CRC-32 as gzip, zip and PNG have it (ISO 3309; Python: `zlib.crc32`, coreutils 9.6
+!> and newer: `cksum -a crc32b`): it tells a cut file or one of another run, not a forged one.
+module beamid_manifests
+   use, intrinsic :: iso_c_binding, only: c_associated, c_int, c_null_char, c_ptr, c_size_t
+   use, intrinsic :: iso_fortran_env, only: int32
+   use beamid_kinds, only: ip
+   use beamid_paths, only: join_path
+   use beamid_posix, only: c_fclose, c_ferror, c_fopen, c_fread, file_status, kind_regular, &
+      kind_there, last_errno
+   use beamid_strings, only: lower, to_text
+   implicit none
+   private
+
+   public :: entry_of, entries_in, name_in, command_in, compare
+
+   character(len=*), parameter, public :: manifest_name = 'manifest.txt'
+   character(len=*), parameter, public :: manifest_header = 'name bytes crc32 command'
+   !> A name of up to 255 characters, and the rest.
+   integer, parameter, public :: entry_length = 320
+
+   character(len=*), parameter :: line_feed = achar(10)
+   !> The polynomial of ISO 3309, its lowest coefficient in the highest bit.
+   integer(int32), parameter :: polynomial = int(z'edb88320', int32)
+
+contains
+
+   !> The line of a file: `estimates.csv 1234 0a1b2c3d identify`.
+   pure function entry_of(name, text, command) result(entry)
+      !> The file's name, its whole text, and a word.
+      character(len=*), intent(in) :: name, text, command
+      character(len=:), allocatable :: entry
+
+      entry = line(name, len(text, ip), crc32(text, 0_int32), command)
+   end function entry_of
+
+   !> The whole lines below the header of a manifest; size 0 when the text is none.
+   pure function entries_in(text) result(entries)
+      character(len=*), intent(in) :: text
+      character(len=entry_length), allocatable :: entries(:)
+      integer(ip) :: at, next, n
+
+      n = 0
+      if (index(text, manifest_header//line_feed) == 1) &
+         n = count([(text(at:at) == line_feed, at=1, len(text, ip))], kind=ip) - 1
+      allocate (entries(n))
+      next = len(manifest_header) + 2
+      do at = 1, n
+         entries(at) = text(next:next + index(text(next:), line_feed, kind=ip) - 2)
+         next = next + index(text(next:), line_feed, kind=ip)
+      end do
+   end function entries_in
+
+   !> The name in a line, which is all but its last three words. '' where that leads elsewhere.
+   pure function name_in(entry) result(name)
+      character(len=*), intent(in) :: entry
+      character(len=:), allocatable :: name
+      integer :: k
+
+      name = trim(entry)
+      do k = 1, 3
+         name = name(:max(index(name, ' ', back=.true.) - 1, 0))
+      end do
+      if (index(name, '/') > 0) name = ''
+   end function name_in
+
+   !> The last word of a line.
+   pure function command_in(entry) result(command)
+      character(len=*), intent(in) :: entry
+      character(len=:), allocatable :: command
+
+      command = trim(entry(index(trim(entry), ' ', back=.true.) + 1:))
+   end function command_in
+
+   !> Whether a folder holds the file of a line, byte for byte.
+   subroutine compare(directory, entry, same, code)
+      character(len=*), intent(in) :: directory, entry
+      logical, intent(out) :: same
+      !> 0, or an errno where the file is there and cannot be read.
+      integer(c_int), intent(out) :: code
+      character(len=:), allocatable :: path
+      type(c_ptr) :: stream
+      integer(ip) :: bytes
+      integer(int32) :: checksum
+      integer(c_int) :: ignored
+      integer :: kind
+
+      same = .false.
+      code = 0
+      path = join_path(directory, name_in(entry))
+      if (kind_there(path) /= kind_regular) return
+      call file_status(path, kind, bytes, code)
+      if (code /= 0) return
+      if (index(entry, name_in(entry)//' '//to_text(bytes)//' ') /= 1) return
+      stream = c_fopen(path//c_null_char, 'rb'//c_null_char)
+      if (.not. c_associated(stream)) then
+         code = last_errno()
+         return
+      end if
+      call read_checksum(stream, checksum, code)
+      same = entry == line(name_in(entry), bytes, checksum, command_in(entry))
+      ignored = c_fclose(stream)
+   end subroutine compare
+
+   !> The checksum of an open stream, piece by piece: outputs may be larger than what is read whole.
+   subroutine read_checksum(stream, checksum, code)
+      type(c_ptr), intent(in) :: stream
+      integer(int32), intent(out) :: checksum
+      !> 0 or an errno.
+      integer(c_int), intent(out) :: code
+      character(len=:), allocatable :: piece
+      integer(ip) :: got
+
+      allocate (character(len=2**20) :: piece)
+      checksum = 0
+      do
+         got = c_fread(piece, 1_c_size_t, len(piece, c_size_t), stream)
+         code = merge(last_errno(), 0_c_int, c_ferror(stream) /= 0)
+         checksum = crc32(piece(:got), checksum)
+         if (got < len(piece, ip)) exit
+      end do
+   end subroutine read_checksum
+
+   pure function line(name, bytes, checksum, command)
+      character(len=*), intent(in) :: name, command
+      integer(ip), intent(in) :: bytes
+      integer(int32), intent(in) :: checksum
+      character(len=:), allocatable :: line
+      character(len=8) :: digits
+
+      write (digits, '(z8.8)') checksum
+      line = name//' '//to_text(bytes)//' '//lower(digits)//' '//command
+   end function line
+
+   !> The checksum of a text, or of all that is behind `before` and the text.
+   pure integer(int32) function crc32(text, before)
+      character(len=*), intent(in) :: text
+      integer(int32), intent(in) :: before
+      integer(int32) :: table(0:255)
+      integer(ip) :: at
+      integer :: k
+
+      do k = 0, 255
+         table(k) = remainder_of(int(k, int32))
+      end do
+      crc32 = not(before)
+      do at = 1, len(text, ip)
+         crc32 = ieor(shiftr(crc32, 8), &
+            table(iand(ieor(crc32, iachar(text(at:at), int32)), 255_int32)))
+      end do
+      crc32 = not(crc32)
+   end function crc32
+
+   !> The remainder of one byte.
+   pure integer(int32) function remainder_of(byte) result(rest)
+      integer(int32), intent(in) :: byte
+      integer :: bit
+
+      rest = byte
+      do bit = 1, 8
+         rest = merge(ieor(shiftr(rest, 1), polynomial), shiftr(rest, 1), btest(rest, 0))
+      end do
+   end function remainder_of
+
+end module beamid_manifests

@@ -1,0 +1,78 @@
+!> The outputs of one run: built in memory, and written together, all of them or none.
+module beamid_outputs
+   use, intrinsic :: iso_c_binding, only: c_int, c_null_char
+   use beamid_errors, only: error_t, bad_input, failure
+   use beamid_exchange, only: exchange, named_text_t
+   use beamid_folders, only: make_folders
+   use beamid_posix, only: c_rmdir, edquot, efbig, eio, enospc, reason
+   implicit none
+   private
+
+   public :: output_t
+
+   type :: output_t
+      type(named_text_t), allocatable, private :: files(:)
+   contains
+      procedure :: add
+      procedure :: commit
+   end type output_t
+
+contains
+
+   !> Adds a file to the list; a name given before gets the new text.
+   subroutine add(self, name, text)
+      class(output_t), intent(inout) :: self
+      !> The file's name inside the output folder, and its whole text.
+      character(len=*), intent(in) :: name, text
+      type(named_text_t), allocatable :: more(:)
+      integer :: i, n
+
+      if (.not. allocated(self%files)) allocate (self%files(0))
+      n = size(self%files)
+      do i = 1, n
+         if (self%files(i)%name == name) exit
+      end do
+      if (i > n) then
+         allocate (more(n + 1))
+         more(:n) = self%files
+         call move_alloc(more, self%files)
+         self%files(i)%name = name
+      end if
+      self%files(i)%text = text
+   end subroutine add
+
+   !> Writes all files and their manifest, or changes nothing (`beamid_exchange`).
+   subroutine commit(self, directory, error, command)
+      class(output_t), intent(in) :: self
+      !> The output folder; it and its parents are created when missing.
+      character(len=*), intent(in) :: directory
+      !> Status 1 for a full or broken disk, 2 for a folder that cannot be written.
+      type(error_t), allocatable, intent(out) :: error
+      !> A word for the kind of run, default `run`: what the last run of this kind has written there
+      !> and this one has not is removed, unless somebody has changed it.
+      character(len=*), intent(in), optional :: command
+      character(len=:), allocatable :: left, message, kind
+      integer(c_int) :: code, ignored
+      integer, allocatable :: created(:)
+      integer :: i
+
+      left = ''
+      kind = 'run'
+      if (present(command)) kind = command
+      call make_folders(directory, created, code)
+      if (code == 0 .and. allocated(self%files)) &
+         call exchange(directory, self%files, kind, code, left)
+      if (code == 0) return
+      do i = size(created), 1, -1
+         ignored = c_rmdir(directory(:created(i))//c_null_char)
+      end do
+      message = directory//': the output folder cannot be written: '//reason(code)
+      if (left /= '') message = message//'; older files are in '//left
+      if (any(code == [enospc, edquot, eio, efbig])) then
+         call failure(error, message)
+      else
+         call bad_input(error, message)
+      end if
+   end subroutine commit
+
+end module beamid_outputs

@@ -1,0 +1,100 @@
+!> The scripts that read an output folder refuse one that its manifest does not vouch for.
+program test_scripts
+   use checks, only: check, finish, skip
+   use shell, only: close_shell, has_all, line_count, open_shell, outcome_t, program_path, run, &
+      write_file
+   implicit none
+
+   character(len=*), parameter :: nl = achar(10), scripts = '../../scripts/'
+   character(len=*), parameter :: case_text = &
+      '&beam length=4.0, rho=0.03, E=80.0, I=1.0, c_D=0.005 /'//nl// &
+      '&discretization elements=2,3 /'//nl// &
+      '&excitation kind=''pulse'', amplitude=1.0, duration=0.05 /'//nl// &
+      '&record file=''out/truth/record.csv'', t_first=0.1, t_last=2.0, t_step=0.05 /'//nl, &
+      stage = '&stage free=''E'', start=70 /'//nl
+   !> What all of them share needs nothing but Python itself.
+   character(len=*), parameter :: check_outputs = 'import sys'//nl// &
+      'sys.path.insert(0, "'//scripts//'")'//nl//'import program'//nl// &
+      'print(program.outputs(sys.argv[1]))'//nl
+   character(len=:), allocatable :: reason
+   type(outcome_t) :: outcome
+
+   call open_shell(reason)
+   if (reason == '') then
+      outcome = run('python3 --version')
+      if (outcome%status /= 0) reason = 'no Python'
+   end if
+   if (reason /= '') then
+      call skip('scripts', reason)
+   else
+      call test_shared()
+      call test_each()
+   end if
+   call close_shell()
+   call finish('scripts')
+
+contains
+
+   subroutine test_shared()
+      call write_file('check_outputs.py', check_outputs)
+      call write_file('truth.nml', case_text)
+      call write_file('case.nml', case_text//stage)
+      outcome = run('"'//program_path//'" simulate truth.nml && "'//program_path// &
+         '" identify case.nml --quiet')
+      call check('two runs', outcome%status == 0, outcome%err)
+      outcome = run('python3 check_outputs.py out/case')
+      call check('outputs of a run', outcome%status == 0 .and. outcome%out == 'out/case'//nl, &
+         outcome%err)
+      call refused('rm copy/manifest.txt', 'copy: no manifest.txt')
+      call refused('echo >>copy/fit.csv', 'copy/fit.csv: not as manifest.txt has it')
+      call refused('sed -i s/m/M/ copy/fit.csv', 'copy/fit.csv: not as manifest.txt has it')
+      call refused('rm copy/fit.csv', 'copy/fit.csv: No such file')
+      call refused('echo other >copy/manifest.txt', 'manifest.txt: found|expected a manifest')
+      call refused('>copy/manifest.txt', 'manifest.txt: found|expected a manifest')
+      call refused('echo fit.csv >>copy/manifest.txt', 'copy/fit.csv: not as manifest.txt has it')
+      call refused('rm -r copy', 'copy: no such folder')
+   end subroutine test_shared
+
+   !> A copy of the outputs, damaged by a command: status 2 and one line.
+   subroutine refused(damage, words)
+      character(len=*), intent(in) :: damage, words
+
+      outcome = run('rm -rf copy && cp -r out/case copy && '//damage)
+      call judge(damage, 'python3 check_outputs.py copy', words)
+   end subroutine refused
+
+   subroutine judge(what, command, words)
+      character(len=*), intent(in) :: what, command, words
+
+      outcome = run(command)
+      call check(what, outcome%status == 2 .and. outcome%out == '' .and. &
+         line_count(outcome%err) == 1 .and. has_all(outcome%err, words), told(outcome))
+   end subroutine judge
+
+   !> Standard error without its last line feed.
+   function told(outcome)
+      type(outcome_t), intent(in) :: outcome
+      character(len=:), allocatable :: told
+
+      told = outcome%err(:max(0, len(outcome%err) - 1))
+   end function told
+
+   !> Every script that is given an output folder asks.
+   subroutine test_each()
+      outcome = run(scripts//'plot_fit.py out/case')
+      if (index(outcome%err, 'no module') > 0) then
+         call skip('each script', outcome%err)
+         return
+      end if
+      call check('plot_fit.py: a picture', outcome%out == 'out/case/fit.png'//nl, outcome%err)
+      outcome = run('mkdir -p part/section-4 && cp -r out/case part/table-4.1 && '// &
+         'touch part/section-4/curves.csv && rm out/case/manifest.txt')
+      call judge('plot_fit.py', scripts//'plot_fit.py out/case', 'out/case: no manifest.txt')
+      call judge('plot_convergence.py', scripts//'plot_convergence.py out/case', &
+         'out/case: no manifest.txt')
+      call judge('plot_paper.py', scripts//'plot_paper.py part/section-4', &
+         'part/section-4: no manifest.txt')
+      call judge('report.py', scripts//'report.py part', 'part/section-4: no manifest.txt')
+   end subroutine test_each
+
+end program test_scripts
