@@ -3,9 +3,9 @@
 
 # fpm 0.12 or newer (another program of this name has no line `Version:`).
 is_fpm() {
-   local line
-   line=$("$1" --version 2>/dev/null | grep -m 1 '^Version:') || return 1
-   [[ $line =~ ([0-9]+)\.([0-9]+) ]] || return 1
+   local words
+   words=$("$1" --version 2>/dev/null) || return 1
+   [[ $words =~ Version:\ +([0-9]+)\.([0-9]+) ]] || return 1
    [[ ${BASH_REMATCH[1]} -gt 0 || ${BASH_REMATCH[2]} -ge 12 ]]
 }
 

@@ -29,13 +29,16 @@ def fail(message, status=2):
 
 
 def need(*modules):
-    """Restarts the calling script with the checkout's Python when one of the modules is missing."""
+    """Restarts the calling script with the checkout's Python when one of the modules is missing,
+    which set-up installs there."""
     try:
         for module in modules:
             importlib.import_module(module)
     except ImportError as missing:
-        if not PYTHON.exists() or Path(sys.prefix).resolve() == PYTHON.parent.parent.resolve():
-            fail(f"no module {missing.name}; run scripts/setup.sh first")
+        if Path(sys.prefix).resolve() == PYTHON.parent.parent.resolve():
+            fail(f"no module {missing.name}, expected {', '.join(modules)} in .venv", 1)
+        if subprocess.run([CHECKOUT / "scripts" / "setup.sh", "pictures"]).returncode:
+            raise SystemExit(1) from None
         os.execv(PYTHON, [str(PYTHON), *sys.argv])
 
 
@@ -65,9 +68,9 @@ def run(*arguments):
 def release():
     """The executable of the release build, made if need be."""
     run("version")
-    fpm = next((CHECKOUT / ".venv").glob("lib/python*/site-packages/fpm/fpm"))
-    listed = output_of(fpm, "run", "beamid", "--runner", "echo", "--profile", "release")
-    return CHECKOUT / re.findall(r"^build/.*", listed, re.MULTILINE)[-1]
+    listed = output_of("bash", "-c", "checkout=$PWD; . scripts/fpm.sh && find_fpm && "
+                       "paths run beamid --profile release")
+    return CHECKOUT / listed.splitlines()[-1]
 
 
 def reason(error):
