@@ -6,7 +6,6 @@ import csv
 import importlib
 import math
 import os
-import re
 import subprocess
 import sys
 import zlib
