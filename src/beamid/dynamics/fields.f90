@@ -2,9 +2,10 @@
 !>
 !> With the vector x of a root s, as in `beamid_poles`, the unknowns of (3.13) move by
 !> w = Re(sum x (x'F)/A z), z' = s z + f, two times that for one of a pair; s and s**2 in front of z
-!> give w' and w'' - f M**-1 F.
+!> give w' and w'' - f M**-1 F. A cluster of roots moves them as it moves the sensor.
 module beamid_fields
    use beamid_assembly, only: assembly_t
+   use beamid_clusters, only: cluster_t, contour_point, rows_of
    use beamid_equations, only: equations_t
    use beamid_errors, only: error_t, failure
    use beamid_excitation, only: excitation_t
@@ -15,8 +16,9 @@ module beamid_fields
    use beamid_quadrature, only: gauss_legendre, rule_t
    use beamid_responses, only: response_t
    use beamid_splines, only: spline_space_t
-   use beamid_vectors, only: solve_mass
-   use beamid_synthesis, only: advance, states_t
+   use beamid_synthesis, only: advance, at_rest, states_t
+   use beamid_transfer, only: transfer_at, transfer_t
+   use beamid_vectors, only: root_t, solve_mass
    implicit none
    private
 
@@ -40,7 +42,7 @@ contains
    !>
    !> equations  of a beam whose root does not turn
    !> times      ascending [time]
-   !> error      the root turns, or roots of the structure coincide
+   !> error      the root turns
    subroutine find_field(equations, excitation, times, field, error)
       type(equations_t), intent(in) :: equations
       type(excitation_t), intent(in) :: excitation
@@ -50,9 +52,9 @@ contains
       type(beam_modes_t) :: modes
       type(assembly_t) :: assembly
       type(poles_t) :: poles
-      complex(wp), allocatable :: shapes(:, :), z(:, :)
+      complex(wp), allocatable :: shapes(:, :, :), z(:, :)
       real(wp), allocatable :: impulse(:)
-      integer :: k, order
+      integer :: k, order, states
 
       if (equations%structure%has_soft_root()) then
          call failure(error, 'field: found a root that turns, expected a rigid one')
@@ -65,13 +67,22 @@ contains
       if (allocated(error)) return
       field%t = times
       field%space = equations%galerkin%space
-      allocate (field%w(size(times), equations%n, 0:2), shapes(size(poles%s), equations%n), &
-         z(size(times), size(poles%s)))
-      call unknowns_of_poles(assembly, modes, poles, shapes, impulse)
-      call march(poles%s, excitation, times, z)
+      states = size(poles%s) + sum(poles%cluster%m)
+      allocate (field%w(size(times), equations%n, 0:2), shapes(states, equations%n, 0:2), &
+         z(size(times), states))
+      states = size(poles%s)
+      call unknowns_of_poles(assembly, modes, poles, shapes(:states, :, :), impulse)
+      do k = 1, size(poles%cluster)
+         associate (cluster => poles%cluster(k))
+            call unknowns_of_cluster(assembly, modes, cluster, &
+               shapes(states + 1:states + cluster%m, :, :))
+            states = states + cluster%m
+         end associate
+      end do
+      call march(poles, excitation, times, z)
       do order = 0, 2
-         field%w(:, :, order) = matmul(real(z), real(shapes)) - matmul(aimag(z), aimag(shapes))
-         shapes = shapes*spread(poles%s, 2, equations%n)
+         field%w(:, :, order) = matmul(real(z), real(shapes(:, :, order))) &
+            - matmul(aimag(z), aimag(shapes(:, :, order)))
       end do
       do k = 1, equations%n
          field%w(:, k, 2) = field%w(:, k, 2) + excitation%force(times)*impulse(k)
@@ -80,67 +91,113 @@ contains
 
    !> What each pole moves, per unit of its state z, and M**-1 F, both in the unknowns of (3.13).
    !>
-   !> shapes   (poles, unknowns)
+   !> shapes   (poles, unknowns, 0:2) of w, w' and w''
    !> impulse  (unknowns)
    subroutine unknowns_of_poles(assembly, modes, poles, shapes, impulse)
       type(assembly_t), intent(in) :: assembly
       type(beam_modes_t), intent(in) :: modes
       type(poles_t), intent(in) :: poles
-      complex(wp), intent(out) :: shapes(:, :)
+      complex(wp), intent(out) :: shapes(:, :, 0:)
       real(wp), allocatable, intent(out) :: impulse(:)
       real(wp) :: x(assembly%n), y(size(assembly%v, 1))
       complex(wp) :: factor
-      integer :: k, n, place
+      integer :: k, n, unknowns
 
       n = size(modes%shapes, 1)
-      place = size(shapes, 2)
+      unknowns = size(shapes, 2)
       shapes = 0
-      allocate (impulse(place), source=0.0_wp)
       do k = 1, size(poles%s)
+         if (any(poles%cluster%holds(poles%s(k)))) cycle
          associate (vector => poles%vector(k))
             factor = sum(assembly%load*vector%x)/vector%A
             if (abs(aimag(poles%s(k))) > 0) factor = 2*factor
-            shapes(k, :n) = factor*cmplx(matmul(modes%shapes, real(vector%x(:n))), &
-               matmul(modes%shapes, aimag(vector%x(:n))), wp)
-            if (assembly%hose == 0) cycle
-            ! The second form of the pencil counts the hose from the tip.
-            shapes(k, place) = factor*vector%x(n + 1)
-            if (vector%form == 2) shapes(k, place) = shapes(k, place) &
-               + factor*vector%y(assembly%tip)
+            shapes(k, :, 0) = factor*unknowns_of(assembly, modes, vector%form, vector%x, &
+               vector%y(assembly%tip), unknowns)
+            shapes(k, :, 1) = poles%s(k)*shapes(k, :, 0)
+            shapes(k, :, 2) = poles%s(k)*shapes(k, :, 1)
          end associate
       end do
+      allocate (impulse(unknowns), source=0.0_wp)
       call solve_mass(assembly, assembly%load, x, y)
       impulse(:n) = matmul(modes%shapes, x(:n))
-      if (assembly%hose > 0) impulse(place) = x(n + 1)
+      if (assembly%hose > 0) impulse(unknowns) = x(n + 1)
    end subroutine unknowns_of_poles
 
-   !> States of all poles, z' = s z + f from rest.
+   !> What the states of a cluster move: moments of the motion Q**-1 F over its contour.
    !>
-   !> z  (times, poles)
-   subroutine march(s, excitation, times, z)
-      complex(wp), intent(in) :: s(:)
+   !> shapes  (m, unknowns, 3)
+   subroutine unknowns_of_cluster(assembly, modes, cluster, shapes)
+      type(assembly_t), intent(in) :: assembly
+      type(beam_modes_t), intent(in) :: modes
+      type(cluster_t), intent(in) :: cluster
+      complex(wp), intent(out) :: shapes(:, :, :)
+      complex(wp) :: mu(cluster%m + 2, size(shapes, 2)), none(cluster%m + 2, 0), z
+      complex(wp), allocatable :: row(:, :), drow(:, :, :)
+      type(transfer_t) :: value
+      type(root_t) :: point
+      integer :: i, k
+
+      mu = 0
+      do i = 1, cluster%points
+         call contour_point(cluster, i, z, point)
+         call transfer_at(assembly, point, .false., value)
+         do k = 1, size(mu, 1)
+            mu(k, :) = mu(k, :) + cluster%radius/cluster%points*z**k*unknowns_of(assembly, modes, &
+               value%form, value%q, value%u(assembly%tip), size(mu, 2))
+         end do
+      end do
+      mu = cluster%weight()*mu
+      if (cluster%on_axis) mu = real(mu)
+      do i = 1, size(mu, 2)
+         call rows_of(cluster, mu(:, i), none, row, drow)
+         shapes(:, i, :) = row
+      end do
+   end subroutine unknowns_of_cluster
+
+   !> Spline coefficients and the hose from the oscillators' motion x.
+   !>
+   !> form  of the pencil: the second counts the hose from the tip
+   function unknowns_of(assembly, modes, form, x, tip, unknowns) result(w)
+      type(assembly_t), intent(in) :: assembly
+      type(beam_modes_t), intent(in) :: modes
+      integer, intent(in) :: form, unknowns
+      complex(wp), intent(in) :: x(:), tip
+      complex(wp) :: w(unknowns)
+      integer :: n
+
+      n = size(modes%shapes, 1)
+      w = 0
+      w(:n) = cmplx(matmul(modes%shapes, real(x(:n))), matmul(modes%shapes, aimag(x(:n))), wp)
+      if (assembly%hose == 0) return
+      w(unknowns) = x(n + 1)
+      if (form == 2) w(unknowns) = w(unknowns) + tip
+   end function unknowns_of
+
+   !> States of all poles, z' = s z + f from rest, then those of the clusters.
+   !>
+   !> z  (times, states)
+   subroutine march(poles, excitation, times, z)
+      type(poles_t), intent(in) :: poles
       type(excitation_t), intent(in) :: excitation
       real(wp), intent(in) :: times(:)
       complex(wp), intent(out) :: z(:, :)
       type(states_t) :: states
       real(wp) :: t, next
-      integer :: k, node
+      integer :: j, k, node
 
-      allocate (states%z(size(s)), states%y(size(s)), states%growth(size(s)))
-      states%z = 0
-      states%y = 0
+      states = at_rest(poles, .false.)
       node = 1
       t = excitation%t(1)
       do k = 1, size(times)
          do while (times(k) > t)
             next = times(k)
             if (node < size(excitation%t)) next = min(next, excitation%t(node + 1))
-            call advance(states, s, excitation, node, t, next, with_slopes=.false.)
+            call advance(states, poles, excitation, node, t, next, with_slopes=.false.)
             t = next
             if (node >= size(excitation%t)) cycle
             if (t >= excitation%t(node + 1)) node = node + 1
          end do
-         z(k, :) = states%z
+         z(k, :) = [states%z, (states%cluster(j)%x, j=1, size(states%cluster))]
       end do
    end subroutine march
 

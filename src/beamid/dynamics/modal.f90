@@ -6,12 +6,12 @@ module beamid_modal
    use beamid_equations, only: equations_t
    use beamid_errors, only: error_t, failure
    use beamid_excitation, only: excitation_t, new_pulse
+   use beamid_free_motion, only: find_free_modes, free_mode_t
    use beamid_galerkin, only: galerkin_t, mesh_t, same_mesh
    use beamid_kinds, only: wp
    use beamid_modes, only: bare_beam_modes, beam_modes_t
    use beamid_poles, only: differentiate_poles, find_poles, poles_t
    use beamid_responses, only: response_t, solver_t, work_t
-   use beamid_strings, only: to_text
    use beamid_structure, only: same_structure, structure_t
    use beamid_synthesis, only: synthesize
    implicit none
@@ -33,7 +33,7 @@ module beamid_modal
       procedure :: noise
       procedure :: is_exact
       procedure :: differentiate
-      procedure :: free_motion
+      procedure :: free_modes
       procedure, private :: solve
    end type modal_t
 
@@ -130,44 +130,20 @@ contains
          self%power = excitation%power
          self%layout = assembly%layout()
       end if
-      call differentiate_poles(assembly, self%poles, error)
+      call differentiate_poles(assembly, self%poles)
    end subroutine solve
 
-   subroutine free_motion(self, equations, parameters, s, ds, work, error)
+   subroutine free_modes(self, equations, parameters, wanted, modes, work, error)
       class(modal_t), intent(inout) :: self
       type(equations_t), intent(in), target :: equations
-      integer, intent(in) :: parameters(:)
-      complex(wp), intent(out) :: s(:), ds(:, :)
+      integer, intent(in) :: parameters(:), wanted
+      type(free_mode_t), allocatable, intent(out) :: modes(:)
       type(work_t), intent(inout) :: work
       type(error_t), allocatable, intent(out) :: error
-      integer :: k, next
 
       call self%solve(equations, new_pulse(0.0_wp, 1.0_wp), parameters, work, error)
-      if (allocated(error)) return
-      call take(aimag(self%poles%s) > 0)
-
-   contains
-
-      !> The lowest of the poles that are waiting, one after the other.
-      subroutine take(oscillates)
-         logical, intent(in) :: oscillates(:)
-         logical :: waiting(size(oscillates))
-
-         waiting = oscillates
-         if (count(waiting) < size(s)) then
-            call failure(error, 'modal: found '//to_text(count(waiting))// &
-               ' modes that oscillate, expected '//to_text(size(s)))
-            return
-         end if
-         do k = 1, size(s)
-            next = minloc(abs(self%poles%s), dim=1, mask=waiting)
-            waiting(next) = .false.
-            s(k) = self%poles%s(next)
-            ds(k, :) = self%poles%ds(next, :)
-         end do
-      end subroutine take
-
-   end subroutine free_motion
+      if (.not. allocated(error)) call find_free_modes(self%poles, wanted, modes, error)
+   end subroutine free_modes
 
    !> The structure in the modes of the bare beam, with its load.
    subroutine assemble(modes, equations, excitation, parameters, assembly)

@@ -4,13 +4,16 @@
 !> With the vector x of a root s and A = x'(2 s M + C) x the residue is (o'x)(x'F)/A, o the sensor's
 !> row, and ds/dp = -x'(s**2 M_p + s C_p + K_p) x/A. The vector's own derivative follows from the
 !> equations of `beamid_vectors` with the root as a function of p.
+!>
+!> A vanishes at a double root. A root with a small A is left out, and with it those near by: they
+!> are taken together, as `beamid_clusters` has it.
 module beamid_poles
    use beamid_assembly, only: assembly_t
+   use beamid_clusters, only: cluster_t, find_clusters, measure
    use beamid_errors, only: error_t, failure
    use beamid_kinds, only: wp
    use beamid_modes, only: beam_modes_t
    use beamid_roots, only: find_roots
-   use beamid_strings, only: to_text
    use beamid_structure, only: of_x_S
    use beamid_vectors, only: find_vector, most, root_t, solve_coupled, solve_mass, vector_t
    implicit none
@@ -23,26 +26,32 @@ module beamid_poles
       type(root_t), allocatable :: root(:)
       type(root_t), allocatable :: all(:)         !< every root, to start the next search from
       complex(wp), allocatable :: s(:)            !< positions of `root` [1/time]
-      !> r, doubled for the pairs: Re(sum r e**(s t)) is the answer
+      !> r, doubled for the pairs: Re(sum r e**(s t)) is the answer, but for the clusters; 0: the
+      !> root is in one of them
       complex(wp), allocatable :: residue(:)
+      type(cluster_t), allocatable :: cluster(:)
       !> sum r s = o' M**-1 F: the acceleration at unit force
       real(wp) :: impulse = 0
-      complex(wp), allocatable :: ds(:, :)        !< (poles, parameters) d s/d parameter
+      !> (poles, parameters) d s/d parameter; in a cluster that of the mean of its roots
+      complex(wp), allocatable :: ds(:, :)
       complex(wp), allocatable :: dr(:, :)        !< (poles, parameters) d residue/d parameter
       real(wp), allocatable :: dimpulse(:)        !< (parameters)
       real(wp) :: ordinary = 0                    !< size of an ordinary residue
       type(vector_t), allocatable :: vector(:)    !< of each root
    end type poles_t
 
-   !> The residues of all poles add up to nothing. Where two roots come together each residue grows
-   !> without bound, and what their sum leaves is the error of the response, relative to the size of
-   !> an ordinary residue: so much is allowed, of a response and of a derivative.
-   real(wp), parameter :: max_rest = 1e-8_wp, max_rest_of_derivatives = 1e-6_wp
+   !> Residues add up to nothing: what their sum leaves, relative to the size of an ordinary one, is
+   !> the error of the response.
+   real(wp), parameter :: max_rest = 1e-8_wp
+
+   !> |A| relative to that of an undamped mode, below which a root is not taken by itself: its
+   !> residue has lost two digits there, and its derivative four.
+   real(wp), parameter :: small_A = 5e-2_wp
 
 contains
 
    !> poles  in: `all` of a structure much like this one, or nothing
-   !> error  the iteration does not converge, two roots coincide, or a root was missed
+   !> error  the iteration does not converge, or a root was missed
    subroutine find_poles(assembly, modes, poles, error)
       type(assembly_t), intent(in) :: assembly
       type(beam_modes_t), intent(in) :: modes
@@ -61,17 +70,16 @@ contains
       if (allocated(error) .and. allocated(poles%all)) deallocate (poles%all)
    end subroutine find_poles
 
-   !> Residues, and the checks that no root is double or missing: the residues add up to zero, and
-   !> r s to the acceleration that a unit force causes at once.
+   !> Residues, and the check that no root is missing: the residues add up to zero, and r s to the
+   !> acceleration that a unit force causes at once.
    subroutine residues(assembly, poles, error)
       type(assembly_t), intent(in) :: assembly
       type(poles_t), intent(inout) :: poles
       type(error_t), allocatable, intent(out) :: error
-      real(wp) :: condition, worst, x(assembly%n), y(size(assembly%v, 1))
-      integer :: k, worst_k
+      logical :: near(size(poles%root))
+      real(wp) :: x(assembly%n), y(size(assembly%v, 1)), rest(2), size_rs
+      integer :: k
 
-      worst = 0
-      worst_k = 1
       poles%s = poles%root%s
       if (allocated(poles%residue)) then
          if (size(poles%residue) /= size(poles%s)) deallocate (poles%vector, poles%residue)
@@ -81,13 +89,24 @@ contains
       do k = 1, size(poles%s)
          call find_vector(assembly, poles%root(k), poles%vector(k))
          associate (vector => poles%vector(k))
-            condition = vector%size_A/max(abs(vector%A), tiny(1.0_wp))
-            if (condition > worst) then
-               worst = condition
-               worst_k = k
-            end if
+            near(k) = abs(vector%A) < small_A*2*abs(poles%s(k))*vector%inertia
             poles%residue(k) = weight(poles%s(k))*vector%y(assembly%sensor) &
                *sum(assembly%load*vector%x)/vector%A
+         end associate
+      end do
+      call find_clusters(assembly, poles%all, pack(poles%root, near), poles%cluster)
+      do k = 1, size(poles%cluster)
+         where (poles%cluster(k)%holds(poles%s)) poles%residue = 0
+      end do
+      rest = [sum(real(poles%residue)), sum(real(poles%residue*poles%s))]
+      size_rs = sum(abs(poles%residue*poles%s))
+      do k = 1, size(poles%cluster)
+         call measure(assembly, .false., poles%cluster(k))
+         associate (cluster => poles%cluster(k))
+            rest = rest + real(cluster%moments)
+            size_rs = size_rs + abs(cluster%moments(2))
+            ! Half a root cannot be.
+            if (.not. abs(cluster%counted - cluster%m) < 1e-3_wp) rest = huge(rest)
          end associate
       end do
       call solve_mass(assembly, assembly%load, x, y)
@@ -97,25 +116,15 @@ contains
          assembly%v(assembly%sensor, :), x, y)
       poles%ordinary = sqrt(poles%ordinary*y(assembly%sensor)) &
          /minval(abs(poles%s), mask=abs(poles%s) > 0)
-      if (abs(sum(real(poles%residue*poles%s)) - poles%impulse) <= &
-         1e-8_wp*sum(abs(poles%residue*poles%s)) .and. &
-         abs(sum(real(poles%residue))) <= max_rest*poles%ordinary) return
-      if (worst > 5) then
-         call failure(error, 'modal: two roots coincide near s = '// &
-            to_text(real(poles%s(worst_k)))//' + '//to_text(aimag(poles%s(worst_k)))// &
-            ' i; method = ''cvode'' has no such limit')
-      else
-         call failure(error, 'modal: a root of the characteristic equation was missed')
-      end if
+      if (abs(rest(2) - poles%impulse) <= max_rest*size_rs .and. &
+         abs(rest(1)) <= max_rest*poles%ordinary) return
+      call failure(error, 'modal: a root of the characteristic equation was missed')
    end subroutine residues
 
    !> Derivatives of poles and residues with respect to the parameters of the assembly.
-   !>
-   !> error  two roots nearly coincide: derivatives lose more digits than the response does
-   subroutine differentiate_poles(assembly, poles, error)
+   subroutine differentiate_poles(assembly, poles)
       type(assembly_t), intent(in) :: assembly
       type(poles_t), intent(inout) :: poles
-      type(error_t), allocatable, intent(out) :: error
       complex(wp) :: D_all(assembly%n), x_all(assembly%n)
       integer :: k, p, n
 
@@ -124,20 +133,23 @@ contains
       allocate (poles%ds(size(poles%s), n), poles%dr(size(poles%s), n), poles%dimpulse(n))
       if (n == 0) return
       do k = 1, size(poles%s)
+         if (any(poles%cluster%holds(poles%s(k)))) cycle
          do p = 1, n
             call differentiate_root(assembly, poles%root(k), poles%vector(k), p, D_all, x_all, &
                poles%ds(k, p), poles%dr(k, p))
             poles%dr(k, p) = weight(poles%s(k))*poles%dr(k, p)
          end do
       end do
-      call differentiate_impulse(assembly, poles%dimpulse)
-      do p = 1, n
-         if (abs(sum(real(poles%dr(:, p))))*assembly%structure%get(assembly%parameters(p)) <= &
-            max_rest_of_derivatives*poles%ordinary) cycle
-         call failure(error, &
-            'modal: two roots nearly coincide, too near for exact derivatives; '// &
-            'method = ''cvode'' has no such limit')
+      do k = 1, size(poles%cluster)
+         call measure(assembly, .true., poles%cluster(k))
+         do p = 1, n
+            where (poles%cluster(k)%holds(poles%s))
+               poles%ds(:, p) = poles%cluster(k)%dmean(p)
+               poles%dr(:, p) = 0
+            end where
+         end do
       end do
+      call differentiate_impulse(assembly, poles%dimpulse)
    end subroutine differentiate_poles
 
    !> ds/dp and dr/dp of one root: every quantity of `beamid_vectors` differentiated in turn, with

@@ -3,6 +3,7 @@ module beamid_responses
    use beamid_equations, only: equations_t
    use beamid_errors, only: error_t, failure
    use beamid_excitation, only: excitation_t
+   use beamid_free_motion, only: free_mode_t
    use beamid_galerkin, only: galerkin_t
    use beamid_kinds, only: wp, ip
    implicit none
@@ -33,6 +34,7 @@ module beamid_responses
       procedure :: prepare
       procedure :: is_exact
       procedure :: differentiate
+      procedure :: free_modes
       procedure :: free_motion
    end type solver_t
 
@@ -101,11 +103,26 @@ contains
       if (.not. allocated(error)) call failure(error, 'this method has no exact derivatives')
    end subroutine differentiate
 
-   !> Roots of the lowest modes that oscillate, and their derivatives.
+   !> The lowest modes that oscillate, or nearly do.
    !>
-   !> s   as many as are wanted, Im s > 0, ascending |s| [1/time]
-   !> ds  (modes, parameters)
+   !> modes  (wanted) ascending |s|
    !> error  also when the method has none
+   subroutine free_modes(self, equations, parameters, wanted, modes, work, error)
+      class(solver_t), intent(inout) :: self
+      type(equations_t), intent(in), target :: equations
+      integer, intent(in) :: parameters(:), wanted
+      type(free_mode_t), allocatable, intent(out) :: modes(:)
+      type(work_t), intent(inout) :: work
+      type(error_t), allocatable, intent(out) :: error
+
+      allocate (modes(0))
+      call failure(error, 'this method has no modes')
+   end subroutine free_modes
+
+   !> Their roots alone, and the derivatives of these.
+   !>
+   !> s   as many as are wanted [1/time]
+   !> ds  (modes, parameters)
    subroutine free_motion(self, equations, parameters, s, ds, work, error)
       class(solver_t), intent(inout) :: self
       type(equations_t), intent(in), target :: equations
@@ -113,10 +130,17 @@ contains
       complex(wp), intent(out) :: s(:), ds(:, :)
       type(work_t), intent(inout) :: work
       type(error_t), allocatable, intent(out) :: error
+      type(free_mode_t), allocatable :: modes(:)
+      integer :: k
 
       s = 0
       ds = 0
-      call failure(error, 'this method has no modes')
+      call self%free_modes(equations, parameters, size(s), modes, work, error)
+      if (allocated(error)) return
+      do k = 1, size(s)
+         s(k) = modes(k)%s
+         ds(k, :) = modes(k)%ds
+      end do
    end subroutine free_motion
 
 end module beamid_responses

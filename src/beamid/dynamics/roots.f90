@@ -13,8 +13,8 @@ module beamid_roots
 
    public :: find_roots, damped_roots
 
-   !> Sweeps at most, and those after which a root that still creeps is taken for a double one.
-   integer, parameter :: max_sweeps = 1000, patience = 100
+   !> Sweeps at most, and those within which a root that has not arrived must come nearer.
+   integer, parameter :: max_sweeps = 1000, patience = 20
 
 contains
 
@@ -129,6 +129,7 @@ contains
       integer, intent(in) :: side
       complex(wp), dimension(size(modes%mu)) :: D, x
       complex(wp) :: stiffness, tip, u, a
+      real(wp) :: far
       integer :: j, b
 
       b = assembly%beam
@@ -153,7 +154,12 @@ contains
          shift = -stiffness/(sum((2*p%m(:b)*s + p%c(:b))*x**2) + 2*st%m_T*s*tip**2) &
             *cmplx(1.0_wp, 0.2_wp*side, wp)
       end associate
-      shift = shift*min(1.0_wp, 0.2_wp*abs(s)/max(abs(shift), tiny(1.0_wp)))
+      far = abs(s)
+      ! The slow roots of overdamped modes lie the more densely the nearer they are to -E/c_D.
+      associate (st => assembly%structure)
+         if (st%c_D > 0) far = min(far, abs(s + st%E/st%c_D))
+      end associate
+      shift = shift*min(1.0_wp, 0.2_wp*far/max(abs(shift), tiny(1.0_wp)))
    end function shift
 
    !> mu of mode k with the tip mass on the beam. With it alone D_i = (E + c_D s) I (mu_i - nu) and
@@ -201,13 +207,14 @@ contains
       end associate
    end function with_tip_mass
 
-   !> Ehrlich-Aberth: corrections in turn until none moves.
+   !> Ehrlich-Aberth: corrections in turn until none moves. A multiple root is known to a root of the
+   !> round-off only: there the corrections shrink first and then no longer.
    subroutine iterate(assembly, roots, error)
       type(assembly_t), intent(in) :: assembly
       type(root_t), intent(inout) :: roots(:)
       type(error_t), allocatable, intent(out) :: error
       logical :: done(size(roots)), settled(size(roots))
-      real(wp) :: moved
+      real(wp) :: moved(size(roots)), before(size(roots))
       integer :: k, sweep
 
       if (assembly%is_bare()) then
@@ -221,21 +228,25 @@ contains
          return
       end if
       done = .false.
+      before = huge(before)
       do sweep = 1, max_sweeps
          do k = 1, size(roots)
             if (done(k)) cycle
-            call correct(assembly, roots, k, moved)
-            ! Convergence is quadratic at least. Only double roots never come so far.
-            settled(k) = moved <= 1e-10_wp*abs(roots(k)%offset)
-            done(k) = moved <= 1e-6_wp*max(abs(roots(k)%offset), 1e-14_wp*abs(roots(k)%s)) .or. &
-               sweep > patience .and. moved <= 1e-6_wp*abs(roots(k)%s)
+            call correct(assembly, roots, k, moved(k))
+            ! Convergence is quadratic at least, but for multiple roots.
+            settled(k) = moved(k) <= 1e-10_wp*abs(roots(k)%offset)
+            done(k) = moved(k) <= 1e-6_wp*max(abs(roots(k)%offset), 1e-14_wp*abs(roots(k)%s))
             ! Its mirror image has arrived when it has.
             if (k <= assembly%n .and. .not. done(k)) done(k + assembly%n) = .false.
          end do
+         if (modulo(sweep, patience) == 0) then
+            done = done .or. moved > before/2 .and. moved <= 1e-3_wp*abs(roots%s)
+            before = moved
+         end if
          if (.not. all(done)) cycle
          ! With all the others in place one more correction leaves round-off.
          do k = 1, size(roots)
-            if (.not. settled(k)) call correct(assembly, roots, k, moved)
+            if (.not. settled(k)) call correct(assembly, roots, k, moved(k))
          end do
          return
       end do
@@ -317,8 +328,10 @@ contains
          end do
       end if
       do k = 1, size(roots)
-         ! A pair so near the real axis would be refused as a double root.
-         if (abs(aimag(roots(k)%s)) > 1e-10_wp*abs(roots(k)%s)) cycle
+         if (abs(aimag(roots(k)%s)) > 1e-3_wp*abs(roots(k)%s)) cycle
+         ! A pair has a mirror image; on the axis, at a multiple root most of all, there is noise.
+         if (minval(abs(real(roots%s - roots(k)%s)) + abs(aimag(roots%s + roots(k)%s))) &
+            <= 1e-2_wp*abs(aimag(roots(k)%s))) cycle
          roots(k)%s = real(roots(k)%s)
          associate (pole => assembly%pole(roots(k)%origin, roots(k)%side))
             if (abs(aimag(pole)) > 0) then

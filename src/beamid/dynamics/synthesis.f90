@@ -2,8 +2,10 @@
 !>
 !> Each pole carries a state z' = s z + f(t), at rest before the force. f is linear between its
 !> nodes, so that z is known in closed form; displacement, velocity and acceleration of the sensor
-!> are Re(sum r z), Re(sum r s z) and Re(sum r s**2 z) + f o' M**-1 F.
+!> are Re(sum r z), Re(sum r s z) and Re(sum r s**2 z) + f o' M**-1 F. A cluster of poles has states of
+!> its own, and rows in the place of residues.
 module beamid_synthesis
+   use beamid_cluster_motion, only: cluster_state_t
    use beamid_excitation, only: excitation_t
    use beamid_kinds, only: wp
    use beamid_poles, only: poles_t
@@ -11,11 +13,12 @@ module beamid_synthesis
    implicit none
    private
 
-   public :: synthesize, advance, states_t
+   public :: synthesize, advance, at_rest, states_t
 
    !> States of all poles, and their derivatives with respect to the pole.
    type :: states_t
       complex(wp), allocatable :: z(:), y(:)          !< z, dz/ds
+      type(cluster_state_t), allocatable :: cluster(:)
       complex(wp), allocatable :: growth(:)           !< e**(s step)
       real(wp) :: step = -1                           !< of `growth` [time]
       integer :: repeated = 0                         !< how often in a row it was used
@@ -40,9 +43,7 @@ contains
       do p = 1, size(slopes)
          slopes(p) = silence(times)
       end do
-      allocate (states%z(size(poles%s)), states%y(size(poles%s)), states%growth(size(poles%s)))
-      states%z = 0
-      states%y = 0
+      states = at_rest(poles, size(slopes) > 0)
       rs = poles%residue*poles%s
       rss = rs*poles%s
       node = 1
@@ -50,13 +51,13 @@ contains
       do k = 1, size(times)
          do while (node < size(excitation%t))
             if (excitation%t(node + 1) > times(k)) exit
-            call advance(states, poles%s, excitation, node, t, excitation%t(node + 1), &
+            call advance(states, poles, excitation, node, t, excitation%t(node + 1), &
                size(slopes) > 0)
             t = excitation%t(node + 1)
             node = node + 1
          end do
          if (times(k) > t) then
-            call advance(states, poles%s, excitation, node, t, times(k), size(slopes) > 0)
+            call advance(states, poles, excitation, node, t, times(k), size(slopes) > 0)
             t = times(k)
          end if
          call observe(states, poles, rs, rss, excitation%force(times(k)), k, response, slopes)
@@ -73,45 +74,71 @@ contains
          response%acceleration(size(times)), source=0.0_wp)
    end function silence
 
+   !> Nothing moves.
+   pure function at_rest(poles, with_slopes) result(states)
+      type(poles_t), intent(in) :: poles
+      logical, intent(in) :: with_slopes
+      type(states_t) :: states
+      integer :: k
+
+      allocate (states%z(size(poles%s)), states%y(size(poles%s)), states%growth(size(poles%s)))
+      states%z = 0
+      states%y = 0
+      allocate (states%cluster(size(poles%cluster)))
+      do k = 1, size(poles%cluster)
+         allocate (states%cluster(k)%x(merge(2, 1, with_slopes)*poles%cluster(k)%m), &
+            source=(0.0_wp, 0.0_wp))
+      end do
+   end function at_rest
+
    !> From t to `finish`, within the segment of the force that begins at `node`.
    !>
    !> with_slopes  whether dz/ds is wanted too
-   pure subroutine advance(states, s, excitation, node, t, finish, with_slopes)
+   pure subroutine advance(states, poles, excitation, node, t, finish, with_slopes)
       type(states_t), intent(inout) :: states
-      complex(wp), intent(in) :: s(:)
+      type(poles_t), intent(in) :: poles
       type(excitation_t), intent(in) :: excitation
       integer, intent(in) :: node
       real(wp), intent(in) :: t, finish
       logical, intent(in) :: with_slopes
       real(wp) :: step, force, slope
       complex(wp) :: phi(3), x
+      logical :: same
       integer :: k
 
       step = finish - t
       ! On a uniform grid the exponentials serve again; now and then they are computed afresh, so
       ! that differences in the last digit of the step do not add up.
-      if (abs(step - states%step) > 4*spacing(finish) .or. states%repeated >= 64) then
-         states%growth = exp(s*step)
+      same = abs(step - states%step) <= 4*spacing(finish) .and. states%repeated < 64
+      if (.not. same) then
+         states%growth = exp(poles%s*step)
          states%step = step
          states%repeated = 0
       end if
       states%repeated = states%repeated + 1
       if (with_slopes) then
-         do k = 1, size(s)
+         do k = 1, size(poles%s)
             states%y(k) = states%growth(k)*(states%y(k) + step*states%z(k))
          end do
       end if
-      do k = 1, size(s)
+      do k = 1, size(poles%s)
          states%z(k) = states%growth(k)*states%z(k)
       end do
+      force = 0
+      slope = 0
+      if (node < size(excitation%t)) then
+         associate (nodes => excitation%t, f => excitation%f)
+            slope = (f(node + 1) - f(node))/(nodes(node + 1) - nodes(node))
+            force = f(node) + slope*(t - nodes(node))
+         end associate
+      end if
+      do k = 1, size(poles%cluster)
+         call states%cluster(k)%advance(poles%cluster(k), force, slope, step, same)
+      end do
       if (node >= size(excitation%t)) return
-      associate (nodes => excitation%t, f => excitation%f)
-         slope = (f(node + 1) - f(node))/(nodes(node + 1) - nodes(node))
-         force = f(node) + slope*(t - nodes(node))
-      end associate
-      do k = 1, size(s)
+      do k = 1, size(poles%s)
          ! z: force step phi_1 + slope step**2 phi_2; its derivative by (x phi_j)' = phi_(j-1) - ...
-         x = s(k)*step
+         x = poles%s(k)*step
          phi = phi_functions(x, states%growth(k))
          states%z(k) = states%z(k) + step*(force*phi(1) + slope*step*phi(2))
          states%y(k) = states%y(k) + step**2*(force*(phi(1) - phi(2)) &
@@ -164,6 +191,13 @@ contains
          v = v + real(rs(i))*real(z) - aimag(rs(i))*aimag(z)
          a = a + real(rss(i))*real(z) - aimag(rss(i))*aimag(z)
       end do
+      do i = 1, size(poles%cluster)
+         associate (row => poles%cluster(i)%row, x => states%cluster(i)%x(:poles%cluster(i)%m))
+            u = u + real(sum(row(:, 1)*x))
+            v = v + real(sum(row(:, 2)*x))
+            a = a + real(sum(row(:, 3)*x))
+         end associate
+      end do
       response%displacement(k) = u
       response%velocity(k) = v
       response%acceleration(k) = a
@@ -182,6 +216,13 @@ contains
             v = v + real(change)
             change = change*poles%s(i) + rs(i)*z*s_p
             a = a + real(change)
+         end do
+         do i = 1, size(poles%cluster)
+            associate (row => poles%cluster(i)%drow(:, :, p), x => states%cluster(i)%x)
+               u = u + real(sum(row(:, 1)*x))
+               v = v + real(sum(row(:, 2)*x))
+               a = a + real(sum(row(:, 3)*x))
+            end associate
          end do
          slopes(p)%displacement(k) = u
          slopes(p)%velocity(k) = v

@@ -36,7 +36,7 @@ module beamid_vectors
       complex(wp), dimension(most, most) :: G = 0, H = 0, dH = 0
       integer :: form = 1                    !< of the pencil
       complex(wp) :: A = 0                   !< x'(2 s M + C) x
-      real(wp) :: size_A = 0                 !< A with every term made positive
+      real(wp) :: inertia = 0                !< M on x and its conjugate, real and positive
    end type vector_t
 
    interface
@@ -277,12 +277,12 @@ contains
       call solve_coupled(vector%G(:r, :r), vector%H(:r, :r), b)
       vector%y(:r) = b(:, 1)
       vector%A = 0
-      vector%size_A = 0
+      vector%inertia = 0
       do k = 1, r
          vector%f(k) = sum(vector%H(k, :r)*b(:, 1))
-         D = b(k, 1)*sum(vector%dH(k, :r)*b(:, 1))
-         vector%A = vector%A + D
-         vector%size_A = vector%size_A + abs(D)
+         vector%A = vector%A + b(k, 1)*sum(vector%dH(k, :r)*b(:, 1))
+         vector%inertia = vector%inertia + real(conjg(b(k, 1)) &
+            *sum(self%pencil(vector%form)%hm(k, :)*b(:, 1)))
       end do
       do i = 1, self%n
          vector%x(i) = 1
@@ -290,9 +290,9 @@ contains
             force = sum(self%v(:, i)*vector%f(:r))
             vector%x(i) = -force/vector%D(i)
          end if
-         D = vector%dD(i)*vector%x(i)**2
-         vector%A = vector%A + D
-         vector%size_A = vector%size_A + abs(D)
+         vector%A = vector%A + vector%dD(i)*vector%x(i)**2
+         vector%inertia = vector%inertia + self%pencil(1)%m(i)*(real(vector%x(i))**2 &
+            + aimag(vector%x(i))**2)
       end do
    end subroutine find_vector
 

@@ -6,6 +6,7 @@ module beamid_experiments
    use beamid_equations, only: equations_t, new_equations
    use beamid_errors, only: error_t, bad_input
    use beamid_excitation, only: excitation_t
+   use beamid_free_motion, only: free_mode_t
    use beamid_galerkin, only: galerkin_t, mesh_t, new_galerkin
    use beamid_kinds, only: wp
    use beamid_observation, only: observation_t, sampling_t, new_sampling
@@ -175,8 +176,8 @@ contains
       call self%free_columns(equations, applied, parameters, offset, phi, dphi, error)
    end subroutine differentiate
 
-   !> Columns of what enters linearly. The motion of a mode with root s is Re(c e**(s tau)/s**2),
-   !> tau = t - start, so that c is an acceleration.
+   !> Columns of what enters linearly: the two motions of each mode, of which the unknowns are
+   !> accelerations at the first sample, and the offset.
    subroutine free_columns(self, equations, excitation, parameters, offset, phi, dphi, error)
       class(apparatus_t), intent(inout) :: self
       type(equations_t), intent(in), target :: equations
@@ -185,9 +186,8 @@ contains
       logical, intent(in) :: offset
       real(wp), allocatable, intent(out) :: phi(:, :), dphi(:, :, :)
       type(error_t), allocatable, intent(out) :: error
-      complex(wp) :: s(excitation%modes), ds(excitation%modes, size(parameters))
-      complex(wp), dimension(size(self%sampling%times)) :: u, v, a
-      real(wp), dimension(size(self%sampling%times)) :: tau
+      type(free_mode_t), allocatable :: modes(:)
+      complex(wp), allocatable :: states(:, :)
       integer :: m, k, p
 
       m = size(self%measured)
@@ -195,40 +195,33 @@ contains
       allocate (dphi(m, size(phi, 2), size(parameters)), source=0.0_wp)
       if (offset) phi(:, size(phi, 2)) = self%scale
       if (excitation%modes == 0) return
-      call self%solver%free_motion(equations, parameters, s, ds, self%work, error)
+      call self%solver%free_modes(equations, parameters, excitation%modes, modes, self%work, error)
       if (allocated(error)) return
-      tau = self%sampling%times - self%start
-      do k = 1, excitation%modes
-         a = exp(s(k)*tau)
-         v = a/s(k)
-         u = v/s(k)
-         call columns(u, v, a, phi(:, 2*k - 1:2*k))
-         if (size(parameters) == 0) cycle
-         u = (tau - 2/s(k))*u
-         v = (tau - 1/s(k))*v
-         a = tau*a
+      do k = 1, size(modes)
+         states = modes(k)%states(self%sampling%times - self%start)
+         call columns(modes(k)%row, phi(:, 2*k - 1:2*k))
          do p = 1, size(parameters)
-            if (abs(ds(k, p)) > 0) call columns(ds(k, p)*u, ds(k, p)*v, ds(k, p)*a, &
-               dphi(:, 2*k - 1:2*k, p))
+            associate (row => modes(k)%drow(:, :, p))
+               if (any(abs(row) > 0)) call columns(row, dphi(:, 2*k - 1:2*k, p))
+            end associate
          end do
       end do
 
    contains
 
       !> What the sensor sees of a complex motion: its real part, and minus its imaginary part.
-      subroutine columns(u, v, a, pair)
-         complex(wp), intent(in) :: u(:), v(:), a(:)
+      subroutine columns(row, pair)
+         complex(wp), intent(in) :: row(:, :)
          real(wp), intent(out) :: pair(:, :)
-         type(response_t) :: seen
+         complex(wp) :: motion(size(states, 1))
+         integer :: i
 
-         seen%displacement = real(u)
-         seen%velocity = real(v)
-         seen%acceleration = real(a)
-         pair(:, 1) = self%sampling%acceleration(seen)
-         seen%displacement = -aimag(u)
-         seen%velocity = -aimag(v)
-         seen%acceleration = -aimag(a)
-         pair(:, 2) = self%sampling%acceleration(seen)
+         motion = 0
+         do i = 1, size(row, 1)
+            motion = motion + row(i, self%sampling%motion_used())*states(:, i)
+         end do
+         pair(:, 1) = self%sampling%of_motion(real(motion))
+         pair(:, 2) = self%sampling%of_motion(-aimag(motion))
       end subroutine columns
 
    end subroutine free_columns

@@ -24,6 +24,8 @@ module beamid_observation
       integer, allocatable, private :: place(:, :)   !< (points, m) where in `times` each point lies
    contains
       procedure :: acceleration
+      procedure :: motion_used
+      procedure :: of_motion
       procedure :: at_samples
    end type sampling_t
 
@@ -91,18 +93,40 @@ contains
       type(response_t), intent(in) :: response
       real(wp) :: a(size(self%samples))
 
-      associate (place => self%place, delta => self%observation%delta, u => response%displacement, &
-         v => response%velocity)
+      select case (self%motion_used())
+      case (1)
+         a = self%of_motion(response%displacement)
+      case (2)
+         a = self%of_motion(response%velocity)
+      case default
+         a = self%of_motion(response%acceleration)
+      end select
+   end function acceleration
+
+   !> Which of displacement, velocity and acceleration the formula uses: 1, 2 or 3.
+   pure integer function motion_used(self)
+      class(sampling_t), intent(in) :: self
+
+      motion_used = self%observation%formula
+   end function motion_used
+
+   !> Acceleration at the samples from that motion alone.
+   pure function of_motion(self, motion) result(a)
+      class(sampling_t), intent(in) :: self
+      real(wp), intent(in) :: motion(:)
+      real(wp) :: a(size(self%samples))
+
+      associate (place => self%place, delta => self%observation%delta)
          select case (self%observation%formula)
          case (1)
-            a = (u(place(3, :)) - 2*u(place(2, :)) + u(place(1, :)))/delta**2
+            a = (motion(place(3, :)) - 2*motion(place(2, :)) + motion(place(1, :)))/delta**2
          case (2)
-            a = (v(place(3, :)) - v(place(1, :)))/delta
+            a = (motion(place(3, :)) - motion(place(1, :)))/delta
          case default
-            a = response%acceleration(place(1, :))
+            a = motion(place(1, :))
          end select
       end associate
-   end function acceleration
+   end function of_motion
 
    !> The response at the samples alone.
    pure function at_samples(self, response) result(narrow)

@@ -1,0 +1,136 @@
+!> Free motion: the lowest modes by themselves.
+!>
+!> A mode with root s moves like Re(e**(s tau)/s**2), an acceleration of order one. Two modes whose
+!> roots c +- D nearly meet are indistinguishable by e**((c + D) tau) and e**((c - D) tau), and are
+!> given by e**(c tau) cosh D tau and e**(c tau) sinh(D tau)/D instead; so are the two roots of a mode
+!> near critical damping, which are real or a pair.
+module beamid_free_motion
+   use beamid_cluster_motion, only: free_states
+   use beamid_clusters, only: cluster_t, free_rows
+   use beamid_errors, only: error_t, failure
+   use beamid_kinds, only: wp
+   use beamid_poles, only: poles_t
+   use beamid_strings, only: to_text
+   implicit none
+   private
+
+   public :: free_mode_t, find_free_modes
+
+   !> A complex motion; its real part and its imaginary part are the two of the mode.
+   type :: free_mode_t
+      complex(wp) :: s = 0                          !< root [1/time]
+      !> (parameters) its derivatives; those of the mean of the roots where some nearly meet
+      complex(wp), allocatable :: ds(:)
+      !> (states, 3) displacement, velocity and acceleration by states
+      complex(wp), allocatable :: row(:, :)
+      complex(wp), allocatable :: drow(:, :, :)     !< (states, 3, parameters) their derivatives
+      type(cluster_t), allocatable :: cluster       !< to which the mode belongs
+   contains
+      procedure :: states
+   end type free_mode_t
+
+contains
+
+   !> Ascending |s|; of a cluster as many as are wanted.
+   !>
+   !> wanted  how many
+   !> modes   (wanted)
+   !> error   there are fewer
+   subroutine find_free_modes(poles, wanted, modes, error)
+      type(poles_t), intent(in) :: poles
+      integer, intent(in) :: wanted
+      type(free_mode_t), allocatable, intent(out) :: modes(:)
+      type(error_t), allocatable, intent(out) :: error
+      real(wp) :: size_of(size(poles%s) + size(poles%cluster))
+      logical :: waiting(size(size_of))
+      integer :: found, k, next, n
+
+      n = size(poles%s)
+      size_of = [abs(poles%s), abs(poles%cluster%centre%s)]
+      do k = 1, n
+         waiting(k) = aimag(poles%s(k)) > 0 .and. .not. any(poles%cluster%holds(poles%s(k)))
+      end do
+      waiting(n + 1:) = .true.
+      found = count(waiting(:n)) + sum(poles%cluster%modes())
+      if (found < wanted) then
+         call failure(error, 'modal: found '//to_text(found)//' modes that oscillate, expected '// &
+            to_text(wanted))
+         return
+      end if
+      allocate (modes(wanted))
+      found = 0
+      do while (found < wanted)
+         next = minloc(size_of, dim=1, mask=waiting)
+         waiting(next) = .false.
+         if (next <= n) then
+            found = found + 1
+            modes(found) = mode_of_root(poles%s(next), poles%ds(next, :))
+         else
+            do k = 1, min(poles%cluster(next - n)%modes(), wanted - found)
+               found = found + 1
+               modes(found) = mode_of_cluster(poles, poles%cluster(next - n), k)
+            end do
+         end if
+      end do
+   end subroutine find_free_modes
+
+   !> States e**(s tau) and tau e**(s tau).
+   pure function mode_of_root(s, ds) result(mode)
+      complex(wp), intent(in) :: s, ds(:)
+      type(free_mode_t) :: mode
+      integer :: order, p
+
+      mode%s = s
+      mode%ds = ds
+      allocate (mode%row(2, 3), mode%drow(2, 3, size(ds)))
+      do order = 1, 3
+         mode%row(:, order) = [s**(order - 3), (0.0_wp, 0.0_wp)]
+         do p = 1, size(ds)
+            mode%drow(:, order, p) = ds(p)*[(order - 3)*s**(order - 4), s**(order - 3)]
+         end do
+      end do
+   end function mode_of_root
+
+   !> Mode k of a cluster. On the real axis, where the states are real, two of them make one.
+   pure function mode_of_cluster(poles, cluster, k) result(mode)
+      type(poles_t), intent(in) :: poles
+      type(cluster_t), intent(in) :: cluster
+      integer, intent(in) :: k
+      type(free_mode_t) :: mode
+      complex(wp), allocatable :: s(:), row(:, :), second(:, :), drow(:, :, :), dsecond(:, :, :)
+      integer :: p
+
+      s = pack(poles%s, cluster%holds(poles%s) .and. aimag(poles%s) > 0)
+      mode%s = cluster%centre%s
+      if (k <= size(s)) mode%s = s(k)
+      mode%ds = [(cluster%dmean(p), p=1, size(cluster%da, 2))]
+      mode%cluster = cluster
+      if (cluster%on_axis) then
+         call free_rows(cluster, 2*k - 1, row, drow)
+         call free_rows(cluster, 2*k, second, dsecond)
+         row = row - (0, 1)*second
+         drow = drow - (0, 1)*dsecond
+      else
+         call free_rows(cluster, k, row, drow)
+      end if
+      allocate (mode%row(2*cluster%m, 3), source=(0.0_wp, 0.0_wp))
+      mode%row(:cluster%m, :) = row
+      mode%drow = drow
+   end function mode_of_cluster
+
+   !> (times, states) States at the times after the beginning.
+   pure function states(self, tau)
+      class(free_mode_t), intent(in) :: self
+      real(wp), intent(in) :: tau(:)
+      complex(wp), allocatable :: states(:, :)
+
+      if (allocated(self%cluster)) then
+         states = free_states(self%cluster, size(self%row, 1), tau)
+      else
+         allocate (states(size(tau), 2))
+         states(:, 1) = exp(self%s*tau)
+         states(:, 2) = tau*states(:, 1)
+      end if
+   end function states
+
+end module beamid_free_motion

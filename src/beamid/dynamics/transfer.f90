@@ -1,0 +1,138 @@
+!> What the structure answers at a point s that is no root: with Q = s**2 M + s C + K the motion
+!> q = Q**-1 F, the sensor's share h = o'q of it, W'/W = tr Q**-1 Q', and the derivatives of h and of
+!> log W with respect to the parameters.
+!>
+!> With the oscillator j and the vectors of `beamid_vectors`, w = D_j + v_j'f and the rest without
+!> oscillator j,
+!>
+!>     Q**-1 = Q_rest**-1 + x x'/w,    V'Q_rest**-1 V = (1 + G H)**-1 G:
+!>
+!> near a pole of D_j, as at a root, nothing in it grows without bound.
+module beamid_transfer
+   use beamid_assembly, only: assembly_t
+   use beamid_kinds, only: wp
+   use beamid_structure, only: of_x_S
+   use beamid_vectors, only: find_vector, most, nearest_pole, root_t, solve_coupled, vector_t
+   implicit none
+   private
+
+   public :: transfer_t, transfer_at
+
+   type :: transfer_t
+      complex(wp), allocatable :: q(:)         !< (n) motion per unit force
+      complex(wp) :: u(most) = 0               !< V'q
+      complex(wp) :: h = 0                     !< of the sensor
+      complex(wp) :: dlog = 0                  !< W'/W [time]
+      complex(wp), allocatable :: dh(:)        !< (parameters)
+      complex(wp), allocatable :: dlog_p(:)    !< (parameters) d log W/d parameter
+      integer :: form = 1                      !< of the pencil, that of `q`
+   end type transfer_t
+
+contains
+
+   !> point        its origin is kept: a pole near by, which leaves the distances their digits
+   !> with_slopes  whether derivatives are wanted
+   subroutine transfer_at(assembly, point, with_slopes, value)
+      type(assembly_t), intent(in) :: assembly
+      type(root_t), intent(in) :: point
+      logical, intent(in) :: with_slopes
+      type(transfer_t), intent(inout) :: value
+      type(root_t) :: place
+      type(vector_t) :: vector
+      complex(wp), dimension(size(assembly%v, 1), size(assembly%v, 1)) :: E, T, HE
+      complex(wp) :: o(assembly%n), u_o(size(assembly%v, 1)), diagonal(assembly%n), w
+      integer :: i, r
+
+      r = size(assembly%v, 1)
+      place = point
+      call nearest_pole(assembly, place)
+      place = root_t(place%j, point%origin, point%side, point%offset, point%s)
+      call find_vector(assembly, place, vector)
+      w = vector%D(place%j) + sum(assembly%v(:, place%j)*vector%f(:r))
+      E = 0
+      do i = 1, r
+         E(i, i) = 1
+      end do
+      call solve_coupled(vector%G(:r, :r), vector%H(:r, :r), E)
+      value%form = vector%form
+      if (.not. allocated(value%q)) allocate (value%q(assembly%n))
+      call solve(assembly, place%j, vector, E, w, assembly%load, value%q, value%u(:r))
+      value%h = value%u(assembly%sensor)
+
+      ! V'Q**-1 V and the diagonal of Q**-1.
+      T = matmul(E, vector%G(:r, :r))
+      HE = matmul(vector%H(:r, :r), E)
+      do i = 1, r
+         T(:, i) = T(:, i) + vector%y(:r)*vector%y(i)/w
+      end do
+      do i = 1, assembly%n
+         diagonal(i) = vector%x(i)**2/w
+         if (i /= place%j) diagonal(i) = diagonal(i) + (1 - sum(assembly%v(:, i) &
+            *matmul(HE, assembly%v(:, i)))/vector%D(i))/vector%D(i)
+      end do
+      value%dlog = sum(vector%dD*diagonal) + sum(vector%dH(:r, :r)*T)
+      if (.not. with_slopes) return
+      call solve(assembly, place%j, vector, E, w, assembly%v(assembly%sensor, :), o, u_o)
+      call differentiate(assembly, place%s, o, u_o, diagonal, T, value)
+   end subroutine transfer_at
+
+   !> Derivatives with respect to the parameters: -o'Q**-1 Q_p Q**-1 F, tr Q**-1 Q_p, and what a
+   !> sensor that moves adds to them.
+   !>
+   !> o, u_o       Q**-1 of the sensor's row, and V' of it
+   !> diagonal, T  of Q**-1, and V'Q**-1 V
+   subroutine differentiate(assembly, s, o, u_o, diagonal, T, value)
+      type(assembly_t), intent(in) :: assembly
+      complex(wp), intent(in) :: s, o(:), u_o(:), diagonal(:), T(:, :)
+      type(transfer_t), intent(inout) :: value
+      complex(wp) :: D_p(size(o)), H_p(size(u_o), size(u_o)), seen
+      integer :: p
+
+      if (.not. allocated(value%dh)) allocate (value%dh(size(assembly%parameters)), &
+         value%dlog_p(size(assembly%parameters)))
+      do p = 1, size(assembly%parameters)
+         associate (slope => assembly%slope(value%form, p))
+            D_p = (slope%m*s + slope%c)*s + slope%k
+            H_p = (slope%hm*s + slope%hc)*s + slope%hk
+         end associate
+         value%dh(p) = -sum(o*D_p*value%q) - sum(u_o*matmul(H_p, value%u(:size(u_o))))
+         value%dlog_p(p) = sum(D_p*diagonal) + sum(H_p*T)
+         if (assembly%parameters(p) /= of_x_S) cycle
+         associate (d => assembly%sensor_slope, inertia => assembly%structure%m_S*s**2)
+            seen = sum(d*value%q)
+            value%dh(p) = value%dh(p) + seen &
+               - inertia*(sum(d*o)*value%h + u_o(assembly%sensor)*seen)
+            value%dlog_p(p) = value%dlog_p(p) + 2*inertia*sum(d*o)
+         end associate
+      end do
+   end subroutine differentiate
+
+   !> q = Q**-1 F and u = V'q.
+   !>
+   !> E  (1 + G H)**-1
+   subroutine solve(assembly, j, vector, E, w, load, q, u)
+      type(assembly_t), intent(in) :: assembly
+      integer, intent(in) :: j
+      type(vector_t), intent(in) :: vector
+      complex(wp), intent(in) :: E(:, :), w
+      real(wp), intent(in) :: load(:)
+      complex(wp), intent(out) :: q(:), u(:)
+      complex(wp) :: f(size(u)), driven
+      integer :: i, r
+
+      r = size(u)
+      u = 0
+      do i = 1, assembly%n
+         if (i /= j) u = u + assembly%v(:, i)*load(i)/vector%D(i)
+      end do
+      u = matmul(E, u)
+      f = matmul(vector%H(:r, :r), u)
+      driven = sum(vector%x*load)/w
+      do i = 1, assembly%n
+         q(i) = vector%x(i)*driven
+         if (i /= j) q(i) = q(i) + (load(i) - sum(assembly%v(:, i)*f))/vector%D(i)
+      end do
+      u = u + vector%y(:r)*driven
+   end subroutine solve
+
+end module beamid_transfer
