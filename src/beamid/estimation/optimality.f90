@@ -13,17 +13,18 @@ module beamid_optimality
 
    public :: check_minimum
 
-   !> Distance to the minimum that counts as none, in standard errors: no number that is told of a
-   !> fit shows it. Searches that converge end at 1e-6 or less.
-   real(wp), parameter :: near = 1e-2_wp
+   !> Distance to the minimum that counts as none, in standard errors. A hundredth shows in no number
+   !> that is told of a fit; searches that converge end at 1e-6 or less. An integrator's noise stops
+   !> a search earlier: then it is what that noise may do to an estimate.
+   real(wp), parameter :: near = 1e-2_wp, near_in_noise = 0.25_wp
 
 contains
 
    !> At a minimum linear theory sees no other ahead.
    !>
-   !> It must not be asked for more than the search can see: relative changes of the parameters by
-   !> the tolerance, which is what is left of residuals that vanish; and 100 times the noise of an
-   !> integrator, whose relative error a long response magnifies.
+   !> Nor is it asked for more than a search can see: relative changes of the parameters by the
+   !> tolerance, which is what is left where the residuals vanish; and a thousand times the noise of
+   !> an integrator, whose relative error grows along a response and in differences of it.
    !>
    !> noise      of the differences that stand in for derivatives
    !> estimate, residual, jacobian  where the search has ended
@@ -48,12 +49,13 @@ contains
             search%variables(moving), jacobian_error(search, noise, size(residual)))
       end associate
       scales = scales_of(search%variables, estimate)
-      visible = max(options%tolerance, 100*options%noise) &
+      visible = max(options%tolerance, 1000*options%noise) &
          *maxval([(norm2(jacobian(:, k))*scales(k), k=1, size(scales))])
       gain = sum(residual**2) - sum(ahead%residual**2)
       if (search%failures_in_a_row > 0) then
          objection = ', but only for steps at which the model cannot be computed'
-      else if (.not. (ahead%distance <= near .or. gain <= visible**2)) then
+      else if (.not. (ahead%distance <= merge(near, near_in_noise, options%noise <= 0) .or. &
+         gain <= visible**2)) then
          objection = ', but the derivatives promise a J that is '// &
             to_text(100*gain/sum(residual**2))//' % smaller'
       else if (ahead%rank < size(scales) .and. size(search%moving) == size(scales)) then
