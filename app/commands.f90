@@ -293,10 +293,28 @@ contains
       character(len=*), intent(in) :: summary, folder
       type(error_t), allocatable, intent(out) :: error
 
+      call refuse_infinite(output, error)
+      if (allocated(error)) return
       call output%add('summary.txt', summary)
       call output%commit(folder, error)
       if (allocated(error)) return
       call print_text(summary)
    end subroutine deliver
+
+   !> Whatever the way by which a number that is not finite has come into a table: it is no result.
+   subroutine refuse_infinite(output, error)
+      type(output_t), intent(in) :: output
+      type(error_t), allocatable, intent(out) :: error
+      character(len=*), parameter :: forms(2) = [character(len=8) :: 'Infinity', 'NaN']
+      integer :: i, k
+
+      do k = 1, size(output%files)
+         do i = 1, size(forms)
+            if (index(output%files(k)%text, trim(forms(i))) == 0 .or. allocated(error)) cycle
+            call failure(error, output%files(k)%name//' would hold a number that is not finite, '// &
+               trim(forms(i)))
+         end do
+      end do
+   end subroutine refuse_infinite
 
 end module beamid_commands

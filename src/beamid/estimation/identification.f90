@@ -1,6 +1,7 @@
 !> From records to parameters: the stages of a fit, on one mesh or on several.
 module beamid_identification
-   use beamid_errors, only: error_t
+   use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
+   use beamid_errors, only: error_t, failure
    use beamid_excitation, only: excitation_t
    use beamid_experiments, only: experiment_t, new_apparatus
    use beamid_galerkin, only: mesh_t
@@ -289,6 +290,7 @@ contains
    !> samples   (m) ascending [time]
    !> measured  (m) record at the samples [length/time**2]
    !> fits      (stages, k) component `score` is set
+   !> error     a response that cannot be computed; a sum that is not finite
    subroutine score_fits(model, meshes, samples, measured, fits, error)
       type(model_t), intent(in) :: model
       type(mesh_t), intent(in) :: meshes(:)
@@ -307,6 +309,11 @@ contains
             call simulate(fitted, meshes(mesh), samples, simulation, error)
             if (allocated(error)) return
             fits(stage, mesh)%score = sum((simulation%acceleration - measured)**2)
+            if (ieee_is_finite(fits(stage, mesh)%score)) cycle
+            call failure(error, 'elements = '//to_text(meshes(mesh)%elements)//', stage '// &
+               to_text(stage)//': the sum of squares over the window of the score is not '// &
+               'finite; the largest sample there is '//to_text(maxval(abs(measured))))
+            return
          end do
       end do
    end subroutine score_fits

@@ -22,9 +22,11 @@ contains
 
    !> At a minimum linear theory sees no other ahead.
    !>
-   !> Nor is it asked for more than a search can see: relative changes of the parameters by the
-   !> tolerance, which is what is left where the residuals vanish; and a thousand times the noise of
-   !> an integrator, whose relative error grows along a response and in differences of it.
+   !> Nor is it asked for more than a search can see: relative changes of J, and of the parameters,
+   !> by the tolerance, the latter being what is left where the residuals vanish; and a thousand
+   !> times the noise of an integrator, whose relative error grows along a response and in
+   !> differences of it. What a step promises counts as far as linear theory may hold: to where a
+   !> parameter has changed by its own size.
    !>
    !> noise      of the differences that stand in for derivatives
    !> estimate, residual, jacobian  where the search has ended
@@ -38,7 +40,7 @@ contains
       character(len=:), allocatable, intent(out) :: objection
       type(error_t), allocatable, intent(out) :: error
       type(outlook_t) :: ahead
-      real(wp) :: scales(size(estimate)), visible, gain
+      real(wp) :: scales(size(estimate)), share, gain, J, visible
       integer :: k
 
       objection = ''
@@ -49,15 +51,18 @@ contains
             search%variables(moving), jacobian_error(search, noise, size(residual)))
       end associate
       scales = scales_of(search%variables, estimate)
+      share = 1/max(1.0_wp, maxval(abs(ahead%step)/scales(search%moving)))
+      J = sum(residual**2)
+      gain = share*(2 - share)*(J - sum(ahead%residual**2))
       visible = max(options%tolerance, 1000*options%noise) &
          *maxval([(norm2(jacobian(:, k))*scales(k), k=1, size(scales))])
-      gain = sum(residual**2) - sum(ahead%residual**2)
+      visible = max(visible**2, options%tolerance*J)
       if (search%failures_in_a_row > 0) then
          objection = ', but only for steps at which the model cannot be computed'
       else if (.not. (ahead%distance <= merge(near, near_in_noise, options%noise <= 0) .or. &
-         gain <= visible**2)) then
+         gain <= visible)) then
          objection = ', but the derivatives promise a J that is '// &
-            to_text(100*gain/sum(residual**2))//' % smaller'
+            to_text(100*gain/J)//' % smaller'
       else if (ahead%rank < size(scales) .and. size(search%moving) == size(scales)) then
          call check_effects(search, noise, estimate, residual, ahead%rank, objection, error)
       end if
