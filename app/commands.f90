@@ -293,6 +293,8 @@ contains
       if (allocated(settings%out)) folder = settings%out
       kind = settings%command
       if (kind == 'reproduce') kind = settings%subject
+      call output%check_finite(error)
+      if (allocated(error)) return
       call output%add('summary.txt', summary)
       call output%commit(folder, error, kind)
       if (allocated(error)) return

@@ -24,7 +24,7 @@ program test_command_line
       '&hose m_H=0.04, c_H=0.004, k_H=0.3 /'//nl// &
       '&excitation '//pulse//' /'//nl// &
       '&discretization degree=3, elements=2 /'//nl// &
-      '&integrator method=''cvode'', rtol=1e-6 /'//nl// &
+      '&integrator method=''cvode'', rtol=1e-8 /'//nl// &
       '&observation formula=''displacement_difference'', delta=0.1 /'//nl// &
       '&record file=''record.csv'', t_first=0.1, t_last=0.6, t_step=0.1 /'//nl// &
       stage//nl// &
@@ -272,7 +272,7 @@ contains
       call write_file('old/estimates.csv', 'older estimates'//nl)
       call write_file('old/response.csv', '')
       before = listing('old')
-      call write_file('case.nml', replaced(case_text, 'rtol=1e-6', 'rtol=1e-6, max_steps=10'))
+      call write_file('case.nml', replaced(case_text, 'rtol=1e-8', 'rtol=1e-8, max_steps=10'))
       do k = 1, size(commands)
          outcome = beamid(trim(commands(k))//' case.nml --quiet --out old')
          call check(trim(commands(k))//': gives up, status 1', outcome%status == 1 .and. &
@@ -306,7 +306,7 @@ contains
       call sober('modes', 'm_H=0.04', 'm_H=1e-300')
       call sober('modes', 'c_H=0.004', 'c_H=1e50')
       call sober('simulate', 'c_H=0.004', 'c_H=1e5')
-      call sober('simulate', 'method=''cvode'', rtol=1e-6', 'method=''modal''')
+      call sober('simulate', 'method=''cvode'', rtol=1e-8', 'method=''modal''')
       call sober('simulate', 'c_H=0.004', 'c_H=1e5', modal=.true.)
       call sober('simulate', 'k_H=0.3', 'k_H=1e-20', modal=.true.)
       call sober('simulate', 'm_H=0.04', 'm_H=1e-20', modal=.true.)
@@ -322,7 +322,7 @@ contains
       type(outcome_t) :: outcome
 
       text = replaced(case_text, old, new)
-      if (present(modal)) text = replaced(text, 'method=''cvode'', rtol=1e-6', 'method=''modal''')
+      if (present(modal)) text = replaced(text, 'method=''cvode'', rtol=1e-8', 'method=''modal''')
       call write_file('case.nml', text)
       outcome = beamid(command//' case.nml --quiet --out sober')
       fault = ''
@@ -518,7 +518,7 @@ contains
       type(outcome_t) :: outcome
       integer :: k
 
-      text = replaced(replaced(case_text, 'rtol=1e-6', 'rtol=1e-9'), 't_last=0.6', 't_last=4')
+      text = replaced(replaced(case_text, 'rtol=1e-8', 'rtol=1e-9'), 't_last=0.6', 't_last=4')
       call write_file('case.nml', text)
       outcome = beamid('simulate case.nml --quiet --out trip')
       call write_file('trip/case.nml', replaced(replaced(text, stage, &
@@ -540,7 +540,7 @@ contains
       integer :: k
 
       text = replaced(case_text, 'c_D=0.005', 'c_D=1')
-      text = replaced(text, 'rtol=1e-6', 'rtol=1e-11')
+      text = replaced(text, 'rtol=1e-8', 'rtol=1e-11')
       exact = response_of(replaced(text, difference, 'formula=''equation'''))
       first = response_of(replaced(text, difference, 'formula=''velocity_difference'', delta=1e-3'))
       second = response_of(replaced(text, difference, &

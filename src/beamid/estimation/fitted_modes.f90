@@ -84,7 +84,8 @@ contains
       mode%damping_half_width = huge(1.0_wp)
       if (fit%statistics%samples == 0) return
       associate (statistics => fit%statistics)
-         if (any(statistics%std_error(:n) >= huge(1.0_wp))) return
+         ! No limits, or none that could be squared.
+         if (any(statistics%std_error(:n) >= sqrt(huge(1.0_wp))*epsilon(1.0_wp))) return
          scale = 1
          if (.not. fit%check%white) scale = maxval(statistics%corrected_half_width(:n) &
             /max(statistics%half_width(:n), tiny(1.0_wp)))

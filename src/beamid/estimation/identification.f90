@@ -1,6 +1,7 @@
 !> From records to parameters: the stages of a fit, on one mesh or on several.
 module beamid_identification
-   use beamid_errors, only: error_t
+   use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
+   use beamid_errors, only: error_t, failure
    use beamid_excitation, only: excitation_t
    use beamid_experiments, only: experiment_t, new_apparatus
    use beamid_galerkin, only: mesh_t
@@ -16,6 +17,7 @@ module beamid_identification
    use beamid_structure, only: structure_t
    use beamid_unknowns, only: name_length, quantity_t, stage_t, variables_of, world_t
    use beamid_variables, only: variable_t
+   use beamid_verification, only: exact_counterpart, verify_integrator
    use beamid_whiteness, only: check_residuals, residual_check_t
    implicit none
    private
@@ -37,6 +39,8 @@ module beamid_identification
       type(world_t) :: world             !< of every record
       type(statistics_t) :: statistics   !< `samples` is 0 where no degree of freedom was left
       type(residual_check_t) :: check
+      !> How far an integrator's error has moved an estimate, in standard errors; -1: no integrator
+      real(wp) :: moved = -1
       real(wp) :: score = -1             !< squared residuals over another window; -1: not asked for
       type(work_t) :: work
    end type stage_fit_t
@@ -75,7 +79,7 @@ contains
       type(error_t), allocatable, intent(out) :: error
       class(monitor_t), intent(inout), optional :: monitor
       logical, intent(in), optional :: check
-      type(residual_t) :: problem
+      type(residual_t) :: problem, exact
       type(options_t) :: options
       integer :: i, k
 
@@ -91,11 +95,13 @@ contains
       end do
       call check_frequencies(problem, experiments, error)
       if (allocated(error)) return
+      if (.not. model%solver%is_exact()) call exact_counterpart(problem, experiments, mesh, &
+         model%observation, exact)
       options%noise = model%solver%noise()
       if (present(check)) options%check = check
       allocate (fits(size(stages)))
       do k = 1, size(stages)
-         call run_stage(problem, stages(k), options, 'N = '//to_text(mesh%elements)// &
+         call run_stage(problem, exact, stages(k), options, 'N = '//to_text(mesh%elements)// &
             ', stage '//to_text(k), experiments, fits(k), error, monitor)
          if (allocated(error)) then
             error%message = 'elements = '//to_text(mesh%elements)//', stage '//to_text(k)//': '// &
@@ -108,8 +114,10 @@ contains
    end subroutine identify_experiments
 
    !> One search and what it says; the estimates stay in the problem's world.
-   subroutine run_stage(problem, stage, options, label, experiments, found, error, monitor)
-      type(residual_t), intent(inout) :: problem
+   !>
+   !> exact  what an integrator's results are checked against
+   subroutine run_stage(problem, exact, stage, options, label, experiments, found, error, monitor)
+      type(residual_t), intent(inout) :: problem, exact
       type(stage_t), intent(in) :: stage
       type(options_t), intent(in) :: options
       character(len=*), intent(in) :: label
@@ -134,6 +142,9 @@ contains
       names = found%quantities%name
       call fit(problem, problem%samples(), variables, options, found%fit, error, monitor, label, &
          names)
+      if (allocated(error)) return
+      if (.not. problem%has_jacobian()) call verify_integrator(problem, exact, variables, names, &
+         found%fit, found%moved, error)
       if (allocated(error)) return
       found%free = stage%free
       do k = 1, size(stage%free)
@@ -279,6 +290,7 @@ contains
    !> samples   (m) ascending [time]
    !> measured  (m) record at the samples [length/time**2]
    !> fits      (stages, k) component `score` is set
+   !> error     a response that cannot be computed; a sum that is not finite
    subroutine score_fits(model, meshes, samples, measured, fits, error)
       type(model_t), intent(in) :: model
       type(mesh_t), intent(in) :: meshes(:)
@@ -297,6 +309,11 @@ contains
             call simulate(fitted, meshes(mesh), samples, simulation, error)
             if (allocated(error)) return
             fits(stage, mesh)%score = sum((simulation%acceleration - measured)**2)
+            if (ieee_is_finite(fits(stage, mesh)%score)) cycle
+            call failure(error, 'elements = '//to_text(meshes(mesh)%elements)//', stage '// &
+               to_text(stage)//': the sum of squares over the window of the score is not '// &
+               'finite; the largest sample there is '//to_text(maxval(abs(measured))))
+            return
          end do
       end do
    end subroutine score_fits

@@ -5,6 +5,7 @@ module beamid_least_squares
    use beamid_errors, only: error_t, failure
    use beamid_kinds, only: wp
    use beamid_minpack, only: dgels
+   use beamid_optimality, only: check_minimum
    use beamid_problems, only: compare_derivatives, differences, problem_t
    use beamid_searches, only: monitor_t, options_t, run_search, search_t
    use beamid_strings, only: to_text
@@ -33,6 +34,9 @@ module beamid_least_squares
    !> Beside MINPACK's own values of info.
    integer, parameter :: all_linear = 9
 
+   !> First steps of a search, and of those that follow where it ends at no minimum.
+   real(wp), parameter :: first_steps(3) = [100.0_wp, 1.0_wp, 0.1_wp]
+
 contains
 
    !> Minimises the sum of squares.
@@ -56,8 +60,9 @@ contains
       class(monitor_t), intent(inout), target, optional :: monitor
       character(len=*), intent(in), optional :: label, names(:)
       type(search_t), target :: search
+      character(len=:), allocatable :: objection
       real(wp) :: noise
-      integer :: info, k
+      integer :: attempt, info, k
 
       if (m < size(variables)) then
          call failure(error, 'least squares: '//to_text(m)//' residuals for '// &
@@ -73,8 +78,6 @@ contains
       if (present(names)) search%names = names
       search%variables = variables
       search%parameters = variables%start
-      search%moving = [(k, k=1, size(variables))]
-      allocate (search%held(size(variables)), source=.false.)
       allocate (result%residual(m), result%jacobian(m, size(variables)))
       result%start = variables%start
       if (problem%has_jacobian() .and. options%check) then
@@ -88,8 +91,19 @@ contains
       ! that drowns in integration error leaves the parameters where they are, with a success code.
       noise = max(options%noise, epsilon(noise))
       if (options%noise > 0) noise = max(noise, 1e-8_wp)
-      call minimise_with_bounds(search, options, noise, result, info, error)
-      if (allocated(error)) return
+      do attempt = 1, size(first_steps)
+         search%factor = first_steps(attempt)
+         search%moving = [(k, k=1, size(variables))]
+         search%held = spread(.false., 1, size(variables))
+         call minimise_with_bounds(search, options, noise, result, info, error)
+         if (allocated(error)) return
+         objection = ''
+         if (info == 0 .or. info == 5) exit
+         call check_minimum(search, options, noise, result%estimate, result%residual, &
+            result%jacobian, objection, error)
+         if (allocated(error)) return
+         if (objection == '') exit
+      end do
       result%J = sum(result%residual**2)
       result%iterations = search%iterations
       result%evaluations = search%evaluations
@@ -99,12 +113,14 @@ contains
          if (.not. any(search%moving == k)) result%reason = result%reason//'; '// &
             trim(search%names(k))//' held at its bound'
       end do
-      if (info == 0 .or. info == 5) then
-         call failure(error, 'least squares: no convergence; '//result%reason)
-      else if (problem%has_jacobian() .and. options%check) then
-         call compare_derivatives(problem, result%estimate, variables, result%jacobian, &
-            result%derivative_check(2))
+      if (info == 0 .or. info == 5 .or. objection /= '') then
+         call failure(error, 'least squares: no convergence; '//result%reason//objection)
+         return
       end if
+      if (attempt > 1) result%reason = result%reason//'; search '//to_text(attempt)// &
+         ', with shorter steps'
+      if (problem%has_jacobian() .and. options%check) call compare_derivatives(problem, &
+         result%estimate, variables, result%jacobian, result%derivative_check(2))
    end subroutine fit
 
    !> Minimises; where the minimum lies on a bound the change of variable has no slope there and the

@@ -4,7 +4,7 @@ module beamid_minpack
    implicit none
    private
 
-   public :: dgels, lmder, lmdif
+   public :: dgels, dgelsy, lmder, lmdif
 
    abstract interface
       subroutine residual_callback(m, n, x, fvec, iflag)
@@ -56,6 +56,15 @@ module beamid_minpack
          real(wp), intent(out) :: work(*)
          integer, intent(out) :: info
       end subroutine dgels
+      subroutine dgelsy(m, n, nrhs, a, lda, b, ldb, jpvt, rcond, rank, work, lwork, info)
+         import :: wp
+         integer, intent(in) :: m, n, nrhs, lda, ldb, lwork
+         real(wp), intent(inout) :: a(lda, *), b(ldb, *)
+         integer, intent(inout) :: jpvt(*)
+         real(wp), intent(in) :: rcond
+         integer, intent(out) :: rank, info
+         real(wp), intent(out) :: work(*)
+      end subroutine dgelsy
    end interface
 
 end module beamid_minpack

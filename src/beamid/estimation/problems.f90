@@ -7,7 +7,7 @@ module beamid_problems
    implicit none
    private
 
-   public :: problem_t, differences, compare_derivatives
+   public :: problem_t, differences, error_of_differences, compare_derivatives
 
    type, abstract :: problem_t
    contains
@@ -102,5 +102,12 @@ contains
          jac(:, k) = (above - below)/(2*step)
       end do
    end subroutine differences
+
+   !> Relative error of such a Jacobian, with some reserve: noise over step.
+   pure real(wp) function error_of_differences(noise) result(error)
+      real(wp), intent(in) :: noise
+
+      error = 10*noise**(2/3.0_wp)
+   end function error_of_differences
 
 end module beamid_problems

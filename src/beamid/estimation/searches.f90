@@ -57,6 +57,7 @@ module beamid_searches
       !> a moving variable that has come to a bound, 0: none
       integer :: near_bound = 0
       integer :: lingering = 0                 !< iterations in a row that it has spent there
+      real(wp) :: factor = 100          !< length of the first step, in norms of the scaled start
       real(wp) :: first_norm = -1       !< of the residuals at the start
       integer :: iterations = 0, evaluations = 0, shortened = 0, failures_in_a_row = 0
       type(error_t), allocatable :: error
@@ -93,7 +94,7 @@ contains
       real(wp), allocatable :: fjac(:, :), wa4(:)
       real(wp) :: ftol
       integer :: nfev, njev, ipvt(size(z))
-      real(wp), parameter :: factor = 100, gtol = 0
+      real(wp), parameter :: gtol = 0
 
       allocate (fjac(size(r), size(z)), wa4(size(r)))
       active => search
@@ -101,11 +102,12 @@ contains
       associate (m => size(r), n => size(z))
          if (search%problem%has_jacobian()) then
             call lmder(evaluate_both, m, n, z, r, fjac, m, ftol, tolerance, gtol, &
-               options%max_evaluations, diag, 1, factor, 1, info, nfev, njev, ipvt, qtf, wa1, wa2, &
-                  wa3, wa4)
+               options%max_evaluations, diag, 1, search%factor, 1, info, nfev, njev, ipvt, qtf, &
+               wa1, wa2, wa3, wa4)
          else
             call lmdif(evaluate, m, n, z, r, ftol, tolerance, gtol, options%max_evaluations, &
-               epsfcn, diag, 1, factor, 1, info, nfev, fjac, m, ipvt, qtf, wa1, wa2, wa3, wa4)
+               epsfcn, diag, 1, search%factor, 1, info, nfev, fjac, m, ipvt, qtf, wa1, wa2, wa3, &
+               wa4)
          end if
       end associate
       active => null()

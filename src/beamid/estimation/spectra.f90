@@ -24,7 +24,8 @@ contains
    !> highest  frequency up to which lines are looked for [1/time]; half the mean rate at most
    !> most     how many lines at most
    !> lines    peaks that stand out of the median of the spectrum five times or more and are no
-   !>          weaker than a hundredth of the strongest
+   !>          weaker than a hundredth of the strongest; none where the record is shorter than one
+   !>          period of the highest frequency
    !> share    of the record's variance that the frequencies up to the highest hold, 0 .. 1
    subroutine find_lines(t, z, highest, most, lines, share)
       real(wp), intent(in) :: t(:), z(:), highest
@@ -37,6 +38,9 @@ contains
       integer :: k, n, strongest
 
       allocate (lines(0))
+      share = 0
+      if (size(t) < 8) return
+      if (.not. (t(size(t)) - t(1))*highest > 1) return
       call condense(t, z, highest, times, values)
       call scan(times, values, highest, spectrum, step, share)
       n = size(spectrum)

@@ -115,8 +115,14 @@ contains
 
       call model_roots(problem, problem%world%structures(r), r, [integer ::], s, none, error)
       if (allocated(error)) return
-      call find_lines(experiment%samples, experiment%measured, 5*aimag(s(size(s)))/two_pi, &
-         most_lines, lines, share)
+      associate (t => experiment%samples, highest => 5*aimag(s(size(s)))/two_pi)
+         call find_lines(t, experiment%measured, highest, most_lines, lines, share)
+         if (.not. (t(size(t)) - t(1))*highest > 1) call failure(error, 'start = ''auto'': record ' &
+            //to_text(r)//' holds no period of '//to_text(highest)//', five times the frequency '// &
+            'of the model''s mode '//to_text(size(s))//': it lasts '//to_text(t(size(t)) - t(1))// &
+            '; expected a longer one, or units that go together')
+      end associate
+      if (allocated(error)) return
       if (size(lines) == 0) then
          call failure(error, 'start = ''auto'': found no line in the spectrum of record '// &
             to_text(r))

@@ -4,6 +4,7 @@ module beamid_outputs
    use beamid_errors, only: error_t, bad_input, failure
    use beamid_exchange, only: exchange, named_text_t
    use beamid_folders, only: make_folders
+   use beamid_kinds, only: ip
    use beamid_posix, only: c_rmdir, edquot, efbig, eio, enospc, reason
    implicit none
    private
@@ -14,6 +15,7 @@ module beamid_outputs
       type(named_text_t), allocatable, private :: files(:)
    contains
       procedure :: add
+      procedure :: check_finite
       procedure :: commit
    end type output_t
 
@@ -40,6 +42,54 @@ contains
       end if
       self%files(i)%text = text
    end subroutine add
+
+   !> Refuses tables with a field that is no finite number: whatever the way by which it came there,
+   !> it is no result.
+   subroutine check_finite(self, error)
+      class(output_t), intent(in) :: self
+      type(error_t), allocatable, intent(out) :: error
+      character(len=*), parameter :: forms(4) = [character(len=9) :: 'Infinity', '+Infinity', &
+                                                 '-Infinity', 'NaN']
+      integer :: i
+
+      if (.not. allocated(self%files)) return
+      do i = 1, size(self%files)
+         if (allocated(error)) return
+         call scan_table(self%files(i)%name, self%files(i)%text)
+      end do
+
+   contains
+
+      subroutine scan_table(name, text)
+         character(len=*), intent(in) :: name, text
+         integer(ip) :: at, next
+         integer :: k
+
+         do k = 1, size(forms)
+            at = 0
+            do
+               next = index(text(at + 1:), trim(forms(k)), kind=ip)
+               if (next == 0) exit
+               at = at + next
+               if (.not. (ends_field(text, at - 1) .and. &
+                  ends_field(text, at + len_trim(forms(k))))) cycle
+               call failure(error, name//' would hold a number that is not finite, '// &
+                  trim(forms(k)))
+               return
+            end do
+         end do
+      end subroutine scan_table
+
+   end subroutine check_finite
+
+   !> Whether no field of a table goes on at this place.
+   pure logical function ends_field(text, at)
+      character(len=*), intent(in) :: text
+      integer(ip), intent(in) :: at
+
+      ends_field = at < 1 .or. at > len(text, ip)
+      if (.not. ends_field) ends_field = index(', '//new_line('a'), text(at:at)) > 0
+   end function ends_field
 
    !> Writes all files and their manifest, or changes nothing (`beamid_exchange`).
    subroutine commit(self, directory, error, command)

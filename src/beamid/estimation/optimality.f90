@@ -1,0 +1,115 @@
+!> Whether a search has ended at a minimum. A success code of MINPACK is no proof: it comes as well
+!> where trial steps were refused until they were as good as none, where a wrong derivative led
+!> nowhere, and where one long step ended at a place at which parameters have no effect.
+module beamid_optimality
+   use beamid_errors, only: error_t
+   use beamid_gauss_newton, only: look_ahead, outlook_t, scales_of
+   use beamid_kinds, only: wp
+   use beamid_problems, only: differences, error_of_differences
+   use beamid_searches, only: options_t, search_t
+   use beamid_strings, only: to_text
+   implicit none
+   private
+
+   public :: check_minimum
+
+   !> Distance to the minimum that counts as none, in standard errors. A hundredth shows in no number
+   !> that is told of a fit; searches that converge end at 1e-6 or less. An integrator's noise stops
+   !> a search earlier: then it is what that noise may do to an estimate.
+   real(wp), parameter :: near = 1e-2_wp, near_in_noise = 0.25_wp
+
+contains
+
+   !> At a minimum linear theory sees no other ahead.
+   !>
+   !> Nor is it asked for more than a search can see: relative changes of J, and of the parameters,
+   !> by the tolerance, the latter being what is left where the residuals vanish; and a thousand
+   !> times the noise of an integrator, whose relative error grows along a response and in
+   !> differences of it. What a step promises counts as far as linear theory may hold: to where a
+   !> parameter has changed by its own size.
+   !>
+   !> noise      of the differences that stand in for derivatives
+   !> estimate, residual, jacobian  where the search has ended
+   !> objection  what speaks against a minimum, or ''. `search` is then left where to go on from:
+   !>            there, or at the start
+   !> error      the derivatives at the start cannot be computed
+   subroutine check_minimum(search, options, noise, estimate, residual, jacobian, objection, error)
+      type(search_t), intent(inout) :: search
+      type(options_t), intent(in) :: options
+      real(wp), intent(in) :: noise, estimate(:), residual(:), jacobian(:, :)
+      character(len=:), allocatable, intent(out) :: objection
+      type(error_t), allocatable, intent(out) :: error
+      type(outlook_t) :: ahead
+      real(wp) :: scales(size(estimate)), share, gain, J, visible
+      integer :: k
+
+      objection = ''
+      search%parameters = estimate
+      if (size(search%moving) == 0) return
+      associate (moving => search%moving)
+         ahead = look_ahead(jacobian(:, moving), residual, estimate(moving), &
+            search%variables(moving), jacobian_error(search, noise, size(residual)))
+      end associate
+      scales = scales_of(search%variables, estimate)
+      share = 1/max(1.0_wp, maxval(abs(ahead%step)/scales(search%moving)))
+      J = sum(residual**2)
+      gain = share*(2 - share)*(J - sum(ahead%residual**2))
+      visible = max(options%tolerance, 1000*options%noise) &
+         *maxval([(norm2(jacobian(:, k))*scales(k), k=1, size(scales))])
+      visible = max(visible**2, options%tolerance*J)
+      if (search%failures_in_a_row > 0) then
+         objection = ', but only for steps at which the model cannot be computed'
+      else if (.not. (ahead%distance <= merge(near, near_in_noise, options%noise <= 0) .or. &
+         gain <= visible)) then
+         objection = ', but the derivatives promise a J that is '// &
+            to_text(100*gain/J)//' % smaller'
+      else if (ahead%rank < size(scales) .and. size(search%moving) == size(scales)) then
+         call check_effects(search, noise, estimate, residual, ahead%rank, objection, error)
+      end if
+   end subroutine check_minimum
+
+   !> Parameters whose effect at the estimate is lost in round-off have none that the record could
+   !> determine; but where it was there at the start, the search has run away from what it looked
+   !> for. A parameter at its bound, a mass of zero say, may take others' effect away.
+   !>
+   !> rank  at the estimate
+   subroutine check_effects(search, noise, estimate, residual, rank, objection, error)
+      type(search_t), intent(inout) :: search
+      real(wp), intent(in) :: noise, estimate(:), residual(:)
+      integer, intent(in) :: rank
+      character(len=:), allocatable, intent(inout) :: objection
+      type(error_t), allocatable, intent(out) :: error
+      !> So much larger an effect at the start is no matter of round-off.
+      real(wp), parameter :: clearly = 1e3_wp
+      type(outlook_t) :: ahead
+      real(wp), allocatable :: r(:), jacobian(:, :)
+      real(wp) :: start(size(estimate))
+
+      if (any(search%variables%is_at_bound(estimate))) return
+      start = search%variables%start
+      allocate (jacobian(size(residual), size(start)), r(size(residual)))
+      if (search%problem%has_jacobian()) then
+         call search%problem%jacobian(start, r, jacobian, error)
+      else
+         r = residual
+         call differences(search%problem, start, search%variables, noise, jacobian, error)
+      end if
+      if (allocated(error)) return
+      ahead = look_ahead(jacobian, r, start, search%variables, &
+         clearly*jacobian_error(search, noise, size(r)))
+      if (ahead%rank <= rank) return
+      objection = ', but where parameters that had an effect at the start have none'
+      search%parameters = start
+   end subroutine check_effects
+
+   !> Relative error of the columns of a Jacobian.
+   real(wp) function jacobian_error(search, noise, m)
+      type(search_t), intent(in) :: search
+      real(wp), intent(in) :: noise
+      integer, intent(in) :: m
+
+      jacobian_error = m*epsilon(noise)
+      if (.not. search%problem%has_jacobian()) jacobian_error = error_of_differences(noise)
+   end function jacobian_error
+
+end module beamid_optimality
