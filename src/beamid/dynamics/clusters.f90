@@ -36,10 +36,12 @@ module beamid_clusters
       complex(wp), allocatable :: a(:)         !< (0:m) coefficients of P, ascending; a(m) = 1
       complex(wp), allocatable :: da(:, :)     !< (m + 1, parameters)
       complex(wp) :: moments(2) = 0            !< of the sensor: sums of r and of r s
+      integer, allocatable :: parameters(:)    !< with respect to which derivatives are
       !> of the sensor, see `rows_of`; twice that where there is a mirror image
       complex(wp), allocatable :: row(:, :), drow(:, :, :)
    contains
       procedure :: holds
+      procedure :: knows
       procedure :: weight
       procedure :: dmean
       procedure :: modes
@@ -174,6 +176,15 @@ contains
       holds = abs(s - self%centre%s) <= self%radius
    end function holds
 
+   !> Whether its derivatives are those with respect to these parameters.
+   pure logical function knows(self, parameters)
+      class(cluster_t), intent(in) :: self
+      integer, intent(in) :: parameters(:)
+
+      knows = size(self%parameters) == size(parameters)
+      if (knows) knows = all(self%parameters == parameters)
+   end function knows
+
    !> What counts for the mirror image too.
    pure real(wp) function weight(self)
       class(cluster_t), intent(in) :: self
@@ -214,10 +225,9 @@ contains
       dmean = -self%radius*self%da(self%m, parameter)/self%m
    end function dmean
 
-   !> P and the motion of the sensor, with their derivatives where they are wanted.
-   subroutine measure(assembly, with_slopes, self)
+   !> P and the motion of the sensor, with their derivatives with respect to the parameters.
+   subroutine measure(assembly, self)
       type(assembly_t), intent(in) :: assembly
-      logical, intent(in) :: with_slopes
       type(cluster_t), intent(inout) :: self
       complex(wp) :: mu(0:self%m + 1), S(0:self%m), z, power
       complex(wp), allocatable :: dmu(:, :), dS(:, :)
@@ -225,18 +235,19 @@ contains
       type(root_t) :: point
       integer :: i, k, n
 
-      n = merge(size(assembly%parameters), 0, with_slopes)
+      n = size(assembly%parameters)
+      self%parameters = assembly%parameters
       allocate (dmu(0:self%m + 1, n), dS(self%m, n), source=(0.0_wp, 0.0_wp))
       mu = 0
       S = 0
       do i = 1, self%points
          call contour_point(self, i, z, point)
-         call transfer_at(assembly, point, with_slopes, value)
+         call transfer_at(assembly, point, n > 0, value)
          power = z/self%points
          do k = 0, self%m + 1
             mu(k) = mu(k) + self%radius*power*value%h
             if (k <= self%m) S(k) = S(k) + self%radius*power*value%dlog
-            if (with_slopes) then
+            if (n > 0) then
                dmu(k, :) = dmu(k, :) + self%radius*power*value%dh
                if (k < self%m) dS(k + 1, :) = dS(k + 1, :) - (k + 1)*power*value%dlog_p
             end if
