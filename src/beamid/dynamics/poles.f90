@@ -9,7 +9,8 @@
 !> are taken together, as `beamid_clusters` has it.
 module beamid_poles
    use beamid_assembly, only: assembly_t
-   use beamid_clusters, only: cluster_t, find_clusters, measure
+   use beamid_clusters, only: cluster_t, find_clusters
+   use beamid_contours, only: measure
    use beamid_errors, only: error_t, failure
    use beamid_kinds, only: wp
    use beamid_modes, only: beam_modes_t
@@ -74,14 +75,12 @@ contains
       if (allocated(error) .and. allocated(poles%all)) deallocate (poles%all)
    end subroutine find_poles
 
-   !> Residues, and the check that no root is missing: the residues add up to zero, and r s to the
-   !> acceleration that a unit force causes at once.
+   !> Residues of the roots that stand by themselves, and the clusters.
    subroutine residues(assembly, poles, error)
       type(assembly_t), intent(in) :: assembly
       type(poles_t), intent(inout) :: poles
       type(error_t), allocatable, intent(out) :: error
-      logical :: near(size(poles%root)), complete
-      real(wp) :: x(assembly%n), y(size(assembly%v, 1)), rest(2), size_rs
+      logical :: near(size(poles%root))
       integer :: k
 
       poles%s = poles%root%s
@@ -94,25 +93,28 @@ contains
          call find_vector(assembly, poles%root(k), poles%vector(k))
          associate (vector => poles%vector(k))
             near(k) = abs(vector%A) < small_A*2*abs(poles%s(k))*vector%inertia
-            poles%residue(k) = weight(poles%s(k))*vector%y(assembly%sensor) &
-               *sum(assembly%load*vector%x)/vector%A
+            poles%residue(k) = 0
+            if (abs(vector%A) > 0) poles%residue(k) = weight(poles%s(k)) &
+               *vector%y(assembly%sensor)*sum(assembly%load*vector%x)/vector%A
          end associate
       end do
       call find_clusters(assembly, poles%all, pack(poles%root, near), poles%cluster)
       do k = 1, size(poles%cluster)
          where (poles%cluster(k)%holds(poles%s)) poles%residue = 0
-      end do
-      rest = [sum(real(poles%residue)), sum(real(poles%residue*poles%s))]
-      size_rs = sum(abs(poles%residue*poles%s))
-      complete = .true.
-      do k = 1, size(poles%cluster)
          call measure(assembly, poles%cluster(k))
-         associate (cluster => poles%cluster(k))
-            rest = rest + real(cluster%moments)
-            size_rs = size_rs + abs(cluster%moments(2))
-            complete = complete .and. abs(cluster%counted - cluster%m) < 1e-3_wp
-         end associate
       end do
+      call check_sums(assembly, poles, error)
+   end subroutine residues
+
+   !> Whether all roots have been found: the residues add up to zero, and r s to the acceleration
+   !> that a unit force causes at once.
+   subroutine check_sums(assembly, poles, error)
+      type(assembly_t), intent(in) :: assembly
+      type(poles_t), intent(inout) :: poles
+      type(error_t), allocatable, intent(out) :: error
+      real(wp) :: x(assembly%n), y(size(assembly%v, 1)), rest(2)
+      integer :: k
+
       call solve_mass(assembly, assembly%load, x, y)
       poles%impulse = y(assembly%sensor)
       poles%ordinary = dot_product(assembly%load, x)
@@ -120,8 +122,15 @@ contains
          assembly%v(assembly%sensor, :), x, y)
       poles%ordinary = sqrt(poles%ordinary*y(assembly%sensor)) &
          /minval(abs(poles%s), mask=abs(poles%s) > 0)
-      rest = abs([rest(1)/poles%ordinary, (rest(2) - poles%impulse)/size_rs])
-      if (complete .and. rest(1) <= max_rest .and. rest(2) <= max_rest_at_once) return
+      associate (r => poles%residue, s => poles%s, cluster => poles%cluster)
+         rest(1) = sum(real(r)) + sum([(real(cluster(k)%moments(1)), k=1, size(cluster))])
+         rest(2) = sum(real(r*s)) + sum([(real(cluster(k)%moments(2)), k=1, size(cluster))])
+         rest(1) = abs(rest(1))/poles%ordinary
+         rest(2) = abs(rest(2) - poles%impulse)/(sum(abs(r*s)) &
+            + sum([(abs(cluster(k)%moments(2)), k=1, size(cluster))]))
+         if (rest(1) <= max_rest .and. rest(2) <= max_rest_at_once .and. &
+            all(cluster%is_complete())) return
+      end associate
       if (assembly%root > 0) then
          call failure(error, 'modal: the roots found leave '//to_text(maxval(rest))// &
             ' of the response open: one was missed, or k_R on a mesh this fine costs too many '// &
@@ -129,7 +138,7 @@ contains
       else
          call failure(error, 'modal: a root of the characteristic equation was missed')
       end if
-   end subroutine residues
+   end subroutine check_sums
 
    !> Derivatives of poles and residues with respect to the parameters of the assembly.
    subroutine differentiate_poles(assembly, poles)
