@@ -1,30 +1,22 @@
-!> Roots that come together, as one.
+!> Roots that come together: which ones, and the disc that holds them.
 !>
 !> Where two roots nearly meet, each residue and each derivative grows without bound and only their
-!> sum has a meaning: the part of the sensor's transfer function h with poles in a disc about the
-!> roots,
+!> sum has a meaning: the part of the sensor's transfer function with poles in a disc about them,
 !>
 !>     N(z)/(R P(z)),    s = c + R z,
 !>
-!> P the polynomial of the m roots in the disc, N of lower degree. Both follow from moments over the
-!> circle between these roots and all others, by the trapezoidal rule, which converges there like a
-!> geometric series:
-!>
-!>     mu_k = R <z**(k+1) h>,  S_k = R <z**(k+1) W'/W>,  d S_k = -k <z**k d log W>:
-!>
-!> S_k are the sums of the k-th powers of the roots, S_0 their number, and give P by Newton's
-!> identities. Everything depends smoothly on the parameters, however near the roots are; the disc
-!> itself stays where it is. Of a disc on the real axis the lower half is the mirror image of the
-!> upper, and all is real; of another one the mirror image counts by a factor of two.
+!> P the polynomial of the m roots in the disc, N of lower degree, both by moments over its circle
+!> (`beamid_contours`). Everything depends smoothly on the parameters, however near the roots are;
+!> the disc itself stays where it is. Of a disc on the real axis the lower half is the mirror image
+!> of the upper, and all is real; of another one the mirror image counts by a factor of two.
 module beamid_clusters
    use beamid_assembly, only: assembly_t
    use beamid_kinds, only: wp
-   use beamid_transfer, only: transfer_t, transfer_at
    use beamid_vectors, only: root_t
    implicit none
    private
 
-   public :: cluster_t, find_clusters, measure, contour_point, rows_of, free_rows
+   public :: cluster_t, find_clusters
 
    type :: cluster_t
       integer :: m = 0                         !< roots
@@ -33,13 +25,16 @@ module beamid_clusters
       real(wp) :: radius = 0                   !< R
       logical :: on_axis = .false.             !< c is real
       complex(wp) :: counted = 0               !< S_0
-      complex(wp), allocatable :: a(:)         !< (0:m) coefficients of P, ascending; a(m) = 1
+      complex(wp), allocatable :: a(:)         !< (m + 1) coefficients of P, ascending
       complex(wp), allocatable :: da(:, :)     !< (m + 1, parameters)
       complex(wp) :: moments(2) = 0            !< of the sensor: sums of r and of r s
+      integer, allocatable :: parameters(:)    !< with respect to which derivatives are
       !> of the sensor, see `rows_of`; twice that where there is a mirror image
       complex(wp), allocatable :: row(:, :), drow(:, :, :)
    contains
       procedure :: holds
+      procedure :: knows
+      procedure :: is_complete
       procedure :: weight
       procedure :: dmean
       procedure :: modes
@@ -126,7 +121,7 @@ contains
          cluster%centre%s = flagged%s + centre
          cluster%on_axis = on_axis
          cluster%radius = radius
-         ! The error is that of o**(-points) and g**points, but for the powers of z.
+         ! The error is (R/o)**points + (g/R)**points, but for the powers of z.
          cluster%points = m + 2 + max(32, ceiling(40/log(o/radius)))
          if (least < well_apart) exit
       end do
@@ -174,29 +169,28 @@ contains
       holds = abs(s - self%centre%s) <= self%radius
    end function holds
 
+   !> Whether its derivatives are those with respect to these parameters.
+   pure logical function knows(self, parameters)
+      class(cluster_t), intent(in) :: self
+      integer, intent(in) :: parameters(:)
+
+      knows = size(self%parameters) == size(parameters)
+      if (knows) knows = all(self%parameters == parameters)
+   end function knows
+
+   !> Whether the contour holds as many roots as were found in it.
+   elemental logical function is_complete(self)
+      class(cluster_t), intent(in) :: self
+
+      is_complete = abs(self%counted - self%m) < 1e-3_wp
+   end function is_complete
+
    !> What counts for the mirror image too.
    pure real(wp) function weight(self)
       class(cluster_t), intent(in) :: self
 
       weight = merge(1.0_wp, 2.0_wp, self%on_axis)
    end function weight
-
-   !> Point k of the circle, 1 .. points. The mean over the whole circle is the mean over them; on the
-   !> real axis, where they are its upper half, the real part of that.
-   pure subroutine contour_point(self, k, z, point)
-      class(cluster_t), intent(in) :: self
-      integer, intent(in) :: k
-      complex(wp), intent(out) :: z
-      type(root_t), intent(out) :: point
-      real(wp), parameter :: pi = acos(-1.0_wp)
-      real(wp) :: angle
-
-      angle = merge(1, 2, self%on_axis)*pi*(k - 0.5_wp)/self%points
-      z = cmplx(cos(angle), sin(angle), wp)
-      point = self%centre
-      point%offset = point%offset + self%radius*z
-      point%s = point%s + self%radius*z
-   end subroutine contour_point
 
    !> How many modes: pairs of roots.
    elemental integer function modes(self)
@@ -213,161 +207,5 @@ contains
 
       dmean = -self%radius*self%da(self%m, parameter)/self%m
    end function dmean
-
-   !> P and the motion of the sensor, with their derivatives where they are wanted.
-   subroutine measure(assembly, with_slopes, self)
-      type(assembly_t), intent(in) :: assembly
-      logical, intent(in) :: with_slopes
-      type(cluster_t), intent(inout) :: self
-      complex(wp) :: mu(0:self%m + 1), S(0:self%m), z, power
-      complex(wp), allocatable :: dmu(:, :), dS(:, :)
-      type(transfer_t) :: value
-      type(root_t) :: point
-      integer :: i, k, n
-
-      n = merge(size(assembly%parameters), 0, with_slopes)
-      allocate (dmu(0:self%m + 1, n), dS(self%m, n), source=(0.0_wp, 0.0_wp))
-      mu = 0
-      S = 0
-      do i = 1, self%points
-         call contour_point(self, i, z, point)
-         call transfer_at(assembly, point, with_slopes, value)
-         power = z/self%points
-         do k = 0, self%m + 1
-            mu(k) = mu(k) + self%radius*power*value%h
-            if (k <= self%m) S(k) = S(k) + self%radius*power*value%dlog
-            if (with_slopes) then
-               dmu(k, :) = dmu(k, :) + self%radius*power*value%dh
-               if (k < self%m) dS(k + 1, :) = dS(k + 1, :) - (k + 1)*power*value%dlog_p
-            end if
-            power = power*z
-         end do
-      end do
-      mu = self%weight()*mu
-      dmu = self%weight()*dmu
-      if (self%on_axis) then
-         mu = real(mu)
-         dmu = real(dmu)
-         S = real(S)
-         dS = real(dS)
-      end if
-      self%counted = S(0)
-      self%moments = [mu(0), self%centre%s*mu(0) + self%radius*mu(1)]
-      call newton_identities(S(1:), dS, self%a, self%da)
-      call rows_of(self, mu, dmu, self%row, self%drow)
-   end subroutine measure
-
-   !> The polynomial whose roots have the sums of powers S_1, S_2, ..., and its derivatives:
-   !> k a_(m-k) = -sum over i = 1 .. k of a_(m-k+i) S_i.
-   !>
-   !> a, da  (m + 1), (m + 1, parameters) ascending powers
-   pure subroutine newton_identities(S, dS, a, da)
-      complex(wp), intent(in) :: S(:), dS(:, :)
-      complex(wp), allocatable, intent(out) :: a(:), da(:, :)
-      integer :: i, k, m
-
-      m = size(S)
-      allocate (a(m + 1), da(m + 1, size(dS, 2)), source=(0.0_wp, 0.0_wp))
-      a(m + 1) = 1
-      do k = 1, m
-         associate (place => m + 1 - k)
-            do i = 1, k
-               a(place) = a(place) - a(place + i)*S(i)/k
-               da(place, :) = da(place, :) - (da(place + i, :)*S(i) + a(place + i)*dS(i, :))/k
-            end do
-         end associate
-      end do
-   end subroutine newton_identities
-
-   !> What the states of `beamid_cluster_motion` make of a motion with given moments: displacement,
-   !> velocity and acceleration, but for what follows the force at once.
-   !>
-   !> mu, dmu  (m + 2), (m + 2, parameters)
-   !> row      (m, 3)
-   !> drow     (2 m, 3, parameters) the derivatives, (N/P)_p = (N_p - Q)/P - rest/P**2 with
-   !>          N P_p = Q P + rest
-   pure subroutine rows_of(self, mu, dmu, row, drow)
-      class(cluster_t), intent(in) :: self
-      complex(wp), intent(in) :: mu(:), dmu(:, :)
-      complex(wp), allocatable, intent(out) :: row(:, :), drow(:, :, :)
-      complex(wp) :: moments(size(mu), 3), slopes(size(mu), 3)
-      integer :: i, order, p
-
-      allocate (row(self%m, 3), drow(2*self%m, 3, size(dmu, 2)))
-      moments = derived(self, mu)
-      do order = 1, 3
-         do i = 1, self%m
-            row(i, order) = sum(self%a(i + 1:)*moments(:self%m + 1 - i, order))
-         end do
-      end do
-      do p = 1, size(dmu, 2)
-         slopes = derived(self, dmu(:, p))
-         do order = 1, 3
-            call divide(self, row(:, order), self%da(:, p), drow(:, order, p))
-            do i = 1, self%m
-               drow(i, order, p) = drow(i, order, p) &
-                  + sum(self%a(i + 1:)*slopes(:self%m + 1 - i, order) &
-                  + self%da(i + 1:, p)*moments(:self%m + 1 - i, order))
-            end do
-         end do
-      end do
-   end subroutine rows_of
-
-   !> Rows of the free motion that begins with state k alone, over c**2: an acceleration of order one.
-   pure subroutine free_rows(self, k, row, drow)
-      class(cluster_t), intent(in) :: self
-      integer, intent(in) :: k
-      complex(wp), allocatable, intent(out) :: row(:, :), drow(:, :, :)
-      complex(wp) :: mu(self%m + 2), dmu(self%m + 2, size(self%da, 2))
-
-      associate (a => self%a, da => self%da, m => self%m)
-         mu = 0
-         dmu = 0
-         mu(k) = 1
-         ! z**m and z**(m + 1) by P = 0.
-         mu(m + 1:) = [-a(k), a(m)*a(k)]
-         dmu(m + 1, :) = -da(k, :)
-         dmu(m + 2, :) = a(m)*da(k, :) + da(m, :)*a(k)
-         if (k > 1) mu(m + 2) = mu(m + 2) - a(k - 1)
-         if (k > 1) dmu(m + 2, :) = dmu(m + 2, :) - da(k - 1, :)
-      end associate
-      call rows_of(self, mu/self%centre%s**2, dmu/self%centre%s**2, row, drow)
-   end subroutine free_rows
-
-   !> Moments of a motion and of its first and second derivatives with respect to time, s = c + R z;
-   !> the first m of each count.
-   pure function derived(self, mu) result(moments)
-      class(cluster_t), intent(in) :: self
-      complex(wp), intent(in) :: mu(:)
-      complex(wp) :: moments(size(mu), 3)
-      integer :: order
-
-      moments(:, 1) = mu
-      do order = 2, 3
-         moments(:, order) = self%centre%s*moments(:, order - 1) &
-            + self%radius*eoshift(moments(:, order - 1), 1)
-      end do
-   end function derived
-
-   !> -Q, then -rest, of N P_p = Q P + rest.
-   pure subroutine divide(self, row, da, quotient)
-      class(cluster_t), intent(in) :: self
-      complex(wp), intent(in) :: row(:), da(:)
-      complex(wp), intent(out) :: quotient(:)
-      complex(wp) :: product(2*self%m)
-      integer :: i, m
-
-      m = self%m
-      product = 0
-      do i = 1, m
-         product(i:i + m) = product(i:i + m) - row(i)*da
-      end do
-      quotient = 0
-      do i = m, 1, -1
-         quotient(i) = product(i + m)
-         product(i:i + m) = product(i:i + m) - quotient(i)*self%a
-      end do
-      quotient(m + 1:) = product(:m)
-   end subroutine divide
 
 end module beamid_clusters

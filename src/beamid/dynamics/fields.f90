@@ -5,7 +5,8 @@
 !> give w' and w'' - f M**-1 F. A cluster of roots moves them as it moves the sensor.
 module beamid_fields
    use beamid_assembly, only: assembly_t
-   use beamid_clusters, only: cluster_t, contour_point, rows_of
+   use beamid_clusters, only: cluster_t
+   use beamid_contours, only: contour_point, rows_of
    use beamid_equations, only: equations_t
    use beamid_errors, only: error_t, failure
    use beamid_excitation, only: excitation_t

@@ -6,7 +6,8 @@
 !> near critical damping, which are real or a pair.
 module beamid_free_motion
    use beamid_cluster_motion, only: free_states
-   use beamid_clusters, only: cluster_t, free_rows
+   use beamid_clusters, only: cluster_t
+   use beamid_contours, only: free_rows
    use beamid_errors, only: error_t, failure
    use beamid_kinds, only: wp
    use beamid_poles, only: poles_t

@@ -34,6 +34,7 @@ module beamid_modal
       procedure :: is_exact
       procedure :: differentiate
       procedure :: free_modes
+      procedure :: lowest_roots
       procedure, private :: solve
    end type modal_t
 
@@ -144,6 +145,40 @@ contains
       call self%solve(equations, new_pulse(0.0_wp, 1.0_wp), parameters, work, error)
       if (.not. allocated(error)) call find_free_modes(self%poles, wanted, modes, error)
    end subroutine free_modes
+
+   !> One root of each of the lowest modes that oscillate; where there are too few of them, the lowest
+   !> real roots too. Those of overdamped modes crowd near -E/c_D, below many a mode that oscillates.
+   !>
+   !> s         ascending |s| of either kind, as many as are wanted or as there are [1/time]
+   !> ds        (roots, parameters)
+   !> together  whether a root nearly meets another: ds is then that of their mean
+   subroutine lowest_roots(self, equations, parameters, wanted, s, ds, together, work, error)
+      class(modal_t), intent(inout) :: self
+      type(equations_t), intent(in), target :: equations
+      integer, intent(in) :: parameters(:), wanted
+      complex(wp), allocatable, intent(out) :: s(:), ds(:, :)
+      logical, allocatable, intent(out) :: together(:)
+      type(work_t), intent(inout) :: work
+      type(error_t), allocatable, intent(out) :: error
+      logical, allocatable :: waiting(:)
+      integer :: k, next
+
+      call self%solve(equations, new_pulse(0.0_wp, 1.0_wp), parameters, work, error)
+      if (allocated(error)) return
+      associate (poles => self%poles)
+         allocate (s(min(wanted, size(poles%s))))
+         allocate (ds(size(s), size(parameters)), together(size(s)))
+         allocate (waiting(size(poles%s)), source=.true.)
+         do k = 1, size(s)
+            next = minloc(abs(poles%s), dim=1, mask=waiting .and. aimag(poles%s) > 0)
+            if (next == 0) next = minloc(abs(poles%s), dim=1, mask=waiting)
+            waiting(next) = .false.
+            s(k) = poles%s(next)
+            ds(k, :) = poles%ds(next, :)
+            together(k) = any(poles%cluster%holds(s(k)))
+         end do
+      end associate
+   end subroutine lowest_roots
 
    !> The structure in the modes of the bare beam, with its load.
    subroutine assemble(modes, equations, excitation, parameters, assembly)

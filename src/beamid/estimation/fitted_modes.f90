@@ -15,10 +15,13 @@ module beamid_fitted_modes
 
    public :: fitted_mode_t, fitted_modes
 
-   !> A mode and how well it is known; half widths of 95 % intervals, huge where there is none.
+   !> A mode and how well it is known; half widths of 95 % intervals, huge where there is none. A real
+   !> root, which decays and does not oscillate, stands for itself.
    type :: fitted_mode_t
       integer :: record = 1
       complex(wp) :: s = 0                  !< root [1/time]
+      !> It nearly meets another one, and has no derivative and no interval by itself.
+      logical :: together = .false.
       real(wp) :: frequency = 0             !< |s|/(2 pi) [1/time]
       real(wp) :: damping_ratio = 0         !< -Re(s)/|s|
       real(wp) :: frequency_half_width = 0
@@ -27,8 +30,8 @@ module beamid_fitted_modes
 
 contains
 
-   !> The lowest modes that oscillate, of each record's structure. Where the residuals are not white
-   !> the widths grow as those of the parameters do at the worst.
+   !> The lowest modes of each record's structure, first those that oscillate. Where the residuals
+   !> are not white the widths grow as those of the parameters do at the worst.
    !>
    !> count  how many for each record; fewer where the mesh has fewer
    subroutine fitted_modes(mesh, fit, count, modes, error)
@@ -42,7 +45,8 @@ contains
       type(equations_t), target :: equations
       type(work_t) :: work
       complex(wp), allocatable :: s(:), ds(:, :)
-      integer :: k, n, r
+      logical, allocatable :: together(:)
+      integer :: k, r
 
       allocate (modes(0))
       do r = 1, size(fit%world%structures)
@@ -51,25 +55,22 @@ contains
             call solver%prepare(galerkin, error)
             if (allocated(error)) return
             equations = new_equations(galerkin, structure, new_pulse(0.0_wp, 1.0_wp))
-            do n = min(count, galerkin%space%n), 1, -1
-               if (allocated(s)) deallocate (s, ds)
-               allocate (s(n), ds(n, size(fit%free)))
-               call solver%free_motion(equations, fit%free, s, ds, work, error)
-               if (.not. allocated(error)) exit
-            end do
+            call solver%lowest_roots(equations, fit%free, min(count, galerkin%space%n), s, ds, &
+               together, work, error)
             if (allocated(error)) return
             do k = 1, size(s)
-               modes = [modes, fitted_mode(fit, r, s(k), ds(k, :))]
+               modes = [modes, fitted_mode(fit, r, s(k), ds(k, :), together(k))]
             end do
          end associate
       end do
    end subroutine fitted_modes
 
    !> One mode from its root and the root's derivatives.
-   function fitted_mode(fit, record, s, ds) result(mode)
+   function fitted_mode(fit, record, s, ds, together) result(mode)
       type(stage_fit_t), intent(in) :: fit
       integer, intent(in) :: record
       complex(wp), intent(in) :: s, ds(:)
+      logical, intent(in) :: together
       type(fitted_mode_t) :: mode
       real(wp) :: slope(size(ds)), scale, t
       real(wp), parameter :: two_pi = 2*acos(-1.0_wp)
@@ -78,11 +79,12 @@ contains
       n = size(ds)
       mode%record = record
       mode%s = s
+      mode%together = together
       mode%frequency = abs(s)/two_pi
       mode%damping_ratio = -real(s)/abs(s)
       mode%frequency_half_width = huge(1.0_wp)
       mode%damping_half_width = huge(1.0_wp)
-      if (fit%statistics%samples == 0) return
+      if (fit%statistics%samples == 0 .or. together) return
       associate (statistics => fit%statistics)
          ! No limits, or none that could be squared.
          if (any(statistics%std_error(:n) >= sqrt(huge(1.0_wp))*epsilon(1.0_wp))) return
@@ -95,7 +97,7 @@ contains
          mode%frequency_half_width = t*deviation(slope/two_pi)
          slope = -real(ds)/abs(s) + real(s)*slope/abs(s)**2
          where (.not. is_mine(fit, record)) slope = 0
-         mode%damping_half_width = t*deviation(slope)
+         if (abs(aimag(s)) > 0) mode%damping_half_width = t*deviation(slope)
       end associate
 
    contains

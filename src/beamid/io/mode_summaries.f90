@@ -71,6 +71,13 @@ contains
          end associate
          call text%line(line)
       end do
+      if (all(.not. abs(aimag(modes%s)) > 0)) then
+         call text%line('no mode oscillates: real roots, each a decay by itself')
+      else if (any(.not. abs(aimag(modes%s)) > 0)) then
+         call text%line('damping ratio 1: a real root, a decay without oscillation')
+      end if
+      if (any(modes%together)) call text%line('without an interval: roots that nearly meet, of '// &
+         'which none by itself depends smoothly on the parameters')
    end subroutine fitted_modes_summary
 
    !> Half a width, or a dash.

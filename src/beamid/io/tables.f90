@@ -162,25 +162,30 @@ contains
       type(text_t), intent(inout) :: text
       integer, intent(in) :: elements
       type(fitted_mode_t), intent(in) :: modes(:)
-      character(len=:), allocatable :: line
       integer :: k, number
 
       do k = 1, size(modes)
          number = count(modes(:k)%record == modes(k)%record)
          associate (mode => modes(k))
-            line = to_text(elements)//','//row(number, [mode%frequency, mode%damping_ratio, &
-               real(mode%s), aimag(mode%s)])//','//to_text(mode%record)//','
-            if (mode%frequency_half_width < unlimited) then
-               line = line//full(mode%frequency - mode%frequency_half_width)//','// &
-                  full(mode%frequency + mode%frequency_half_width)//','// &
-                  full(max(0.0_wp, mode%damping_ratio - mode%damping_half_width))//','// &
-                  full(mode%damping_ratio + mode%damping_half_width)
-            else
-               line = line//',,,'
-            end if
+            call text%line(to_text(elements)//','//row(number, [mode%frequency, &
+               mode%damping_ratio, real(mode%s), aimag(mode%s)])//','//to_text(mode%record)//','// &
+               interval(mode%frequency, mode%frequency_half_width)//','// &
+               interval(mode%damping_ratio, mode%damping_half_width))
          end associate
-         call text%line(line)
       end do
+
+   contains
+
+      !> Its ends, or two empty fields. Neither a frequency nor a damping ratio is negative.
+      function interval(value, half_width) result(ends)
+         real(wp), intent(in) :: value, half_width
+         character(len=:), allocatable :: ends
+
+         ends = ','
+         if (half_width < unlimited) ends = full(max(0.0_wp, value - half_width))//ends// &
+            full(value + half_width)
+      end function interval
+
    end subroutine add_fitted_modes
 
    !> The minima that several starts have found.
