@@ -29,6 +29,7 @@ module beamid_newton
       procedure :: derivative
       procedure :: acceleration
       procedure :: newton_step
+      final :: release
    end type motion_t
 
 contains
@@ -46,6 +47,14 @@ contains
       if (.not. positive) call failure(error, 'the mass matrix is not positive definite')
       motion%step_factor = equations%mass
    end subroutine new_motion
+
+   !> gfortran 12 frees the first of two such components, not the second, where a motion is part of a
+   !> type with a finalizer of its own.
+   pure subroutine release(motion)
+      type(motion_t), intent(inout) :: motion
+
+      if (allocated(motion%step_factor%a)) deallocate (motion%step_factor%a)
+   end subroutine release
 
    !> M^{-1} (force F - C v - K w) by the Cholesky factor of M.
    !>

@@ -220,21 +220,23 @@ contains
       type(stage_fit_t), allocatable, intent(out) :: fits(:)
       type(error_t), allocatable, intent(out) :: error
       class(monitor_t), intent(inout), optional :: monitor
+      type(experiment_t) :: experiments(1)
 
-      call identify(model, mesh, stages, [experiment_of(model, samples, measured)], fits, error, &
-         monitor)
+      call only_experiment(model, samples, measured, experiments)
+      call identify(model, mesh, stages, experiments, fits, error, monitor)
    end subroutine identify_samples
 
-   !> The model's own excitation and a record.
-   function experiment_of(model, samples, measured) result(experiment)
+   !> The model's own excitation and a record, as the only experiment. A subroutine: gfortran 12
+   !> leaks what a function puts into an array constructor.
+   subroutine only_experiment(model, samples, measured, experiments)
       type(model_t), intent(in) :: model
       real(wp), intent(in) :: samples(:), measured(:)
-      type(experiment_t) :: experiment
+      type(experiment_t), intent(out) :: experiments(1)
 
-      experiment%samples = samples
-      experiment%measured = measured
-      experiment%excitation = model%excitation
-   end function experiment_of
+      experiments(1)%samples = samples
+      experiments(1)%measured = measured
+      experiments(1)%excitation = model%excitation
+   end subroutine only_experiment
 
    !> `identify` on each mesh, as many at a time as there are threads.
    !>
@@ -279,9 +281,10 @@ contains
       type(stage_fit_t), allocatable, intent(out) :: fits(:, :)
       type(error_t), allocatable, intent(out) :: error
       class(monitor_t), intent(inout), optional :: monitor
+      type(experiment_t) :: experiments(1)
 
-      call identify_meshes(model, meshes, stages, [experiment_of(model, samples, measured)], fits, &
-         error, monitor)
+      call only_experiment(model, samples, measured, experiments)
+      call identify_meshes(model, meshes, stages, experiments, fits, error, monitor)
    end subroutine identify_meshes_samples
 
    !> Adds up the squared residuals of each fit over other samples than it was made from.
