@@ -2,11 +2,11 @@
 !> refused a call of the system at every step: what is left is one whole run or has no manifest, and
 !> the next run leaves nothing else.
 !>
-!> A library in front of the C library (LD_PRELOAD) counts the calls and acts at one of them. With
-!> the argument `long` the program is killed at 300 random moments instead of 24, and at every pair of
-!> calls of two runs.
+!> A library in front of the C library (LD_PRELOAD) counts the calls and acts at one of them. In the
+!> long run the program is killed at 300 random moments instead of 24, and at every pair of calls of
+!> two runs.
 program test_exchange
-   use checks, only: check, finish, skip
+   use checks, only: check, finish, in_long_run, skip
    use shell, only: close_shell, exists, has_all, line_count, open_shell, outcome_t, &
       program_path, read_file, remove_tree, run, write_file
    implicit none
@@ -56,7 +56,6 @@ program test_exchange
       like_older = 'diff -r older work', like_newer = 'diff -r newer work', &
       hidden = ' -x ".beamid-*"'
    character(len=:), allocatable :: reason, newer_run
-   character(len=10) :: argument
 
    call open_shell(reason)
    if (reason == '') call set_up(reason)
@@ -68,9 +67,8 @@ program test_exchange
       call test_refused_calls('')
       call test_refused_calls('NO_LINKS=1 ')
       call test_broken_folder()
-      call get_command_argument(1, argument)
-      call test_random_moments(merge(300, 24, argument == 'long'))
-      if (argument == 'long') call test_kill_twice()
+      call test_random_moments(merge(300, 24, in_long_run()))
+      if (in_long_run()) call test_kill_twice()
       call test_two_at_once()
       call test_others()
    end if
@@ -126,8 +124,9 @@ contains
       integer, intent(in) :: at
       type(outcome_t) :: outcome
 
-      outcome = run('OMP_NUM_THREADS=1 env --default-signal=HUP,INT,TERM LD_PRELOAD="$PWD/calls.so" '// &
-         'WATCH="'//calls//'" AT='//digits(at)//' '//what//' '//newer_run//'work')
+      outcome = run('OMP_NUM_THREADS=1 env --default-signal=HUP,INT,TERM '// &
+         'LD_PRELOAD="$PWD/calls.so" WATCH="'//calls//'" AT='//digits(at)//' '//what//' '// &
+         newer_run//'work')
    end function hit
 
    !> What a run that died leaves has no manifest or is one whole run; it can be taken back to the
@@ -290,12 +289,14 @@ contains
 
       call write_file('two.sh', 'export OMP_NUM_THREADS=1; good=0'//nl// &
          'sed s/elements=2/elements=3/ case.nml >finer.nml'//nl// &
-         'run_finer() { "'//program_path//'" modes finer.nml --out "$1"; }; run_finer finer >stdout'//nl// &
+         'run_finer() { "'//program_path//'" modes finer.nml --out "$1"; }'//nl// &
+         'run_finer finer >stdout'//nl// &
          'for k in $(seq '//digits(times)//'); do'//nl//'rm -rf twice'//nl// &
          newer_run//'twice/at/once >stdout & first=$!'//nl// &
          'run_finer twice/at/once >stdout_2 & second=$!'//nl// &
          'wait $first && wait $second && { diff -r newer twice/at/once || '// &
-         'diff -r finer twice/at/once; } >stdout && good=$((good + 1))'//nl//'done; echo "$good"'//nl)
+         'diff -r finer twice/at/once; } >stdout && good=$((good + 1))'//nl// &
+         'done; echo "$good"'//nl)
       outcome = run('sh two.sh')
       call check('two runs make the same folder', outcome%out == digits(times)//nl, &
          outcome%out(:max(0, len(outcome%out) - 1))//' of '//digits(times)//' '//outcome%err)

@@ -134,8 +134,8 @@ contains
       call check('no other file but the manifest', holds('new/deep/folder', 3))
    end subroutine test_writing
 
-   !> Name, size and CRC-32 of each file. The value for '123456789' is the one that the definitions of
-   !> CRC-32 give as a check; no byte has 0, and of all bytes zlib has 29058c73.
+   !> Name, size and CRC-32 of each file. The value for '123456789' is the one that the definitions
+   !> of CRC-32 give as a check; no byte has 0, and of all bytes zlib has 29058c73.
    subroutine test_manifest()
       type(output_t) :: output
       type(error_t), allocatable :: error
@@ -149,9 +149,9 @@ contains
          line_feed//'bytes 256 29058c73 run'//line_feed, content('listed/manifest.txt'))
    end subroutine test_manifest
 
-   !> What an earlier run of the same command has written and this one has not goes, unless somebody
-   !> has changed it; the files of another command, and of others, stay. A line that leads to another
-   !> folder leads nowhere.
+   !> What an earlier run of the same command has written and this one has not goes, unless
+   !> somebody has changed it; the files of another command, and of others, stay. A line that leads
+   !> to another folder leads nowhere.
    subroutine test_outdated()
       type(output_t) :: first, second, other
       type(error_t), allocatable :: error
@@ -165,7 +165,8 @@ contains
       call first%add('three.csv', 'three')
       call first%commit(trim(scratch)//'/dated', error)
       call shell('cd '//trim(scratch)//' && echo mine >dated/notes.txt && echo more '// &
-         '>>dated/three.csv && echo more >>dated/late.csv && printf two >two.csv && printf "../%s" '// &
+         '>>dated/three.csv && echo more >>dated/late.csv && printf two >two.csv && '// &
+         'printf "../%s" '// &
          '"$(grep two dated/manifest.txt)" >line && cat line >>dated/manifest.txt && '// &
          'echo >>dated/manifest.txt && echo nonsense >>dated/manifest.txt')
       call second%add('one.csv', 'another')

@@ -15,8 +15,8 @@ module beamid_interrupts
 
 contains
 
-   !> From here on the signals of a terminal, of `kill` and of a closed terminal wait; those that the
-   !> program ignores it goes on ignoring. Handlers serve all threads, which a signal mask does not.
+   !> From here on the signals of a terminal, of `kill` and of a closed terminal wait; those that
+   !> the program ignores it goes on ignoring. Handlers serve all threads, a signal mask does not.
    subroutine hold_signals()
       integer(c_intptr_t) :: ignored
       integer :: k

@@ -1,8 +1,8 @@
 !> The manifest of an output folder: of each file its name, size and checksum, and the command whose
 !> run wrote it to its end.
 !>
-!> The checksum is CRC-32 as gzip, zip and PNG have it (ISO 3309; Python: `zlib.crc32`, coreutils 9.6
-!> and newer: `cksum -a crc32b`): it tells a cut file or one of another run, not a forged one.
+!> The checksum is CRC-32 as gzip, zip and PNG have it (ISO 3309; Python: `zlib.crc32`, coreutils
+!> 9.6 and newer: `cksum -a crc32b`): it tells a cut file or one of another run, not a forged one.
 module beamid_manifests
    use, intrinsic :: iso_c_binding, only: c_associated, c_int, c_null_char, c_ptr, c_size_t
    use, intrinsic :: iso_fortran_env, only: int32
