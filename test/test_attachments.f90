@@ -260,8 +260,8 @@ contains
       real(qp) :: change(size(e%sampling%times), 3, size(parameters)), close
       integer :: i, k, p
 
-      ! What inverse iteration leaves: 1e-8 of a difference over 1e-16; for a motion 1e-20 is as good
-      ! as nothing. A J_T of 1e6 beams alone costs ten digits of 34.
+      ! What inverse iteration leaves: 1e-8 of a difference over 1e-16; for a motion 1e-20 is as
+      ! good as nothing. A J_T of 1e6 beams alone costs ten digits of 34.
       close = merge(1e-20_qp, 1e-24_qp, size(parameters) == 0)
       call poles_of(e%structure, poles, error)
       lost = allocated(error)

@@ -558,7 +558,8 @@ contains
 
       text = replaced(released(keys), '''release''', '''free''')
       text = replaced(text, &
-         'method=''cvode'', rtol=1e-7, atol=1e-10, max_order=5, max_steps=20000', 'method=''modal''')
+         'method=''cvode'', rtol=1e-7, atol=1e-10, max_order=5, max_steps=20000', &
+         'method=''modal''')
       text = replaced(text, 'free=''m_H'',''k_H'', start=0.035,0.4, lower=0,0.1, upper=1,10', &
          'free=''m_H''')
    end function freed

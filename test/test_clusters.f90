@@ -29,8 +29,8 @@ program test_clusters
    use full_matrices, only: full_t, new_full, qp
    implicit none
 
-   !> k_H and c_H of the double root on four cubics, from the determinant of s**2 M + s C + K and its
-   !> derivative in quadruple precision; the strip itself: 30 x 1.5 mm of steel.
+   !> k_H and c_H of the double root on four cubics, from the determinant of s**2 M + s C + K and
+   !> its derivative in quadruple precision; the strip itself: 30 x 1.5 mm of steel.
    type(structure_t), parameter :: tuned = structure_t(length=0.4_wp, rho=0.353_wp, E=2e11_wp, &
       I=0.03_wp*0.0015_wp**3/12, c_D=4e6_wp, gamma=0.1_wp, m_S=0.012_wp, x_S=0.35_wp, &
       m_H=0.02_wp, k_H=17.379942901774794_wp, c_H=0.67062974701630444_wp)
@@ -89,8 +89,9 @@ contains
       call new_force_table([(k*step, k=0, 8)], force, excitation, error)
    end subroutine table
 
-   !> Motion and derivatives against the exponentials, in the 2-norm over the samples; of a derivative
-   !> relative to itself, or to the motion over the parameter where the motion hardly depends on it.
+   !> Motion and derivatives against the exponentials, in the 2-norm over the samples; of a
+   !> derivative relative to itself, or to the motion over the parameter where the motion hardly
+   !> depends on it.
    subroutine compare(name, structure, parameters, excitation, force)
       character(len=*), intent(in) :: name
       type(structure_t), intent(in) :: structure
@@ -174,7 +175,8 @@ contains
       end do
    end subroutine test_tuned_damper
 
-   !> A beam with one of its modes at critical damping, c_D omega = 2 E, alone and with masses on it.
+   !> A beam with one of its modes at critical damping, c_D omega = 2 E, alone and with masses on
+   !> it.
    subroutine test_critical_damping()
       real(wp), parameter :: distances(6) = [0.0_wp, 1e-15_wp, 1e-12_wp, -1e-9_wp, 1e-6_wp, &
          -1e-4_wp]
@@ -491,7 +493,8 @@ contains
       call check(name//': modes', .not. allocated(error))
       if (allocated(error)) return
       ! Each is known to the root of round-off.
-      call check_close(name//': both roots', maxval(abs(modes(:2)%s - double_root)), 0.0_wp, 1e-5_wp)
+      call check_close(name//': both roots', maxval(abs(modes(:2)%s - double_root)), &
+         0.0_wp, 1e-5_wp)
       call check(name//': they have no intervals, the third has', &
          all(modes%together .eqv. [.true., .true., .false.]) .and. &
          all((modes%frequency_half_width < huge(1.0_wp)) .neqv. modes%together))

@@ -370,9 +370,11 @@ contains
       call refused_by('version >/dev/full', 'No space left on device')
       call refused_by('version >&-', 'Bad file descriptor')
       call remove_tree('full')
-      call refused_by('modes case.nml --out full >/dev/full', 'No space left|the outputs are in full')
+      call refused_by('modes case.nml --out full >/dev/full', &
+         'No space left|the outputs are in full')
       call check('full device: the outputs are there', &
-         index(read_file('full/summary.txt'), 'natural modes') > 0 .and. exists('full/manifest.txt'))
+         index(read_file('full/summary.txt'), 'natural modes') > 0 .and. &
+         exists('full/manifest.txt'))
       ! The reader closes its end before it lets the program start.
       outcome = run('mkfifo start; { read -r go <start; "'//program_path//'" help; '// &
          'echo "status $?" >&2; } | { exec <&-; echo go >start; }')

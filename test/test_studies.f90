@@ -233,9 +233,9 @@ contains
 
    !> What the reason says: at loose tolerances the highest mode has most of the squared error of
    !> (3.13), with c_D at 1e-7 mode 4; the gains turn one error into another. They do so for free
-   !> vibrations, and the integrator feeds its error at every step: which steps it takes hangs on the
-   !> last digit of the linear algebra. Over five BLAS the ratios were between .75 and 1.83 in modes
-   !> 3 to 5, which last; a factor of 3 keeps apart gains that differ by 5 and more.
+   !> vibrations, and the integrator feeds its error at every step: which steps it takes hangs on
+   !> the last digit of the linear algebra. Over five BLAS the ratios were between .75 and 1.83 in
+   !> modes 3 to 5, which last; a factor of 3 keeps apart gains that differ by 5 and more.
    subroutine test_modes(table)
       character(len=*), intent(in) :: table
       character(len=:), allocatable :: line

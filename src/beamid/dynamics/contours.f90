@@ -4,8 +4,8 @@
 !>     mu_k = R <z**(k+1) h>,  S_k = R <z**(k+1) W'/W>,  d S_k = -k <z**k d log W>,    s = c + R z.
 !>
 !> The trapezoidal rule converges there like a geometric series. S_k are the sums of the k-th powers
-!> of the roots, S_0 their number, and give P by Newton's identities; the mu_k are the coefficients of
-!> N/P at infinity.
+!> of the roots, S_0 their number, and give P by Newton's identities; the mu_k are the coefficients
+!> of N/P at infinity.
 module beamid_contours
    use beamid_assembly, only: assembly_t
    use beamid_clusters, only: cluster_t
@@ -19,8 +19,8 @@ module beamid_contours
 
 contains
 
-   !> Point k of the circle, 1 .. points. The mean over the whole circle is the mean over them; on the
-   !> real axis, where they are its upper half, the real part of that.
+   !> Point k of the circle, 1 .. points. The mean over the whole circle is the mean over them; on
+   !> the real axis, where they are its upper half, the real part of that.
    pure subroutine contour_point(self, k, z, point)
       class(cluster_t), intent(in) :: self
       integer, intent(in) :: k
@@ -135,7 +135,8 @@ contains
       end do
    end subroutine rows_of
 
-   !> Rows of the free motion that begins with state k alone, over c**2: an acceleration of order one.
+   !> Rows of the free motion that begins with state k alone, over c**2: an acceleration of order
+   !> one.
    pure subroutine free_rows(self, k, row, drow)
       class(cluster_t), intent(in) :: self
       integer, intent(in) :: k

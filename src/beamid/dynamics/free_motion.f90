@@ -2,8 +2,8 @@
 !>
 !> A mode with root s moves like Re(e**(s tau)/s**2), an acceleration of order one. Two modes whose
 !> roots c +- D nearly meet are indistinguishable by e**((c + D) tau) and e**((c - D) tau), and are
-!> given by e**(c tau) cosh D tau and e**(c tau) sinh(D tau)/D instead; so are the two roots of a mode
-!> near critical damping, which are real or a pair.
+!> given by e**(c tau) cosh D tau and e**(c tau) sinh(D tau)/D instead; so are the two roots of a
+!> mode near critical damping, which are real or a pair.
 module beamid_free_motion
    use beamid_cluster_motion, only: free_states
    use beamid_clusters, only: cluster_t

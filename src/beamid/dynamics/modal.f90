@@ -146,8 +146,9 @@ contains
       if (.not. allocated(error)) call find_free_modes(self%poles, wanted, modes, error)
    end subroutine free_modes
 
-   !> One root of each of the lowest modes that oscillate; where there are too few of them, the lowest
-   !> real roots too. Those of overdamped modes crowd near -E/c_D, below many a mode that oscillates.
+   !> One root of each of the lowest modes that oscillate; where there are too few of them, the
+   !> lowest real roots too. Those of overdamped modes crowd near -E/c_D, below many a mode that
+   !> oscillates.
    !>
    !> s         ascending |s| of either kind, as many as are wanted or as there are [1/time]
    !> ds        (roots, parameters)

@@ -48,8 +48,8 @@ contains
       motion%step_factor = equations%mass
    end subroutine new_motion
 
-   !> gfortran 12 frees the first of two such components, not the second, where a motion is part of a
-   !> type with a finalizer of its own.
+   !> gfortran 12 frees the first of two such components, not the second, where a motion is part of
+   !> a type with a finalizer of its own.
    pure subroutine release(motion)
       type(motion_t), intent(inout) :: motion
 

@@ -44,9 +44,9 @@ module beamid_poles
 
    !> Residues add up to nothing, and r s to o' M**-1 F: what is left over is the error of the
    !> response, of its displacement relative to the size of an ordinary residue, of the acceleration
-   !> at once relative to the sum of |r s|. The latter is known to the condition of M only, 1e9 with a
-   !> heavy tip on a root that turns; the roots it rests on die at once. A root that is missing leaves
-   !> its whole share.
+   !> at once relative to the sum of |r s|. The latter is known to the condition of M only, 1e9 with
+   !> a heavy tip on a root that turns; the roots it rests on die at once. A root that is missing
+   !> leaves its whole share.
    real(wp), parameter :: max_rest = 1e-8_wp, max_rest_at_once = 1e-6_wp
 
    !> |A| relative to that of an undamped mode, below which a root is not taken by itself: its

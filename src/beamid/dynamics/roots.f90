@@ -207,8 +207,8 @@ contains
       end associate
    end function with_tip_mass
 
-   !> Ehrlich-Aberth: corrections in turn until none moves. A multiple root is known to a root of the
-   !> round-off only: there the corrections shrink first and then no longer.
+   !> Ehrlich-Aberth: corrections in turn until none moves. A multiple root is known to a root of
+   !> the round-off only: there the corrections shrink first and then no longer.
    subroutine iterate(assembly, roots, error)
       type(assembly_t), intent(in) :: assembly
       type(root_t), intent(inout) :: roots(:)

@@ -2,8 +2,8 @@
 !>
 !> Each pole carries a state z' = s z + f(t), at rest before the force. f is linear between its
 !> nodes, so that z is known in closed form; displacement, velocity and acceleration of the sensor
-!> are Re(sum r z), Re(sum r s z) and Re(sum r s**2 z) + f o' M**-1 F. A cluster of poles has states of
-!> its own, and rows in the place of residues.
+!> are Re(sum r z), Re(sum r s z) and Re(sum r s**2 z) + f o' M**-1 F. A cluster of poles has states
+!> of its own, and rows in the place of residues.
 module beamid_synthesis
    use beamid_cluster_motion, only: cluster_state_t
    use beamid_excitation, only: excitation_t

@@ -1,6 +1,6 @@
 !> What the structure answers at a point s that is no root: with Q = s**2 M + s C + K the motion
-!> q = Q**-1 F, the sensor's share h = o'q of it, W'/W = tr Q**-1 Q', and the derivatives of h and of
-!> log W with respect to the parameters.
+!> q = Q**-1 F, the sensor's share h = o'q of it, W'/W = tr Q**-1 Q', and the derivatives of h and
+!> of log W with respect to the parameters.
 !>
 !> With the oscillator j and the vectors of `beamid_vectors`, w = D_j + v_j'f and the rest without
 !> oscillator j,

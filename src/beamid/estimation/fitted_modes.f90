@@ -15,8 +15,8 @@ module beamid_fitted_modes
 
    public :: fitted_mode_t, fitted_modes
 
-   !> A mode and how well it is known; half widths of 95 % intervals, huge where there is none. A real
-   !> root, which decays and does not oscillate, stands for itself.
+   !> A mode and how well it is known; half widths of 95 % intervals, huge where there is none. A
+   !> real root, which decays and does not oscillate, stands for itself.
    type :: fitted_mode_t
       integer :: record = 1
       complex(wp) :: s = 0                  !< root [1/time]

@@ -1,5 +1,5 @@
-!> Where linear theory puts the minimum of a sum of squares, seen from a point: the Gauss-Newton step
-!> within the bounds, what is left of the residuals behind it, and how far that is.
+!> Where linear theory puts the minimum of a sum of squares, seen from a point: the Gauss-Newton
+!> step within the bounds, what is left of the residuals behind it, and how far that is.
 module beamid_gauss_newton
    use beamid_kinds, only: wp
    use beamid_minpack, only: dgelsy
@@ -21,8 +21,8 @@ module beamid_gauss_newton
 
 contains
 
-   !> Minimises |residual + jacobian step| while parameters + step stay inside the bounds: a variable
-   !> that the step takes to a bound stays there, and the others go on.
+   !> Minimises |residual + jacobian step| while parameters + step stay inside the bounds: a
+   !> variable that the step takes to a bound stays there, and the others go on.
    !>
    !> jacobian   (m, n) d residual/d parameter
    !> residual   (m)

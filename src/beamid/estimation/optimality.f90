@@ -13,9 +13,9 @@ module beamid_optimality
 
    public :: check_minimum
 
-   !> Distance to the minimum that counts as none, in standard errors. A hundredth shows in no number
-   !> that is told of a fit; searches that converge end at 1e-6 or less. An integrator's noise stops
-   !> a search earlier: then it is what that noise may do to an estimate.
+   !> Distance to the minimum that counts as none, in standard errors. A hundredth shows in no
+   !> number that is told of a fit; searches that converge end at 1e-6 or less. An integrator's
+   !> noise stops a search earlier: then it is what that noise may do to an estimate.
    real(wp), parameter :: near = 1e-2_wp, near_in_noise = 0.25_wp
 
 contains

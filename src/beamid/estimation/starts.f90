@@ -117,8 +117,9 @@ contains
       if (allocated(error)) return
       associate (t => experiment%samples, highest => 5*aimag(s(size(s)))/two_pi)
          call find_lines(t, experiment%measured, highest, most_lines, lines, share)
-         if (.not. (t(size(t)) - t(1))*highest > 1) call failure(error, 'start = ''auto'': record ' &
-            //to_text(r)//' holds no period of '//to_text(highest)//', five times the frequency '// &
+         if (.not. (t(size(t)) - t(1))*highest > 1) call failure(error, &
+            'start = ''auto'': record '//to_text(r)//' holds no period of '// &
+            to_text(highest)//', five times the frequency '// &
             'of the model''s mode '//to_text(size(s))//': it lasts '//to_text(t(size(t)) - t(1))// &
             '; expected a longer one, or units that go together')
       end associate
