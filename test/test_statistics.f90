@@ -114,7 +114,7 @@ program test_statistics
    use beamid_whiteness, only: check_residuals, residual_check_t
    use beamid_strings, only: to_text
    use beamid_variables, only: new_variable, unbounded
-   use checks, only: check, check_close, finish
+   use checks, only: check, check_close, finish, in_long_run
    use regressions, only: boxbod, mgh09, misra1a, regression_t
    implicit none
 
@@ -674,6 +674,7 @@ contains
          call check('Table 4.1: read', .false., error%message)
          return
       end if
+      if (.not. in_long_run()) case%meshes = case%meshes(2:3)
       model = case%model
       deallocate (model%solver)
       model%solver = modal_t()
