@@ -17,7 +17,7 @@ program test_bad_input
       '&excitation     kind=''pulse'', amplitude=1.0, duration=0.05,'//nl// &
       '                load=''point'', power=2.0 /'//nl// &
       '&discretization degree=3, elements=2, gauss_points=2, panels=4 /'//nl// &
-      '&integrator     method=''cvode'', rtol=1e-7, atol=1e-10, max_order=5, max_steps=20000 /'// &
+      '&integrator     method=''cvode'', rtol=1e-8, atol=1e-11, max_order=5, max_steps=20000 /'// &
          nl// &
       '&observation    formula=''displacement_difference'', delta=0.1 /'//nl// &
       '&record         file=''record.csv'', t_first=0.1, t_last=0.6, t_step=0.1 /'//nl// &
@@ -236,7 +236,7 @@ contains
       character(len=*), parameter :: places(*) = [character(len=14) :: 'length=4.0', 'rho=0.03', &
          'E=80.0', &
          'I=1.0', 'c_D=0.005', 'm_T=0.15', 'm_H=0.04', 'c_H=0.004', 'k_H=0.3', 'amplitude=1.0', &
-         'duration=0.05', 'power=2.0', 'rtol=1e-7', 'atol=1e-10', 'delta=0.1', 't_first=0.1', &
+         'duration=0.05', 'power=2.0', 'rtol=1e-8', 'atol=1e-11', 'delta=0.1', 't_first=0.1', &
             't_last=0.6', &
          't_step=0.1', 'start=0.035', 'lower=0', 'upper=1']
       character(len=*), parameter :: values(*) = [character(len=9) :: 'NaN', 'Inf', '-Infinity', &
@@ -367,12 +367,12 @@ contains
 
       call refused('unknown method', '''cvode''', '''euler''', place// &
          'method: found ''euler''|expected|''cvode''')
-      call refused('rtol 0', 'rtol=1e-7', 'rtol=0', place//'rtol: found 0|expected')
-      call refused('rtol -1', 'rtol=1e-7', 'rtol=-1', place//'rtol: found -1|expected')
-      call refused('rtol 1', 'rtol=1e-7', 'rtol=1', place//'rtol: found 1|expected')
-      call refused('rtol 1e-20', 'rtol=1e-7', 'rtol=1e-20', place//'rtol: found 1E-|expected')
-      call refused('atol 0', 'atol=1e-10', 'atol=0', place//'atol: found 0|above 0')
-      call refused('atol -1', 'atol=1e-10', 'atol=-1', place//'atol: found -1|above 0')
+      call refused('rtol 0', 'rtol=1e-8', 'rtol=0', place//'rtol: found 0|expected')
+      call refused('rtol -1', 'rtol=1e-8', 'rtol=-1', place//'rtol: found -1|expected')
+      call refused('rtol 1', 'rtol=1e-8', 'rtol=1', place//'rtol: found 1|expected')
+      call refused('rtol 1e-20', 'rtol=1e-8', 'rtol=1e-20', place//'rtol: found 1E-|expected')
+      call refused('atol 0', 'atol=1e-11', 'atol=0', place//'atol: found 0|above 0')
+      call refused('atol -1', 'atol=1e-11', 'atol=-1', place//'atol: found -1|above 0')
       call refused('max_order 0', 'max_order=5', 'max_order=0', place// &
          'max_order: found 0|expected 1 to 5')
       call refused('max_order 6', 'max_order=5', 'max_order=6', place// &
@@ -558,7 +558,7 @@ contains
 
       text = replaced(released(keys), '''release''', '''free''')
       text = replaced(text, &
-         'method=''cvode'', rtol=1e-7, atol=1e-10, max_order=5, max_steps=20000', &
+         'method=''cvode'', rtol=1e-8, atol=1e-11, max_order=5, max_steps=20000', &
          'method=''modal''')
       text = replaced(text, 'free=''m_H'',''k_H'', start=0.035,0.4, lower=0,0.1, upper=1,10', &
          'free=''m_H''')

@@ -7,7 +7,7 @@ module problems
    implicit none
    private
 
-   public :: nist_t, rosenbrock_t, line_t, history_t
+   public :: nist_t, mistaken_t, rosenbrock_t, edge_t, line_t, history_t
 
    !> NIST StRD nonlinear regression.
    type, extends(problem_t) :: nist_t
@@ -17,6 +17,14 @@ module problems
       procedure :: residuals => nist_residuals
    end type nist_t
 
+   !> The same with derivatives of its own for b1 (1 - exp(-b2 x)), a mistake in them.
+   type, extends(nist_t) :: mistaken_t
+      integer :: mistake = 0
+   contains
+      procedure :: has_jacobian => mistaken_has
+      procedure :: jacobian => mistaken_jacobian
+   end type mistaken_t
+
    !> 10 (b - a^2), 1 - a; b outside [least, largest] cannot be computed, in one of three ways.
    type, extends(problem_t) :: rosenbrock_t
       real(wp) :: least = -huge(1.0_wp), largest = huge(1.0_wp)
@@ -25,6 +33,13 @@ module problems
    contains
       procedure :: residuals => rosenbrock_residuals
    end type rosenbrock_t
+
+   !> The same with its derivatives, where it can be computed.
+   type, extends(rosenbrock_t) :: edge_t
+   contains
+      procedure :: has_jacobian => edge_has
+      procedure :: jacobian => edge_jacobian
+   end type edge_t
 
    !> parameters - target, one residual each: the minimum is the target, or the nearest bound.
    type, extends(problem_t) :: line_t
@@ -62,6 +77,35 @@ contains
       end associate
    end subroutine nist_residuals
 
+   pure logical function mistaken_has(self)
+      class(mistaken_t), intent(in) :: self
+
+      mistaken_has = self%mistake >= 0
+   end function mistaken_has
+
+   !> mistake  1: the sign of a column; 2: of all; 3: a column times x; 4: none of it; 5: divided
+   !>          by x; 6: twice as large
+   subroutine mistaken_jacobian(self, parameters, r, jac, error)
+      class(mistaken_t), intent(inout) :: self
+      real(wp), intent(in) :: parameters(:)
+      real(wp), intent(out) :: r(:), jac(:, :)
+      type(error_t), allocatable, intent(out) :: error
+
+      call self%residuals(parameters, r, error)
+      associate (b => parameters, x => self%x)
+         jac(:, 1) = 1 - exp(-b(2)*x)
+         jac(:, 2) = b(1)*x*exp(-b(2)*x)
+         select case (self%mistake)
+         case (1); jac(:, 2) = -jac(:, 2)
+         case (2); jac = -jac
+         case (3); jac(:, 2) = jac(:, 2)*x
+         case (4); jac(:, 2) = 0
+         case (5); jac(:, 2) = jac(:, 2)/x
+         case (6); jac(:, 2) = 2*jac(:, 2)
+         end select
+      end associate
+   end subroutine mistaken_jacobian
+
    subroutine rosenbrock_residuals(self, parameters, r, error)
       class(rosenbrock_t), intent(inout) :: self
       real(wp), intent(in) :: parameters(:)
@@ -77,6 +121,22 @@ contains
       case (3); r(1) = ieee_value(1.0_wp, ieee_positive_inf)
       end select
    end subroutine rosenbrock_residuals
+
+   pure logical function edge_has(self)
+      class(edge_t), intent(in) :: self
+
+      edge_has = self%refusals >= 0
+   end function edge_has
+
+   subroutine edge_jacobian(self, parameters, r, jac, error)
+      class(edge_t), intent(inout) :: self
+      real(wp), intent(in) :: parameters(:)
+      real(wp), intent(out) :: r(:), jac(:, :)
+      type(error_t), allocatable, intent(out) :: error
+
+      call self%residuals(parameters, r, error)
+      jac = reshape([-20*parameters(1), -1.0_wp, 10.0_wp, 0.0_wp], [2, 2])
+   end subroutine edge_jacobian
 
    subroutine line_residuals(self, parameters, r, error)
       class(line_t), intent(inout) :: self
@@ -110,7 +170,7 @@ program test_least_squares
    use beamid_strings, only: to_text
    use beamid_variables, only: new_variable, unbounded, variable_t
    use checks, only: check, check_close, finish
-   use problems, only: history_t, line_t, nist_t, rosenbrock_t
+   use problems, only: edge_t, history_t, line_t, mistaken_t, nist_t, rosenbrock_t
    implicit none
 
    !> NIST StRD, public data and certified values.
@@ -131,6 +191,8 @@ program test_least_squares
 
    call test_nist()
    call test_box_trap()
+   call test_mistakes()
+   call test_edge()
    call test_monitor()
    call test_forbidden()
    call test_never()
@@ -221,29 +283,80 @@ contains
 
    !> BoxBOD from (1, 1) is NIST's trap: MINPACK takes a step to where exp(-b2 x) = 0, no derivative
    !> with respect to b2 is left, and it stops with a success code at the mean of the data, J =
-   !> 9771. What `fit` can say is what it does say: no error, and J, which is 8 times the certified
-   !> one.
+   !> 9771. That b2 has lost its effect is seen, and a search with shorter steps finds the minimum,
+   !> to the digits of `test_nist`. With both parameters positive none does, and that is said.
    subroutine test_box_trap()
       type(nist_t) :: problem
       type(fit_t) :: result
       type(error_t), allocatable :: error
-      real(wp) :: mean
+      integer :: k
 
       problem = nist_t('BoxBOD', box_x, box_y)
       call fit(problem, size(box_y), variables([1.0_wp, 1.0_wp], .false.), options_t(), result, &
          error)
-      call check('BoxBOD from (1, 1): a success code', .not. allocated(error))
+      call check('BoxBOD from (1, 1): converges', .not. allocated(error))
       if (allocated(error)) return
-      mean = sum(box_y)/size(box_y)
-      ! A linear problem in b1, solved to the tolerance of the fit, 1e-10, or better.
-      call check_close('BoxBOD from (1, 1): b1 is the mean of the data', result%estimate(1), mean, &
-         1e-6_wp*mean)
-      call check_close('BoxBOD from (1, 1): J is that of the mean', result%J, &
-         sum((box_y - mean)**2), 1e-9_wp*result%J)
-      call check('BoxBOD from (1, 1): b2 has lost its effect', result%estimate(2) > 20, &
-         'b2 = '//to_text(result%estimate(2))//', J = '//to_text(result%J)//', certified '// &
-         to_text(box_rss)//'; '//result%reason)
+      do k = 1, 2
+         call check_close('BoxBOD from (1, 1): b'//to_text(k), result%estimate(k)/box_b(k), &
+            1.0_wp, 5e-6_wp)
+      end do
+      call check_close('BoxBOD from (1, 1): J', result%J/box_rss, 1.0_wp, 2e-10_wp)
+      call check('BoxBOD from (1, 1): said how', index(result%reason, 'shorter steps') > 0, &
+         result%reason)
+      call check_close('BoxBOD from (1, 1): the start is the first', &
+         maxval(abs(result%start - 1)), 0.0_wp, 1e-12_wp)
+      call fit(problem, size(box_y), variables([1.0_wp, 1.0_wp], .true.), options_t(), result, &
+         error)
+      call fails('BoxBOD from (1, 1), positive', error, 'had an effect at the start have none')
    end subroutine test_box_trap
+
+   !> A wrong derivative ends as an error, or its comparison with differences tells. The right ones
+   !> agree with differences to the square of their step, 1e-10, and a factor for the curvature.
+   subroutine test_mistakes()
+      type(mistaken_t) :: problem
+      type(fit_t) :: result
+      type(error_t), allocatable :: error
+      integer :: k
+
+      do k = 0, 6
+         problem = mistaken_t('BoxBOD', box_x, box_y, mistake=k)
+         call fit(problem, size(box_y), variables([100.0_wp, 0.75_wp], .false.), options_t(), &
+            result, error)
+         select case (k)
+         case (0)
+            call check('right derivatives', .not. allocated(error) .and. &
+               maxval(abs(result%derivative_check)) < 1e-8_wp, &
+               to_text(maxval(abs(result%derivative_check))))
+         case (1:3)
+            ! J does not fall where they say it does: at a success code of MINPACK's.
+            call fails('wrong derivatives '//to_text(k), error, 'the derivatives promise a J')
+         case default
+            call check('wrong derivatives '//to_text(k)//': told', .not. allocated(error) .and. &
+               all(result%derivative_check > 0.3_wp), to_text(result%derivative_check(1))// &
+               ' and '//to_text(result%derivative_check(2)))
+         end select
+      end do
+   end subroutine test_mistakes
+
+   !> The minimum (1, 1) lies where the model cannot be computed, or at the very edge: trial steps
+   !> are refused until they are as good as none, which MINPACK takes for convergence.
+   subroutine test_edge()
+      real(wp), parameter :: edges(4) = [0.5_wp, 0.9_wp, 0.99_wp, 0.999999_wp]
+      type(edge_t) :: problem
+      type(fit_t) :: result
+      type(error_t), allocatable :: error
+      integer :: k
+
+      do k = 1, size(edges)
+         problem = edge_t(largest=edges(k), how=1)
+         call fit(problem, 2, variables([-1.2_wp, 0.2_wp], .false.), options_t(), result, error)
+         call fails('minimum beyond b = '//to_text(edges(k)), error, &
+            'steps at which the model cannot be computed')
+      end do
+      problem = edge_t(largest=1.0_wp, how=1)
+      call fit(problem, 2, variables([-1.2_wp, 0.2_wp], .false.), options_t(), result, error)
+      call check('minimum at the edge: converges', .not. allocated(error))
+   end subroutine test_edge
 
    !> J never rises from one iteration to the next; the last report is the result.
    subroutine test_monitor()

@@ -1,16 +1,14 @@
-!> Whether an integrator's error has moved the estimates of a fit: the exact response at the same
-!> estimates knows where the minimum would have been without it.
+!> Whether an integrator's error has moved the estimates of a fit: the fit goes on from them with
+!> the exact response, and where it ends tells.
 module beamid_verification
    use beamid_cvode, only: cvode_t
    use beamid_errors, only: error_t, failure
    use beamid_experiments, only: experiment_t, new_apparatus
    use beamid_galerkin, only: mesh_t
-   use beamid_gauss_newton, only: look_ahead, outlook_t, scales_of
    use beamid_kinds, only: wp
-   use beamid_least_squares, only: fit_t
+   use beamid_least_squares, only: fit, fit_t, options_t
    use beamid_modal, only: modal_t
    use beamid_observation, only: observation_t
-   use beamid_problems, only: error_of_differences
    use beamid_residuals, only: residual_t
    use beamid_statistics, only: new_statistics, statistics_t
    use beamid_strings, only: to_text
@@ -54,71 +52,67 @@ contains
    !> names      (n) theirs
    !> moved      by how many standard errors, the largest over the parameters; -1 where no degree of
    !>            freedom is left for these
-   !> error      an estimate was moved too far; the response cannot be computed for the comparison
-   subroutine verify_integrator(problem, exact, variables, names, fit, moved, error)
+   !> error      an estimate was moved too far, or nothing can tell whether it was
+   subroutine verify_integrator(problem, exact, variables, names, found, moved, error)
       type(residual_t), intent(in) :: problem
       type(residual_t), intent(inout) :: exact
       type(variable_t), intent(in) :: variables(:)
       character(len=*), intent(in) :: names(:)
-      type(fit_t), intent(in) :: fit
+      type(fit_t), intent(in) :: found
       real(wp), intent(out) :: moved
       type(error_t), allocatable, intent(out) :: error
-      type(outlook_t) :: ahead
+      type(fit_t) :: better
       type(statistics_t) :: statistics
       character(len=:), allocatable :: judge
-      real(wp), allocatable :: r(:), jacobian(:, :)
-      real(wp), dimension(size(variables)) :: scales, ratio
-      real(wp) :: threshold
+      real(wp), dimension(size(variables)) :: scales, shift, ratio
       integer :: k
 
       moved = -1
-      if (size(fit%residual) <= size(variables) .or. size(variables) == 0) return
-      call compute(problem, exact, fit, r, jacobian, threshold, judge, error)
+      if (size(found%residual) <= size(variables) .or. size(variables) == 0) return
+      call go_on(problem, exact, variables, found, better, judge, error)
       if (allocated(error)) return
-      ahead = look_ahead(jacobian, r, fit%estimate, variables, threshold)
-      scales = scales_of(variables, fit%estimate)
-      call new_statistics(jacobian, ahead%residual, fit%estimate, scales, statistics, error)
+      scales = max(abs(better%estimate), variables%magnitude())
+      call new_statistics(better%jacobian, better%residual, better%estimate, scales, statistics, &
+         error)
       if (allocated(error)) return
-      ratio = abs(ahead%step)/max(statistics%std_error, tiny(moved))
+      shift = abs(found%estimate - better%estimate)
+      ratio = shift/max(statistics%std_error, tiny(moved))
       moved = maxval(ratio)
-      where (abs(ahead%step) <= unseen*scales) ratio = 0
+      where (shift <= unseen*scales) ratio = 0
       k = maxloc(ratio, dim=1)
       if (ratio(k) <= allowed) return
       associate (rtol => problem%parts(1)%solver%noise())
-         call failure(error, 'rtol = '//to_text(rtol)//' of the integrator is too large: it has '// &
-            'moved '//trim(names(k))//' by '//to_text(abs(ahead%step(k)))//', '// &
-            to_text(ratio(k))//' standard errors, seen from '//judge// &
-            '; expected at most a quarter, so rtol = '//to_text(smaller(rtol, ratio(k)))// &
-            ' or less, or method = ''modal''')
+         call failure(error, 'rtol = '//to_text(rtol)//' is too large: the error of the '// &
+            'integrator has moved '//trim(names(k))//' by '//to_text(shift(k))//', '// &
+            to_text(ratio(k))//' standard errors, seen from '//judge//'; expected at most a '// &
+            'quarter: rtol = '//to_text(smaller(rtol, ratio(k)))//' or less, or method = ''modal''')
       end associate
    end subroutine verify_integrator
 
-   !> Residuals and derivatives at the estimates by the exact response; where there is none, by a
-   !> hundredth of the tolerance, with the derivatives that the fit has.
+   !> Goes on from the estimates with the exact response, or where that fails with a hundredth of
+   !> the tolerance.
    !>
-   !> threshold  relative error of the derivatives
-   !> judge      which of the two
-   subroutine compute(problem, exact, fit, r, jacobian, threshold, judge, error)
+   !> judge  which of the two
+   subroutine go_on(problem, exact, variables, found, better, judge, error)
       type(residual_t), intent(in) :: problem
       type(residual_t), intent(inout) :: exact
-      type(fit_t), intent(in) :: fit
-      real(wp), allocatable, intent(out) :: r(:), jacobian(:, :)
-      real(wp), intent(out) :: threshold
+      type(variable_t), intent(in) :: variables(:)
+      type(fit_t), intent(in) :: found
+      type(fit_t), intent(out) :: better
       character(len=:), allocatable, intent(out) :: judge
       type(error_t), allocatable, intent(out) :: error
       type(residual_t) :: finer
+      type(variable_t) :: from_there(size(variables))
       integer :: i
 
-      allocate (r, mold=fit%residual)
-      allocate (jacobian, mold=fit%jacobian)
-      threshold = size(r)*epsilon(threshold)
+      from_there = variables%from(found%estimate)
       judge = 'the exact response'
       if (allocated(exact%parts)) then
          exact%world = problem%world
          exact%free = problem%free
          exact%record = problem%record
          exact%offset = problem%offset
-         call exact%jacobian(fit%estimate, r, jacobian, error)
+         call fit(exact, size(found%residual), from_there, options_t(check=.false.), better, error)
          if (.not. allocated(error)) return
       end if
       finer = problem
@@ -130,20 +124,22 @@ contains
             solver%max_steps = 10*solver%max_steps
          end select
       end do
-      jacobian = fit%jacobian
-      threshold = error_of_differences(max(problem%parts(1)%solver%noise(), 1e-8_wp))
-      judge = 'rtol = '//to_text(problem%parts(1)%solver%noise()/100)
-      call finer%residuals(fit%estimate, r, error)
-      if (allocated(error)) error%message = 'the integrator''s error cannot be told: '//error%message
-   end subroutine compute
+      associate (rtol => finer%parts(1)%solver%noise())
+         judge = 'rtol = '//to_text(rtol)
+         call fit(finer, size(found%residual), from_there, options_t(noise=rtol, check=.false.), &
+            better, error)
+      end associate
+      if (allocated(error)) error%message = 'nothing tells how far the error of the integrator '// &
+         'has moved the estimates; '//judge//': '//error%message
+   end subroutine go_on
 
    !> The power of ten that keeps the shift, which goes with the tolerance, below a third of what is
-   !> allowed; from a tolerance so loose that nothing goes with it, the default.
+   !> allowed, down to the least there is; the default at most, from where nothing goes with it.
    pure real(wp) function smaller(rtol, ratio)
       real(wp), intent(in) :: rtol, ratio
       type(cvode_t), parameter :: default = cvode_t()
 
-      smaller = min(default%rtol, 10.0_wp**floor(log10(rtol*allowed/(3*ratio))))
+      smaller = max(1e-14_wp, min(default%rtol, 10.0_wp**floor(log10(rtol*allowed/(3*ratio)))))
    end function smaller
 
 end module beamid_verification

@@ -1,0 +1,195 @@
+!> What an integrator's error may do to estimates, and what the program says of it.
+program test_verification
+   use beamid_cvode, only: cvode_t
+   use beamid_errors, only: error_t, status_failed
+   use beamid_excitation, only: new_pulse
+   use beamid_experiments, only: experiment_t, new_apparatus
+   use beamid_galerkin, only: mesh_t
+   use beamid_identification, only: identify, model_t, simulate, simulation_t, stage_fit_t, stage_t
+   use beamid_kinds, only: wp
+   use beamid_least_squares, only: fit, fit_t, options_t
+   use beamid_modal, only: modal_t
+   use beamid_noise, only: gaussian_noise
+   use beamid_observation, only: observation_t
+   use beamid_residuals, only: residual_t
+   use beamid_strings, only: to_text
+   use beamid_structure, only: parameter_index, structure_t
+   use beamid_unknowns, only: quantity_t, variables_of
+   use beamid_variables, only: unbounded, variable_t
+   use beamid_verification, only: exact_counterpart, verify_integrator
+   use checks, only: check, check_close, finish
+   implicit none
+
+   type(structure_t), parameter :: truth = structure_t(length=4, rho=0.03_wp, E=80, I=1, &
+      c_D=0.05_wp, m_T=0.15_wp, m_H=0.04_wp, c_H=0.01_wp, k_H=0.3_wp)
+   type(mesh_t), parameter :: mesh = mesh_t(3, 2, 4, 1)
+   integer :: k
+   real(wp), parameter :: samples(40) = [(0.1_wp*k, k=1, 40)]
+
+   call test_promise()
+   call test_judges()
+   call test_limits()
+   call finish('verification')
+
+contains
+
+   type(model_t) function model_of(rtol)
+      real(wp), intent(in), optional :: rtol
+
+      model_of%structure = truth
+      model_of%excitation = new_pulse(1.0_wp, 0.05_wp)
+      model_of%observation = observation_t(1, 0.1_wp)
+      allocate (modal_t :: model_of%solver)
+      if (.not. present(rtol)) return
+      deallocate (model_of%solver)
+      model_of%solver = cvode_t(rtol=rtol)
+   end function model_of
+
+   type(stage_t) function stage_of(names, start)
+      character(len=*), intent(in) :: names(:)
+      real(wp), intent(in) :: start(:)
+      integer :: i
+
+      stage_of%free = [(parameter_index(names(i)), i=1, size(names))]
+      stage_of%start = start
+      stage_of%lower = spread(0.0_wp, 1, size(names))
+      stage_of%upper = spread(unbounded, 1, size(names))
+   end function stage_of
+
+   !> Exact accelerations, of some ten ft/s^2, and noise.
+   function record_of(sd) result(measured)
+      real(wp), intent(in) :: sd
+      real(wp), allocatable :: measured(:)
+      type(simulation_t) :: simulation
+      type(error_t), allocatable :: error
+
+      call simulate(model_of(), mesh, samples, simulation, error)
+      measured = simulation%acceleration + gaussian_noise(size(samples), sd, 3)
+   end function record_of
+
+   !> Any tolerance, much noise or little: a result that is not refused lies within a quarter of a
+   !> standard error of the exact one. `moved` is that distance; both minima are sought to 1e-10 of
+   !> J, sqrt(36e-10) = 6e-5 standard errors, twice over. Refused are the tolerances at which a
+   !> search does not leave its start, and those that are a hundred times too large for so little
+   !> noise.
+   subroutine test_promise()
+      real(wp), parameter :: rtol(5) = [1e-1_wp, 1e-2_wp, 1e-4_wp, 1e-6_wp, 1e-8_wp], &
+         sd(2) = [1e-3_wp, 1e-1_wp]
+      type(stage_fit_t), allocatable :: exact(:), found(:)
+      type(stage_t) :: stage
+      type(error_t), allocatable :: error
+      character(len=:), allocatable :: name
+      real(wp) :: distance
+      integer :: i, j
+
+      stage = stage_of(['c_D', 'm_H', 'c_H', 'k_H'], [0.04_wp, 0.035_wp, 0.008_wp, 0.35_wp])
+      do j = 1, size(sd)
+         call identify(model_of(), mesh, [stage], samples, record_of(sd(j)), exact, error)
+         call check('the exact fit converges', .not. allocated(error))
+         if (allocated(error)) return
+         call check('no integrator, nothing moved', exact(1)%moved < 0)
+         do i = 1, size(rtol)
+            name = 'noise '//to_text(sd(j))//', rtol = '//to_text(rtol(i))
+            call identify(model_of(rtol(i)), mesh, [stage], samples, record_of(sd(j)), found, error)
+            if (allocated(error)) then
+               call check(name//': refused', i < size(rtol) .and. &
+                  error%status == status_failed .and. &
+                  index(error%message, 'rtol = '//to_text(rtol(i))//' is too large') > 0 .and. &
+                  index(error%message, ' standard errors, seen from the exact response') > 0 .and. &
+                  index(error%message, 'or method = ''modal''') > 0, error%message)
+               cycle
+            end if
+            distance = maxval(abs(found(1)%fit%estimate - exact(1)%fit%estimate) &
+               /exact(1)%statistics%std_error)
+            call check(name//': within a quarter', distance <= 0.25_wp + 1e-3_wp .and. i > 2, &
+               to_text(distance))
+            call check_close(name//': moved', found(1)%moved, distance, 1e-3_wp)
+         end do
+      end do
+   end subroutine test_promise
+
+   !> A fit of this record with k_H and m_H free, and what `verify_integrator` asks for.
+   subroutine fit_of(rtol, measured, stage, problem, exact, variables, quantities, found)
+      real(wp), intent(in) :: rtol, measured(:)
+      type(stage_t), intent(in) :: stage
+      type(residual_t), intent(out) :: problem, exact
+      type(variable_t), allocatable, intent(out) :: variables(:)
+      type(quantity_t), allocatable, intent(out) :: quantities(:)
+      type(fit_t), intent(out) :: found
+      type(experiment_t) :: experiments(1)
+      type(model_t) :: model
+      type(error_t), allocatable :: error
+      integer :: i
+
+      experiments(1)%samples = samples(:size(measured))
+      experiments(1)%measured = measured
+      experiments(1)%excitation = new_pulse(1.0_wp, 0.05_wp)
+      allocate (problem%parts(1))
+      problem%world%structures = [truth]
+      problem%world%excitations = [experiments(1)%excitation]
+      problem%free = stage%free
+      problem%record = [(0, i=1, size(stage%free))]
+      model = model_of(rtol)
+      call new_apparatus(experiments(1), truth, mesh, model%observation, model%solver, &
+         problem%parts(1), error)
+      call exact_counterpart(problem, experiments, mesh, model%observation, exact)
+      call variables_of(stage, problem%world, variables, quantities)
+      call fit(problem, size(measured), variables, options_t(noise=rtol), found, error)
+      call check('rtol = '//to_text(rtol)//': the fit converges', .not. allocated(error))
+   end subroutine fit_of
+
+   !> Where there is no exact response a hundredth of the tolerance is the judge. At 1e-2 that is
+   !> 1e-4, whose own error is .01 standard errors here, and whose search stops where J falls by
+   !> less than 1e-3: sqrt(38e-3) = .2 standard errors.
+   subroutine test_judges()
+      type(residual_t) :: problem, exact, none
+      type(variable_t), allocatable :: variables(:)
+      type(quantity_t), allocatable :: quantities(:)
+      type(fit_t) :: found
+      type(error_t), allocatable :: error
+      real(wp) :: moved, moved_too
+
+      call fit_of(1e-2_wp, record_of(1e-3_wp), stage_of(['m_H', 'k_H'], [0.035_wp, 0.35_wp]), &
+         problem, exact, variables, quantities, found)
+      call verify_integrator(problem, exact, variables, quantities%name, found, moved, error)
+      call check('the exact response is the judge', allocated(error))
+      call verify_integrator(problem, none, variables, quantities%name, found, moved_too, error)
+      call check('a smaller tolerance is the judge', allocated(error))
+      if (.not. allocated(error)) return
+      call check('and is named', index(error%message, 'seen from rtol = 0.0001;') > 0, &
+         error%message)
+      call check_close('both say the same, relatively', moved_too/moved, 1.0_wp, 0.02_wp)
+      call fit_of(1e-3_wp, record_of(1e-3_wp), stage_of(['m_H', 'k_H'], [0.035_wp, 0.35_wp]), &
+         problem, exact, variables, quantities, found)
+      call verify_integrator(problem, none, variables, quantities%name, found, moved_too, error)
+      call check('a smaller tolerance lets pass', .not. allocated(error) .and. moved_too > 0, &
+         to_text(moved_too))
+   end subroutine test_judges
+
+   !> A parameter at its bound is there for both, and is not said to have moved; where no degree of
+   !> freedom is left there are no standard errors to compare with.
+   subroutine test_limits()
+      type(residual_t) :: problem, exact
+      type(variable_t), allocatable :: variables(:)
+      type(quantity_t), allocatable :: quantities(:)
+      type(stage_t) :: stage
+      type(fit_t) :: found
+      type(error_t), allocatable :: error
+      real(wp) :: moved, measured(size(samples))
+
+      measured = record_of(1e-3_wp)
+      stage = stage_of(['m_H', 'k_H'], [0.035_wp, 0.2_wp])
+      stage%upper(2) = 0.25_wp
+      call fit_of(1e-6_wp, measured, stage, problem, exact, variables, quantities, found)
+      ! The change of variable has no slope at a bound: a search may end just inside.
+      call check_close('k_H is at its bound', found%estimate(2), 0.25_wp, 1e-5_wp)
+      call verify_integrator(problem, exact, variables, quantities%name, found, moved, error)
+      call check('a parameter at its bound', .not. allocated(error) .and. moved >= 0, &
+         to_text(moved))
+      stage = stage_of(['m_H', 'k_H'], [0.04_wp, 0.3_wp])
+      call fit_of(1e-6_wp, measured(:2), stage, problem, exact, variables, quantities, found)
+      call verify_integrator(problem, exact, variables, quantities%name, found, moved, error)
+      call check('no degree of freedom', .not. allocated(error) .and. moved < 0)
+   end subroutine test_limits
+
+end program test_verification
