@@ -140,7 +140,7 @@ contains
 
    !> Where there is no exact response a hundredth of the tolerance is the judge. At 1e-2 that is
    !> 1e-4, whose own error is .01 standard errors here, and whose search stops where J falls by
-   !> less than 1e-3: sqrt(38e-3) = .2 standard errors.
+   !> less than 1e-3: sqrt(38e-3) = .2 standard errors, of 75.
    subroutine test_judges()
       type(residual_t) :: problem, exact, none
       type(variable_t), allocatable :: variables(:)
@@ -181,7 +181,7 @@ contains
       stage = stage_of(['m_H', 'k_H'], [0.035_wp, 0.2_wp])
       stage%upper(2) = 0.25_wp
       call fit_of(1e-6_wp, measured, stage, problem, exact, variables, quantities, found)
-      ! The change of variable has no slope at a bound: a search may end just inside.
+      ! Near enough to be held there.
       call check_close('k_H is at its bound', found%estimate(2), 0.25_wp, 1e-5_wp)
       call verify_integrator(problem, exact, variables, quantities%name, found, moved, error)
       call check('a parameter at its bound', .not. allocated(error) .and. moved >= 0, &

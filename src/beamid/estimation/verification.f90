@@ -5,6 +5,7 @@ module beamid_verification
    use beamid_errors, only: error_t, failure
    use beamid_experiments, only: experiment_t, new_apparatus
    use beamid_galerkin, only: mesh_t
+   use beamid_gauss_newton, only: scales_of
    use beamid_kinds, only: wp
    use beamid_least_squares, only: fit, fit_t, options_t
    use beamid_modal, only: modal_t
@@ -71,7 +72,7 @@ contains
       if (size(found%residual) <= size(variables) .or. size(variables) == 0) return
       call go_on(problem, exact, variables, found, better, judge, error)
       if (allocated(error)) return
-      scales = max(abs(better%estimate), variables%magnitude())
+      scales = scales_of(variables, better%estimate)
       call new_statistics(better%jacobian, better%residual, better%estimate, scales, statistics, &
          error)
       if (allocated(error)) return
