@@ -666,7 +666,8 @@ contains
       real(wp) :: moved
       character(len=:), allocatable :: label
       character(len=160), allocatable :: text(:)
-      integer :: i, k
+      integer, allocatable :: meshes(:)
+      integer :: i, j, k
 
       call read_case('data/table_4_1_fit.nml', needs_fit, case, error)
       if (.not. allocated(error)) call measured_samples(case, samples, measured, error)
@@ -674,7 +675,6 @@ contains
          call check('Table 4.1: read', .false., error%message)
          return
       end if
-      if (.not. in_long_run()) case%meshes = case%meshes(2:3)
       model = case%model
       deallocate (model%solver)
       model%solver = modal_t()
@@ -683,11 +683,15 @@ contains
       if (allocated(error)) return
       deallocate (model%solver)
       model%solver = cvode_t(rtol=1e-11_wp)
-      call identify_meshes(model, case%meshes, case%stages, samples, measured, integrated, error)
+      meshes = [2, 3]
+      if (in_long_run()) meshes = [(k, k=1, size(case%meshes))]
+      call identify_meshes(model, case%meshes(meshes), case%stages, samples, measured, integrated, &
+         error)
       call check('Table 4.1: cvode converges', .not. allocated(error))
       if (allocated(error)) return
-      do k = 1, size(case%meshes)
-         associate (a => exact(1, k), b => integrated(1, k))
+      do j = 1, size(meshes)
+         k = meshes(j)
+         associate (a => exact(1, k), b => integrated(1, j))
             label = 'Table 4.1, N = '//to_text(a%elements)//': '
             model%structure = a%structure
             call simulate(model, case%meshes(k), samples, simulation, error)
