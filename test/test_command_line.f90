@@ -506,7 +506,7 @@ contains
       table = read_file('out/cantilever/modes.csv')
       do k = 1, 5
          exact = beta(k)**2*sqrt(EI/(rho*length**4))/(2*pi)
-         ! The bar of the issue for quintic splines, N = 32.
+         ! What quintic splines reach with N = 32, with a margin.
          call check_close('frequency of mode '//achar(48 + k)//', relative', number(field(table, &
             k, 3))/exact, &
             1.0_wp, 1e-9_wp)
