@@ -231,11 +231,11 @@ contains
       call check(name, ratio > 1/3.0_wp .and. ratio < 3, to_text(ratio))
    end subroutine check_factor
 
-   !> What the reason says: at loose tolerances the highest mode has most of the squared error of
-   !> (3.13), with c_D at 1e-7 mode 4; the gains turn one error into another. They do so for free
-   !> vibrations, and the integrator feeds its error at every step: which steps it takes hangs on
-   !> the last digit of the linear algebra. Over five BLAS the ratios were between .75 and 1.83 in
-   !> modes 3 to 5, which last; a factor of 3 keeps apart gains that differ by 5 and more.
+   !> What the reason says: the error of (3.13) is that of the high modes, without c_D of the
+   !> highest; the gains turn one error into another. They do so for free vibrations, and the
+   !> integrator feeds its error at every step: which steps it takes hangs on the last digit of the
+   !> linear algebra. Over seven BLAS the ratios were between .75 and 1.83 in modes 3 to 5, which
+   !> last; a factor of 3 keeps apart gains that differ by 5 and more.
    subroutine test_modes(table)
       character(len=*), intent(in) :: table
       character(len=:), allocatable :: line
@@ -251,13 +251,11 @@ contains
             u(k) = number(line, 6)
             a(:, k) = [(number(line, 6 + f), f=1, 3)]
          end do
-         if (block == 2) then
-            call check('with c_D at 1e-7: mode 4 has most of the error', &
-               a(3, 4)**2 > 0.5_wp*sum(a(3, :)**2))
-         else
-            call check('at 1e-4: the highest mode has most of the error of (3.13)', &
-               a(3, 6)**2 > 0.5_wp*sum(a(3, :)**2))
-         end if
+         call check('modes 3 to 6, a hundredth of the motion, have 99 % of the error of (3.13)', &
+            norm2(exact(3:)) < 0.01_wp*norm2(exact) .and. &
+            sum(a(3, 3:)**2) > 0.99_wp*sum(a(3, :)**2))
+         if (block == 3) call check('without c_D the highest has most of it', &
+            a(3, 6)**2 > 0.5_wp*sum(a(3, :)**2))
          do k = 3, 5
             factor = gains(omega(k), 0.1_wp)
             call check_factor('(3.13): omega**2 times the error of mode '//to_text(k), &
