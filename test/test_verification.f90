@@ -70,8 +70,8 @@ contains
    !> Any tolerance, much noise or little: a result that is not refused lies within a quarter of a
    !> standard error of the exact one. `moved` is that distance; both minima are sought to 1e-10 of
    !> J, sqrt(36e-10) = 6e-5 standard errors, twice over. Refused is the tolerance at which a search
-   !> does not leave its start, and let pass the smallest; between them the integrator's steps decide,
-   !> which hang on the BLAS.
+   !> does not leave its start, and let pass the smallest; between them the integrator's steps
+   !> decide, which hang on the BLAS.
    subroutine test_promise()
       real(wp), parameter :: rtol(5) = [1e-1_wp, 1e-2_wp, 1e-4_wp, 1e-6_wp, 1e-9_wp], &
          sd(2) = [1e-3_wp, 1e-1_wp]
