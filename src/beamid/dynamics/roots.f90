@@ -280,6 +280,8 @@ contains
          do i = 1, size(roots)
             if (i == k) cycle
             gap = roots(k)%s - roots(i)%s
+            ! Two points that have met to the last digit push each other apart all the same.
+            if (.not. abs(gap) > 0) gap = epsilon(1.0_wp)*roots(k)%s
             slope = slope - conjg(gap)/(real(gap)**2 + aimag(gap)**2)
          end do
          step = -1/slope
