@@ -238,6 +238,15 @@ contains
          if (k > 3) call check_clusters('three real roots, m_H = '//to_text(structure%m_H), &
             structure, [3])
       end do
+      ! Whose discriminant is exactly zero, hangs on the last digit of omega, so on the BLAS.
+      structure%m_H = 1e-6_wp
+      structure%k_H = structure%m_H*omega(1)**2
+      structure%c_H = 2*structure%m_H*omega(1)
+      structure%c_D = structure%c_D*(1 - 4*epsilon(1.0_wp))
+      do k = -3, 3
+         structure%c_D = nearest(structure%c_D, 1.0_wp)
+         call check_clusters('four real roots, c_D + '//to_text(k)//' last digits', structure, [4])
+      end do
    end subroutine test_groups
 
    !> How many roots are taken together.

@@ -119,7 +119,7 @@ contains
       end do
    end subroutine starting_points
 
-   !> What all but the tip mass does, at first order, to a root of the beam with the tip mass.
+   !> What all but the tip mass does, in its leading terms, to a root of the beam with the tip mass.
    !>
    !> side  1 or -1: to which side of the real axis it is pushed
    elemental complex(wp) function shift(assembly, modes, s, side)
@@ -128,7 +128,7 @@ contains
       complex(wp), intent(in) :: s
       integer, intent(in) :: side
       complex(wp), dimension(size(modes%mu)) :: D, x
-      complex(wp) :: stiffness, tip, u, a
+      complex(wp) :: stiffness, mass, slope, discriminant, tip, u, a
       real(wp) :: far
       integer :: j, b
 
@@ -151,8 +151,12 @@ contains
          if (assembly%turn > 0) stiffness = stiffness + st%J_T*(s*sum(modes%tip_slope*x))**2
          stiffness = stiffness + st%m_S*(s*sum(assembly%v(assembly%sensor, :b)*x))**2
          if (.not. abs(stiffness) > 0) return
-         shift = -stiffness/(sum((2*p%m(:b)*s + p%c(:b))*x**2) + 2*st%m_T*s*tip**2) &
-            *cmplx(1.0_wp, 0.2_wp*side, wp)
+         mass = sum(p%m(:b)*x**2) + st%m_T*tip**2
+         slope = sum((2*p%m(:b)*s + p%c(:b))*x**2) + 2*st%m_T*s*tip**2
+         ! mass d**2 + slope d + stiffness = 0, its smaller root: at critical damping slope = 0.
+         discriminant = sqrt(slope**2 - 4*mass*stiffness)
+         if (real(conjg(slope)*discriminant) < 0) discriminant = -discriminant
+         shift = -2*stiffness/(slope + discriminant)*cmplx(1.0_wp, 0.2_wp*side, wp)
       end associate
       far = abs(s)
       ! The slow roots of overdamped modes lie the more densely the nearer they are to -E/c_D.
@@ -266,7 +270,7 @@ contains
       real(wp), intent(out) :: moved
       complex(wp) :: slope, step, gap
       integer :: i, partner
-      logical :: settled
+      logical :: told, settled
 
       partner = modulo(k - 1 + assembly%n, size(roots)) + 1
       if (k > assembly%n) then
@@ -276,18 +280,18 @@ contains
          end if
       end if
       slope = logarithmic_derivative(assembly, roots(k))
-      if (abs(slope) > 0) then
-         do i = 1, size(roots)
-            if (i == k) cycle
-            gap = roots(k)%s - roots(i)%s
-            ! Two points that have met to the last digit push each other apart all the same.
-            if (.not. abs(gap) > 0) gap = epsilon(1.0_wp)*roots(k)%s
-            slope = slope - conjg(gap)/(real(gap)**2 + aimag(gap)**2)
-         end do
+      told = abs(slope) > 0
+      do i = 1, size(roots)
+         if (i == k) cycle
+         gap = roots(k)%s - roots(i)%s
+         told = told .and. abs(gap) > 0
+         if (told) slope = slope - conjg(gap)/(real(gap)**2 + aimag(gap)**2)
+      end do
+      if (told .and. abs(slope) > 0) then
          step = -1/slope
          moved = abs(step)
       else
-         ! A little aside, where it can be told: that is no convergence.
+         ! The slope cannot be told, or two points have met: a little aside, and no convergence.
          step = 1e-8_wp*abs(roots(k)%s)
          moved = huge(moved)
       end if
