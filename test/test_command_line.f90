@@ -312,7 +312,24 @@ contains
       call sober('simulate', 'm_H=0.04', 'm_H=1e-20', modal=.true.)
       call sober('identify', 'amplitude=1.0', 'amplitude=0.0', modal=.true.)
       call sober('identify', 'length=4.0', 'length=1e20', modal=.true.)
+      call sober('simulate', 't_first=0.1', 'scale=1e-309, t_first=0.1', must_fail=.true.)
+      call test_score()
    end subroutine test_extremes
+
+   !> A sample whose square overflows, outside the window of the fit and inside that of the score.
+   subroutine test_score()
+      type(outcome_t) :: outcome
+
+      call write_file('record.csv', record_text//'0.7,1e200'//nl)
+      call write_file('case.nml', case_text//'&score t_first=0.1, t_last=0.7, t_step=0.1 /'//nl)
+      outcome = beamid('identify case.nml --quiet --out score')
+      call check('score that is not finite: status 1, one line', outcome%status == 1 .and. &
+         outcome%out == '' .and. line_count(outcome%err) == 1 .and. has_all(outcome%err, &
+         'case.nml: |elements = 2, stage 1: |window of the score is not finite|1E+200'), &
+         outcome%err)
+      call check('score that is not finite: nothing written', .not. exists('score'))
+      call write_file('record.csv', record_text)
+   end subroutine test_score
 
    !> One change of the case ends with finite outputs, or with one line and none.
    subroutine sober(command, old, new, must_fail, modal)

@@ -1,12 +1,14 @@
 !> Parameters come back from records that the model itself made.
 program test_identification
+   use, intrinsic :: iso_c_binding, only: c_size_t
    use beamid_cvode, only: cvode_t
    use beamid_errors, only: error_t, status_failed
    use beamid_excitation, only: new_pulse
    use beamid_galerkin, only: mesh_t
-   use beamid_identification, only: identify, identify_meshes, model_t, simulate, simulation_t, &
-      stage_fit_t, stage_t
+   use beamid_identification, only: identify, identify_meshes, model_t, score_fits, simulate, &
+      simulation_t, stage_fit_t, stage_t
    use beamid_kinds, only: ip, wp
+   use beamid_modal, only: modal_t
    use beamid_observation, only: observation_t
    use beamid_strings, only: to_text
    use beamid_structure, only: parameter_index, structure_t
@@ -20,12 +22,25 @@ program test_identification
    integer :: k
    real(wp), parameter :: samples(30) = [(0.1_wp*k, k=1, 30)]
 
+   !> What the C library has given out (malloc.h), in bytes.
+   type, bind(c) :: memory_t
+      integer(c_size_t) :: others(7), used, more(2)
+   end type memory_t
+
+   interface
+      type(memory_t) function memory() bind(c, name='mallinfo2')
+         import :: memory_t
+      end function memory
+   end interface
+
    call test_recovery(1)
    call test_recovery(2)
    call test_recovery(3)
    call test_stages()
    call test_meshes()
    call test_refused()
+   call test_score()
+   call test_memory()
    call finish('identification')
 
 contains
@@ -181,6 +196,63 @@ contains
       call refused('an integrator that gives up', error, 'elements = 2, stage 1: ', &
          'max_steps = 20')
    end subroutine test_refused
+
+   !> Squared residuals over other samples; one whose square overflows is an error.
+   subroutine test_score()
+      type(model_t) :: model
+      type(stage_fit_t), allocatable :: fits(:, :)
+      type(error_t), allocatable :: error
+      real(wp), allocatable :: measured(:)
+
+      model = exact_model()
+      call record_of(model, measured)
+      call identify_meshes(model, [mesh], [stage_of(['m_H', 'k_H'])], samples, measured, fits, &
+         error)
+      call check('score: the fit converges', .not. allocated(error))
+      if (allocated(error)) return
+      measured(3) = measured(3) + 0.5_wp
+      call score_fits(model, [mesh], samples, measured, fits, error)
+      ! The fit's own J is that of round-off.
+      call check_close('score', fits(1, 1)%score, 0.25_wp, 1e-9_wp)
+      measured(3) = 1e200_wp
+      call score_fits(model, [mesh], samples, measured, fits, error)
+      call refused('score that is not finite', error, 'elements = 2, stage 1: ', '1E+200')
+   end subroutine test_score
+
+   !> Twenty more fits leave nothing behind, by either method. What the C library keeps back for the
+   !> next request counts as given out: some hundred bytes here, where a record lost with each fit
+   !> would be 10 kB, and a band matrix with each response 80 kB.
+   subroutine test_memory()
+      type(model_t) :: model
+      type(stage_t) :: stage
+      type(stage_fit_t), allocatable :: fits(:)
+      type(error_t), allocatable :: error
+      type(memory_t) :: before, after
+      real(wp), allocatable :: measured(:)
+      integer :: method, i
+
+      stage = stage_of(['m_H', 'k_H'], [0.9_wp*truth%m_H, 1.1_wp*truth%k_H])
+      call record_of(exact_model(), measured)
+      do method = 1, 2
+         model = exact_model()
+         if (method == 2) model = model_of(1, 1e-8_wp)
+         do i = 1, 22
+            call identify(model, mesh, [stage], samples, measured, fits, error)
+            after = memory()
+            if (i == 2) before = after
+         end do
+         call check('memory after twenty more fits, '//trim(merge('modal', 'cvode', method == 1)), &
+            .not. allocated(error) .and. after%used - before%used < 4096, &
+            to_text(int(before%used, ip))//' and '//to_text(int(after%used, ip))//' bytes')
+      end do
+   end subroutine test_memory
+
+   !> As `model_of` for the first formula, by the exact response.
+   type(model_t) function exact_model() result(model)
+      model = model_of(1, 1e-8_wp)
+      deallocate (model%solver)
+      allocate (modal_t :: model%solver)
+   end function exact_model
 
    subroutine refused(name, error, first, words)
       character(len=*), intent(in) :: name, first, words

@@ -30,6 +30,7 @@ program test_starts
 
    call test_lines()
    call test_automatic()
+   call test_no_period()
    call test_wrong_units()
    call test_minima()
    call test_intervals_of_modes()
@@ -65,6 +66,8 @@ contains
       call check('hardly anything of it lies below 2', share < 0.01_wp, to_text(share))
       call find_lines(t(:5), z(:5), 60.0_wp, 4, lines, share)
       call check('five samples: no line', size(lines) == 0)
+      call find_lines(t, z, 1e-6_wp, 4, lines, share)
+      call check('less than a period: no line', size(lines) == 0 .and. .not. share > 0)
    end subroutine test_lines
 
    !> A noisy record of the strip let go, with an offset, seen from a start that nobody knows.
@@ -140,6 +143,27 @@ contains
       ! The line's frequency is right to a few thousandths of 1/T, E to twice that.
       call check_close('the start is near', found(1)%quantities(1)%start/6.5e10_wp, 1.0_wp, 0.05_wp)
    end subroutine test_automatic
+
+   !> A record of seconds holds no period of a strip as heavy as a mountain.
+   subroutine test_no_period()
+      type(experiment_t) :: experiment
+      type(model_t) :: model
+      type(stage_t) :: stage
+      type(stage_fit_t), allocatable :: fits(:)
+      type(error_t), allocatable :: error
+
+      call record_of_strip(experiment, model, error)
+      if (allocated(error)) return
+      experiment%excitation = model%excitation
+      model%structure%rho = 1e12_wp
+      stage = stage_of(['E'], [6.5e10_wp])
+      deallocate (stage%start)
+      stage%automatic = .true.
+      call identify(model, mesh_t(elements=8), [stage], [experiment], fits, error)
+      call check('no period: refused', allocated(error))
+      if (allocated(error)) call check('and says so', &
+         index(error%message, 'record 1 holds no period of') > 0, error%message)
+   end subroutine test_no_period
 
    !> A modulus in the wrong unit puts the first mode a hundred times off.
    subroutine test_wrong_units()
@@ -239,6 +263,12 @@ contains
          call check_close('mode '//to_text(k)//': no damping', modes(k)%damping_ratio, 0.0_wp, &
             0.0_wp)
       end do
+      ! A standard error that cannot be squared: modes without intervals, not with none of 0.
+      fits(1)%statistics%std_error = 1e297_wp
+      fits(1)%statistics%covariance = huge(1.0_wp)
+      call fitted_modes(mesh_t(elements=8), fits(1), 4, modes, error)
+      call check('no intervals', all(modes%frequency_half_width >= huge(1.0_wp)) .and. &
+         all(modes%damping_half_width >= huge(1.0_wp)))
    end subroutine test_intervals_of_modes
 
 end program test_starts
