@@ -212,6 +212,7 @@ contains
       type(structure_t) :: structure
       type(equations_t) :: equations
       type(excitation_t) :: excitation
+      type(beam_modes_t) :: modes
       type(error_t), allocatable :: error
       real(wp), allocatable :: force(:), omega(:), shapes(:, :)
       integer, parameter :: parameters(5) = [of_E, of_c_D, of_m_H, of_c_H, of_k_H]
@@ -238,11 +239,13 @@ contains
          if (k > 3) call check_clusters('three real roots, m_H = '//to_text(structure%m_H), &
             structure, [3])
       end do
-      ! Whose discriminant is exactly zero, hangs on the last digit of omega, so on the BLAS.
+      ! One of these may have a discriminant of exactly zero, which starts two roots from one
+      ! point; which one, hangs on the BLAS that made mu.
       structure%m_H = 1e-6_wp
       structure%k_H = structure%m_H*omega(1)**2
       structure%c_H = 2*structure%m_H*omega(1)
-      structure%c_D = structure%c_D*(1 - 4*epsilon(1.0_wp))
+      call bare_beam_modes(galerkin, modes, error)
+      structure%c_D = 2/sqrt(modes%mu(1))*(1 - 4*epsilon(1.0_wp))
       do k = -3, 3
          structure%c_D = nearest(structure%c_D, 1.0_wp)
          call check_clusters('four real roots, c_D + '//to_text(k)//' last digits', structure, [4])
