@@ -68,8 +68,8 @@ contains
                sentences = 'record '//to_text(k)//': '//sentences
             notes = [character(len=note_length) :: notes, sentences]
             experiment%excitation = case%excitations(min(k, size(case%excitations)))
-            experiment%length = recording%length
-            experiment%x_S = recording%x_S
+            if (allocated(recording%length)) experiment%length = recording%length
+            if (allocated(recording%x_S)) experiment%x_S = recording%x_S
             experiment%scale = recording%scale
             experiment%offset = recording%offset
             call check_place(case, recording, experiment%structure_of(case%model%structure), error)
@@ -149,13 +149,13 @@ contains
       type(error_t), allocatable, intent(out) :: error
       type(recording_t) :: recording
 
-      if (case%score_line == 0) then
+      if (.not. allocated(case%score)) then
          allocate (samples(0), measured(0))
          return
       end if
       recording = case%recordings(1)
-      recording%window = case%score
-      call samples_of(case, recording, 'score', case%score_line, samples, measured, error)
+      recording%window = case%score%window
+      call samples_of(case, recording, 'score', case%score%line, samples, measured, error)
    end subroutine scored_samples
 
    !> The samples of one window of a record.
