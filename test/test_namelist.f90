@@ -171,7 +171,7 @@ contains
       call bad('&stage start ( 1 , 2 ) = 3.0 /'//lf//'&beam /', 1, '''start''')
       call bad('&stage start(1, 2) = 3.0 /'//lf//'&beam /', 1, 'not supported')
       call bad('&beam tip%mass=3.0 /', 1, '&beam tip%mass:|unknown key')
-      call bad('&beam '//repeat('n', 64)//'=3.0 /', 1, 'a name of 64')
+      call bad('&beam '//repeat('n', 64)//'=3.0 /', 1, 'unknown key|length, rho, E')
    end subroutine test_key_mistakes
 
    subroutine test_value_mistakes()

@@ -23,10 +23,10 @@ module beamid_blocks
 
    type, extends(entries_t) :: block_t
    contains
-      generic :: get => get_real, get_real_or_none, get_reals, get_integer, get_integer_or_none, &
-         get_integers, get_text, get_texts
-      procedure, private :: get_real, get_real_or_none, get_reals, get_integer, &
-         get_integer_or_none, get_integers, get_text, get_texts
+      generic :: get => get_real, get_real_or_none, get_reals, get_integer, get_integers, &
+         get_text, get_texts
+      procedure, private :: get_real, get_real_or_none, get_reals, get_integer, get_integers, &
+         get_text, get_texts
    end type block_t
 
 contains
@@ -78,32 +78,22 @@ contains
       if (size(x) > 0) values = x
    end subroutine get_reals
 
-   !> One integer.
-   subroutine get_integer(self, name, value, help, range, required)
+   !> One integer; `default` says in words what is not its value.
+   subroutine get_integer(self, name, value, help, range, default)
       class(block_t), intent(inout) :: self
       character(len=*), intent(in) :: name
       integer, intent(inout) :: value
       character(len=*), intent(in) :: help
       type(range_t), intent(in), optional :: range
-      logical, intent(in), optional :: required
+      character(len=*), intent(in), optional :: default
+      type(key_t) :: key
       real(wp), allocatable :: x(:)
 
-      call self%take(new_key(name, kind_integer, to_text(value), help, 1, range, required), x)
+      key = new_key(name, kind_integer, to_text(value), help, 1, range)
+      if (present(default)) key%default = default
+      call self%take(key, x)
       if (size(x) > 0) value = nint(x(1))
    end subroutine get_integer
-
-   subroutine get_integer_or_none(self, name, value, default, help, range, required)
-      class(block_t), intent(inout) :: self
-      character(len=*), intent(in) :: name
-      integer, allocatable, intent(inout) :: value
-      character(len=*), intent(in) :: default, help
-      type(range_t), intent(in), optional :: range
-      logical, intent(in), optional :: required
-      real(wp), allocatable :: x(:)
-
-      call self%take(new_key(name, kind_integer, default, help, 1, range, required), x)
-      if (size(x) > 0) value = nint(x(1))
-   end subroutine get_integer_or_none
 
    !> Several integers.
    subroutine get_integers(self, name, values, default, help, most, range)

@@ -2,7 +2,7 @@
 !> default or required, every value checked where it is read.
 module beamid_case_files
    use beamid_blocks, only: block_t
-   use beamid_errors, only: error_t, bad_input
+   use beamid_errors, only: error_t
    use beamid_excitation, only: excitation_t
    use beamid_experiments, only: experiment_t
    use beamid_files, only: read_text
@@ -37,12 +37,6 @@ module beamid_case_files
       group_t('stage', may_repeat=.true.), group_t('multistart'), group_t('noise'), &
       group_t('units')]
 
-   !> The window of &score.
-   type :: score_t
-      type(window_t) :: window
-      integer :: line = 0                       !< of the group
-   end type score_t
-
    type :: case_t
       character(len=:), allocatable :: path     !< as given
       character(len=:), allocatable :: name     !< file name without folder and ending
@@ -52,7 +46,8 @@ module beamid_case_files
       !> one for each recording, or one for all
       type(excitation_t), allocatable :: excitations(:)
       !> over which `identify` adds up squared residuals once the fit is done, where that is wanted
-      type(score_t), allocatable :: score
+      type(window_t), allocatable :: score
+      integer :: score_line = 0                 !< of the group &score
       type(stage_t), allocatable :: stages(:)
       type(multistart_t) :: multistart
       type(units_t) :: units
@@ -152,9 +147,9 @@ contains
       if (allocated(error)) return
       if (size(case%excitations) > 0) case%model%excitation = case%excitations(1)
       if (size(case%excitations) > 1 .and. size(case%excitations) /= size(case%recordings)) &
-         call bad_input(error, case%path//': &excitation: found '// &
-         to_text(size(case%excitations))//' such groups for '//to_text(size(case%recordings))// &
-         ' of &record, expected one, or one for each record')
+         call refuse(case%path, 0, 'excitation', to_text(size(case%excitations))// &
+         ' such groups for '//to_text(size(case%recordings))//' of &record', &
+         'one, or one for each record', error)
 
    contains
 
@@ -190,8 +185,9 @@ contains
          case ('noise'); call read_noise(block, case%noise_sd, case%noise_seed)
          case ('units'); call read_units(block, case%units)
          case ('score')
-            case%score = score_t(line=block%line)
-            call get_window(block, case%score%window)
+            case%score = window_t()
+            case%score_line = block%line
+            call get_window(block, case%score)
             call block%close()
          case ('excitation')
             call read_excitation(case%path, block, excitation, error)
@@ -234,38 +230,48 @@ contains
       integer, intent(in) :: needs
       type(error_t), allocatable, intent(out) :: error
 
+      if (needs == needs_nothing) return
+      if (size(case%excitations) == 0) call refuse(case%path, 0, 'excitation', 'no such group', &
+         'one', error)
+      if (size(case%recordings) == 0) call refuse(case%path, 0, 'record', 'no such group', 'one', &
+         error)
+      if (allocated(error)) return
+      if (needs == needs_fit) call check_fit(case, error)
+      if (needs == needs_response) call check_response(case, error)
+   end subroutine check_needs
+
+   subroutine check_fit(case, error)
+      type(case_t), intent(in) :: case
+      type(error_t), allocatable, intent(inout) :: error
       integer :: k
 
-      if (needs == needs_nothing) return
-      if (size(case%excitations) == 0) then
-         call bad_input(error, case%path//': &excitation: found no such group, expected one')
-      else if (size(case%recordings) == 0) then
-         call bad_input(error, case%path//': &record: found no such group, expected one')
-      else if (needs == needs_fit) then
-         do k = 1, size(case%recordings)
-            if (.not. allocated(case%recordings(k)%path)) call refuse(case%path, &
-               case%recordings(k)%line, 'record', 'file', 'nothing', 'the path of a record', error)
-         end do
-         if (.not. allocated(error) .and. size(case%stages) == 0) call bad_input(error, &
-            case%path//': &stage: found no such group, expected one or more')
-         if (.not. allocated(error) .and. allocated(case%score) .and. &
-            (size(case%recordings) > 1 .or. any(case%excitations%modes > 0) .or. &
-            any(case%stages%offset))) call bad_input(error, case%path//':'// &
-            to_text(case%score%line)//': &score: found it beside several records, a free start '// &
-            'or a free offset, expected one record with a known start')
-      else if (size(case%recordings) > 1) then
-         call bad_input(error, case%path//':'//to_text(case%recordings(2)%line)// &
-            ': &record: found a second one, expected one for a response')
-      else if (case%excitations(1)%modes > 0) then
-         call bad_input(error, case%path// &
-            ': &excitation kind: found ''free'', expected a start that is known for a response')
-      else if (case%recordings(1)%window%t_step <= 0 .or. &
-               case%recordings(1)%window%t_first <= -everything .or. &
-               case%recordings(1)%window%t_last >= everything) then
-         call bad_input(error, case%path//':'//to_text(case%recordings(1)%line)// &
-            ': &record: found no grid of sample times, expected t_first, t_last and t_step')
-      end if
-   end subroutine check_needs
+      do k = 1, size(case%recordings)
+         if (.not. allocated(case%recordings(k)%path)) call refuse(case%path, &
+            case%recordings(k)%line, 'record file', 'nothing', 'the path of a record', error)
+      end do
+      if (size(case%stages) == 0) call refuse(case%path, 0, 'stage', 'no such group', &
+         'one or more', error)
+      if (.not. allocated(case%score)) return
+      if (size(case%recordings) > 1 .or. any(case%excitations%modes > 0) .or. &
+         any(case%stages%offset)) call refuse(case%path, case%score_line, 'score', &
+         'it beside several records, a free start or a free offset', &
+         'one record with a known start', error)
+   end subroutine check_fit
+
+   subroutine check_response(case, error)
+      type(case_t), intent(in) :: case
+      type(error_t), allocatable, intent(inout) :: error
+
+      if (size(case%recordings) > 1) call refuse(case%path, case%recordings(2)%line, 'record', &
+         'a second one', 'one for a response', error)
+      if (case%excitations(1)%modes > 0) call refuse(case%path, 0, 'excitation kind', '''free''', &
+         'a start that is known for a response', error)
+      associate (window => case%recordings(1)%window)
+         if (window%t_step <= 0 .or. window%t_first <= -everything .or. &
+            window%t_last >= everything) call refuse(case%path, case%recordings(1)%line, 'record', &
+            'no grid of sample times', 't_first, t_last and t_step', error)
+      end associate
+   end subroutine check_response
 
    !> Whether the case has all that a fit needs.
    logical function can_be_fitted(self)

@@ -6,7 +6,7 @@ module beamid_entries
    use beamid_refusals, only: refusals_t
    use beamid_strings, only: lower, to_text
    use beamid_tokens, only: token_broken, token_key, token_mark, token_string, token_t, token_word
-   use beamid_values, only: key_t, kind_text, number, read_value
+   use beamid_values, only: key_t, kind_text, listed, longest, number, read_value
    implicit none
    private
 
@@ -63,14 +63,15 @@ contains
       !> Whether the key's word stands for the numbers.
       logical, intent(out), optional :: is_word
       real(wp), allocatable :: x(:)
-      character(len=:), allocatable :: message
+      character(len=:), allocatable :: name, message
       integer :: first, k, n
 
       call append_key(self%keys, key)
       if (present(numbers)) allocate (numbers(0))
-      if (present(texts)) allocate (character(len=1) :: texts(0))
+      if (present(texts)) allocate (character(len=longest) :: texts(0))
       if (present(is_word)) is_word = .false.
-      call self%find(key%name, first, n)
+      name = trim(key%name)
+      call self%find(name, first, n)
       if (first == 0) return
       if (allocated(key%word) .and. n == 1) then
          associate (only => self%tokens(first + 1))
@@ -82,35 +83,26 @@ contains
       do k = 1, n
          call read_value(self%tokens(first + k), key, k > 1, x(k), message)
          if (.not. allocated(message)) cycle
-         call self%complain(self%tokens(first + k)%line, key%name, message)
+         call self%complain(self%tokens(first + k)%line, name, message)
          return
       end do
       if (n == 0) then
-         call self%complain(self%tokens(first)%line, key%name, 'found no value, expected '// &
-            key%noun())
+         call self%refuse(name, 'no value', key%noun())
       else if (n > key%most) then
-         call self%refuse(key%name, to_text(n)//' values', number_of_values(key))
+         call self%refuse(name, to_text(n)//' values', number_of_values(key))
       else if (present(texts)) then
-         call copy_texts(self%tokens(first + 1:first + n), texts)
+         deallocate (texts)
+         allocate (character(len=longest) :: texts(n))
+         do k = 1, n
+            texts(k) = self%tokens(first + k)%text
+         end do
       else if (.not. all(key%range%holds(x))) then
          k = findloc(key%range%holds(x), .false., dim=1)
-         call self%refuse(key%name, number(x(k)), key%expected)
+         call self%refuse(name, number(x(k)), key%expected)
       else
          call move_alloc(x, numbers)
       end if
    end subroutine take
-
-   subroutine copy_texts(tokens, texts)
-      type(token_t), intent(in) :: tokens(:)
-      character(len=:), allocatable, intent(out) :: texts(:)
-      integer :: k
-
-      allocate (character(len=maxval([(len(tokens(k)%text), k=1, size(tokens))])) :: &
-         texts(size(tokens)))
-      do k = 1, size(tokens)
-         texts(k) = tokens(k)%text
-      end do
-   end subroutine copy_texts
 
    !> How many values a key takes, in words.
    pure function number_of_values(key) result(text)
@@ -133,11 +125,11 @@ contains
          associate (token => self%tokens(i))
             if (token%kind /= token_key) cycle
             do k = size(self%keys), 1, -1
-               if (lower(self%keys(k)%name) == lower(token%text)) exit
+               if (lower(trim(self%keys(k)%name)) == lower(token%text)) exit
             end do
             if (k == 0) then
                call self%complain(token%line, shortened(token%text), 'found an unknown key, '// &
-                  'expected '//names_of(self%keys))
+                  'expected '//listed([(self%keys(k)%name, k=1, size(self%keys))], ', '))
             else if (seen(k) > 0) then
                call self%complain(token%line, token%text, 'found the key again, expected it '// &
                   'once (first in line '//to_text(seen(k))//')')
@@ -148,20 +140,9 @@ contains
       end do
       if (self%failed()) return
       do k = 1, size(self%keys)
-         if (self%keys(k)%required) call self%require([self%keys(k)%name])
+         if (self%keys(k)%required) call self%require(trim(self%keys(k)%name))
       end do
    end subroutine close
-
-   pure function names_of(keys) result(text)
-      type(key_t), intent(in) :: keys(:)
-      character(len=:), allocatable :: text
-      integer :: k
-
-      text = keys(1)%name
-      do k = 2, size(keys)
-         text = text//', '//keys(k)%name
-      end do
-   end function names_of
 
    !> Whether anything in the group was refused.
    pure logical function failed(self)
@@ -187,26 +168,20 @@ contains
       if (self%has(name)) line = self%tokens(self%place(name))%line
    end function line_of
 
-   !> Refuses the group without one of the keys.
-   subroutine require(self, names)
+   !> Refuses the group without a key.
+   subroutine require(self, name)
       class(entries_t), intent(inout) :: self
-      character(len=*), intent(in) :: names(:)
-      integer :: k
+      character(len=*), intent(in) :: name
 
-      do k = 1, size(names)
-         if (.not. self%has(trim(names(k)))) call self%refuse(trim(names(k)), 'nothing', 'a value')
-      end do
+      if (.not. self%has(name)) call self%refuse(name, 'nothing', 'a value')
    end subroutine require
 
-   !> Refuses keys that have no meaning beside another.
-   subroutine exclude(self, names, beside)
+   !> Refuses a key that has no meaning beside another.
+   subroutine exclude(self, name, beside)
       class(entries_t), intent(inout) :: self
-      character(len=*), intent(in) :: names(:), beside
-      integer :: k
+      character(len=*), intent(in) :: name, beside
 
-      do k = 1, size(names)
-         if (self%has(trim(names(k)))) call self%refuse(trim(names(k)), 'a value', 'none '//beside)
-      end do
+      if (self%has(name)) call self%refuse(name, 'a value', 'none '//beside)
    end subroutine exclude
 
    !> Refuses what a key has.
@@ -269,13 +244,11 @@ contains
       type(key_t), allocatable, intent(inout) :: keys(:)
       type(key_t), intent(in) :: key
       type(key_t), allocatable :: longer(:)
-      integer :: n
 
-      n = 0
-      if (allocated(keys)) n = size(keys)
-      allocate (longer(n + 1))
-      if (n > 0) longer(:n) = keys
-      longer(n + 1) = key
+      if (.not. allocated(keys)) allocate (keys(0))
+      allocate (longer(size(keys) + 1))
+      longer(:size(keys)) = keys
+      longer(size(longer)) = key
       call move_alloc(longer, keys)
    end subroutine append_key
 

@@ -1,4 +1,4 @@
-!> The groups of a case file that say how to compute: mesh, integrator, observation, stages of a fit.
+!> The groups of a case file that say how to compute: mesh, integrator, observation, stages.
 module beamid_method_groups
    use beamid_blocks, only: block_t
    use beamid_cvode, only: cvode_t
@@ -15,7 +15,7 @@ module beamid_method_groups
    use beamid_responses, only: solver_t
    use beamid_strings, only: to_text
    use beamid_structure, only: of_k_R, structure_t
-   use beamid_values, only: positive, range_t
+   use beamid_values, only: listed, positive, range_t
    use beamid_variables, only: unbounded
    implicit none
    private
@@ -28,19 +28,18 @@ contains
       type(block_t), intent(inout) :: block
       type(mesh_t), allocatable, intent(inout) :: meshes(:)
       type(mesh_t) :: mesh
-      integer, allocatable :: elements(:), gauss_points
+      integer, allocatable :: elements(:)
       integer :: k
 
       call block%get('degree', mesh%degree, 'of the splines', range_t(3, 7, step=2))
       call block%get('elements', elements, to_text(mesh%elements), 'of the mesh; of several '// &
          'numbers everything is done for each', 50, range_t(1, 10000))
-      call block%get('gauss_points', gauss_points, 'degree + 1, exact', 'in each panel', &
-         range_t(1, 64))
+      call block%get('gauss_points', mesh%gauss_points, 'in each panel', range_t(1, 64), &
+         default='degree + 1, exact')
       call block%get('panels', mesh%panels, 'in each element', range_t(1, 1000))
       call block%close()
       if (block%failed()) return
-      mesh%gauss_points = mesh%degree + 1
-      if (allocated(gauss_points)) mesh%gauss_points = gauss_points
+      if (.not. block%has('gauss_points')) mesh%gauss_points = mesh%degree + 1
       if (mesh%gauss_points*mesh%panels < mesh%degree - 1) call block%refuse('gauss_points', &
          to_text(mesh%gauss_points*mesh%panels)//' points per element', &
          'at least degree - 1 = '//to_text(mesh%degree - 1))
@@ -87,8 +86,8 @@ contains
       plan%n = 20
       call block%get('n', plan%n, 'starts', range_t(1, 100000))
       call block%get('seed', plan%seed, 'of the random numbers')
-      call block%get('spread', plan%spread, 'starts lie between the declared one divided by this '// &
-         'and times this', range_t(1, 1e6_wp, open=.true.))
+      call block%get('spread', plan%spread, 'the starts lie between the declared one divided '// &
+         'by this and times this', range_t(1, 1e6_wp, open=.true.))
       call block%close()
    end subroutine read_multistart
 
@@ -105,9 +104,9 @@ contains
       if (block%failed()) return
       observed%formula = findloc(formula_names == formula, .true., dim=1)
       if (formula == 'equation') then
-         call block%exclude(['delta'], 'with formula = ''equation''')
+         call block%exclude('delta', 'with formula = ''equation''')
       else
-         call block%require(['delta'])
+         call block%require('delta')
          if (allocated(delta)) observed%delta = delta
       end if
    end subroutine read_observation
@@ -138,7 +137,7 @@ contains
       found%free = [(free_index(free(k)), k=1, size(free))]
       do k = 1, size(free)
          if (found%free(k) == 0) then
-            call block%refuse('free', shown(free(k)), 'one of'//known_parameters())
+            call block%refuse('free', shown(free(k)), 'one of '//listed(free_names, ' '))
          else if (any(found%free(:k - 1) == found%free(k))) then
             call block%refuse('free', shown(free(k))//' twice', 'each parameter once')
          end if
@@ -153,7 +152,8 @@ contains
          call block%refuse('shared', shown(shared(k)), 'parameters that are free')
       end do
       if (.not. block%failed()) call check_bounds(block, found)
-      if (.not. block%failed() .and. sound) call check_free(block, found%free, structure, excitations)
+      if (sound .and. .not. block%failed()) call check_free(block, found%free, structure, &
+         excitations)
       if (block%failed()) return
       found%offset = any(found%free == offset)
       call found%distribute(places, records)
@@ -215,18 +215,10 @@ contains
             lacking = 'no amplitude beside a free start'
          if (belongs_to_hose(free(k)) .and. .not. structure%has_hose()) &
             lacking = 'a &hose group with m_H > 0 for it'
-         if (lacking /= '') call block%refuse('free', shown(free_names(free(k))), lacking)
+         if (lacking == '') cycle
+         call block%refuse('free', shown(free_names(free(k))), lacking)
+         return
       end do
    end subroutine check_free
-
-   pure function known_parameters() result(text)
-      character(len=:), allocatable :: text
-      integer :: k
-
-      text = ''
-      do k = 1, size(free_names)
-         text = text//' '//trim(free_names(k))
-      end do
-   end function known_parameters
 
 end module beamid_method_groups

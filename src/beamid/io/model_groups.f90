@@ -69,7 +69,8 @@ contains
       else if (allocated(I)) then
          structure%I = I
       else
-         call block%require([character(len=6) :: 'width', 'height'])
+         call block%require('width')
+         call block%require('height')
          if (.not. block%failed()) structure%I = width*height**3/12
       end if
    end subroutine read_structure
@@ -84,7 +85,12 @@ contains
       character(len=:), allocatable :: kind, file, load
       real(wp), allocatable :: amplitude, duration, force, displacement
       real(wp) :: power, time
-      integer :: modes
+      integer :: modes, k
+      !> Keys that only some kinds have, and these kinds.
+      character(len=*), parameter :: keys(9) = [character(len=12) :: 'amplitude', 'duration', &
+         'file', 'load', 'power', 'force', 'displacement', 'time', 'modes'], &
+         owners(9) = [character(len=11) :: 'pulse', 'pulse', 'table', 'pulse table', &
+         'pulse table', 'release', 'release', 'release', 'free']
 
       load = 'point'; power = 2; time = 0; modes = 2
       call block%get('kind', kind, 'what sets the beam in motion', &
@@ -101,14 +107,18 @@ contains
       call block%get('modes', modes, 'that move at a free start', range_t(1, 20))
       call block%close()
       if (block%failed()) return
-      call exclude_strangers(block, kind)
+      do k = 1, size(keys)
+         if (index(owners(k), kind) == 0) call block%exclude(trim(keys(k)), 'with kind = '''// &
+            kind//'''')
+      end do
       select case (kind)
       case ('pulse')
-         call block%require([character(len=9) :: 'amplitude', 'duration'])
+         call block%require('amplitude')
+         call block%require('duration')
          if (block%failed()) return
          found = new_pulse(amplitude, duration)
       case ('table')
-         call block%require(['file'])
+         call block%require('file')
          if (block%failed() .or. allocated(error)) return
          if (file == '') then
             call block%refuse('file', '''''', 'the path of a force table')
@@ -131,24 +141,6 @@ contains
       found%distributed = load == 'distributed'
       found%power = power
    end subroutine read_excitation
-
-   !> Each kind of excitation has its own keys.
-   subroutine exclude_strangers(block, kind)
-      type(block_t), intent(inout) :: block
-      character(len=*), intent(in) :: kind
-      character(len=12), parameter :: keys(9) = [character(len=12) :: 'amplitude', 'duration', &
-                                      'file', 'load', 'power', 'force', 'displacement', 'time', &
-                                      'modes']
-      character(len=*), parameter :: owners(9) = [character(len=13) :: 'pulse', 'pulse', 'table', &
-                                     'pulse table', 'pulse table', 'release', 'release', &
-                                     'release', 'free']
-      integer :: k
-
-      do k = 1, size(keys)
-         if (index(owners(k), kind) == 0) call block%exclude(keys(k:k), &
-            'with kind = '''//kind//'''')
-      end do
-   end subroutine exclude_strangers
 
    !> Force table: time and force, the first two columns.
    subroutine read_force(path, force, error)

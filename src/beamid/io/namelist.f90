@@ -7,6 +7,7 @@ module beamid_namelist
    use beamid_strings, only: lower, to_text
    use beamid_tokens, only: line_feed, scanner_t, token_broken, token_end, token_group, &
       token_key, token_mark, token_slash, token_t, token_word
+   use beamid_values, only: listed
    implicit none
    private
 
@@ -131,10 +132,10 @@ contains
          end do
          if (g == 0) then
             call refusals%add(token%line, 'found unknown group '//shown(token%text)// &
-               ', expected '//names_of(groups))
+               ', expected &'//listed([(groups(g)%name, g=1, size(groups))], ', &'))
          else if (seen(g) > 0 .and. .not. groups(g)%may_repeat) then
-            call refusals%add(token%line, 'found &'//trim(groups(g)%name)//' again, expected it '// &
-               'once (first in line '//to_text(seen(g))//')')
+            call refusals%add(token%line, 'found &'//trim(groups(g)%name)// &
+               ' again, expected it once (first in line '//to_text(seen(g))//')')
             g = 0
          else
             seen(g) = token%line
@@ -152,7 +153,8 @@ contains
       integer :: g
 
       if (all(seen == 0)) then
-         call refusals%add(line, 'found no group, expected '//names_of(groups))
+         call refusals%add(line, 'found no group, expected &'// &
+            listed([(groups(g)%name, g=1, size(groups))], ', &'))
          return
       end if
       do g = 1, size(groups)
@@ -160,17 +162,6 @@ contains
             trim(groups(g)%name)//', expected one')
       end do
    end subroutine require_groups
-
-   pure function names_of(groups) result(text)
-      type(group_t), intent(in) :: groups(:)
-      character(len=:), allocatable :: text
-      integer :: g
-
-      text = '&'//trim(groups(1)%name)
-      do g = 2, size(groups)
-         text = text//', &'//trim(groups(g)%name)
-      end do
-   end function names_of
 
    !> Goes through one group; the scanner stands on its name and ends on the token behind it.
    subroutine scan_group(scanner, block)
@@ -237,16 +228,13 @@ contains
    subroutine report_no_key(token, block)
       type(token_t), intent(in) :: token
       type(block_t), intent(inout) :: block
+      character(len=:), allocatable :: message
 
-      if (token%text == '&') then
-         call block%complain(token%line, '', 'found ''&'' alone, expected a key or ''/''')
-      else if (token%kind == token_word .and. index(token%text, '(') > 0) then
-         call block%complain(token%line, '', 'found '//shown(token%text)// &
-            ', array subscripts are not supported, expected key = values')
-      else
-         call block%complain(token%line, '', 'found '//shown(token%text)// &
-            ', expected key = value or ''/''')
-      end if
+      message = shown(token%text)//', expected key = value or ''/'''
+      if (token%kind == token_word .and. index(token%text, '(') > 0) message = &
+         shown(token%text)//', array subscripts are not supported, expected key = values'
+      if (token%text == '&') message = '''&'' alone, expected a key or ''/'''
+      call block%complain(token%line, '', 'found '//message)
    end subroutine report_no_key
 
    !> A group ends without '/': at '&end', at the next group or at the end of the file.
@@ -258,13 +246,13 @@ contains
          if (token%kind == token_end) then
             call block%complain(block%line, '', 'found the end of the file, expected ''/'' '// &
                'behind the last value')
-         else if (lower(token%text) == '&end') then
-            call block%complain(token%line, '', 'found ''&end'', expected ''/''')
-            call scanner%advance()
-            if (scanner%token%kind == token_slash) call scanner%advance()
-         else
+         else if (lower(token%text) /= '&end') then
             call block%complain(block%line, '', 'found '//shown(token%text)//' in line '// &
                to_text(token%line)//', expected ''/'' before it')
+         else
+            call block%complain(token%line, '', 'found ''&end'', expected ''/''')
+            call scanner%advance()
+            if (token%kind == token_slash) call scanner%advance()
          end if
       end associate
    end subroutine report_missing_end

@@ -34,12 +34,12 @@ contains
       call block%get('clip_high', high, 'flats are looked for', 'samples at or above are left out')
       call block%get('thin', found%thin, 'every so many samples, behind a low-pass filter', &
          range_t(2, 100000))
-      call block%get('length', found%length, 'that of &beam', 'of the beam in this record', positive)
-      call block%get('x_S', found%x_S, 'that of &sensor', 'of the sensor in this record', positive)
+      call block%get('length', found%length, 'that of &beam', 'of the beam then', positive)
+      call block%get('x_S', found%x_S, 'that of &sensor', 'place of the sensor then', positive)
       call block%close()
       if (.not. abs(found%scale) > 0) call block%refuse('scale', to_text(found%scale), &
          'a value other than 0')
-      if (block%has('thin')) call block%exclude(['t_step'], 'beside thin')
+      if (block%has('thin')) call block%exclude('t_step', 'beside thin')
       if (allocated(low)) found%clip_low = low
       if (allocated(high)) found%clip_high = high
       if (found%clip_low >= found%clip_high) call block%refuse('clip_high', &

@@ -19,7 +19,7 @@ module beamid_refusals
    !> The first problems in the order of lines, and among equal lines as they were found.
    type :: refusals_t
       integer :: n = 0
-      type(refusal_t), private :: kept(most)
+      type(refusal_t), allocatable, private :: kept(:)
    contains
       procedure :: add
       procedure :: join
@@ -36,6 +36,7 @@ contains
       character(len=*), intent(in) :: text
       integer :: k
 
+      if (.not. allocated(self%kept)) allocate (self%kept(most))
       if (self%n < most) then
          self%n = self%n + 1
       else if (line >= self%kept(most)%line) then
@@ -78,14 +79,19 @@ contains
    end subroutine tell
 
    !> One problem that shows only after the file has been read; an earlier error stays.
-   subroutine refuse(path, line, group, key, found, expected, error)
-      character(len=*), intent(in) :: path, group, key, found, expected
+   !>
+   !> line   0: that of nothing in particular
+   !> place  the group and, where there is one, the key
+   subroutine refuse(path, line, place, found, expected, error)
+      character(len=*), intent(in) :: path, place, found, expected
       integer, intent(in) :: line
       type(error_t), allocatable, intent(inout) :: error
+      character(len=:), allocatable :: at
 
       if (allocated(error)) return
-      call bad_input(error, path//':'//to_text(line)//': &'//group//' '//key//': found '// &
-         found//', expected '//expected)
+      at = path
+      if (line > 0) at = path//':'//to_text(line)
+      call bad_input(error, at//': &'//place//': found '//found//', expected '//expected)
    end subroutine refuse
 
 end module beamid_refusals

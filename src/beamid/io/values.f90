@@ -4,16 +4,16 @@ module beamid_values
    use beamid_kinds, only: wp
    use beamid_numbers, only: is_decimal, parse_number, shown
    use beamid_strings, only: lower, to_text
-   use beamid_tokens, only: digits, letters, token_mark, token_string, token_t
+   use beamid_tokens, only: digits, letters, token_mark, token_string, token_t, token_word
    implicit none
    private
 
-   public :: key_t, range_t, new_key, read_value, one_of, number
+   public :: key_t, range_t, new_key, read_value, listed, one_of, number
 
    !> What the values of a key are.
    integer, parameter, public :: kind_real = 1, kind_integer = 2, kind_text = 3
-   !> The longest text.
-   integer, parameter :: longest = 512
+   !> The longest name, and the longest text among the values.
+   integer, parameter, public :: name_length = 20, longest = 512
 
    !> Numbers from `low` to `high`.
    type :: range_t
@@ -30,7 +30,7 @@ module beamid_values
 
    !> One key of a group.
    type :: key_t
-      character(len=:), allocatable :: name
+      character(len=name_length) :: name = ''
       integer :: kind = kind_real
       integer :: most = 1                  !< values that it takes
       character(len=:), allocatable :: help
@@ -77,18 +77,26 @@ contains
       end if
    end function in_words
 
-   !> `a, b or c`, each between two marks.
-   pure function one_of(words, mark) result(text)
-      character(len=*), intent(in) :: words(:), mark
+   !> Names with something between them.
+   pure function listed(names, between) result(text)
+      character(len=*), intent(in) :: names(:), between
       character(len=:), allocatable :: text
       integer :: k
 
-      text = mark//trim(words(1))//mark
-      do k = 2, size(words)
-         if (k < size(words)) text = text//', '
-         if (k == size(words)) text = text//' or '
-         text = text//mark//trim(words(k))//mark
+      text = trim(names(1))
+      do k = 2, size(names)
+         text = text//between//trim(names(k))
       end do
+   end function listed
+
+   !> `a, b or c`, each between two marks; two words or more.
+   pure function one_of(words, mark) result(text)
+      character(len=*), intent(in) :: words(:), mark
+      character(len=:), allocatable :: text
+      integer :: n
+
+      n = size(words)
+      text = mark//listed(words(:n - 1), mark//', '//mark)//mark//' or '//mark//trim(words(n))//mark
    end function one_of
 
    !> A number for a message: whole ones with all their digits.
@@ -142,44 +150,32 @@ contains
       real(wp), intent(out) :: x
       !> Allocated when the value cannot be accepted: what was found and expected.
       character(len=:), allocatable, intent(out) :: message
+      logical :: ok, whole
 
-      x = 0
+      whole = key%kind == kind_integer
+      call parse_number(token%text, x, ok)
       if (token%kind == token_mark .and. token%text == ',') then
          message = 'found an empty value before '','', expected '//key%noun()
       else if (token%kind == token_mark) then
          message = 'found ''='' without a key before it, expected '//key%noun()
-      else if (token%kind == token_string .neqv. key%kind == kind_text) then
-         message = misfit(token, key, behind)
-      else if (key%kind /= kind_text) then
-         call read_number(token, key, behind, x, message)
-      else if (len(token%text) > longest) then
-         message = 'found a text of '//to_text(len(token%text))//' characters, expected at most '// &
-            to_text(longest)
-      end if
-   end subroutine read_value
-
-   subroutine read_number(token, key, behind, x, message)
-      type(token_t), intent(in) :: token
-      type(key_t), intent(in) :: key
-      logical, intent(in) :: behind
-      real(wp), intent(out) :: x
-      character(len=:), allocatable, intent(out) :: message
-      logical :: ok
-
-      call parse_number(token%text, x, ok)
-      if (key%infinite .and. lower(token%text) == 'inf') then
+      else if (token%kind == token_string .and. key%kind == kind_text) then
+         x = 0
+         if (len(token%text) > longest) message = 'found a text of '// &
+            to_text(len(token%text))//' characters, expected at most '//to_text(longest)
+      else if (key%infinite .and. token%kind == token_word .and. lower(token%text) == 'inf') then
          x = ieee_value(x, ieee_positive_inf)
-      else if (.not. is_decimal(token%text)) then
+      else if (token%kind == token_string .or. key%kind == kind_text .or. &
+         .not. is_decimal(token%text)) then
          message = misfit(token, key, behind)
-      else if (key%kind == kind_integer .and. scan(token%text, '.eEdD') > 0) then
+      else if (whole .and. scan(token%text, '.eEdD') > 0) then
          message = 'found '//shown(token%text)//', expected an integer'
-      else if (key%kind == kind_integer .and. (.not. ok .or. abs(x) > huge(1))) then
+      else if (whole .and. (.not. ok .or. abs(x) > huge(1))) then
          message = 'found '//shown(token%text)//', expected an integer between '// &
             to_text(-huge(1))//' and '//to_text(huge(1))
       else if (.not. ok) then
          message = 'found '//shown(token%text)//', expected a number of at most 1.79e308'
       end if
-   end subroutine read_number
+   end subroutine read_value
 
    !> Why a value is of the wrong kind.
    pure function misfit(token, key, behind) result(message)
