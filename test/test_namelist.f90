@@ -92,6 +92,8 @@ contains
       call good('&beam length=4.0 /'//lf//'&stage free='''' ''"'' "''" /'//lf)
       call good('&beam length=4.0 /'//lf//'&record file="'//repeat('''', 256)//'" /'//lf)
       call good(repeat('! comment'//lf, 2000)//'&beam length=4.0 /')
+      call good('&beam length=4.0 /'//lf//'&record t_last=inf /')
+      call good('&beam length=4.0 /'//lf//'&stage start="auto" /')
       call good('&beam length=0004.'//repeat('0', 10000)//' /')
    end subroutine test_forms
 
@@ -122,6 +124,10 @@ contains
       call check('smallest real', got%rho > 0 .and. got%rho < 1e-323_wp)
       call check('underflow is zero', abs(got%e) <= 0)
       call check('integers', all(got%elements == [huge(1), -huge(1)]))
+      call read_text('case.nml', '&beam /&record t_last=Inf /&stage start=''auto'' /', blocks, got, &
+         error)
+      call check('infinity', got%t_last > huge(1.0_wp))
+      call check('a word for numbers', got%automatic .and. .not. allocated(got%start))
    end subroutine test_extremes
 
    subroutine test_group_mistakes()
@@ -193,7 +199,13 @@ contains
       call bad('&record file="a" "b" /'//lf//'&beam /', 1, '2 values, expected 1')
       call bad('&beam length=nan /', 1, '''nan'', expected a number')
       call bad('&beam length=-Infinity /', 1, '''-Infinity'', expected a number')
+      call bad('&beam length=inf /', 1, '''inf'', expected a number')
+      call bad('&record t_last=-inf /'//lf//'&beam /', 1, '''-inf'', expected a number or inf')
+      call bad('&record t_last=''inf'' /'//lf//'&beam /', 1, 'in quotes, expected a number or inf')
       call bad('&beam length=1e999 /', 1, 'at most 1.79e308')
+      call bad('&stage start=auto /'//lf//'&beam /', 1, '''auto'', expected a number or ''auto''')
+      call bad('&stage start=''any'' /'//lf//'&beam /', 1, '''any'' in quotes, expected a number or ')
+      call bad('&stage start=''auto'', 1 /'//lf//'&beam /', 1, 'the text ''auto'' in quotes')
       call bad('&stage start=1,,2 /'//lf//'&beam /', 1, 'an empty value')
       call bad('&stage start=1,, /'//lf//'&beam /', 1, 'an empty value')
       call bad('&stage start=,2 /'//lf//'&beam /', 1, 'an empty value')
@@ -362,7 +374,8 @@ contains
                call block%get('elements', got%elements, '8', 'their number', 5)
             case ('record')
                call block%get('file', got%file, 'columns')
-               call block%get('t_last', got%t_last, 'the last', 'time of the last sample')
+               call block%get('t_last', got%t_last, 'the last', 'time of the last sample', &
+                  infinite=.true.)
             case ('stage')
                call block%get('free', got%free, 'none', 'parameters', 3)
                call block%get('start', got%start, 'none', 'values', 3, 'auto', got%automatic)

@@ -128,9 +128,10 @@ contains
    subroutine read_groups(blocks, refusals, case, error)
       type(block_t), intent(inout) :: blocks(:)
       !> Problems outside of the groups.
-      type(refusals_t), intent(inout) :: refusals
+      type(refusals_t), intent(in) :: refusals
       type(case_t), intent(inout) :: case
       type(error_t), allocatable, intent(out) :: error
+      type(refusals_t) :: all_of_them
       integer :: k
 
       do k = 1, size(blocks)
@@ -141,9 +142,10 @@ contains
          if (blocks(k)%name == 'stage') call read_group(blocks(k), is_sound(), case, error)
       end do
       do k = 1, size(blocks)
-         call refusals%join(blocks(k)%refusals)
+         call all_of_them%join(blocks(k)%refusals)
       end do
-      call refusals%tell(case%path, error)
+      call all_of_them%join(refusals)
+      call all_of_them%tell(case%path, error)
       if (allocated(error)) return
       if (size(case%excitations) > 0) case%model%excitation = case%excitations(1)
       if (size(case%excitations) > 1 .and. size(case%excitations) /= size(case%recordings)) &

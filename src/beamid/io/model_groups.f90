@@ -48,12 +48,8 @@ contains
       real(wp), allocatable :: value, I, width, height
       integer :: k
 
-      if (block%name == 'beam') then
-         call block%get('length', structure%length, 'of the beam', positive, required=.true.)
-         call block%get('I', I, 'b h^3/12', 'second moment of the cross section', positive)
-         call block%get('width', width, 'give I', 'b of a rectangle', positive)
-         call block%get('height', height, 'give I', 'h of a rectangle', positive)
-      end if
+      if (block%name == 'beam') call block%get('length', structure%length, 'of the beam', &
+         positive, required=.true.)
       do k = 1, size(rows)
          if (rows(k)%group /= block%name) cycle
          if (allocated(value)) deallocate (value)
@@ -61,6 +57,11 @@ contains
             range_t(0, open=rows(k)%positive), required=rows(k)%default == '')
          if (allocated(value)) call structure%set(parameter_index(rows(k)%name), value)
       end do
+      if (block%name == 'beam') then
+         call block%get('I', I, 'b h^3/12', 'second moment of the cross section', positive)
+         call block%get('width', width, 'give I', 'b of a rectangle', positive)
+         call block%get('height', height, 'give I', 'h of a rectangle', positive)
+      end if
       call block%close()
       if (block%failed() .or. block%name /= 'beam') return
       if (allocated(I) .eqv. (allocated(width) .or. allocated(height))) then
