@@ -124,8 +124,8 @@ contains
       call check('smallest real', got%rho > 0 .and. got%rho < 1e-323_wp)
       call check('underflow is zero', abs(got%e) <= 0)
       call check('integers', all(got%elements == [huge(1), -huge(1)]))
-      call read_text('case.nml', '&beam /&record t_last=Inf /&stage start=''auto'' /', blocks, got, &
-         error)
+      call read_text('case.nml', '&beam /&record t_last=Inf /&stage start=''auto'' /', blocks, &
+         got, error)
       call check('infinity', got%t_last > huge(1.0_wp))
       call check('a word for numbers', got%automatic .and. .not. allocated(got%start))
    end subroutine test_extremes
@@ -204,7 +204,7 @@ contains
       call bad('&record t_last=''inf'' /'//lf//'&beam /', 1, 'in quotes, expected a number or inf')
       call bad('&beam length=1e999 /', 1, 'at most 1.79e308')
       call bad('&stage start=auto /'//lf//'&beam /', 1, '''auto'', expected a number or ''auto''')
-      call bad('&stage start=''any'' /'//lf//'&beam /', 1, '''any'' in quotes, expected a number or ')
+      call bad('&stage start=''any'' /'//lf//'&beam /', 1, '''any'' in quotes, expected a number')
       call bad('&stage start=''auto'', 1 /'//lf//'&beam /', 1, 'the text ''auto'' in quotes')
       call bad('&stage start=1,,2 /'//lf//'&beam /', 1, 'an empty value')
       call bad('&stage start=1,, /'//lf//'&beam /', 1, 'an empty value')

@@ -133,13 +133,16 @@ contains
       type(error_t), allocatable, intent(out) :: error
       type(refusals_t) :: all_of_them
       integer :: k
+      logical :: sound
 
+      sound = refusals%n == 0
       do k = 1, size(blocks)
-         if (blocks(k)%name /= 'stage') call read_group(blocks(k), .false., case, error)
+         if (blocks(k)%name /= 'stage') call read_group(blocks(k), sound, case, error)
+         sound = sound .and. .not. blocks(k)%failed()
       end do
-      if (is_sound()) call check_whole(blocks, case%model%structure)
+      if (sound) call check_whole(blocks, case%model%structure, sound)
       do k = 1, size(blocks)
-         if (blocks(k)%name == 'stage') call read_group(blocks(k), is_sound(), case, error)
+         if (blocks(k)%name == 'stage') call read_group(blocks(k), sound, case, error)
       end do
       do k = 1, size(blocks)
          call all_of_them%join(blocks(k)%refusals)
@@ -152,21 +155,11 @@ contains
          call refuse(case%path, 0, 'excitation', to_text(size(case%excitations))// &
          ' such groups for '//to_text(size(case%recordings))//' of &record', &
          'one, or one for each record', error)
-
-   contains
-
-      !> Whether there has been no problem so far.
-      logical function is_sound()
-         integer :: i
-
-         is_sound = refusals%n == 0 .and. .not. any([(blocks(i)%failed(), i=1, size(blocks))])
-      end function is_sound
-
    end subroutine read_groups
 
    !> One group. Its problems stay in the block.
    !>
-   !> sound  whether there has been no problem in all others
+   !> sound  whether there has been no problem before
    !> error  of another file that the group names; an earlier one stays
    subroutine read_group(block, sound, case, error)
       type(block_t), intent(inout) :: block
@@ -193,13 +186,14 @@ contains
             call block%close()
          case ('excitation')
             call read_excitation(case%path, block, excitation, error)
-            case%excitations = [case%excitations, excitation]
+            if (.not. block%failed()) case%excitations = [case%excitations, excitation]
          case ('record')
             call read_recording(case%path, block, recording)
             call append_recording(case%recordings, recording)
          case ('stage')
             call read_stage(block, model%structure, case%excitations, size(case%recordings), &
                sound, stage)
+            if (block%failed()) return
             case%stages = [case%stages, stage]
             case%stage_lines = [case%stage_lines, block%line]
          end select
@@ -208,14 +202,16 @@ contains
 
    !> Every parameter is in its range. Then either the sensor sits beyond the tip, or the whole is
    !> out of what numbers can hold.
-   subroutine check_whole(blocks, structure)
+   subroutine check_whole(blocks, structure, sound)
       type(block_t), intent(inout) :: blocks(:)
       type(structure_t), intent(in) :: structure
+      logical, intent(out) :: sound
       type(error_t), allocatable :: error
       integer :: k
 
       call check_structure(structure, error)
-      if (.not. allocated(error)) return
+      sound = .not. allocated(error)
+      if (sound) return
       do k = 1, size(blocks)
          if (structure%sensor_place() > structure%length) then
             if (blocks(k)%name == 'sensor') call blocks(k)%refusals%add(blocks(k)%line_of('x_S'), &

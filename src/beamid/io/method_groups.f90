@@ -99,7 +99,7 @@ contains
 
       formula = trim(formula_names(observed%formula))
       call block%get('formula', formula, 'of the acceleration', formula_names)
-      call block%get('delta', delta, '', 'step of the differences', positive)
+      call block%get('delta', delta, 'differences need it', 'their step', positive)
       call block%close()
       if (block%failed()) return
       observed%formula = findloc(formula_names == formula, .true., dim=1)
@@ -128,10 +128,12 @@ contains
       call block%get('free', free, '', 'parameters to estimate', size(free_names), required=.true.)
       call block%get('shared', shared, 'all', 'those that all records have in common', &
          size(free_names))
-      call block%get('start', found%start, 'where the stage before ended, or the case''s values', &
-         'start values', size(free_names), word='auto', is_word=found%automatic)
-      call block%get('lower', found%lower, '0', 'bounds', size(free_names))
-      call block%get('upper', found%upper, 'none', 'bounds', size(free_names))
+      call block%get('start', found%start, 'where the stage before ended', &
+         'start values, one for each of free', size(free_names), word='auto', &
+         is_word=found%automatic)
+      call block%get('lower', found%lower, '0; of amplitude and offset none', 'lower bounds', &
+         size(free_names))
+      call block%get('upper', found%upper, 'none', 'upper bounds', size(free_names))
       call block%close()
       if (block%failed()) return
       found%free = [(free_index(free(k)), k=1, size(free))]

@@ -96,14 +96,15 @@ contains
       load = 'point'; power = 2; time = 0; modes = 2
       call block%get('kind', kind, 'what sets the beam in motion', &
          [character(len=7) :: 'pulse', 'table', 'release', 'free'], required=.true.)
-      call block%get('amplitude', amplitude, '', 'force of a pulse')
-      call block%get('duration', duration, '', 'of a pulse, from t = 0', positive)
-      call block%get('file', file, 'of a table: time and force, linear between the rows')
-      call block%get('load', load, 'where pulse or table act', [character(len=11) :: 'point', &
+      call block%get('amplitude', amplitude, 'a pulse needs it', 'force of a pulse')
+      call block%get('duration', duration, 'a pulse needs it', 'of a pulse, from t = 0', positive)
+      call block%get('file', file, 'of a table: time and force, linear between the rows', &
+         default='a table needs it')
+      call block%get('load', load, 'where a pulse or a table acts', [character(len=11) :: 'point', &
          'distributed'])
       call block%get('power', power, 'p of a distributed load (x/l)^p', range_t(2))
-      call block%get('force', force, '', 'that held the tip aside before its release')
-      call block%get('displacement', displacement, '', 'of the tip before its release')
+      call block%get('force', force, 'give displacement', 'that held the tip before its release')
+      call block%get('displacement', displacement, 'give force', 'of the tip before its release')
       call block%get('time', time, 'of the release')
       call block%get('modes', modes, 'that move at a free start', range_t(1, 20))
       call block%close()
