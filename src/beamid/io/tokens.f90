@@ -183,25 +183,17 @@ contains
       end do
    end subroutine skip_values
 
-   !> Goes to the next line that begins with '&', or to the end.
+   !> Goes to the next group that begins a line, or to the end.
    subroutine skip_to_group(self)
       class(scanner_t), intent(inout) :: self
-      integer :: length
+      integer :: line
 
       do
-         length = index(self%text(self%next:), line_feed)
-         if (length == 0) then
-            self%next = len(self%text) + 1
-            exit
-         end if
-         self%next = self%next + length
-         self%line = self%line + 1
-         length = verify(self%text(self%next:), blanks)
-         if (length == 0) cycle
-         self%next = self%next + length - 1
-         if (letter_at(self%text, self%next) == '&') exit
+         line = self%token%line
+         call self%advance()
+         if (self%token%kind == token_end) exit
+         if (self%token%kind == token_group .and. self%token%line > line) exit
       end do
-      call self%advance()
    end subroutine skip_to_group
 
 end module beamid_tokens
