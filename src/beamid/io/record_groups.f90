@@ -58,7 +58,7 @@ contains
 
          call block%get(key, name, 'its name, in any case, or its number', default=default)
          if (.not. allocated(name)) return
-         if (name == '' .or. len(adjustl(name)) > len(column)) call block%refuse(key, shown(name), &
+         if (name == '' .or. len_trim(adjustl(name)) > len(column)) call block%refuse(key, shown(name), &
             'the name of a column, of at most '//to_text(len(column))//' characters, or its number')
          column = adjustl(name)
       end subroutine read_column
