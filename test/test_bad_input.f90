@@ -1,6 +1,8 @@
 !> Bad input, one row each: a good case with one change must end with status 2 and one line on
 !> standard error that names file, place, what was found and what was expected, and write nothing.
 program test_bad_input
+   use beamid_blocks, only: block_t
+   use beamid_case_files, only: list_keys
    use checks, only: check, finish, skip
    use shell, only: beamid, close_shell, exists, has_all, line_count, open_shell, outcome_t, &
       remove_tree, replaced, run, write_file
@@ -45,6 +47,7 @@ program test_bad_input
       call test_accepted_forms()
       call test_case_files()
       call test_groups_and_keys()
+      call test_every_group()
       call test_values()
       call test_not_finite()
       call test_structure()
@@ -183,6 +186,34 @@ contains
       call refused('open bracket, nothing behind', 'm_T=0.15 /', 'm_T(', &
          '4: &tip|found ''m_T(''|expected', lines=2)
    end subroutine test_groups_and_keys
+
+   !> Whatever a reader asks for says what it is, once; what it does not ask for is refused.
+   subroutine test_every_group()
+      type(block_t), allocatable :: groups(:)
+      character(len=:), allocatable :: name, stranger
+      integer :: g, i, k
+
+      call list_keys(groups)
+      do g = 1, size(groups)
+         name = groups(g)%name
+         do k = 1, size(groups(g)%keys)
+            associate (keys => groups(g)%keys)
+               call check('&'//name//' '//trim(keys(k)%name)//': has a line of help', &
+                  len(keys(k)%help) > 0 .and. len(keys(k)%default) <= 60)
+               call check('&'//name//' '//trim(keys(k)%name)//': asked for once', &
+                  count([(keys(i)%name == keys(k)%name, i=1, size(keys))]) == 1)
+            end associate
+         end do
+         stranger = '&'//name//' nonsense=1'
+         if (index(case_text, '&'//name//' ') > 0) then
+            call refused('a stranger in &'//name, '&'//name//' ', stranger//', ', &
+               '&'//name//' nonsense: found an unknown key|expected '//trim(groups(g)%keys(1)%name))
+         else
+            call refused('a stranger in &'//name, '&units ', stranger//' /'//nl//'&units ', &
+               '&'//name//' nonsense: found an unknown key|expected '//trim(groups(g)%keys(1)%name))
+         end if
+      end do
+   end subroutine test_every_group
 
    subroutine test_values()
       call refused('text for a number', 'm_T=0.15', 'm_T=heavy', &

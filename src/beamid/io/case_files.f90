@@ -1,7 +1,8 @@
 !> The case file: one namelist group for each part of the experiment, every key with a documented
 !> default or required, every value checked where it is read.
 module beamid_case_files
-   use beamid_errors, only: error_t, bad_input
+   use beamid_blocks, only: block_t
+   use beamid_errors, only: error_t
    use beamid_excitation, only: excitation_t
    use beamid_experiments, only: experiment_t
    use beamid_files, only: read_text
@@ -11,25 +12,30 @@ module beamid_case_files
    use beamid_method_groups, only: read_discretization, read_integrator, read_multistart, &
       read_observation, read_stage
    use beamid_modal, only: modal_t
+   use beamid_model_groups, only: read_excitation, read_noise, read_structure, read_units
    use beamid_multistart, only: multistart_t
-   use beamid_model_groups, only: read_beam, read_excitation, read_hose, read_noise, read_sensor, &
-      read_tip, read_units
-   use beamid_namelist, only: block_t, scan_namelist
-   use beamid_record_groups, only: read_recording, read_score
+   use beamid_namelist, only: group_t, scan_namelist
+   use beamid_record_groups, only: get_window, read_recording
    use beamid_records, only: append_recording, everything, recording_t, window_t
-   use beamid_refusals, only: refuse
-   use beamid_vocabulary, only: case_vocabulary
+   use beamid_refusals, only: refusals_t, refuse
    use beamid_strings, only: to_text
    use beamid_structure, only: check_structure, structure_t
    use beamid_units, only: units_t
    implicit none
    private
 
-   public :: case_t, read_case, check_place
+   public :: case_t, read_case, check_place, list_keys
    public :: needs_nothing, needs_response, needs_fit
 
    !> What a command needs of a case: the structure alone, a response at given times, a fit.
    integer, parameter :: needs_nothing = 0, needs_response = 1, needs_fit = 2
+
+   type(group_t), parameter :: groups(*) = [ &
+      group_t('beam', required=.true.), group_t('tip'), group_t('sensor'), group_t('hose'), &
+      group_t('excitation', may_repeat=.true.), group_t('discretization'), group_t('integrator'), &
+      group_t('observation'), group_t('record', may_repeat=.true.), group_t('score'), &
+      group_t('stage', may_repeat=.true.), group_t('multistart'), group_t('noise'), &
+      group_t('units')]
 
    type :: case_t
       character(len=:), allocatable :: path     !< as given
@@ -39,9 +45,9 @@ module beamid_case_files
       type(recording_t), allocatable :: recordings(:)
       !> one for each recording, or one for all
       type(excitation_t), allocatable :: excitations(:)
-      !> over which `identify` adds up squared residuals once the fit is done
-      type(window_t) :: score
-      integer :: score_line = 0                 !< of the group &score; 0: there is none
+      !> over which `identify` adds up squared residuals once the fit is done, where that is wanted
+      type(window_t), allocatable :: score
+      integer :: score_line = 0                 !< of the group &score
       type(stage_t), allocatable :: stages(:)
       type(multistart_t) :: multistart
       type(units_t) :: units
@@ -66,23 +72,43 @@ contains
       type(case_t), intent(out) :: case
       type(error_t), allocatable, intent(out) :: error
       type(block_t), allocatable :: blocks(:)
+      type(refusals_t) :: refusals
       character(len=:), allocatable :: text
-      integer :: k
 
       call read_text(path, text, error)
       if (allocated(error)) return
-      call scan_namelist(path, text, case_vocabulary(), blocks, error)
-      if (allocated(error)) return
+      case = new_case(path)
+      call scan_namelist(text, groups, blocks, refusals)
+      call read_groups(blocks, refusals, case, error)
+      if (.not. allocated(error)) call check_needs(case, needs, error)
+      if (.not. allocated(error) .and. needs == needs_response) call settle(case, error)
+   end subroutine read_case
+
+   function new_case(path) result(case)
+      character(len=*), intent(in) :: path
+      type(case_t) :: case
+
       case%path = path
       case%name = name_of(path)
       case%meshes = [mesh_t()]
       allocate (modal_t :: case%model%solver)
       allocate (case%stages(0), case%stage_lines(0), case%recordings(0), case%excitations(0))
+   end function new_case
 
-      call read_groups(blocks, case, error)
-      if (.not. allocated(error)) call check_needs(case, needs, error)
-      if (.not. allocated(error) .and. needs == needs_response) call settle(case, error)
-   end subroutine read_case
+   !> Every group with the keys that its reader asks for.
+   subroutine list_keys(blocks)
+      type(block_t), allocatable, intent(out) :: blocks(:)
+      type(case_t) :: case
+      type(error_t), allocatable :: error
+      integer :: g
+
+      case = new_case('')
+      allocate (blocks(size(groups)))
+      do g = 1, size(groups)
+         blocks(g)%name = trim(groups(g)%name)
+         call read_group(blocks(g), .false., case, error)
+      end do
+   end subroutine list_keys
 
    !> The one experiment whose response is wanted: the beam as its record has it.
    subroutine settle(case, error)
@@ -91,61 +117,110 @@ contains
       type(experiment_t) :: experiment
 
       associate (recording => case%recordings(1), model => case%model)
-         experiment%length = recording%length
-         experiment%x_S = recording%x_S
+         if (allocated(recording%length)) experiment%length = recording%length
+         if (allocated(recording%x_S)) experiment%x_S = recording%x_S
          model%structure = experiment%structure_of(model%structure)
          call check_place(case, recording, model%structure, error)
       end associate
    end subroutine settle
 
-   !> Every group in turn; the structure first and the stages last, whatever the order in the file,
-   !> because others are checked against it, and they against others.
-   subroutine read_groups(blocks, case, error)
-      type(block_t), intent(in) :: blocks(:)
+   !> Every group in turn, the stages last, because they are checked against the others.
+   subroutine read_groups(blocks, refusals, case, error)
+      type(block_t), intent(inout) :: blocks(:)
+      !> Problems outside of the groups.
+      type(refusals_t), intent(in) :: refusals
       type(case_t), intent(inout) :: case
       type(error_t), allocatable, intent(out) :: error
+      type(refusals_t) :: all_of_them
+      integer :: k
+      logical :: sound
+
+      sound = refusals%n == 0
+      do k = 1, size(blocks)
+         if (blocks(k)%name /= 'stage') call read_group(blocks(k), sound, case, error)
+         sound = sound .and. .not. blocks(k)%failed()
+      end do
+      if (sound) call check_whole(blocks, case%model%structure, sound)
+      do k = 1, size(blocks)
+         if (blocks(k)%name == 'stage') call read_group(blocks(k), sound, case, error)
+      end do
+      do k = 1, size(blocks)
+         call all_of_them%join(blocks(k)%refusals)
+      end do
+      call all_of_them%join(refusals)
+      call all_of_them%tell(case%path, error)
+      if (allocated(error)) return
+      if (size(case%excitations) > 0) case%model%excitation = case%excitations(1)
+      if (size(case%excitations) > 1 .and. size(case%excitations) /= size(case%recordings)) &
+         call refuse(case%path, 0, 'excitation', to_text(size(case%excitations))// &
+         ' such groups for '//to_text(size(case%recordings))//' of &record', &
+         'one, or one for each record', error)
+   end subroutine read_groups
+
+   !> One group. Its problems stay in the block.
+   !>
+   !> sound  whether there has been no problem before
+   !> error  of another file that the group names; an earlier one stays
+   subroutine read_group(block, sound, case, error)
+      type(block_t), intent(inout) :: block
+      logical, intent(in) :: sound
+      type(case_t), intent(inout) :: case
+      type(error_t), allocatable, intent(inout) :: error
       type(stage_t) :: stage
       type(recording_t) :: recording
       type(excitation_t) :: excitation
-      integer :: pass, k
 
-      do pass = 1, 4
-         do k = 1, size(blocks)
-            associate (block => blocks(k), path => case%path, model => case%model)
-               select case (trim(block%name)//achar(48 + pass))
-               case ('beam1'); call read_beam(path, block, model%structure, error)
-               case ('tip2'); call read_tip(path, block, model%structure, error)
-               case ('sensor2'); call read_sensor(path, block, model%structure, error)
-               case ('hose2'); call read_hose(path, block, model%structure, error)
-               case ('discretization3'); call read_discretization(path, block, case%meshes, error)
-               case ('integrator3'); call read_integrator(path, block, model%solver, error)
-               case ('observation3'); call read_observation(path, block, model%observation, error)
-               case ('multistart3'); call read_multistart(path, block, case%multistart, error)
-               case ('score3'); call read_score(path, block, case%score, case%score_line, error)
-               case ('noise3'); call read_noise(path, block, case%noise_sd, case%noise_seed, error)
-               case ('units3'); call read_units(path, block, case%units, error)
-               case ('excitation3')
-                  call read_excitation(path, block, excitation, error)
-                  case%excitations = [case%excitations, excitation]
-               case ('record3')
-                  call read_recording(path, block, recording, error)
-                  call append_recording(case%recordings, recording)
-               case ('stage4')
-                  call read_stage(path, block, model%structure, size(case%recordings), &
-                     case%excitations, stage, error)
-                  case%stages = [case%stages, stage]
-                  case%stage_lines = [case%stage_lines, block%line]
-               end select
-            end associate
-            if (allocated(error)) return
-         end do
+      associate (model => case%model)
+         select case (block%name)
+         case ('beam', 'tip', 'sensor', 'hose'); call read_structure(block, model%structure)
+         case ('discretization'); call read_discretization(block, case%meshes)
+         case ('integrator'); call read_integrator(block, model%solver)
+         case ('observation'); call read_observation(block, model%observation)
+         case ('multistart'); call read_multistart(block, case%multistart)
+         case ('noise'); call read_noise(block, case%noise_sd, case%noise_seed)
+         case ('units'); call read_units(block, case%units)
+         case ('score')
+            case%score = window_t()
+            case%score_line = block%line
+            call get_window(block, case%score)
+            call block%close()
+         case ('excitation')
+            call read_excitation(case%path, block, excitation, error)
+            if (.not. block%failed()) case%excitations = [case%excitations, excitation]
+         case ('record')
+            call read_recording(case%path, block, recording)
+            call append_recording(case%recordings, recording)
+         case ('stage')
+            call read_stage(block, model%structure, case%excitations, size(case%recordings), &
+               sound, stage)
+            if (block%failed()) return
+            case%stages = [case%stages, stage]
+            case%stage_lines = [case%stage_lines, block%line]
+         end select
+      end associate
+   end subroutine read_group
+
+   !> Every parameter is in its range. Then either the sensor sits beyond the tip, or the whole is
+   !> out of what numbers can hold.
+   subroutine check_whole(blocks, structure, sound)
+      type(block_t), intent(inout) :: blocks(:)
+      type(structure_t), intent(in) :: structure
+      logical, intent(out) :: sound
+      type(error_t), allocatable :: error
+      integer :: k
+
+      call check_structure(structure, error)
+      sound = .not. allocated(error)
+      if (sound) return
+      do k = 1, size(blocks)
+         if (structure%sensor_place() > structure%length) then
+            if (blocks(k)%name == 'sensor') call blocks(k)%refusals%add(blocks(k)%line_of('x_S'), &
+               '&sensor '//error%message)
+         else if (blocks(k)%name == 'beam') then
+            call blocks(k)%refusals%add(blocks(k)%line_of('E'), '&beam '//error%message)
+         end if
       end do
-      if (size(case%excitations) > 0) case%model%excitation = case%excitations(1)
-      if (size(case%excitations) > 1 .and. size(case%excitations) /= size(case%recordings)) &
-         call bad_input(error, case%path//': &excitation: found '// &
-         to_text(size(case%excitations))//' such groups for '//to_text(size(case%recordings))// &
-         ' of &record, expected one, or one for each record')
-   end subroutine read_groups
+   end subroutine check_whole
 
    !> Refuses a case that lacks what the command needs.
    subroutine check_needs(case, needs, error)
@@ -153,38 +228,48 @@ contains
       integer, intent(in) :: needs
       type(error_t), allocatable, intent(out) :: error
 
+      if (needs == needs_nothing) return
+      if (size(case%excitations) == 0) call refuse(case%path, 0, 'excitation', 'no such group', &
+         'one', error)
+      if (size(case%recordings) == 0) call refuse(case%path, 0, 'record', 'no such group', 'one', &
+         error)
+      if (allocated(error)) return
+      if (needs == needs_fit) call check_fit(case, error)
+      if (needs == needs_response) call check_response(case, error)
+   end subroutine check_needs
+
+   subroutine check_fit(case, error)
+      type(case_t), intent(in) :: case
+      type(error_t), allocatable, intent(inout) :: error
       integer :: k
 
-      if (needs == needs_nothing) return
-      if (size(case%excitations) == 0) then
-         call bad_input(error, case%path//': &excitation: found no such group, expected one')
-      else if (size(case%recordings) == 0) then
-         call bad_input(error, case%path//': &record: found no such group, expected one')
-      else if (needs == needs_fit) then
-         do k = 1, size(case%recordings)
-            if (.not. allocated(case%recordings(k)%path)) call refuse(case%path, &
-               case%recordings(k)%line, 'record', 'file', 'nothing', 'the path of a record', error)
-         end do
-         if (.not. allocated(error) .and. size(case%stages) == 0) call bad_input(error, &
-            case%path//': &stage: found no such group, expected one or more')
-         if (.not. allocated(error) .and. case%score_line > 0 .and. &
-            (size(case%recordings) > 1 .or. any(case%excitations%modes > 0) .or. &
-            any(case%stages%offset))) call bad_input(error, case%path//':'// &
-            to_text(case%score_line)//': &score: found it beside several records, a free start '// &
-            'or a free offset, expected one record with a known start')
-      else if (size(case%recordings) > 1) then
-         call bad_input(error, case%path//':'//to_text(case%recordings(2)%line)// &
-            ': &record: found a second one, expected one for a response')
-      else if (case%excitations(1)%modes > 0) then
-         call bad_input(error, case%path// &
-            ': &excitation kind: found ''free'', expected a start that is known for a response')
-      else if (case%recordings(1)%window%t_step <= 0 .or. &
-               case%recordings(1)%window%t_first <= -everything .or. &
-               case%recordings(1)%window%t_last >= everything) then
-         call bad_input(error, case%path//':'//to_text(case%recordings(1)%line)// &
-            ': &record: found no grid of sample times, expected t_first, t_last and t_step')
-      end if
-   end subroutine check_needs
+      do k = 1, size(case%recordings)
+         if (.not. allocated(case%recordings(k)%path)) call refuse(case%path, &
+            case%recordings(k)%line, 'record file', 'nothing', 'the path of a record', error)
+      end do
+      if (size(case%stages) == 0) call refuse(case%path, 0, 'stage', 'no such group', &
+         'one or more', error)
+      if (.not. allocated(case%score)) return
+      if (size(case%recordings) > 1 .or. any(case%excitations%modes > 0) .or. &
+         any(case%stages%offset)) call refuse(case%path, case%score_line, 'score', &
+         'it beside several records, a free start or a free offset', &
+         'one record with a known start', error)
+   end subroutine check_fit
+
+   subroutine check_response(case, error)
+      type(case_t), intent(in) :: case
+      type(error_t), allocatable, intent(inout) :: error
+
+      if (size(case%recordings) > 1) call refuse(case%path, case%recordings(2)%line, 'record', &
+         'a second one', 'one for a response', error)
+      if (case%excitations(1)%modes > 0) call refuse(case%path, 0, 'excitation kind', '''free''', &
+         'a start that is known for a response', error)
+      associate (window => case%recordings(1)%window)
+         if (window%t_step <= 0 .or. window%t_first <= -everything .or. &
+            window%t_last >= everything) call refuse(case%path, case%recordings(1)%line, 'record', &
+            'no grid of sample times', 't_first, t_last and t_step', error)
+      end associate
+   end subroutine check_response
 
    !> Whether the case has all that a fit needs.
    logical function can_be_fitted(self)

@@ -2,7 +2,7 @@
 module beamid_cases
    use beamid_case_files, only: case_t, check_place, needs_fit, needs_nothing, needs_response, &
       read_case
-   use beamid_errors, only: error_t, bad_input
+   use beamid_errors, only: error_t
    use beamid_experiments, only: experiment_t
    use beamid_kinds, only: wp
    use beamid_records, only: grid, load_recording, note_length, recording_t
@@ -41,9 +41,8 @@ contains
 
       least = 1e-6_wp*maxval(abs(times))
       associate (delta => case%model%observation%delta)
-         if (delta > 0 .and. delta < least) call bad_input(error, case%path// &
-            ': &observation delta: found '//to_text(delta)//', expected at least '// &
-            to_text(least)//', a millionth of the last time')
+         if (delta > 0 .and. delta < least) call refuse(case%path, 0, 'observation delta', &
+            to_text(delta), 'at least '//to_text(least)//', a millionth of the last time', error)
       end associate
    end subroutine check_delta
 
@@ -68,8 +67,8 @@ contains
                sentences = 'record '//to_text(k)//': '//sentences
             notes = [character(len=note_length) :: notes, sentences]
             experiment%excitation = case%excitations(min(k, size(case%excitations)))
-            experiment%length = recording%length
-            experiment%x_S = recording%x_S
+            if (allocated(recording%length)) experiment%length = recording%length
+            if (allocated(recording%x_S)) experiment%x_S = recording%x_S
             experiment%scale = recording%scale
             experiment%offset = recording%offset
             call check_place(case, recording, experiment%structure_of(case%model%structure), error)
@@ -79,7 +78,7 @@ contains
       total = sum([(size(experiments(k)%samples), k=1, size(experiments))])
       do k = 1, size(case%stages)
          if (unknowns(case, k) <= total) cycle
-         call refuse(case%path, case%stage_lines(k), 'stage', 'free', &
+         call refuse(case%path, case%stage_lines(k), 'stage free', &
             to_text(unknowns(case, k))//' unknowns for '//to_text(total)//' samples', &
             'no more unknowns than samples', error)
          return
@@ -101,7 +100,7 @@ contains
             do i = 1, size(experiments)
                structure = experiments(i)%structure_of(case%model%structure)
                if (case%stages(k)%lower(p) < structure%length) cycle
-               call refuse(case%path, case%stage_lines(k), 'stage', 'lower', &
+               call refuse(case%path, case%stage_lines(k), 'stage lower', &
                   to_text(case%stages(k)%lower(p))//' for x_S', 'less than the length '// &
                   to_text(structure%length)//' of the beam', error)
                return
@@ -149,7 +148,7 @@ contains
       type(error_t), allocatable, intent(out) :: error
       type(recording_t) :: recording
 
-      if (case%score_line == 0) then
+      if (.not. allocated(case%score)) then
          allocate (samples(0), measured(0))
          return
       end if

@@ -1,196 +1,148 @@
 !> The groups of a case file that describe the structure, its excitation, its units and the noise.
-!> Each procedure reads one group, checks every value, and leaves its argument alone on error.
 module beamid_model_groups
+   use beamid_blocks, only: block_t
    use beamid_csv, only: column_length, read_columns
    use beamid_errors, only: error_t
    use beamid_excitation, only: excitation_t, new_force_table, new_free, new_pulse, new_release
    use beamid_paths, only: directory_of, join_path
    use beamid_kinds, only: wp
-   use beamid_namelist, only: block_t, string_length
-   use beamid_refusals, only: accept, exclude, in_range, positive, quoted, refuse, require
+   use beamid_numbers, only: shown
    use beamid_strings, only: to_text
-   use beamid_structure, only: at_tip, check_structure, rigid, structure_t
+   use beamid_structure, only: parameter_index, structure_t
    use beamid_units, only: label_length, units_t
+   use beamid_values, only: not_negative, positive, range_t
    implicit none
    private
 
-   public :: read_beam, read_tip, read_hose, read_sensor, read_excitation, read_units, read_noise
+   public :: read_structure, read_excitation, read_units, read_noise
+
+   !> A parameter of the structure: its group and key, what holds without it ('': it is required),
+   !> whether it is above 0 (or else 0 or more), and what it is.
+   type :: row_t
+      character(len=6) :: group
+      character(len=5) :: name
+      character(len=16) :: default
+      logical :: positive
+      character(len=60) :: help
+   end type row_t
+   type(row_t), parameter :: rows(*) = [ &
+      row_t('beam', 'rho', '', .true., 'mass per unit length'), &
+      row_t('beam', 'E', '', .true., 'modulus of elasticity'), &
+      row_t('beam', 'c_D', '0', .false., 'Kelvin-Voigt viscosity'), &
+      row_t('beam', 'gamma', '0', .false., 'air damping, a force gamma u_t per unit length'), &
+      row_t('beam', 'k_R', 'a rigid clamp', .true., 'torsional spring at the root'), &
+      row_t('tip', 'm_T', '0', .false., 'tip mass'), &
+      row_t('tip', 'J_T', '0', .false., 'its rotary inertia'), &
+      row_t('sensor', 'm_S', '0', .false., 'mass of the sensor'), &
+      row_t('sensor', 'x_S', 'the tip', .true., 'its place, where the motion is observed'), &
+      row_t('hose', 'm_H', '', .false., 'mass of the hose'), &
+      row_t('hose', 'c_H', '0', .false., 'its damping'), &
+      row_t('hose', 'k_H', '0', .false., 'its stiffness')]
 
 contains
 
-   subroutine read_beam(path, block, structure, error)
-      character(len=*), intent(in) :: path
-      type(block_t), intent(in) :: block
+   !> A group of parameters of the structure.
+   subroutine read_structure(block, structure)
+      type(block_t), intent(inout) :: block
       type(structure_t), intent(inout) :: structure
-      type(error_t), allocatable, intent(out) :: error
-      real(wp) :: length, rho, E, I, width, height, c_D, gamma, k_R
-      integer :: status
-      namelist /beam/ length, rho, E, I, width, height, c_D, gamma, k_R
+      real(wp), allocatable :: value, I, width, height
+      integer :: k
 
-      length = 0; rho = 0; E = 0; I = 0; width = 0; height = 0; c_D = 0; gamma = 0; k_R = rigid
-      read (block%text, nml=beam, iostat=status)
-      call accept(path, block, status, error)
-      call require(path, block, [character(len=6) :: 'length', 'rho', 'E'], error)
-      if (allocated(error)) return
-      if (block%has('I') .eqv. (block%has('width') .or. block%has('height'))) then
-         call refuse(path, block%line, 'beam', 'I', merge('both I and width or height', &
-            'no cross section          ', block%has('I')), 'either I or width and height', error)
-         return
+      if (block%name == 'beam') call block%get('length', structure%length, 'of the beam', &
+         positive, required=.true.)
+      do k = 1, size(rows)
+         if (rows(k)%group /= block%name) cycle
+         if (allocated(value)) deallocate (value)
+         call block%get(trim(rows(k)%name), value, trim(rows(k)%default), trim(rows(k)%help), &
+            range_t(0, open=rows(k)%positive), required=rows(k)%default == '')
+         if (allocated(value)) call structure%set(parameter_index(rows(k)%name), value)
+      end do
+      if (block%name == 'beam') then
+         call block%get('I', I, 'b h^3/12', 'second moment of the cross section', positive)
+         call block%get('width', width, 'give I', 'b of a rectangle', positive)
+         call block%get('height', height, 'give I', 'h of a rectangle', positive)
       end if
-      if (.not. block%has('I')) then
-         call require(path, block, [character(len=6) :: 'width', 'height'], error)
-         call positive(path, block, 'width', width, error)
-         call positive(path, block, 'height', height, error)
-         if (allocated(error)) return
-         I = width*height**3/12
+      call block%close()
+      if (block%failed() .or. block%name /= 'beam') return
+      if (allocated(I) .eqv. (allocated(width) .or. allocated(height))) then
+         call block%refuse('I', trim(merge('both I and width or height', &
+            'no cross section          ', allocated(I))), 'either I or width and height')
+      else if (allocated(I)) then
+         structure%I = I
+      else
+         call block%require('width')
+         call block%require('height')
+         if (.not. block%failed()) structure%I = width*height**3/12
       end if
-      structure%length = length
-      structure%rho = rho
-      structure%E = E
-      structure%I = I
-      structure%c_D = c_D
-      structure%gamma = gamma
-      structure%k_R = k_R
-      call accept_structure(path, block, structure, error)
-   end subroutine read_beam
+   end subroutine read_structure
 
-   subroutine read_tip(path, block, structure, error)
-      character(len=*), intent(in) :: path
-      type(block_t), intent(in) :: block
-      type(structure_t), intent(inout) :: structure
-      type(error_t), allocatable, intent(out) :: error
-      real(wp) :: m_T, J_T
-      integer :: status
-      namelist /tip/ m_T, J_T
-
-      m_T = 0; J_T = 0
-      read (block%text, nml=tip, iostat=status)
-      call accept(path, block, status, error)
-      if (allocated(error)) return
-      structure%m_T = m_T
-      structure%J_T = J_T
-      call accept_structure(path, block, structure, error)
-   end subroutine read_tip
-
-   subroutine read_hose(path, block, structure, error)
-      character(len=*), intent(in) :: path
-      type(block_t), intent(in) :: block
-      type(structure_t), intent(inout) :: structure
-      type(error_t), allocatable, intent(out) :: error
-      real(wp) :: m_H, c_H, k_H
-      integer :: status
-      namelist /hose/ m_H, c_H, k_H
-
-      m_H = 0; c_H = 0; k_H = 0
-      read (block%text, nml=hose, iostat=status)
-      call accept(path, block, status, error)
-      call require(path, block, ['m_H'], error)
-      if (allocated(error)) return
-      structure%m_H = m_H
-      structure%c_H = c_H
-      structure%k_H = k_H
-      call accept_structure(path, block, structure, error)
-   end subroutine read_hose
-
-   subroutine read_sensor(path, block, structure, error)
-      character(len=*), intent(in) :: path
-      type(block_t), intent(in) :: block
-      type(structure_t), intent(inout) :: structure
-      type(error_t), allocatable, intent(out) :: error
-      real(wp) :: m_S, x_S
-      integer :: status
-      namelist /sensor/ m_S, x_S
-
-      m_S = 0; x_S = at_tip
-      read (block%text, nml=sensor, iostat=status)
-      call accept(path, block, status, error)
-      if (block%has('x_S')) call positive(path, block, 'x_S', x_S, error)
-      if (allocated(error)) return
-      structure%m_S = m_S
-      structure%x_S = x_S
-      call accept_structure(path, block, structure, error)
-   end subroutine read_sensor
-
+   !> path   of the case file
+   !> error  of a force table
    subroutine read_excitation(path, block, found, error)
       character(len=*), intent(in) :: path
-      type(block_t), intent(in) :: block
-      type(excitation_t), intent(inout) :: found
-      type(error_t), allocatable, intent(out) :: error
-      character(len=string_length) :: kind, file, load
-      real(wp) :: amplitude, duration, power, force, displacement, time
-      integer :: modes, status
-      namelist /excitation/ kind, amplitude, duration, file, load, power, force, displacement, &
-         time, modes
+      type(block_t), intent(inout) :: block
+      type(excitation_t), intent(out) :: found
+      type(error_t), allocatable, intent(inout) :: error
+      character(len=:), allocatable :: kind, file, load
+      real(wp), allocatable :: amplitude, duration, force, displacement
+      real(wp) :: power, time
+      integer :: modes, k
+      !> Keys that only some kinds have, and these kinds.
+      character(len=*), parameter :: keys(9) = [character(len=12) :: 'amplitude', 'duration', &
+         'file', 'load', 'power', 'force', 'displacement', 'time', 'modes'], &
+         owners(9) = [character(len=11) :: 'pulse', 'pulse', 'table', 'pulse table', &
+         'pulse table', 'release', 'release', 'release', 'free']
 
-      kind = ''; file = ''; load = 'point'; amplitude = 0; duration = 0; power = 2
-      force = 0; displacement = 0; time = 0; modes = 2
-      read (block%text, nml=excitation, iostat=status)
-      call accept(path, block, status, error)
-      call require(path, block, ['kind'], error)
-      if (allocated(error)) return
-      call exclude_strangers(path, block, trim(kind), error)
-      if (allocated(error)) return
+      load = 'point'; power = 2; time = 0; modes = 2
+      call block%get('kind', kind, 'what sets the beam in motion', &
+         [character(len=7) :: 'pulse', 'table', 'release', 'free'], required=.true.)
+      call block%get('amplitude', amplitude, 'a pulse needs it', 'force of a pulse')
+      call block%get('duration', duration, 'a pulse needs it', 'of a pulse, from t = 0', positive)
+      call block%get('file', file, 'of a table: time and force, linear between the rows', &
+         default='a table needs it')
+      call block%get('load', load, 'where a pulse or a table acts', [character(len=11) :: 'point', &
+         'distributed'])
+      call block%get('power', power, 'p of a distributed load (x/l)^p', range_t(2))
+      call block%get('force', force, 'give displacement', 'that held the tip before its release')
+      call block%get('displacement', displacement, 'give force', 'of the tip before its release')
+      call block%get('time', time, 'of the release')
+      call block%get('modes', modes, 'that move at a free start', range_t(1, 20))
+      call block%close()
+      if (block%failed()) return
+      do k = 1, size(keys)
+         if (index(owners(k), kind) == 0) call block%exclude(trim(keys(k)), 'with kind = '''// &
+            kind//'''')
+      end do
       select case (kind)
       case ('pulse')
-         call require(path, block, [character(len=9) :: 'amplitude', 'duration'], error)
-         call positive(path, block, 'duration', duration, error)
-         if (allocated(error)) return
+         call block%require('amplitude')
+         call block%require('duration')
+         if (block%failed()) return
          found = new_pulse(amplitude, duration)
       case ('table')
-         call require(path, block, ['file'], error)
-         if (.not. allocated(error) .and. file == '') call refuse(path, block%line_of('file'), &
-            'excitation', 'file', '''''', 'the path of a force table', error)
-         if (allocated(error)) return
-         call read_force(join_path(directory_of(path), trim(file)), found, error)
-         if (allocated(error)) return
-      case ('release')
-         if (block%has('force') .eqv. block%has('displacement')) then
-            call refuse(path, block%line, 'excitation', 'force', merge( &
-               'both force and displacement', 'neither force, displacement', &
-               block%has('force')), 'either force or displacement of the tip before', error)
+         call block%require('file')
+         if (block%failed() .or. allocated(error)) return
+         if (file == '') then
+            call block%refuse('file', '''''', 'the path of a force table')
             return
          end if
-         found = new_release(merge(displacement, force, block%has('displacement')), time, &
-            block%has('displacement'))
+         call read_force(join_path(directory_of(path), file), found, error)
+      case ('release')
+         if (allocated(force) .eqv. allocated(displacement)) then
+            call block%refuse('force', trim(merge('both force and displacement', &
+               'neither force, displacement', allocated(force))), &
+               'either force or displacement of the tip before')
+         else if (allocated(force)) then
+            found = new_release(force, time, .false.)
+         else
+            found = new_release(displacement, time, .true.)
+         end if
       case ('free')
-         call in_range(path, block, 'modes', modes, 1, 20, error)
-         if (allocated(error)) return
          found = new_free(modes)
-      case default
-         call refuse(path, block%line_of('kind'), 'excitation', 'kind', quoted(kind), &
-            '''pulse'', ''table'', ''release'' or ''free''', error)
-         return
       end select
-      if (load /= 'point' .and. load /= 'distributed') then
-         call refuse(path, block%line_of('load'), 'excitation', 'load', quoted(load), &
-            '''point'' or ''distributed''', error)
-      else if (.not. power >= 2) then
-         call refuse(path, block%line_of('power'), 'excitation', 'power', to_text(power), &
-            '2 or more', error)
-      end if
       found%distributed = load == 'distributed'
       found%power = power
    end subroutine read_excitation
-
-   !> Each kind of excitation has its own keys.
-   subroutine exclude_strangers(path, block, kind, error)
-      character(len=*), intent(in) :: path, kind
-      type(block_t), intent(in) :: block
-      type(error_t), allocatable, intent(inout) :: error
-      character(len=12), parameter :: keys(9) = [character(len=12) :: 'amplitude', 'duration', &
-                                      'file', 'load', 'power', 'force', 'displacement', 'time', &
-                                      'modes']
-      character(len=*), parameter :: owners(9) = [character(len=13) :: 'pulse', 'pulse', 'table', &
-                                     'pulse table', 'pulse table', 'release', 'release', &
-                                     'release', 'free']
-      integer :: k
-
-      if (.not. any(kind == [character(len=7) :: 'pulse', 'table', 'release', 'free'])) return
-      do k = 1, size(keys)
-         if (index(owners(k), kind) == 0) call exclude(path, block, keys(k:k), &
-            'with kind = '''//kind//'''', error)
-      end do
-   end subroutine exclude_strangers
 
    !> Force table: time and force, the first two columns.
    subroutine read_force(path, force, error)
@@ -206,77 +158,43 @@ contains
       if (allocated(error)) error%message = path//': '//error%message
    end subroutine read_force
 
-   subroutine read_units(path, block, labels, error)
-      character(len=*), intent(in) :: path
-      type(block_t), intent(in) :: block
+   subroutine read_units(block, labels)
+      type(block_t), intent(inout) :: block
       type(units_t), intent(inout) :: labels
-      type(error_t), allocatable, intent(out) :: error
-      character(len=string_length) :: length, force, time, mass
-      integer :: status
-      namelist /units/ length, force, time, mass
 
-      length = ''; force = ''; time = ''; mass = ''
-      read (block%text, nml=units, iostat=status)
-      call accept(path, block, status, error)
-      call label('length', length)
-      call label('force', force)
-      call label('time', time)
-      call label('mass', mass)
-      if (allocated(error)) return
-      labels%length = length
-      labels%force = force
-      labels%time = time
-      labels%mass = mass
+      call read_label('length', labels%length)
+      call read_label('force', labels%force)
+      call read_label('time', labels%time)
+      call read_label('mass', labels%mass)
+      call block%close()
 
    contains
 
       !> Labels go into tables of comma-separated fields.
-      subroutine label(key, text)
-         character(len=*), intent(in) :: key, text
+      subroutine read_label(key, label)
+         character(len=*), intent(in) :: key
+         character(len=*), intent(inout) :: label
+         character(len=:), allocatable :: text
 
-         if (scan(text, ',"') > 0 .or. len_trim(text) > label_length) call refuse(path, &
-            block%line_of(key), 'units', key, quoted(text), &
-            'a label without commas and double quotes, of at most '// &
-            to_text(label_length)//' characters', error)
-      end subroutine label
+         call block%get(key, text, 'label of its unit', default='none')
+         if (.not. allocated(text)) return
+         if (scan(text, ',"') > 0 .or. len(text) > label_length) call block%refuse(key, &
+            shown(text), 'a label without commas and double quotes, of at most '// &
+            to_text(label_length)//' characters')
+         label = text
+      end subroutine read_label
 
    end subroutine read_units
 
-   subroutine read_noise(path, block, deviation, start, error)
-      character(len=*), intent(in) :: path
-      type(block_t), intent(in) :: block
-      real(wp), intent(inout) :: deviation
-      integer, intent(inout) :: start
-      type(error_t), allocatable, intent(out) :: error
-      real(wp) :: sd
-      integer :: seed, status
-      namelist /noise/ sd, seed
+   subroutine read_noise(block, sd, seed)
+      type(block_t), intent(inout) :: block
+      real(wp), intent(inout) :: sd
+      integer, intent(inout) :: seed
 
-      sd = 0; seed = 1
-      read (block%text, nml=noise, iostat=status)
-      call accept(path, block, status, error)
-      call require(path, block, ['sd'], error)
-      if (.not. allocated(error) .and. .not. sd >= 0) call refuse(path, block%line_of('sd'), &
-         'noise', &
-         'sd', to_text(sd), '0 or more', error)
-      deviation = sd
-      start = seed
+      call block%get('sd', sd, 'standard deviation of the acceleration', not_negative, &
+         required=.true.)
+      call block%get('seed', seed, 'of the random numbers')
+      call block%close()
    end subroutine read_noise
-
-   !> A range check of the structure gets file, line and group.
-   subroutine accept_structure(path, block, structure, error)
-      character(len=*), intent(in) :: path
-      type(structure_t), intent(in) :: structure
-      type(block_t), intent(in) :: block
-      type(error_t), allocatable, intent(out) :: error
-      character(len=:), allocatable :: key
-      integer :: line
-
-      call check_structure(structure, error)
-      if (.not. allocated(error)) return
-      key = error%message(:index(error%message, ':') - 1)
-      line = block%line_of(key)
-      error%message = path//':'//to_text(line)//': &'//trim(block%name)//' '//error%message
-   end subroutine accept_structure
 
 end module beamid_model_groups

@@ -1,123 +1,85 @@
 !> The groups of a case file that describe records: where they are, how they are calibrated, which
-!> samples are wanted. Each procedure reads one group, checks every value, and leaves its argument
-!> alone on error.
+!> samples are wanted.
 module beamid_record_groups
-   use beamid_errors, only: error_t
+   use beamid_blocks, only: block_t
    use beamid_paths, only: directory_of, join_path
    use beamid_kinds, only: wp
-   use beamid_namelist, only: block_t, string_length
-   use beamid_records, only: column_length, everything, recording_t, window_t
-   use beamid_refusals, only: accept, exclude, in_range, positive, quoted, refuse
+   use beamid_numbers, only: shown
+   use beamid_records, only: column_length, recording_t, window_t
    use beamid_strings, only: to_text
+   use beamid_values, only: positive, range_t
    implicit none
    private
 
-   public :: read_recording, read_score
-
-   integer, parameter :: max_thin = 100000
+   public :: read_recording, get_window
 
 contains
 
-   subroutine read_recording(path, block, found, error)
+   !> path  of the case file
+   subroutine read_recording(path, block, found)
       character(len=*), intent(in) :: path
-      type(block_t), intent(in) :: block
+      type(block_t), intent(inout) :: block
       type(recording_t), intent(out) :: found
-      type(error_t), allocatable, intent(out) :: error
-      character(len=string_length) :: file
-      character(len=string_length) :: time_column, value_column
-      real(wp) :: t_first, t_last, t_step, scale, offset, clip_low, clip_high, length, x_S
-      type(window_t) :: window
-      integer :: status, thin
-      namelist /record/ file, t_first, t_last, t_step, scale, offset, time_column, value_column, &
-         clip_low, clip_high, thin, length, x_S
+      character(len=:), allocatable :: file
+      real(wp), allocatable :: low, high
 
-      file = ''; t_first = -everything; t_last = everything; t_step = 0; scale = 1; offset = 0
-      time_column = ''; value_column = ''; thin = 1; length = 0; x_S = 0
-      clip_low = -everything; clip_high = everything
-      read (block%text, nml=record, iostat=status)
-      call accept(path, block, status, error)
-      call checked_window(path, block, t_first, t_last, t_step, window, error)
-      if (allocated(error)) return
-      if (.not. abs(scale) > 0) then
-         call refuse(path, block%line_of('scale'), 'record', 'scale', to_text(scale), &
-            'a value other than 0', error)
-         return
-      end if
-      if (block%has('file') .and. file == '') then
-         call refuse(path, block%line_of('file'), 'record', 'file', '''''', &
-            'the path of a record', error)
-         return
-      end if
-      call checked_column(path, block, 'time_column', time_column, error)
-      call checked_column(path, block, 'value_column', value_column, error)
-      if (block%has('length')) call positive(path, block, 'length', length, error)
-      if (block%has('x_S')) call positive(path, block, 'x_S', x_S, error)
-      if (block%has('thin')) call in_range(path, block, 'thin', thin, 2, max_thin, error)
-      if (block%has('thin')) call exclude(path, block, ['t_step'], 'beside thin', error)
-      if (clip_low >= clip_high) call refuse(path, block%line_of('clip_high'), 'record', &
-         'clip_high', to_text(clip_high), 'more than clip_low = '//to_text(clip_low), error)
-      if (allocated(error)) return
-      if (block%has('file')) found%path = join_path(directory_of(path), trim(file))
-      found%window = window
-      found%scale = scale
-      found%offset = offset
-      found%time_column = adjustl(time_column)
-      found%value_column = adjustl(value_column)
-      found%clip_low = clip_low
-      found%clip_high = clip_high
-      found%thin = thin
-      found%length = length
-      found%x_S = x_S
       found%line = block%line
+      call block%get('file', file, 'columns of numbers', default='none, where it is simulated')
+      call get_window(block, found%window)
+      call block%get('scale', found%scale, 'acceleration = scale (value - offset)')
+      call block%get('offset', found%offset, 'in the unit of the record')
+      call read_column('time_column', found%time_column, 'the first')
+      call read_column('value_column', found%value_column, 'the second')
+      call block%get('clip_low', low, 'flats are looked for', 'samples at or below are left out')
+      call block%get('clip_high', high, 'flats are looked for', 'samples at or above are left out')
+      call block%get('thin', found%thin, 'every so many samples, behind a low-pass filter', &
+         range_t(2, 100000))
+      call block%get('length', found%length, 'that of &beam', 'of the beam then', positive)
+      call block%get('x_S', found%x_S, 'that of &sensor', 'place of the sensor then', positive)
+      call block%close()
+      if (.not. abs(found%scale) > 0) call block%refuse('scale', to_text(found%scale), &
+         'a value other than 0')
+      if (block%has('thin')) call block%exclude('t_step', 'beside thin')
+      if (allocated(low)) found%clip_low = low
+      if (allocated(high)) found%clip_high = high
+      if (found%clip_low >= found%clip_high) call block%refuse('clip_high', &
+         to_text(found%clip_high), 'more than clip_low = '//to_text(found%clip_low))
+      if (.not. allocated(file)) return
+      if (file == '') call block%refuse('file', '''''', 'the path of a record')
+      found%path = join_path(directory_of(path), file)
+
+   contains
+
+      !> A column has a name, and one that is not cut.
+      subroutine read_column(key, column, default)
+         character(len=*), intent(in) :: key, default
+         character(len=*), intent(inout) :: column
+         character(len=:), allocatable :: name
+
+         call block%get(key, name, 'its name, in any case, or its number', default=default)
+         if (.not. allocated(name)) return
+         if (name == '' .or. len_trim(adjustl(name)) > len(column)) call block%refuse(key, &
+            shown(name), 'the name of a column, of at most '//to_text(len(column))// &
+            ' characters, or its number')
+         column = adjustl(name)
+      end subroutine read_column
+
    end subroutine read_recording
 
-   !> A column has a name, and one that is not cut.
-   subroutine checked_column(path, block, key, name, error)
-      character(len=*), intent(in) :: path, key, name
-      type(block_t), intent(in) :: block
-      type(error_t), allocatable, intent(inout) :: error
+   !> The keys of a window, whose ends must be in order.
+   subroutine get_window(block, window)
+      type(block_t), intent(inout) :: block
+      type(window_t), intent(inout) :: window
+      real(wp), allocatable :: first, last, step
 
-      if (.not. block%has(key)) return
-      if (name == '' .or. len_trim(adjustl(name)) > column_length) call refuse(path, &
-         block%line_of(key), 'record', key, quoted(name), &
-         'the name of a column, of at most '//to_text(column_length)// &
-         ' characters, or its number', error)
-   end subroutine checked_column
-
-   !> The window over which a fit is scored.
-   subroutine read_score(path, block, found, line, error)
-      character(len=*), intent(in) :: path
-      type(block_t), intent(in) :: block
-      type(window_t), intent(inout) :: found
-      integer, intent(inout) :: line
-      type(error_t), allocatable, intent(out) :: error
-      real(wp) :: t_first, t_last, t_step
-      type(window_t) :: window
-      integer :: status
-      namelist /score/ t_first, t_last, t_step
-
-      t_first = -everything; t_last = everything; t_step = 0
-      read (block%text, nml=score, iostat=status)
-      call accept(path, block, status, error)
-      call checked_window(path, block, t_first, t_last, t_step, window, error)
-      if (allocated(error)) return
-      found = window
-      line = block%line
-   end subroutine read_score
-
-   !> A window whose ends are in order.
-   subroutine checked_window(path, block, t_first, t_last, t_step, window, error)
-      character(len=*), intent(in) :: path
-      type(block_t), intent(in) :: block
-      real(wp), intent(in) :: t_first, t_last, t_step
-      type(window_t), intent(out) :: window
-      type(error_t), allocatable, intent(inout) :: error
-
-      if (block%has('t_step')) call positive(path, block, 't_step', t_step, error)
-      if (allocated(error)) return
-      window = window_t(t_first, t_last, t_step)
-      if (t_last < t_first) call refuse(path, block%line_of('t_last'), trim(block%name), 't_last', &
-         to_text(t_last), 'no less than t_first = '//to_text(t_first), error)
-   end subroutine checked_window
+      call block%get('t_first', first, 'the first of the record', 'time of the first sample')
+      call block%get('t_last', last, 'the last of the record', 'time of the last sample')
+      call block%get('t_step', step, 'every sample', 'only samples at these steps', positive)
+      if (allocated(first)) window%t_first = first
+      if (allocated(last)) window%t_last = last
+      if (allocated(step)) window%t_step = step
+      if (window%t_last < window%t_first) call block%refuse('t_last', to_text(window%t_last), &
+         'no less than t_first = '//to_text(window%t_first))
+   end subroutine get_window
 
 end module beamid_record_groups

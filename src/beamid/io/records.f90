@@ -30,8 +30,8 @@ module beamid_records
       real(wp) :: clip_low = -everything, clip_high = everything
       integer :: thin = 1                     !< every thin-th sample, behind a low-pass filter
       character(len=20) :: time_unit = ''     !< for the notes
-      real(wp) :: length = 0                  !< of the beam then [length]; 0: the structure's
-      real(wp) :: x_S = 0                     !< place of the sensor then [length]; 0: likewise
+      real(wp), allocatable :: length         !< of the beam then [length], where it has its own
+      real(wp), allocatable :: x_S            !< place of the sensor then [length], likewise
       integer :: line = 0                     !< of its group in the case file; 0: there is none
    end type recording_t
 

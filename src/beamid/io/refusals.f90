@@ -1,101 +1,97 @@
-!> The one form of a complaint about a case file, `file:line: &group key: found ..., expected ...`,
-!> and the checks that every group shares. Each leaves an earlier error alone, so that calls can
-!> follow one another.
+!> What is wrong with a case file: `file:line: &group key: found ..., expected ...`, one line for
+!> each problem.
 module beamid_refusals
    use beamid_errors, only: error_t, bad_input
-   use beamid_kinds, only: wp
-   use beamid_namelist, only: block_t
    use beamid_strings, only: to_text
    implicit none
    private
 
-   public :: accept, exclude, in_range, positive, quoted, refuse, require
+   public :: refusals_t, refuse
+
+   !> The most problems that are told.
+   integer, parameter :: most = 20
+
+   type :: refusal_t
+      integer :: line = 0
+      character(len=:), allocatable :: text
+   end type refusal_t
+
+   !> The first problems in the order of lines, and among equal lines as they were found.
+   type :: refusals_t
+      integer :: n = 0
+      type(refusal_t), allocatable, private :: kept(:)
+   contains
+      procedure :: add
+      procedure :: join
+      procedure :: tell
+   end type refusals_t
 
 contains
 
-   !> The scanner let the text pass; should the namelist reader not take it, say so.
-   subroutine accept(path, block, status, error)
-      character(len=*), intent(in) :: path
-      type(block_t), intent(in) :: block
-      integer, intent(in) :: status
-      type(error_t), allocatable, intent(inout) :: error
-
-      if (status /= 0) call bad_input(error, path//':'//to_text(block%line)//': &'// &
-         trim(block%name)//': found a group that cannot be read, expected key = value, ... /')
-   end subroutine accept
-
-   !> Refuses a group without one of the keys.
-   subroutine require(path, block, keys, error)
-      character(len=*), intent(in) :: path
-      type(block_t), intent(in) :: block
-      character(len=*), intent(in) :: keys(:)
-      type(error_t), allocatable, intent(inout) :: error
-      integer :: k
-
-      do k = 1, size(keys)
-         if (allocated(error)) return
-         if (.not. block%has(trim(keys(k)))) call refuse(path, block%line, trim(block%name), &
-            trim(keys(k)), 'nothing', 'a value', error)
-      end do
-   end subroutine require
-
-   !> Refuses keys that have no meaning beside another.
-   subroutine exclude(path, block, keys, beside, error)
-      character(len=*), intent(in) :: path
-      type(block_t), intent(in) :: block
-      character(len=*), intent(in) :: keys(:), beside
-      type(error_t), allocatable, intent(inout) :: error
-      integer :: k
-
-      do k = 1, size(keys)
-         if (allocated(error)) return
-         if (block%has(trim(keys(k)))) call refuse(path, block%line_of(trim(keys(k))), &
-            trim(block%name), trim(keys(k)), 'a value', 'none '//beside, error)
-      end do
-   end subroutine exclude
-
-   subroutine positive(path, block, key, value, error)
-      character(len=*), intent(in) :: path
-      type(block_t), intent(in) :: block
-      character(len=*), intent(in) :: key
-      real(wp), intent(in) :: value
-      type(error_t), allocatable, intent(inout) :: error
-
-      if (allocated(error) .or. value > 0) return
-      call refuse(path, block%line_of(key), trim(block%name), key, to_text(value), &
-         'a value above 0', error)
-   end subroutine positive
-
-   subroutine in_range(path, block, key, value, smallest, largest, error)
-      character(len=*), intent(in) :: path
-      type(block_t), intent(in) :: block
-      character(len=*), intent(in) :: key
-      integer, intent(in) :: value, smallest, largest
-      type(error_t), allocatable, intent(inout) :: error
-
-      if (allocated(error) .or. value >= smallest .and. value <= largest) return
-      call refuse(path, block%line_of(key), trim(block%name), key, to_text(value), &
-         to_text(smallest)//' to '//to_text(largest), error)
-   end subroutine in_range
-
-   !> `file:line: &group key: found ..., expected ...`
-   subroutine refuse(path, line, group_name, key, found, expected, error)
-      character(len=*), intent(in) :: path
+   !> One problem more.
+   subroutine add(self, line, text)
+      class(refusals_t), intent(inout) :: self
       integer, intent(in) :: line
-      character(len=*), intent(in) :: group_name, key, found, expected
+      !> Place in the line, what was found and what was expected.
+      character(len=*), intent(in) :: text
+      integer :: k
+
+      if (.not. allocated(self%kept)) allocate (self%kept(most))
+      if (self%n < most) then
+         self%n = self%n + 1
+      else if (line >= self%kept(most)%line) then
+         return
+      end if
+      do k = self%n, 2, -1
+         if (self%kept(k - 1)%line <= line) exit
+         self%kept(k) = self%kept(k - 1)
+      end do
+      self%kept(k)%line = line
+      self%kept(k)%text = text
+   end subroutine add
+
+   !> The problems of another part of the file.
+   subroutine join(self, others)
+      class(refusals_t), intent(inout) :: self
+      type(refusals_t), intent(in) :: others
+      integer :: k
+
+      do k = 1, others%n
+         call self%add(others%kept(k)%line, others%kept(k)%text)
+      end do
+   end subroutine join
+
+   !> All of them as one error; none where there is no problem.
+   subroutine tell(self, path, error)
+      class(refusals_t), intent(in) :: self
+      character(len=*), intent(in) :: path
       type(error_t), allocatable, intent(inout) :: error
+      character(len=:), allocatable :: lines
+      integer :: k
+
+      if (self%n == 0) return
+      lines = ''
+      do k = 1, self%n
+         if (k > 1) lines = lines//new_line('a')
+         lines = lines//path//':'//to_text(self%kept(k)%line)//': '//self%kept(k)%text
+      end do
+      call bad_input(error, lines)
+   end subroutine tell
+
+   !> One problem that shows only after the file has been read; an earlier error stays.
+   !>
+   !> line   0: that of nothing in particular
+   !> place  the group and, where there is one, the key
+   subroutine refuse(path, line, place, found, expected, error)
+      character(len=*), intent(in) :: path, place, found, expected
+      integer, intent(in) :: line
+      type(error_t), allocatable, intent(inout) :: error
+      character(len=:), allocatable :: at
 
       if (allocated(error)) return
-      call bad_input(error, path//':'//to_text(line)//': &'//group_name//' '//key//': found '// &
-         trim(found)//', expected '//expected)
+      at = path
+      if (line > 0) at = path//':'//to_text(line)
+      call bad_input(error, at//': &'//place//': found '//found//', expected '//expected)
    end subroutine refuse
-
-   !> Text in quotes, cut where it grows long.
-   pure function quoted(text)
-      character(len=*), intent(in) :: text
-      character(len=:), allocatable :: quoted
-
-      quoted = ''''//trim(text(:min(40, len(text))))//''''
-   end function quoted
 
 end module beamid_refusals

@@ -1,198 +1,204 @@
-!> The values of a key in a case file: their number, their type, and what is wrong with them.
+!> What the keys of a case file take, and the reading of one value.
 module beamid_values
+   use, intrinsic :: ieee_arithmetic, only: ieee_positive_inf, ieee_value
    use beamid_kinds, only: wp
    use beamid_numbers, only: is_decimal, parse_number, shown
-   use beamid_keys, only: block_t, key_t, kind_integer, kind_string, noun, place_of
-   use beamid_strings, only: to_text
-   use beamid_tokens, only: digits, letters, scanner_t, token_broken, token_string
+   use beamid_strings, only: lower, to_text
+   use beamid_tokens, only: digits, letters, token_mark, token_string, token_t, token_word
    implicit none
    private
 
-   public :: scan_values, string_length
+   public :: key_t, range_t, new_key, read_value, listed, one_of, number
 
-   !> The longest string value: declare `character(len=string_length)` and nothing is cut.
-   integer, parameter :: string_length = 512
+   !> What the values of a key are.
+   integer, parameter, public :: kind_real = 1, kind_integer = 2, kind_text = 3
+   !> The longest name, and the longest text among the values.
+   integer, parameter, public :: name_length = 20, longest = 512
+
+   !> Numbers from `low` to `high`.
+   type :: range_t
+      real(wp) :: low = -huge(1.0_wp), high = huge(1.0_wp)
+      logical :: open = .false.            !< `low` itself does not belong to it
+      integer :: step = 0                  !< > 0: of integers, only these steps from `low` on
+   contains
+      procedure :: holds
+      procedure :: in_words
+   end type range_t
+
+   type(range_t), parameter, public :: positive = range_t(low=0, open=.true.), &
+      not_negative = range_t(low=0)
+
+   !> One key of a group.
+   type :: key_t
+      character(len=name_length) :: name = ''
+      integer :: kind = kind_real
+      integer :: most = 1                  !< values that it takes
+      character(len=:), allocatable :: help
+      logical :: required = .false.
+      character(len=:), allocatable :: default    !< what holds without it
+      type(range_t) :: range
+      character(len=:), allocatable :: expected   !< the range, or the words; '': anything
+      logical :: infinite = .false.        !< `inf` is a value
+      character(len=:), allocatable :: word       !< that may stand for the numbers, in quotes
+   contains
+      procedure :: noun
+   end type key_t
 
 contains
 
-   !> Goes through the values of a key; the scanner stands on the '='.
-   subroutine scan_values(scanner, found, place)
-      type(scanner_t), intent(inout) :: scanner
-      !> The group, which gets the values, and the key's place in it.
-      type(block_t), intent(inout) :: found
-      integer, intent(in) :: place
-      character(len=:), allocatable :: value, message
-      integer :: k, n, line
-      logical :: after_comma
+   elemental logical function holds(self, x)
+      class(range_t), intent(in) :: self
+      real(wp), intent(in) :: x
 
-      n = 0
-      k = place
-      line = scanner%line
-      after_comma = .false.
-      call scanner%advance()
-      if (found%keys(k)%text_key /= '' .and. scanner%kind == token_string) then
-         k = place_of(found%keys(place)%text_key, found%keys)
-         found%lines(k) = line
-         found%lines(place) = 0
+      holds = (x > self%low .or. x >= self%low .and. .not. self%open) .and. &
+         (x <= self%high .or. self%high >= huge(x))
+      if (holds .and. self%step > 0) holds = modulo(nint(x - self%low), self%step) == 0
+   end function holds
+
+   !> The range in words; '' where it holds every number.
+   pure function in_words(self) result(text)
+      class(range_t), intent(in) :: self
+      character(len=:), allocatable :: text
+      character(len=12) :: words(20)
+      integer :: k, n
+
+      text = ''
+      if (self%step > 0) then
+         n = 1 + nint(self%high - self%low)/self%step
+         write (words(:n), '(i0)') [(nint(self%low) + k*self%step, k=0, n - 1)]
+         text = one_of(words(:n), '')
+      else if (self%open) then
+         text = 'a value above '//number(self%low)
+         if (self%high < huge(1.0_wp)) text = text//', up to '//number(self%high)
+      else if (self%high < huge(1.0_wp)) then
+         text = number(self%low)//' to '//number(self%high)
+      else if (self%low > -huge(1.0_wp)) then
+         text = number(self%low)//' or more'
       end if
-      do
-         if (scanner%is_mark(',')) then
-            if (after_comma .or. n == 0) exit
-            after_comma = .true.
-         else if (scanner%is_mark('/=') .or. (scanner%at_next() .and. scanner%token /= '&')) then
-            exit
-         else
-            call check_value(scanner%token, scanner%kind == token_string, found%keys(k)%kind, n, &
-               value, message)
-            if (allocated(message)) then
-               call scanner%problem(message)
-               call scanner%skip_values()
-               return
-            end if
-            if (n == 0) value = ' '//trim(found%keys(k)%name)//'='//value
-            if (n > 0) value = ','//value
-            if (n < found%keys(k)%max_count) found%text = found%text//value
-            n = n + 1
-            after_comma = .false.
-         end if
-         call scanner%advance()
+   end function in_words
+
+   !> Names with something between them.
+   pure function listed(names, between) result(text)
+      character(len=*), intent(in) :: names(:), between
+      character(len=:), allocatable :: text
+      integer :: k
+
+      text = trim(names(1))
+      do k = 2, size(names)
+         text = text//between//trim(names(k))
       end do
-      found%counts(k) = n
-      if (scanner%is_mark(',=')) then
-         call report_mark(scanner, found%keys(k), n)
-      else if (scanner%kind /= token_broken) then
-         call check_count(scanner, found%keys(k), n, line)
-      end if
-   end subroutine scan_values
+   end function listed
 
-   !> A ',' or '=' where a value should be.
-   subroutine report_mark(scanner, key, n)
-      type(scanner_t), intent(inout) :: scanner
+   !> `a, b or c`, each between two marks; two words or more.
+   pure function one_of(words, mark) result(text)
+      character(len=*), intent(in) :: words(:), mark
+      character(len=:), allocatable :: text
+      integer :: n
+
+      n = size(words)
+      text = mark//listed(words(:n - 1), mark//', '//mark)//mark//' or '//mark//trim(words(n))//mark
+   end function one_of
+
+   !> A number for a message: whole ones with all their digits.
+   pure function number(x) result(text)
+      real(wp), intent(in) :: x
+      character(len=:), allocatable :: text
+
+      text = to_text(x)
+      if (abs(x) > huge(1)) return
+      if (abs(x - anint(x)) <= 0) text = to_text(nint(x))
+   end function number
+
+   pure function new_key(name, kind, default, help, most, range, required, infinite) result(key)
+      character(len=*), intent(in) :: name, default, help
+      integer, intent(in) :: kind, most
+      type(range_t), intent(in), optional :: range
+      logical, intent(in), optional :: required, infinite
+      type(key_t) :: key
+
+      key%name = name
+      key%kind = kind
+      key%most = most
+      key%help = help
+      if (present(range)) key%range = range
+      if (present(required)) key%required = required
+      if (present(infinite)) key%infinite = infinite
+      key%default = default
+      if (key%required) key%default = ''
+      key%expected = key%range%in_words()
+   end function new_key
+
+   !> What a key takes, in words.
+   pure function noun(self) result(text)
+      class(key_t), intent(in) :: self
+      character(len=:), allocatable :: text
+      character(len=*), parameter :: nouns(kind_real:kind_text) = &
+         [character(len=14) :: 'a number', 'an integer', 'text in quotes']
+
+      text = trim(nouns(self%kind))
+      if (self%infinite) text = text//' or inf'
+      if (allocated(self%word)) text = text//' or '''//self%word//''''
+   end function noun
+
+   !> Reads one value.
+   subroutine read_value(token, key, behind, x, message)
+      type(token_t), intent(in) :: token
       type(key_t), intent(in) :: key
-      !> How many values stand before the mark.
-      integer, intent(in) :: n
-      character(len=:), allocatable :: mark
-      integer :: line
-
-      mark = scanner%token
-      line = scanner%line
-      call scanner%advance()
-      if (mark == '=') then
-         call scanner%problem('found ''='' without a key before it, expected '// &
-            noun(key%kind), line)
-      else if (n == 0 .and. (scanner%is_key() .or. scanner%is_mark('/'))) then
-         call check_count(scanner, key, n, line)
-      else
-         call scanner%problem('found an empty value before '','', expected '//noun(key%kind), line)
-      end if
-      if (.not. scanner%at_next()) call scanner%skip_values()
-   end subroutine report_mark
-
-   !> Compares the number of values with what the key takes.
-   subroutine check_count(scanner, key, n, line)
-      type(scanner_t), intent(inout) :: scanner
-      type(key_t), intent(in) :: key
-      integer, intent(in) :: n, line
-      character(len=:), allocatable :: hint
-
-      hint = ''
-      if (key%kind /= kind_string) hint = '; a decimal point is ''.'''
-      if (n == 0) then
-         call scanner%problem('found no value, expected '//noun(key%kind), line)
-      else if (n > key%max_count) then
-         if (key%max_count == 1) hint = '1'//hint
-         if (key%max_count > 1) hint = 'at most '//to_text(key%max_count)
-         call scanner%problem('found '//to_text(n)//' values, expected '//hint, line)
-      end if
-   end subroutine check_count
-
-   !> Checks one value and writes it anew in the one form that the reader takes without fail.
-   subroutine check_value(token, is_string, kind, n, value, message)
-      !> The value as written, without quotes.
-      character(len=*), intent(in) :: token
-      !> Whether it was in quotes.
-      logical, intent(in) :: is_string
-      !> What the key takes, and how many values stand before this one.
-      integer, intent(in) :: kind, n
-      !> The value's clean text.
-      character(len=:), allocatable, intent(out) :: value
+      !> Whether another value stands before this one.
+      logical, intent(in) :: behind
+      !> The number; 0 for a text.
+      real(wp), intent(out) :: x
       !> Allocated when the value cannot be accepted: what was found and expected.
       character(len=:), allocatable, intent(out) :: message
+      logical :: ok, whole
 
-      if (is_string .neqv. kind == kind_string) then
-         message = misfit(token, is_string, kind, n)
-      else if (.not. is_string) then
-         call check_number(token, kind, n, value, message)
-      else if (len(token) > string_length) then
-         message = 'found a text of '//to_text(len(token))//' characters, expected at most '// &
-            to_text(string_length)
-      else
-         value = "'"//doubled(token)//"'"
-      end if
-   end subroutine check_value
-
-   !> The same for a number.
-   subroutine check_number(token, kind, n, value, message)
-      character(len=*), intent(in) :: token
-      integer, intent(in) :: kind, n
-      character(len=:), allocatable, intent(out) :: value, message
-      character(len=40) :: buffer
-      real(wp) :: x
-      logical :: ok
-
-      call parse_number(token, x, ok)
-      if (.not. is_decimal(token)) then
-         message = misfit(token, .false., kind, n)
-      else if (kind == kind_integer .and. scan(token, '.eEdD') > 0) then
-         message = 'found '//shown(token)//', expected an integer'
-      else if (kind == kind_integer .and. (.not. ok .or. abs(x) > huge(1))) then
-         message = 'found '//shown(token)//', expected an integer between '// &
+      whole = key%kind == kind_integer
+      call parse_number(token%text, x, ok)
+      if (token%kind == token_mark .and. token%text == ',') then
+         message = 'found an empty value before '','', expected '//key%noun()
+      else if (token%kind == token_mark) then
+         message = 'found ''='' without a key before it, expected '//key%noun()
+      else if (token%kind == token_string .and. key%kind == kind_text) then
+         x = 0
+         if (len(token%text) > longest) message = 'found a text of '// &
+            to_text(len(token%text))//' characters, expected at most '//to_text(longest)
+      else if (key%infinite .and. token%kind == token_word .and. lower(token%text) == 'inf') then
+         x = ieee_value(x, ieee_positive_inf)
+      else if (token%kind == token_string .or. key%kind == kind_text .or. &
+         .not. is_decimal(token%text)) then
+         message = misfit(token, key, behind)
+      else if (whole .and. scan(token%text, '.eEdD') > 0) then
+         message = 'found '//shown(token%text)//', expected an integer'
+      else if (whole .and. (.not. ok .or. abs(x) > huge(1))) then
+         message = 'found '//shown(token%text)//', expected an integer between '// &
             to_text(-huge(1))//' and '//to_text(huge(1))
       else if (.not. ok) then
-         message = 'found '//shown(token)//', expected a number of at most 1.79e308'
-      else if (kind == kind_integer) then
-         value = to_text(nint(x))
-      else
-         write (buffer, '(es25.17e3)') x
-         value = trim(adjustl(buffer))
+         message = 'found '//shown(token%text)//', expected a number of at most 1.79e308'
       end if
-   end subroutine check_number
+   end subroutine read_value
 
-   !> Why a value is of the wrong type.
-   pure function misfit(token, is_string, kind, n) result(message)
-      character(len=*), intent(in) :: token
-      logical, intent(in) :: is_string
-      integer, intent(in) :: kind, n
+   !> Why a value is of the wrong kind.
+   pure function misfit(token, key, behind) result(message)
+      type(token_t), intent(in) :: token
+      type(key_t), intent(in) :: key
+      logical, intent(in) :: behind
       character(len=:), allocatable :: message
       integer :: star
 
-      star = index(token, '*')
-      message = 'found '//shown(token)
-      if (is_string) then
-         message = 'found the text '//shown(token)//' in quotes, expected '//noun(kind)
-      else if (star > 1 .and. verify(token(:star - 1), digits) == 0) then
+      star = index(token%text, '*')
+      message = 'found '//shown(token%text)
+      if (token%kind == token_string) then
+         message = 'found the text '//shown(token%text)//' in quotes, expected '//key%noun()
+      else if (star > 1 .and. verify(token%text(:star - 1), digits) == 0) then
          message = message//', expected the values written out, not a repeat count'
-      else if (index(token, '(') > 1) then
-         message = message//', array subscripts are not supported, expected '//noun(kind)
-      else if (kind /= kind_string .and. n > 0 .and. verify(token(:1), letters) == 0) then
+      else if (index(token%text, '(') > 1) then
+         message = message//', array subscripts are not supported, expected '//key%noun()
+      else if (key%kind /= kind_text .and. behind .and. verify(token%text(:1), letters) == 0) then
          message = message//' after a number, expected the next key or ''/'' '// &
             '(units are not written behind numbers)'
       else
-         message = message//', expected '//noun(kind)
+         message = message//', expected '//key%noun()
       end if
    end function misfit
-
-   !> A text with every apostrophe doubled.
-   pure function doubled(text) result(copy)
-      character(len=*), intent(in) :: text
-      character(len=:), allocatable :: copy
-      integer :: i
-
-      copy = ''
-      do i = 1, len(text)
-         copy = copy//text(i:i)
-         if (text(i:i) == "'") copy = copy//"'"
-      end do
-   end function doubled
 
 end module beamid_values

@@ -1,0 +1,153 @@
+!> A group of a case file as its reader sees it. One `get` for each key says what the key is called,
+!> what it takes, what holds without it and what it means; `close` refuses what nobody asked for:
+!>
+!>     call block%get('panels', mesh%panels, 'in each element', range_t(1, 1000))
+!>     call block%get('x_S', x_S, 'the tip', 'place of the sensor', positive)
+!>     call block%close()
+!>     if (block%failed()) return
+!>
+!> A value that is not given, or refused, keeps what it had: the default. Where no value can stand
+!> for the default it is given in words, and the value is allocatable. A reader asks for all its
+!> keys before it looks at any, so that `keys` lists them also where none is given.
+module beamid_blocks
+   use beamid_entries, only: entries_t
+   use beamid_kinds, only: wp
+   use beamid_numbers, only: shown
+   use beamid_strings, only: to_text
+   use beamid_values, only: key_t, kind_integer, kind_real, kind_text, new_key, number, one_of, &
+      range_t
+   implicit none
+   private
+
+   public :: block_t
+
+   type, extends(entries_t) :: block_t
+   contains
+      generic :: get => get_real, get_real_or_none, get_reals, get_integer, get_integers, &
+         get_text, get_texts
+      procedure, private :: get_real, get_real_or_none, get_reals, get_integer, get_integers, &
+         get_text, get_texts
+   end type block_t
+
+contains
+
+   !> One real number.
+   subroutine get_real(self, name, value, help, range, required, infinite)
+      class(block_t), intent(inout) :: self
+      character(len=*), intent(in) :: name
+      real(wp), intent(inout) :: value
+      character(len=*), intent(in) :: help
+      type(range_t), intent(in), optional :: range
+      !> `required`: it must be given; `infinite`: `inf` is a value; default no.
+      logical, intent(in), optional :: required, infinite
+      real(wp), allocatable :: x(:)
+
+      call self%take(new_key(name, kind_real, number(value), help, 1, range, required, infinite), x)
+      if (size(x) > 0) value = x(1)
+   end subroutine get_real
+
+   subroutine get_real_or_none(self, name, value, default, help, range, required, infinite)
+      class(block_t), intent(inout) :: self
+      character(len=*), intent(in) :: name
+      real(wp), allocatable, intent(inout) :: value
+      character(len=*), intent(in) :: default, help
+      type(range_t), intent(in), optional :: range
+      logical, intent(in), optional :: required, infinite
+      real(wp), allocatable :: x(:)
+
+      call self%take(new_key(name, kind_real, default, help, 1, range, required, infinite), x)
+      if (size(x) > 0) value = x(1)
+   end subroutine get_real_or_none
+
+   !> Several real numbers, or a word in their place.
+   subroutine get_reals(self, name, values, default, help, most, word, is_word)
+      class(block_t), intent(inout) :: self
+      character(len=*), intent(in) :: name
+      real(wp), allocatable, intent(inout) :: values(:)
+      character(len=*), intent(in) :: default, help
+      integer, intent(in) :: most
+      character(len=*), intent(in), optional :: word
+      !> Whether the word was given.
+      logical, intent(out), optional :: is_word
+      type(key_t) :: key
+      real(wp), allocatable :: x(:)
+
+      key = new_key(name, kind_real, default, help, most)
+      if (present(word)) key%word = word
+      call self%take(key, x, is_word=is_word)
+      if (size(x) > 0) values = x
+   end subroutine get_reals
+
+   !> One integer; `default` says in words what is not its value.
+   subroutine get_integer(self, name, value, help, range, default)
+      class(block_t), intent(inout) :: self
+      character(len=*), intent(in) :: name
+      integer, intent(inout) :: value
+      character(len=*), intent(in) :: help
+      type(range_t), intent(in), optional :: range
+      character(len=*), intent(in), optional :: default
+      type(key_t) :: key
+      real(wp), allocatable :: x(:)
+
+      key = new_key(name, kind_integer, to_text(value), help, 1, range)
+      if (present(default)) key%default = default
+      call self%take(key, x)
+      if (size(x) > 0) value = nint(x(1))
+   end subroutine get_integer
+
+   !> Several integers.
+   subroutine get_integers(self, name, values, default, help, most, range)
+      class(block_t), intent(inout) :: self
+      character(len=*), intent(in) :: name
+      integer, allocatable, intent(inout) :: values(:)
+      character(len=*), intent(in) :: default, help
+      integer, intent(in) :: most
+      type(range_t), intent(in), optional :: range
+      real(wp), allocatable :: x(:)
+
+      call self%take(new_key(name, kind_integer, default, help, most, range), x)
+      if (size(x) > 0) values = nint(x)
+   end subroutine get_integers
+
+   !> One text, of some words where they are given; blanks at its end do not count.
+   subroutine get_text(self, name, value, help, words, required, default)
+      class(block_t), intent(inout) :: self
+      character(len=*), intent(in) :: name
+      !> Not allocated: there is no default, or it is given in words.
+      character(len=:), allocatable, intent(inout) :: value
+      character(len=*), intent(in) :: help
+      character(len=*), intent(in), optional :: words(:), default
+      logical, intent(in), optional :: required
+      type(key_t) :: key
+      character(len=:), allocatable :: texts(:)
+
+      key = new_key(name, kind_text, '', help, 1, required=required)
+      if (allocated(value)) key%default = ''''//value//''''
+      if (present(default)) key%default = default
+      if (present(words)) key%expected = one_of(words, '''')
+      call self%take(key, texts=texts)
+      if (size(texts) == 0) return
+      if (present(words)) then
+         if (.not. any(words == texts(1))) then
+            call self%refuse(name, shown(texts(1)), key%expected)
+            return
+         end if
+      end if
+      value = trim(texts(1))
+   end subroutine get_text
+
+   !> Several texts.
+   subroutine get_texts(self, name, values, default, help, most, required)
+      class(block_t), intent(inout) :: self
+      character(len=*), intent(in) :: name
+      character(len=:), allocatable, intent(inout) :: values(:)
+      character(len=*), intent(in) :: default, help
+      integer, intent(in) :: most
+      logical, intent(in), optional :: required
+      character(len=:), allocatable :: texts(:)
+
+      call self%take(new_key(name, kind_text, default, help, most, required=required), texts=texts)
+      if (size(texts) > 0) call move_alloc(texts, values)
+   end subroutine get_texts
+
+end module beamid_blocks
