@@ -5,16 +5,10 @@ set -euo pipefail
 
 checkout=$(dirname "$(dirname "$(realpath "${BASH_SOURCE[0]}")")")
 "$checkout/scripts/setup.sh"
-
-fpm=("$checkout"/.venv/lib/python*/site-packages/fpm/fpm)
-fpm() { (cd "$checkout" && "${fpm[0]}" "$@" --profile release </dev/null 2>&1); }
-
-if ! log=$(fpm build); then
-   echo "$log" >&2
-   exit 1
-fi
-# fpm itself says where the program of this profile is: the runner `echo` prints its path.
-program=$checkout/$(fpm run beamid --runner echo | grep '^build/' | tail -n 1)
+# shellcheck source=scripts/fpm.sh
+source "$checkout/scripts/fpm.sh"
+find_fpm
+build release
 
 [[ $# -gt 0 ]] || set -- reproduce table-4.1
-exec "$program" "$@"
+exec "$checkout/$(paths run beamid --profile release | tail -n 1)" "$@"

@@ -1,15 +1,27 @@
 #!/usr/bin/env bash
-# Installs what is missing, and only that: Debian packages, the environment .venv and fpm.
+# Finds what beamid is built with and installs what is missing: by apt where there is apt.
+#
+#     scripts/setup.sh             what the program and the tests need
+#     scripts/setup.sh pictures    that, and numpy and matplotlib for the plotting scripts
+#     scripts/setup.sh files       lists the files of the system that a build uses
+#
+# Needed are gfortran, SUNDIALS 6.4 to 7 with its Fortran modules, MINPACK, LAPACK, BLAS and fpm 0.12.
+# SUNDIALS_ROOT names a prefix whose libraries come first, and is remembered until it names /usr;
+# FPM_FC another compiler.
 set -euo pipefail
 
 checkout=$(dirname "$(dirname "$(realpath "${BASH_SOURCE[0]}")")")
+packages=(gfortran libsundials-fortran-dev libsundials-dev liblapack-dev libblas-dev minpack-dev)
 fpm_version=0.12.0
-packages=(gfortran libsundials-fortran-dev liblapack-dev libblas-dev minpack-dev)
-requirements=("fpm==$fpm_version" 'numpy>=1.24' 'matplotlib>=3.6')
+plotting=('numpy>=1.24' 'matplotlib>=3.6')
+compiler=${FPM_FC:-gfortran}
+binding=$checkout/external/sundials
+venv=$checkout/.venv
+root=${SUNDIALS_ROOT:-$(cat "$binding/root" 2>/dev/null || echo /usr)}
 
 say() { echo "setup: $*" >&2; }
+fail() { say "$*" && exit 1; }
 have() { command -v "$1" >/dev/null; }
-works() { "$1" --version &>/dev/null; }
 
 # Root rights: at hand, or by sudo (which may ask for a password only at a terminal).
 may_be_root() {
@@ -19,71 +31,145 @@ as_root() {
    if [[ $(id -u) == 0 ]]; then "$@"; else sudo "$@"; fi
 }
 
-# The environment counts as complete once the stamp is there, which is written last.
-venv=$checkout/.venv
-stamp=$venv/complete
-venv_ready() {
-   [[ -f $stamp && $(<"$stamp") == "${requirements[*]}" ]] &&
-      "$venv/bin/python" -c 'import fpm, numpy, matplotlib' 2>/dev/null
+apt_install() {
+   local apt=(env DEBIAN_FRONTEND=noninteractive apt-get -qq -o DPkg::Lock::Timeout=300) log
+   have apt-get && may_be_root || return 1
+   say "installing by apt, a minute or more: $*"
+   log=$({ as_root "${apt[@]}" update || true
+      as_root "${apt[@]}" install -y --no-install-recommends "$@"; } 2>&1) && return
+   echo "$log" >&2
+   return 1
 }
+
+# first PATTERN: the folder below the prefix of the first file of this name.
+first() {
+   local file
+   file=$(find -L "$root" -maxdepth 5 -name "$1" 2>/dev/null | head -n 1)
+   [[ -z $file ]] || dirname "$(realpath "$file")"
+}
+
+# Sets `modules`, the folder of SUNDIALS' Fortran modules, `version`, and `search`, options for the
+# linker.
+find_sundials() {
+   local libraries
+   modules=/usr/include/sundials/fortran search=
+   if [[ $root != /usr ]]; then
+      modules=$(first fcvode_mod.mod)
+      libraries=$(first 'libsundials_fcvode_mod.*')
+      search="-L$libraries -Wl,-rpath,$libraries"
+   fi
+   version=6
+   [[ ! -f $modules/fsundials_core_mod.mod ]] || version=7
+}
+
+# named KEY MANIFEST...: the names in a list of the manifests.
+named() {
+   local key=$1
+   shift
+   cat "$@" | tr '\n' ' ' | grep -o "$key = \[[^]]*]" | grep -o '"[^"]*"' | tr -d '"'
+}
+
+# Links a program against all that a build uses. Sets `opened`, the linker's list of files, or
+# `reason`.
+libraries_work() {
+   local libraries folder status=0
+   have "$compiler" || { reason="no compiler $compiler"; return 1; }
+   find_sundials
+   [[ -f $modules/fcvode_mod.mod ]] || {
+      reason="no Fortran modules of SUNDIALS (fcvode_mod.mod) in $root"
+      return 1
+   }
+   mapfile -t libraries < <(named link "$checkout"/fpm.toml \
+      "$checkout/external/sundials-$version/fpm.toml" | sed 's/^/-l/')
+   folder=$(mktemp -d)
+   printf '%s\n' 'use fcvode_mod, only: FCVode' 'external lmdif, lmder, dsbgvd, dgemm' \
+      'call lmdif; call lmder; call dsbgvd; call dgemm' 'end' >"$folder/probe.f90"
+   # shellcheck disable=SC2086
+   opened=$("$compiler" "-I$modules" -J "$folder" -o "$folder/probe" "$folder/probe.f90" $search \
+      "${libraries[@]}" -Wl,-t 2>&1) || status=1
+   rm -r "$folder"
+   [[ $status == 0 ]] || reason=$(grep -iE 'error|cannot find|undefined' <<<"$opened" | head -n 3)
+   return $status
+}
+
+# The package `external/sundials`: the binding for the version found, and where its modules lie.
+write_binding() {
+   local manifest
+   manifest=$(<"$checkout/external/sundials-$version/fpm.toml")
+   manifest=${manifest/sundials_cvode\"/sundials_cvode${search:+ $search}\"}
+   [[ -d $binding ]] || mkdir "$binding"
+   [[ -f $binding/fpm.toml && $(<"$binding/fpm.toml") == "$manifest" ]] ||
+      echo "$manifest" >"$binding/fpm.toml"
+   ln -sfn "../sundials-$version/src" "$binding/src"
+   ln -sfn "$modules" "$binding/modules"
+   echo "$root" >"$binding/root"
+}
+
 makes_venvs() { "$1" -c 'import ensurepip, venv' 2>/dev/null; }
 
-install_packages() {
-   local apt=(env DEBIAN_FRONTEND=noninteractive apt-get -qq -o DPkg::Lock::Timeout=300)
-   local install=(install -y --no-install-recommends "$@") log
-   if have apt-get && may_be_root; then
-      say "installing $*"
-      log=$({ as_root "${apt[@]}" update || true; as_root "${apt[@]}" "${install[@]}"; } 2>&1) &&
-         return
-      echo "$log" >&2
+# Puts Python packages into .venv, which is made when missing.
+pip_install() {
+   local python=python3
+   if ! "$venv/bin/python" -m pip --version &>/dev/null; then
+      makes_venvs "$python" || python=/usr/bin/python3
+      makes_venvs "$python" || apt_install python3-venv || return 1
+      makes_venvs "$python" && "$python" -m venv --clear "$venv" >&2 || return 1
    fi
-   say "missing: $*; install with: sudo apt-get update && sudo apt-get ${install[*]}"
-   exit 1
-}
-
-make_venv() {
-   say "making the Python environment .venv (${requirements[*]})"
-   "$1" -m venv --clear "$venv" >&2 &&
-      "$venv/bin/python" -m pip -q --disable-pip-version-check install "${requirements[@]}" >&2 &&
-      echo "${requirements[*]}" >"$stamp" && return
-   say "could not make $venv with $1"
-   exit 1
+   say "installing into .venv: $*"
+   "$venv/bin/python" -m pip -q --disable-pip-version-check install "$@" >&2
 }
 
 # Copies the executable from the wheel; it finds its libraries at ../fpm.libs, so they come along.
 install_fpm() {
    local prefix=$1 lib=$1/lib/fpm-$fpm_version site
    shift
+   [[ ! -e $prefix/bin/fpm ]] || return
    site=("$venv"/lib/python*/site-packages)
    "$@" install -D -m 755 -t "$lib/fpm" "${site[0]}/fpm/fpm" &&
       "$@" install -D -m 755 -t "$lib/fpm.libs" "${site[0]}"/fpm.libs/* &&
       "$@" mkdir -p "$prefix/bin" &&
-      "$@" ln -sfn "../lib/fpm-$fpm_version/fpm/fpm" "$prefix/bin/fpm" &&
+      "$@" ln -s "../lib/fpm-$fpm_version/fpm/fpm" "$prefix/bin/fpm" &&
       say "installed fpm $fpm_version as $prefix/bin/fpm"
 }
 
-missing=()
-installed=$(dpkg-query -W -f '${Package} ${db:Status-Status}\n' "${packages[@]}" 2>/dev/null) || true
-for package in "${packages[@]}"; do
-   grep -qx "$package installed" <<<"$installed" || missing+=("$package")
-done
+wanted=${1:-}
+[[ $wanted =~ ^(pictures|files|)$ ]] || {
+   say "found '$wanted', expected nothing, 'pictures' or 'files'"
+   exit 2
+}
 
-python=python3
-if ! venv_ready; then
-   venv_missing=yes
-   makes_venvs "$python" || python=/usr/bin/python3
-   makes_venvs "$python" || missing+=(python3-venv)
+if ! libraries_work; then
+   found=$reason
+   [[ $root == /usr ]] && apt_install "${packages[@]}" && libraries_work || {
+      say "found: $found"
+      say 'expected: gfortran, SUNDIALS 6.4 to 7 with Fortran modules, MINPACK, LAPACK, BLAS;' \
+         'SUNDIALS_ROOT names another prefix than /usr, FPM_FC another compiler'
+      fail "on Debian or Ubuntu: sudo apt-get update && sudo apt-get install ${packages[*]}"
+   }
+fi
+write_binding
+
+if [[ $wanted == files ]]; then
+   grep -E '^/.*\.(so|a)$' <<<"$opened"
+   named external-modules "$binding/fpm.toml" | sed "s|.*|$modules/&.mod|"
+   exit
 fi
 
-[[ ${#missing[@]} == 0 ]] || install_packages "${missing[@]}"
-[[ -z ${venv_missing:-} ]] || make_venv "$python"
-
-home=~/.local
-if ! works fpm && ! works /usr/local/bin/fpm && ! works "$home/bin/fpm"; then
+# shellcheck source=scripts/fpm.sh
+source "$checkout/scripts/fpm.sh"
+if ! find_fpm; then
+   pip_install "fpm==$fpm_version" && find_fpm ||
+      fail "missing: fpm $fpm_version or newer, on PATH or, with Python 3 and venv, by pip"
+fi
+if [[ $fpm == "$venv"/* ]]; then
    prefix=/usr/local
    if ! may_be_root || ! install_fpm "$prefix" as_root; then
-      prefix=$home
+      prefix=~/.local
       install_fpm "$prefix"
    fi
-   works fpm || say "to call fpm yourself: export PATH=\"\$PATH:$prefix/bin\""
+   is_fpm fpm || say "to call fpm yourself: export PATH=\"$prefix/bin:\$PATH\""
+fi
+
+if [[ $wanted == pictures ]] && ! "$venv/bin/python" -c 'import numpy, matplotlib' 2>/dev/null; then
+   pip_install "${plotting[@]}" || fail "pictures need Python 3 with venv and ${plotting[*]}"
 fi

@@ -1,27 +1,34 @@
 #!/usr/bin/env bash
-# Runs every test program in one profile, debug (default) or release; the last line is the sum.
+# Runs every test program; the last line is the sum.
+#
+#     scripts/test.sh [debug]    with every check that the compiler can build in
+#     scripts/test.sh release    as the program is built to be used
+#     scripts/test.sh long       release, and with it what takes too long for every day
 set -euo pipefail
 
 # fpm puts these flags in front of the profile's own. Not trapped: invalid and overflow, which
 # comparing a NaN and reading 1e999 raise, and tests do both.
 checks='-fcheck=all -finit-real=snan -ffpe-trap=zero'
-profile=${1:-debug}
+profile=${1:-debug} flags=()
 case $profile in
-debug) flags=(--profile debug --flag "$checks") ;;
-release) flags=(--profile release) ;;
+debug) flags=(--flag "$checks") ;;
+release) ;;
+long)
+   profile=release
+   export BEAMID_LONG_TESTS=yes
+   ;;
 *)
-   echo "usage: test.sh [debug|release], not '$profile'" >&2
+   echo "usage: test.sh [debug|release|long], not '$profile'" >&2
    exit 2
    ;;
 esac
 
 checkout=$(dirname "$(dirname "$(realpath "${BASH_SOURCE[0]}")")")
 "$checkout/scripts/setup.sh"
+# shellcheck source=scripts/fpm.sh
+source "$checkout/scripts/fpm.sh"
+find_fpm
 cd "$checkout"
-
-fpm=(.venv/lib/python*/site-packages/fpm/fpm)
-fpm() { "${fpm[0]}" "$@" "${flags[@]}" </dev/null 2>&1; }
-paths() { grep '^build/' || true; }
 
 passed=0 failed=0 skipped=0
 log=$(mktemp)
@@ -43,18 +50,14 @@ run_suite() {
    fi
 }
 
-# `--runner echo` builds, and prints the paths instead of running what is there.
-if fpm build >"$log" && fpm run beamid --runner echo >>"$log" &&
-   programs=$(fpm test --runner echo); then
-   BEAMID_PROGRAM=$checkout/$(paths <"$log" | tail -n 1)
+if build "$profile" "${flags[@]}" --tests; then
+   BEAMID_PROGRAM=$checkout/$(paths run beamid --profile "$profile" "${flags[@]}" | tail -n 1)
    export BEAMID_PROGRAM
-   for test in $(paths <<<"$programs"); do
+   for test in $(paths test --profile "$profile" "${flags[@]}"); do
       run_suite "$test"
    done
    [[ $((passed + failed)) -gt 0 ]] || { failed=1 && echo "FAIL  no check ran"; }
 else
-   cat "$log"
-   echo "${programs:-}"
    failed=1
    echo "FAIL  the build in profile $profile"
 fi

@@ -5,7 +5,7 @@ module checks
    implicit none
    private
 
-   public :: check, check_close, skip, finish
+   public :: check, check_close, skip, finish, in_long_run
 
    integer :: passed = 0, failed = 0, skipped = 0
 
@@ -46,6 +46,14 @@ contains
       skipped = skipped + 1
       write (output_unit, '(4a)') 'skip  ', name, ' | ', reason
    end subroutine skip
+
+   !> Whether $BEAMID_LONG_TESTS asks for what takes too long for every day.
+   logical function in_long_run()
+      integer :: length
+
+      call get_environment_variable('BEAMID_LONG_TESTS', length=length)
+      in_long_run = length > 0
+   end function in_long_run
 
    !> Prints the counts in the form that scripts/test.sh adds up; exit status 1 if anything failed.
    subroutine finish(suite)

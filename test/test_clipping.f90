@@ -2,7 +2,7 @@
 program test_clipping
    use beamid_clipping, only: find_limit
    use beamid_kinds, only: wp, ip
-   use checks, only: check, finish
+   use checks, only: check, finish, in_long_run
    implicit none
 
    real(wp), parameter :: pi = acos(-1.0_wp)
@@ -85,12 +85,13 @@ contains
 
    !> Sums of up to three decaying swings, quantised, with and without noise: none has a limit.
    subroutine test_natural_signals()
-      integer, parameter :: trials = 2000
+      integer :: trials
       real(wp), allocatable :: z(:)
       real(wp) :: limit
       integer :: trial, wrong, flats
       character(len=80) :: detail
 
+      trials = merge(2000, 400, in_long_run())
       wrong = 0
       flats = 0
       do trial = 1, trials
@@ -107,12 +108,13 @@ contains
 
    !> The same signals cut off by at least 5 steps, so that 3 samples or more are lost.
    subroutine test_clipped_signals()
-      integer, parameter :: trials = 2000
+      integer :: trials
       real(wp), allocatable :: z(:)
       real(wp) :: limit, level, step
       integer :: trial, missed, clipped
       character(len=80) :: detail
 
+      trials = merge(2000, 400, in_long_run())
       missed = 0
       clipped = 0
       do trial = 1, trials

@@ -5,8 +5,8 @@
 !> the force jumps, so that no step straddles a discontinuity. Stability-limit detection is on:
 !> lightly damped modes lie where BDF of order 3 to 5 is unstable.
 module beamid_cvode
-   use, intrinsic :: iso_c_binding, only: c_associated, c_char, c_double, c_f_pointer, c_funloc, &
-      c_int, c_long, c_loc, c_null_char, c_null_ptr, c_ptr
+   use, intrinsic :: iso_c_binding, only: c_associated, c_double, c_f_pointer, c_funloc, &
+      c_int, c_loc, c_null_ptr, c_ptr
    use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
    use beamid_equations, only: equations_t
    use beamid_errors, only: error_t, failure
@@ -15,14 +15,11 @@ module beamid_cvode
    use beamid_newton, only: motion_t, new_motion
    use beamid_responses, only: response_t, solver_t, work_t
    use beamid_strings, only: to_text
-   use fcvode_mod, only: CV_BDF, CV_ONE_STEP, FCVode, FCVodeCreate, FCVodeFree, &
-      FCVodeGetCurrentGamma, FCVodeGetDky, FCVodeInit, FCVodeReInit, FCVodeSetErrHandlerFn, &
-      FCVodeSetMaxOrd, FCVodeSetStabLimDet, FCVodeSetStopTime, FCVodeSetUserData, FCVodeSVtolerances
-   use fnvector_serial_mod, only: FN_VMake_Serial
-   use fsundials_context_mod, only: FSUNContext_Create, FSUNContext_Free
-   use fsundials_linearsolver_mod, only: FSUNLinSolFreeEmpty, FSUNLinSolNewEmpty, SUNLinearSolver, &
-      SUNLinearSolver_Ops, SUNLINEARSOLVER_MATRIX_EMBEDDED
-   use fsundials_nvector_mod, only: FN_VDestroy, N_Vector
+   use sundials, only: complaint_t, create_cvode, CV_ONE_STEP, FCVode, FCVodeFree, &
+      FCVodeGetCurrentGamma, FCVodeGetDky, FCVodeInit, FCVodeReInit, FCVodeSetMaxOrd, &
+      FCVodeSetStabLimDet, FCVodeSetStopTime, FCVodeSetUserData, FCVodeSVtolerances, FN_VDestroy, &
+      FSUNContext_Free, FSUNLinSolFreeEmpty, FSUNLinSolNewEmpty, N_Vector, new_vector, &
+      SUNLinearSolver, SUNLinearSolver_Ops, SUNLINEARSOLVER_MATRIX_EMBEDDED
    implicit none
    private
 
@@ -47,7 +44,7 @@ module beamid_cvode
       type(SUNLinearSolver), pointer :: linear => null()
       real(c_double), allocatable :: y(:), out(:), atol(:)    !< (2 n)
       type(motion_t) :: motion
-      character(len=:), allocatable :: message                !< last complaint of CVODE
+      type(complaint_t) :: complaint                          !< CVODE's last message
    contains
       final :: close_session
    end type session_t
@@ -203,6 +200,7 @@ contains
       type(session_t), intent(inout), target :: session
       type(error_t), allocatable, intent(out) :: error
       real(wp) :: atol
+      integer(c_int) :: flag
       integer :: n
 
       n = equations%n
@@ -214,19 +212,15 @@ contains
       allocate (session%y(2*n), session%out(2*n), source=0.0_c_double)
       session%atol = atol*[1/equations%unit, equations%omega/equations%unit]
 
-      call check(session, FSUNContext_Create(c_null_ptr, session%context), 'SUNContext_Create', &
-         error)
+      call create_cvode(session%complaint, session%context, session%memory, flag)
+      call check(session, flag, 'CVodeCreate', error)
       if (allocated(error)) return
-      session%state => FN_VMake_Serial(2_c_long*n, session%y, session%context)
-      session%output => FN_VMake_Serial(2_c_long*n, session%out, session%context)
-      session%tolerance => FN_VMake_Serial(2_c_long*n, session%atol, session%context)
-      session%memory = FCVodeCreate(CV_BDF, session%context)
+      session%state => new_vector(session%y, session%context)
+      session%output => new_vector(session%out, session%context)
+      session%tolerance => new_vector(session%atol, session%context)
       session%linear => FSUNLinSolNewEmpty(session%context)
       call attach_linear_solver(session)
 
-      call then_check(FCVodeSetErrHandlerFn(session%memory, c_funloc(keep_message), &
-         c_loc(session)), &
-         'CVodeSetErrHandlerFn')
       call then_check(FCVodeInit(session%memory, c_funloc(right_hand_side), excitation%t(1), &
          session%state), 'CVodeInit')
       call then_check(FCVodeSetUserData(session%memory, c_loc(session)), 'CVodeSetUserData')
@@ -280,8 +274,8 @@ contains
       type(error_t), allocatable, intent(out) :: error
 
       if (flag >= 0) return
-      if (allocated(session%message)) then
-         call failure(error, call_name//': '//session%message)
+      if (allocated(session%complaint%text)) then
+         call failure(error, call_name//': '//session%complaint%text)
       else
          call failure(error, call_name//' failed with flag '//to_text(int(flag)))
       end if
@@ -326,22 +320,5 @@ contains
       call session%motion%newton_step(gamma(1), residual, solution, positive)
       linear_solve = merge(0_c_int, 1_c_int, positive)
    end function linear_solve
-
-   !> Adapter (CVErrHandlerFn): keeps CVODE's message instead of letting it print.
-   subroutine keep_message(code, module_name, function_name, message, user_data) bind(c)
-      integer(c_int), value :: code
-      type(c_ptr), value :: module_name, function_name, message, user_data
-      type(session_t), pointer :: session
-      character(kind=c_char), pointer :: text(:)
-      integer :: length
-
-      if (code >= 0 .or. .not. (c_associated(module_name) .and. c_associated(function_name))) return
-      call c_f_pointer(user_data, session)
-      call c_f_pointer(message, text, [1000])
-      do length = 0, size(text) - 1
-         if (text(length + 1) == c_null_char) exit
-      end do
-      session%message = transfer(text(:length), repeat(' ', length))
-   end subroutine keep_message
 
 end module beamid_cvode

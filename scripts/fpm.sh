@@ -1,0 +1,46 @@
+# shellcheck shell=bash
+# Which fpm serves, and a build that says what it is doing; sourced by scripts that set `checkout`.
+
+# fpm 0.12 or newer (another program of this name has no line `Version:`).
+is_fpm() {
+   local line
+   line=$("$1" --version 2>/dev/null | grep -m 1 '^Version:') || return 1
+   [[ $line =~ ([0-9]+)\.([0-9]+) ]] || return 1
+   [[ ${BASH_REMATCH[1]} -gt 0 || ${BASH_REMATCH[2]} -ge 12 ]]
+}
+
+# Sets `fpm` to the one on PATH or in .venv.
+find_fpm() {
+   for fpm in fpm /usr/local/bin/fpm ~/.local/bin/fpm \
+      "$checkout"/.venv/lib/python*/site-packages/fpm/fpm; do
+      ! is_fpm "$fpm" || return 0
+   done
+   return 1
+}
+
+# build PROFILE [FLAG...]: compiles what is out of date, with one line on standard error that is
+# written over in a terminal; fpm's own words only where the build fails.
+build() {
+   local profile=$1 log line told=
+   shift
+   log=$(mktemp)
+   if (cd "$checkout" && "$fpm" build --profile "$profile" "$@" </dev/null 2>&1) | tee "$log" |
+      while IFS= read -r line; do
+         [[ $line == '['* ]] || continue
+         [[ -n $told ]] || echo "building, $profile profile: a minute or two" >&2
+         told=yes
+         [[ ! -t 2 ]] || printf '\r%.60s\033[K' "$line" >&2
+      done; then
+      rm "$log"
+      [[ ! -t 2 ]] || printf '\r\033[K' >&2
+      return
+   fi
+   cat "$log" >&2
+   rm "$log"
+   return 1
+}
+
+# Path of the program, or of all tests, of a profile: the runner `echo` prints it.
+paths() {
+   (cd "$checkout" && "$fpm" "$@" --runner echo </dev/null 2>/dev/null) | grep '^build/' || true
+}
