@@ -14,12 +14,13 @@ program test_attachments
    use beamid_modal, only: modal_t
    use beamid_modes, only: bare_beam_modes, beam_modes_t, undamped_modes
    use beamid_observation, only: observation_t, new_sampling, sampling_t
+   use beamid_parameters, only: magnitude, parameter_names
    use beamid_poles, only: find_poles, poles_t
    use beamid_responses, only: response_t, work_t
    use beamid_roots, only: damped_roots
    use beamid_strings, only: to_text
-   use beamid_structure, only: at_tip, of_gamma, of_J_T, of_k_R, of_m_S, of_m_T, of_x_S, &
-      parameter_names, rigid, structure_t
+   use beamid_structure, only: at_tip, of_gamma, of_J_T, of_k_R, of_length, of_m_S, of_m_T, &
+      of_x_S, rigid, structure_t
    use checks, only: check, check_close, finish
    use full_matrices, only: full_t, new_full, qp
    implicit none
@@ -271,7 +272,7 @@ contains
       change = 0
       do p = 1, size(parameters)
          step(p) = 1e-16_qp*base%q(parameters(p))
-         if (.not. step(p) > 0) step(p) = 1e-16_qp*e%structure%magnitude(parameters(p))
+         if (.not. step(p) > 0) step(p) = 1e-16_qp*magnitude(e%structure, parameters(p))
          moved(p) = base
          moved(p)%q(parameters(p)) = base%q(parameters(p)) + step(p)
          call moved(p)%assemble()
@@ -667,6 +668,7 @@ contains
       type(error_t), allocatable :: error
       real(wp), allocatable, dimension(:, :) :: at_end, by_default, as_mass, inside
       real(wp), allocatable, dimension(:, :, :) :: d_end, d_default, d_mass, d_inside
+      real(wp), allocatable :: riding(:)
       character(len=:), allocatable :: name
       integer :: k, root
 
@@ -697,12 +699,15 @@ contains
                call check('rigid root: derivatives by k_R vanish', all(abs(d_end(:, :, k)) <= 0))
                cycle
             end if
+            ! By default the sensor stays at the tip of a beam that grows.
+            riding = d_end(:, 3, k)
+            if (k == of_length) riding = riding + d_end(:, 3, of_x_S)
             call check_close(name//' at x_S = l: as by default, d/d '//trim(parameter_names(k)), &
-               relative(d_default(:, 3, k), d_end(:, 3, k)), 0.0_wp, 1e-10_wp)
+               relative(d_default(:, 3, k), riding), 0.0_wp, 1e-10_wp)
             ! With m_S = 0 the sensor drags no mass along.
             if (k == of_x_S) cycle
             call check_close(name//' at x_S = l: as tip mass, d/d '//trim(parameter_names(k)), &
-               relative(d_mass(:, 3, k), d_end(:, 3, k)), 0.0_wp, 1e-10_wp)
+               relative(d_mass(:, 3, k), riding), 0.0_wp, 1e-10_wp)
          end do
          call check_close(name//' at the tip: d/d m_S is d/d m_T', relative(d_end(:, 3, of_m_S), &
             d_end(:, 3, of_m_T)), 0.0_wp, 1e-10_wp)
@@ -1042,13 +1047,14 @@ contains
             name = trim(kinds(m))//' by '//trim(parameter_names(k))
             associate (tally => tallies(k, m))
                ! Of a derivative that hardly counts (a motion changes by 1e-6 when the parameter
-               ! doubles) few digits are left, but what it says of the motion is right.
+               ! doubles) few digits are left, but what it says of the motion is right. The length
+               ! has four times the effect of E: frequencies go with l**-2 and E**(1/2).
                call check(name//': at most 3 % beyond 1e-7', tally%beyond <= 9, &
                   to_text(tally%beyond)//' of '//to_text(tally%compared)//', worst '// &
                   to_text(tally%worst))
                call check_close(name//', of the motion, worst of '//to_text(tally%compared)// &
                   ' (structure '//to_text(tally%worst_at)//')', tally%worst_of_motion, 0.0_wp, &
-                  1e-7_wp)
+                  merge(4e-7_wp, 1e-7_wp, k == of_length))
             end associate
          end do
       end do
@@ -1238,6 +1244,8 @@ contains
          do step = 1, 300
             far = merge(2.0_wp, 0.1_wp, modulo(step, 50) == 0)
             do k = 1, every
+               ! The mesh is prepared for one beam.
+               if (k == of_length) cycle
                if (k == of_x_S) then
                   call e%structure%set(k, between(0.1_wp, 1.0_wp))
                else if (root == 1 .or. k /= of_k_R) then

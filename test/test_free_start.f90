@@ -268,12 +268,12 @@ program test_free_start
    use beamid_modal, only: modal_t
    use beamid_noise, only: gaussian_noise, uniform_noise
    use beamid_observation, only: observation_t
-   use beamid_parameters, only: free_index, offset
+   use beamid_parameters, only: free_index, offset, parameter_names
    use beamid_residuals, only: residual_t
    use beamid_responses, only: work_t
    use beamid_statistics, only: new_statistics, statistics_t
    use beamid_strings, only: to_text
-   use beamid_structure, only: parameter_names, structure_t
+   use beamid_structure, only: structure_t
    use beamid_unknowns, only: name_of
    use beamid_variables, only: new_variable, unbounded, variable_t
    use checks, only: check, check_close, finish

@@ -12,10 +12,10 @@ program test_release
    use beamid_modal, only: modal_t
    use beamid_noise, only: gaussian_noise
    use beamid_observation, only: observation_t
-   use beamid_parameters, only: amplitude, free_index, free_names, get_free, set_free
+   use beamid_parameters, only: amplitude, free_index, free_names, get_free, parameter_names, set_free
    use beamid_responses, only: response_t, solver_t
    use beamid_strings, only: to_text
-   use beamid_structure, only: at_tip, parameter_names, rigid, structure_t
+   use beamid_structure, only: at_tip, rigid, structure_t
    use beamid_variables, only: unbounded
    use checks, only: check, check_close, finish, skip
    use shell, only: close_shell, in_scratch, open_shell, write_file

@@ -16,11 +16,12 @@ module beamid_case_files
       read_tip, read_units
    use beamid_namelist, only: block_t, scan_namelist
    use beamid_record_groups, only: read_recording, read_score
+   use beamid_parameters, only: check_structure
    use beamid_records, only: append_recording, everything, recording_t, window_t
    use beamid_refusals, only: refuse
    use beamid_vocabulary, only: case_vocabulary
    use beamid_strings, only: to_text
-   use beamid_structure, only: check_structure, structure_t
+   use beamid_structure, only: structure_t
    use beamid_units, only: units_t
    implicit none
    private

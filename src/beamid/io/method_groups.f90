@@ -12,7 +12,7 @@ module beamid_method_groups
    use beamid_observation, only: formula_names, observation_t
    use beamid_excitation, only: excitation_t
    use beamid_parameters, only: amplitude, belongs_to_hose, free_index, free_names, &
-      may_be_negative, offset
+      may_be_negative, offset, parameters
    use beamid_refusals, only: accept, exclude, in_range, positive, quoted, refuse, require
    use beamid_responses, only: solver_t
    use beamid_vocabulary, only: max_list
@@ -201,7 +201,7 @@ contains
                call refuse(path, block%line_of('free'), 'stage', 'free', quoted(free(k))// &
                   ' twice', &
                   'each parameter once', error)
-            else if (p == of_k_R .and. .not. s%has_soft_root()) then
+            else if (parameters(p)%needs == of_k_R .and. .not. s%has_soft_root()) then
                call refuse(path, block%line_of('free'), 'stage', 'free', quoted(free(k)), &
                   'a value of k_R in &beam for it', error)
             else if (p == amplitude .and. any(excitations%modes > 0)) then
@@ -287,7 +287,7 @@ contains
 
       text = ''
       do k = 1, size(free_names)
-         text = text//' '//trim(free_names(k))
+         if (parameters(k)%is_free) text = text//' '//trim(free_names(k))
       end do
    end function known_parameters
 

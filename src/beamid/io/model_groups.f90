@@ -7,9 +7,10 @@ module beamid_model_groups
    use beamid_files, only: directory_of, join_path
    use beamid_kinds, only: wp
    use beamid_namelist, only: block_t, string_length
+   use beamid_parameters, only: check_structure
    use beamid_refusals, only: accept, exclude, in_range, positive, quoted, refuse, require
    use beamid_strings, only: to_text
-   use beamid_structure, only: at_tip, check_structure, rigid, structure_t
+   use beamid_structure, only: at_tip, rigid, structure_t
    use beamid_units, only: label_length, units_t
    implicit none
    private
