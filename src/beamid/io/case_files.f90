@@ -12,8 +12,7 @@ module beamid_case_files
       read_observation, read_stage
    use beamid_modal, only: modal_t
    use beamid_multistart, only: multistart_t
-   use beamid_model_groups, only: read_beam, read_excitation, read_hose, read_noise, read_sensor, &
-      read_tip, read_units
+   use beamid_model_groups, only: read_excitation, read_noise, read_structure, read_units
    use beamid_namelist, only: block_t, scan_namelist
    use beamid_record_groups, only: read_recording, read_score
    use beamid_parameters, only: check_structure
@@ -114,10 +113,8 @@ contains
          do k = 1, size(blocks)
             associate (block => blocks(k), path => case%path, model => case%model)
                select case (trim(block%name)//achar(48 + pass))
-               case ('beam1'); call read_beam(path, block, model%structure, error)
-               case ('tip2'); call read_tip(path, block, model%structure, error)
-               case ('sensor2'); call read_sensor(path, block, model%structure, error)
-               case ('hose2'); call read_hose(path, block, model%structure, error)
+               case ('beam1', 'tip2', 'sensor2', 'hose2')
+                  call read_structure(path, block, model%structure, error)
                case ('discretization3'); call read_discretization(path, block, case%meshes, error)
                case ('integrator3'); call read_integrator(path, block, model%solver, error)
                case ('observation3'); call read_observation(path, block, model%observation, error)

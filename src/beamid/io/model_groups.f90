@@ -7,110 +7,74 @@ module beamid_model_groups
    use beamid_files, only: directory_of, join_path
    use beamid_kinds, only: wp
    use beamid_namelist, only: block_t, string_length
-   use beamid_parameters, only: check_structure
+   use beamid_parameters, only: check_structure, on_beam, parameters
    use beamid_refusals, only: accept, exclude, in_range, positive, quoted, refuse, require
    use beamid_strings, only: to_text
-   use beamid_structure, only: at_tip, rigid, structure_t
+   use beamid_structure, only: n_parameters, structure_t
    use beamid_units, only: label_length, units_t
    implicit none
    private
 
-   public :: read_beam, read_tip, read_hose, read_sensor, read_excitation, read_units, read_noise
+   public :: read_structure, read_excitation, read_units, read_noise
 
 contains
 
-   subroutine read_beam(path, block, structure, error)
+   !> A group of parameters of the structure: the rows of the table that name it.
+   subroutine read_structure(path, block, structure, error)
       character(len=*), intent(in) :: path
       type(block_t), intent(in) :: block
       type(structure_t), intent(inout) :: structure
       type(error_t), allocatable, intent(out) :: error
-      real(wp) :: length, rho, E, I, width, height, c_D, gamma, k_R
-      integer :: status
-      namelist /beam/ length, rho, E, I, width, height, c_D, gamma, k_R
+      character(len=:), allocatable :: key
+      real(wp) :: value
+      integer :: k
 
-      length = 0; rho = 0; E = 0; I = 0; width = 0; height = 0; c_D = 0; gamma = 0; k_R = rigid
-      read (block%text, nml=beam, iostat=status)
-      call accept(path, block, status, error)
-      call require(path, block, [character(len=6) :: 'length', 'rho', 'E'], error)
-      if (allocated(error)) return
+      do k = 1, n_parameters
+         if (parameters(k)%group /= block%name) cycle
+         key = trim(parameters(k)%name)
+         if (parameters(k)%default == '') call require(path, block, [key], error)
+         if (allocated(error)) return
+         if (.not. block%has(key)) cycle
+         value = value_of_key(block, key)
+         ! Below 0 a structure may say that there is none.
+         if (parameters(k)%range == on_beam) call positive(path, block, key, value, error)
+         call structure%set(k, value)
+      end do
+      if (block%name == 'beam') call read_section(path, block, structure, error)
+      if (.not. allocated(error)) call accept_structure(path, block, structure, error)
+   end subroutine read_structure
+
+   !> The second moment of a rectangle.
+   subroutine read_section(path, block, structure, error)
+      character(len=*), intent(in) :: path
+      type(block_t), intent(in) :: block
+      type(structure_t), intent(inout) :: structure
+      type(error_t), allocatable, intent(out) :: error
+      real(wp) :: width, height
+
       if (block%has('I') .eqv. (block%has('width') .or. block%has('height'))) then
          call refuse(path, block%line, 'beam', 'I', merge('both I and width or height', &
             'no cross section          ', block%has('I')), 'either I or width and height', error)
-         return
-      end if
-      if (.not. block%has('I')) then
+      else if (.not. block%has('I')) then
          call require(path, block, [character(len=6) :: 'width', 'height'], error)
+         if (allocated(error)) return
+         width = value_of_key(block, 'width')
+         height = value_of_key(block, 'height')
          call positive(path, block, 'width', width, error)
          call positive(path, block, 'height', height, error)
-         if (allocated(error)) return
-         I = width*height**3/12
+         structure%I = width*height**3/12
       end if
-      structure%length = length
-      structure%rho = rho
-      structure%E = E
-      structure%I = I
-      structure%c_D = c_D
-      structure%gamma = gamma
-      structure%k_R = k_R
-      call accept_structure(path, block, structure, error)
-   end subroutine read_beam
+   end subroutine read_section
 
-   subroutine read_tip(path, block, structure, error)
-      character(len=*), intent(in) :: path
+   !> The number behind ` key=` in the clean text of a group.
+   real(wp) function value_of_key(block, key) result(value)
       type(block_t), intent(in) :: block
-      type(structure_t), intent(inout) :: structure
-      type(error_t), allocatable, intent(out) :: error
-      real(wp) :: m_T, J_T
-      integer :: status
-      namelist /tip/ m_T, J_T
+      character(len=*), intent(in) :: key
 
-      m_T = 0; J_T = 0
-      read (block%text, nml=tip, iostat=status)
-      call accept(path, block, status, error)
-      if (allocated(error)) return
-      structure%m_T = m_T
-      structure%J_T = J_T
-      call accept_structure(path, block, structure, error)
-   end subroutine read_tip
-
-   subroutine read_hose(path, block, structure, error)
-      character(len=*), intent(in) :: path
-      type(block_t), intent(in) :: block
-      type(structure_t), intent(inout) :: structure
-      type(error_t), allocatable, intent(out) :: error
-      real(wp) :: m_H, c_H, k_H
-      integer :: status
-      namelist /hose/ m_H, c_H, k_H
-
-      m_H = 0; c_H = 0; k_H = 0
-      read (block%text, nml=hose, iostat=status)
-      call accept(path, block, status, error)
-      call require(path, block, ['m_H'], error)
-      if (allocated(error)) return
-      structure%m_H = m_H
-      structure%c_H = c_H
-      structure%k_H = k_H
-      call accept_structure(path, block, structure, error)
-   end subroutine read_hose
-
-   subroutine read_sensor(path, block, structure, error)
-      character(len=*), intent(in) :: path
-      type(block_t), intent(in) :: block
-      type(structure_t), intent(inout) :: structure
-      type(error_t), allocatable, intent(out) :: error
-      real(wp) :: m_S, x_S
-      integer :: status
-      namelist /sensor/ m_S, x_S
-
-      m_S = 0; x_S = at_tip
-      read (block%text, nml=sensor, iostat=status)
-      call accept(path, block, status, error)
-      if (block%has('x_S')) call positive(path, block, 'x_S', x_S, error)
-      if (allocated(error)) return
-      structure%m_S = m_S
-      structure%x_S = x_S
-      call accept_structure(path, block, structure, error)
-   end subroutine read_sensor
+      associate (from => index(block%text, ' '//key//'=') + len(key) + 2)
+         read (block%text(from:), *) value
+      end associate
+   end function value_of_key
 
    subroutine read_excitation(path, block, found, error)
       character(len=*), intent(in) :: path

@@ -1,7 +1,8 @@
 !> What a case file may hold: the table of groups and keys.
 module beamid_vocabulary
-   use beamid_namelist, only: group, group_t, integer_key, real_key, string_key
-   use beamid_parameters, only: free_names
+   use beamid_namelist, only: group, group_t, integer_key, key_t, real_key, string_key
+   use beamid_parameters, only: free_names, parameters
+   use beamid_structure, only: n_parameters
    implicit none
    private
 
@@ -17,12 +18,11 @@ contains
       type(group_t), allocatable :: groups(:)
 
       groups = [ &
-         group('beam', [real_key('length'), real_key('rho'), real_key('E'), real_key('I'), &
-                        real_key('width'), real_key('height'), real_key('c_D'), &
-                        real_key('gamma'), real_key('k_R')], required=.true.), &
-         group('tip', [real_key('m_T'), real_key('J_T')]), &
-         group('sensor', [real_key('m_S'), real_key('x_S')]), &
-         group('hose', [real_key('m_H'), real_key('c_H'), real_key('k_H')]), &
+         group('beam', [parameter_keys('beam'), real_key('width'), real_key('height')], &
+               required=.true.), &
+         group('tip', parameter_keys('tip')), &
+         group('sensor', parameter_keys('sensor')), &
+         group('hose', parameter_keys('hose')), &
          group('excitation', [string_key('kind'), real_key('amplitude'), real_key('duration'), &
                               string_key('file'), string_key('load'), real_key('power'), &
                               real_key('force'), real_key('displacement'), real_key('time'), &
@@ -48,5 +48,17 @@ contains
          group('units', [string_key('length'), string_key('force'), string_key('time'), &
                          string_key('mass')])]
    end function case_vocabulary
+
+   !> The keys of a group that the table of parameters knows.
+   function parameter_keys(name) result(keys)
+      character(len=*), intent(in) :: name
+      type(key_t), allocatable :: keys(:)
+      integer :: k
+
+      allocate (keys(0))
+      do k = 1, n_parameters
+         if (parameters(k)%group == name) keys = [keys, real_key(trim(parameters(k)%name))]
+      end do
+   end function parameter_keys
 
 end module beamid_vocabulary

@@ -5,8 +5,7 @@ module beamid_parameters
    use beamid_kinds, only: wp
    use beamid_monomials, only: monomial_t, value_of
    use beamid_strings, only: lower, to_text
-   use beamid_structure, only: n_parameters, of_c_D, of_c_H, of_E, of_gamma, of_I, of_J_T, &
-      of_k_H, of_k_R, of_length, of_m_H, of_m_S, of_m_T, of_rho, of_x_S, structure_t, values_of
+   use beamid_structure, only: n_parameters, of, structure_t, values_of
    implicit none
    private
 
@@ -31,6 +30,7 @@ module beamid_parameters
       character(len=10) :: group      !< of the case file
       integer :: unit(3)              !< exponents of mass, length and time
       integer :: range
+      character(len=13) :: default    !< what holds without it; '': it is required
       !> The yardstick of a fit that starts from zero.
       type(monomial_t) :: moderate
       integer :: needs = 0            !< place of a parameter without which it means nothing
@@ -43,39 +43,43 @@ module beamid_parameters
    !> The rows. Moderate masses: a tenth of beam and tip; stiffness: a tenth of the tip's; damping:
    !> one per cent of critical at the first frequency.
    type(parameter_t), parameter :: parameters(n_parameters + 2) = [ &
-      parameter_t(of_m_T, 'm_T', 'tip', [1, 0, 0], not_negative, tenth_of_mass, &
+      parameter_t(nint(of%m_T), 'm_T', 'tip', [1, 0, 0], not_negative, '0', tenth_of_mass, &
          help='tip mass'), &
-      parameter_t(of_E, 'E', 'beam', [1, -1, -2], positive, &
-         monomial_t(place=[of_E, 0, 0]), help='modulus of elasticity'), &
-      parameter_t(of_c_D, 'c_D', 'beam', [1, -1, -1], not_negative, &
-         monomial_t(2e-2_wp, [of_E, the_omega, 0], [1, -1, 1]), help='Kelvin-Voigt viscosity'), &
-      parameter_t(of_m_H, 'm_H', 'hose', [1, 0, 0], not_negative, tenth_of_mass, &
-         help='hose mass; 0: no hose'), &
-      parameter_t(of_c_H, 'c_H', 'hose', [1, 0, -1], not_negative, &
-         monomial_t(2e-2_wp, [the_mass, the_omega, 0]), help='hose damping'), &
-      parameter_t(of_k_H, 'k_H', 'hose', [1, 0, -2], not_negative, &
-         monomial_t(0.1_wp, [the_stiffness, 0, 0]), help='hose stiffness'), &
-      parameter_t(of_rho, 'rho', 'beam', [1, -1, 0], positive, &
-         monomial_t(place=[of_rho, 0, 0]), help='mass per unit length'), &
-      parameter_t(of_gamma, 'gamma', 'beam', [1, -1, -1], not_negative, &
-         monomial_t(2e-2_wp, [of_rho, the_omega, 0]), help='air damping'), &
-      parameter_t(of_J_T, 'J_T', 'tip', [1, 2, 0], not_negative, &
-         monomial_t(1e-2_wp, [the_mass, of_length, 0], [1, 2, 1]), &
+      parameter_t(nint(of%E), 'E', 'beam', [1, -1, -2], positive, '', &
+         monomial_t(place=[nint(of%E), 0, 0]), help='modulus of elasticity'), &
+      parameter_t(nint(of%c_D), 'c_D', 'beam', [1, -1, -1], not_negative, '0', &
+         monomial_t(2e-2_wp, [nint(of%E), the_omega, 0], [1, -1, 1]), &
+         help='Kelvin-Voigt viscosity'), &
+      parameter_t(nint(of%m_H), 'm_H', 'hose', [1, 0, 0], not_negative, '', tenth_of_mass, &
+         help='mass of the hose; 0: no hose'), &
+      parameter_t(nint(of%c_H), 'c_H', 'hose', [1, 0, -1], not_negative, '0', &
+         monomial_t(2e-2_wp, [the_mass, the_omega, 0]), help='its damping'), &
+      parameter_t(nint(of%k_H), 'k_H', 'hose', [1, 0, -2], not_negative, '0', &
+         monomial_t(0.1_wp, [the_stiffness, 0, 0]), help='its stiffness'), &
+      parameter_t(nint(of%rho), 'rho', 'beam', [1, -1, 0], positive, '', &
+         monomial_t(place=[nint(of%rho), 0, 0]), help='mass per unit length'), &
+      parameter_t(nint(of%gamma), 'gamma', 'beam', [1, -1, -1], not_negative, '0', &
+         monomial_t(2e-2_wp, [nint(of%rho), the_omega, 0]), &
+         help='air damping, a force gamma u_t per unit length'), &
+      parameter_t(nint(of%J_T), 'J_T', 'tip', [1, 2, 0], not_negative, '0', &
+         monomial_t(1e-2_wp, [the_mass, nint(of%length), 0], [1, 2, 1]), &
          help='rotary inertia of the tip mass'), &
-      parameter_t(of_k_R, 'k_R', 'beam', [1, 2, -2], positive, &
-         monomial_t(10.0_wp, [of_E, of_I, of_length], [1, 1, -1]), needs=of_k_R, &
-         help='torsional spring at the root; left out: rigid'), &
-      parameter_t(of_m_S, 'm_S', 'sensor', [1, 0, 0], not_negative, tenth_of_mass, &
+      parameter_t(nint(of%k_R), 'k_R', 'beam', [1, 2, -2], positive, 'a rigid clamp', &
+         monomial_t(10.0_wp, [nint(of%E), nint(of%I), nint(of%length)], [1, 1, -1]), &
+         needs=nint(of%k_R), help='torsional spring at the root'), &
+      parameter_t(nint(of%m_S), 'm_S', 'sensor', [1, 0, 0], not_negative, '0', tenth_of_mass, &
          help='mass of the sensor'), &
-      parameter_t(of_x_S, 'x_S', 'sensor', [0, 1, 0], on_beam, &
-         monomial_t(place=[of_length, 0, 0]), help='place of the sensor; left out: at the tip'), &
-      parameter_t(of_length, 'length', 'beam', [0, 1, 0], positive, &
-         monomial_t(place=[of_length, 0, 0]), is_free=.false., help='length of the beam'), &
-      parameter_t(of_I, 'I', 'beam', [0, 4, 0], positive, monomial_t(place=[of_I, 0, 0]), &
-         is_free=.false., help='second moment of the cross section'), &
-      parameter_t(amplitude, 'amplitude', 'excitation', [1, 1, -2], any_value, monomial_t(), &
+      parameter_t(nint(of%x_S), 'x_S', 'sensor', [0, 1, 0], on_beam, 'the tip', &
+         monomial_t(place=[nint(of%length), 0, 0]), &
+         help='its place, where the motion is observed'), &
+      parameter_t(nint(of%length), 'length', 'beam', [0, 1, 0], positive, '', &
+         monomial_t(place=[nint(of%length), 0, 0]), is_free=.false., help='of the beam'), &
+      parameter_t(nint(of%I), 'I', 'beam', [0, 4, 0], positive, 'b h^3/12', &
+         monomial_t(place=[nint(of%I), 0, 0]), is_free=.false., &
+         help='second moment of the cross section'), &
+      parameter_t(amplitude, 'amplitude', 'excitation', [1, 1, -2], any_value, '', monomial_t(), &
          help='of the force'), &
-      parameter_t(offset, 'offset', 'record', [0, 0, 0], any_value, monomial_t(), &
+      parameter_t(offset, 'offset', 'record', [0, 0, 0], any_value, '0', monomial_t(), &
          help='of the sensor, in the unit of the record')]
 
    !> Every row is where its place says: otherwise this divides by zero.
@@ -171,6 +175,7 @@ contains
 
       do k = 1, n_parameters
          call check_range(structure, k, error)
+         if (.not. allocated(error)) call check_company(structure, k, error)
          if (allocated(error)) return
       end do
       ! Each is in range, but the whole may be out of what numbers can hold.
@@ -199,5 +204,19 @@ contains
       if (allocated(expected)) call bad_input(error, trim(parameters(k)%name)//': found '// &
          to_text(value)//', expected '//expected)
    end subroutine check_range
+
+   !> Refuses a value that means nothing without another one.
+   subroutine check_company(structure, k, error)
+      type(structure_t), intent(in) :: structure
+      integer, intent(in) :: k
+      type(error_t), allocatable, intent(out) :: error
+
+      associate (needs => parameters(k)%needs)
+         if (needs == 0 .or. needs == k) return
+         if (structure%get(k) > 0 .and. .not. structure%is_given(needs)) call bad_input(error, &
+            trim(parameters(k)%name)//': found a value without '//trim(parameters(needs)%name)// &
+            ', expected both')
+      end associate
+   end subroutine check_company
 
 end module beamid_parameters

@@ -36,6 +36,7 @@ module beamid_structure
    contains
       procedure :: has_hose
       procedure :: has_soft_root
+      procedure :: is_given
       procedure :: sensor_place
       procedure :: get
       procedure :: set
@@ -48,15 +49,16 @@ module beamid_structure
    !> How many parameters there are.
    integer, parameter, public :: n_parameters = storage_size(structure_t())/storage_size(1.0_wp)
 
-   !> Places of the parameters: every component of this structure holds its own.
+   !> Places of the parameters: every component of this structure holds its own. Those that are asked
+   !> for by name elsewhere follow as integers.
    integer :: i
-   type(structure_t), parameter :: place = transfer([(real(i, wp), i=1, n_parameters)], &
+   type(structure_t), parameter, public :: of = transfer([(real(i, wp), i=1, n_parameters)], &
       structure_t())
-   integer, parameter, public :: of_m_T = nint(place%m_T), of_E = nint(place%E), &
-      of_c_D = nint(place%c_D), of_m_H = nint(place%m_H), of_c_H = nint(place%c_H), &
-      of_k_H = nint(place%k_H), of_rho = nint(place%rho), of_gamma = nint(place%gamma), &
-      of_J_T = nint(place%J_T), of_k_R = nint(place%k_R), of_m_S = nint(place%m_S), &
-      of_x_S = nint(place%x_S), of_length = nint(place%length), of_I = nint(place%I)
+   integer, parameter, public :: of_m_T = nint(of%m_T), of_E = nint(of%E), &
+      of_c_D = nint(of%c_D), of_m_H = nint(of%m_H), of_c_H = nint(of%c_H), &
+      of_k_H = nint(of%k_H), of_rho = nint(of%rho), of_gamma = nint(of%gamma), &
+      of_J_T = nint(of%J_T), of_k_R = nint(of%k_R), of_m_S = nint(of%m_S), &
+      of_x_S = nint(of%x_S), of_length = nint(of%length), of_I = nint(of%I)
 
    !> Static compliance of the tip: of the beam, and of the root.
    type(monomial_t), parameter :: compliance(2) = [ &
@@ -86,6 +88,14 @@ contains
 
       has_soft_root = self%k_R < rigid
    end function has_soft_root
+
+   !> Whether a parameter by its place has a value that does something.
+   pure logical function is_given(self, k)
+      class(structure_t), intent(in) :: self
+      integer, intent(in) :: k
+
+      is_given = self%get(k) > 0 .and. self%get(k) < rigid
+   end function is_given
 
    !> Position of the sensor [length].
    pure real(wp) function sensor_place(self)

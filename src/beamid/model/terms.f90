@@ -7,8 +7,7 @@
 module beamid_terms
    use beamid_kinds, only: wp
    use beamid_monomials, only: monomial_t, slope_of, value_of
-   use beamid_structure, only: of_c_D, of_c_H, of_E, of_gamma, of_I, of_J_T, of_k_H, of_k_R, &
-      of_length, of_m_H, of_m_S, of_m_T, of_rho, n_parameters, structure_t, values_of
+   use beamid_structure, only: n_parameters, of, of_length, structure_t, values_of
    implicit none
    private
 
@@ -35,17 +34,17 @@ module beamid_terms
    end type term_t
 
    type(term_t), parameter :: terms(*) = [ &
-      term_t(of_mass, inertia, monomial_t(place=[of_rho, 0, 0])), &
-      term_t(of_stiffness, bending, monomial_t(place=[of_E, of_I, 0])), &
-      term_t(of_damping, bending, monomial_t(place=[of_c_D, of_I, 0])), &
-      term_t(of_damping, inertia, monomial_t(place=[of_gamma, 0, 0])), &
-      term_t(of_mass, tip_value, monomial_t(place=[of_m_T, 0, 0])), &
-      term_t(of_mass, tip_slope, monomial_t(place=[of_J_T, 0, 0])), &
-      term_t(of_mass, sensor_value, monomial_t(place=[of_m_S, 0, 0])), &
-      term_t(of_mass, hose, monomial_t(place=[of_m_H, 0, 0])), &
-      term_t(of_damping, stretch, monomial_t(place=[of_c_H, 0, 0])), &
-      term_t(of_stiffness, stretch, monomial_t(place=[of_k_H, 0, 0])), &
-      term_t(of_stiffness, root_slope, monomial_t(place=[of_k_R, 0, 0])), &
+      term_t(of_mass, inertia, monomial_t(place=[nint(of%rho), 0, 0])), &
+      term_t(of_stiffness, bending, monomial_t(place=[nint(of%E), nint(of%I), 0])), &
+      term_t(of_damping, bending, monomial_t(place=[nint(of%c_D), nint(of%I), 0])), &
+      term_t(of_damping, inertia, monomial_t(place=[nint(of%gamma), 0, 0])), &
+      term_t(of_mass, tip_value, monomial_t(place=[nint(of%m_T), 0, 0])), &
+      term_t(of_mass, tip_slope, monomial_t(place=[nint(of%J_T), 0, 0])), &
+      term_t(of_mass, sensor_value, monomial_t(place=[nint(of%m_S), 0, 0])), &
+      term_t(of_mass, hose, monomial_t(place=[nint(of%m_H), 0, 0])), &
+      term_t(of_damping, stretch, monomial_t(place=[nint(of%c_H), 0, 0])), &
+      term_t(of_stiffness, stretch, monomial_t(place=[nint(of%k_H), 0, 0])), &
+      term_t(of_stiffness, root_slope, monomial_t(place=[nint(of%k_R), 0, 0])), &
       term_t(of_load, tip_value), &
       term_t(of_load, load_shape)]
 
