@@ -19,7 +19,7 @@ program test_attachments
    use beamid_responses, only: response_t, work_t
    use beamid_roots, only: damped_roots
    use beamid_strings, only: to_text
-   use beamid_structure, only: at_tip, of_gamma, of_J_T, of_k_R, of_length, of_m_S, of_m_T, &
+   use beamid_structure, only: at_tip, of, of_gamma, of_J_T, of_k_R, of_length, of_m_S, of_m_T, &
       of_x_S, rigid, structure_t
    use checks, only: check, check_close, finish
    use full_matrices, only: full_t, new_full, qp
@@ -139,6 +139,7 @@ contains
       s%m_T = mass*decades(-3.0_wp, 2.0_wp)
       s%J_T = (mass + s%m_T)*(s%length*decades(-3.0_wp, -0.5_wp))**2
       s%k_R = s%E*s%I/s%length*decades(-2.0_wp, 3.0_wp)
+      s%c_R = 0.05_wp*s%k_R/s%omega()
       s%m_S = mass*decades(-3.0_wp, 0.0_wp)
       s%x_S = s%length*between(0.05_wp, 1.0_wp)
       s%c_D = 2*s%E/s%omega()*decades(-5.0_wp, 0.0_wp)
@@ -613,6 +614,11 @@ contains
          call all_roots('bar', bar, coarse, roots)
          call check_close('k_R = 1e-'//to_text(i)//': a bar on a spring', &
             abs(roots(1))*sqrt(inertia/bar%k_R), 1.0_wp, bar%k_R + 1e-12_wp)
+         bar%c_R = 2*0.3_wp*sqrt(inertia*bar%k_R)
+         call all_roots('bar', bar, coarse, roots)
+         call check_close('k_R = 1e-'//to_text(i)//': damped at the root, 30 % of critical', &
+            -real(roots(1))*sqrt(inertia/bar%k_R), 0.3_wp, sqrt(bar%k_R) + 1e-12_wp)
+         bar%c_R = 0
       end do
    end subroutine test_soft_root_limits
 
@@ -695,8 +701,9 @@ contains
          call check_close(name//' at x_S = l: as tip mass', relative(as_mass(:, 3), &
             at_end(:, 3)), 0.0_wp, 1e-11_wp)
          do k = 1, every
-            if (root == 2 .and. k == of_k_R) then
-               call check('rigid root: derivatives by k_R vanish', all(abs(d_end(:, :, k)) <= 0))
+            if (root == 2 .and. any(k == [of_k_R, nint(of%c_R)])) then
+               call check('rigid root: derivatives by '//trim(parameter_names(k))//' vanish', &
+                  all(abs(d_end(:, :, k)) <= 0))
                cycle
             end if
             ! By default the sensor stays at the tip of a beam that grows.
@@ -867,7 +874,8 @@ contains
    !> starts there, against one-sided differences; the same when a plain response was asked for
    !> before; and the sensor near the root, and at the tip.
    subroutine test_at_zero()
-      integer, parameter :: some(6) = [of_m_T, of_gamma, of_J_T, of_k_R, of_m_S, of_x_S]
+      integer, parameter :: some(7) = [of_m_T, of_gamma, of_J_T, of_k_R, nint(of%c_R), of_m_S, &
+         of_x_S]
       character(len=*), parameter :: names(9) = [character(len=20) :: 'J_T = 0', 'm_S = 0', &
          'gamma = 0', 'all of them 0', 'x_S by default', 'J_T = 0, x_S default', &
          'x_S = .001 l', 'x_S = l', 'nothing at all'], &
@@ -910,7 +918,7 @@ contains
                cycle
             end if
             do k = 1, size(some)
-               if (root == 2 .and. some(k) == of_k_R) cycle
+               if (root == 2 .and. any(some(k) == [of_k_R, nint(of%c_R)])) cycle
                do m = 1, 3
                   ! Sums over roots of relative error 1e-14 times the phase, 1e2; the acceleration
                   ! has all modes in it. A sensor near the root that is as heavy as the beam moves
@@ -932,7 +940,7 @@ contains
 
    !> Attachments from next to nothing to far more than the beam, in quadruple precision.
    subroutine test_limits()
-      integer, parameter :: some(5) = [of_gamma, of_J_T, of_k_R, of_m_S, of_x_S]
+      integer, parameter :: some(6) = [of_gamma, of_J_T, of_k_R, nint(of%c_R), of_m_S, of_x_S]
       real(wp), parameter :: sizes(6) = [1e-12_wp, 1e-6_wp, 1e-3_wp, 1e2_wp, 1e4_wp, 1e6_wp]
       type(experiment_t) :: e
       real(wp) :: allowed(3)
@@ -1090,6 +1098,7 @@ contains
       s%m_T = mass*decades(-3.0_wp, 3.0_wp)
       s%J_T = mass*s%length**2*decades(-5.0_wp, 1.0_wp)
       s%k_R = s%E*s%I/s%length*decades(-3.0_wp, 3.0_wp)
+      s%c_R = 0.1_wp*s%k_R/s%omega()
       s%m_S = mass*decades(-4.0_wp, 2.0_wp)
       s%x_S = s%length*decades(-2.0_wp, 0.0_wp)
       s%c_D = 2*s%E/s%omega()*decades(-5.0_wp, 1.0_wp)

@@ -311,6 +311,7 @@ contains
          case ('gamma'); direct = s%gamma
          case ('J_T'); direct = s%J_T
          case ('k_R'); direct = s%k_R
+         case ('c_R'); direct = s%c_R
          case ('m_S'); direct = s%m_S
          case ('x_S'); direct = s%x_S
          case ('length'); direct = s%length

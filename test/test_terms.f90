@@ -66,7 +66,7 @@ program test_terms
    use beamid_parameters, only: check_structure, magnitude, not_negative, parameters, positive
    use beamid_problems, only: compare_derivatives
    use beamid_strings, only: to_text
-   use beamid_structure, only: at_tip, n_parameters, of_k_R, of_length, of_x_S, rigid, structure_t
+   use beamid_structure, only: at_tip, n_parameters, of, of_k_R, of_length, of_x_S, rigid, structure_t
    use beamid_terms, only: strength_slopes, strengths
    use beamid_units, only: units_t
    use beamid_variables, only: new_variable, unbounded, variable_t
@@ -137,6 +137,7 @@ contains
       call check('a structure of everything', .not. allocated(error))
       assembly = new_assembly(s, modes, [(k, k=1, n_parameters)])
       units = units_t('ft', 'lb', 's', 'slug')
+      call check('unit of c_R', units%of_parameter(nint(of%c_R)) == 'lb ft s')
       do k = 1, n_parameters
          name = trim(parameters(k)%name)
          call check(name//': help', parameters(k)%help /= '')

@@ -67,6 +67,9 @@ module beamid_parameters
       parameter_t(nint(of%k_R), 'k_R', 'beam', [1, 2, -2], positive, 'a rigid clamp', &
          monomial_t(10.0_wp, [nint(of%E), nint(of%I), nint(of%length)], [1, 1, -1]), &
          needs=nint(of%k_R), help='torsional spring at the root'), &
+      parameter_t(nint(of%c_R), 'c_R', 'beam', [1, 2, -1], not_negative, '0', &
+         monomial_t(2e-2_wp, [nint(of%k_R), the_omega, 0], [1, -1, 1]), needs=nint(of%k_R), &
+         help='viscous damper at the root, beside k_R'), &
       parameter_t(nint(of%m_S), 'm_S', 'sensor', [1, 0, 0], not_negative, '0', tenth_of_mass, &
          help='mass of the sensor'), &
       parameter_t(nint(of%x_S), 'x_S', 'sensor', [0, 1, 0], on_beam, 'the tip', &

@@ -29,6 +29,7 @@ module beamid_structure
       real(wp) :: gamma = 0          !< air damping, gamma u_t
       real(wp) :: J_T = 0            !< rotary inertia at the tip
       real(wp) :: k_R = rigid        !< torsional spring at the root
+      real(wp) :: c_R = 0            !< viscous damper at the root
       real(wp) :: m_S = 0            !< mass of the sensor
       real(wp) :: x_S = at_tip       !< where the sensor sits and observes
       real(wp) :: length = 0         !< l

@@ -45,6 +45,7 @@ module beamid_terms
       term_t(of_damping, stretch, monomial_t(place=[nint(of%c_H), 0, 0])), &
       term_t(of_stiffness, stretch, monomial_t(place=[nint(of%k_H), 0, 0])), &
       term_t(of_stiffness, root_slope, monomial_t(place=[nint(of%k_R), 0, 0])), &
+      term_t(of_damping, root_slope, monomial_t(place=[nint(of%c_R), 0, 0])), &
       term_t(of_load, tip_value), &
       term_t(of_load, load_shape)]
 
