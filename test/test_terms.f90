@@ -66,7 +66,8 @@ program test_terms
    use beamid_parameters, only: check_structure, magnitude, not_negative, parameters, positive
    use beamid_problems, only: compare_derivatives
    use beamid_strings, only: to_text
-   use beamid_structure, only: at_tip, n_parameters, of, of_k_R, of_length, of_x_S, rigid, structure_t
+   use beamid_structure, only: at_tip, n_parameters, of, of_k_R, of_length, of_x_S, rigid, &
+      structure_t
    use beamid_terms, only: strength_slopes, strengths
    use beamid_units, only: units_t
    use beamid_variables, only: new_variable, unbounded, variable_t
@@ -183,7 +184,8 @@ contains
       end do
       s%k_R = rigid
       s%x_S = at_tip
-      call check('rigid root: k_R does nothing', all(abs(strength_slopes(s, s%length, of_k_R)) <= 0))
+      call check('rigid root: k_R does nothing', &
+         all(abs(strength_slopes(s, s%length, of_k_R)) <= 0))
       call check('length matters', any(abs(strength_slopes(s, s%length, of_length)) > 0))
    end subroutine test_derivatives
 

@@ -50,8 +50,8 @@ module beamid_structure
    !> How many parameters there are.
    integer, parameter, public :: n_parameters = storage_size(structure_t())/storage_size(1.0_wp)
 
-   !> Places of the parameters: every component of this structure holds its own. Those that are asked
-   !> for by name elsewhere follow as integers.
+   !> Places of the parameters: every component of this structure holds its own. Those that are
+   !> asked for by name elsewhere follow as integers.
    integer :: i
    type(structure_t), parameter, public :: of = transfer([(real(i, wp), i=1, n_parameters)], &
       structure_t())
