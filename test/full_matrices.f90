@@ -8,8 +8,8 @@ module full_matrices
    use beamid_galerkin, only: galerkin_t
    use beamid_kinds, only: wp
    use beamid_quadrature, only: composite, rule_t
-   use beamid_structure, only: of_c_D, of_c_H, of_E, of_gamma, of_J_T, of_k_H, of_k_R, of_m_H, &
-      of_m_S, of_m_T, of_rho, of_x_S, structure_t
+   use beamid_structure, only: n_parameters, of, of_c_D, of_c_H, of_E, of_gamma, of_I, of_J_T, &
+      of_k_H, of_k_R, of_length, of_m_H, of_m_S, of_m_T, of_rho, of_x_S, structure_t
    implicit none
    private
 
@@ -19,13 +19,15 @@ module full_matrices
 
    type :: full_t
       integer :: n = 0                        !< unknowns, the hose last
-      real(qp) :: q(12) = 0                   !< the parameters by number
-      !> integrals of the mesh, with rows of zeros for the hose
+      real(qp) :: q(n_parameters) = 0                   !< the parameters by number
+      !> integrals of the mesh, of a length of its own, with rows of zeros for the hose
       real(qp), allocatable :: inertia(:, :), bending(:, :)
       !> tip, its slope, slope at the root, sensor and its slope, stretch of the hose's spring, load
-      real(qp), allocatable :: tip(:), slope(:), root(:), sensor(:), tilt(:), stretch(:), load(:)
-      real(qp) :: I = 0, x_S = 0              !< second moment; where `sensor` was taken
-      logical :: soft = .false., hose = .false.
+      real(qp), allocatable :: tip(:), slope(:), root(:), sensor(:), tilt(:), stretch(:), load(:), &
+         shape(:)
+      real(qp) :: length = 0, x_S = 0         !< of the mesh; where `sensor` was taken
+      real(qp) :: start = 0                   !< the beam's length then
+      logical :: soft = .false., hose = .false., at_tip = .false.
       real(qp), allocatable :: M(:, :), C(:, :), K(:, :), o(:)   !< of the parameters q
    contains
       procedure :: assemble
@@ -50,9 +52,11 @@ contains
 
       self%soft = structure%has_soft_root()
       self%hose = structure%has_hose()
-      self%I = structure%I
+      self%length = galerkin%space%length
       self%x_S = structure%sensor_place()
-      self%q = [(real(structure%get(i), qp), i=1, 12)]
+      self%start = structure%length
+      self%at_tip = structure%x_S < 0
+      self%q = [(real(structure%get(i), qp), i=1, n_parameters)]
       associate (space => galerkin%space)
          self%n = space%n + merge(1, 0, self%hose)
          allocate (self%inertia(self%n, self%n), self%bending(self%n, self%n), source=0.0_qp)
@@ -77,11 +81,12 @@ contains
          self%tip = padded(space%at(space%length, 0))
          self%slope = padded(space%at(space%length, 1))
          self%root = padded(space%at(0.0_wp, 1))
-         self%sensor = padded(space%at(structure%sensor_place(), 0))
-         self%tilt = padded(space%at(structure%sensor_place(), 1))
-         self%load = self%tip
-         if (excitation%distributed) self%load = self%load &
-            + padded(galerkin%moments(excitation%power))
+         associate (place => structure%sensor_place()*(space%length/structure%length))
+            self%sensor = padded(space%at(place, 0))
+            self%tilt = padded(space%at(place, 1))
+         end associate
+         allocate (self%shape(self%n), source=0.0_qp)
+         if (excitation%distributed) self%shape = padded(galerkin%moments(excitation%power))
       end associate
       self%stretch = -self%tip
       if (self%hose) self%stretch(self%n) = 1
@@ -103,13 +108,18 @@ contains
    subroutine assemble(self)
       class(full_t), intent(inout) :: self
 
-      associate (q => self%q)
-         self%o = self%sensor + (q(of_x_S) - self%x_S)*self%tilt
-         self%M = q(of_rho)*self%inertia + q(of_m_T)*square(self%tip) + q(of_J_T) &
-            *square(self%slope) + q(of_m_S)*square(self%o)
-         self%C = q(of_c_D)*self%I*self%bending + q(of_gamma)*self%inertia
-         self%K = q(of_E)*self%I*self%bending
-         if (self%soft) self%K = self%K + q(of_k_R)*square(self%root)
+      associate (q => self%q, longer => self%q(of_length)/self%length)
+         ! A place on the beam lies at place/longer on the mesh.
+         self%o = self%sensor + (q(of_x_S) - self%x_S)/longer*self%tilt
+         if (.not. self%at_tip) self%o = self%o + self%x_S*(1/longer - self%length/self%start) &
+            *self%tilt
+         self%load = self%tip + longer*self%shape
+         self%M = q(of_rho)*longer*self%inertia + q(of_m_T)*square(self%tip) + q(of_J_T) &
+            *square(self%slope/longer) + q(of_m_S)*square(self%o)
+         self%C = q(of_c_D)*q(of_I)/longer**3*self%bending + q(of_gamma)*longer*self%inertia
+         self%K = q(of_E)*q(of_I)/longer**3*self%bending
+         if (self%soft) self%K = self%K + q(of_k_R)*square(self%root/longer)
+         if (self%soft) self%C = self%C + q(nint(of%c_R))*square(self%root/longer)
          if (.not. self%hose) return
          self%M(self%n, self%n) = q(of_m_H)
          self%C = self%C + q(of_c_H)*square(self%stretch)

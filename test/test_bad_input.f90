@@ -665,6 +665,12 @@ contains
       call refused('soft root of nothing', beam, beam//', k_R=0', '3: &beam k_R: found 0|above 0')
       call refused('negative spring at the root', beam, beam//', k_R=-5', &
          '3: &beam k_R: found -5|above 0')
+      call refused('damper at a rigid root', beam, beam//', c_R=0.5', &
+         '3: &beam c_R: found a value without k_R|expected both')
+      call refused('negative damper at the root', beam, beam//', k_R=5, c_R=-0.5', &
+         '3: &beam c_R: found -0.5|0 or more')
+      call refused('c_R free with a rigid root', 'free=''m_H''', 'free=''c_R''', &
+         '12: &stage free: found ''c_R''|expected a value of k_R in &beam for it')
       call refused('rigid root as a number', beam, beam//', k_R=Inf', &
          '3: &beam k_R: found ''Inf''|expected a number')
       call refused('k_R free with a rigid root', 'free=''m_H''', 'free=''k_R''', &

@@ -149,12 +149,12 @@ program test_derivatives
    use beamid_excitation, only: excitation_t, new_force_table, new_pulse
    use beamid_galerkin, only: galerkin_t, mesh_t, new_galerkin
    use beamid_kinds, only: wp
-   use beamid_modal, only: modal_t
+   use beamid_modal, only: assemble, modal_t
    use beamid_modes, only: bare_beam_modes, beam_modes_t
    use beamid_observation, only: observation_t, new_sampling, sampling_t
-   use beamid_parameters, only: amplitude, free_names, get_free
+   use beamid_parameters, only: amplitude, free_names, get_free, magnitude
    use beamid_poles, only: find_poles, poles_t
-   use beamid_assembly, only: new_assembly
+   use beamid_assembly, only: assembly_t
    use beamid_responses, only: response_t, work_t
    use beamid_strings, only: to_text
    use beamid_structure, only: structure_t
@@ -335,7 +335,8 @@ contains
       type(poles_t) :: poles
       type(error_t), allocatable :: error
       type(beam_modes_t) :: modes
-      real(wp), allocatable :: load(:), again(:, :)
+      real(wp), allocatable :: again(:, :)
+      type(assembly_t) :: assembly
       real(qp), allocatable :: here(:, :), there(:, :)
       real(qp) :: step
       integer :: k, m
@@ -345,12 +346,12 @@ contains
       call bare_beam_modes(galerkin, modes, error)
       if (allocated(error)) return
       equations = new_equations(galerkin, e%structure, e%excitation)
-      load = matmul(equations%load(:size(modes%mu)), modes%shapes)
-      call find_poles(new_assembly(e%structure, modes, [integer ::], load), modes, poles, error)
+      call assemble(modes, equations, e%excitation, [integer ::], assembly)
+      call find_poles(assembly, modes, poles, error)
       if (allocated(error)) return
       base%mu = modes%mu
       base%tip = modes%tip
-      base%load = load
+      base%load = assembly%load
       base%I = e%structure%I
       base%q = [(real(e%structure%get(k), qp), k=1, 7)]
       base%s = poles%s
@@ -364,7 +365,7 @@ contains
       allocate (derivatives(size(columns, 1), size(kinds), size(free)))
       do k = 1, size(free)
          step = 1e-16_qp*e%structure%get(free(k))
-         if (.not. step > 0) step = 1e-16_qp*e%structure%magnitude(free(k))
+         if (.not. step > 0) step = 1e-16_qp*magnitude(e%structure, free(k))
          moved = base
          moved%q(free(k)) = base%q(free(k)) + step
          call moved%polish(6, lost)

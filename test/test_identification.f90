@@ -11,7 +11,8 @@ program test_identification
    use beamid_modal, only: modal_t
    use beamid_observation, only: observation_t
    use beamid_strings, only: to_text
-   use beamid_structure, only: parameter_index, structure_t
+   use beamid_parameters, only: free_index
+   use beamid_structure, only: structure_t
    use beamid_variables, only: unbounded
    use checks, only: check, check_close, finish
    implicit none
@@ -61,7 +62,7 @@ contains
       real(wp), intent(in), optional :: start(:)
       integer :: i
 
-      stage_of%free = [(parameter_index(names(i)), i=1, size(names))]
+      stage_of%free = [(free_index(names(i)), i=1, size(names))]
       if (present(start)) stage_of%start = start
       stage_of%lower = spread(0.0_wp, 1, size(names))
       stage_of%upper = spread(unbounded, 1, size(names))
@@ -106,7 +107,7 @@ contains
          call check_close('formula '//to_text(formula)//': start of '//names(i), &
             fits(1)%fit%start(i)/exact(i), merge(0.8_wp, 1.2_wp, i == 1), 1e-12_wp)
          call check_close('formula '//to_text(formula)//': '//names(i)//' is in the structure', &
-            fits(1)%structure%get(parameter_index(names(i))), fits(1)%fit%estimate(i), 0.0_wp)
+            fits(1)%structure%get(free_index(names(i))), fits(1)%fit%estimate(i), 0.0_wp)
       end do
       ! (1e-6)^2 of the sum of squares of the record.
       call check_close('formula '//to_text(formula)//': J', fits(1)%fit%J/sum(measured**2), &

@@ -12,10 +12,10 @@ program test_release
    use beamid_modal, only: modal_t
    use beamid_noise, only: gaussian_noise
    use beamid_observation, only: observation_t
-   use beamid_parameters, only: amplitude, free_index, free_names, get_free, set_free
+   use beamid_parameters, only: amplitude, free_index, free_names, get_free, parameter_names, set_free
    use beamid_responses, only: response_t, solver_t
    use beamid_strings, only: to_text
-   use beamid_structure, only: at_tip, parameter_names, rigid, structure_t
+   use beamid_structure, only: at_tip, of_length, rigid, structure_t
    use beamid_variables, only: unbounded
    use checks, only: check, check_close, finish, skip
    use shell, only: close_shell, in_scratch, open_shell, write_file
@@ -323,7 +323,8 @@ contains
          if (allocated(error)) return
          do p = 1, size(places)
             value = get_free(structure, excitation, places(p))
-            h = 3e-4_wp*value
+            ! Frequencies go with l**-2, with the roots of the others at most.
+            h = merge(7.5e-5_wp, 3e-4_wp, places(p) == of_length)*value
             difference = 0
             do j = 1, 4
                moved = structure

@@ -8,7 +8,8 @@ program test_structure
    use beamid_kinds, only: wp
    use beamid_quadrature, only: gauss_legendre, rule_t
    use beamid_strings, only: to_text
-   use beamid_structure, only: check_structure, parameter_index, parameter_names, structure_t
+   use beamid_parameters, only: check_structure, free_index, magnitude, parameter_names, parameters
+   use beamid_structure, only: structure_t
    use checks, only: check, check_close, finish
    implicit none
 
@@ -296,6 +297,7 @@ contains
 
       do k = 1, size(parameter_names)
          s = assembly
+         s%x_S = 1
          before = [(s%get(j), j=1, size(before))]
          call s%set(k, 123.5_wp + k)
          select case (trim(parameter_names(k)))
@@ -309,8 +311,11 @@ contains
          case ('gamma'); direct = s%gamma
          case ('J_T'); direct = s%J_T
          case ('k_R'); direct = s%k_R
+         case ('c_R'); direct = s%c_R
          case ('m_S'); direct = s%m_S
          case ('x_S'); direct = s%x_S
+         case ('length'); direct = s%length
+         case ('I'); direct = s%I
          case default; direct = -1
          end select
          before(k) = 123.5_wp + k
@@ -318,14 +323,15 @@ contains
          call check_close('set '//trim(parameter_names(k)), direct, 123.5_wp + k, 0.0_wp)
          call check_close('get '//trim(parameter_names(k))//' and all others', &
             maxval(abs([(s%get(j), j=1, size(before))] - before)), 0.0_wp, 0.0_wp)
-         call check('index of '//trim(parameter_names(k)), parameter_index(parameter_names(k)) == k)
+         call check('index of '//trim(parameter_names(k)), free_index(parameter_names(k)) &
+            == merge(k, 0, parameters(k)%is_free))
          call check('magnitude of '//trim(parameter_names(k))//' is positive', &
-            assembly%magnitude(k) > 0)
+            magnitude(assembly, k) > 0)
       end do
-      call check('any case', parameter_index('M_h') == parameter_index('m_H') &
-         .and. parameter_index('e') == parameter_index('E'))
-      call check('no such parameter', parameter_index('m') == 0 .and. parameter_index('') == 0 &
-         .and. parameter_index('length') == 0)
+      call check('any case', free_index('M_h') == free_index('m_H') &
+         .and. free_index('e') == free_index('E'))
+      call check('no such parameter', free_index('m') == 0 .and. free_index('') == 0 &
+         .and. free_index('I') == 0)
    end subroutine test_parameters
 
    !> Rayleigh's estimate lies above the first frequency of a cantilever, by 1.5 per cent without

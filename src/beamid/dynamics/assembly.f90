@@ -15,8 +15,10 @@
 module beamid_assembly
    use beamid_kinds, only: wp
    use beamid_modes, only: beam_modes_t
-   use beamid_structure, only: of_c_D, of_c_H, of_E, of_gamma, of_J_T, of_k_H, of_k_R, of_m_H, &
-      of_m_S, of_m_T, of_rho, of_x_S, structure_t
+   use beamid_structure, only: of_length, of_x_S, structure_t
+   use beamid_terms, only: bending, hose, inertia, load_shape, of_damping, of_load, of_mass, &
+      of_stiffness, root_slope, sensor_value, strength_slopes, strengths, stretch, tip_slope, &
+      tip_value
    implicit none
    private
 
@@ -30,6 +32,7 @@ module beamid_assembly
 
    type :: assembly_t
       type(structure_t) :: structure
+      real(wp), allocatable :: strength(:, :)  !< (operators, matrices) of `beamid_terms`
       integer :: n = 0                         !< oscillators
       integer :: beam = 0                      !< the first of them: modes of the bare beam
       type(pencil_t) :: pencil(2)              !< hose by y, by y - u(l)
@@ -38,8 +41,11 @@ module beamid_assembly
       complex(wp), allocatable :: pole(:, :)   !< (n, 2) roots of D_i [1/time]
       integer, allocatable :: parameters(:)    !< places of those to differentiate with respect to
       type(pencil_t), allocatable :: slope(:, :)   !< (2, parameters) d pencil/d parameter
-      !> (n) how the sensor's row of v changes as the sensor moves along the beam
-      real(wp), allocatable :: sensor_slope(:)
+      real(wp), allocatable :: load_slope(:, :)    !< (n, parameters) d load/d parameter
+      !> (r, n) how a row of v changes as its place moves along the beam of the mesh, and
+      !> (r, parameters) how a parameter moves that place; such a row has no entry of H but that on
+      !> the diagonal
+      real(wp), allocatable :: v_slope(:, :), moves(:, :)
       !> Rows of v; 0: not there. The sensor's may be that of the tip.
       integer :: tip = 0, hose = 0, turn = 0, sensor = 0, arrow = 0, root = 0
    contains
@@ -53,31 +59,42 @@ contains
 
    !> structure   what hangs on the beam
    !> modes       of the bare beam
-   !> parameters  places among `parameter_names` to differentiate with respect to
-   !> load        (n) of the beam's modes per unit force; left out: a force at the tip
-   !> load_root   work of the load on w = x; left out: a force at the tip
-   function new_assembly(structure, modes, parameters, load, load_root) result(self)
+   !> parameters  places in the table to differentiate with respect to
+   !> shape       (n) <theta, phi> of the beam's modes for a distributed load; left out: none
+   !> shape_root  <theta, x>
+   function new_assembly(structure, modes, parameters, shape, shape_root) result(self)
       type(structure_t), intent(in) :: structure
       type(beam_modes_t), intent(in) :: modes
       integer, intent(in) :: parameters(:)
-      real(wp), intent(in), optional :: load(:), load_root
+      real(wp), intent(in), optional :: shape(:), shape_root
       type(assembly_t) :: self
+      real(wp), allocatable :: slopes(:, :, :), distributed(:)
       integer :: form, p, i
 
       self%structure = structure
       self%parameters = parameters
       self%beam = size(modes%mu)
-      call lay_out(self, modes)
-      allocate (self%slope(2, size(parameters)))
+      self%strength = strengths(structure, modes%space%length)
+      allocate (slopes(size(self%strength, 1), size(self%strength, 2), size(parameters)))
+      do p = 1, size(parameters)
+         slopes(:, :, p) = strength_slopes(structure, modes%space%length, parameters(p))
+      end do
+      call lay_out(self, modes, needed=[(any(abs(self%strength(i, :)) > 0) .or. &
+         any(abs(slopes(i, :, :)) > 0), i=1, size(self%strength, 1))])
+      allocate (distributed(self%n), source=0.0_wp)
+      if (present(shape)) distributed(:self%beam) = shape
+      if (present(shape_root) .and. self%root > 0) distributed(self%n) = shape_root
+      self%load = load_of(self, self%strength(:, of_load), distributed)
+      allocate (self%slope(2, size(parameters)), self%load_slope(self%n, size(parameters)))
       do form = 1, 2
-         self%pencil(form) = new_pencil(self, modes, form)
+         self%pencil(form) = new_pencil(self, modes, self%strength, form)
          do p = 1, size(parameters)
-            self%slope(form, p) = slope_of(self, modes, parameters(p), form)
+            self%slope(form, p) = new_pencil(self, modes, slopes(:, :, p), form)
          end do
       end do
-      self%load = self%v(self%tip, :)
-      if (present(load)) self%load(:self%beam) = load
-      if (present(load_root) .and. self%root > 0) self%load(self%n) = load_root
+      do p = 1, size(parameters)
+         self%load_slope(:, p) = load_of(self, slopes(:, of_load, p), distributed)
+      end do
       allocate (self%pole(self%n, 2))
       do i = 1, self%n
          self%pole(i, :) = quadratic(self%pencil(1)%m(i), self%pencil(1)%c(i), &
@@ -86,44 +103,52 @@ contains
    end function new_assembly
 
    !> Which oscillators and couplings there are, and V.
-   subroutine lay_out(self, modes)
+   !>
+   !> needed  (operators) which of them count
+   subroutine lay_out(self, modes, needed)
       type(assembly_t), intent(inout) :: self
       type(beam_modes_t), intent(in) :: modes
-      logical :: soft, hose
+      logical, intent(in) :: needed(:)
+      logical :: soft, has_hose
+      real(wp) :: place
       integer :: r
 
-      associate (s => self%structure, wanted => self%parameters)
+      associate (s => self%structure, l => modes%space%length)
          soft = s%has_soft_root()
-         hose = s%has_hose() .and. (s%k_H > 0 .or. s%c_H > 0)
+         has_hose = s%has_hose() .and. any(self%strength(stretch, :) > 0)
          r = 0
          self%n = self%beam
          call add(.true., self%tip)
-         call add(hose, self%hose)
-         call add(s%J_T > 0 .or. any(wanted == of_J_T), self%turn)
-         call add(s%x_S >= 0 .or. any(wanted == of_x_S), self%sensor)
+         call add(has_hose, self%hose)
+         call add(needed(tip_slope), self%turn)
+         call add(s%x_S >= 0 .or. any(self%parameters == of_x_S), self%sensor)
          if (self%sensor == 0) self%sensor = self%tip
          call add(soft, self%arrow)
          call add(soft, self%root)
-         if (hose) self%n = self%n + 1
+         if (has_hose) self%n = self%n + 1
          if (soft) self%n = self%n + 1
-         allocate (self%v(r, self%n), source=0.0_wp)
+         allocate (self%v(r, self%n), self%v_slope(r, self%n), &
+            self%moves(r, size(self%parameters)), source=0.0_wp)
          self%v(self%tip, :self%beam) = modes%tip
          if (self%turn > 0) self%v(self%turn, :self%beam) = modes%tip_slope
-         if (self%sensor /= self%tip) self%v(self%sensor, :self%beam) = &
-            modes%at(s%sensor_place(), 0)
-         if (hose) self%v(self%hose, self%beam + 1) = 1
+         if (has_hose) self%v(self%hose, self%beam + 1) = 1
          if (soft) then
-            self%v(self%tip, self%n) = s%length
+            self%v(self%tip, self%n) = l
             if (self%turn > 0) self%v(self%turn, self%n) = 1
             self%v(self%arrow, :self%beam) = modes%moment
             self%v(self%root, self%n) = 1
-            if (self%sensor /= self%tip) self%v(self%sensor, self%n) = s%sensor_place()
          end if
-         if (any(wanted == of_x_S)) then
-            allocate (self%sensor_slope(self%n), source=0.0_wp)
-            self%sensor_slope(:self%beam) = modes%at(s%sensor_place(), 1)
-            if (soft) self%sensor_slope(self%n) = 1
+         if (self%sensor == self%tip) return
+         place = s%sensor_place()*(l/s%length)
+         self%v(self%sensor, :self%beam) = modes%at(place, 0)
+         if (soft) self%v(self%sensor, self%n) = place
+         where (self%parameters == of_x_S) self%moves(self%sensor, :) = l/s%length
+         if (s%x_S >= 0) then
+            where (self%parameters == of_length) self%moves(self%sensor, :) = -place/s%length
          end if
+         if (.not. any(abs(self%moves) > 0)) return
+         self%v_slope(self%sensor, :self%beam) = modes%at(place, 1)
+         if (soft) self%v_slope(self%sensor, self%n) = 1
       end associate
 
    contains
@@ -138,91 +163,72 @@ contains
 
    end subroutine lay_out
 
-   !> A pencil of zeros.
-   pure function nothing(self) result(pencil)
+   !> F, or its derivative, from its strengths.
+   !>
+   !> distributed  (n) <theta, .>
+   pure function load_of(self, strength, distributed) result(load)
       type(assembly_t), intent(in) :: self
-      type(pencil_t) :: pencil
+      real(wp), intent(in) :: strength(:), distributed(:)
+      real(wp) :: load(self%n)
+
+      load = strength(tip_value)*self%v(self%tip, :) + strength(load_shape)*distributed
+   end function load_of
+
+   !> D(s) and H(s) in one of the two forms, or a derivative of them.
+   !>
+   !> strength  (operators, matrices), or a derivative
+   pure function new_pencil(self, modes, strength, form) result(p)
+      type(assembly_t), intent(in) :: self
+      type(beam_modes_t), intent(in) :: modes
+      real(wp), intent(in) :: strength(:, :)
+      integer, intent(in) :: form
+      type(pencil_t) :: p
       integer :: r
 
       r = size(self%v, 1)
-      allocate (pencil%m(self%n), pencil%c(self%n), pencil%k(self%n), source=0.0_wp)
-      allocate (pencil%hm(r, r), pencil%hc(r, r), pencil%hk(r, r), source=0.0_wp)
-   end function nothing
-
-   !> D(s) and H(s) in one of the two forms.
-   function new_pencil(self, modes, form) result(p)
-      type(assembly_t), intent(in) :: self
-      type(beam_modes_t), intent(in) :: modes
-      integer, intent(in) :: form
-      type(pencil_t) :: p
-
-      p = nothing(self)
-      associate (s => self%structure, b => self%beam, n => self%n)
-         p%m(:b) = s%rho
-         p%c(:b) = s%gamma + s%c_D*s%I*modes%mu
-         p%k(:b) = s%E*s%I*modes%mu
-         p%hm(self%tip, self%tip) = s%m_T
-         if (self%hose > 0) then
-            p%m(b + 1) = s%m_H
-            p%c(b + 1) = s%c_H
-            p%k(b + 1) = s%k_H
-            if (form == 1) call couple_hose(self, p%hc, s%c_H, -1)
-            if (form == 1) call couple_hose(self, p%hk, s%k_H, -1)
-            if (form == 2) call couple_hose(self, p%hm, s%m_H, 1)
-         end if
-         if (self%turn > 0) p%hm(self%turn, self%turn) = s%J_T
-         p%hm(self%sensor, self%sensor) = p%hm(self%sensor, self%sensor) + s%m_S
-         if (self%root > 0) then
-            p%m(n) = s%rho*modes%turn
-            p%c(n) = s%gamma*modes%turn
-            p%k(n) = s%k_R
-            call couple_root(self, p%hm, s%rho)
-            call couple_root(self, p%hc, s%gamma)
-         end if
-      end associate
+      allocate (p%m(self%n), p%c(self%n), p%k(self%n), p%hm(r, r), p%hc(r, r), p%hk(r, r))
+      call sum_terms(self, modes, strength(:, of_mass), form, p%m, p%hm)
+      call sum_terms(self, modes, strength(:, of_damping), form, p%c, p%hc)
+      call sum_terms(self, modes, strength(:, of_stiffness), form, p%k, p%hk)
    end function new_pencil
 
-   !> Derivative of D and H with respect to one parameter.
-   function slope_of(self, modes, parameter, form) result(p)
+   !> The part of one matrix.
+   !>
+   !> s  (operators)
+   !> d  (n) on the diagonal
+   !> h  (r, r)
+   pure subroutine sum_terms(self, modes, s, form, d, h)
       type(assembly_t), intent(in) :: self
       type(beam_modes_t), intent(in) :: modes
-      integer, intent(in) :: parameter, form
-      type(pencil_t) :: p
+      real(wp), intent(in) :: s(:)
+      integer, intent(in) :: form
+      real(wp), intent(out) :: d(:), h(:, :)
 
-      p = nothing(self)
-      associate (s => self%structure, b => self%beam, n => self%n, tip => self%tip)
-         select case (parameter)
-         case (of_m_T); p%hm(tip, tip) = 1
-         case (of_J_T); p%hm(self%turn, self%turn) = 1
-         case (of_m_S); p%hm(self%sensor, self%sensor) = 1
-         case (of_E); p%k(:b) = s%I*modes%mu
-         case (of_c_D); p%c(:b) = s%I*modes%mu
-         case (of_k_R); if (self%root > 0) p%k(n) = 1
-         case (of_rho)
-            p%m(:b) = 1
-            if (self%root > 0) p%m(n) = modes%turn
-            if (self%root > 0) call couple_root(self, p%hm, 1.0_wp)
-         case (of_gamma)
-            p%c(:b) = 1
-            if (self%root > 0) p%c(n) = modes%turn
-            if (self%root > 0) call couple_root(self, p%hc, 1.0_wp)
-         case (of_m_H)
-            if (self%hose > 0) p%m(b + 1) = 1
-            if (form == 2) call couple_hose(self, p%hm, 1.0_wp, 1)
-            ! The first grain of a hose moves with the tip, held by c_H and k_H.
-            if (.not. s%has_hose() .and. (s%k_H > 0 .or. s%c_H > 0)) p%hm(tip, tip) = 1
-         case (of_c_H)
-            if (self%hose > 0) p%c(b + 1) = 1
-            if (form == 1) call couple_hose(self, p%hc, 1.0_wp, -1)
+      h = 0
+      associate (b => self%beam, n => self%n, tip => self%tip, sensor => self%sensor)
+         d(:b) = s(inertia) + s(bending)*modes%mu
+         h(tip, tip) = s(tip_value)
+         if (self%turn > 0) h(self%turn, self%turn) = s(tip_slope)
+         h(sensor, sensor) = h(sensor, sensor) + s(sensor_value)
+         if (self%root > 0) then
+            d(n) = s(inertia)*modes%turn + s(root_slope)
+            h(self%arrow, self%root) = s(inertia)
+            h(self%root, self%arrow) = s(inertia)
+         end if
+         if (self%hose > 0) then
+            d(b + 1) = s(hose) + s(stretch)
+            ! By y a spring acts between hose and tip, by y - u(l) the mass moves by the sum.
+            if (form == 1) call couple_hose(self, h, s(stretch), -1)
+            if (form == 2) call couple_hose(self, h, s(hose), 1)
+         else if (self%structure%has_hose()) then
             ! A hose that nothing holds yet stays where it is.
-            if (s%has_hose() .and. self%hose == 0) p%hc(tip, tip) = 1
-         case (of_k_H)
-            if (self%hose > 0) p%k(b + 1) = 1
-            if (form == 1) call couple_hose(self, p%hk, 1.0_wp, -1)
-            if (s%has_hose() .and. self%hose == 0) p%hk(tip, tip) = 1
-         end select
+            h(tip, tip) = h(tip, tip) + s(stretch)
+         else if (any(self%strength(stretch, :) > 0)) then
+            ! The first grain of a hose moves with the tip, held by c_H and k_H.
+            h(tip, tip) = h(tip, tip) + s(hose)
+         end if
       end associate
-   end function slope_of
+   end subroutine sum_terms
 
    !> A spring between hose and tip (sign -1), or a mass that moves by the sum of both (+1).
    pure subroutine couple_hose(self, h, value, sign)
@@ -231,21 +237,10 @@ contains
       real(wp), intent(in) :: value
       integer, intent(in) :: sign
 
-      if (self%hose == 0) return
       h(self%tip, self%tip) = h(self%tip, self%tip) + value
       h(self%tip, self%hose) = h(self%tip, self%hose) + sign*value
       h(self%hose, self%tip) = h(self%hose, self%tip) + sign*value
    end subroutine couple_hose
-
-   !> What the turn of the root and the bending of the beam do to each other.
-   pure subroutine couple_root(self, h, value)
-      type(assembly_t), intent(in) :: self
-      real(wp), intent(inout) :: h(:, :)
-      real(wp), intent(in) :: value
-
-      h(self%arrow, self%root) = value
-      h(self%root, self%arrow) = value
-   end subroutine couple_root
 
    !> Both roots of a s**2 + b s + c, a > 0, b, c >= 0, without cancellation.
    pure function quadratic(a, b, c) result(roots)

@@ -9,6 +9,8 @@ module beamid_equations
    use beamid_galerkin, only: galerkin_t
    use beamid_kinds, only: wp
    use beamid_structure, only: structure_t
+   use beamid_terms, only: bending, hose, inertia, load_shape, of_damping, of_load, of_mass, &
+      of_stiffness, root_slope, sensor_value, strengths, stretch, tip_slope, tip_value
    implicit none
    private
 
@@ -20,13 +22,16 @@ module beamid_equations
       type(band_t) :: damping                !< C
       type(band_t) :: stiffness              !< K
       real(wp), allocatable :: load(:)       !< (n) F, per unit force
+      real(wp), allocatable :: shape(:)      !< (n) of a distributed load; not allocated: none
       real(wp), allocatable :: tip(:)        !< (n) tip displacement = tip . w
       real(wp), allocatable :: observer(:)   !< (n) displacement of the sensor = observer . w
-      real(wp), allocatable :: root(:)       !< (n) slope at the root = root . w
+      !> (n, operators) vectors whose squares the operators at points are; 0: the others
+      real(wp), allocatable :: point(:, :)
       !> (n) displacement that one unit of each unknown stands for
       real(wp), allocatable :: unit(:)
       type(galerkin_t), pointer :: galerkin => null()   !< the integrals it was assembled from
       type(structure_t) :: structure
+      real(wp), allocatable :: strength(:, :)   !< (operators, matrices) of `beamid_terms`
       real(wp) :: omega = 0                  !< estimate of the first angular frequency [1/time]
       real(wp) :: displacement = 0           !< estimate of the size of the displacement [length]
    contains
@@ -38,7 +43,8 @@ contains
 
    !> Assembles (3.11) with the point load, or with the distributed load of (3.10).
    !>
-   !> galerkin  must outlive the result, which points to it; `turning` for a root that is not rigid
+   !> galerkin  must outlive the result, which points to it; `turning` for a root that is not rigid;
+   !>           its length need not be the structure's
    !> matrices  .false.: M, C and K stay away, for a solver that works in modes; default .true.
    function new_equations(galerkin, structure, excitation, matrices) result(self)
       type(galerkin_t), intent(in), target :: galerkin
@@ -46,50 +52,69 @@ contains
       type(excitation_t), intent(in) :: excitation
       logical, intent(in), optional :: matrices
       type(equations_t) :: self
-      real(wp), allocatable :: hose(:), slope(:)
       integer :: n
 
       self%galerkin => galerkin
       self%structure = structure
+      self%strength = strengths(structure, galerkin%space%length)
       n = galerkin%space%n
       self%n = n
       if (structure%has_hose()) self%n = n + 1
       allocate (self%load(self%n), source=0.0_wp)
-      self%load(:n) = galerkin%tip
-      if (excitation%distributed) self%load(:n) = galerkin%tip + galerkin%moments(excitation%power)
+      self%load(:n) = self%strength(tip_value, of_load)*galerkin%tip
+      if (excitation%distributed) then
+         self%shape = galerkin%moments(excitation%power)
+         self%load(:n) = self%load(:n) + self%strength(load_shape, of_load)*self%shape
+      end if
       if (present(matrices)) then
          if (.not. matrices) return
       end if
-      allocate (self%tip(self%n), self%observer(self%n), self%root(self%n), hose(self%n), &
-         slope(self%n), source=0.0_wp)
-
       ! The B-splines add up to degree!, the hose moves by y itself.
       allocate (self%unit(self%n), source=1.0_wp)
       self%unit(:n) = gamma(galerkin%mesh%degree + 1.0_wp)
-      self%tip(:n) = galerkin%tip
-      self%observer(:n) = galerkin%space%at(structure%sensor_place(), 0)
-      self%root(:n) = galerkin%space%at(0.0_wp, 1)
-      slope(:n) = galerkin%space%at(structure%length, 1)
-
-      self%mass = scaled(structure%rho, galerkin%inertia, self%n)
-      self%damping = scaled(structure%c_D*structure%I, galerkin%bending, self%n)
-      self%stiffness = scaled(structure%E*structure%I, galerkin%bending, self%n)
-      self%damping%a(:, :n) = self%damping%a(:, :n) + structure%gamma*galerkin%inertia%a
-      call self%mass%add_rank_one(structure%m_T, self%tip)
-      call self%mass%add_rank_one(structure%J_T, slope)
-      call self%mass%add_rank_one(structure%m_S, self%observer)
-      if (structure%has_soft_root()) call self%stiffness%add_rank_one(structure%k_R, self%root)
-      if (structure%has_hose()) then
-         hose = -self%tip
-         hose(n + 1) = 1
-         call self%mass%add(n + 1, n + 1, structure%m_H)
-         call self%damping%add_rank_one(structure%c_H, hose)
-         call self%stiffness%add_rank_one(structure%k_H, hose)
-      end if
-
+      call find_points(self)
+      self%tip = self%point(:, tip_value)
+      self%observer = self%point(:, sensor_value)
+      self%mass = sum_of_terms(self, of_mass)
+      self%damping = sum_of_terms(self, of_damping)
+      self%stiffness = sum_of_terms(self, of_stiffness)
       self%omega = structure%omega()
       self%displacement = excitation%size_scale(structure%stiffness(), self%omega)
    end function new_equations
+
+   !> The vectors of the operators at points.
+   subroutine find_points(self)
+      type(equations_t), intent(inout) :: self
+
+      associate (space => self%galerkin%space, s => self%structure)
+         associate (n => space%n, l => space%length)
+            allocate (self%point(self%n, size(self%strength, 1)), source=0.0_wp)
+            self%point(:n, tip_value) = self%galerkin%tip
+            self%point(:n, tip_slope) = space%at(l, 1)
+            self%point(:n, sensor_value) = space%at(s%sensor_place()*(l/s%length), 0)
+            self%point(:n, root_slope) = space%at(0.0_wp, 1)
+            if (self%n == n) return
+            self%point(self%n, hose) = 1
+            self%point(:, stretch) = self%point(:, hose) - self%point(:, tip_value)
+         end associate
+      end associate
+   end subroutine find_points
+
+   !> M, C or K, term by term.
+   function sum_of_terms(self, matrix) result(band)
+      type(equations_t), intent(in) :: self
+      integer, intent(in) :: matrix
+      type(band_t) :: band
+      integer :: k
+
+      associate (g => self%galerkin, s => self%strength(:, matrix))
+         band = new_band(self%n, g%inertia%kd)
+         band%a(:, :g%space%n) = s(inertia)*g%inertia%a + s(bending)*g%bending%a
+         do k = 1, size(s)
+            if (abs(s(k)) > 0) call band%add_rank_one(s(k), self%point(:, k))
+         end do
+      end associate
+   end function sum_of_terms
 
    !> force := force - C v - K w without the cancellation that the band matrices suffer on fine
    !> meshes.
@@ -100,16 +125,18 @@ contains
       real(wp), intent(in) :: w(:), v(:)
       real(wp), intent(inout) :: force(:)
       real(wp) :: pull
+      integer :: k
 
-      associate (n => self%galerkin%space%n, s => self%structure, tip => self%galerkin%tip)
-         call self%galerkin%add_bending_force(-s%I, s%E*w(:n) + s%c_D*v(:n), force(:n))
-         if (s%gamma > 0) call self%galerkin%inertia%add_product(-s%gamma, v(:n), force(:n))
-         if (s%has_soft_root()) force = force - s%k_R*dot_product(self%root, w)*self%root
-         if (.not. s%has_hose()) return
-         pull = s%k_H*(w(n + 1) - dot_product(tip, w(:n))) &
-            + s%c_H*(v(n + 1) - dot_product(tip, v(:n)))
-         force(:n) = force(:n) + pull*tip
-         force(n + 1) = force(n + 1) - pull
+      associate (n => self%galerkin%space%n, c => self%strength(:, of_damping), &
+         s => self%strength(:, of_stiffness))
+         call self%galerkin%add_bending_force(-1.0_wp, s(bending)*w(:n) + c(bending)*v(:n), &
+            force(:n))
+         if (c(inertia) > 0) call self%galerkin%inertia%add_product(-c(inertia), v(:n), force(:n))
+         do k = bending + 1, size(s)
+            if (.not. abs(s(k)) + abs(c(k)) > 0) cycle
+            pull = s(k)*dot_product(self%point(:, k), w) + c(k)*dot_product(self%point(:, k), v)
+            force = force - pull*self%point(:, k)
+         end do
       end associate
    end subroutine subtract_internal_force
 
@@ -119,25 +146,15 @@ contains
    pure real(wp) function strain_energy(self, x)
       class(equations_t), intent(in) :: self
       real(wp), intent(in) :: x(:)
+      integer :: k
 
-      associate (n => self%galerkin%space%n, s => self%structure)
-         strain_energy = s%E*s%I*self%galerkin%bending_energy(x(:n))
-         if (s%has_soft_root()) strain_energy = strain_energy &
-            + s%k_R*dot_product(self%root, x)**2
-         if (s%has_hose()) strain_energy = strain_energy &
-            + s%k_H*(x(n + 1) - dot_product(self%galerkin%tip, x(:n)))**2
+      associate (n => self%galerkin%space%n, s => self%strength(:, of_stiffness))
+         strain_energy = s(bending)*self%galerkin%bending_energy(x(:n))
+         do k = bending + 1, size(s)
+            if (abs(s(k)) > 0) strain_energy = strain_energy &
+               + s(k)*dot_product(self%point(:, k), x)**2
+         end do
       end associate
    end function strain_energy
-
-   !> factor * band, enlarged by zero rows to order n.
-   pure function scaled(factor, band, n) result(matrix)
-      real(wp), intent(in) :: factor
-      type(band_t), intent(in) :: band
-      integer, intent(in) :: n
-      type(band_t) :: matrix
-
-      matrix = new_band(n, band%kd)
-      matrix%a(:, :band%n) = factor*band%a
-   end function scaled
 
 end module beamid_equations

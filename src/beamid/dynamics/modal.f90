@@ -196,12 +196,10 @@ contains
       end if
       first = 1 + modes%space%turning
       last = modes%space%n
-      ! (3.10) on w = x: theta(l) l and the integral of theta x.
-      associate (l => modes%space%length)
-         assembly = new_assembly(equations%structure, modes, parameters, &
-            matmul(equations%load(first:last), modes%shapes), &
-            l*(1 + equations%galerkin%integral(excitation%power + 1)))
-      end associate
+      ! (3.10), and the integral of theta x.
+      assembly = new_assembly(equations%structure, modes, parameters, &
+         matmul(equations%shape(first:last), modes%shapes), &
+         modes%space%length*equations%galerkin%integral(excitation%power + 1))
    end subroutine assemble
 
 end module beamid_modal

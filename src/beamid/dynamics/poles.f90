@@ -16,7 +16,6 @@ module beamid_poles
    use beamid_modes, only: beam_modes_t
    use beamid_roots, only: find_roots
    use beamid_strings, only: to_text
-   use beamid_structure, only: of_x_S
    use beamid_vectors, only: find_vector, most, root_t, solve_coupled, solve_mass, vector_t
    implicit none
    private
@@ -185,15 +184,14 @@ contains
       integer, intent(in) :: p
       complex(wp), intent(out) :: D_all(:), x_all(:), ds, dr
       complex(wp), dimension(most, most) :: H_p, H_sp, H_all
-      complex(wp) :: y_all(most, 1), f_all(most), A_all, force, driven, turned
-      logical :: moves
+      complex(wp) :: y_all(most, 1), f_all(most), A_all, force, driven, turned(most)
       integer :: i, k, l, r
 
       r = size(assembly%v, 1)
       associate (pencil => assembly%pencil(vector%form), x => vector%x, y => vector%y, &
          slope => assembly%slope(vector%form, p), f => vector%f, D => vector%D, &
-         v => assembly%v, j => root%j, s => root%s, sensor => assembly%sensor)
-         moves = assembly%parameters(p) == of_x_S
+         v => assembly%v, j => root%j, s => root%s, sensor => assembly%sensor, &
+         moves => assembly%moves(:, p))
          ds = 0
          do i = 1, assembly%n
             D_all(i) = (slope%m(i)*s + slope%c(i))*s + slope%k(i)
@@ -207,8 +205,12 @@ contains
             end do
          end do
          turned = 0
-         if (moves) turned = sum(assembly%sensor_slope*x)
-         ds = -(ds + 2*turned*f(sensor))/vector%A
+         do l = 1, r
+            if (.not. abs(moves(l)) > 0) cycle
+            turned(l) = moves(l)*sum(assembly%v_slope(l, :)*x)
+            ds = ds + 2*turned(l)*f(l)
+         end do
+         ds = -ds/vector%A
 
          do l = 1, r
             H_all(:r, l) = vector%dH(:r, l)*ds + H_p(:r, l)
@@ -224,11 +226,13 @@ contains
             x_all(i) = 0
             if (i == j) cycle
             x_all(i) = x(i)*D_all(i)
-            if (moves) x_all(i) = x_all(i) + assembly%sensor_slope(i)*f(sensor)
+            do l = 1, r
+               if (abs(moves(l)) > 0) x_all(i) = x_all(i) + moves(l)*assembly%v_slope(l, i)*f(l)
+            end do
             x_all(i) = -x_all(i)/D(i)
             y_all(:r, 1) = y_all(:r, 1) + v(:, i)*x_all(i)
          end do
-         if (moves) y_all(sensor, 1) = y_all(sensor, 1) + turned
+         y_all(:r, 1) = y_all(:r, 1) + turned(:r)
          call solve_coupled(vector%G(:r, :r), vector%H(:r, :r), y_all(:r, :))
          do k = 1, r
             f_all(k) = f_all(k) + sum(vector%H(k, :r)*y_all(:r, 1))
@@ -242,7 +246,7 @@ contains
             A_all = A_all + (2*(pencil%m(i)*ds + slope%m(i)*s) + slope%c(i))*x(i)**2 &
                + 2*vector%dD(i)*x(i)*x_all(i)
             driven = driven + assembly%load(i)*x(i)
-            dr = dr + assembly%load(i)*x_all(i)
+            dr = dr + assembly%load(i)*x_all(i) + assembly%load_slope(i, p)*x(i)
          end do
          do l = 1, r
             do k = 1, r
@@ -254,24 +258,25 @@ contains
       end associate
    end subroutine differentiate_root
 
-   !> Derivatives of o' M**-1 F: -(M**-1 o)' M_p (M**-1 F), and what a moving sensor adds.
+   !> Derivatives of o' M**-1 F: -(M**-1 o)' M_p (M**-1 F), with what moves and a load that changes.
    subroutine differentiate_impulse(assembly, slopes)
       type(assembly_t), intent(in) :: assembly
       real(wp), intent(out) :: slopes(:)
       real(wp), dimension(assembly%n) :: o, x
-      real(wp), dimension(size(assembly%v, 1)) :: yo, yx
+      real(wp), dimension(size(assembly%v, 1)) :: yo, yx, seen
       integer :: p
 
       call solve_mass(assembly, assembly%v(assembly%sensor, :), o, yo)
       call solve_mass(assembly, assembly%load, x, yx)
       do p = 1, size(slopes)
-         associate (slope => assembly%slope(1, p), m_S => assembly%structure%m_S)
-            slopes(p) = -sum(o*slope%m*x) - dot_product(yo, matmul(slope%hm, yx))
-            if (assembly%parameters(p) /= of_x_S) cycle
-            associate (d => assembly%sensor_slope, s => assembly%sensor)
-               slopes(p) = slopes(p) + dot_product(d, x) &
-                  - m_S*(dot_product(d, o)*yx(s) + yo(s)*dot_product(d, x))
-            end associate
+         associate (slope => assembly%slope(1, p), moves => assembly%moves(:, p), &
+            hm => assembly%pencil(1)%hm, d => assembly%v_slope)
+            slopes(p) = -sum(o*slope%m*x) - dot_product(yo, matmul(slope%hm, yx)) &
+               + dot_product(o, assembly%load_slope(:, p))
+            if (.not. any(abs(moves) > 0)) cycle
+            seen = moves*matmul(d, x)
+            slopes(p) = slopes(p) + seen(assembly%sensor) - dot_product(yo, matmul(hm, seen)) &
+               - dot_product(moves*matmul(d, o), matmul(hm, yx))
          end associate
       end do
    end subroutine differentiate_impulse

@@ -7,6 +7,8 @@ module beamid_roots
    use beamid_kinds, only: wp
    use beamid_modes, only: bare_beam_modes, beam_modes_t
    use beamid_strings, only: to_text
+   use beamid_terms, only: bending, hose, inertia, of_damping, of_mass, of_stiffness, &
+      sensor_value, stretch, tip_slope, tip_value
    use beamid_vectors, only: logarithmic_derivative, nearest_pole, root_t
    implicit none
    private
@@ -101,9 +103,10 @@ contains
       allocate (roots(2*assembly%n))
       do k = 1, assembly%n
          if (k <= assembly%beam) then
-            associate (s => assembly%structure)
-               mu = with_tip_mass(modes, s%m_T/s%rho, k)
-               pair = quadratic(s%rho, s%gamma + s%c_D*s%I*mu, s%E*s%I*mu)
+            associate (s => assembly%strength)
+               mu = with_tip_mass(modes, s(tip_value, of_mass)/s(inertia, of_mass), k)
+               pair = quadratic(s(inertia, of_mass), s(inertia, of_damping) &
+                  + s(bending, of_damping)*mu, s(bending, of_stiffness)*mu)
             end associate
             if (.not. assembly%is_bare()) pair = pair + shift(assembly, modes, pair, [1, -1])
          else
@@ -128,13 +131,13 @@ contains
       complex(wp), intent(in) :: s
       integer, intent(in) :: side
       complex(wp), dimension(size(modes%mu)) :: D, x
-      complex(wp) :: stiffness, mass, slope, discriminant, tip, u, a
+      complex(wp) :: stiffness, weight, slope, discriminant, tip, u, a
       real(wp) :: far
       integer :: j, b
 
       b = assembly%beam
       shift = 0
-      associate (p => assembly%pencil(1), st => assembly%structure)
+      associate (p => assembly%pencil(1), mass => assembly%strength(:, of_mass))
          D = (p%m(:b)*s + p%c(:b))*s + p%k(:b)
          j = minloc(abs(D), dim=1)
          u = D(j)
@@ -144,24 +147,26 @@ contains
          tip = sum(modes%tip*x)
          stiffness = 0
          if (assembly%hose > 0) then
-            u = st%m_H*s**2
-            a = st%c_H*s + st%k_H
+            u = mass(hose)*s**2
+            a = assembly%strength(stretch, of_damping)*s + assembly%strength(stretch, of_stiffness)
             if (abs(u + a) > 0) stiffness = u*a/(u + a)*tip**2
          end if
-         if (assembly%turn > 0) stiffness = stiffness + st%J_T*(s*sum(modes%tip_slope*x))**2
-         stiffness = stiffness + st%m_S*(s*sum(assembly%v(assembly%sensor, :b)*x))**2
+         if (assembly%turn > 0) stiffness = stiffness &
+            + mass(tip_slope)*(s*sum(modes%tip_slope*x))**2
+         stiffness = stiffness + mass(sensor_value)*(s*sum(assembly%v(assembly%sensor, :b)*x))**2
          if (.not. abs(stiffness) > 0) return
-         mass = sum(p%m(:b)*x**2) + st%m_T*tip**2
-         slope = sum((2*p%m(:b)*s + p%c(:b))*x**2) + 2*st%m_T*s*tip**2
-         ! mass d**2 + slope d + stiffness = 0, its smaller root: at critical damping slope = 0.
-         discriminant = sqrt(slope**2 - 4*mass*stiffness)
+         weight = sum(p%m(:b)*x**2) + mass(tip_value)*tip**2
+         slope = sum((2*p%m(:b)*s + p%c(:b))*x**2) + 2*mass(tip_value)*s*tip**2
+         ! weight d**2 + slope d + stiffness = 0, its smaller root: at critical damping slope = 0.
+         discriminant = sqrt(slope**2 - 4*weight*stiffness)
          if (real(conjg(slope)*discriminant) < 0) discriminant = -discriminant
          shift = -2*stiffness/(slope + discriminant)*cmplx(1.0_wp, 0.2_wp*side, wp)
       end associate
       far = abs(s)
       ! The slow roots of overdamped modes lie the more densely the nearer they are to -E/c_D.
-      associate (st => assembly%structure)
-         if (st%c_D > 0) far = min(far, abs(s + st%E/st%c_D))
+      associate (k => assembly%strength(bending, of_stiffness), &
+         c => assembly%strength(bending, of_damping))
+         if (c > 0) far = min(far, abs(s + k/c))
       end associate
       shift = shift*min(1.0_wp, 0.2_wp*far/max(abs(shift), tiny(1.0_wp)))
    end function shift

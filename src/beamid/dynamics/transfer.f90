@@ -11,7 +11,6 @@
 module beamid_transfer
    use beamid_assembly, only: assembly_t
    use beamid_kinds, only: wp
-   use beamid_structure, only: of_x_S
    use beamid_vectors, only: find_vector, most, nearest_pole, root_t, solve_coupled, vector_t
    implicit none
    private
@@ -40,7 +39,9 @@ contains
       type(root_t) :: place
       type(vector_t) :: vector
       complex(wp), dimension(size(assembly%v, 1), size(assembly%v, 1)) :: E, T, HE
-      complex(wp) :: o(assembly%n), u_o(size(assembly%v, 1)), diagonal(assembly%n), w
+      complex(wp), dimension(assembly%n) :: o, x, diagonal
+      complex(wp), dimension(size(assembly%v, 1)) :: u_o, u_x, turned
+      complex(wp) :: w
       integer :: i, r
 
       r = size(assembly%v, 1)
@@ -73,38 +74,46 @@ contains
       value%dlog = sum(vector%dD*diagonal) + sum(vector%dH(:r, :r)*T)
       if (.not. with_slopes) return
       call solve(assembly, place%j, vector, E, w, assembly%v(assembly%sensor, :), o, u_o)
-      call differentiate(assembly, place%s, o, u_o, diagonal, T, value)
+      turned = 0
+      do i = 1, r
+         if (.not. any(abs(assembly%moves(i, :)) > 0)) cycle
+         call solve(assembly, place%j, vector, E, w, assembly%v(i, :), x, u_x)
+         turned(i) = 2*vector%H(i, i)*sum(assembly%v_slope(i, :)*x)
+      end do
+      call differentiate(assembly, place%s, o, u_o, diagonal, T, vector%H(:r, :r), turned, value)
    end subroutine transfer_at
 
    !> Derivatives with respect to the parameters: -o'Q**-1 Q_p Q**-1 F, tr Q**-1 Q_p, and what a
-   !> sensor that moves adds to them.
+   !> place that moves or a load that changes adds to them.
    !>
    !> o, u_o       Q**-1 of the sensor's row, and V' of it
    !> diagonal, T  of Q**-1, and V'Q**-1 V
-   subroutine differentiate(assembly, s, o, u_o, diagonal, T, value)
+   !> turned       (r) tr Q**-1 Q_p as the place of a row moves
+   subroutine differentiate(assembly, s, o, u_o, diagonal, T, H, turned, value)
       type(assembly_t), intent(in) :: assembly
-      complex(wp), intent(in) :: s, o(:), u_o(:), diagonal(:), T(:, :)
+      complex(wp), intent(in) :: s, o(:), u_o(:), diagonal(:), T(:, :), H(:, :), turned(:)
       type(transfer_t), intent(inout) :: value
-      complex(wp) :: D_p(size(o)), H_p(size(u_o), size(u_o)), seen
+      complex(wp) :: D_p(size(o)), H_p(size(u_o), size(u_o)), seen(size(u_o))
       integer :: p
 
       if (.not. allocated(value%dh)) allocate (value%dh(size(assembly%parameters)), &
          value%dlog_p(size(assembly%parameters)))
-      do p = 1, size(assembly%parameters)
-         associate (slope => assembly%slope(value%form, p))
-            D_p = (slope%m*s + slope%c)*s + slope%k
-            H_p = (slope%hm*s + slope%hc)*s + slope%hk
-         end associate
-         value%dh(p) = -sum(o*D_p*value%q) - sum(u_o*matmul(H_p, value%u(:size(u_o))))
-         value%dlog_p(p) = sum(D_p*diagonal) + sum(H_p*T)
-         if (assembly%parameters(p) /= of_x_S) cycle
-         associate (d => assembly%sensor_slope, inertia => assembly%structure%m_S*s**2)
-            seen = sum(d*value%q)
-            value%dh(p) = value%dh(p) + seen &
-               - inertia*(sum(d*o)*value%h + u_o(assembly%sensor)*seen)
-            value%dlog_p(p) = value%dlog_p(p) + 2*inertia*sum(d*o)
-         end associate
-      end do
+      associate (u => value%u(:size(u_o)), d => assembly%v_slope)
+         do p = 1, size(assembly%parameters)
+            associate (slope => assembly%slope(value%form, p), moves => assembly%moves(:, p))
+               D_p = (slope%m*s + slope%c)*s + slope%k
+               H_p = (slope%hm*s + slope%hc)*s + slope%hk
+               value%dh(p) = -sum(o*D_p*value%q) - sum(u_o*matmul(H_p, u)) &
+                  + sum(o*assembly%load_slope(:, p))
+               value%dlog_p(p) = sum(D_p*diagonal) + sum(H_p*T)
+               if (.not. any(abs(moves) > 0)) cycle
+               seen = moves*matmul(d, value%q)
+               value%dh(p) = value%dh(p) + seen(assembly%sensor) - sum(u_o*matmul(H, seen)) &
+                  - sum(moves*matmul(d, o)*matmul(H, u))
+               value%dlog_p(p) = value%dlog_p(p) + sum(moves*turned)
+            end associate
+         end do
+      end associate
    end subroutine differentiate
 
    !> q = Q**-1 F and u = V'q.

@@ -84,7 +84,9 @@ contains
          call search%evaluate_at(result%start, result%residual, error)
          if (allocated(error)) return
          call compare_derivatives(problem, result%start, variables, search%jacobian, &
-            result%derivative_check(1))
+            result%derivative_check(1), k)
+         call refuse_derivative(search%names, k, error)
+         if (allocated(error)) return
       end if
 
       ! The difference step, sqrt(noise) |z|, must stand well above the noise of the model: a step
@@ -119,9 +121,29 @@ contains
       end if
       if (attempt > 1) result%reason = result%reason//'; search '//to_text(attempt)// &
          ', with shorter steps'
-      if (problem%has_jacobian() .and. options%check) call compare_derivatives(problem, &
-         result%estimate, variables, result%jacobian, result%derivative_check(2))
+      if (problem%has_jacobian() .and. options%check) then
+         call compare_derivatives(problem, result%estimate, variables, result%jacobian, &
+            result%derivative_check(2), k)
+         call refuse_derivative(search%names, k, error)
+      end if
    end subroutine fit
+
+   !> A fit by derivatives that are not those of the residuals is none.
+   !>
+   !> k  the parameter whose derivative is wrong; 0: none
+   subroutine refuse_derivative(names, k, error)
+      character(len=*), intent(in) :: names(:)
+      integer, intent(in) :: k
+      type(error_t), allocatable, intent(inout) :: error
+
+      character(len=:), allocatable :: name
+
+      if (k == 0) return
+      name = trim(names(k))
+      if (name == '') name = 'parameter '//to_text(k)
+      call failure(error, 'least squares: the exact derivative by '//name// &
+         ' disagrees with differences of the residuals')
+   end subroutine refuse_derivative
 
    !> Minimises; where the minimum lies on a bound the change of variable has no slope there and the
    !> search would creep. A variable that lingers at a bound is held on it while the others move,

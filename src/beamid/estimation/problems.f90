@@ -55,23 +55,48 @@ contains
 
    !> Largest relative difference, over the columns, between a Jacobian and central differences.
    !>
-   !> exact  (m, n) the Jacobian at the parameters
-   !> worst  -1 where the differences cannot be computed
-   subroutine compare_derivatives(problem, parameters, variables, exact, worst)
+   !> A column is mistaken when the two are further apart than the differences can be wrong: by
+   !> three times what another step, longer or shorter, makes of them. That holds where a parameter hardly
+   !> counts, and round-off is all there is, as where it counts so much that the step is long.
+   !>
+   !> exact     (m, n) the Jacobian at the parameters
+   !> worst     -1 where the differences cannot be computed
+   !> mistaken  the worst column that is mistaken, 0: none
+   subroutine compare_derivatives(problem, parameters, variables, exact, worst, mistaken)
       class(problem_t), intent(inout) :: problem
       real(wp), intent(in) :: parameters(:), exact(:, :)
       type(variable_t), intent(in) :: variables(:)
       real(wp), intent(out) :: worst
+      integer, intent(out) :: mistaken
+      real(wp), parameter :: longer = 3, allowed = 5e-3_wp
       type(error_t), allocatable :: error
-      real(wp) :: approximate(size(exact, 1), size(exact, 2)), length
+      real(wp), dimension(size(exact, 1), size(exact, 2)) :: approximate, wide, narrow
+      real(wp) :: wrong(size(exact, 2)), unsure, length
       integer :: k
 
       worst = -1
+      mistaken = 0
       call differences(problem, parameters, variables, epsilon(worst), approximate, error)
       if (allocated(error)) return
       do k = 1, size(parameters)
          length = max(norm2(exact(:, k)), norm2(approximate(:, k)))
-         if (length > 0) worst = max(worst, norm2(exact(:, k) - approximate(:, k))/length)
+         wrong(k) = 0
+         if (length > 0) wrong(k) = norm2(exact(:, k) - approximate(:, k))/length
+      end do
+      worst = maxval([worst, wrong])
+      if (.not. worst > allowed) return
+      call differences(problem, parameters, variables, epsilon(worst)*longer**3, wide, error)
+      if (allocated(error)) return
+      call differences(problem, parameters, variables, epsilon(worst)/longer**3, narrow, error)
+      if (allocated(error)) return
+      do k = 1, size(parameters)
+         if (.not. wrong(k) > allowed) cycle
+         length = max(norm2(exact(:, k)), norm2(approximate(:, k)))
+         unsure = max(norm2(wide(:, k) - approximate(:, k)), norm2(narrow(:, k) &
+            - approximate(:, k)))/length
+         if (wrong(k) <= 3*unsure) cycle
+         mistaken = k
+         if (wrong(k) >= maxval(wrong)) exit
       end do
    end subroutine compare_derivatives
 

@@ -15,11 +15,12 @@ module beamid_case_files
    use beamid_model_groups, only: read_excitation, read_noise, read_structure, read_units
    use beamid_multistart, only: multistart_t
    use beamid_namelist, only: group_t, scan_namelist
+   use beamid_parameters, only: check_structure
    use beamid_record_groups, only: get_window, read_recording
    use beamid_records, only: append_recording, everything, recording_t, window_t
    use beamid_refusals, only: refusals_t, refuse
    use beamid_strings, only: to_text
-   use beamid_structure, only: check_structure, structure_t
+   use beamid_structure, only: structure_t
    use beamid_units, only: units_t
    implicit none
    private

@@ -11,10 +11,10 @@ module beamid_method_groups
    use beamid_numbers, only: shown
    use beamid_observation, only: formula_names, observation_t
    use beamid_parameters, only: amplitude, belongs_to_hose, free_index, free_names, &
-      may_be_negative, offset
+      may_be_negative, offset, parameters
    use beamid_responses, only: solver_t
    use beamid_strings, only: to_text
-   use beamid_structure, only: of_k_R, structure_t
+   use beamid_structure, only: structure_t
    use beamid_values, only: listed, positive, range_t
    use beamid_variables, only: unbounded
    implicit none
@@ -139,7 +139,8 @@ contains
       found%free = [(free_index(free(k)), k=1, size(free))]
       do k = 1, size(free)
          if (found%free(k) == 0) then
-            call block%refuse('free', shown(free(k)), 'one of '//listed(free_names, ' '))
+            call block%refuse('free', shown(free(k)), 'one of '//listed(pack( &
+               free_names, parameters%is_free), ' '))
          else if (any(found%free(:k - 1) == found%free(k))) then
             call block%refuse('free', shown(free(k))//' twice', 'each parameter once')
          end if
@@ -207,12 +208,15 @@ contains
       type(structure_t), intent(in) :: structure
       type(excitation_t), intent(in) :: excitations(:)
       character(len=:), allocatable :: lacking
-      integer :: k
+      integer :: k, needs
 
       do k = 1, size(free)
          lacking = ''
-         if (free(k) == of_k_R .and. .not. structure%has_soft_root()) &
-            lacking = 'a value of k_R in &beam for it'
+         needs = parameters(free(k))%needs
+         if (needs > 0) then
+            if (.not. structure%is_given(needs)) lacking = 'a value of '// &
+               trim(free_names(needs))//' in &'//trim(parameters(needs)%group)//' for it'
+         end if
          if (free(k) == amplitude .and. any(excitations%modes > 0)) &
             lacking = 'no amplitude beside a free start'
          if (belongs_to_hose(free(k)) .and. .not. structure%has_hose()) &

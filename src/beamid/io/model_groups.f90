@@ -7,8 +7,9 @@ module beamid_model_groups
    use beamid_paths, only: directory_of, join_path
    use beamid_kinds, only: wp
    use beamid_numbers, only: shown
+   use beamid_parameters, only: parameters, zero_or_more => not_negative
    use beamid_strings, only: to_text
-   use beamid_structure, only: parameter_index, structure_t
+   use beamid_structure, only: n_parameters, structure_t
    use beamid_units, only: label_length, units_t
    use beamid_values, only: not_negative, positive, range_t
    implicit none
@@ -16,60 +17,33 @@ module beamid_model_groups
 
    public :: read_structure, read_excitation, read_units, read_noise
 
-   !> A parameter of the structure: its group and key, what holds without it ('': it is required),
-   !> whether it is above 0 (or else 0 or more), and what it is.
-   type :: row_t
-      character(len=6) :: group
-      character(len=5) :: name
-      character(len=16) :: default
-      logical :: positive
-      character(len=60) :: help
-   end type row_t
-   type(row_t), parameter :: rows(*) = [ &
-      row_t('beam', 'rho', '', .true., 'mass per unit length'), &
-      row_t('beam', 'E', '', .true., 'modulus of elasticity'), &
-      row_t('beam', 'c_D', '0', .false., 'Kelvin-Voigt viscosity'), &
-      row_t('beam', 'gamma', '0', .false., 'air damping, a force gamma u_t per unit length'), &
-      row_t('beam', 'k_R', 'a rigid clamp', .true., 'torsional spring at the root'), &
-      row_t('tip', 'm_T', '0', .false., 'tip mass'), &
-      row_t('tip', 'J_T', '0', .false., 'its rotary inertia'), &
-      row_t('sensor', 'm_S', '0', .false., 'mass of the sensor'), &
-      row_t('sensor', 'x_S', 'the tip', .true., 'its place, where the motion is observed'), &
-      row_t('hose', 'm_H', '', .false., 'mass of the hose'), &
-      row_t('hose', 'c_H', '0', .false., 'its damping'), &
-      row_t('hose', 'k_H', '0', .false., 'its stiffness')]
-
 contains
 
-   !> A group of parameters of the structure.
+   !> A group of parameters of the structure: the rows of the table that name it.
    subroutine read_structure(block, structure)
       type(block_t), intent(inout) :: block
       type(structure_t), intent(inout) :: structure
-      real(wp), allocatable :: value, I, width, height
+      real(wp), allocatable :: value, width, height
       integer :: k
 
-      if (block%name == 'beam') call block%get('length', structure%length, 'of the beam', &
-         positive, required=.true.)
-      do k = 1, size(rows)
-         if (rows(k)%group /= block%name) cycle
+      do k = 1, n_parameters
+         if (parameters(k)%group /= block%name) cycle
          if (allocated(value)) deallocate (value)
-         call block%get(trim(rows(k)%name), value, trim(rows(k)%default), trim(rows(k)%help), &
-            range_t(0, open=rows(k)%positive), required=rows(k)%default == '')
-         if (allocated(value)) call structure%set(parameter_index(rows(k)%name), value)
+         call block%get(trim(parameters(k)%name), value, trim(parameters(k)%default), &
+            trim(parameters(k)%help), range_t(0, open=parameters(k)%range /= zero_or_more), &
+            required=parameters(k)%default == '')
+         if (allocated(value)) call structure%set(k, value)
       end do
       if (block%name == 'beam') then
-         call block%get('I', I, 'b h^3/12', 'second moment of the cross section', positive)
          call block%get('width', width, 'give I', 'b of a rectangle', positive)
          call block%get('height', height, 'give I', 'h of a rectangle', positive)
       end if
       call block%close()
       if (block%failed() .or. block%name /= 'beam') return
-      if (allocated(I) .eqv. (allocated(width) .or. allocated(height))) then
+      if (block%has('I') .eqv. (allocated(width) .or. allocated(height))) then
          call block%refuse('I', trim(merge('both I and width or height', &
-            'no cross section          ', allocated(I))), 'either I or width and height')
-      else if (allocated(I)) then
-         structure%I = I
-      else
+            'no cross section          ', block%has('I'))), 'either I or width and height')
+      else if (.not. block%has('I')) then
          call block%require('width')
          call block%require('height')
          if (.not. block%failed()) structure%I = width*height**3/12

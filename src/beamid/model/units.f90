@@ -2,7 +2,8 @@
 !> reader.
 module beamid_units
    use beamid_excitation, only: excitation_t
-   use beamid_parameters, only: amplitude, free_names
+   use beamid_parameters, only: amplitude, parameters
+   use beamid_strings, only: to_text
    implicit none
    private
 
@@ -24,26 +25,34 @@ module beamid_units
 
 contains
 
-   !> Unit of a parameter by its place in `free_names`.
+   !> Unit of a parameter by its place in the table. What has the time in it is written with the
+   !> unit of force, mass length/time**2; nothing when the first label is missing.
    pure function of_parameter(self, k) result(unit)
       class(units_t), intent(in) :: self
       integer, intent(in) :: k
       character(len=:), allocatable :: unit
+      character(len=label_length) :: labels(4)
+      integer :: exponents(4), force, j
 
+      associate (mass => parameters(k)%unit(1), length => parameters(k)%unit(2), &
+         time => parameters(k)%unit(3))
+         force = merge(mass, 0, time /= 0)
+         labels = [self%mass, self%force, self%length, self%time]
+         exponents = [mass - force, force, length - force, time + 2*force]
+      end associate
       unit = ''
-      select case (free_names(k))
-      case ('m_T', 'm_H', 'm_S'); unit = joined(self%mass, '', '')
-      case ('E'); unit = joined(self%force, '', power(self%length, '^2'))
-      case ('c_D'); unit = joined(self%force, self%time, power(self%length, '^2'))
-      case ('c_H'); unit = joined(self%force, self%time, self%length)
-      case ('k_H'); unit = joined(self%force, '', self%length)
-      case ('amplitude'); unit = trim(self%force)
-      case ('gamma'); unit = joined(self%force, self%time, power(self%length, '^2'))
-      case ('J_T'); unit = joined(self%mass, power(self%length, '^2'), '')
-      case ('k_R'); unit = joined(self%force, self%length, '')
-      case ('x_S'); unit = trim(self%length)
-      case ('rho'); unit = joined(self%mass, '', self%length)
-      end select
+      do j = 1, size(labels)
+         if (exponents(j) <= 0) cycle
+         if (unit == '') then
+            unit = power(labels(j), exponents(j))
+            if (unit == '') return
+         else
+            unit = joined(unit, power(labels(j), exponents(j)), '')
+         end if
+      end do
+      do j = 1, size(labels)
+         if (exponents(j) < 0) unit = joined(unit, '', power(labels(j), -exponents(j)))
+      end do
    end function of_parameter
 
    !> Unit of what a fit estimates: a parameter (the amplitude may be a displacement), or for 0 an
@@ -74,7 +83,7 @@ contains
       class(units_t), intent(in) :: self
       character(len=:), allocatable :: unit
 
-      unit = joined(self%length, '', power(self%time, '^2'))
+      unit = joined(self%length, '', power(self%time, 2))
    end function acceleration
 
    !> Unit of J, the sum of squared accelerations.
@@ -82,18 +91,20 @@ contains
       class(units_t), intent(in) :: self
       character(len=:), allocatable :: unit
 
-      unit = joined(power(self%length, '^2'), '', power(self%time, '^4'))
+      unit = joined(power(self%length, 2), '', power(self%time, 4))
    end function sum_of_squares
 
+   !> label**exponent, exponent >= 1; nothing without a label.
    pure function power(label, exponent) result(unit)
-      character(len=*), intent(in) :: label, exponent
+      character(len=*), intent(in) :: label
+      integer, intent(in) :: exponent
       character(len=:), allocatable :: unit
 
-      unit = ''
-      if (label /= '') unit = trim(label)//exponent
+      unit = trim(label)
+      if (label /= '' .and. exponent > 1) unit = unit//'^'//to_text(exponent)
    end function power
 
-   !> first second/under; nothing when a label is missing.
+   !> first second/under; nothing when the first is missing.
    pure function joined(first, second, under) result(unit)
       character(len=*), intent(in) :: first, second, under
       character(len=:), allocatable :: unit

@@ -1,0 +1,264 @@
+!> A fit's problem with a mistake in it.
+module mistakes
+   use beamid_errors, only: error_t
+   use beamid_kinds, only: wp
+   use beamid_problems, only: problem_t
+   use beamid_residuals, only: residual_t
+   implicit none
+   private
+
+   public :: mistaken_t
+
+   !> A problem whose derivative by one parameter is wrong by a factor.
+   type, extends(problem_t) :: mistaken_t
+      type(residual_t) :: right
+      integer :: column = 0
+      real(wp) :: factor = 1
+   contains
+      procedure :: residuals
+      procedure :: has_jacobian
+      procedure :: jacobian
+   end type mistaken_t
+
+contains
+
+   subroutine residuals(self, parameters, r, error)
+      class(mistaken_t), intent(inout) :: self
+      real(wp), intent(in) :: parameters(:)
+      real(wp), intent(out) :: r(:)
+      type(error_t), allocatable, intent(out) :: error
+
+      call self%right%residuals(parameters, r, error)
+   end subroutine residuals
+
+   pure logical function has_jacobian(self)
+      class(mistaken_t), intent(in) :: self
+
+      has_jacobian = self%right%has_jacobian()
+   end function has_jacobian
+
+   subroutine jacobian(self, parameters, r, jac, error)
+      class(mistaken_t), intent(inout) :: self
+      real(wp), intent(in) :: parameters(:)
+      real(wp), intent(out) :: r(:), jac(:, :)
+      type(error_t), allocatable, intent(out) :: error
+
+      call self%right%jacobian(parameters, r, jac, error)
+      if (self%column > 0) jac(:, self%column) = self%factor*jac(:, self%column)
+   end subroutine jacobian
+
+end module mistakes
+
+!> The tables of parameters and terms: every row is whole, and the check of derivatives that a fit
+!> makes finds a derivative that is not that of the model, whichever parameter it belongs to.
+program test_terms
+   use, intrinsic :: iso_fortran_env, only: int64
+   use beamid_assembly, only: assembly_t, new_assembly
+   use beamid_errors, only: error_t
+   use beamid_excitation, only: new_pulse
+   use beamid_experiments, only: experiment_t, new_apparatus
+   use beamid_galerkin, only: galerkin_t, mesh_t, new_galerkin
+   use beamid_keys, only: group_t, place_of
+   use beamid_kinds, only: wp
+   use beamid_modal, only: modal_t
+   use beamid_modes, only: bare_beam_modes, beam_modes_t
+   use beamid_observation, only: observation_t
+   use beamid_parameters, only: check_structure, magnitude, not_negative, parameters, positive
+   use beamid_problems, only: compare_derivatives
+   use beamid_strings, only: to_text
+   use beamid_structure, only: at_tip, n_parameters, of, of_k_R, of_length, of_x_S, rigid, &
+      structure_t
+   use beamid_terms, only: strength_slopes, strengths
+   use beamid_units, only: units_t
+   use beamid_variables, only: new_variable, unbounded, variable_t
+   use beamid_vocabulary, only: case_vocabulary
+   use checks, only: check, check_close, finish
+   use mistakes, only: mistaken_t
+   implicit none
+
+   integer(int64) :: state = 20250707
+   character(len=8) :: asked
+   integer :: status
+
+   call test_rows()
+   call test_derivatives()
+   call get_environment_variable('BEAMID_LONG_TESTS', asked, status=status)
+   call test_mistakes(merge(1000, 12, status == 0 .and. asked == 'yes'))
+   call finish('terms')
+
+contains
+
+   real(wp) function uniform()
+      state = modulo(48271_int64*state, 2147483647_int64)
+      uniform = real(state, wp)/2147483647
+   end function uniform
+
+   !> Evenly distributed in decades, between two powers of ten.
+   real(wp) function decades(low, high)
+      real(wp), intent(in) :: low, high
+
+      decades = 10**(low + (high - low)*uniform())
+   end function decades
+
+   !> A beam whose parameters all have a value: the first frequency about 1, the others within
+   !> decades of what is moderate.
+   !>
+   !> spread  decades to either side
+   type(structure_t) function random_structure(spread) result(s)
+      real(wp), intent(in) :: spread
+      integer :: k
+
+      s%length = decades(-0.5_wp, 0.5_wp)
+      s%rho = decades(-1.0_wp, 1.0_wp)
+      s%E = decades(-1.0_wp, 1.0_wp)
+      s%I = s%length**3*decades(-0.5_wp, 0.5_wp)
+      do k = 1, n_parameters
+         if (s%get(k) > 0 .and. s%get(k) < rigid .and. k /= of_x_S) cycle
+         call s%set(k, magnitude(s, k)*decades(-spread, spread))
+      end do
+      s%x_S = s%length*(0.2_wp + 0.75_wp*uniform())
+   end function random_structure
+
+   !> What a row says of itself, its key in the case file, and that it does something.
+   subroutine test_rows()
+      type(units_t) :: units
+      type(group_t), allocatable :: groups(:)
+      type(structure_t) :: s, wrong
+      type(error_t), allocatable :: error
+      type(galerkin_t) :: galerkin
+      type(beam_modes_t) :: modes
+      type(assembly_t) :: assembly
+      character(len=:), allocatable :: name
+      integer :: g, j, k
+
+      groups = case_vocabulary()
+      s = random_structure(0.5_wp)
+      galerkin = new_galerkin(mesh_t(3, 4, 4, 1), s%length, turning=.true.)
+      call bare_beam_modes(galerkin, modes, error)
+      call check('a structure of everything', .not. allocated(error))
+      assembly = new_assembly(s, modes, [(k, k=1, n_parameters)])
+      units = units_t('ft', 'lb', 's', 'slug')
+      call check('unit of c_R', units%of_parameter(nint(of%c_R)) == 'lb ft s')
+      do k = 1, n_parameters
+         name = trim(parameters(k)%name)
+         call check(name//': help', parameters(k)%help /= '')
+         call check(name//': unit', units%of_parameter(k) /= '', units%of_parameter(k))
+         g = place_of(trim(parameters(k)%group), groups)
+         call check(name//': a group', g > 0)
+         if (g > 0) call check(name//': a key', place_of(name, groups(g)%keys) > 0)
+         call check(name//': one name', count([(parameters(j)%name == name, &
+            j=1, size(parameters))]) == 1)
+         call check(name//': does something', any(abs(strength_slopes(s, s%length, k)) > 0) &
+            .or. any(abs(assembly%moves(:, k)) > 0))
+         wrong = s
+         call wrong%set(k, -1.5_wp)
+         call check_structure(wrong, error)
+         call check(name//': below 0 is refused', allocated(error) .or. k == of_x_S)
+         if (parameters(k)%range /= positive .and. parameters(k)%range /= not_negative) cycle
+         call wrong%set(k, 0.0_wp)
+         call check_structure(wrong, error)
+         call check(name//': 0', allocated(error) .eqv. parameters(k)%range == positive)
+      end do
+   end subroutine test_rows
+
+   !> Strengths of the terms: the derivatives that follow from the powers against central
+   !> differences, on a mesh of another length; truncation (1e-4)**2 times a few, round-off 1e-11.
+   subroutine test_derivatives()
+      type(structure_t) :: s, above, below
+      real(wp), allocatable :: exact(:, :), approximate(:, :)
+      real(wp) :: h
+      integer :: k
+
+      s = random_structure(0.5_wp)
+      do k = 1, n_parameters
+         h = 1e-4_wp*s%get(k)
+         above = s
+         call above%set(k, s%get(k) + h)
+         below = s
+         call below%set(k, s%get(k) - h)
+         exact = strength_slopes(s, 1.7_wp*s%length, k)
+         approximate = (strengths(above, 1.7_wp*s%length) - strengths(below, 1.7_wp*s%length))/(2*h)
+         if (k == of_x_S) cycle
+         call check_close('strengths, d/d '//trim(parameters(k)%name), maxval(abs(exact &
+            - approximate))/maxval(abs(exact)), 0.0_wp, 3e-7_wp)
+      end do
+      s%k_R = rigid
+      s%x_S = at_tip
+      call check('rigid root: k_R does nothing', &
+         all(abs(strength_slopes(s, s%length, of_k_R)) <= 0))
+      call check('length matters', any(abs(strength_slopes(s, s%length, of_length)) > 0))
+   end subroutine test_derivatives
+
+   !> Random structures, parameters over four decades, every one of them free: no right derivative is
+   !> found to be mistaken, and every one that is 0, or off by 1 %, is, unless it hardly counts:
+   !> a motion changes by less than 1e-5 when the parameter doubles.
+   subroutine test_mistakes(structures)
+      integer, intent(in) :: structures
+      type(mistaken_t) :: problem
+      type(variable_t) :: variables(n_parameters)
+      type(error_t), allocatable :: error
+      real(wp) :: p(n_parameters), r(60), jac(60, n_parameters), worst
+      real(wp), parameter :: factors(2) = [0.0_wp, 1.01_wp]
+      integer :: alarms, missed(2), counted, i, j, k, found
+
+      alarms = 0
+      missed = 0
+      counted = 0
+      do i = 1, structures
+         call pose(problem, p, error)
+         if (allocated(error)) exit
+         variables = [(new_variable(p(k), 0.0_wp, unbounded, magnitude(problem%right%world &
+            %structures(1), k)), k=1, n_parameters)]
+         call problem%jacobian(p, r, jac, error)
+         if (allocated(error)) exit
+         call compare_derivatives(problem, p, variables, jac, worst, found)
+         if (found > 0) alarms = alarms + 1
+         if (found > 0) print '(3a,es9.2)', '      alarm: ', parameters(found)%name, ' ', worst
+         do k = 1, n_parameters
+            if (norm2(jac(:, k))*p(k) <= 1e-5_wp*norm2(r + problem%right%parts(1)%measured)) cycle
+            counted = counted + 1
+            do j = 1, size(factors)
+               jac(:, k) = factors(j)*jac(:, k)
+               call compare_derivatives(problem, p, variables, jac, worst, found)
+               if (found /= k) missed(j) = missed(j) + 1
+               if (found /= k) print '(2a,i0,2es9.2)', '      missed: ', parameters(k)%name, j, worst
+               problem%column = 0
+               call problem%jacobian(p, r, jac, error)
+            end do
+         end do
+      end do
+      call check('every structure has derivatives', .not. allocated(error))
+      call check('right derivatives: no alarm in '//to_text(structures), alarms == 0, &
+         to_text(alarms))
+      call check('most derivatives count', counted > 10*structures, to_text(counted))
+      call check('derivatives of 0: all found', missed(1) == 0, to_text(missed(1)))
+      call check('derivatives wrong by 1 %: all found', missed(2) == 0, to_text(missed(2)))
+   end subroutine test_mistakes
+
+   !> A pulse on a random structure, some ten periods of its first mode, no record to speak of.
+   subroutine pose(problem, p, error)
+      type(mistaken_t), intent(inout) :: problem
+      real(wp), intent(out) :: p(:)
+      type(error_t), allocatable, intent(out) :: error
+      type(experiment_t) :: experiment
+      type(structure_t) :: s
+      integer :: k
+
+      s = random_structure(1.0_wp)
+      experiment%samples = [(k/s%omega(), k=1, 60)]
+      experiment%excitation = new_pulse(1.0_wp, 0.5_wp/s%omega())
+      allocate (experiment%measured(60), source=0.0_wp)
+      associate (right => problem%right)
+         right%free = [(k, k=1, n_parameters)]
+         right%record = spread(0, 1, n_parameters)
+         right%world%structures = [s]
+         right%world%excitations = [experiment%excitation]
+         if (allocated(right%parts)) deallocate (right%parts)
+         allocate (right%parts(1))
+         call new_apparatus(experiment, s, mesh_t(3, 4, 4, 1), observation_t(3, 0.0_wp), &
+            modal_t(), right%parts(1), error)
+      end associate
+      p = [(s%get(k), k=1, n_parameters)]
+   end subroutine pose
+
+end program test_terms
