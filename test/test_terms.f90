@@ -54,11 +54,12 @@ end module mistakes
 program test_terms
    use, intrinsic :: iso_fortran_env, only: int64
    use beamid_assembly, only: assembly_t, new_assembly
+   use beamid_blocks, only: block_t
+   use beamid_case_files, only: list_keys
    use beamid_errors, only: error_t
    use beamid_excitation, only: new_pulse
    use beamid_experiments, only: experiment_t, new_apparatus
    use beamid_galerkin, only: galerkin_t, mesh_t, new_galerkin
-   use beamid_keys, only: group_t, place_of
    use beamid_kinds, only: wp
    use beamid_modal, only: modal_t
    use beamid_modes, only: bare_beam_modes, beam_modes_t
@@ -71,19 +72,15 @@ program test_terms
    use beamid_terms, only: strength_slopes, strengths
    use beamid_units, only: units_t
    use beamid_variables, only: new_variable, unbounded, variable_t
-   use beamid_vocabulary, only: case_vocabulary
-   use checks, only: check, check_close, finish
+   use checks, only: check, check_close, finish, in_long_run
    use mistakes, only: mistaken_t
    implicit none
 
    integer(int64) :: state = 20250707
-   character(len=8) :: asked
-   integer :: status
 
    call test_rows()
    call test_derivatives()
-   call get_environment_variable('BEAMID_LONG_TESTS', asked, status=status)
-   call test_mistakes(merge(1000, 12, status == 0 .and. asked == 'yes'))
+   call test_mistakes(merge(1000, 12, in_long_run()))
    call finish('terms')
 
 contains
@@ -122,7 +119,7 @@ contains
    !> What a row says of itself, its key in the case file, and that it does something.
    subroutine test_rows()
       type(units_t) :: units
-      type(group_t), allocatable :: groups(:)
+      type(block_t), allocatable :: groups(:)
       type(structure_t) :: s, wrong
       type(error_t), allocatable :: error
       type(galerkin_t) :: galerkin
@@ -131,7 +128,7 @@ contains
       character(len=:), allocatable :: name
       integer :: g, j, k
 
-      groups = case_vocabulary()
+      call list_keys(groups)
       s = random_structure(0.5_wp)
       galerkin = new_galerkin(mesh_t(3, 4, 4, 1), s%length, turning=.true.)
       call bare_beam_modes(galerkin, modes, error)
@@ -143,9 +140,9 @@ contains
          name = trim(parameters(k)%name)
          call check(name//': help', parameters(k)%help /= '')
          call check(name//': unit', units%of_parameter(k) /= '', units%of_parameter(k))
-         g = place_of(trim(parameters(k)%group), groups)
+         g = findloc([(groups(j)%name == parameters(k)%group, j=1, size(groups))], .true., dim=1)
          call check(name//': a group', g > 0)
-         if (g > 0) call check(name//': a key', place_of(name, groups(g)%keys) > 0)
+         if (g > 0) call check(name//': a key', any(groups(g)%keys%name == name))
          call check(name//': one name', count([(parameters(j)%name == name, &
             j=1, size(parameters))]) == 1)
          call check(name//': does something', any(abs(strength_slopes(s, s%length, k)) > 0) &
