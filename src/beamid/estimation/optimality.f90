@@ -63,6 +63,8 @@ contains
          gain <= visible)) then
          objection = ', but the derivatives promise a J that is '// &
             to_text(100*gain/J)//' % smaller'
+         if (options%noise > 0) objection = objection//', as far as a relative error of '// &
+            to_text(options%noise)//' in the residuals lets it be seen: a smaller one may help'
       else if (ahead%rank < size(scales) .and. size(search%moving) == size(scales)) then
          call check_effects(search, noise, estimate, residual, ahead%rank, objection, error)
       end if
