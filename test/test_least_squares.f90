@@ -167,6 +167,7 @@ program test_least_squares
    use beamid_errors, only: error_t, status_failed
    use beamid_kinds, only: wp
    use beamid, only: fit, fit_t, options_t
+   use beamid_gauss_newton, only: look_ahead, outlook_t
    use beamid_strings, only: to_text
    use beamid_variables, only: new_variable, unbounded, variable_t
    use checks, only: check, check_close, finish
@@ -198,6 +199,7 @@ program test_least_squares
    call test_never()
    call test_bounds()
    call test_limits()
+   call test_outlook()
    call finish('least_squares')
 
 contains
@@ -497,5 +499,46 @@ contains
          result%evaluations <= 7 + 2 + 1, to_text(result%evaluations))
       call check('evaluations used up: the best so far is there', result%J <= 24.2_wp)
    end subroutine test_limits
+
+   !> What linear theory promises stays inside the bounds and is stationary for what stays off
+   !> them, wherever roundings put the parameters: those that start a last digit beyond a bound, and
+   !> those whose way to a bound is so long that they come out beside it.
+   subroutine test_outlook()
+      type(variable_t) :: variables(4)
+      type(outlook_t) :: ahead
+      real(wp), parameter :: near = 1e-3_wp, side(4) = [1, -1, 1, -1]
+      real(wp) :: jacobian(7, 4), residual(7), p(4), found(4), gradient(4), beyond, slope
+      logical :: finite
+      integer :: i, k
+
+      call random_seed(put=[(4711 + k, k=1, 64)])
+      beyond = 0
+      slope = 0
+      finite = .true.
+      do i = 1, 2000
+         call random_number(jacobian)
+         call random_number(residual)
+         jacobian = jacobian - 0.5_wp
+         residual = residual - 0.5_wp
+         do k = 1, 4
+            variables(k) = new_variable(side(k)*0.15_wp, min(side(k)*near, side(k)*0.2_wp), &
+               max(side(k)*near, side(k)*0.2_wp), 1.0_wp)
+            p(k) = variables(k)%start
+            if (modulo(i/2**k, 3) == 0) p(k) = nearest(variables(k)%lower, -1.0_wp)
+            if (modulo(i/2**k, 3) == 1) p(k) = nearest(variables(k)%upper, 1.0_wp)
+         end do
+         ahead = look_ahead(jacobian, residual, p, variables, 1e-12_wp)
+         found = p + ahead%step
+         gradient = matmul(ahead%residual, jacobian)
+         finite = finite .and. all(abs(found) < 1) .and. all(abs(ahead%residual) < 100)
+         beyond = max(beyond, maxval(max(variables%lower - found, found - variables%upper)))
+         slope = max(slope, maxval(abs(gradient), mask=found > variables%lower + 1e-4_wp .and. &
+            found < variables%upper - 1e-4_wp))
+      end do
+      call check('outlook: finite', finite)
+      ! Numbers of .1 and sums of seven products.
+      call check_close('outlook: inside the bounds', max(beyond, 0.0_wp), 0.0_wp, 1e-15_wp)
+      call check_close('outlook: stationary off them', slope, 0.0_wp, 1e-12_wp)
+   end subroutine test_outlook
 
 end program test_least_squares

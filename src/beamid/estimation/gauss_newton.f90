@@ -36,7 +36,8 @@ contains
       logical :: free(size(parameters))
       integer :: hit, k, rank
 
-      p = parameters
+      ! What the search put on a bound may lie beyond it by a rounding.
+      p = min(max(parameters, variables%lower), variables%upper)
       free = .true.
       ahead%residual = residual
       do while (any(free))
@@ -50,7 +51,7 @@ contains
             if (p(k) + step(k) > variables(k)%upper) share(k) = (variables(k)%upper - p(k))/step(k)
          end do
          hit = minloc(share, dim=1)
-         p = p + share(hit)*step
+         p = min(max(p + share(hit)*step, variables%lower), variables%upper)
          ahead%residual = ahead%residual + share(hit)*matmul(jacobian, step)
          if (share(hit) >= 1) exit
          free(hit) = .false.
