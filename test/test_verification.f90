@@ -11,9 +11,10 @@ program test_verification
    use beamid_modal, only: modal_t
    use beamid_noise, only: gaussian_noise
    use beamid_observation, only: observation_t
+   use beamid_parameters, only: free_index
    use beamid_residuals, only: residual_t
    use beamid_strings, only: to_text
-   use beamid_structure, only: parameter_index, structure_t
+   use beamid_structure, only: structure_t
    use beamid_unknowns, only: quantity_t, variables_of
    use beamid_variables, only: unbounded, variable_t
    use beamid_verification, only: exact_counterpart, verify_integrator
@@ -50,7 +51,7 @@ contains
       real(wp), intent(in) :: start(:)
       integer :: i
 
-      stage_of%free = [(parameter_index(names(i)), i=1, size(names))]
+      stage_of%free = [(free_index(names(i)), i=1, size(names))]
       stage_of%start = start
       stage_of%lower = spread(0.0_wp, 1, size(names))
       stage_of%upper = spread(unbounded, 1, size(names))
