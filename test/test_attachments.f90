@@ -1052,7 +1052,8 @@ contains
       call check('derivatives: none refused', refused == 0, to_text(refused))
       call check('derivatives: references for all', unknown == 0, to_text(unknown))
       do m = 1, size(kinds)
-         call check_close('motions, '//trim(kinds(m))//', worst of '// &
+         call check_close('motions, '//trim(kinds(m))//' (structure '// &
+            to_text(tallies(0, m)%worst_at)//'), worst of '// &
             to_text(tallies(0, m)%compared), tallies(0, m)%worst, 0.0_wp, 1e-9_wp)
          do k = 1, every
             name = trim(kinds(m))//' by '//trim(parameter_names(k))

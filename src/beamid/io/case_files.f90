@@ -15,7 +15,7 @@ module beamid_case_files
    use beamid_model_groups, only: read_excitation, read_noise, read_structure, read_units
    use beamid_multistart, only: multistart_t
    use beamid_namelist, only: group_t, scan_namelist
-   use beamid_parameters, only: check_structure
+   use beamid_parameters, only: check_structure, parameter_names, parameters
    use beamid_record_groups, only: get_window, read_recording
    use beamid_records, only: append_recording, everything, recording_t, window_t
    use beamid_refusals, only: refusals_t, refuse
@@ -207,20 +207,20 @@ contains
       type(block_t), intent(inout) :: blocks(:)
       type(structure_t), intent(in) :: structure
       logical, intent(out) :: sound
+      character(len=:), allocatable :: name
       type(error_t), allocatable :: error
       integer :: k
 
       call check_structure(structure, error)
       sound = .not. allocated(error)
       if (sound) return
-      do k = 1, size(blocks)
-         if (structure%sensor_place() > structure%length) then
-            if (blocks(k)%name == 'sensor') call blocks(k)%refusals%add(blocks(k)%line_of('x_S'), &
-               '&sensor '//error%message)
-         else if (blocks(k)%name == 'beam') then
-            call blocks(k)%refusals%add(blocks(k)%line_of('E'), '&beam '//error%message)
-         end if
-      end do
+      name = error%message(:index(error%message, ':') - 1)
+      associate (group => parameters(findloc(parameter_names == name, .true., dim=1))%group)
+         do k = 1, size(blocks)
+            if (blocks(k)%name == group) call blocks(k)%refusals%add(blocks(k)%line_of(name), &
+               '&'//trim(group)//' '//error%message)
+         end do
+      end associate
    end subroutine check_whole
 
    !> Refuses a case that lacks what the command needs.
