@@ -142,8 +142,8 @@ contains
 
    !> Where there is no exact response a hundredth of the tolerance is the judge. Its own error is
    !> about a hundredth of what it judges, up to threefold with other steps, which hang on the BLAS;
-   !> and its search stops where J falls by less than 1e-3: sqrt(38e-3)
-   !> = .2 standard errors, of 75. A tenth is more than all of that, and enough for a judge.
+   !> and its search stops where J falls by less than 1e-3: sqrt(38e-3) = .2 standard errors, of 75.
+   !> A tenth is more than all of that, and enough for a judge.
    subroutine test_judges()
       type(residual_t) :: problem, exact, none
       type(variable_t), allocatable :: variables(:)
