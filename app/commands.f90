@@ -62,7 +62,7 @@ contains
       call add_fit_tables(output, case, fits, experiments)
       call output%add('modes.csv', table%content())
       call deliver(output, fit_summary(case, experiments, fits, notes)//found%content(), &
-         settings, case%name, error)
+         settings, case%name, error, case%recordings)
    end subroutine run_identify
 
    !> Several starts on each mesh; the fits of the lowest minimum count.
@@ -200,7 +200,8 @@ contains
             + recording%offset))
       end associate
       call output%add('labels.csv', labels_table(case%units))
-      call deliver(output, response_summary(case, simulations), settings, case%name, error)
+      call deliver(output, response_summary(case, simulations), settings, case%name, error, &
+         case%recordings)
    end subroutine run_simulate
 
    !> beamid modes
@@ -247,7 +248,7 @@ contains
       end do
       call output%add('modes.csv', table%content())
       if (case%can_be_fitted()) call add_fit_of_modes(case, excitation, summary, output)
-      call deliver(output, summary%content(), settings, case%name, error)
+      call deliver(output, summary%content(), settings, case%name, error, case%recordings)
    end subroutine run_modes
 
    !> A case that says how to fit a record has intervals for its modes too. What keeps it from being
@@ -282,12 +283,15 @@ contains
 
    !> Writes all outputs, all or none, to --out DIR or out/<name>; prints the summary when they are
    !> safe.
-   subroutine deliver(output, summary, settings, name, error)
+   subroutine deliver(output, summary, settings, name, error, recordings)
       type(output_t), intent(inout) :: output
       character(len=*), intent(in) :: summary, name
       type(settings_t), intent(in) :: settings
       type(error_t), allocatable, intent(out) :: error
+      !> Inputs, which are not to be overwritten.
+      type(recording_t), intent(in), optional :: recordings(:)
       character(len=:), allocatable :: folder, kind
+      integer :: k
 
       folder = 'out/'//name
       if (allocated(settings%out)) folder = settings%out
@@ -296,6 +300,11 @@ contains
       call output%check_finite(error)
       if (allocated(error)) return
       call output%add('summary.txt', summary)
+      if (present(recordings)) then
+         do k = 1, size(recordings)
+            if (allocated(recordings(k)%path)) call output%spare(recordings(k)%path)
+         end do
+      end if
       call output%commit(folder, error, kind)
       if (allocated(error)) return
       call print_text(summary, error)

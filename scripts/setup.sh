@@ -18,6 +18,7 @@ compiler=${FPM_FC:-gfortran}
 binding=$checkout/external/sundials
 venv=$checkout/.venv
 root=${SUNDIALS_ROOT:-$(cat "$binding/root" 2>/dev/null || echo /usr)}
+root=$(realpath -m "$root")
 
 say() { echo "setup: $*" >&2; }
 fail() { say "$*" && exit 1; }
@@ -119,14 +120,16 @@ pip_install() {
    "$venv/bin/python" -m pip -q --disable-pip-version-check install "$@" >&2
 }
 
-# Copies the executable from the wheel; it finds its libraries at ../fpm.libs, so they come along.
+# Copies the executable from the wheel; where it brings libraries it finds them at ../fpm.libs, so
+# they come along.
 install_fpm() {
    local prefix=$1 lib=$1/lib/fpm-$fpm_version site
    shift
-   [[ ! -e $prefix/bin/fpm ]] || return
+   [[ ! -e $prefix/bin/fpm ]] || return 0
    site=("$venv"/lib/python*/site-packages)
    "$@" install -D -m 755 -t "$lib/fpm" "${site[0]}/fpm/fpm" &&
-      "$@" install -D -m 755 -t "$lib/fpm.libs" "${site[0]}"/fpm.libs/* &&
+      { [[ ! -d ${site[0]}/fpm.libs ]] ||
+         "$@" install -D -m 755 -t "$lib/fpm.libs" "${site[0]}"/fpm.libs/*; } &&
       "$@" mkdir -p "$prefix/bin" &&
       "$@" ln -s "../lib/fpm-$fpm_version/fpm/fpm" "$prefix/bin/fpm" &&
       say "installed fpm $fpm_version as $prefix/bin/fpm"
@@ -165,7 +168,7 @@ if [[ $fpm == "$venv"/* ]]; then
    prefix=/usr/local
    if ! may_be_root || ! install_fpm "$prefix" as_root; then
       prefix=~/.local
-      install_fpm "$prefix"
+      install_fpm "$prefix" || say "$prefix/bin/fpm cannot be made; the scripts use $fpm"
    fi
    is_fpm fpm || say "to call fpm yourself: export PATH=\"$prefix/bin:\$PATH\""
 fi

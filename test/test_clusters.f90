@@ -22,7 +22,8 @@ program test_clusters
    use beamid_responses, only: response_t, work_t
    use beamid_simulation, only: model_t
    use beamid_strings, only: to_text
-   use beamid_structure, only: of_c_D, of_c_H, of_E, of_k_H, of_m_H, of_rho, of_x_S, structure_t
+   use beamid_structure, only: of_c_D, of_c_H, of_E, of_gamma, of_k_H, of_m_H, of_rho, of_x_S, &
+      structure_t
    use beamid_unknowns, only: stage_t
    use beamid_variables, only: unbounded
    use checks, only: check, check_close, finish
@@ -53,6 +54,8 @@ program test_clusters
    call test_ordinary()
    call test_field()
    call test_free_columns()
+   call test_roots_alone()
+   call test_drift()
    call test_fits()
    call test_fitted_modes()
    call finish('clusters')
@@ -447,6 +450,56 @@ contains
          end do
       end do
    end subroutine columns
+
+   !> Roots alone, once derivatives of others were asked for.
+   subroutine test_roots_alone()
+      type(equations_t) :: equations
+      type(free_mode_t), allocatable :: modes(:)
+      type(work_t) :: work
+      type(error_t), allocatable :: error
+      complex(wp) :: s(4), ds(4, 0)
+
+      call prepare(tuned)
+      equations = new_equations(galerkin, tuned, new_free(4))
+      call solver%free_modes(equations, [of_gamma], 4, modes, work, error)
+      call check('roots with derivatives', .not. allocated(error))
+      call solver%free_motion(equations, [integer ::], s, ds, work, error)
+      call check('roots alone', .not. allocated(error))
+      if (allocated(error)) return
+      call check_close('roots alone: the same', maxval(abs(s - modes%s)), 0.0_wp, 0.0_wp)
+   end subroutine test_roots_alone
+
+   !> A hose that only its dashpot holds has a root at 0, exactly: it drifts. Whether an iteration
+   !> comes to 0 or next to it, is chance.
+   subroutine test_drift()
+      type(structure_t) :: structure
+      type(beam_modes_t) :: modes
+      type(poles_t) :: poles
+      type(error_t), allocatable :: error
+      real(wp) :: random(2)
+      integer :: k, refused, drifting
+
+      call random_seed(put=[(815 + k, k=1, 64)])
+      structure = structure_t(length=4, rho=0.03_wp, E=80, I=1, m_T=0.15_wp, m_H=0.04_wp)
+      call prepare(structure)
+      call bare_beam_modes(galerkin, modes, error)
+      refused = 0
+      drifting = 0
+      do k = 1, 400
+         call random_number(random)
+         structure%c_H = 10.0_wp**(3*random(1) - 2)
+         structure%c_D = 10.0_wp**(5*random(2) - 3)
+         if (allocated(poles%all)) deallocate (poles%all)
+         call find_poles(new_assembly(structure, modes, [integer ::]), modes, poles, error)
+         if (allocated(error)) then
+            refused = refused + 1
+         else
+            if (count(abs(poles%s) < 1e-30_wp) == 1) drifting = drifting + 1
+         end if
+      end do
+      call check('a hose that drifts: none refused', refused == 0, to_text(refused)//' of 400')
+      call check('a hose that drifts: one root at 0', drifting == 400, to_text(drifting)//' of 400')
+   end subroutine test_drift
 
    !> k_H and c_H from records that the exponentials have made of the double root, with a force that
    !> is known and without: what is left is the round-off of the record.

@@ -234,6 +234,19 @@ contains
       call check('--out with a blank', outcome%status == 0 .and. exists('two words/e f/modes.csv'))
       call check('no temporary file stays', &
          text_of(run('find . -name ".beamid-*"')) == '')
+      ! A record of somebody in the output folder, under the name of an output.
+      call write_file('mine/case.nml', case_text)
+      call write_file('mine/record.csv', record_text)
+      outcome = beamid('simulate case.nml --quiet --out .', 'mine')
+      call check('the record of the case is not overwritten', outcome%status == 2 .and. &
+         has_all(outcome%err, './record.csv: found a record of the case|another output folder') &
+         .and. read_file('mine/record.csv') == record_text .and. &
+         .not. exists('mine/summary.txt'), outcome%err)
+      outcome = run('cd mine && mv record.csv ../mine.csv')
+      outcome = beamid('simulate case.nml --quiet --out .', 'mine')
+      call check('nor is it in the way elsewhere', outcome%status == 0, outcome%err)
+      outcome = beamid('simulate case.nml --quiet --out .', 'mine')
+      call check('what an earlier run wrote is', outcome%status == 0, outcome%err)
    end subroutine test_output_folder
 
    !> What a case names lies beside the case, wherever the program runs.

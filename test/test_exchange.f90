@@ -24,27 +24,30 @@ program test_exchange
       '#include <unistd.h>'//nl// &
       'static int value(const char *name) { char *s = getenv(name); return s ? atoi(s) : 0; }'// &
       nl// &
-      'static int refused(const char *name) {'//nl// &
+      'static int refused(const char *name, const char *path) {'//nl// &
       '   static int calls = 0;'//nl// &
       '   const char *watched = getenv("WATCH");'//nl// &
       '   if (value("NO_LINKS") && !strcmp(name, " link")) { errno = EPERM; return 1; }'//nl// &
-      '   if (!watched || !strstr(watched, name)) return 0;'//nl// &
+      '   if (!watched || !strstr(watched, name) || !strstr(path, "work")) return 0;'//nl// &
       '   calls++;'//nl// &
       '   if (calls != value("AT") && !(value("FROM") && calls > value("AT"))) return 0;'//nl// &
       '   if (value("SIGNAL")) kill(getpid(), value("SIGNAL"));'//nl// &
       '   errno = value("ERROR");'//nl// &
       '   return errno != 0;'//nl// &
       '}'//nl// &
-      '#define CALL(name, declared, passed) int name declared { \'//nl// &
+      '#define CALL(name, declared, passed, path) int name declared { \'//nl// &
       '   int (*real) declared; *(void **) &real = dlsym(RTLD_NEXT, #name); \'//nl// &
-      '   return refused(" " #name) ? -1 : real passed; }'//nl// &
-      'CALL(rename, (const char *a, const char *b), (a, b))'//nl// &
-      'CALL(link, (const char *a, const char *b), (a, b))'//nl// &
-      'CALL(unlink, (const char *a), (a))'//nl// &
-      'CALL(rmdir, (const char *a), (a))'//nl// &
-      'CALL(mkdir, (const char *a, mode_t m), (a, m))'//nl// &
-      'CALL(creat, (const char *a, mode_t m), (a, m))'//nl// &
-      'CALL(fsync, (int f), (f))'//nl
+      '   return refused(" " #name, path) ? -1 : real passed; }'//nl// &
+      'CALL(rename, (const char *a, const char *b), (a, b), a)'//nl// &
+      'CALL(link, (const char *a, const char *b), (a, b), a)'//nl// &
+      'CALL(unlink, (const char *a), (a), a)'//nl// &
+      'CALL(rmdir, (const char *a), (a), a)'//nl// &
+      'CALL(mkdir, (const char *a, mode_t m), (a, m), a)'//nl// &
+      'CALL(creat, (const char *a, mode_t m), (a, m), a)'//nl// &
+      'CALL(fsync, (int f), (f), "work")'//nl
+   !> Debian 13's SUNDIALS brings MPI along, and that UCX, which takes SIGHUP for itself to begin a
+   !> log unless it is told not to.
+   character(len=*), parameter :: quiet = 'UCX_DEBUG_SIGNO=0 '
    character(len=*), parameter :: all_calls = ' mkdir creat fsync rename link unlink rmdir'
    character(len=*), parameter :: case_text = &
       '&beam length=4.0, rho=0.03, E=80.0, I=1.0 /'//nl//'&discretization elements=2 /'//nl// &
@@ -124,7 +127,7 @@ contains
       integer, intent(in) :: at
       type(outcome_t) :: outcome
 
-      outcome = run('OMP_NUM_THREADS=1 env --default-signal=HUP,INT,TERM '// &
+      outcome = run(quiet//'OMP_NUM_THREADS=1 env --default-signal=HUP,INT,TERM '// &
          'LD_PRELOAD="$PWD/calls.so" WATCH="'//calls//'" AT='//digits(at)//' '//what//' '// &
          newer_run//'work')
    end function hit
@@ -178,7 +181,7 @@ contains
             at > 5 .and. whole == at - 1, digits(whole)//' of '//digits(at - 1))
       end do
       outcome = run(again//'true')
-      outcome = run('LD_PRELOAD="$PWD/calls.so" WATCH=" rename" AT=3 SIGNAL=1 env '// &
+      outcome = run(quiet//'LD_PRELOAD="$PWD/calls.so" WATCH=" rename" AT=3 SIGNAL=1 env '// &
          '--ignore-signal=HUP '//newer_run//'work')
       call check('an ignored signal does nothing', outcome%status == 0 .and. outcome%out == &
          read_file('work/summary.txt'), outcome%err)

@@ -9,6 +9,7 @@ program test_identification
       simulation_t, stage_fit_t, stage_t
    use beamid_kinds, only: ip, wp
    use beamid_modal, only: modal_t
+   use beamid_noise, only: gaussian_noise
    use beamid_observation, only: observation_t
    use beamid_strings, only: to_text
    use beamid_parameters, only: free_index
@@ -41,6 +42,7 @@ program test_identification
    call test_meshes()
    call test_refused()
    call test_score()
+   call test_beside_bound()
    call test_memory()
    call finish('identification')
 
@@ -219,6 +221,35 @@ contains
       call score_fits(model, [mesh], samples, measured, fits, error)
       call refused('score that is not finite', error, 'elements = 2, stage 1: ', '1E+200')
    end subroutine test_score
+
+   !> Air damping that is not there, from noisy records: estimates lie at the bound 0, or where a
+   !> search has left them beside it, or well above; its standard error, relative
+   !> to the residuals, is the same but for what the derivative changes up to 3 of them above 0.
+   subroutine test_beside_bound()
+      type(model_t) :: model
+      type(stage_fit_t), allocatable :: fits(:)
+      type(error_t), allocatable :: error
+      real(wp) :: sd(40), estimate(40)
+      real(wp), allocatable :: measured(:)
+      integer :: k
+
+      model = exact_model()
+      call record_of(model, measured)
+      do k = 1, size(sd)
+         call identify(model, mesh, [stage_of(['gamma'], [1e-3_wp])], samples, &
+            measured + gaussian_noise(size(samples), 1e-2_wp, k), fits, error)
+         if (allocated(error)) exit
+         sd(k) = fits(1)%statistics%std_error(1)/sqrt(fits(1)%fit%J)
+         estimate(k) = fits(1)%fit%estimate(1)
+      end do
+      call check('beside a bound: all converge', .not. allocated(error))
+      if (allocated(error)) return
+      call check('beside a bound: some are', count(estimate < 1e-9_wp) > 5, &
+         to_text(count(estimate < 1e-9_wp))//', '//to_text(count(estimate > 0 .and. &
+         estimate < 1e-9_wp))//' of them above 0')
+      call check_close('beside a bound: the same standard error', maxval(sd)/minval(sd), 1.0_wp, &
+         0.05_wp)
+   end subroutine test_beside_bound
 
    !> Twenty more fits leave nothing behind, by either method. What the C library keeps back for the
    !> next request counts as given out: some hundred bytes here, where a record lost with each fit

@@ -141,32 +141,37 @@ contains
       call check('rtol = '//to_text(rtol)//': the fit converges', .not. allocated(error))
    end subroutine fit_of
 
-   !> Where there is no exact response a hundredth of the tolerance is the judge. At 1e-2 that is
-   !> 1e-4, whose own error is .01 standard errors here, and whose search stops where J falls by
-   !> less than 1e-3: sqrt(38e-3) = .2 standard errors, of 75.
+   !> Where there is no exact response a hundredth of the tolerance is the judge. Its own error is
+   !> about a hundredth of what it judges, up to threefold with other steps, which hang on the BLAS;
+   !> and its search stops where J falls by less than 1e-3: sqrt(38e-3) = .2 standard errors, of 75.
+   !> A tenth is more than all of that, and enough for a judge.
    subroutine test_judges()
       type(residual_t) :: problem, exact, none
       type(variable_t), allocatable :: variables(:)
       type(quantity_t), allocatable :: quantities(:)
       type(fit_t) :: found
       type(error_t), allocatable :: error
+      character(len=:), allocatable :: judge
       real(wp) :: moved, moved_too
 
       call fit_of(1e-2_wp, record_of(1e-3_wp), stage_of(['m_H', 'k_H'], [0.035_wp, 0.35_wp]), &
          problem, exact, variables, quantities, found)
-      call verify_integrator(problem, exact, variables, quantities%name, found, moved, error)
+      call verify_integrator(problem, exact, variables, quantities%name, found, moved, judge, error)
       call check('the exact response is the judge', allocated(error))
-      call verify_integrator(problem, none, variables, quantities%name, found, moved_too, error)
+      call verify_integrator(problem, none, variables, quantities%name, found, moved_too, judge, &
+         error)
       call check('a smaller tolerance is the judge', allocated(error))
       if (.not. allocated(error)) return
       call check('and is named', index(error%message, 'seen from rtol = 0.0001;') > 0, &
          error%message)
-      call check_close('both say the same, relatively', moved_too/moved, 1.0_wp, 0.02_wp)
+      call check_close('both say the same, relatively', moved_too/moved, 1.0_wp, 0.1_wp)
       call fit_of(1e-8_wp, record_of(1e-3_wp), stage_of(['m_H', 'k_H'], [0.035_wp, 0.35_wp]), &
          problem, exact, variables, quantities, found)
-      call verify_integrator(problem, none, variables, quantities%name, found, moved_too, error)
+      call verify_integrator(problem, none, variables, quantities%name, found, moved_too, judge, &
+         error)
       call check('a smaller tolerance lets pass', .not. allocated(error) .and. moved_too > 0, &
          to_text(moved_too))
+      call check('and says which', judge == 'rtol = 1E-10', judge)
    end subroutine test_judges
 
    !> A parameter at its bound is there for both, and is not said to have moved; where no degree of
@@ -178,6 +183,7 @@ contains
       type(stage_t) :: stage
       type(fit_t) :: found
       type(error_t), allocatable :: error
+      character(len=:), allocatable :: judge
       real(wp) :: moved, measured(size(samples))
 
       measured = record_of(1e-3_wp)
@@ -186,12 +192,12 @@ contains
       call fit_of(1e-6_wp, measured, stage, problem, exact, variables, quantities, found)
       ! Near enough to be held there.
       call check_close('k_H is at its bound', found%estimate(2), 0.25_wp, 1e-5_wp)
-      call verify_integrator(problem, exact, variables, quantities%name, found, moved, error)
+      call verify_integrator(problem, exact, variables, quantities%name, found, moved, judge, error)
       call check('a parameter at its bound', .not. allocated(error) .and. moved >= 0, &
          to_text(moved))
       stage = stage_of(['m_H', 'k_H'], [0.04_wp, 0.3_wp])
       call fit_of(1e-6_wp, measured(:2), stage, problem, exact, variables, quantities, found)
-      call verify_integrator(problem, exact, variables, quantities%name, found, moved, error)
+      call verify_integrator(problem, exact, variables, quantities%name, found, moved, judge, error)
       call check('no degree of freedom', .not. allocated(error) .and. moved < 0)
    end subroutine test_limits
 

@@ -7,8 +7,9 @@ module sundials
       FCVodeGetCurrentGamma, FCVodeGetDky, FCVodeInit, FCVodeReInit, FCVodeSetMaxOrd, &
       FCVodeSetStabLimDet, FCVodeSetStopTime, FCVodeSetUserData, FCVodeSVtolerances
    use fsundials_core_mod, only: FN_VDestroy, FSUNContext_ClearErrHandlers, FSUNContext_Create, &
-      FSUNContext_Free, FSUNContext_PushErrHandler, FSUNLinSolFreeEmpty, FSUNLinSolNewEmpty, &
-      N_Vector, SUN_COMM_NULL, SUNLinearSolver, SUNLinearSolver_Ops, SUNLINEARSOLVER_MATRIX_EMBEDDED
+      FSUNContext_Free, FSUNContext_GetLogger, FSUNContext_PushErrHandler, FSUNLinSolFreeEmpty, &
+      FSUNLinSolNewEmpty, FSUNLogger_SetWarningFilename, N_Vector, SUN_COMM_NULL, &
+      SUNLinearSolver, SUNLinearSolver_Ops, SUNLINEARSOLVER_MATRIX_EMBEDDED
    implicit none
    private
 
@@ -59,12 +60,16 @@ contains
       type(complaint_t), intent(in), target :: complaint
       type(c_ptr), intent(out) :: context, memory
       integer(c_int), intent(out) :: flag
+      type(c_ptr) :: logger
 
       memory = c_null_ptr
       flag = FSUNContext_Create(SUN_COMM_NULL, context)
       if (flag < 0) return
-      ! The context comes with a handler that prints.
-      flag = FSUNContext_ClearErrHandlers(context)
+      ! The context comes with a handler that prints, and with a logger that prints warnings; the
+      ! latter takes the name of another file only.
+      flag = FSUNContext_GetLogger(context, logger)
+      if (flag == 0) flag = FSUNLogger_SetWarningFilename(logger, '/dev/null')
+      if (flag == 0) flag = FSUNContext_ClearErrHandlers(context)
       if (flag == 0) flag = FSUNContext_PushErrHandler(context, c_funloc(keep_message), &
          c_loc(complaint))
       if (flag < 0) return

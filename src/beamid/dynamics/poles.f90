@@ -51,6 +51,8 @@ module beamid_poles
    !> |A| relative to that of an undamped mode, below which a root is not taken by itself: its
    !> residue has lost two digits there, and its derivative four.
    real(wp), parameter :: small_A = 5e-2_wp
+   !> And below which it must not be: a derivative would keep six digits.
+   real(wp), parameter :: tiny_A = 1e-5_wp
 
 contains
 
@@ -98,6 +100,15 @@ contains
          end associate
       end do
       call find_clusters(assembly, poles%all, pack(poles%root, near), poles%cluster)
+      do k = 1, size(poles%s)
+         if (any(poles%cluster%holds(poles%s(k)))) cycle
+         associate (vector => poles%vector(k))
+            if (abs(vector%A) > tiny_A*2*abs(poles%s(k))*vector%inertia) cycle
+         end associate
+         call failure(error, 'modal: too many roots of the characteristic equation come '// &
+            'together near s = '//to_text(real(poles%s(k)))//' + i '//to_text(aimag(poles%s(k))))
+         return
+      end do
       do k = 1, size(poles%cluster)
          where (poles%cluster(k)%holds(poles%s)) poles%residue = 0
          call measure(assembly, poles%cluster(k))
@@ -149,6 +160,10 @@ contains
       n = size(assembly%parameters)
       if (allocated(poles%ds)) deallocate (poles%ds, poles%dr, poles%dimpulse)
       allocate (poles%ds(size(poles%s), n), poles%dr(size(poles%s), n), poles%dimpulse(n))
+      do k = 1, size(poles%cluster)
+         if (.not. poles%cluster(k)%knows(assembly%parameters)) &
+            call measure(assembly, poles%cluster(k))
+      end do
       if (n == 0) return
       do k = 1, size(poles%s)
          if (any(poles%cluster%holds(poles%s(k)))) cycle
@@ -160,7 +175,6 @@ contains
       end do
       do k = 1, size(poles%cluster)
          associate (cluster => poles%cluster(k))
-            if (.not. cluster%knows(assembly%parameters)) call measure(assembly, cluster)
             do p = 1, n
                where (cluster%holds(poles%s))
                   poles%ds(:, p) = cluster%dmean(p)

@@ -17,6 +17,9 @@ module beamid_roots
 
    !> Sweeps at most, and those within which a root that has not arrived must come nearer.
    integer, parameter :: max_sweeps = 1000, patience = 20
+   !> Relative to the largest, a root at 0: that of a hose which only its dashpot holds. There the
+   !> relative corrections do not shrink; and squares of anything smaller would underflow.
+   real(wp), parameter :: nothing = 1e-60_wp
 
 contains
 
@@ -244,7 +247,8 @@ contains
             call correct(assembly, roots, k, moved(k))
             ! Convergence is quadratic at least, but for multiple roots.
             settled(k) = moved(k) <= 1e-10_wp*abs(roots(k)%offset)
-            done(k) = moved(k) <= 1e-6_wp*max(abs(roots(k)%offset), 1e-14_wp*abs(roots(k)%s))
+            done(k) = moved(k) <= 1e-6_wp*max(abs(roots(k)%offset), 1e-14_wp*abs(roots(k)%s)) &
+               .or. abs(roots(k)%s) <= nothing*maxval(abs(roots%s))
             ! Its mirror image has arrived when it has.
             if (k <= assembly%n .and. .not. done(k)) done(k + assembly%n) = .false.
          end do

@@ -41,6 +41,7 @@ module beamid_identification
       type(residual_check_t) :: check
       !> How far an integrator's error has moved an estimate, in standard errors; -1: no integrator
       real(wp) :: moved = -1
+      character(len=:), allocatable :: judge   !< seen from where
       real(wp) :: score = -1             !< squared residuals over another window; -1: not asked for
       type(work_t) :: work
    end type stage_fit_t
@@ -144,15 +145,17 @@ contains
          names)
       if (allocated(error)) return
       if (.not. problem%has_jacobian()) call verify_integrator(problem, exact, variables, names, &
-         found%fit, found%moved, error)
+         found%fit, found%moved, found%judge, error)
       if (allocated(error)) return
       found%free = stage%free
       do k = 1, size(stage%free)
          call problem%world%set(problem%free(k), problem%record(k), found%fit%estimate(k))
          found%quantities(k)%value = found%fit%estimate(k)
          found%quantities(k)%scale = abs(found%fit%estimate(k))
-         if (.not. found%quantities(k)%scale > 0) found%quantities(k)%scale = &
-            problem%world%magnitude(problem%free(k), problem%record(k))
+         associate (moderate => problem%world%magnitude(problem%free(k), problem%record(k)))
+            ! What a search leaves beside a bound at 0 is no yardstick.
+            if (found%quantities(k)%scale <= 1e-9_wp*moderate) found%quantities(k)%scale = moderate
+         end associate
       end do
       found%world = problem%world
       found%structure = found%world%structures(1)

@@ -101,8 +101,8 @@ contains
          if (allocated(error)) return
          objection = ''
          if (info == 0 .or. info == 5) exit
-         call check_minimum(search, options, noise, result%estimate, result%residual, &
-            result%jacobian, objection, error)
+         call check_minimum(search, options, noise, result%start, result%estimate, &
+            result%residual, result%jacobian, objection, error)
          if (allocated(error)) return
          if (objection == '') exit
       end do

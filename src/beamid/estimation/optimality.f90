@@ -29,14 +29,16 @@ contains
    !> parameter has changed by its own size.
    !>
    !> noise      of the differences that stand in for derivatives
+   !> start      where the first search began
    !> estimate, residual, jacobian  where the search has ended
    !> objection  what speaks against a minimum, or ''. `search` is then left where to go on from:
    !>            there, or at the start
    !> error      the derivatives at the start cannot be computed
-   subroutine check_minimum(search, options, noise, estimate, residual, jacobian, objection, error)
+   subroutine check_minimum(search, options, noise, start, estimate, residual, jacobian, &
+      objection, error)
       type(search_t), intent(inout) :: search
       type(options_t), intent(in) :: options
-      real(wp), intent(in) :: noise, estimate(:), residual(:), jacobian(:, :)
+      real(wp), intent(in) :: noise, start(:), estimate(:), residual(:), jacobian(:, :)
       character(len=:), allocatable, intent(out) :: objection
       type(error_t), allocatable, intent(out) :: error
       type(outlook_t) :: ahead
@@ -66,7 +68,8 @@ contains
          if (options%noise > 0) objection = objection//', as far as a relative error of '// &
             to_text(options%noise)//' in the residuals lets it be seen: a smaller one may help'
       else if (ahead%rank < size(scales) .and. size(search%moving) == size(scales)) then
-         call check_effects(search, noise, estimate, residual, ahead%rank, objection, error)
+         call check_effects(search, noise, start, estimate, residual, ahead%rank, objection, &
+            error)
       end if
    end subroutine check_minimum
 
@@ -75,9 +78,9 @@ contains
    !> for. A parameter at its bound, a mass of zero say, may take others' effect away.
    !>
    !> rank  at the estimate
-   subroutine check_effects(search, noise, estimate, residual, rank, objection, error)
+   subroutine check_effects(search, noise, start, estimate, residual, rank, objection, error)
       type(search_t), intent(inout) :: search
-      real(wp), intent(in) :: noise, estimate(:), residual(:)
+      real(wp), intent(in) :: noise, start(:), estimate(:), residual(:)
       integer, intent(in) :: rank
       character(len=:), allocatable, intent(inout) :: objection
       type(error_t), allocatable, intent(out) :: error
@@ -85,10 +88,8 @@ contains
       real(wp), parameter :: clearly = 1e3_wp
       type(outlook_t) :: ahead
       real(wp), allocatable :: r(:), jacobian(:, :)
-      real(wp) :: start(size(estimate))
 
       if (any(search%variables%is_at_bound(estimate))) return
-      start = search%variables%start
       allocate (jacobian(size(residual), size(start)), r(size(residual)))
       if (search%problem%has_jacobian()) then
          call search%problem%jacobian(start, r, jacobian, error)

@@ -53,22 +53,24 @@ contains
    !> names      (n) theirs
    !> moved      by how many standard errors, the largest over the parameters; -1 where no degree of
    !>            freedom is left for these
+   !> judge      seen from where: the exact response, or a smaller tolerance where that fails
    !> error      an estimate was moved too far, or nothing can tell whether it was
-   subroutine verify_integrator(problem, exact, variables, names, found, moved, error)
+   subroutine verify_integrator(problem, exact, variables, names, found, moved, judge, error)
       type(residual_t), intent(in) :: problem
       type(residual_t), intent(inout) :: exact
       type(variable_t), intent(in) :: variables(:)
       character(len=*), intent(in) :: names(:)
       type(fit_t), intent(in) :: found
       real(wp), intent(out) :: moved
+      character(len=:), allocatable, intent(out) :: judge
       type(error_t), allocatable, intent(out) :: error
       type(fit_t) :: better
       type(statistics_t) :: statistics
-      character(len=:), allocatable :: judge
       real(wp), dimension(size(variables)) :: scales, shift, ratio
       integer :: k
 
       moved = -1
+      judge = ''
       if (size(found%residual) <= size(variables) .or. size(variables) == 0) return
       call go_on(problem, exact, variables, found, better, judge, error)
       if (allocated(error)) return

@@ -4,8 +4,11 @@ module beamid_outputs
    use beamid_errors, only: error_t, bad_input, failure
    use beamid_exchange, only: exchange, named_text_t
    use beamid_folders, only: make_folders
+   use beamid_files, only: read_text
    use beamid_kinds, only: ip
-   use beamid_posix, only: c_rmdir, edquot, efbig, eio, enospc, reason
+   use beamid_manifests, only: entries_in, entry_length, manifest_name, name_in
+   use beamid_paths, only: join_path
+   use beamid_posix, only: c_rmdir, edquot, efbig, eio, enospc, reason, same_file
    implicit none
    private
 
@@ -13,8 +16,11 @@ module beamid_outputs
 
    type :: output_t
       type(named_text_t), allocatable, private :: files(:)
+      !> Paths of inputs.
+      type(named_text_t), allocatable, private :: inputs(:)
    contains
       procedure :: add
+      procedure :: spare
       procedure :: check_finite
       procedure :: commit
    end type output_t
@@ -42,6 +48,47 @@ contains
       end if
       self%files(i)%text = text
    end subroutine add
+
+   !> Names an input, a file of somebody: `commit` does not overwrite it, unless the manifest of
+   !> the output folder says that an earlier run wrote it.
+   subroutine spare(self, path)
+      class(output_t), intent(inout) :: self
+      character(len=*), intent(in) :: path
+      type(named_text_t), allocatable :: more(:)
+      integer :: n
+
+      if (.not. allocated(self%inputs)) allocate (self%inputs(0))
+      n = size(self%inputs)
+      allocate (more(n + 1))
+      more(:n) = self%inputs
+      more(n + 1)%name = path
+      call move_alloc(more, self%inputs)
+   end subroutine spare
+
+   !> Refuses to overwrite an input.
+   subroutine check_inputs(self, directory, error)
+      class(output_t), intent(in) :: self
+      character(len=*), intent(in) :: directory
+      type(error_t), allocatable, intent(out) :: error
+      character(len=entry_length), allocatable :: entries(:)
+      character(len=:), allocatable :: manifest, path
+      type(error_t), allocatable :: none
+      integer :: i, j, k
+
+      if (.not. (allocated(self%inputs) .and. allocated(self%files))) return
+      call read_text(join_path(directory, manifest_name), manifest, none)
+      entries = entries_in(manifest)
+      do i = 1, size(self%files)
+         path = join_path(directory, self%files(i)%name)
+         do j = 1, size(self%inputs)
+            if (.not. same_file(path, self%inputs(j)%name)) cycle
+            if (any([(name_in(entries(k)) == self%files(i)%name, k=1, size(entries))])) cycle
+            call bad_input(error, path//': found a record of the case, which the run would '// &
+               'overwrite, expected another output folder')
+            return
+         end do
+      end do
+   end subroutine check_inputs
 
    !> Refuses tables with a field that is no finite number: whatever the way by which it came there,
    !> it is no result.
@@ -96,7 +143,8 @@ contains
       class(output_t), intent(in) :: self
       !> The output folder; it and its parents are created when missing.
       character(len=*), intent(in) :: directory
-      !> Status 1 for a full or broken disk, 2 for a folder that cannot be written.
+      !> Status 1 for a full or broken disk, 2 for a folder that cannot be written or holds an
+      !> input.
       type(error_t), allocatable, intent(out) :: error
       !> A word for the kind of run, default `run`: what the last run of this kind has written there
       !> and this one has not is removed, unless somebody has changed it.
@@ -106,6 +154,8 @@ contains
       integer, allocatable :: created(:)
       integer :: i
 
+      call check_inputs(self, directory, error)
+      if (allocated(error)) return
       left = ''
       kind = 'run'
       if (present(command)) kind = command

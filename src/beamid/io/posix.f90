@@ -10,7 +10,8 @@ module beamid_posix
    public :: c_fopen, c_fread, c_ferror, c_fclose, c_creat, c_fsync, c_close
    public :: c_link, c_rename, c_unlink, c_mkdir, c_rmdir, c_opendir, c_closedir, c_dirfd, c_flock
    public :: c_getpid, c_signal, c_raise, c_usleep
-   public :: file_status, kind_there, entry_name, host_name, write_bytes, last_errno, reason
+   public :: file_status, same_file, kind_there, entry_name, host_name, write_bytes, last_errno
+   public :: reason
 
    integer(c_int), parameter, public :: enoent = 2, eintr = 4, eio = 5, eagain = 11, eexist = 17, &
       enotdir = 20, eisdir = 21, einval = 22, efbig = 27, enospc = 28, edquot = 122
@@ -187,6 +188,18 @@ contains
       kind = iand(int(status%mode), kind_mask)
       bytes = status%bytes
    end subroutine file_status
+
+   !> Whether two paths lead to one file that is there.
+   logical function same_file(a, b) result(same)
+      character(len=*), intent(in) :: a, b
+      type(statx_t) :: one, other
+      !> Where `rest` has the device.
+      integer, parameter :: device = 12
+
+      same = c_statx(at_fdcwd, a//c_null_char, 0_c_int, basic_fields, one) == 0
+      if (same) same = c_statx(at_fdcwd, b//c_null_char, 0_c_int, basic_fields, other) == 0
+      if (same) same = one%inode == other%inode .and. one%rest(device) == other%rest(device)
+   end function same_file
 
    !> What stands at a path, a link itself and not what it leads to; 0: nothing.
    integer function kind_there(path)

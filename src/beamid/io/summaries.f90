@@ -86,7 +86,8 @@ contains
          call text%line(line)
          call text%line('       '//effort(fits(k)%work))
          if (fits(k)%moved >= 0) call text%line('       the integrator''s error has moved the '// &
-            'estimates by '//to_text(fits(k)%moved)//' of their standard errors at most')
+            'estimates by '//to_text(fits(k)%moved)//' of their standard errors at most, seen '// &
+            'from '//fits(k)%judge)
          if (fits(k)%score >= 0) call text%line( &
             '       sum of squares over the window of &score: '// &
             to_text(fits(k)%score))
