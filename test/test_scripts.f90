@@ -79,8 +79,8 @@ contains
       told = outcome%err(:max(0, len(outcome%err) - 1))
    end function told
 
-   !> Every script that is given an output folder asks. Where there is no matplotlib, in Python or in
-   !> .venv, the scripts would install it: then nothing is tested.
+   !> Every script that is given an output folder asks. Where there is no matplotlib, in Python or
+   !> in .venv, the scripts would install it: then nothing is tested.
    subroutine test_each()
       outcome = run('for p in python3 ../../.venv/bin/python; do '// &
          '$p -c "import numpy, matplotlib" && exit; done; exit 1')

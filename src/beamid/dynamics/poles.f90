@@ -81,6 +81,7 @@ contains
       type(assembly_t), intent(in) :: assembly
       type(poles_t), intent(inout) :: poles
       type(error_t), allocatable, intent(out) :: error
+      real(wp) :: undamped(size(poles%root))
       logical :: near(size(poles%root))
       integer :: k
 
@@ -93,7 +94,9 @@ contains
       do k = 1, size(poles%s)
          call find_vector(assembly, poles%root(k), poles%vector(k))
          associate (vector => poles%vector(k))
-            near(k) = abs(vector%A) < small_A*2*abs(poles%s(k))*vector%inertia
+            ! |A| of an undamped mode.
+            undamped(k) = 2*abs(poles%s(k))*vector%inertia
+            near(k) = abs(vector%A) < small_A*undamped(k)
             poles%residue(k) = 0
             if (abs(vector%A) > 0) poles%residue(k) = weight(poles%s(k)) &
                *vector%y(assembly%sensor)*sum(assembly%load*vector%x)/vector%A
@@ -101,10 +104,8 @@ contains
       end do
       call find_clusters(assembly, poles%all, pack(poles%root, near), poles%cluster)
       do k = 1, size(poles%s)
+         if (abs(poles%vector(k)%A) > tiny_A*undamped(k)) cycle
          if (any(poles%cluster%holds(poles%s(k)))) cycle
-         associate (vector => poles%vector(k))
-            if (abs(vector%A) > tiny_A*2*abs(poles%s(k))*vector%inertia) cycle
-         end associate
          call failure(error, 'modal: too many roots of the characteristic equation come '// &
             'together near s = '//to_text(real(poles%s(k)))//' + i '//to_text(aimag(poles%s(k))))
          return

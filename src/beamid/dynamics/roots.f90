@@ -226,7 +226,7 @@ contains
       type(root_t), intent(inout) :: roots(:)
       type(error_t), allocatable, intent(out) :: error
       logical :: done(size(roots)), settled(size(roots))
-      real(wp) :: moved(size(roots)), before(size(roots))
+      real(wp) :: moved(size(roots)), before(size(roots)), least
       integer :: k, sweep
 
       if (assembly%is_bare()) then
@@ -241,6 +241,7 @@ contains
       end if
       done = .false.
       before = huge(before)
+      least = nothing*maxval(abs(roots%s))
       do sweep = 1, max_sweeps
          do k = 1, size(roots)
             if (done(k)) cycle
@@ -248,7 +249,7 @@ contains
             ! Convergence is quadratic at least, but for multiple roots.
             settled(k) = moved(k) <= 1e-10_wp*abs(roots(k)%offset)
             done(k) = moved(k) <= 1e-6_wp*max(abs(roots(k)%offset), 1e-14_wp*abs(roots(k)%s)) &
-               .or. abs(roots(k)%s) <= nothing*maxval(abs(roots%s))
+               .or. abs(roots(k)%s) <= least
             ! Its mirror image has arrived when it has.
             if (k <= assembly%n .and. .not. done(k)) done(k + assembly%n) = .false.
          end do

@@ -32,37 +32,38 @@ contains
       class(output_t), intent(inout) :: self
       !> The file's name inside the output folder, and its whole text.
       character(len=*), intent(in) :: name, text
-      type(named_text_t), allocatable :: more(:)
-      integer :: i, n
+      integer :: i
 
       if (.not. allocated(self%files)) allocate (self%files(0))
-      n = size(self%files)
-      do i = 1, n
+      do i = 1, size(self%files)
          if (self%files(i)%name == name) exit
       end do
-      if (i > n) then
-         allocate (more(n + 1))
-         more(:n) = self%files
-         call move_alloc(more, self%files)
-         self%files(i)%name = name
-      end if
+      if (i > size(self%files)) call append(self%files, name)
       self%files(i)%text = text
    end subroutine add
+
+   !> A list with one name more.
+   subroutine append(list, name)
+      type(named_text_t), allocatable, intent(inout) :: list(:)
+      character(len=*), intent(in) :: name
+      type(named_text_t), allocatable :: more(:)
+      integer :: n
+
+      n = size(list)
+      allocate (more(n + 1))
+      more(:n) = list
+      more(n + 1)%name = name
+      call move_alloc(more, list)
+   end subroutine append
 
    !> Names an input, a file of somebody: `commit` does not overwrite it, unless the manifest of
    !> the output folder says that an earlier run wrote it.
    subroutine spare(self, path)
       class(output_t), intent(inout) :: self
       character(len=*), intent(in) :: path
-      type(named_text_t), allocatable :: more(:)
-      integer :: n
 
       if (.not. allocated(self%inputs)) allocate (self%inputs(0))
-      n = size(self%inputs)
-      allocate (more(n + 1))
-      more(:n) = self%inputs
-      more(n + 1)%name = path
-      call move_alloc(more, self%inputs)
+      call append(self%inputs, path)
    end subroutine spare
 
    !> Refuses to overwrite an input.
