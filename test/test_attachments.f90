@@ -1021,6 +1021,7 @@ contains
       real(wp), allocatable, dimension(:, :) :: columns, known
       real(wp), allocatable, dimension(:, :, :) :: derivatives, reference
       character(len=:), allocatable :: name
+      real(wp) :: sudden(size(kinds))
       integer :: number, k, m, refused, unknown
       logical :: lost
 
@@ -1040,9 +1041,12 @@ contains
             unknown = unknown + 1
             cycle
          end if
+         ! What is left of the acceleration that a force causes at once is known to the condition
+         ! of M, 1e9 with a heavy J_T on a root that turns, times round-off of that.
+         sudden = merge(1, 0, kinds == 'acceleration')*acceleration_at_once(e)
          do m = 1, size(kinds)
-            call count_in(tallies(0, m), number, columns(:, m), known(:, m), known(:, m), &
-               1.0_wp)
+            call count_in(tallies(0, m), number, columns(:, m), known(:, m), &
+               [known(:, m), sudden(m)], 1.0_wp)
             do k = 1, every
                call count_in(tallies(k, m), number, derivatives(:, m, k), reference(:, m, k), &
                   known(:, m), e%structure%get(k))
@@ -1054,7 +1058,7 @@ contains
       do m = 1, size(kinds)
          call check_close('motions, '//trim(kinds(m))//' (structure '// &
             to_text(tallies(0, m)%worst_at)//'), worst of '// &
-            to_text(tallies(0, m)%compared), tallies(0, m)%worst, 0.0_wp, 1e-9_wp)
+            to_text(tallies(0, m)%compared), tallies(0, m)%worst_of_motion, 0.0_wp, 1e-9_wp)
          do k = 1, every
             name = trim(kinds(m))//' by '//trim(parameter_names(k))
             associate (tally => tallies(k, m))
@@ -1071,6 +1075,20 @@ contains
          end do
       end do
    end subroutine test_many_derivatives
+
+   !> The largest acceleration that the force causes at once.
+   real(wp) function acceleration_at_once(e) result(a)
+      type(experiment_t), intent(in) :: e
+      type(equations_t), target :: equations
+      real(wp), allocatable :: x(:)
+      logical :: positive
+
+      equations = new_equations(galerkin, e%structure, e%excitation)
+      x = equations%load
+      call equations%mass%factor(positive)
+      call equations%mass%solve(x)
+      a = maxval(abs(e%excitation%f))*abs(dot_product(equations%observer, x))
+   end function acceleration_at_once
 
    !> One motion of one structure.
    subroutine count_in(tally, number, found, expected, motion, parameter)
