@@ -50,7 +50,7 @@ contains
       real(wp) :: b(galerkin%mesh%degree + 1), d2b(galerkin%mesh%degree + 1)
       integer :: e, p, i, j, first, m
 
-      self%soft = structure%has_soft_root()
+      self%soft = structure%has_root_spring()
       self%hose = structure%has_hose()
       self%length = galerkin%space%length
       self%x_S = structure%sensor_place()

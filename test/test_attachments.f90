@@ -119,7 +119,7 @@ contains
       type(structure_t), intent(in) :: structure
       type(galerkin_t) :: integrals
 
-      integrals = new_galerkin(mesh, structure%length, turning=structure%has_soft_root())
+      integrals = new_galerkin(mesh, structure%length, turning=structure%has_root_spring())
    end function mesh_of
 
    !> Beams as in the test of derivatives, with everything on them: tip masses of .001 to 100 beams,

@@ -82,7 +82,7 @@ contains
 
    !> <theta, b_i> for theta(x) = (x/l)**power, the load shape of (3.10).
    !>
-   !> power   >= 2 for a load, so that theta and its slope vanish at the root
+   !> power   >= 0; >= 2 for a load, so that theta and its slope vanish at the root
    !> values  (n) [length]
    pure function moments(self, power) result(values)
       class(galerkin_t), intent(in) :: self

@@ -15,20 +15,27 @@
 module beamid_assembly
    use beamid_kinds, only: wp
    use beamid_modes, only: beam_modes_t
-   use beamid_structure, only: of_length, of_x_S, structure_t
-   use beamid_terms, only: bending, hose, inertia, load_shape, of_damping, of_load, of_mass, &
-      of_stiffness, root_slope, sensor_value, strength_slopes, strengths, stretch, tip_slope, &
-      tip_value
+   use beamid_structure, only: of_length, of_x_F, structure_t
+   use beamid_terms, only: bending, force_value, hose, inertia, is_rigid, load_shape, of_damping, &
+      of_load, of_mass, of_stiffness, operators, root_slope, sensor_value, strength_slopes, &
+      strengths, stretch, support_value, tip_slope, tip_value
    implicit none
    private
 
-   public :: assembly_t, new_assembly, pencil_t, quadratic
+   public :: assembly_t, new_assembly, pencil_t, quadratic, load_t
 
    !> Coefficients of D(s) and H(s), or of their derivatives with respect to one parameter.
    type :: pencil_t
       real(wp), allocatable :: m(:), c(:), k(:)              !< (n)
       real(wp), allocatable :: hm(:, :), hc(:, :), hk(:, :)  !< (r, r), symmetric
    end type pencil_t
+
+   !> What drives the structure: a force at a point, distributed, or the base that moves.
+   type :: load_t
+      real(wp), allocatable :: shape(:)   !< <theta, phi> of the beam's modes; not allocated: none
+      real(wp) :: shape_turn = 0          !< <theta, x>
+      logical :: base = .false.           !< the base moves, no force
+   end type load_t
 
    type :: assembly_t
       type(structure_t) :: structure
@@ -37,22 +44,35 @@ module beamid_assembly
       integer :: beam = 0                      !< the first of them: modes of the bare beam
       type(pencil_t) :: pencil(2)              !< hose by y, by y - u(l)
       real(wp), allocatable :: v(:, :)         !< (r, n) column i is v_i
-      real(wp), allocatable :: load(:)         !< (n) per unit force
+      !> (r) 1; of a rigid support 0: the row of V says that nothing moves there, and in the place of
+      !> its motion stands the force that holds it, in units of H
+      real(wp), allocatable :: compliant(:)
+      !> (n, 2, 2) F, and what of it goes with 1/s, by the two forms of the pencil: per unit force, or
+      !> per unit acceleration of the base
+      real(wp), allocatable :: load(:, :, :)
+      !> (r) by which a row is longer as the base moves: support to ground, over s**2
+      real(wp), allocatable :: lift(:)
       complex(wp), allocatable :: pole(:, :)   !< (n, 2) roots of D_i [1/time]
       integer, allocatable :: parameters(:)    !< places of those to differentiate with respect to
-      type(pencil_t), allocatable :: slope(:, :)   !< (2, parameters) d pencil/d parameter
-      real(wp), allocatable :: load_slope(:, :)    !< (n, parameters) d load/d parameter
+      type(pencil_t), allocatable :: slope(:, :)        !< (2, parameters) d pencil/d parameter
+      real(wp), allocatable :: load_slope(:, :, :, :)   !< (n, 2, 2, parameters) d load/d parameter
       !> (r, n) how a row of v changes as its place moves along the beam of the mesh, and
       !> (r, parameters) how a parameter moves that place; such a row has no entry of H but that on
       !> the diagonal
       real(wp), allocatable :: v_slope(:, :), moves(:, :)
+      !> (operators) row of v; 0: none. A parameter to be differentiated with respect to may add one
+      !> that the structure by itself does without: J_T = 0, a sensor at the tip by default.
+      integer, allocatable :: row(:)
       !> Rows of v; 0: not there. The sensor's may be that of the tip.
-      integer :: tip = 0, hose = 0, turn = 0, sensor = 0, arrow = 0, root = 0
+      integer :: tip = 0, hose = 0, sensor = 0, arrow = 0, root = 0
    contains
-      procedure :: layout
       procedure :: form_at
       procedure :: is_bare
       procedure :: is_undamped
+      procedure :: roots
+      procedure :: load_at
+      procedure :: is_carried
+      procedure :: mass_couplings
    end type assembly_t
 
 contains
@@ -60,17 +80,18 @@ contains
    !> structure   what hangs on the beam
    !> modes       of the bare beam
    !> parameters  places in the table to differentiate with respect to
-   !> shape       (n) <theta, phi> of the beam's modes for a distributed load; left out: none
-   !> shape_root  <theta, x>
-   function new_assembly(structure, modes, parameters, shape, shape_root) result(self)
+   !> load        left out: a force at a point
+   function new_assembly(structure, modes, parameters, load) result(self)
       type(structure_t), intent(in) :: structure
       type(beam_modes_t), intent(in) :: modes
       integer, intent(in) :: parameters(:)
-      real(wp), intent(in), optional :: shape(:), shape_root
+      type(load_t), intent(in), optional :: load
       type(assembly_t) :: self
-      real(wp), allocatable :: slopes(:, :, :), distributed(:)
+      type(load_t) :: applied
+      real(wp), allocatable :: slopes(:, :, :)
       integer :: form, p, i
 
+      if (present(load)) applied = load
       self%structure = structure
       self%parameters = parameters
       self%beam = size(modes%mu)
@@ -80,21 +101,16 @@ contains
          slopes(:, :, p) = strength_slopes(structure, modes%space%length, parameters(p))
       end do
       call lay_out(self, modes, needed=[(any(abs(self%strength(i, :)) > 0) .or. &
-         any(abs(slopes(i, :, :)) > 0), i=1, size(self%strength, 1))])
-      allocate (distributed(self%n), source=0.0_wp)
-      if (present(shape)) distributed(:self%beam) = shape
-      if (present(shape_root) .and. self%root > 0) distributed(self%n) = shape_root
-      self%load = load_of(self, self%strength(:, of_load), distributed)
-      allocate (self%slope(2, size(parameters)), self%load_slope(self%n, size(parameters)))
+         any(abs(slopes(i, :, :)) > 0) .or. is_rigid(i, structure), i=1, size(self%strength, 1))])
+      allocate (self%slope(2, size(parameters)))
       do form = 1, 2
          self%pencil(form) = new_pencil(self, modes, self%strength, form)
          do p = 1, size(parameters)
             self%slope(form, p) = new_pencil(self, modes, slopes(:, :, p), form)
          end do
       end do
-      do p = 1, size(parameters)
-         self%load_slope(:, p) = load_of(self, slopes(:, of_load, p), distributed)
-      end do
+      call hold_rigid(self, modes)
+      call set_load(self, modes, slopes, applied)
       allocate (self%pole(self%n, 2))
       do i = 1, self%n
          self%pole(i, :) = quadratic(self%pencil(1)%m(i), self%pencil(1)%c(i), &
@@ -109,70 +125,239 @@ contains
       type(assembly_t), intent(inout) :: self
       type(beam_modes_t), intent(in) :: modes
       logical, intent(in) :: needed(:)
-      logical :: soft, has_hose
-      real(wp) :: place
-      integer :: r
+      integer :: k, r
 
-      associate (s => self%structure, l => modes%space%length)
-         soft = s%has_soft_root()
-         has_hose = s%has_hose() .and. any(self%strength(stretch, :) > 0)
-         r = 0
+      associate (s => self%structure)
+         allocate (self%row(size(operators)), source=0)
          self%n = self%beam
-         call add(.true., self%tip)
-         call add(has_hose, self%hose)
-         call add(needed(tip_slope), self%turn)
-         call add(s%x_S >= 0 .or. any(self%parameters == of_x_S), self%sensor)
-         if (self%sensor == 0) self%sensor = self%tip
-         call add(soft, self%arrow)
-         call add(soft, self%root)
-         if (has_hose) self%n = self%n + 1
-         if (soft) self%n = self%n + 1
-         allocate (self%v(r, self%n), self%v_slope(r, self%n), &
-            self%moves(r, size(self%parameters)), source=0.0_wp)
-         self%v(self%tip, :self%beam) = modes%tip
-         if (self%turn > 0) self%v(self%turn, :self%beam) = modes%tip_slope
-         if (has_hose) self%v(self%hose, self%beam + 1) = 1
-         if (soft) then
-            self%v(self%tip, self%n) = l
-            if (self%turn > 0) self%v(self%turn, self%n) = 1
-            self%v(self%arrow, :self%beam) = modes%moment
-            self%v(self%root, self%n) = 1
+         self%tip = 1
+         self%row(tip_value) = 1
+         r = 1
+         if (s%has_hose() .and. any(self%strength(stretch, :) > 0)) then
+            r = r + 1
+            self%hose = r
+            self%n = self%n + 1
          end if
-         if (self%sensor == self%tip) return
-         place = s%sensor_place()*(l/s%length)
-         self%v(self%sensor, :self%beam) = modes%at(place, 0)
-         if (soft) self%v(self%sensor, self%n) = place
-         where (self%parameters == of_x_S) self%moves(self%sensor, :) = l/s%length
-         if (s%x_S >= 0) then
-            where (self%parameters == of_length) self%moves(self%sensor, :) = -place/s%length
+         if (s%has_root_spring()) then
+            self%arrow = r + 1
+            self%root = r + 2
+            r = r + 2
+            self%n = self%n + 1
          end if
-         if (.not. any(abs(self%moves) > 0)) return
-         self%v_slope(self%sensor, :self%beam) = modes%at(place, 1)
-         if (soft) self%v_slope(self%sensor, self%n) = 1
+         do k = 1, size(operators)
+            if (k == root_slope .or. k == force_value .or. operators(k)%derivative < 0 .or. &
+               self%row(k) > 0) cycle
+            if (.not. (needed(k) .or. k == sensor_value(s%observer))) cycle
+            if (.not. stays_at_tip(self, operators(k)%place)) then
+               r = r + 1
+               self%row(k) = r
+            else if (operators(k)%derivative == 0) then
+               self%row(k) = self%tip
+            else
+               if (self%row(tip_slope) == 0) r = r + 1
+               if (self%row(tip_slope) == 0) self%row(tip_slope) = r
+               self%row(k) = self%row(tip_slope)
+            end if
+         end do
+         self%sensor = self%row(sensor_value(s%observer))
       end associate
-
-   contains
-
-      subroutine add(is_there, row)
-         logical, intent(in) :: is_there
-         integer, intent(out) :: row
-
-         if (is_there) r = r + 1
-         row = merge(r, 0, is_there)
-      end subroutine add
-
+      allocate (self%v(r, self%n), self%v_slope(r, self%n), &
+         self%moves(r, size(self%parameters)), source=0.0_wp)
+      if (self%hose > 0) self%v(self%hose, self%beam + 1) = 1
+      if (self%root > 0) then
+         self%v(self%arrow, :self%beam) = modes%moment
+         self%v(self%root, self%n) = 1
+      end if
+      do k = 1, size(operators)
+         if (self%row(k) == 0) cycle
+         associate (row => self%row(k))
+            self%v(row, :) = at_point(self, modes, k, 0)
+            self%moves(row, :) = moves_of(self, modes, k)
+            if (any(abs(self%moves(row, :)) > 0)) self%v_slope(row, :) = at_point(self, modes, k, 1)
+         end associate
+      end do
    end subroutine lay_out
 
-   !> F, or its derivative, from its strengths.
-   !>
-   !> distributed  (n) <theta, .>
-   pure function load_of(self, strength, distributed) result(load)
+   !> Whether a point is the tip, and remains there whatever parameter moves.
+   pure logical function stays_at_tip(self, place)
       type(assembly_t), intent(in) :: self
-      real(wp), intent(in) :: strength(:), distributed(:)
-      real(wp) :: load(self%n)
+      integer, intent(in) :: place
 
-      load = strength(tip_value)*self%v(self%tip, :) + strength(load_shape)*distributed
-   end function load_of
+      stays_at_tip = place == 0
+      if (place == 0) return
+      stays_at_tip = self%structure%follows_tip(place) .and. .not. any(self%parameters == place)
+   end function stays_at_tip
+
+   !> What the oscillators do at the point of an operator.
+   !>
+   !> more  derivatives with respect to the place on the beam of the mesh, beyond the operator's own
+   function at_point(self, modes, k, more) result(values)
+      type(assembly_t), intent(in) :: self
+      type(beam_modes_t), intent(in) :: modes
+      integer, intent(in) :: k, more
+      real(wp) :: values(self%n)
+      real(wp) :: x
+
+      associate (l => modes%space%length, derivative => operators(k)%derivative + more, &
+         s => self%structure)
+         x = l
+         if (operators(k)%place > 0) x = s%place(operators(k)%place)*(l/s%length)
+         if (operators(k)%place > 0) then
+            if (s%follows_tip(operators(k)%place)) x = l
+         end if
+         values = 0
+         values(:self%beam) = modes%at(x, derivative)
+         if (self%root == 0) return
+         if (derivative == 0) values(self%n) = x
+         if (derivative == 1) values(self%n) = 1
+      end associate
+   end function at_point
+
+   !> How the parameters move the point of an operator along the beam of the mesh.
+   pure function moves_of(self, modes, k) result(moves)
+      type(assembly_t), intent(in) :: self
+      type(beam_modes_t), intent(in) :: modes
+      integer, intent(in) :: k
+      real(wp) :: moves(size(self%parameters))
+
+      moves = 0
+      if (operators(k)%place == 0) return
+      associate (s => self%structure, place => operators(k)%place, l => modes%space%length)
+         where (self%parameters == place) moves = l/s%length
+         if (s%follows_tip(place)) return
+         where (self%parameters == of_length) moves = -s%place(place)*l/s%length**2
+      end associate
+   end function moves_of
+
+   !> Rows that a rigid support holds.
+   subroutine hold_rigid(self, modes)
+      type(assembly_t), intent(inout) :: self
+      type(beam_modes_t), intent(in) :: modes
+      integer :: form, k
+
+      allocate (self%compliant(size(self%v, 1)), source=1.0_wp)
+      do k = 1, size(operators)
+         if (.not. is_rigid(k, self%structure)) cycle
+         associate (row => self%row(k), l => modes%space%length)
+            self%compliant(row) = 0
+            ! Units in which the force that holds it is of the size of the others.
+            do form = 1, 2
+               self%pencil(form)%hk(row, row) = self%strength(bending, of_stiffness) &
+                  *modes%mu(self%beam)*l
+            end do
+         end associate
+      end do
+   end subroutine hold_rigid
+
+   !> F and its derivatives.
+   subroutine set_load(self, modes, slopes, applied)
+      type(assembly_t), intent(inout) :: self
+      type(beam_modes_t), intent(in) :: modes
+      real(wp), intent(in) :: slopes(:, :, :)
+      type(load_t), intent(in) :: applied
+      real(wp) :: point(self%n), moving(self%n), distributed(self%n), moves(size(self%parameters))
+      integer :: k, p
+
+      allocate (self%load(self%n, 2, 2), self%load_slope(self%n, 2, 2, size(self%parameters)), &
+         self%lift(size(self%v, 1)), source=0.0_wp)
+      if (applied%base) then
+         self%load = base_load(self, modes, self%strength)
+         do p = 1, size(self%parameters)
+            self%load_slope(:, :, :, p) = base_load(self, modes, slopes(:, :, p))
+            do k = 1, size(operators)
+               if (self%row(k) == 0 .or. .not. operators(k)%carried .or. k >= support_value(1)) cycle
+               associate (row => self%row(k))
+                  self%load_slope(:, 1, :, p) = self%load_slope(:, 1, :, p) - spread( &
+                     self%strength(k, of_mass)*self%moves(row, p)*self%v_slope(row, :), 2, 2)
+               end associate
+            end do
+         end do
+         do k = support_value(1), size(operators)
+            if (self%row(k) > 0) self%lift(self%row(k)) = 1
+         end do
+         return
+      end if
+      distributed = 0
+      if (allocated(applied%shape)) distributed(:self%beam) = applied%shape
+      if (self%root > 0) distributed(self%n) = applied%shape_turn
+      point = at_point(self, modes, force_value, 0)
+      moving = at_point(self, modes, force_value, 1)
+      moves = moves_of(self, modes, force_value)
+      self%load(:, 1, :) = spread(self%strength(force_value, of_load)*point &
+         + self%strength(load_shape, of_load)*distributed, 2, 2)
+      do p = 1, size(self%parameters)
+         self%load_slope(:, 1, :, p) = spread(slopes(force_value, of_load, p)*point &
+            + slopes(load_shape, of_load, p)*distributed &
+            + self%strength(force_value, of_load)*moves(p)*moving, 2, 2)
+      end do
+   end subroutine set_load
+
+   !> What masses and the air do as the base moves, or a derivative of it: -M r and, with 1/s, -C r,
+   !> r the displacement of the whole by one. Supports are `lift`.
+   !>
+   !> s  (operators, matrices), or a derivative
+   function base_load(self, modes, s) result(load)
+      type(assembly_t), intent(in) :: self
+      type(beam_modes_t), intent(in) :: modes
+      real(wp), intent(in) :: s(:, :)
+      real(wp) :: load(self%n, 2, 2)
+      real(wp) :: whole(self%n)
+      integer :: k, form
+
+      whole = 0
+      whole(:self%beam) = modes%total
+      if (self%root > 0) whole(self%n) = modes%total_turn
+      do form = 1, 2
+         load(:, 1, form) = -s(inertia, of_mass)*whole
+         load(:, 2, form) = -s(inertia, of_damping)*whole
+         do k = 1, size(operators)
+            if (.not. operators(k)%carried .or. self%row(k) == 0 .or. k >= support_value(1)) cycle
+            load(:, 1, form) = load(:, 1, form) - s(k, of_mass)*self%v(self%row(k), :)
+         end do
+         ! By y the hose's mass moves alone, by y - u(l) the tip moves it too.
+         if (self%hose > 0) load(self%beam + 1, 1, form) = -s(hose, of_mass)
+         if (merge(form == 2, .not. self%structure%has_hose(), self%hose > 0)) load(:, 1, form) = &
+            load(:, 1, form) - s(hose, of_mass)*self%v(self%tip, :)
+      end do
+   end function base_load
+
+   !> F at s.
+   pure function load_at(self, s, form) result(load)
+      class(assembly_t), intent(in) :: self
+      complex(wp), intent(in) :: s
+      integer, intent(in) :: form
+      complex(wp) :: load(self%n)
+
+      load = self%load(:, 1, form)
+      if (any(abs(self%load(:, 2, form)) > 0)) load = load + self%load(:, 2, form)/s
+   end function load_at
+
+   !> Whether velocity or displacement of the base drive the structure too.
+   pure logical function is_carried(self)
+      class(assembly_t), intent(in) :: self
+
+      is_carried = any(self%lift > 0) .or. any(abs(self%load(:, 2, :)) > 0)
+   end function is_carried
+
+   !> What acts between the oscillators at once: H/s**2 for large s, and the rows that are held.
+   pure function mass_couplings(self) result(h)
+      class(assembly_t), intent(in) :: self
+      real(wp) :: h(size(self%v, 1), size(self%v, 1))
+      integer :: k
+
+      h = self%pencil(1)%hm
+      do k = 1, size(h, 1)
+         if (.not. self%compliant(k) > 0) h(k, k) = self%strength(inertia, of_mass) &
+            *self%structure%length
+      end do
+   end function mass_couplings
+
+   !> How many roots there are: two for each oscillator, less two for each that is held.
+   pure integer function roots(self)
+      class(assembly_t), intent(in) :: self
+
+      roots = 2*(self%n - count(.not. self%compliant > 0))
+   end function roots
 
    !> D(s) and H(s) in one of the two forms, or a derivative of them.
    !>
@@ -203,13 +388,14 @@ contains
       real(wp), intent(in) :: s(:)
       integer, intent(in) :: form
       real(wp), intent(out) :: d(:), h(:, :)
+      integer :: k
 
       h = 0
-      associate (b => self%beam, n => self%n, tip => self%tip, sensor => self%sensor)
+      do k = 1, size(operators)
+         if (self%row(k) > 0) h(self%row(k), self%row(k)) = h(self%row(k), self%row(k)) + s(k)
+      end do
+      associate (b => self%beam, n => self%n, tip => self%tip)
          d(:b) = s(inertia) + s(bending)*modes%mu
-         h(tip, tip) = s(tip_value)
-         if (self%turn > 0) h(self%turn, self%turn) = s(tip_slope)
-         h(sensor, sensor) = h(sensor, sensor) + s(sensor_value)
          if (self%root > 0) then
             d(n) = s(inertia)*modes%turn + s(root_slope)
             h(self%arrow, self%root) = s(inertia)
@@ -224,7 +410,7 @@ contains
             ! A hose that nothing holds yet stays where it is.
             h(tip, tip) = h(tip, tip) + s(stretch)
          else if (any(self%strength(stretch, :) > 0)) then
-            ! The first grain of a hose moves with the tip, held by c_H and k_H.
+            ! A hose without mass moves with the tip once it has any, held by c_H and k_H.
             h(tip, tip) = h(tip, tip) + s(hose)
          end if
       end associate
@@ -259,15 +445,6 @@ contains
          if (c > 0) roots(1) = c/(a*roots(2))
       end if
    end function quadratic
-
-   !> The rows of v. A parameter to be differentiated with respect to may add one that the structure
-   !> by itself does without: J_T = 0, a sensor at the tip by default.
-   pure function layout(self) result(rows)
-      class(assembly_t), intent(in) :: self
-      integer :: rows(6)
-
-      rows = [self%tip, self%hose, self%turn, self%sensor, self%arrow, self%root]
-   end function layout
 
    !> Which form of the pencil loses no digits at s.
    pure integer function form_at(self, s) result(form)

@@ -12,11 +12,11 @@
 module beamid_clusters
    use beamid_assembly, only: assembly_t
    use beamid_kinds, only: wp
-   use beamid_vectors, only: root_t
+   use beamid_vectors, only: nearest_pole, root_t
    implicit none
    private
 
-   public :: cluster_t, find_clusters
+   public :: cluster_t, find_clusters, base_cluster
 
    type :: cluster_t
       integer :: m = 0                         !< roots
@@ -24,6 +24,9 @@ module beamid_clusters
       type(root_t) :: centre                   !< c
       real(wp) :: radius = 0                   !< R
       logical :: on_axis = .false.             !< c is real
+      !> No roots of the structure, but the double pole at 0 by which velocity and displacement of the
+      !> base follow from its acceleration.
+      logical :: is_base = .false.
       complex(wp) :: counted = 0               !< S_0
       complex(wp), allocatable :: a(:)         !< (m + 1) coefficients of P, ascending
       complex(wp), allocatable :: da(:, :)     !< (m + 1, parameters)
@@ -66,6 +69,23 @@ contains
          clusters = [clusters(places(.not. cluster%holds(clusters%centre%s))), cluster]
       end do
    end subroutine find_clusters
+
+   !> The disc about 0 for a base that moves.
+   !>
+   !> s  the structure's roots
+   function base_cluster(assembly, s) result(cluster)
+      type(assembly_t), intent(in) :: assembly
+      complex(wp), intent(in) :: s(:)
+      type(cluster_t) :: cluster
+
+      cluster%is_base = .true.
+      cluster%m = 2
+      cluster%on_axis = .true.
+      cluster%radius = minval(abs(s))/4
+      ! 4**(-2 points) < 1e-17, and some for the powers of z.
+      cluster%points = 20
+      call nearest_pole(assembly, cluster%centre)
+   end function base_cluster
 
    !> Where a mask is true.
    pure function places(mask)
@@ -182,7 +202,7 @@ contains
    elemental logical function is_complete(self)
       class(cluster_t), intent(in) :: self
 
-      is_complete = abs(self%counted - self%m) < 1e-3_wp
+      is_complete = abs(self%counted - merge(0, self%m, self%is_base)) < 1e-3_wp
    end function is_complete
 
    !> What counts for the mirror image too.

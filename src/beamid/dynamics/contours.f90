@@ -75,6 +75,11 @@ contains
       end if
       self%counted = S(0)
       self%moments = [mu(0), self%centre%s*mu(0) + self%radius*mu(1)]
+      if (self%is_base) then
+         ! P = z**2, whatever the parameters.
+         S = 0
+         dS = 0
+      end if
       call newton_identities(S(1:), dS, self%a, self%da)
       call rows_of(self, mu, dmu, self%row, self%drow)
    end subroutine measure

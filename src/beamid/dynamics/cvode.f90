@@ -33,7 +33,7 @@ module beamid_cvode
       integer(ip) :: max_steps = 1000000     !< per response
    contains
       procedure :: respond
-      procedure :: noise
+      procedure :: relative_error
    end type cvode_t
 
    !> Owner of every SUNDIALS handle of one integration and of the arrays behind its vectors.
@@ -77,7 +77,7 @@ contains
       type(session_t), target :: session
       integer(ip) :: steps
       integer :: k, nodes, next
-      real(wp) :: finish
+      real(wp) :: finish, base(1, 3)
 
       response%t = times
       allocate (response%displacement(size(times)), response%velocity(size(times)), &
@@ -91,7 +91,7 @@ contains
       next = 1
       do while (next <= size(times))
          if (times(next) > excitation%t(1)) exit
-         call observe(session, excitation%force(times(next)), session%y, next, response)
+         call observe(session, excitation, times(next), session%y, next, response)
          next = next + 1
       end do
 
@@ -101,12 +101,15 @@ contains
          ! Samples that miss the node by round-off are taken here: the step to them would be none.
          do while (next <= size(times))
             if (times(next) > excitation%t(k) + same_time*spacing(excitation%t(k))) exit
-            call observe(session, excitation%force(times(next)), session%y, next, response)
+            call observe(session, excitation, times(next), session%y, next, response)
             next = next + 1
          end do
          if (next > size(times)) exit
          session%motion%intercept = 0
          session%motion%slope = 0
+         base = excitation%base([excitation%t(k)])
+         session%motion%begin = excitation%t(k)
+         session%motion%base = [base(1, 2), base(1, 1)]
          finish = times(size(times))
          if (k < nodes) then
             finish = min(excitation%t(k + 1), finish)
@@ -127,11 +130,11 @@ contains
       work%factorizations = work%factorizations + session%motion%factorizations
    end subroutine respond
 
-   pure real(wp) function noise(self)
+   pure real(wp) function relative_error(self)
       class(cvode_t), intent(in) :: self
 
-      noise = self%rtol
-   end function noise
+      relative_error = self%rtol
+   end function relative_error
 
    !> Advances to `finish` and fills the response at every requested time on the way.
    subroutine integrate(self, session, excitation, finish, steps, next, response, error)
@@ -170,25 +173,31 @@ contains
                   to_text(response%t(next)))
                return
             end if
-            call observe(session, excitation%force(response%t(next)), session%out, next, response)
+            call observe(session, excitation, response%t(next), session%out, next, response)
             next = next + 1
          end do
       end do
    end subroutine integrate
 
-   !> Motion of the observed point in state y = (w, v) under the given force [force].
-   subroutine observe(session, force, y, k, response)
+   !> Motion of the observed point in state y = (w, v) at a time.
+   subroutine observe(session, excitation, t, y, k, response)
       type(session_t), intent(in) :: session
-      real(wp), intent(in) :: force, y(:)
+      type(excitation_t), intent(in) :: excitation
+      real(wp), intent(in) :: t, y(:)
       integer, intent(in) :: k
       type(response_t), intent(inout) :: response
-      real(wp) :: a(size(y)/2)
+      real(wp) :: a(size(y)/2), base(1, 3)
 
-      associate (n => size(a), observer => session%motion%equations%observer)
-         call session%motion%acceleration(force, y(:n), y(n + 1:), a)
-         response%displacement(k) = dot_product(observer, y(:n))
-         response%velocity(k) = dot_product(observer, y(n + 1:))
-         response%acceleration(k) = dot_product(observer, a)
+      base = excitation%base([t])
+      associate (n => size(a), equations => session%motion%equations)
+         call session%motion%acceleration([excitation%force(t), base(1, 2), base(1, 1)], y(:n), &
+            y(n + 1:), a)
+         response%displacement(k) = dot_product(equations%observer, y(:n)) &
+            + equations%lifted*base(1, 1)
+         response%velocity(k) = dot_product(equations%observer, y(n + 1:)) &
+            + equations%lifted*base(1, 2)
+         response%acceleration(k) = dot_product(equations%observer, a) &
+            + equations%lifted*base(1, 3)
       end associate
    end subroutine observe
 

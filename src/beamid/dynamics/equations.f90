@@ -8,9 +8,11 @@ module beamid_equations
    use beamid_excitation, only: excitation_t
    use beamid_galerkin, only: galerkin_t
    use beamid_kinds, only: wp
-   use beamid_structure, only: structure_t
-   use beamid_terms, only: bending, hose, inertia, load_shape, of_damping, of_load, of_mass, &
-      of_stiffness, root_slope, sensor_value, strengths, stretch, tip_slope, tip_value
+   use beamid_constraints, only: constraints_t
+   use beamid_structure, only: of_x_F, structure_t
+   use beamid_terms, only: bending, force_value, hose, inertia, is_rigid, load_shape, of_damping, &
+      of_load, of_mass, of_stiffness, operators, root_slope, sensor_value, strengths, stretch, &
+      support_value, tip_value
    implicit none
    private
 
@@ -21,14 +23,19 @@ module beamid_equations
       type(band_t) :: mass                   !< M
       type(band_t) :: damping                !< C
       type(band_t) :: stiffness              !< K
-      real(wp), allocatable :: load(:)       !< (n) F, per unit force
-      real(wp), allocatable :: shape(:)      !< (n) of a distributed load; not allocated: none
+      !> (n) F, per unit force, or per unit acceleration of the base
+      real(wp), allocatable :: load(:)
+      !> (n, 2) per unit velocity and displacement of the base; not allocated: none
+      real(wp), allocatable :: carried(:, :)
+      real(wp) :: lifted = 0                 !< displacement of the sensor that goes with the base's
+      real(wp), allocatable :: shape(:)      !< of a distributed load; not allocated: none
       real(wp), allocatable :: tip(:)        !< (n) tip displacement = tip . w
       real(wp), allocatable :: observer(:)   !< (n) displacement of the sensor = observer . w
       !> (n, operators) vectors whose squares the operators at points are; 0: the others
       real(wp), allocatable :: point(:, :)
       !> (n) displacement that one unit of each unknown stands for
       real(wp), allocatable :: unit(:)
+      type(constraints_t) :: constraints     !< of rigid supports
       type(galerkin_t), pointer :: galerkin => null()   !< the integrals it was assembled from
       type(structure_t) :: structure
       real(wp), allocatable :: strength(:, :)   !< (operators, matrices) of `beamid_terms`
@@ -41,7 +48,8 @@ module beamid_equations
 
 contains
 
-   !> Assembles (3.11) with the point load, or with the distributed load of (3.10).
+   !> Assembles (3.11) with the point load, or with the distributed load of (3.10), or for a base
+   !> that moves.
    !>
    !> galerkin  must outlive the result, which points to it; `turning` for a root that is not rigid;
    !>           its length need not be the structure's
@@ -58,45 +66,59 @@ contains
       self%structure = structure
       self%strength = strengths(structure, galerkin%space%length)
       n = galerkin%space%n
+      if (structure%has_hose()) n = n + 1
       self%n = n
-      if (structure%has_hose()) self%n = n + 1
-      allocate (self%load(self%n), source=0.0_wp)
-      self%load(:n) = self%strength(tip_value, of_load)*galerkin%tip
-      if (excitation%distributed) then
-         self%shape = galerkin%moments(excitation%power)
-         self%load(:n) = self%load(:n) + self%strength(load_shape, of_load)*self%shape
-      end if
+      if (excitation%distributed) self%shape = galerkin%moments(excitation%power)
       if (present(matrices)) then
          if (.not. matrices) return
       end if
+      call find_points(self, n)
       ! The B-splines add up to degree!, the hose moves by y itself.
-      allocate (self%unit(self%n), source=1.0_wp)
-      self%unit(:n) = gamma(galerkin%mesh%degree + 1.0_wp)
-      call find_points(self)
-      self%tip = self%point(:, tip_value)
-      self%observer = self%point(:, sensor_value)
+      allocate (self%unit(n), source=1.0_wp)
+      self%unit(:galerkin%space%n) = gamma(galerkin%mesh%degree + 1.0_wp)
       self%mass = sum_of_terms(self, of_mass)
       self%damping = sum_of_terms(self, of_damping)
       self%stiffness = sum_of_terms(self, of_stiffness)
+      self%observer = self%point(:, sensor_value(structure%observer))
+      if (excitation%is_base) then
+         call carry(self)
+      else
+         self%load = self%strength(force_value, of_load)*self%point(:, force_value)
+         if (excitation%distributed) self%load(:galerkin%space%n) = self%load(:galerkin%space%n) &
+            + self%strength(load_shape, of_load)*self%shape
+      end if
+      call constrain(self)
+      self%n = self%mass%n
+      self%tip = self%point(:, tip_value)
       self%omega = structure%omega()
-      self%displacement = excitation%size_scale(structure%stiffness(), self%omega)
+      ! A force on a support moves nothing there; what it moves elsewhere is not that small.
+      self%displacement = excitation%size_scale(min(structure%stiffness(), &
+         1e4_wp*structure%tip_stiffness()), self%omega)
+      if (excitation%is_base) self%displacement = self%displacement*(structure%m_T &
+         + structure%rho*structure%length)
    end function new_equations
 
    !> The vectors of the operators at points.
-   subroutine find_points(self)
+   !>
+   !> n  unknowns
+   subroutine find_points(self, n)
       type(equations_t), intent(inout) :: self
+      integer, intent(in) :: n
+      real(wp) :: x
+      integer :: k
 
       associate (space => self%galerkin%space, s => self%structure)
-         associate (n => space%n, l => space%length)
-            allocate (self%point(self%n, size(self%strength, 1)), source=0.0_wp)
-            self%point(:n, tip_value) = self%galerkin%tip
-            self%point(:n, tip_slope) = space%at(l, 1)
-            self%point(:n, sensor_value) = space%at(s%sensor_place()*(l/s%length), 0)
-            self%point(:n, root_slope) = space%at(0.0_wp, 1)
-            if (self%n == n) return
-            self%point(self%n, hose) = 1
-            self%point(:, stretch) = self%point(:, hose) - self%point(:, tip_value)
-         end associate
+         allocate (self%point(n, size(operators)), source=0.0_wp)
+         do k = 1, size(operators)
+            if (operators(k)%derivative < 0) cycle
+            x = merge(0.0_wp, s%length, k == root_slope)
+            if (operators(k)%place > 0) x = s%place(operators(k)%place)
+            self%point(:space%n, k) = space%at(min(x*(space%length/s%length), space%length), &
+               operators(k)%derivative)
+         end do
+         if (n == space%n) return
+         self%point(n, hose) = 1
+         self%point(:, stretch) = self%point(:, hose) - self%point(:, tip_value)
       end associate
    end subroutine find_points
 
@@ -108,13 +130,105 @@ contains
       integer :: k
 
       associate (g => self%galerkin, s => self%strength(:, matrix))
-         band = new_band(self%n, g%inertia%kd)
+         band = new_band(size(self%point, 1), g%inertia%kd)
          band%a(:, :g%space%n) = s(inertia)*g%inertia%a + s(bending)*g%bending%a
          do k = 1, size(s)
             if (abs(s(k)) > 0) call band%add_rank_one(s(k), self%point(:, k))
          end do
       end associate
    end function sum_of_terms
+
+   !> The loads of a base that moves: -M r, -C r and -K r, r the displacement of the whole by one.
+   !> Where rigid supports stay behind, the beam is bent by the static shape that they leave.
+   subroutine carry(self)
+      type(equations_t), intent(inout) :: self
+      real(wp) :: loads(size(self%point, 1), 3), whole(self%galerkin%space%n)
+      real(wp), allocatable :: bent(:)
+      integer :: k
+
+      loads = 0
+      whole = self%galerkin%moments(0.0_wp)
+      associate (n => self%galerkin%space%n, s => self%strength(:, :of_stiffness))
+         loads(:n, :) = -spread(whole, 2, 3)*spread(s(inertia, :), 1, n)
+         do k = bending + 1, size(operators)
+            if (operators(k)%carried) loads = loads - spread(self%point(:, k), 2, 3) &
+               *spread(s(k, :), 1, size(loads, 1))
+         end do
+      end associate
+      call bend(self, bent)
+      self%lifted = dot_product(self%observer, bent)
+      self%load = loads(:, 1) - self%mass%times(bent)
+      ! K times that shape is a force at the supports, which move nothing there.
+      self%carried = loads(:, 2:)
+      self%carried(:, 1) = self%carried(:, 1) - self%damping%times(bent)
+   end subroutine carry
+
+   !> The static shape with a displacement of -1 at every rigid support; 0 where there is none.
+   subroutine bend(self, shape)
+      type(equations_t), intent(in) :: self
+      real(wp), allocatable, intent(out) :: shape(:)
+      type(band_t) :: factor
+      real(wp), allocatable :: answers(:, :), force(:)
+      integer, allocatable :: held(:)
+      logical :: positive
+      integer :: i, k
+
+      allocate (shape(size(self%point, 1)), source=0.0_wp)
+      held = pack([(k, k=1, size(operators))], [(is_rigid(k, self%structure), &
+         k=1, size(operators))])
+      if (size(held) == 0) return
+      factor = self%stiffness
+      ! A hose that no spring holds has no stiffness; at rest it does not matter.
+      if (size(shape) > self%galerkin%space%n) call factor%add(size(shape), size(shape), &
+         self%structure%tip_stiffness())
+      call factor%factor(positive)
+      if (.not. positive) return
+      answers = self%point(:, held)
+      do k = 1, size(held)
+         call factor%solve(answers(:, k))
+         do i = 1, k - 1
+            answers(:, k) = answers(:, k) - answers(:, i)*dot_product(self%point(:, held(i)), &
+               answers(:, k))
+         end do
+         answers(:, k) = answers(:, k)/dot_product(self%point(:, held(k)), answers(:, k))
+      end do
+      ! Column k moves support k by one and those before it not at all.
+      do k = 1, size(held)
+         shape = shape - answers(:, k)*(1 + dot_product(self%point(:, held(k)), shape))
+      end do
+   end subroutine bend
+
+   !> Eliminates what rigid supports hold.
+   subroutine constrain(self)
+      type(equations_t), intent(inout) :: self
+      real(wp), allocatable :: reduced(:, :)
+      integer :: k, n
+
+      n = 0
+      do k = support_value(1), size(operators)
+         if (.not. is_rigid(k, self%structure)) cycle
+         call self%constraints%add(self%point(:, k))
+         n = n + 1
+      end do
+      if (n == 0) return
+      self%mass = self%constraints%of_matrix(self%mass)
+      self%damping = self%constraints%of_matrix(self%damping)
+      self%stiffness = self%constraints%of_matrix(self%stiffness)
+      self%load = self%constraints%of_vector(self%load)
+      self%observer = self%constraints%of_vector(self%observer)
+      self%unit = self%unit(n + 1:)
+      allocate (reduced(self%mass%n, size(operators)))
+      do k = 1, size(operators)
+         reduced(:, k) = self%constraints%of_vector(self%point(:, k))
+      end do
+      call move_alloc(reduced, self%point)
+      if (.not. allocated(self%carried)) return
+      allocate (reduced(self%mass%n, 2))
+      do k = 1, 2
+         reduced(:, k) = self%constraints%of_vector(self%carried(:, k))
+      end do
+      call move_alloc(reduced, self%carried)
+   end subroutine constrain
 
    !> force := force - C v - K w without the cancellation that the band matrices suffer on fine
    !> meshes.
@@ -124,14 +238,20 @@ contains
       class(equations_t), intent(in) :: self
       real(wp), intent(in) :: w(:), v(:)
       real(wp), intent(inout) :: force(:)
+      real(wp), allocatable :: bent(:), moving(:), internal(:)
       real(wp) :: pull
       integer :: k
 
+      bent = self%constraints%expanded(w)
+      moving = self%constraints%expanded(v)
+      allocate (internal(size(bent)), source=0.0_wp)
       associate (n => self%galerkin%space%n, c => self%strength(:, of_damping), &
          s => self%strength(:, of_stiffness))
-         call self%galerkin%add_bending_force(-1.0_wp, s(bending)*w(:n) + c(bending)*v(:n), &
-            force(:n))
-         if (c(inertia) > 0) call self%galerkin%inertia%add_product(-c(inertia), v(:n), force(:n))
+         call self%galerkin%add_bending_force(-1.0_wp, s(bending)*bent(:n) + c(bending)*moving(:n), &
+            internal(:n))
+         if (c(inertia) > 0) call self%galerkin%inertia%add_product(-c(inertia), moving(:n), &
+            internal(:n))
+         force = force + self%constraints%of_vector(internal)
          do k = bending + 1, size(s)
             if (.not. abs(s(k)) + abs(c(k)) > 0) cycle
             pull = s(k)*dot_product(self%point(:, k), w) + c(k)*dot_product(self%point(:, k), v)
@@ -146,10 +266,12 @@ contains
    pure real(wp) function strain_energy(self, x)
       class(equations_t), intent(in) :: self
       real(wp), intent(in) :: x(:)
+      real(wp), allocatable :: bent(:)
       integer :: k
 
+      bent = self%constraints%expanded(x)
       associate (n => self%galerkin%space%n, s => self%strength(:, of_stiffness))
-         strain_energy = s(bending)*self%galerkin%bending_energy(x(:n))
+         strain_energy = s(bending)*self%galerkin%bending_energy(bent(:n))
          do k = bending + 1, size(s)
             if (abs(s(k)) > 0) strain_energy = strain_energy &
                + s(k)*dot_product(self%point(:, k), x)**2

@@ -57,7 +57,7 @@ contains
       real(wp), allocatable :: impulse(:)
       integer :: k, order, states
 
-      if (equations%structure%has_soft_root()) then
+      if (equations%structure%has_root_spring()) then
          call failure(error, 'field: found a root that turns, expected a rigid one')
          return
       end if
@@ -110,7 +110,7 @@ contains
       do k = 1, size(poles%s)
          if (any(poles%cluster%holds(poles%s(k)))) cycle
          associate (vector => poles%vector(k))
-            factor = sum(assembly%load*vector%x)/vector%A
+            factor = sum(assembly%load(:, 1, vector%form)*vector%x)/vector%A
             if (abs(aimag(poles%s(k))) > 0) factor = 2*factor
             shapes(k, :, 0) = factor*unknowns_of(assembly, modes, vector%form, vector%x, &
                vector%y(assembly%tip), unknowns)
@@ -119,7 +119,7 @@ contains
          end associate
       end do
       allocate (impulse(unknowns), source=0.0_wp)
-      call solve_mass(assembly, assembly%load, x, y)
+      call solve_mass(assembly, assembly%load(:, 1, 1), x, y)
       impulse(:n) = matmul(modes%shapes, x(:n))
       if (assembly%hose > 0) impulse(unknowns) = x(n + 1)
    end subroutine unknowns_of_poles

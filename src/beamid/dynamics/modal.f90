@@ -2,7 +2,7 @@
 !> modes of the bare beam, its poles, and the motion that they make of a force.
 module beamid_modal
    use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
-   use beamid_assembly, only: assembly_t, new_assembly
+   use beamid_assembly, only: assembly_t, load_t, new_assembly
    use beamid_equations, only: equations_t
    use beamid_errors, only: error_t, failure
    use beamid_excitation, only: excitation_t, new_pulse
@@ -11,7 +11,7 @@ module beamid_modal
    use beamid_kinds, only: wp
    use beamid_modes, only: bare_beam_modes, beam_modes_t
    use beamid_poles, only: differentiate_poles, find_poles, poles_t
-   use beamid_responses, only: response_t, solver_t, work_t
+   use beamid_responses, only: exact_solver_t, response_t, work_t
    use beamid_structure, only: same_structure, structure_t
    use beamid_synthesis, only: synthesize
    implicit none
@@ -19,19 +19,16 @@ module beamid_modal
 
    public :: modal_t, assemble
 
-   type, extends(solver_t) :: modal_t
+   type, extends(exact_solver_t) :: modal_t
       type(beam_modes_t), allocatable, private :: modes   !< of the bare beam
       type(mesh_t), private :: mesh                       !< what it was prepared for
       type(poles_t), private :: poles                     !< of the last structure
-      type(structure_t), private :: structure             !< that structure; length 0: none yet
-      logical, private :: distributed = .false.           !< its load
+      type(structure_t), allocatable, private :: structure   !< that structure
+      logical, private :: distributed = .false., base = .false.   !< its load
       real(wp), private :: power = 0
-      integer, private :: layout(6) = 0                   !< rows of the assembly they belong to
+      integer, allocatable, private :: layout(:)          !< rows of the assembly they belong to
    contains
       procedure :: prepare
-      procedure :: respond
-      procedure :: noise
-      procedure :: is_exact
       procedure :: differentiate
       procedure :: free_modes
       procedure :: lowest_roots
@@ -50,34 +47,8 @@ contains
       allocate (self%modes)
       call bare_beam_modes(galerkin, self%modes, error)
       self%mesh = galerkin%mesh
-      self%structure%length = 0
+      if (allocated(self%structure)) deallocate (self%structure)
    end subroutine prepare
-
-   pure real(wp) function noise(self)
-      class(modal_t), intent(in) :: self
-
-      noise = merge(0.0_wp, huge(noise), same_type_as(self, self))
-   end function noise
-
-   pure logical function is_exact(self)
-      class(modal_t), intent(in) :: self
-
-      is_exact = same_type_as(self, self)
-   end function is_exact
-
-   subroutine respond(self, equations, excitation, times, response, work, error)
-      class(modal_t), intent(inout) :: self
-      type(equations_t), intent(in), target :: equations
-      type(excitation_t), intent(in) :: excitation
-      real(wp), intent(in) :: times(:)
-      type(response_t), intent(out) :: response
-      type(work_t), intent(inout) :: work
-      type(error_t), allocatable, intent(out) :: error
-      type(response_t), allocatable :: slopes(:)
-
-      call self%differentiate(equations, excitation, times, [integer ::], response, slopes, work, &
-         error)
-   end subroutine respond
 
    subroutine differentiate(self, equations, excitation, times, parameters, response, slopes, &
       work, error)
@@ -119,20 +90,32 @@ contains
          return
       end if
       call assemble(self%modes, equations, excitation, parameters, assembly)
-      if (.not. (same_structure(self%structure, equations%structure) .and. &
-         (self%distributed .eqv. excitation%distributed) .and. &
-         abs(self%power - excitation%power) <= 0 .and. &
-         all(self%layout == assembly%layout()))) then
-         self%structure%length = 0
+      if (.not. knows(self, equations%structure, excitation, assembly%row)) then
+         if (allocated(self%structure)) deallocate (self%structure)
          call find_poles(assembly, self%modes, self%poles, error)
          if (allocated(error)) return
          self%structure = equations%structure
          self%distributed = excitation%distributed
+         self%base = excitation%is_base
          self%power = excitation%power
-         self%layout = assembly%layout()
+         self%layout = assembly%row
       end if
       call differentiate_poles(assembly, self%poles)
    end subroutine solve
+
+   !> Whether the poles that are kept are those of a structure under a load.
+   pure logical function knows(self, structure, excitation, layout)
+      class(modal_t), intent(in) :: self
+      type(structure_t), intent(in) :: structure
+      type(excitation_t), intent(in) :: excitation
+      integer, intent(in) :: layout(:)
+
+      knows = allocated(self%structure)
+      if (knows) knows = same_structure(self%structure, structure) .and. &
+         (self%distributed .eqv. excitation%distributed) .and. &
+         (self%base .eqv. excitation%is_base) .and. &
+         abs(self%power - excitation%power) <= 0 .and. all(self%layout == layout)
+   end function knows
 
    subroutine free_modes(self, equations, parameters, wanted, modes, work, error)
       class(modal_t), intent(inout) :: self
@@ -188,18 +171,15 @@ contains
       type(excitation_t), intent(in) :: excitation
       integer, intent(in) :: parameters(:)
       type(assembly_t), intent(out) :: assembly
-      integer :: first, last
+      type(load_t) :: load
 
-      if (.not. excitation%distributed) then
-         assembly = new_assembly(equations%structure, modes, parameters)
-         return
+      load%base = excitation%is_base
+      if (excitation%distributed) then
+         ! (3.10), and the integral of theta x.
+         load%shape = matmul(equations%shape(1 + modes%space%turning:modes%space%n), modes%shapes)
+         load%shape_turn = modes%space%length*equations%galerkin%integral(excitation%power + 1)
       end if
-      first = 1 + modes%space%turning
-      last = modes%space%n
-      ! (3.10), and the integral of theta x.
-      assembly = new_assembly(equations%structure, modes, parameters, &
-         matmul(equations%shape(first:last), modes%shapes), &
-         modes%space%length*equations%galerkin%integral(excitation%power + 1))
+      assembly = new_assembly(equations%structure, modes, parameters, load)
    end subroutine assemble
 
 end module beamid_modal

@@ -18,7 +18,9 @@ module beamid_modes
       real(wp), allocatable :: shapes(:, :)    !< (n, n) columns phi with phi' G phi = 1
       real(wp), allocatable :: tip(:)          !< (n) phi(l)
       real(wp), allocatable :: tip_slope(:)    !< (n) phi'(l)
+      real(wp), allocatable :: total(:)        !< (n) integral of phi
       real(wp), allocatable :: moment(:)       !< (n) integral of x phi
+      real(wp) :: total_turn = 0               !< integral of x [length**2]
       real(wp) :: turn = 0                     !< integral of x**2 [length**3]
       type(spline_space_t) :: space
    contains
@@ -79,6 +81,9 @@ contains
             x(first:) = modes%shapes(:, k)
             modes%mu(k) = galerkin%bending_energy(x)
          end do
+         moments = galerkin%moments(0.0_wp)
+         modes%total = matmul(moments(first:), modes%shapes)
+         modes%total_turn = length*galerkin%integral(1.0_wp)
          moments = galerkin%moments(1.0_wp)
          modes%moment = length*matmul(moments(first:), modes%shapes)
          modes%turn = length**2*galerkin%integral(2.0_wp)

@@ -19,14 +19,18 @@ module beamid_newton
 
    type :: motion_t
       type(equations_t), pointer :: equations => null()
-      !> The force in the current segment is intercept + slope*t [force, force/time].
+      !> The force in the current segment is intercept + slope*t [force, force/time]; of a base that
+      !> moves it is its acceleration.
       real(wp) :: intercept = 0, slope = 0
+      !> Velocity and displacement of the base at the beginning of the segment.
+      real(wp) :: begin = 0, base(2) = 0
       integer(ip) :: evaluations = 0, factorizations = 0
       type(band_t), private :: mass_factor      !< Cholesky factor of M
       type(band_t), private :: step_factor      !< of M + gamma C + gamma**2 K
       real(wp), private :: gamma = -1           !< of step_factor
    contains
       procedure :: derivative
+      procedure :: drive
       procedure :: acceleration
       procedure :: newton_step
       final :: release
@@ -56,15 +60,30 @@ contains
       if (allocated(motion%step_factor%a)) deallocate (motion%step_factor%a)
    end subroutine release
 
+   !> What drives the structure: the force, or acceleration, velocity and displacement of the base.
+   pure function drive(self, t)
+      class(motion_t), intent(in) :: self
+      real(wp), intent(in) :: t
+      real(wp) :: drive(3), first, step
+
+      first = self%intercept + self%slope*self%begin
+      step = t - self%begin
+      drive(1) = self%intercept + self%slope*t
+      drive(2) = self%base(1) + step*(first + step*self%slope/2)
+      drive(3) = self%base(2) + step*(self%base(1) + step*(first/2 + step*self%slope/6))
+   end function drive
+
    !> M^{-1} (force F - C v - K w) by the Cholesky factor of M.
    !>
+   !> drive    (3) as `drive` has it
    !> w, v, a  (n)
-   subroutine acceleration(self, force, w, v, a)
+   subroutine acceleration(self, drive, w, v, a)
       class(motion_t), intent(in) :: self
-      real(wp), intent(in) :: force, w(:), v(:)
+      real(wp), intent(in) :: drive(:), w(:), v(:)
       real(wp), intent(out) :: a(:)
 
-      a = force*self%equations%load
+      a = drive(1)*self%equations%load
+      if (allocated(self%equations%carried)) a = a + matmul(self%equations%carried, drive(2:))
       call self%equations%subtract_internal_force(w, v, a)
       call self%mass_factor%solve(a)
    end subroutine acceleration
@@ -77,7 +96,7 @@ contains
 
       associate (n => self%equations%n)
          dy(:n) = y(n + 1:)
-         call self%acceleration(self%intercept + self%slope*t, y(:n), y(n + 1:), dy(n + 1:))
+         call self%acceleration(self%drive(t), y(:n), y(n + 1:), dy(n + 1:))
       end associate
       self%evaluations = self%evaluations + 1
    end subroutine derivative

@@ -9,7 +9,7 @@
 !> are taken together, as `beamid_clusters` has it.
 module beamid_poles
    use beamid_assembly, only: assembly_t
-   use beamid_clusters, only: cluster_t, find_clusters
+   use beamid_clusters, only: base_cluster, cluster_t, find_clusters
    use beamid_contours, only: measure
    use beamid_errors, only: error_t, failure
    use beamid_kinds, only: wp
@@ -99,10 +99,11 @@ contains
             near(k) = abs(vector%A) < small_A*undamped(k)
             poles%residue(k) = 0
             if (abs(vector%A) > 0) poles%residue(k) = weight(poles%s(k)) &
-               *vector%y(assembly%sensor)*sum(assembly%load*vector%x)/vector%A
+               *vector%y(assembly%sensor)*driven_by(assembly, vector, poles%s(k))/vector%A
          end associate
       end do
       call find_clusters(assembly, poles%all, pack(poles%root, near), poles%cluster)
+      if (assembly%is_carried()) poles%cluster = [poles%cluster, base_cluster(assembly, poles%s)]
       do k = 1, size(poles%s)
          if (abs(poles%vector(k)%A) > tiny_A*undamped(k)) cycle
          if (any(poles%cluster%holds(poles%s(k)))) cycle
@@ -126,9 +127,9 @@ contains
       real(wp) :: x(assembly%n), y(size(assembly%v, 1)), rest(2)
       integer :: k
 
-      call solve_mass(assembly, assembly%load, x, y)
+      call solve_mass(assembly, assembly%load(:, 1, 1), x, y, -assembly%lift)
       poles%impulse = y(assembly%sensor)
-      poles%ordinary = dot_product(assembly%load, x)
+      poles%ordinary = abs(dot_product(assembly%load(:, 1, 1), x))
       if (assembly%sensor /= assembly%tip) call solve_mass(assembly, &
          assembly%v(assembly%sensor, :), x, y)
       poles%ordinary = sqrt(poles%ordinary*y(assembly%sensor)) &
@@ -150,6 +151,16 @@ contains
          call failure(error, 'modal: a root of the characteristic equation was missed')
       end if
    end subroutine check_sums
+
+   !> x'F at a root.
+   pure complex(wp) function driven_by(assembly, vector, s) result(driven)
+      type(assembly_t), intent(in) :: assembly
+      type(vector_t), intent(in) :: vector
+      complex(wp), intent(in) :: s
+
+      driven = sum(assembly%load_at(s, vector%form)*vector%x) &
+         - sum(assembly%lift*vector%f(:size(assembly%lift)))/s**2
+   end function driven_by
 
    !> Derivatives of poles and residues with respect to the parameters of the assembly.
    subroutine differentiate_poles(assembly, poles)
@@ -199,7 +210,7 @@ contains
       integer, intent(in) :: p
       complex(wp), intent(out) :: D_all(:), x_all(:), ds, dr
       complex(wp), dimension(most, most) :: H_p, H_sp, H_all
-      complex(wp) :: y_all(most, 1), f_all(most), A_all, force, driven, turned(most)
+      complex(wp) :: y_all(most, 1), f_all(most), A_all, force, driven, turned(most), load(assembly%n)
       integer :: i, k, l, r
 
       r = size(assembly%v, 1)
@@ -248,20 +259,25 @@ contains
             y_all(:r, 1) = y_all(:r, 1) + v(:, i)*x_all(i)
          end do
          y_all(:r, 1) = y_all(:r, 1) + turned(:r)
-         call solve_coupled(vector%G(:r, :r), vector%H(:r, :r), y_all(:r, :))
+         call solve_coupled(assembly, vector, y_all(:r, :))
          do k = 1, r
             f_all(k) = f_all(k) + sum(vector%H(k, :r)*y_all(:r, 1))
          end do
          A_all = 0
-         driven = 0
+         driven = driven_by(assembly, vector, s)
+         load = assembly%load_at(s, vector%form)
          dr = 0
+         do k = 1, r
+            if (assembly%lift(k) > 0) dr = dr - assembly%lift(k)*(f_all(k) - 2*f(k)*ds/s)/s**2
+         end do
          do i = 1, assembly%n
             force = sum(v(:, i)*f_all(:r))
             if (i /= j) x_all(i) = x_all(i) - force/D(i)
             A_all = A_all + (2*(pencil%m(i)*ds + slope%m(i)*s) + slope%c(i))*x(i)**2 &
                + 2*vector%dD(i)*x(i)*x_all(i)
-            driven = driven + assembly%load(i)*x(i)
-            dr = dr + assembly%load(i)*x_all(i) + assembly%load_slope(i, p)*x(i)
+            dr = dr + load(i)*x_all(i) + (assembly%load_slope(i, 1, vector%form, p) &
+               + (assembly%load_slope(i, 2, vector%form, p) &
+               - assembly%load(i, 2, vector%form)*ds/s)/s)*x(i)
          end do
          do l = 1, r
             do k = 1, r
@@ -279,15 +295,17 @@ contains
       real(wp), intent(out) :: slopes(:)
       real(wp), dimension(assembly%n) :: o, x
       real(wp), dimension(size(assembly%v, 1)) :: yo, yx, seen
+      real(wp) :: hm(size(assembly%v, 1), size(assembly%v, 1))
       integer :: p
 
+      hm = assembly%mass_couplings()
       call solve_mass(assembly, assembly%v(assembly%sensor, :), o, yo)
-      call solve_mass(assembly, assembly%load, x, yx)
+      call solve_mass(assembly, assembly%load(:, 1, 1), x, yx, -assembly%lift)
       do p = 1, size(slopes)
          associate (slope => assembly%slope(1, p), moves => assembly%moves(:, p), &
-            hm => assembly%pencil(1)%hm, d => assembly%v_slope)
+            d => assembly%v_slope)
             slopes(p) = -sum(o*slope%m*x) - dot_product(yo, matmul(slope%hm, yx)) &
-               + dot_product(o, assembly%load_slope(:, p))
+               + dot_product(o, assembly%load_slope(:, 1, 1, p))
             if (.not. any(abs(moves) > 0)) cycle
             seen = moves*matmul(d, x)
             slopes(p) = slopes(p) + seen(assembly%sensor) - dot_product(yo, matmul(hm, seen)) &

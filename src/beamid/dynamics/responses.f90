@@ -1,7 +1,7 @@
 !> What every response solver computes, and the one interface behind which the solvers stand.
 module beamid_responses
    use beamid_equations, only: equations_t
-   use beamid_errors, only: error_t, failure
+   use beamid_errors, only: error_t
    use beamid_excitation, only: excitation_t
    use beamid_free_motion, only: free_mode_t
    use beamid_galerkin, only: galerkin_t
@@ -9,7 +9,7 @@ module beamid_responses
    implicit none
    private
 
-   public :: response_t, solver_t, work_t
+   public :: response_t, solver_t, exact_solver_t, is_exact, work_t
 
    !> What a solver did, summed over the calls that were given the same counter.
    type :: work_t
@@ -27,16 +27,24 @@ module beamid_responses
       real(wp), allocatable :: acceleration(:)   !< (3.13) [length/time**2]
    end type response_t
 
+   !> What computes responses.
    type, abstract :: solver_t
    contains
       procedure(respond), deferred :: respond
-      procedure(noise), deferred :: noise
-      procedure :: prepare
-      procedure :: is_exact
-      procedure :: differentiate
-      procedure :: free_modes
-      procedure :: free_motion
+      procedure(relative_error), deferred :: relative_error
    end type solver_t
+
+   !> A solver that is exact in time, with exact derivatives, and knows the modes. Before the first
+   !> response it is prepared for a mesh, once.
+   type, abstract, extends(solver_t) :: exact_solver_t
+   contains
+      procedure(prepare), deferred :: prepare
+      procedure(differentiate), deferred :: differentiate
+      procedure(free_modes), deferred :: free_modes
+      procedure :: respond => respond_alone
+      procedure :: relative_error => no_error
+      procedure :: free_motion
+   end type exact_solver_t
 
    abstract interface
       !> Response from rest, (3.13) and (3.14). A method may keep what it found, for the next call.
@@ -56,75 +64,89 @@ module beamid_responses
          type(error_t), allocatable, intent(out) :: error
       end subroutine respond
       !> Relative error that the method leaves in a response; 0: round-off only.
-      pure real(wp) function noise(self)
+      pure real(wp) function relative_error(self)
          import :: solver_t, wp
          class(solver_t), intent(in) :: self
-      end function noise
+      end function relative_error
+      subroutine prepare(self, galerkin, error)
+         import :: error_t, exact_solver_t, galerkin_t
+         class(exact_solver_t), intent(inout) :: self
+         type(galerkin_t), intent(in) :: galerkin
+         type(error_t), allocatable, intent(out) :: error
+      end subroutine prepare
+      !> Response together with its derivatives.
+      !>
+      !> parameters  places among the `parameters`
+      !> slopes      (size(parameters)) derivatives of each motion
+      subroutine differentiate(self, equations, excitation, times, parameters, response, slopes, &
+         work, error)
+         import :: equations_t, error_t, exact_solver_t, excitation_t, response_t, work_t, wp
+         class(exact_solver_t), intent(inout) :: self
+         type(equations_t), intent(in), target :: equations
+         type(excitation_t), intent(in) :: excitation
+         real(wp), intent(in) :: times(:)
+         integer, intent(in) :: parameters(:)
+         type(response_t), intent(out) :: response
+         type(response_t), allocatable, intent(out) :: slopes(:)
+         type(work_t), intent(inout) :: work
+         type(error_t), allocatable, intent(out) :: error
+      end subroutine differentiate
+      !> The lowest modes that oscillate, or nearly do.
+      !>
+      !> modes  (wanted) ascending |s|
+      !> error  also when there are fewer
+      subroutine free_modes(self, equations, parameters, wanted, modes, work, error)
+         import :: equations_t, error_t, exact_solver_t, free_mode_t, work_t
+         class(exact_solver_t), intent(inout) :: self
+         type(equations_t), intent(in), target :: equations
+         integer, intent(in) :: parameters(:), wanted
+         type(free_mode_t), allocatable, intent(out) :: modes(:)
+         type(work_t), intent(inout) :: work
+         type(error_t), allocatable, intent(out) :: error
+      end subroutine free_modes
    end interface
 
 contains
 
-   !> What a method computes once per mesh, before the first response; nothing by default.
-   subroutine prepare(self, galerkin, error)
-      class(solver_t), intent(inout) :: self
-      type(galerkin_t), intent(in) :: galerkin
-      type(error_t), allocatable, intent(out) :: error
+   !> Whether a solver is exact.
+   pure logical function is_exact(solver)
+      class(solver_t), intent(in) :: solver
 
-      if (self%noise() < 0 .or. galerkin%space%n < 1) call failure(error, &
-         'the mesh has no functions')
-   end subroutine prepare
-
-   !> Whether the method has exact derivatives.
-   pure logical function is_exact(self)
-      class(solver_t), intent(in) :: self
-
-      is_exact = .not. same_type_as(self, self)
+      select type (solver)
+      class is (exact_solver_t)
+         is_exact = .true.
+      class default
+         is_exact = .false.
+      end select
    end function is_exact
 
-   !> Response together with its derivatives.
-   !>
-   !> parameters  places among `parameter_names`
-   !> slopes      (size(parameters)) derivatives of each motion
-   !> error       also when the method has no derivatives
-   subroutine differentiate(self, equations, excitation, times, parameters, response, slopes, &
-      work, error)
-      class(solver_t), intent(inout) :: self
+   !> A response without derivatives.
+   subroutine respond_alone(self, equations, excitation, times, response, work, error)
+      class(exact_solver_t), intent(inout) :: self
       type(equations_t), intent(in), target :: equations
       type(excitation_t), intent(in) :: excitation
       real(wp), intent(in) :: times(:)
-      integer, intent(in) :: parameters(:)
       type(response_t), intent(out) :: response
-      type(response_t), allocatable, intent(out) :: slopes(:)
       type(work_t), intent(inout) :: work
       type(error_t), allocatable, intent(out) :: error
+      type(response_t), allocatable :: slopes(:)
 
-      allocate (slopes(size(parameters)))
-      call self%respond(equations, excitation, times, response, work, error)
-      if (.not. allocated(error)) call failure(error, 'this method has no exact derivatives')
-   end subroutine differentiate
+      call self%differentiate(equations, excitation, times, [integer ::], response, slopes, work, &
+         error)
+   end subroutine respond_alone
 
-   !> The lowest modes that oscillate, or nearly do.
-   !>
-   !> modes  (wanted) ascending |s|
-   !> error  also when the method has none
-   subroutine free_modes(self, equations, parameters, wanted, modes, work, error)
-      class(solver_t), intent(inout) :: self
-      type(equations_t), intent(in), target :: equations
-      integer, intent(in) :: parameters(:), wanted
-      type(free_mode_t), allocatable, intent(out) :: modes(:)
-      type(work_t), intent(inout) :: work
-      type(error_t), allocatable, intent(out) :: error
+   pure real(wp) function no_error(self)
+      class(exact_solver_t), intent(in) :: self
 
-      allocate (modes(0))
-      call failure(error, 'this method has no modes')
-   end subroutine free_modes
+      no_error = 0
+   end function no_error
 
    !> Their roots alone, and the derivatives of these.
    !>
    !> s   as many as are wanted [1/time]
    !> ds  (modes, parameters)
    subroutine free_motion(self, equations, parameters, s, ds, work, error)
-      class(solver_t), intent(inout) :: self
+      class(exact_solver_t), intent(inout) :: self
       type(equations_t), intent(in), target :: equations
       integer, intent(in) :: parameters(:)
       complex(wp), intent(out) :: s(:), ds(:, :)

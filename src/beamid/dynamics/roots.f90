@@ -7,8 +7,8 @@ module beamid_roots
    use beamid_kinds, only: wp
    use beamid_modes, only: bare_beam_modes, beam_modes_t
    use beamid_strings, only: to_text
-   use beamid_terms, only: bending, hose, inertia, of_damping, of_mass, of_stiffness, &
-      sensor_value, stretch, tip_slope, tip_value
+   use beamid_terms, only: bending, hose, inertia, of_damping, of_mass, of_stiffness, operators, &
+      stretch, tip_slope, tip_value
    use beamid_vectors, only: logarithmic_derivative, nearest_pole, root_t
    implicit none
    private
@@ -76,7 +76,7 @@ contains
       integer :: k
 
       if (allocated(all)) then
-         if (size(all) /= 2*assembly%n) deallocate (all)
+         if (size(all) /= assembly%roots()) deallocate (all)
       end if
       if (allocated(all)) then
          do k = 1, size(all)
@@ -101,10 +101,14 @@ contains
       type(root_t), allocatable, intent(out) :: roots(:)
       real(wp) :: mu
       complex(wp) :: pair(2)
-      integer :: k, side
+      integer :: half, k, place, side
 
-      allocate (roots(2*assembly%n))
-      do k = 1, assembly%n
+      half = assembly%roots()/2
+      allocate (roots(2*half))
+      do place = 1, half
+         ! Between each two roots of the beam there is one of the beam that is held.
+         k = place
+         if (place > half - (assembly%n - assembly%beam)) k = place + assembly%n - half
          if (k <= assembly%beam) then
             associate (s => assembly%strength)
                mu = with_tip_mass(modes, s(tip_value, of_mass)/s(inertia, of_mass), k)
@@ -116,7 +120,7 @@ contains
             pair = assembly%pole(k, :)*[(1.02_wp, 0.05_wp), (1.02_wp, -0.05_wp)]
          end if
          do side = 1, 2
-            roots(k + (side - 1)*assembly%n)%s = pair(side)
+            roots(place + (side - 1)*half)%s = pair(side)
          end do
       end do
       do k = 1, size(roots)
@@ -136,7 +140,7 @@ contains
       complex(wp), dimension(size(modes%mu)) :: D, x
       complex(wp) :: stiffness, weight, slope, discriminant, tip, u, a
       real(wp) :: far
-      integer :: j, b
+      integer :: b, i, j
 
       b = assembly%beam
       shift = 0
@@ -154,9 +158,13 @@ contains
             a = assembly%strength(stretch, of_damping)*s + assembly%strength(stretch, of_stiffness)
             if (abs(u + a) > 0) stiffness = u*a/(u + a)*tip**2
          end if
-         if (assembly%turn > 0) stiffness = stiffness &
-            + mass(tip_slope)*(s*sum(modes%tip_slope*x))**2
-         stiffness = stiffness + mass(sensor_value)*(s*sum(assembly%v(assembly%sensor, :b)*x))**2
+         do i = tip_slope, size(operators)
+            if (assembly%row(i) == 0) cycle
+            associate (strength => assembly%strength(i, :))
+               stiffness = stiffness + ((strength(of_mass)*s + strength(of_damping))*s &
+                  + strength(of_stiffness))*sum(assembly%v(assembly%row(i), :b)*x)**2
+            end associate
+         end do
          if (.not. abs(stiffness) > 0) return
          weight = sum(p%m(:b)*x**2) + mass(tip_value)*tip**2
          slope = sum((2*p%m(:b)*s + p%c(:b))*x**2) + 2*mass(tip_value)*s*tip**2
@@ -227,8 +235,9 @@ contains
       type(error_t), allocatable, intent(out) :: error
       logical :: done(size(roots)), settled(size(roots))
       real(wp) :: moved(size(roots)), before(size(roots)), least
-      integer :: k, sweep
+      integer :: half, k, sweep
 
+      half = size(roots)/2
       if (assembly%is_bare()) then
          do k = 1, size(roots)
             roots(k)%j = modulo(k - 1, assembly%n) + 1
@@ -251,7 +260,7 @@ contains
             done(k) = moved(k) <= 1e-6_wp*max(abs(roots(k)%offset), 1e-14_wp*abs(roots(k)%s)) &
                .or. abs(roots(k)%s) <= least
             ! Its mirror image has arrived when it has.
-            if (k <= assembly%n .and. .not. done(k)) done(k + assembly%n) = .false.
+            if (k <= half .and. .not. done(k)) done(k + half) = .false.
          end do
          if (modulo(sweep, patience) == 0) then
             done = done .or. moved > before/2 .and. moved <= 1e-3_wp*abs(roots%s)
@@ -279,11 +288,12 @@ contains
       integer, intent(in) :: k
       real(wp), intent(out) :: moved
       complex(wp) :: slope, step, gap
-      integer :: i, partner
+      integer :: half, i, partner
       logical :: told, settled
 
-      partner = modulo(k - 1 + assembly%n, size(roots)) + 1
-      if (k > assembly%n) then
+      half = size(roots)/2
+      partner = modulo(k - 1 + half, size(roots)) + 1
+      if (k > half) then
          if (is_pair(roots(partner), roots(k))) then
             moved = 0
             return
@@ -305,7 +315,7 @@ contains
          step = 1e-8_wp*abs(roots(k)%s)
          moved = huge(moved)
       end if
-      settled = moved <= 1e-2_wp*abs(aimag(roots(k)%s)) .and. k <= assembly%n .and. &
+      settled = moved <= 1e-2_wp*abs(aimag(roots(k)%s)) .and. k <= half .and. &
          abs(roots(partner)%s - conjg(roots(k)%s)) <= 1e-1_wp*abs(aimag(roots(k)%s))
       roots(k)%s = roots(k)%s + step
       roots(k)%offset = roots(k)%offset + step

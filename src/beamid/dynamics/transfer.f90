@@ -39,8 +39,8 @@ contains
       type(root_t) :: place
       type(vector_t) :: vector
       complex(wp), dimension(size(assembly%v, 1), size(assembly%v, 1)) :: E, T, HE
-      complex(wp), dimension(assembly%n) :: o, x, diagonal
-      complex(wp), dimension(size(assembly%v, 1)) :: u_o, u_x, turned
+      complex(wp), dimension(assembly%n) :: o, x, diagonal, load
+      complex(wp), dimension(size(assembly%v, 1)) :: u_o, u_x, turned, longer, none
       complex(wp) :: w
       integer :: i, r
 
@@ -54,10 +54,12 @@ contains
       do i = 1, r
          E(i, i) = 1
       end do
-      call solve_coupled(vector%G(:r, :r), vector%H(:r, :r), E)
+      call solve_coupled(assembly, vector, E)
       value%form = vector%form
       if (.not. allocated(value%q)) allocate (value%q(assembly%n))
-      call solve(assembly, place%j, vector, E, w, assembly%load, value%q, value%u(:r))
+      load = assembly%load_at(place%s, vector%form)
+      call solve(assembly, place%j, vector, E, w, load, assembly%lift/place%s**2, value%q, &
+         value%u(:r))
       value%h = value%u(assembly%sensor)
 
       ! V'Q**-1 V and the diagonal of Q**-1.
@@ -73,12 +75,17 @@ contains
       end do
       value%dlog = sum(vector%dD*diagonal) + sum(vector%dH(:r, :r)*T)
       if (.not. with_slopes) return
-      call solve(assembly, place%j, vector, E, w, assembly%v(assembly%sensor, :), o, u_o)
+      none = 0
+      load = assembly%v(assembly%sensor, :)
+      call solve(assembly, place%j, vector, E, w, load, none, o, u_o)
       turned = 0
+      load = 0
       do i = 1, r
          if (.not. any(abs(assembly%moves(i, :)) > 0)) cycle
-         call solve(assembly, place%j, vector, E, w, assembly%v(i, :), x, u_x)
-         turned(i) = 2*vector%H(i, i)*sum(assembly%v_slope(i, :)*x)
+         longer = none
+         longer(i) = 1
+         call solve(assembly, place%j, vector, E, w, load, longer, x, u_x)
+         turned(i) = -2*sum(assembly%v_slope(i, :)*x)
       end do
       call differentiate(assembly, place%s, o, u_o, diagonal, T, vector%H(:r, :r), turned, value)
    end subroutine transfer_at
@@ -104,7 +111,8 @@ contains
                D_p = (slope%m*s + slope%c)*s + slope%k
                H_p = (slope%hm*s + slope%hc)*s + slope%hk
                value%dh(p) = -sum(o*D_p*value%q) - sum(u_o*matmul(H_p, u)) &
-                  + sum(o*assembly%load_slope(:, p))
+                  + sum(o*(assembly%load_slope(:, 1, value%form, p) &
+                  + assembly%load_slope(:, 2, value%form, p)/s))
                value%dlog_p(p) = sum(D_p*diagonal) + sum(H_p*T)
                if (.not. any(abs(moves) > 0)) cycle
                seen = moves*matmul(d, value%q)
@@ -116,27 +124,28 @@ contains
       end associate
    end subroutine differentiate
 
-   !> q = Q**-1 F and u = V'q.
+   !> q = Q**-1 F and u = V'q, of a row that is longer or held what `beamid_vectors` has it be.
    !>
-   !> E  (1 + G H)**-1
-   subroutine solve(assembly, j, vector, E, w, load, q, u)
+   !> E       (1 + G H)**-1
+   !> load    (n)
+   !> longer  (r) by which rows are longer than what the oscillators make of them
+   subroutine solve(assembly, j, vector, E, w, load, longer, q, u)
       type(assembly_t), intent(in) :: assembly
       integer, intent(in) :: j
       type(vector_t), intent(in) :: vector
-      complex(wp), intent(in) :: E(:, :), w
-      real(wp), intent(in) :: load(:)
+      complex(wp), intent(in) :: E(:, :), w, load(:), longer(:)
       complex(wp), intent(out) :: q(:), u(:)
       complex(wp) :: f(size(u)), driven
       integer :: i, r
 
       r = size(u)
-      u = 0
+      u = longer
       do i = 1, assembly%n
          if (i /= j) u = u + assembly%v(:, i)*load(i)/vector%D(i)
       end do
       u = matmul(E, u)
       f = matmul(vector%H(:r, :r), u)
-      driven = sum(vector%x*load)/w
+      driven = (sum(vector%x*load) - sum(vector%f(:r)*longer))/w
       do i = 1, assembly%n
          q(i) = vector%x(i)*driven
          if (i /= j) q(i) = q(i) + (load(i) - sum(assembly%v(:, i)*f))/vector%D(i)

@@ -6,9 +6,12 @@
 !>     y = (1 + G H)**-1 v_j,  f = H y,  x_i = -v_i'f/D_i,  D_j + v_j'f = 0:
 !>
 !> nothing in it grows without bound when what hangs on the beam is light and s near a pole of D_j.
+!> Where a rigid support holds a row, its motion is 0 and its force unknown: with 0 in the place of 1
+!> and H = 1 (or any unit of force) on the diagonal, y is that force, and all else stands.
 module beamid_vectors
    use beamid_assembly, only: assembly_t, pencil_t
    use beamid_kinds, only: wp
+   use beamid_structure, only: most_sensors, most_supports
    implicit none
    private
 
@@ -16,7 +19,7 @@ module beamid_vectors
       solve_coupled, solve_mass
 
    !> The highest order of H: every coupling that `beamid_assembly` knows.
-   integer, parameter, public :: most = 6
+   integer, parameter, public :: most = 5 + 2*most_sensors + most_supports
 
    !> A point s given relative to the nearest pole, so that D keeps its digits however near it is.
    type :: root_t
@@ -32,8 +35,8 @@ module beamid_vectors
    type :: vector_t
       complex(wp), allocatable :: x(:)                        !< (n)
       complex(wp), allocatable :: D(:), dD(:)                 !< (n) D(s) and D'(s)
-      complex(wp) :: y(most) = 0, f(most) = 0                 !< V'x and H y
-      complex(wp), dimension(most, most) :: G = 0, H = 0, dH = 0
+      complex(wp) :: y(most), f(most)                         !< V'x and H y
+      complex(wp), dimension(most, most) :: G, H, dH
       integer :: form = 1                    !< of the pencil
       complex(wp) :: A = 0                   !< x'(2 s M + C) x
       real(wp) :: inertia = 0                !< M on x and its conjugate, real and positive
@@ -158,7 +161,7 @@ contains
             a(k, l) = sum(G(k, :r)*H(:r, l))
             b(k, l + 1) = sum(dG(k, :r)*H(:r, l) + G(k, :r)*dH(:r, l))
          end do
-         a(l, l) = a(l, l) + 1
+         a(l, l) = a(l, l) + self%compliant(l)
          b(l, 1) = self%v(l, root%j)
       end do
       call eliminate(r, r + 1, a, b, regular)
@@ -274,7 +277,7 @@ contains
          vector%G(l, :l - 1) = vector%G(:l - 1, l)
       end do
       b(:, 1) = self%v(:, root%j)
-      call solve_coupled(vector%G(:r, :r), vector%H(:r, :r), b)
+      call solve_coupled(self, vector, b)
       vector%y(:r) = b(:, 1)
       vector%A = 0
       vector%inertia = 0
@@ -297,32 +300,37 @@ contains
    end subroutine find_vector
 
    !> b := (1 + G H)**-1 b; zero where there is no inverse.
-   pure subroutine solve_coupled(G, H, b)
-      complex(wp), intent(in) :: G(:, :), H(:, :)
+   pure subroutine solve_coupled(self, vector, b)
+      type(assembly_t), intent(in) :: self
+      type(vector_t), intent(in) :: vector
       complex(wp), intent(inout) :: b(:, :)
       complex(wp) :: a(most, most)
       logical :: regular
       integer :: k, l, r
 
-      r = size(G, 1)
+      r = size(b, 1)
       do l = 1, r
          do k = 1, r
-            a(k, l) = sum(G(k, :)*H(:, l))
+            a(k, l) = sum(vector%G(k, :r)*vector%H(:r, l))
          end do
-         a(l, l) = a(l, l) + 1
+         a(l, l) = a(l, l) + self%compliant(l)
       end do
       call eliminate(r, size(b, 2), a, b, regular)
       if (.not. regular) b = 0
    end subroutine solve_coupled
 
-   !> x = M**-1 b and y = V'x, the latter without the cancellation of a sum over x.
+   !> x = M**-1 b and y = V'x, the latter without the cancellation of a sum over x; of a row that is
+   !> held y is the force.
    !>
-   !> b, x  (n)
-   !> y     (r)
-   subroutine solve_mass(self, b, x, y)
+   !> b, x   (n)
+   !> y      (r)
+   !> moved  (r) by which the rows that are held are moved; left out: by nothing
+   subroutine solve_mass(self, b, x, y, moved)
       type(assembly_t), intent(in) :: self
       real(wp), intent(in) :: b(:)
       real(wp), intent(out) :: x(:), y(:)
+      real(wp), intent(in), optional :: moved(:)
+      real(wp) :: h(size(self%v, 1), size(self%v, 1))
       real(wp) :: a(size(self%v, 1), size(self%v, 1)), c(size(self%v, 1), 1), &
          scaled(size(self%v, 1), self%n)
       integer :: pivots(size(self%v, 1)), info, k, r
@@ -330,15 +338,17 @@ contains
       associate (p => self%pencil(1), v => self%v)
          r = size(v, 1)
          scaled = v/spread(p%m, 1, r)
-         a = matmul(matmul(scaled, transpose(v)), p%hm)
+         h = self%mass_couplings()
+         a = matmul(matmul(scaled, transpose(v)), h)
          do k = 1, r
-            a(k, k) = a(k, k) + 1
+            a(k, k) = a(k, k) + self%compliant(k)
          end do
          c(:, 1) = matmul(scaled, b)
+         if (present(moved)) c(:, 1) = c(:, 1) - moved*(1 - self%compliant)
          call dgesv(r, 1, a, r, pivots, c, r, info)
          if (info /= 0) c = 0
          y = c(:, 1)
-         x = b/p%m - matmul(matmul(p%hm, y), scaled)
+         x = b/p%m - matmul(matmul(h, y), scaled)
       end associate
    end subroutine solve_mass
 

@@ -4,16 +4,16 @@
 !> the motion of some modes from an unknown start and the offset of the sensor.
 module beamid_experiments
    use beamid_equations, only: equations_t, new_equations
-   use beamid_errors, only: error_t, bad_input
+   use beamid_errors, only: error_t, bad_input, failure
    use beamid_excitation, only: excitation_t
    use beamid_free_motion, only: free_mode_t
    use beamid_galerkin, only: galerkin_t, mesh_t, new_galerkin
    use beamid_kinds, only: wp
    use beamid_observation, only: observation_t, sampling_t, new_sampling
    use beamid_parameters, only: amplitude
-   use beamid_responses, only: response_t, solver_t, work_t
+   use beamid_responses, only: exact_solver_t, is_exact, response_t, solver_t, work_t
    use beamid_strings, only: to_text
-   use beamid_structure, only: structure_t
+   use beamid_structure, only: rigid, structure_t
    implicit none
    private
 
@@ -24,8 +24,9 @@ module beamid_experiments
       real(wp), allocatable :: samples(:)    !< (m) ascending [time]
       real(wp), allocatable :: measured(:)   !< (m) [length/time**2]
       type(excitation_t) :: excitation
-      real(wp) :: length = 0                 !< of the beam [length]; 0: the structure's
-      real(wp) :: x_S = 0                    !< place of the sensor [length]; 0: the structure's
+      !> Of the beam, of the sensor and of the support [length]; not allocated: the structure's
+      real(wp), allocatable :: length, x_S, x_P
+      integer :: sensor = 1                  !< the record comes from
       !> acceleration = scale*(value - offset), the offset in the record's own unit
       real(wp) :: scale = 1, offset = 0
    contains
@@ -55,8 +56,11 @@ contains
       type(structure_t), intent(in) :: structure
 
       structure_of = structure
-      if (self%length > 0) structure_of%length = self%length
-      if (self%x_S > 0) structure_of%x_S = self%x_S
+      structure_of%observer = self%sensor
+      if (allocated(self%length)) structure_of%length = self%length
+      if (allocated(self%x_S)) structure_of%sensor(self%sensor)%x_S = self%x_S
+      if (allocated(self%x_P)) structure_of%support(1)%x_P = self%x_P
+      if (allocated(self%excitation%x_F)) structure_of%x_F = self%excitation%x_F
    end function structure_of
 
    !> structure  of this experiment
@@ -71,21 +75,25 @@ contains
       type(error_t), allocatable, intent(out) :: error
       integer :: most
 
-      if (experiment%excitation%modes > 0 .and. .not. solver%is_exact()) then
+      if (experiment%excitation%modes > 0 .and. .not. is_exact(solver)) then
          call bad_input(error, 'found a start that is not known with method = ''cvode'', '// &
             'expected method = ''modal'': its modes are not an integrator''s to find')
          return
       end if
-      apparatus%galerkin = new_galerkin(mesh, structure%length, structure%has_soft_root())
-      most = apparatus%galerkin%space%n + merge(1, 0, structure%has_hose())
+      apparatus%galerkin = new_galerkin(mesh, structure%length, structure%has_root_spring())
+      most = apparatus%galerkin%space%n + merge(1, 0, structure%has_hose()) &
+         - count(.not. structure%support(:structure%supports)%k_P < rigid)
       if (experiment%excitation%modes > most) then
          call bad_input(error, '&excitation modes: found '//to_text(experiment%excitation%modes)// &
             ', expected at most '//to_text(most)//', as many as the mesh has')
          return
       end if
       apparatus%solver = solver
-      call apparatus%solver%prepare(apparatus%galerkin, error)
-      if (allocated(error)) return
+      select type (solver => apparatus%solver)
+      class is (exact_solver_t)
+         call solver%prepare(apparatus%galerkin, error)
+         if (allocated(error)) return
+      end select
       apparatus%sampling = new_sampling(observation, experiment%samples)
       apparatus%measured = experiment%measured
       apparatus%scale = experiment%scale
@@ -113,13 +121,13 @@ contains
       applied = excitation
       call applied%fit_to(structure%stiffness())
       equations = new_equations(self%galerkin, structure, applied, &
-         matrices=.not. self%solver%is_exact())
+         matrices=.not. is_exact(self%solver))
       y = -self%measured
       if (excitation%modes == 0) then
          call self%solver%respond(equations, applied, self%sampling%times, response, self%work, &
             error)
          if (allocated(error)) return
-         y = self%sampling%acceleration(response) - self%measured
+         y = self%sampling%acceleration(response, applied) - self%measured
       end if
       call self%free_columns(equations, applied, [integer ::], offset, phi, unused, error)
    end subroutine evaluate
@@ -148,14 +156,19 @@ contains
       applied = excitation
       call applied%fit_to(structure%stiffness())
       equations = new_equations(self%galerkin, structure, applied, &
-         matrices=.not. self%solver%is_exact())
+         matrices=.not. is_exact(self%solver))
       y = -self%measured
       dy = 0
       if (excitation%modes == 0) then
-         call self%solver%differentiate(equations, applied, self%sampling%times, parameters, &
-            response, slopes, self%work, error)
+         select type (solver => self%solver)
+         class is (exact_solver_t)
+            call solver%differentiate(equations, applied, self%sampling%times, parameters, &
+               response, slopes, self%work, error)
+         class default
+            call failure(error, 'this method has no exact derivatives')
+         end select
          if (allocated(error)) return
-         y = self%sampling%acceleration(response)
+         y = self%sampling%acceleration(response, applied)
          do p = 1, size(parameters)
             dy(:, p) = self%sampling%acceleration(slopes(p))
             if (applied%by_displacement) dy(:, p) = dy(:, p) &
@@ -171,7 +184,7 @@ contains
          call self%solver%respond(equations, applied, self%sampling%times, response, self%work, &
             error)
          if (allocated(error)) return
-         dy(:, p) = self%sampling%acceleration(response)
+         dy(:, p) = self%sampling%acceleration(response, applied)
       end if
       call self%free_columns(equations, applied, parameters, offset, phi, dphi, error)
    end subroutine differentiate
@@ -195,7 +208,12 @@ contains
       allocate (dphi(m, size(phi, 2), size(parameters)), source=0.0_wp)
       if (offset) phi(:, size(phi, 2)) = self%scale
       if (excitation%modes == 0) return
-      call self%solver%free_modes(equations, parameters, excitation%modes, modes, self%work, error)
+      select type (solver => self%solver)
+      class is (exact_solver_t)
+         call solver%free_modes(equations, parameters, excitation%modes, modes, self%work, error)
+      class default
+         call failure(error, 'this method has no modes')
+      end select
       if (allocated(error)) return
       do k = 1, size(modes)
          states = modes(k)%states(self%sampling%times - self%start)

@@ -51,7 +51,7 @@ contains
       allocate (modes(0))
       do r = 1, size(fit%world%structures)
          associate (structure => fit%world%structures(r))
-            galerkin = new_galerkin(mesh, structure%length, structure%has_soft_root())
+            galerkin = new_galerkin(mesh, structure%length, structure%has_root_spring())
             call solver%prepare(galerkin, error)
             if (allocated(error)) return
             equations = new_equations(galerkin, structure, new_pulse(0.0_wp, 1.0_wp))

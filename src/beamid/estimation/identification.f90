@@ -8,7 +8,7 @@ module beamid_identification
    use beamid_kinds, only: wp
    use beamid_least_squares, only: fit, fit_t, monitor_t, options_t
    use beamid_residuals, only: residual_t
-   use beamid_responses, only: work_t
+   use beamid_responses, only: is_exact, work_t
    use beamid_simulation, only: model_t, simulate, simulation_t
    use beamid_starts, only: automatic_start, check_frequencies
    use beamid_strings, only: to_text
@@ -96,9 +96,9 @@ contains
       end do
       call check_frequencies(problem, experiments, error)
       if (allocated(error)) return
-      if (.not. model%solver%is_exact()) call exact_counterpart(problem, experiments, mesh, &
+      if (.not. is_exact(model%solver)) call exact_counterpart(problem, experiments, mesh, &
          model%observation, exact)
-      options%noise = model%solver%noise()
+      options%noise = model%solver%relative_error()
       if (present(check)) options%check = check
       allocate (fits(size(stages)))
       do k = 1, size(stages)

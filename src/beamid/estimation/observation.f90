@@ -1,5 +1,6 @@
 !> Tip acceleration as the accelerometer's model sees it: the three formulas of Section 4.
 module beamid_observation
+   use beamid_excitation, only: excitation_t
    use beamid_kinds, only: wp
    use beamid_responses, only: response_t
    implicit none
@@ -14,6 +15,7 @@ module beamid_observation
    type :: observation_t
       integer :: formula = 3          !< place in `formula_names`
       real(wp) :: delta = 0           !< Delta of (4.1) and (4.2) [time], > 0 there
+      logical :: relative = .false.   !< to a base that moves
    end type observation_t
 
    !> Sample times together with the response times that the formula needs for them.
@@ -24,6 +26,7 @@ module beamid_observation
       integer, allocatable, private :: place(:, :)   !< (points, m) where in `times` each point lies
    contains
       procedure :: acceleration
+      procedure :: seen
       procedure :: motion_used
       procedure :: of_motion
       procedure :: at_samples
@@ -88,11 +91,18 @@ contains
    end function new_sampling
 
    !> Acceleration at the samples (m) from the response at `times` [length/time**2].
-   pure function acceleration(self, response) result(a)
+   !>
+   !> excitation  of a base whose motion is seen too; left out: of the response alone
+   pure recursive function acceleration(self, response, excitation) result(a)
       class(sampling_t), intent(in) :: self
       type(response_t), intent(in) :: response
+      type(excitation_t), intent(in), optional :: excitation
       real(wp) :: a(size(self%samples))
 
+      if (present(excitation)) then
+         a = self%acceleration(self%seen(response, excitation))
+         return
+      end if
       select case (self%motion_used())
       case (1)
          a = self%of_motion(response%displacement)
@@ -102,6 +112,22 @@ contains
          a = self%of_motion(response%acceleration)
       end select
    end function acceleration
+
+   !> The response as the sensor sees it, with the motion of the base where it is absolute.
+   pure function seen(self, response, excitation) result(absolute)
+      class(sampling_t), intent(in) :: self
+      type(response_t), intent(in) :: response
+      type(excitation_t), intent(in) :: excitation
+      type(response_t) :: absolute
+      real(wp) :: base(size(response%t), 3)
+
+      absolute = response
+      if (self%observation%relative .or. .not. excitation%is_base) return
+      base = excitation%base(response%t)
+      absolute%displacement = response%displacement + base(:, 1)
+      absolute%velocity = response%velocity + base(:, 2)
+      absolute%acceleration = response%acceleration + base(:, 3)
+   end function seen
 
    !> Which of displacement, velocity and acceleration the formula uses: 1, 2 or 3.
    pure integer function motion_used(self)

@@ -33,7 +33,7 @@ contains
    !> The least sum of squares along one parameter: at each of its values the parameters of the
    !> stage are fitted, each time from where they ended before, at first from those of the model.
    !>
-   !> parameter          place in `free_names`, not one of the stage's
+   !> parameter          place in the `parameters`, not one of the stage's
    !> values             (k) that it takes
    !> stage              what is fitted; a start in it is not used
    !> samples, measured  (m) as in `identify`

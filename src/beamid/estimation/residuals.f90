@@ -6,6 +6,7 @@ module beamid_residuals
    use beamid_kinds, only: wp
    use beamid_problems, only: problem_t
    use beamid_projection, only: new_projection, projection_t
+   use beamid_responses, only: is_exact
    use beamid_strings, only: to_text
    use beamid_unknowns, only: name_of, quantity_t, world_t
    use beamid_parameters, only: offset_place => offset
@@ -18,7 +19,7 @@ module beamid_residuals
    type, extends(problem_t) :: residual_t
       type(apparatus_t), allocatable :: parts(:)   !< one for each record
       type(world_t) :: world
-      integer, allocatable :: free(:)              !< (n) places in `free_names`
+      integer, allocatable :: free(:)              !< (n) places in the `parameters`
       integer, allocatable :: record(:)            !< (n) the record of each; 0: all
       logical :: offset = .false.
    contains
@@ -94,7 +95,7 @@ contains
    pure logical function has_jacobian(self)
       class(residual_t), intent(in) :: self
 
-      has_jacobian = self%parts(1)%solver%is_exact()
+      has_jacobian = is_exact(self%parts(1)%solver)
    end function has_jacobian
 
    subroutine jacobian(self, parameters, r, jac, error)

@@ -6,7 +6,7 @@ module beamid_simulation
    use beamid_galerkin, only: galerkin_t, mesh_t, new_galerkin
    use beamid_kinds, only: wp
    use beamid_observation, only: new_sampling, observation_t, sampling_t
-   use beamid_responses, only: response_t, solver_t, work_t
+   use beamid_responses, only: exact_solver_t, response_t, solver_t, work_t
    use beamid_structure, only: structure_t
    implicit none
    private
@@ -48,18 +48,21 @@ contains
       class(solver_t), allocatable :: solver
 
       galerkin = new_galerkin(mesh, model%structure%length, &
-         model%structure%has_soft_root())
+         model%structure%has_root_spring())
       solver = model%solver
-      call solver%prepare(galerkin, error)
-      if (allocated(error)) return
+      select type (solver)
+      class is (exact_solver_t)
+         call solver%prepare(galerkin, error)
+         if (allocated(error)) return
+      end select
       excitation = model%excitation
       call excitation%fit_to(model%structure%stiffness())
       equations = new_equations(galerkin, model%structure, excitation)
       sampling = new_sampling(model%observation, samples)
       call solver%respond(equations, excitation, sampling%times, wide, simulation%work, error)
       if (allocated(error)) return
-      simulation%acceleration = sampling%acceleration(wide)
-      simulation%response = sampling%at_samples(wide)
+      simulation%acceleration = sampling%acceleration(wide, excitation)
+      simulation%response = sampling%at_samples(sampling%seen(wide, excitation))
       simulation%force = excitation%force(samples)
       if (excitation%is_release) then
          ! The motion is counted from the deflection before.

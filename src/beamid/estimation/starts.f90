@@ -10,6 +10,7 @@ module beamid_starts
    use beamid_least_squares, only: fit, fit_t, options_t
    use beamid_problems, only: problem_t
    use beamid_residuals, only: residual_t
+   use beamid_responses, only: exact_solver_t
    use beamid_spectra, only: decay_of, find_lines, line_t
    use beamid_strings, only: to_text
    use beamid_structure, only: structure_t
@@ -95,7 +96,12 @@ contains
 
       associate (part => problem%parts(r))
          equations = new_equations(part%galerkin, structure, problem%world%excitations(r))
-         call part%solver%free_motion(equations, parameters, s, ds, part%work, error)
+         select type (solver => part%solver)
+         class is (exact_solver_t)
+            call solver%free_motion(equations, parameters, s, ds, part%work, error)
+         class default
+            call failure(error, 'this method has no modes')
+         end select
       end associate
    end subroutine model_roots
 

@@ -3,21 +3,22 @@
 module beamid_unknowns
    use beamid_excitation, only: excitation_t
    use beamid_kinds, only: wp
-   use beamid_parameters, only: free_magnitude, free_names, get_free, offset, set_free
+   use beamid_parameters, only: free_magnitude, get_free, is_there, name_of_parameter, offset, &
+      on_beam, parameters, parameter_name_length => name_length, set_free
    use beamid_strings, only: to_text
-   use beamid_structure, only: of_x_S, structure_t
-   use beamid_variables, only: new_variable, variable_t
+   use beamid_structure, only: n_parameters, of_length, structure_t
+   use beamid_variables, only: new_variable, unbounded, variable_t
    implicit none
    private
 
    public :: stage_t, world_t, quantity_t, name_of, variables_of, name_length
 
    !> Of the name of a quantity.
-   integer, parameter :: name_length = 24
+   integer, parameter :: name_length = parameter_name_length + 6
 
    !> One search: which parameters are free and from where. Each array has one entry per parameter.
    type :: stage_t
-      integer, allocatable :: free(:)     !< places in `free_names`
+      integer, allocatable :: free(:)     !< places among the `parameters`
       !> the record that a parameter belongs to, 0: all of them; not allocated: all shared
       integer, allocatable :: record(:)
       real(wp), allocatable :: start(:)   !< not allocated: where the stage before ended
@@ -38,13 +39,13 @@ module beamid_unknowns
       procedure :: get
       procedure :: set
       procedure :: magnitude
-      procedure :: shortest
+      procedure :: range_on_beam
    end type world_t
 
    !> Something that was estimated.
    type :: quantity_t
       character(len=name_length) :: name = ''
-      integer :: parameter = 0            !< place in `free_names`; 0: motion of a mode
+      integer :: parameter = 0            !< place among the `parameters`; 0: motion of a mode
       integer :: record = 0               !< 0: all of them
       real(wp) :: start = 0, value = 0, lower = 0, upper = 0
       real(wp) :: scale = 1               !< what relative changes are relative to, > 0
@@ -123,17 +124,35 @@ contains
       end associate
    end function magnitude
 
-   !> Length of the beam in one record, or of the shortest in all: no sensor sits beyond it.
-   pure real(wp) function shortest(self, record)
+   !> The range in which everything stays on every beam of a record, or of all: of a place up to the
+   !> end, of the length down to the outermost place. Where both move they meet halfway.
+   !>
+   !> free  parameters that move
+   pure function range_on_beam(self, parameter, record, free) result(range)
       class(world_t), intent(in) :: self
-      integer, intent(in) :: record
+      integer, intent(in) :: parameter, record, free(:)
+      real(wp) :: range(2), end, halfway
+      integer :: k, r
 
-      if (record > 0) then
-         shortest = self%structures(record)%length
-      else
-         shortest = minval(self%structures%length)
-      end if
-   end function shortest
+      range = [-unbounded, unbounded]
+      do r = 1, size(self%structures)
+         if (record > 0 .and. r /= record) cycle
+         associate (s => self%structures(r))
+            if (parameter == of_length) then
+               do k = 1, n_parameters
+                  if (parameters(k)%range /= on_beam .or. .not. is_there(s, k)) cycle
+                  if (s%follows_tip(k) .and. .not. any(free == k)) cycle
+                  halfway = (s%get(k) + s%length)/2
+                  end = merge(halfway, s%get(k), any(free == k))
+                  range(1) = max(range(1), end)
+               end do
+            else if (parameters(parameter)%range == on_beam) then
+               halfway = (s%get(parameter) + s%length)/2
+               range(2) = min(range(2), merge(halfway, s%length, any(free == of_length)))
+            end if
+         end associate
+      end do
+   end function range_on_beam
 
    !> A name with the number of its record, where it belongs to one.
    pure function name_of(text, record) result(name)
@@ -151,7 +170,7 @@ contains
       type(world_t), intent(in) :: world
       type(variable_t), allocatable, intent(out) :: variables(:)
       type(quantity_t), allocatable, intent(out) :: quantities(:)
-      real(wp) :: start, upper
+      real(wp) :: start, lower, upper, range(2)
       integer :: owners(size(stage%free)), k
 
       owners = stage%owners()
@@ -159,16 +178,18 @@ contains
       do k = 1, size(stage%free)
          start = world%get(stage%free(k), owners(k))
          if (allocated(stage%start)) start = stage%start(k)
-         upper = stage%upper(k)
-         if (stage%free(k) == of_x_S) upper = min(upper, world%shortest(owners(k)))
-         start = min(max(start, stage%lower(k)), upper)
-         variables(k) = new_variable(start, stage%lower(k), upper, &
+         range = world%range_on_beam(stage%free(k), owners(k), stage%free)
+         lower = max(stage%lower(k), range(1))
+         upper = min(stage%upper(k), range(2))
+         start = min(max(start, lower), upper)
+         variables(k) = new_variable(start, lower, upper, &
             world%magnitude(stage%free(k), owners(k)))
-         quantities(k)%name = name_of(trim(free_names(stage%free(k))), owners(k))
+         quantities(k)%name = name_of(trim(name_of_parameter(world%structures(1), &
+            stage%free(k))), owners(k))
          quantities(k)%parameter = stage%free(k)
          quantities(k)%record = owners(k)
          quantities(k)%start = variables(k)%start
-         quantities(k)%lower = stage%lower(k)
+         quantities(k)%lower = lower
          quantities(k)%upper = upper
       end do
    end subroutine variables_of

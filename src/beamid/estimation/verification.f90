@@ -84,7 +84,7 @@ contains
       where (shift <= unseen*scales) ratio = 0
       k = maxloc(ratio, dim=1)
       if (ratio(k) <= allowed) return
-      associate (rtol => problem%parts(1)%solver%noise())
+      associate (rtol => problem%parts(1)%solver%relative_error())
          call failure(error, 'rtol = '//to_text(rtol)//' is too large: the error of the '// &
             'integrator has moved '//trim(names(k))//' by '//to_text(shift(k))//', '// &
             to_text(ratio(k))//' standard errors, seen from '//judge//'; expected at most a '// &
@@ -127,7 +127,7 @@ contains
             solver%max_steps = 10*solver%max_steps
          end select
       end do
-      associate (rtol => finer%parts(1)%solver%noise())
+      associate (rtol => finer%parts(1)%solver%relative_error())
          judge = 'rtol = '//to_text(rtol)
          call fit(finer, size(found%residual), from_there, options_t(noise=rtol, check=.false.), &
             better, error)

@@ -15,7 +15,8 @@ module beamid_case_files
    use beamid_model_groups, only: read_excitation, read_noise, read_structure, read_units
    use beamid_multistart, only: multistart_t
    use beamid_namelist, only: group_t, scan_namelist
-   use beamid_parameters, only: check_structure, parameter_names, parameters
+   use beamid_numbers, only: shown
+   use beamid_parameters, only: check_structure, parameters
    use beamid_record_groups, only: get_window, read_recording
    use beamid_records, only: append_recording, everything, recording_t, window_t
    use beamid_refusals, only: refusals_t, refuse
@@ -25,14 +26,15 @@ module beamid_case_files
    implicit none
    private
 
-   public :: case_t, read_case, check_place, list_keys
+   public :: case_t, read_case, place_experiment, list_keys
    public :: needs_nothing, needs_response, needs_fit
 
    !> What a command needs of a case: the structure alone, a response at given times, a fit.
    integer, parameter :: needs_nothing = 0, needs_response = 1, needs_fit = 2
 
    type(group_t), parameter :: groups(*) = [ &
-      group_t('beam', required=.true.), group_t('tip'), group_t('sensor'), group_t('hose'), &
+      group_t('beam', required=.true.), group_t('tip'), group_t('hose'), &
+      group_t('sensor', may_repeat=.true.), group_t('support', may_repeat=.true.), &
       group_t('excitation', may_repeat=.true.), group_t('discretization'), group_t('integrator'), &
       group_t('observation'), group_t('record', may_repeat=.true.), group_t('score'), &
       group_t('stage', may_repeat=.true.), group_t('multistart'), group_t('noise'), &
@@ -117,12 +119,9 @@ contains
       type(error_t), allocatable, intent(out) :: error
       type(experiment_t) :: experiment
 
-      associate (recording => case%recordings(1), model => case%model)
-         if (allocated(recording%length)) experiment%length = recording%length
-         if (allocated(recording%x_S)) experiment%x_S = recording%x_S
-         model%structure = experiment%structure_of(model%structure)
-         call check_place(case, recording, model%structure, error)
-      end associate
+      call place_experiment(case, 1, experiment, error)
+      if (.not. allocated(error)) case%model%structure = experiment%structure_of( &
+         case%model%structure)
    end subroutine settle
 
    !> Every group in turn, the stages last, because they are checked against the others.
@@ -173,7 +172,8 @@ contains
 
       associate (model => case%model)
          select case (block%name)
-         case ('beam', 'tip', 'sensor', 'hose'); call read_structure(block, model%structure)
+         case ('beam', 'tip', 'hose', 'sensor', 'support')
+            call read_structure(block, model%structure)
          case ('discretization'); call read_discretization(block, case%meshes)
          case ('integrator'); call read_integrator(block, model%solver)
          case ('observation'); call read_observation(block, model%observation)
@@ -207,18 +207,20 @@ contains
       type(block_t), intent(inout) :: blocks(:)
       type(structure_t), intent(in) :: structure
       logical, intent(out) :: sound
-      character(len=:), allocatable :: name
       type(error_t), allocatable :: error
-      integer :: k
+      integer :: item, k, place
 
-      call check_structure(structure, error)
+      call check_structure(structure, error, place)
       sound = .not. allocated(error)
       if (sound) return
-      name = error%message(:index(error%message, ':') - 1)
-      associate (group => parameters(findloc(parameter_names == name, .true., dim=1))%group)
+      item = 0
+      associate (name => trim(parameters(place)%name), group => trim(parameters(place)%group))
          do k = 1, size(blocks)
-            if (blocks(k)%name == group) call blocks(k)%refusals%add(blocks(k)%line_of(name), &
-               '&'//trim(group)//' '//error%message)
+            if (blocks(k)%name /= group) cycle
+            item = item + 1
+            if (item < parameters(place)%item) cycle
+            call blocks(k)%refusals%add(blocks(k)%line_of(name), '&'//group//' '//error%message)
+            return
          end do
       end associate
    end subroutine check_whole
@@ -281,17 +283,38 @@ contains
       can_be_fitted = .not. allocated(error)
    end function can_be_fitted
 
-   !> A record's own length and sensor must go together.
-   subroutine check_place(case, recording, structure, error)
+   !> Which sensor a record comes from, and its beam where that has a length, a place of the sensor
+   !> or of the support of its own; these must go together.
+   subroutine place_experiment(case, k, experiment, error)
       type(case_t), intent(in) :: case
-      type(recording_t), intent(in) :: recording
-      type(structure_t), intent(in) :: structure
+      integer, intent(in) :: k
+      type(experiment_t), intent(inout) :: experiment
       type(error_t), allocatable, intent(out) :: error
 
-      call check_structure(structure, error)
-      if (allocated(error)) error%message = case%path//':'//to_text(recording%line)// &
-         ': &record '//error%message
-   end subroutine check_place
+      associate (recording => case%recordings(k), structure => case%model%structure)
+         if (size(case%excitations) > 0) experiment%excitation = &
+            case%excitations(min(k, size(case%excitations)))
+         if (allocated(recording%length)) experiment%length = recording%length
+         if (allocated(recording%x_S)) experiment%x_S = recording%x_S
+         if (allocated(recording%x_P)) experiment%x_P = recording%x_P
+         if (allocated(recording%sensor)) then
+            experiment%sensor = findloc(structure%sensor_name(:structure%sensors) &
+               == recording%sensor, .true., dim=1)
+            if (experiment%sensor == 0) call refuse(case%path, recording%line, 'record sensor', &
+               shown(recording%sensor), 'the name of a &sensor', error)
+         else if (structure%sensors > 1) then
+            call refuse(case%path, recording%line, 'record sensor', 'nothing', &
+               'the name of one of '//to_text(structure%sensors)//' sensors', error)
+         end if
+         if (allocated(recording%x_P) .and. structure%supports /= 1) call refuse(case%path, &
+            recording%line, 'record x_P', 'it beside '//to_text(structure%supports)// &
+            ' groups &support', 'one such group', error)
+         if (allocated(error)) return
+         call check_structure(experiment%structure_of(structure), error)
+         if (allocated(error)) error%message = case%path//':'//to_text(recording%line)// &
+            ': &record '//error%message
+      end associate
+   end subroutine place_experiment
 
    !> File name without folder and ending.
    pure function name_of(path) result(name)

@@ -1,14 +1,15 @@
 !> A case and its records: sample times, samples, experiments.
 module beamid_cases
-   use beamid_case_files, only: case_t, check_place, needs_fit, needs_nothing, needs_response, &
-      read_case
+   use beamid_case_files, only: case_t, needs_fit, needs_nothing, needs_response, &
+      place_experiment, read_case
    use beamid_errors, only: error_t
    use beamid_experiments, only: experiment_t
    use beamid_kinds, only: wp
+   use beamid_parameters, only: name_of_parameter, on_beam, parameters
    use beamid_records, only: grid, load_recording, note_length, recording_t
    use beamid_refusals, only: refuse
    use beamid_strings, only: to_text
-   use beamid_structure, only: of_x_S, structure_t
+   use beamid_structure, only: structure_t
    implicit none
    private
 
@@ -66,12 +67,9 @@ contains
             if (size(experiments) > 1 .and. size(sentences) > 0) &
                sentences = 'record '//to_text(k)//': '//sentences
             notes = [character(len=note_length) :: notes, sentences]
-            experiment%excitation = case%excitations(min(k, size(case%excitations)))
-            if (allocated(recording%length)) experiment%length = recording%length
-            if (allocated(recording%x_S)) experiment%x_S = recording%x_S
             experiment%scale = recording%scale
             experiment%offset = recording%offset
-            call check_place(case, recording, experiment%structure_of(case%model%structure), error)
+            call place_experiment(case, k, experiment, error)
             if (allocated(error)) return
          end associate
       end do
@@ -86,7 +84,7 @@ contains
       call check_free_place(case, experiments, error)
    end subroutine load_experiments
 
-   !> A sensor whose place is free must find one on every beam.
+   !> What has a free place must find one on every beam.
    subroutine check_free_place(case, experiments, error)
       type(case_t), intent(in) :: case
       type(experiment_t), intent(in) :: experiments(:)
@@ -96,12 +94,13 @@ contains
 
       do k = 1, size(case%stages)
          do p = 1, size(case%stages(k)%free)
-            if (case%stages(k)%free(p) /= of_x_S) cycle
+            if (parameters(case%stages(k)%free(p))%range /= on_beam) cycle
             do i = 1, size(experiments)
                structure = experiments(i)%structure_of(case%model%structure)
                if (case%stages(k)%lower(p) < structure%length) cycle
                call refuse(case%path, case%stage_lines(k), 'stage lower', &
-                  to_text(case%stages(k)%lower(p))//' for x_S', 'less than the length '// &
+                  to_text(case%stages(k)%lower(p))//' for '//trim(name_of_parameter(structure, &
+                  case%stages(k)%free(p))), 'less than the length '// &
                   to_text(structure%length)//' of the beam', error)
                return
             end do

@@ -10,11 +10,11 @@ module beamid_method_groups
    use beamid_multistart, only: multistart_t
    use beamid_numbers, only: shown
    use beamid_observation, only: formula_names, observation_t
-   use beamid_parameters, only: amplitude, belongs_to_hose, free_index, free_names, &
-      may_be_negative, offset, parameters
+   use beamid_parameters, only: amplitude, belongs_to_hose, is_there, may_be_negative, &
+      name_of_parameter, offset, parameters, place_of_name
    use beamid_responses, only: solver_t
    use beamid_strings, only: to_text
-   use beamid_structure, only: structure_t
+   use beamid_structure, only: of_x_F, structure_t
    use beamid_values, only: listed, positive, range_t
    use beamid_variables, only: unbounded
    implicit none
@@ -94,14 +94,18 @@ contains
    subroutine read_observation(block, observed)
       type(block_t), intent(inout) :: block
       type(observation_t), intent(inout) :: observed
-      character(len=:), allocatable :: formula
+      character(len=:), allocatable :: formula, frame
       real(wp), allocatable :: delta
 
       formula = trim(formula_names(observed%formula))
       call block%get('formula', formula, 'of the acceleration', formula_names)
       call block%get('delta', delta, 'differences need it', 'their step', positive)
+      frame = 'absolute'
+      call block%get('frame', frame, 'of what is observed on a base that moves', &
+         ['absolute', 'relative'])
       call block%close()
       if (block%failed()) return
+      observed%relative = frame == 'relative'
       observed%formula = findloc(formula_names == formula, .true., dim=1)
       if (formula == 'equation') then
          call block%exclude('delta', 'with formula = ''equation''')
@@ -125,22 +129,23 @@ contains
       integer, allocatable :: places(:)
       integer :: k
 
-      call block%get('free', free, '', 'parameters to estimate', size(free_names), required=.true.)
+      call block%get('free', free, '', 'parameters to estimate', size(parameters), required=.true.)
       call block%get('shared', shared, 'all', 'those that all records have in common', &
-         size(free_names))
+         size(parameters))
       call block%get('start', found%start, 'where the stage before ended', &
-         'start values, one for each of free', size(free_names), word='auto', &
+         'start values, one for each of free', size(parameters), word='auto', &
          is_word=found%automatic)
       call block%get('lower', found%lower, '0; of amplitude and offset none', 'lower bounds', &
-         size(free_names))
-      call block%get('upper', found%upper, 'none', 'upper bounds', size(free_names))
+         size(parameters))
+      call block%get('upper', found%upper, 'none', 'upper bounds', size(parameters))
       call block%close()
       if (block%failed()) return
-      found%free = [(free_index(free(k)), k=1, size(free))]
+      found%free = place_of_name(structure, free)
       do k = 1, size(free)
          if (found%free(k) == 0) then
             call block%refuse('free', shown(free(k)), 'one of '//listed(pack( &
-               free_names, parameters%is_free), ' '))
+               name_of_parameter(structure, parameters%place), parameters%is_free .and. &
+               is_there(structure, parameters%place)), ' '))
          else if (any(found%free(:k - 1) == found%free(k))) then
             call block%refuse('free', shown(free(k))//' twice', 'each parameter once')
          end if
@@ -149,12 +154,12 @@ contains
       call check_count(block, 'lower', found%lower, size(free))
       call check_count(block, 'upper', found%upper, size(free))
       if (.not. allocated(shared)) shared = free
-      places = [(free_index(shared(k)), k=1, size(shared))]
+      places = place_of_name(structure, shared)
       do k = 1, size(shared)
          if (any(found%free == places(k))) cycle
          call block%refuse('shared', shown(shared(k)), 'parameters that are free')
       end do
-      if (.not. block%failed()) call check_bounds(block, found)
+      if (.not. block%failed()) call check_bounds(block, structure, found)
       if (sound .and. .not. block%failed()) call check_free(block, found%free, structure, &
          excitations)
       if (block%failed()) return
@@ -175,8 +180,9 @@ contains
    end subroutine check_count
 
    !> Bounds in their order, with the start between them.
-   subroutine check_bounds(block, stage)
+   subroutine check_bounds(block, structure, stage)
       type(block_t), intent(inout) :: block
+      type(structure_t), intent(in) :: structure
       type(stage_t), intent(inout) :: stage
       character(len=:), allocatable :: larger
       integer :: k
@@ -194,7 +200,7 @@ contains
                larger = 'any larger one'
                if (upper < unbounded) larger = to_text(upper)
                if (stage%start(k) < lower .or. stage%start(k) > upper) call block%refuse('start', &
-                  to_text(stage%start(k))//' for '//trim(free_names(p)), &
+                  to_text(stage%start(k))//' for '//trim(name_of_parameter(structure, p)), &
                   'a value between '//to_text(lower)//' and '//larger)
             end if
          end associate
@@ -215,14 +221,16 @@ contains
          needs = parameters(free(k))%needs
          if (needs > 0) then
             if (.not. structure%is_given(needs)) lacking = 'a value of '// &
-               trim(free_names(needs))//' in &'//trim(parameters(needs)%group)//' for it'
+               trim(parameters(needs)%name)//' in &'//trim(parameters(needs)%group)//' for it'
          end if
          if (free(k) == amplitude .and. any(excitations%modes > 0)) &
             lacking = 'no amplitude beside a free start'
+         if (free(k) == of_x_F .and. any(excitations%modes > 0 .or. excitations%is_base .or. &
+            excitations%distributed)) lacking = 'a force at a point for it'
          if (belongs_to_hose(free(k)) .and. .not. structure%has_hose()) &
             lacking = 'a &hose group with m_H > 0 for it'
          if (lacking == '') cycle
-         call block%refuse('free', shown(free_names(free(k))), lacking)
+         call block%refuse('free', shown(name_of_parameter(structure, free(k))), lacking)
          return
       end do
    end subroutine check_free

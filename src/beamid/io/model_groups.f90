@@ -3,13 +3,14 @@ module beamid_model_groups
    use beamid_blocks, only: block_t
    use beamid_csv, only: column_length, read_columns
    use beamid_errors, only: error_t
-   use beamid_excitation, only: excitation_t, new_force_table, new_free, new_pulse, new_release
+   use beamid_excitation, only: excitation_t, new_base_motion, new_force_table, new_free, &
+      new_pulse, new_release
    use beamid_paths, only: directory_of, join_path
    use beamid_kinds, only: wp
    use beamid_numbers, only: shown
    use beamid_parameters, only: parameters, zero_or_more => not_negative
    use beamid_strings, only: to_text
-   use beamid_structure, only: n_parameters, structure_t
+   use beamid_structure, only: item_name_length, n_parameters, of_x_F, structure_t
    use beamid_units, only: label_length, units_t
    use beamid_values, only: not_negative, positive, range_t
    implicit none
@@ -17,21 +18,27 @@ module beamid_model_groups
 
    public :: read_structure, read_excitation, read_units, read_noise
 
+   character(len=*), parameter :: letters = 'abcdefghijklmnopqrstuvwxyz'// &
+      'ABCDEFGHIJKLMNOPQRSTUVWXYZ_0123456789'
+
 contains
 
-   !> A group of parameters of the structure: the rows of the table that name it.
+   !> A group of parameters of the structure: the rows of the table that name it. Of sensors and
+   !> supports there may be several, each with a name.
    subroutine read_structure(block, structure)
       type(block_t), intent(inout) :: block
       type(structure_t), intent(inout) :: structure
       real(wp), allocatable :: value, width, height
-      integer :: k
+      integer :: item, k
 
+      item = 0
+      if (block%name == 'sensor') call read_name(block, structure%sensors, structure%sensor_name, &
+         item)
+      if (block%name == 'support') call read_name(block, structure%supports, &
+         structure%support_name, item)
       do k = 1, n_parameters
-         if (parameters(k)%group /= block%name) cycle
-         if (allocated(value)) deallocate (value)
-         call block%get(trim(parameters(k)%name), value, trim(parameters(k)%default), &
-            trim(parameters(k)%help), range_t(0, open=parameters(k)%range /= zero_or_more), &
-            required=parameters(k)%default == '')
+         if (parameters(k)%group /= block%name .or. parameters(k)%item /= item) cycle
+         call read_parameter(block, k, value)
          if (allocated(value)) call structure%set(k, value)
       end do
       if (block%name == 'beam') then
@@ -50,6 +57,52 @@ contains
       end if
    end subroutine read_structure
 
+   !> The value of parameter k, as its row has it; not allocated: none was given.
+   subroutine read_parameter(block, k, value)
+      type(block_t), intent(inout) :: block
+      integer, intent(in) :: k
+      real(wp), allocatable, intent(inout) :: value
+
+      if (allocated(value)) deallocate (value)
+      call block%get(trim(parameters(k)%name), value, trim(parameters(k)%default), &
+         trim(parameters(k)%help), range_t(0, open=parameters(k)%range /= zero_or_more), &
+         required=parameters(k)%default == '')
+   end subroutine read_parameter
+
+   !> The name of one more sensor or support; of several each has its own.
+   !>
+   !> n, names  how many there are, and what they are called
+   !> item      the number of this one
+   subroutine read_name(block, n, names, item)
+      type(block_t), intent(inout) :: block
+      integer, intent(inout) :: n
+      character(len=item_name_length), intent(inout) :: names(:)
+      integer, intent(out) :: item
+      character(len=:), allocatable :: name
+
+      call block%get('name', name, 'by which records and free parameters name it', &
+         default='none; of several each needs one')
+      if (allocated(name)) then
+         if (verify(name, letters) > 0 .or. len(name) > item_name_length .or. name == '') &
+            call block%refuse('name', shown(name), 'at most '//to_text(item_name_length)// &
+            ' letters, digits and _')
+      else
+         name = ''
+      end if
+      item = min(n + 1, size(names))
+      if (n == size(names)) then
+         call block%refuse('name', to_text(n + 1)//' groups &'//block%name, &
+            'at most '//to_text(n))
+      else if (n > 0 .and. (name == '' .or. names(1) == '')) then
+         call block%refuse('name', 'several groups &'//block%name//', and one without it', &
+            'a name for each')
+      else if (any(names(:n) == name) .and. n > 0) then
+         call block%refuse('name', shown(name)//' twice', 'a name of its own for each')
+      end if
+      n = item
+      names(n) = name
+   end subroutine read_name
+
    !> path   of the case file
    !> error  of a force table
    subroutine read_excitation(path, block, found, error)
@@ -58,22 +111,22 @@ contains
       type(excitation_t), intent(out) :: found
       type(error_t), allocatable, intent(inout) :: error
       character(len=:), allocatable :: kind, file, load
-      real(wp), allocatable :: amplitude, duration, force, displacement
+      real(wp), allocatable :: amplitude, duration, force, displacement, x_F
       real(wp) :: power, time
       integer :: modes, k
       !> Keys that only some kinds have, and these kinds.
-      character(len=*), parameter :: keys(9) = [character(len=12) :: 'amplitude', 'duration', &
-         'file', 'load', 'power', 'force', 'displacement', 'time', 'modes'], &
-         owners(9) = [character(len=11) :: 'pulse', 'pulse', 'table', 'pulse table', &
-         'pulse table', 'release', 'release', 'release', 'free']
+      character(len=*), parameter :: keys(10) = [character(len=12) :: 'amplitude', 'duration', &
+         'file', 'load', 'power', 'force', 'displacement', 'time', 'modes', 'x_F'], &
+         owners(10) = [character(len=19) :: 'pulse', 'pulse', 'table base', 'pulse table', &
+         'pulse table', 'release', 'release', 'release', 'free', 'pulse table release']
 
       load = 'point'; power = 2; time = 0; modes = 2
       call block%get('kind', kind, 'what sets the beam in motion', &
-         [character(len=7) :: 'pulse', 'table', 'release', 'free'], required=.true.)
+         [character(len=7) :: 'pulse', 'table', 'release', 'free', 'base'], required=.true.)
       call block%get('amplitude', amplitude, 'a pulse needs it', 'force of a pulse')
       call block%get('duration', duration, 'a pulse needs it', 'of a pulse, from t = 0', positive)
-      call block%get('file', file, 'of a table: time and force, linear between the rows', &
-         default='a table needs it')
+      call block%get('file', file, 'time and force of a table, time and acceleration of the '// &
+         'base, linear between the rows', default='table and base need it')
       call block%get('load', load, 'where a pulse or a table acts', [character(len=11) :: 'point', &
          'distributed'])
       call block%get('power', power, 'p of a distributed load (x/l)^p', range_t(2))
@@ -81,6 +134,7 @@ contains
       call block%get('displacement', displacement, 'give force', 'of the tip before its release')
       call block%get('time', time, 'of the release')
       call block%get('modes', modes, 'that move at a free start', range_t(1, 20))
+      call read_parameter(block, of_x_F, x_F)
       call block%close()
       if (block%failed()) return
       do k = 1, size(keys)
@@ -93,14 +147,14 @@ contains
          call block%require('duration')
          if (block%failed()) return
          found = new_pulse(amplitude, duration)
-      case ('table')
+      case ('table', 'base')
          call block%require('file')
          if (block%failed() .or. allocated(error)) return
          if (file == '') then
-            call block%refuse('file', '''''', 'the path of a force table')
+            call block%refuse('file', '''''', 'the path of a table')
             return
          end if
-         call read_force(join_path(directory_of(path), file), found, error)
+         call read_force(join_path(directory_of(path), file), kind == 'base', found, error)
       case ('release')
          if (allocated(force) .eqv. allocated(displacement)) then
             call block%refuse('force', trim(merge('both force and displacement', &
@@ -116,11 +170,14 @@ contains
       end select
       found%distributed = load == 'distributed'
       found%power = power
+      if (found%distributed) call block%exclude('x_F', 'with load = ''distributed''')
+      if (allocated(x_F)) found%x_F = x_F
    end subroutine read_excitation
 
-   !> Force table: time and force, the first two columns.
-   subroutine read_force(path, force, error)
+   !> Table of a force or of the acceleration of the base: the first two columns.
+   subroutine read_force(path, is_base, force, error)
       character(len=*), intent(in) :: path
+      logical, intent(in) :: is_base
       type(excitation_t), intent(inout) :: force
       type(error_t), allocatable, intent(out) :: error
       character(len=column_length), allocatable :: header(:)
@@ -128,7 +185,11 @@ contains
 
       call read_columns(path, 2, values, header, error, increasing=.true.)
       if (allocated(error)) return
-      call new_force_table(values(1, :), values(2, :), force, error)
+      if (is_base) then
+         call new_base_motion(values(1, :), values(2, :), force, error)
+      else
+         call new_force_table(values(1, :), values(2, :), force, error)
+      end if
       if (allocated(error)) error%message = path//': '//error%message
    end subroutine read_force
 

@@ -36,6 +36,9 @@ contains
          range_t(2, 100000))
       call block%get('length', found%length, 'that of &beam', 'of the beam then', positive)
       call block%get('x_S', found%x_S, 'that of &sensor', 'place of the sensor then', positive)
+      call block%get('x_P', found%x_P, 'that of &support', 'place of the support then', positive)
+      call block%get('sensor', found%sensor, 'its name; of several sensors one must be named', &
+         default='the only one')
       call block%close()
       if (.not. abs(found%scale) > 0) call block%refuse('scale', to_text(found%scale), &
          'a value other than 0')

@@ -31,7 +31,8 @@ module beamid_records
       integer :: thin = 1                     !< every thin-th sample, behind a low-pass filter
       character(len=20) :: time_unit = ''     !< for the notes
       real(wp), allocatable :: length         !< of the beam then [length], where it has its own
-      real(wp), allocatable :: x_S            !< place of the sensor then [length], likewise
+      real(wp), allocatable :: x_S, x_P       !< places of sensor and support then [length]
+      character(len=:), allocatable :: sensor   !< its name
       integer :: line = 0                     !< of its group in the case file; 0: there is none
    end type recording_t
 

@@ -7,7 +7,7 @@ module beamid_excitation
    implicit none
    private
 
-   public :: excitation_t, new_pulse, new_force_table, new_release, new_free
+   public :: excitation_t, new_pulse, new_force_table, new_release, new_free, new_base_motion
 
    !> Times that differ by less than this many units in the last place are the same.
    real(wp), parameter, public :: same_time = 16
@@ -26,10 +26,15 @@ module beamid_excitation
       !> The tip is held aside by the amplitude [length]; the force follows from the stiffness.
       logical :: by_displacement = .false.
       logical :: is_release = .false.    !< f is taken away at the first node
+      !> f is the acceleration of the base, relative to which the beam moves, and no force.
+      logical :: is_base = .false.
+      !> place where the force acts [length]; not allocated: the structure's
+      real(wp), allocatable :: x_F
       !> > 0: no force is known; the motion at the first sample is any of so many modes.
       integer :: modes = 0
    contains
       procedure :: force
+      procedure :: base
       procedure :: set_amplitude
       procedure :: fit_to
       procedure :: size_scale
@@ -120,6 +125,62 @@ contains
          call excitation%set_amplitude(1.0_wp)
       end if
    end subroutine new_force_table
+
+   !> The base moves, from rest at the first node, by an acceleration that is given by nodes.
+   !>
+   !> t, f   nodes [time] and accelerations [length/time**2]
+   !> error  as of a force table
+   pure subroutine new_base_motion(t, f, excitation, error)
+      real(wp), intent(in) :: t(:), f(:)
+      type(excitation_t), intent(inout) :: excitation
+      type(error_t), allocatable, intent(out) :: error
+
+      call new_force_table(t, f, excitation, error)
+      excitation%is_base = .true.
+   end subroutine new_base_motion
+
+   !> Displacement, velocity and acceleration of the base, by integration of its acceleration.
+   !>
+   !> times   ascending [time]
+   !> motion  (times, 3) [length], [length/time], [length/time**2]; 0: it does not move
+   pure function base(self, times) result(motion)
+      class(excitation_t), intent(in) :: self
+      real(wp), intent(in) :: times(:)
+      real(wp) :: motion(size(times), 3)
+      real(wp) :: z, v, rate
+      integer :: k, node
+
+      motion = 0
+      if (.not. self%is_base) return
+      z = 0
+      v = 0
+      node = 1
+      associate (t => self%t, f => self%f)
+         do k = 1, size(times)
+            do while (node < size(t))
+               if (t(node + 1) > times(k)) exit
+               call advance(t(node + 1) - t(node), f(node), f(node + 1), z, v)
+               node = node + 1
+            end do
+            if (times(k) < t(1)) cycle
+            motion(k, :) = [z, v, self%force(times(k))]
+            rate = 0
+            if (node < size(t)) rate = f(node)
+            associate (last => merge(motion(k, 3), 0.0_wp, node < size(t)))
+               call advance(times(k) - t(node), rate, last, motion(k, 1), motion(k, 2))
+            end associate
+         end do
+      end associate
+   end function base
+
+   !> One step with an acceleration that changes linearly from `first` to `last`.
+   pure subroutine advance(step, first, last, z, v)
+      real(wp), intent(in) :: step, first, last
+      real(wp), intent(inout) :: z, v
+
+      z = z + step*(v + step*(2*first + last)/6)
+      v = v + step*(first + last)/2
+   end subroutine advance
 
    !> f(t) [force], with the closed interval of the paper: f(duration) is still the amplitude, also
    !> where the time misses it by round-off.

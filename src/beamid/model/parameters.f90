@@ -5,16 +5,21 @@ module beamid_parameters
    use beamid_kinds, only: wp
    use beamid_monomials, only: monomial_t, value_of
    use beamid_strings, only: lower, to_text
-   use beamid_structure, only: n_parameters, of, structure_t, values_of
+   use beamid_structure, only: item_name_length, most_sensors, most_supports, n_parameters, of_c_D, &
+      of_c_H, of_c_P, of_c_R, of_E, of_gamma, of_I, of_J_S, of_J_T, of_k_H, of_k_P, of_k_R, &
+      of_length, of_m_H, of_m_S, of_m_T, of_rho, of_x_F, of_x_P, of_x_S, structure_t, values_of
    implicit none
    private
 
-   public :: parameter_t, parameters, parameter_names, free_names, free_index, get_free, set_free, &
-      free_magnitude, magnitude, may_be_negative, belongs_to_hose, check_structure
+   public :: parameter_t, parameters, free_names, free_index, name_of_parameter, place_of_name, is_there, get_free, &
+      set_free, free_magnitude, magnitude, may_be_negative, belongs_to_hose, check_structure
    public :: amplitude, offset, positive, not_negative, on_beam, any_value
 
    !> Ranges.
    integer, parameter :: positive = 1, not_negative = 2, on_beam = 3, any_value = 4
+
+   !> Of a name as it is printed, that of its sensor or support behind it.
+   integer, parameter, public :: name_length = 10 + item_name_length
 
    !> Places of the amplitude and of the offset, which belongs to the record.
    integer, parameter :: amplitude = n_parameters + 1, offset = amplitude + 1
@@ -26,7 +31,7 @@ module beamid_parameters
 
    type :: parameter_t
       integer :: place                !< row
-      character(len=9) :: name        !< as it is printed, and its key
+      character(len=9) :: name        !< its key
       character(len=10) :: group      !< of the case file
       integer :: unit(3)              !< exponents of mass, length and time
       integer :: range
@@ -36,75 +41,139 @@ module beamid_parameters
       integer :: needs = 0            !< place of a parameter without which it means nothing
       logical :: is_free = .true.     !< whether a fit may free it
       character(len=60) :: help
+      integer :: item = 0             !< which of the sensors or supports; 0: none
    end type parameter_t
 
    type(monomial_t), parameter :: tenth_of_mass = monomial_t(0.1_wp, [the_mass, 0, 0])
 
    !> The rows. Moderate masses: a tenth of beam and tip; stiffness: a tenth of the tip's; damping:
    !> one per cent of critical at the first frequency.
+   integer :: i
+   !> gfortran 12 takes an element, not the index of a loop by itself.
+   integer, parameter :: nth(max(most_sensors, most_supports)) = [(i, i=1, max(most_sensors, &
+      most_supports))]
    type(parameter_t), parameter :: parameters(n_parameters + 2) = [ &
-      parameter_t(nint(of%m_T), 'm_T', 'tip', [1, 0, 0], not_negative, '0', tenth_of_mass, &
+      parameter_t(of_m_T, 'm_T', 'tip', [1, 0, 0], not_negative, '0', tenth_of_mass, &
          help='tip mass'), &
-      parameter_t(nint(of%E), 'E', 'beam', [1, -1, -2], positive, '', &
-         monomial_t(place=[nint(of%E), 0, 0]), help='modulus of elasticity'), &
-      parameter_t(nint(of%c_D), 'c_D', 'beam', [1, -1, -1], not_negative, '0', &
-         monomial_t(2e-2_wp, [nint(of%E), the_omega, 0], [1, -1, 1]), &
+      parameter_t(of_E, 'E', 'beam', [1, -1, -2], positive, '', &
+         monomial_t(place=[of_E, 0, 0]), help='modulus of elasticity'), &
+      parameter_t(of_c_D, 'c_D', 'beam', [1, -1, -1], not_negative, '0', &
+         monomial_t(2e-2_wp, [of_E, the_omega, 0], [1, -1, 1]), &
          help='Kelvin-Voigt viscosity'), &
-      parameter_t(nint(of%m_H), 'm_H', 'hose', [1, 0, 0], not_negative, '', tenth_of_mass, &
+      parameter_t(of_m_H, 'm_H', 'hose', [1, 0, 0], not_negative, '', tenth_of_mass, &
          help='mass of the hose; 0: no hose'), &
-      parameter_t(nint(of%c_H), 'c_H', 'hose', [1, 0, -1], not_negative, '0', &
+      parameter_t(of_c_H, 'c_H', 'hose', [1, 0, -1], not_negative, '0', &
          monomial_t(2e-2_wp, [the_mass, the_omega, 0]), help='its damping'), &
-      parameter_t(nint(of%k_H), 'k_H', 'hose', [1, 0, -2], not_negative, '0', &
+      parameter_t(of_k_H, 'k_H', 'hose', [1, 0, -2], not_negative, '0', &
          monomial_t(0.1_wp, [the_stiffness, 0, 0]), help='its stiffness'), &
-      parameter_t(nint(of%rho), 'rho', 'beam', [1, -1, 0], positive, '', &
-         monomial_t(place=[nint(of%rho), 0, 0]), help='mass per unit length'), &
-      parameter_t(nint(of%gamma), 'gamma', 'beam', [1, -1, -1], not_negative, '0', &
-         monomial_t(2e-2_wp, [nint(of%rho), the_omega, 0]), &
+      parameter_t(of_rho, 'rho', 'beam', [1, -1, 0], positive, '', &
+         monomial_t(place=[of_rho, 0, 0]), help='mass per unit length'), &
+      parameter_t(of_gamma, 'gamma', 'beam', [1, -1, -1], not_negative, '0', &
+         monomial_t(2e-2_wp, [of_rho, the_omega, 0]), &
          help='air damping, a force gamma u_t per unit length'), &
-      parameter_t(nint(of%J_T), 'J_T', 'tip', [1, 2, 0], not_negative, '0', &
-         monomial_t(1e-2_wp, [the_mass, nint(of%length), 0], [1, 2, 1]), &
+      parameter_t(of_J_T, 'J_T', 'tip', [1, 2, 0], not_negative, '0', &
+         monomial_t(1e-2_wp, [the_mass, of_length, 0], [1, 2, 1]), &
          help='rotary inertia of the tip mass'), &
-      parameter_t(nint(of%k_R), 'k_R', 'beam', [1, 2, -2], positive, 'a rigid clamp', &
-         monomial_t(10.0_wp, [nint(of%E), nint(of%I), nint(of%length)], [1, 1, -1]), &
-         needs=nint(of%k_R), help='torsional spring at the root'), &
-      parameter_t(nint(of%c_R), 'c_R', 'beam', [1, 2, -1], not_negative, '0', &
-         monomial_t(2e-2_wp, [nint(of%k_R), the_omega, 0], [1, -1, 1]), needs=nint(of%k_R), &
+      parameter_t(of_k_R, 'k_R', 'beam', [1, 2, -2], positive, 'a rigid clamp', &
+         monomial_t(10.0_wp, [of_E, of_I, of_length], [1, 1, -1]), needs=of_k_R, &
+         help='torsional spring at the root'), &
+      parameter_t(of_c_R, 'c_R', 'beam', [1, 2, -1], not_negative, '0', &
+         monomial_t(2e-2_wp, [of_k_R, the_omega, 0], [1, -1, 1]), needs=of_k_R, &
          help='viscous damper at the root, beside k_R'), &
-      parameter_t(nint(of%m_S), 'm_S', 'sensor', [1, 0, 0], not_negative, '0', tenth_of_mass, &
-         help='mass of the sensor'), &
-      parameter_t(nint(of%x_S), 'x_S', 'sensor', [0, 1, 0], on_beam, 'the tip', &
-         monomial_t(place=[nint(of%length), 0, 0]), &
-         help='its place, where the motion is observed'), &
-      parameter_t(nint(of%length), 'length', 'beam', [0, 1, 0], positive, '', &
-         monomial_t(place=[nint(of%length), 0, 0]), is_free=.false., help='of the beam'), &
-      parameter_t(nint(of%I), 'I', 'beam', [0, 4, 0], positive, 'b h^3/12', &
-         monomial_t(place=[nint(of%I), 0, 0]), is_free=.false., &
+      parameter_t(of_length, 'length', 'beam', [0, 1, 0], positive, '', &
+         monomial_t(place=[of_length, 0, 0]), help='of the beam'), &
+      parameter_t(of_I, 'I', 'beam', [0, 4, 0], positive, 'b h^3/12', &
+         monomial_t(place=[of_I, 0, 0]), is_free=.false., &
          help='second moment of the cross section'), &
+      parameter_t(of_x_F, 'x_F', 'excitation', [0, 1, 0], on_beam, 'the tip', &
+         monomial_t(place=[of_length, 0, 0]), help='where a force acts'), &
+      (parameter_t(of_m_S(i), 'm_S', 'sensor', [1, 0, 0], not_negative, '0', tenth_of_mass, &
+         help='mass of the sensor', item=nth(i)), &
+      parameter_t(of_J_S(i), 'J_S', 'sensor', [1, 2, 0], not_negative, '0', &
+         monomial_t(1e-4_wp, [the_mass, of_length, 0], [1, 2, 1]), &
+         help='its rotary inertia', item=nth(i)), &
+      parameter_t(of_x_S(i), 'x_S', 'sensor', [0, 1, 0], on_beam, 'the tip', &
+         monomial_t(place=[of_length, 0, 0]), &
+         help='its place, where the motion is observed', item=nth(i)), i=1, most_sensors), &
+      (parameter_t(of_x_P(i), 'x_P', 'support', [0, 1, 0], on_beam, '', &
+         monomial_t(place=[of_length, 0, 0]), help='its place', item=nth(i)), &
+      parameter_t(of_k_P(i), 'k_P', 'support', [1, 0, -2], positive, 'rigid', &
+         monomial_t(10.0_wp, [the_stiffness, 0, 0]), needs=of_k_P(i), &
+         help='its stiffness', item=nth(i)), &
+      parameter_t(of_c_P(i), 'c_P', 'support', [1, 0, -1], not_negative, '0', &
+         monomial_t(2e-2_wp, [of_k_P(i), the_omega, 0], [1, -1, 1]), needs=of_k_P(i), &
+         help='its damping, beside k_P', item=nth(i)), i=1, most_supports), &
       parameter_t(amplitude, 'amplitude', 'excitation', [1, 1, -2], any_value, '', monomial_t(), &
          help='of the force'), &
       parameter_t(offset, 'offset', 'record', [0, 0, 0], any_value, '0', monomial_t(), &
          help='of the sensor, in the unit of the record')]
 
    !> Every row is where its place says: otherwise this divides by zero.
-   integer :: k
    integer, parameter :: in_order = 1/merge(1, 0, all(parameters%place == &
-      [(k, k=1, size(parameters))]))
+      [(i, i=1, size(parameters))]))
 
-   !> Names as they are printed; those of a structure alone, and all.
-   character(len=*), parameter :: parameter_names(n_parameters) = parameters(:n_parameters)%name, &
-      free_names(size(parameters)) = parameters%name
+   !> Keys of all rows.
+   character(len=*), parameter :: free_names(size(parameters)) = parameters%name
 
 contains
 
-   !> Place of what a fit may free, by its name in any case; 0 when there is none.
-   pure integer function free_index(name)
+   !> Place of the first row with a key.
+   pure integer function free_index(key)
+      character(len=*), intent(in) :: key
+
+      free_index = place_of_name(structure_t(), key)
+   end function free_index
+
+   !> Whether a row means something in a structure: there are as many sensors, one at least, and
+   !> supports.
+   elemental logical function is_there(structure, k)
+      type(structure_t), intent(in) :: structure
+      integer, intent(in) :: k
+
+      is_there = .true.
+      if (parameters(k)%group == 'sensor') is_there = parameters(k)%item <= max(1, &
+         structure%sensors)
+      if (parameters(k)%group == 'support') is_there = parameters(k)%item <= structure%supports
+   end function is_there
+
+   !> Name of parameter k as it is printed: of one of several sensors or supports 'm_S.a', where
+   !> that one has a name.
+   elemental function name_of_parameter(structure, k) result(name)
+      type(structure_t), intent(in) :: structure
+      integer, intent(in) :: k
+      character(len=name_length) :: name
+
+      name = parameters(k)%name
+      if (parameters(k)%group == 'sensor' .and. structure%sensors > 1 .or. &
+         parameters(k)%group == 'support' .and. structure%supports > 1) name = labelled(structure, k)
+   end function name_of_parameter
+
+   !> Place of what a fit may free, by its name in any case, with that of the sensor or support
+   !> behind a point where there is more than one; 0 when there is none.
+   elemental integer function place_of_name(structure, name) result(place)
+      type(structure_t), intent(in) :: structure
       character(len=*), intent(in) :: name
 
-      do free_index = size(parameters), 1, -1
-         if (parameters(free_index)%is_free .and. &
-            lower(trim(free_names(free_index))) == lower(trim(name))) return
+      do place = size(parameters), 1, -1
+         if (.not. (parameters(place)%is_free .and. is_there(structure, place))) cycle
+         if (lower(trim(name_of_parameter(structure, place))) == lower(trim(name))) return
+         ! The only one of its kind may be called by its name all the same.
+         if (lower(trim(name)) == lower(trim(labelled(structure, place)))) return
       end do
-   end function free_index
+   end function place_of_name
+
+   !> A name with that of its sensor or support, whether there are others or not.
+   pure function labelled(structure, k) result(name)
+      type(structure_t), intent(in) :: structure
+      integer, intent(in) :: k
+      character(len=name_length) :: name
+
+      name = parameters(k)%name
+      associate (item => parameters(k)%item)
+         if (parameters(k)%group == 'sensor') name = trim(name)//'.'//structure%sensor_name(item)
+         if (parameters(k)%group == 'support') name = trim(name)//'.'//structure%support_name(item)
+      end associate
+   end function labelled
 
    !> Value of parameter k.
    pure real(wp) function get_free(structure, excitation, k) result(value)
@@ -152,7 +221,7 @@ contains
 
       associate (s => structure)
          magnitude = value_of(parameters(k)%moderate, [values_of(s), s%m_T + s%rho*s%length, &
-            s%stiffness(), s%omega()])
+            s%tip_stiffness(), s%omega()])
       end associate
    end function magnitude
 
@@ -170,17 +239,24 @@ contains
       belongs_to_hose = parameters(k)%group == 'hose'
    end function belongs_to_hose
 
-   !> Refuses values outside the physical ranges; the message starts with the name of the parameter.
-   subroutine check_structure(structure, error)
+   !> Refuses values outside the physical ranges; the message starts with the name of the
+   !> parameter.
+   !>
+   !> place  of that parameter
+   subroutine check_structure(structure, error, place)
       type(structure_t), intent(in) :: structure
       type(error_t), allocatable, intent(out) :: error
+      integer, intent(out), optional :: place
       integer :: k
 
       do k = 1, n_parameters
+         if (present(place)) place = k
+         if (.not. is_there(structure, k)) cycle
          call check_range(structure, k, error)
          if (.not. allocated(error)) call check_company(structure, k, error)
          if (allocated(error)) return
       end do
+      if (present(place)) place = of_E
       ! Each is in range, but the whole may be out of what numbers can hold.
       if (.not. (structure%omega() > 0 .and. structure%omega() < huge(1.0_wp))) call bad_input( &
          error, 'E: found a structure whose first frequency is '//to_text(structure%omega())// &
@@ -208,17 +284,22 @@ contains
          to_text(value)//', expected '//expected)
    end subroutine check_range
 
-   !> Refuses a value that means nothing without another one.
+   !> Refuses a value that means nothing without another one, or beside another one.
    subroutine check_company(structure, k, error)
       type(structure_t), intent(in) :: structure
       integer, intent(in) :: k
       type(error_t), allocatable, intent(out) :: error
 
-      associate (needs => parameters(k)%needs)
-         if (needs == 0 .or. needs == k) return
-         if (structure%get(k) > 0 .and. .not. structure%is_given(needs)) call bad_input(error, &
-            trim(parameters(k)%name)//': found a value without '//trim(parameters(needs)%name)// &
-            ', expected both')
+      associate (needs => parameters(k)%needs, item => parameters(k)%item)
+         if (needs > 0 .and. needs /= k) then
+            if (structure%get(k) > 0 .and. .not. structure%is_given(needs)) call bad_input(error, &
+               trim(parameters(k)%name)//': found a value without '// &
+               trim(parameters(needs)%name)//', expected both')
+         end if
+         if (allocated(error) .or. .not. any(of_x_P == k)) return
+         if (any(abs(structure%support(:item - 1)%x_P - structure%support(item)%x_P) <= &
+            1e-6_wp*structure%length)) call bad_input(error, 'x_P: found two supports at '// &
+            to_text(structure%support(item)%x_P)//', expected one in one place')
       end associate
    end subroutine check_company
 

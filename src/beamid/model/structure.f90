@@ -1,24 +1,41 @@
 !> The structure of Figure 2.3: a clamped beam with Kelvin-Voigt damping, a tip mass, and a hose
 !> that acts as a mass on a dashpot and a spring at the tip; q = (m_T, E, c_D, m_H, c_H, k_H) of
 !> Section 2. What a beam on a bench has besides: air damping, rotary inertia of the tip mass, a
-!> sensor with a mass somewhere on the beam, a clamp that gives way.
+!> clamp that gives way, sensors with a mass anywhere, supports.
 !>
-!> A structure is its parameters and nothing else. What is known of each of them is in
+!> A structure is its parameters and little else. What is known of each of them is in
 !> `beamid_parameters`, what they do to the beam in `beamid_terms`.
 module beamid_structure
    use beamid_kinds, only: wp
-   use beamid_monomials, only: monomial_t, slope_of
    implicit none
    private
 
    public :: structure_t, same_structure, values_of
 
-   !> A root that does not turn, and a sensor that sits at the tip.
+   !> A spring that does not give way, and a place that nobody has chosen: the tip.
    real(wp), parameter, public :: rigid = huge(1.0_wp), at_tip = -1
 
-   !> Any consistent set of units. The components are the parameters, each a real(wp), and in this
-   !> order they have their places: `values_of` counts on it.
-   type :: structure_t
+   !> Sensors and supports at most.
+   integer, parameter, public :: most_sensors = 8, most_supports = 8
+   !> Of the name of a sensor or a support.
+   integer, parameter, public :: item_name_length = 12
+
+   type, public :: sensor_t
+      real(wp) :: m_S = 0            !< mass
+      real(wp) :: J_S = 0            !< rotary inertia
+      real(wp) :: x_S = at_tip       !< where it sits and observes
+   end type sensor_t
+
+   !> A spring and a dashpot to the ground.
+   type, public :: support_t
+      real(wp) :: x_P = 0            !< its place
+      real(wp) :: k_P = rigid        !< stiffness
+      real(wp) :: c_P = 0            !< damping
+   end type support_t
+
+   !> The parameters in any consistent set of units: each component is a real(wp), and in this order
+   !> they have their places: `values_of` counts on it.
+   type :: values_t
       real(wp) :: m_T = 0            !< tip mass
       real(wp) :: E = 0              !< modulus of elasticity
       real(wp) :: c_D = 0            !< Kelvin-Voigt viscosity
@@ -30,41 +47,54 @@ module beamid_structure
       real(wp) :: J_T = 0            !< rotary inertia at the tip
       real(wp) :: k_R = rigid        !< torsional spring at the root
       real(wp) :: c_R = 0            !< viscous damper at the root
-      real(wp) :: m_S = 0            !< mass of the sensor
-      real(wp) :: x_S = at_tip       !< where the sensor sits and observes
       real(wp) :: length = 0         !< l
       real(wp) :: I = 0              !< second moment of the cross section
+      real(wp) :: x_F = at_tip       !< where a force acts
+      type(sensor_t) :: sensor(most_sensors)
+      type(support_t) :: support(most_supports)
+   end type values_t
+
+   type, extends(values_t) :: structure_t
+      integer :: sensors = 0         !< how many there are
+      integer :: supports = 0
+      integer :: observer = 1        !< the sensor whose motion is observed
+      character(len=item_name_length) :: sensor_name(most_sensors) = '', &
+         support_name(most_supports) = ''
    contains
       procedure :: has_hose
-      procedure :: has_soft_root
+      procedure :: has_root_spring
       procedure :: is_given
+      procedure :: place
+      procedure :: follows_tip
       procedure :: sensor_place
       procedure :: get
       procedure :: set
       procedure :: stiffness
       procedure :: stiffening
       procedure :: static_deflection
+      procedure :: tip_stiffness
       procedure :: omega
    end type structure_t
 
-   !> How many parameters there are.
-   integer, parameter, public :: n_parameters = storage_size(structure_t())/storage_size(1.0_wp)
+   !> How many parameters there are, and how many of them do not repeat.
+   integer, parameter, public :: n_parameters = storage_size(values_t())/storage_size(1.0_wp), &
+      n_single = n_parameters - (storage_size(sensor_t())*most_sensors &
+      + storage_size(support_t())*most_supports)/storage_size(1.0_wp)
 
-   !> Places of the parameters: every component of this structure holds its own. Those that are
-   !> asked for by name elsewhere follow as integers.
+   !> Places of the parameters: every component of this holds its own.
    integer :: i
-   type(structure_t), parameter, public :: of = transfer([(real(i, wp), i=1, n_parameters)], &
-      structure_t())
+   type(values_t), parameter :: of = transfer([(real(i, wp), i=1, n_parameters)], values_t())
    integer, parameter, public :: of_m_T = nint(of%m_T), of_E = nint(of%E), &
       of_c_D = nint(of%c_D), of_m_H = nint(of%m_H), of_c_H = nint(of%c_H), &
       of_k_H = nint(of%k_H), of_rho = nint(of%rho), of_gamma = nint(of%gamma), &
-      of_J_T = nint(of%J_T), of_k_R = nint(of%k_R), of_m_S = nint(of%m_S), &
-      of_x_S = nint(of%x_S), of_length = nint(of%length), of_I = nint(of%I)
-
-   !> Static compliance of the tip: of the beam, and of the root.
-   type(monomial_t), parameter :: compliance(2) = [ &
-      monomial_t(1/3.0_wp, [of_length, of_E, of_I], [3, -1, -1]), &
-      monomial_t(1.0_wp, [of_length, of_k_R, 0], [2, -1, 1])]
+      of_J_T = nint(of%J_T), of_k_R = nint(of%k_R), of_c_R = nint(of%c_R), &
+      of_length = nint(of%length), of_I = nint(of%I), of_x_F = nint(of%x_F)
+   !> Those of each sensor and of each support.
+   integer, parameter, public :: &
+      of_m_S(most_sensors) = [(n_single + 3*i - 2, i=1, most_sensors)], &
+      of_J_S(most_sensors) = of_m_S + 1, of_x_S(most_sensors) = of_m_S + 2, &
+      of_x_P(most_supports) = [(n_single + 3*(most_sensors + i) - 2, i=1, most_supports)], &
+      of_k_P(most_supports) = of_x_P + 1, of_c_P(most_supports) = of_x_P + 2
 
 contains
 
@@ -73,7 +103,7 @@ contains
       type(structure_t), intent(in) :: structure
       real(wp) :: q(n_parameters)
 
-      q = transfer(structure, q)
+      q = transfer(structure%values_t, q)
    end function values_of
 
    !> Without a hose the coordinate y is absent from the equations.
@@ -84,11 +114,11 @@ contains
    end function has_hose
 
    !> Whether the clamp gives way.
-   pure logical function has_soft_root(self)
+   pure logical function has_root_spring(self)
       class(structure_t), intent(in) :: self
 
-      has_soft_root = self%k_R < rigid
-   end function has_soft_root
+      has_root_spring = self%k_R < rigid
+   end function has_root_spring
 
    !> Whether a parameter by its place has a value that does something.
    pure logical function is_given(self, k)
@@ -98,12 +128,31 @@ contains
       is_given = self%get(k) > 0 .and. self%get(k) < rigid
    end function is_given
 
-   !> Position of the sensor [length].
+   !> Where on the beam the parameter k puts something [length].
+   pure real(wp) function place(self, k)
+      class(structure_t), intent(in) :: self
+      integer, intent(in) :: k
+      real(wp) :: q(n_parameters)
+
+      q = values_of(self)
+      place = merge(self%length, q(k), self%follows_tip(k))
+   end function place
+
+   !> Whether nobody has chosen the place that the parameter k is: then it is the tip.
+   pure logical function follows_tip(self, k)
+      class(structure_t), intent(in) :: self
+      integer, intent(in) :: k
+      real(wp) :: q(n_parameters)
+
+      q = values_of(self)
+      follows_tip = q(k) < 0
+   end function follows_tip
+
+   !> Position of the sensor that observes [length].
    pure real(wp) function sensor_place(self)
       class(structure_t), intent(in) :: self
 
-      sensor_place = self%x_S
-      if (self%x_S < 0) sensor_place = self%length
+      sensor_place = self%place(of_x_S(self%observer))
    end function sensor_place
 
    !> Value of a parameter by its place.
@@ -113,8 +162,8 @@ contains
       real(wp) :: q(n_parameters)
 
       q = values_of(self)
-      q(of_x_S) = self%sensor_place()
       get = q(k)
+      if (k == of_x_F .or. any(of_x_S == k)) get = self%place(k)
    end function get
 
    !> Gives a parameter a value.
@@ -126,58 +175,97 @@ contains
 
       q = values_of(self)
       q(k) = value
-      call assign(self, transfer(q, structure_t()))
+      self%values_t = transfer(q, values_t())
    end subroutine set
 
-   pure subroutine assign(structure, values)
-      type(structure_t), intent(inout) :: structure
-      type(structure_t), intent(in) :: values
-
-      structure = values
-   end subroutine assign
-
-   !> Whether two structures are alike to the last digit.
+   !> Whether two structures are alike to the last digit, and observed at the same sensor.
    pure logical function same_structure(a, b)
       type(structure_t), intent(in) :: a, b
 
-      same_structure = all(abs(values_of(a) - values_of(b)) <= 0)
+      same_structure = all(abs(values_of(a) - values_of(b)) <= 0) .and. &
+         a%supports == b%supports .and. a%observer == b%observer
    end function same_structure
 
-   !> Static stiffness of the tip, 3 E I/l**3 with a rigid root [force/length].
+   !> Static stiffness where the force acts [force/length].
    pure real(wp) function stiffness(self)
       class(structure_t), intent(in) :: self
 
-      stiffness = 3*self%E*self%I/self%length**3
-      if (self%has_soft_root()) stiffness = stiffness/(1 + stiffness*self%length**2/self%k_R)
+      stiffness = 1/self%static_deflection(self%place(of_x_F))
    end function stiffness
 
-   !> Relative change of the tip's static stiffness per unit of a parameter.
+   !> Relative change of that stiffness per unit of a parameter, by a step so small and imaginary
+   !> that nothing cancels (Squire and Trapp, SIAM Review 40, 1998, 110).
    pure real(wp) function stiffening(self, k)
       class(structure_t), intent(in) :: self
       integer, intent(in) :: k
-      integer :: j
+      real(wp), parameter :: step = 1e-30_wp
+      complex(wp) :: q(n_parameters), x, deflection
 
+      q = values_of(self)
+      if (k > n_parameters) then
+         stiffening = 0
+         return
+      end if
+      q(k) = cmplx(real(q(k)), step*max(abs(real(q(k))), tiny(step)/step), wp)
+      x = q(of_x_F)
+      if (self%x_F < 0) x = q(of_length)
+      deflection = influence(self, q, x, x, self%supports)
       stiffening = 0
-      do j = 1, size(compliance)
-         stiffening = stiffening - self%stiffness()*slope_of(compliance(j), values_of(self), k)
-      end do
+      if (abs(aimag(q(k))) > 0) stiffening = -aimag(deflection)/(real(deflection)*aimag(q(k)))
    end function stiffening
 
-   !> Deflection at x under a unit static force at the tip [length/force].
+   !> Deflection at x under a unit static force where the force acts [length/force].
    pure real(wp) function static_deflection(self, x)
       class(structure_t), intent(in) :: self
       real(wp), intent(in) :: x
+      complex(wp) :: q(n_parameters)
 
-      static_deflection = x**2*(3*self%length - x)/(6*self%E*self%I)
-      if (self%has_soft_root()) static_deflection = static_deflection + self%length*x/self%k_R
+      q = values_of(self)
+      static_deflection = real(influence(self, q, cmplx(x, 0, wp), cmplx(self%place(of_x_F), 0, &
+         wp), self%supports))
    end function static_deflection
 
-   !> Rayleigh's estimate of the first angular frequency [1/time]: the static tip stiffness against
-   !> the tip mass and 33/140 of the beam's.
+   !> Static stiffness of the tip without supports, 3 E I/l**3 with a rigid root [force/length].
+   pure real(wp) function tip_stiffness(self)
+      class(structure_t), intent(in) :: self
+      complex(wp) :: q(n_parameters)
+
+      q = values_of(self)
+      tip_stiffness = 1/real(influence(self, q, q(of_length), q(of_length), 0))
+   end function tip_stiffness
+
+   !> Deflection at x under a unit force at xi: that of the beam with fewer supports, minus what the
+   !> force of the last one takes back.
+   !>
+   !> q         parameters by place
+   !> supports  how many of them count
+   pure recursive function influence(self, q, x, xi, supports) result(deflection)
+      type(structure_t), intent(in) :: self
+      complex(wp), intent(in) :: q(:), x, xi
+      integer, intent(in) :: supports
+      complex(wp) :: deflection, near, far, held, there
+
+      if (supports > 0) then
+         there = q(of_x_P(supports))
+         held = influence(self, q, there, there, supports - 1)
+         if (self%support(supports)%k_P < rigid) held = held + 1/q(of_k_P(supports))
+         deflection = influence(self, q, x, xi, supports - 1) &
+            - influence(self, q, x, there, supports - 1) &
+            *influence(self, q, there, xi, supports - 1)/held
+         return
+      end if
+      near = merge(x, xi, real(x) <= real(xi))
+      far = merge(xi, x, real(x) <= real(xi))
+      deflection = near**2*(3*far - near)/(6*q(of_E)*q(of_I))
+      if (self%has_root_spring()) deflection = deflection + near*far/q(of_k_R)
+   end function influence
+
+   !> Rayleigh's estimate of the first angular frequency without supports [1/time]: the static tip
+   !> stiffness against the tip mass and 33/140 of the beam's.
    pure real(wp) function omega(self)
       class(structure_t), intent(in) :: self
 
-      omega = sqrt(self%stiffness()/(self%m_T + 33*self%rho*self%length/140))
+      omega = sqrt(self%tip_stiffness()/(self%m_T + 33*self%rho*self%length/140))
    end function omega
 
 end module beamid_structure

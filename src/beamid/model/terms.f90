@@ -7,25 +7,46 @@
 module beamid_terms
    use beamid_kinds, only: wp
    use beamid_monomials, only: monomial_t, slope_of, value_of
-   use beamid_structure, only: n_parameters, of, of_length, structure_t, values_of
+   use beamid_structure, only: most_sensors, most_supports, n_parameters, of_c_D, of_c_H, of_c_P, &
+      of_c_R, of_E, of_gamma, of_I, of_J_S, of_J_T, of_k_H, of_k_P, of_k_R, of_length, of_m_H, &
+      of_m_S, of_m_T, of_rho, of_x_F, of_x_P, of_x_S, rigid, structure_t, values_of
    implicit none
    private
 
-   public :: term_t, terms, strengths, strength_slopes
+   public :: term_t, terms, strengths, strength_slopes, is_rigid, operators, operator_t
    public :: of_mass, of_damping, of_stiffness, of_load
-   public :: inertia, bending, tip_value, tip_slope, sensor_value, root_slope, hose, stretch, &
-      load_shape
+   public :: inertia, bending, tip_value, tip_slope, root_slope, hose, stretch, load_shape, &
+      force_value, sensor_value, sensor_slope, support_value
 
    !> Matrices, and the vector of the load.
    integer, parameter :: of_mass = 1, of_damping = 2, of_stiffness = 3, of_load = 4
 
    !> Operators: <b, b>; <b'', b''>; the square of value or slope at a place (for the load the
    !> vector itself); the hose's coordinate y, and y - u(l); <theta, b> of a distributed load.
-   integer, parameter :: inertia = 1, bending = 2, tip_value = 3, tip_slope = 4, &
-      sensor_value = 5, root_slope = 6, hose = 7, stretch = 8, load_shape = 9
+   integer, parameter :: inertia = 1, bending = 2, tip_value = 3, tip_slope = 4, root_slope = 5, &
+      hose = 6, stretch = 7, load_shape = 8, force_value = 9
+   !> Those of each sensor and each support.
+   integer :: i
+   integer, parameter :: sensor_value(most_sensors) = [(9 + i, i=1, most_sensors)], &
+      sensor_slope(most_sensors) = sensor_value + most_sensors, &
+      support_value(most_supports) = [(9 + 2*most_sensors + i, i=1, most_supports)]
 
-   !> Powers of the length by which they grow.
-   integer, parameter :: growth(9) = [1, -3, 0, -2, 0, -2, 0, 0, 1]
+   !> What is known of an operator.
+   type :: operator_t
+      integer :: growth = 0          !< power of the length by which it grows
+      !> -1: not at a point; else the derivative with respect to x that counts at the point
+      integer :: derivative = -1
+      integer :: place = 0           !< parameter that says where the point is; 0: root or tip
+      logical :: carried = .false.   !< whether it feels the whole structure being displaced
+   end type operator_t
+
+   type(operator_t), parameter :: operators(*) = [ &
+      operator_t(1, carried=.true.), operator_t(-3), operator_t(0, 0, carried=.true.), &
+      operator_t(-2, 1), operator_t(-2, 1), operator_t(carried=.true.), operator_t(0), &
+      operator_t(1), operator_t(0, 0, of_x_F), &
+      (operator_t(0, 0, of_x_S(i), .true.), i=1, most_sensors), &
+      (operator_t(-2, 1, of_x_S(i)), i=1, most_sensors), &
+      (operator_t(0, 0, of_x_P(i), .true.), i=1, most_supports)]
 
    type :: term_t
       integer :: matrix
@@ -34,20 +55,25 @@ module beamid_terms
    end type term_t
 
    type(term_t), parameter :: terms(*) = [ &
-      term_t(of_mass, inertia, monomial_t(place=[nint(of%rho), 0, 0])), &
-      term_t(of_stiffness, bending, monomial_t(place=[nint(of%E), nint(of%I), 0])), &
-      term_t(of_damping, bending, monomial_t(place=[nint(of%c_D), nint(of%I), 0])), &
-      term_t(of_damping, inertia, monomial_t(place=[nint(of%gamma), 0, 0])), &
-      term_t(of_mass, tip_value, monomial_t(place=[nint(of%m_T), 0, 0])), &
-      term_t(of_mass, tip_slope, monomial_t(place=[nint(of%J_T), 0, 0])), &
-      term_t(of_mass, sensor_value, monomial_t(place=[nint(of%m_S), 0, 0])), &
-      term_t(of_mass, hose, monomial_t(place=[nint(of%m_H), 0, 0])), &
-      term_t(of_damping, stretch, monomial_t(place=[nint(of%c_H), 0, 0])), &
-      term_t(of_stiffness, stretch, monomial_t(place=[nint(of%k_H), 0, 0])), &
-      term_t(of_stiffness, root_slope, monomial_t(place=[nint(of%k_R), 0, 0])), &
-      term_t(of_damping, root_slope, monomial_t(place=[nint(of%c_R), 0, 0])), &
-      term_t(of_load, tip_value), &
-      term_t(of_load, load_shape)]
+      term_t(of_mass, inertia, monomial_t(place=[of_rho, 0, 0])), &
+      term_t(of_stiffness, bending, monomial_t(place=[of_E, of_I, 0])), &
+      term_t(of_damping, bending, monomial_t(place=[of_c_D, of_I, 0])), &
+      term_t(of_damping, inertia, monomial_t(place=[of_gamma, 0, 0])), &
+      term_t(of_mass, tip_value, monomial_t(place=[of_m_T, 0, 0])), &
+      term_t(of_mass, tip_slope, monomial_t(place=[of_J_T, 0, 0])), &
+      term_t(of_mass, hose, monomial_t(place=[of_m_H, 0, 0])), &
+      term_t(of_damping, stretch, monomial_t(place=[of_c_H, 0, 0])), &
+      term_t(of_stiffness, stretch, monomial_t(place=[of_k_H, 0, 0])), &
+      term_t(of_stiffness, root_slope, monomial_t(place=[of_k_R, 0, 0])), &
+      term_t(of_damping, root_slope, monomial_t(place=[of_c_R, 0, 0])), &
+      term_t(of_load, force_value), &
+      term_t(of_load, load_shape), &
+      (term_t(of_mass, sensor_value(i), monomial_t(place=[of_m_S(i), 0, 0])), i=1, most_sensors), &
+      (term_t(of_mass, sensor_slope(i), monomial_t(place=[of_J_S(i), 0, 0])), i=1, most_sensors), &
+      (term_t(of_stiffness, support_value(i), monomial_t(place=[of_k_P(i), 0, 0])), &
+      i=1, most_supports), &
+      (term_t(of_damping, support_value(i), monomial_t(place=[of_c_P(i), 0, 0])), &
+      i=1, most_supports)]
 
 contains
 
@@ -58,7 +84,7 @@ contains
    pure function strengths(structure, mesh_length) result(s)
       type(structure_t), intent(in) :: structure
       real(wp), intent(in) :: mesh_length
-      real(wp) :: s(size(growth), 4)
+      real(wp) :: s(size(operators), 4)
       real(wp) :: q(n_parameters)
       type(term_t) :: term
       integer :: t
@@ -69,7 +95,7 @@ contains
          term = terms(t)
          if (.not. is_there(term%operator, structure)) cycle
          s(term%operator, term%matrix) = s(term%operator, term%matrix) + value_of(term%factor, q) &
-            *(structure%length/mesh_length)**growth(term%operator)
+            *(structure%length/mesh_length)**operators(term%operator)%growth
       end do
    end function strengths
 
@@ -78,7 +104,7 @@ contains
       type(structure_t), intent(in) :: structure
       real(wp), intent(in) :: mesh_length
       integer, intent(in) :: parameter
-      real(wp) :: s(size(growth), 4)
+      real(wp) :: s(size(operators), 4)
       real(wp) :: q(n_parameters)
       type(term_t) :: term
       integer :: t
@@ -86,22 +112,36 @@ contains
       q = values_of(structure)
       s = 0
       if (parameter == of_length) s = strengths(structure, mesh_length) &
-         *spread(growth, 2, 4)/structure%length
+         *spread(operators%growth, 2, 4)/structure%length
       do t = 1, size(terms)
          term = terms(t)
          if (.not. is_there(term%operator, structure)) cycle
          s(term%operator, term%matrix) = s(term%operator, term%matrix) &
             + slope_of(term%factor, q, parameter) &
-            *(structure%length/mesh_length)**growth(term%operator)
+            *(structure%length/mesh_length)**operators(term%operator)%growth
       end do
    end function strength_slopes
 
-   !> A rigid root has no slope for a spring to act on.
+   !> A rigid root has no slope for a spring to act on, a rigid support is no spring.
    pure logical function is_there(operator, structure)
       integer, intent(in) :: operator
       type(structure_t), intent(in) :: structure
 
-      is_there = operator /= root_slope .or. structure%has_soft_root()
+      is_there = .true.
+      if (operator == root_slope) is_there = structure%has_root_spring()
+      if (operator >= support_value(1)) is_there = operator < support_value(1) &
+         + structure%supports .and. .not. is_rigid(operator, structure)
    end function is_there
+
+   !> Whether an operator is that of a support without a spring: what is there stays there.
+   pure logical function is_rigid(operator, structure)
+      integer, intent(in) :: operator
+      type(structure_t), intent(in) :: structure
+
+      associate (k => operator - support_value(1) + 1)
+         is_rigid = k >= 1 .and. k <= structure%supports
+         if (is_rigid) is_rigid = .not. structure%support(k)%k_P < rigid
+      end associate
+   end function is_rigid
 
 end module beamid_terms
