@@ -8,8 +8,8 @@ module full_matrices
    use beamid_galerkin, only: galerkin_t
    use beamid_kinds, only: wp
    use beamid_quadrature, only: composite, rule_t
-   use beamid_structure, only: n_parameters, of, of_c_D, of_c_H, of_E, of_gamma, of_I, of_J_T, &
-      of_k_H, of_k_R, of_length, of_m_H, of_m_S, of_m_T, of_rho, of_x_S, structure_t
+   use beamid_structure, only: n_parameters, of_c_D, of_c_H, of_c_R, of_E, of_gamma, of_I, of_J_S, &
+      of_J_T, of_k_H, of_k_R, of_length, of_m_H, of_m_S, of_m_T, of_rho, of_x_F, of_x_S, structure_t
    implicit none
    private
 
@@ -22,12 +22,13 @@ module full_matrices
       real(qp) :: q(n_parameters) = 0                   !< the parameters by number
       !> integrals of the mesh, of a length of its own, with rows of zeros for the hose
       real(qp), allocatable :: inertia(:, :), bending(:, :)
-      !> tip, its slope, slope at the root, sensor and its slope, stretch of the hose's spring, load
-      real(qp), allocatable :: tip(:), slope(:), root(:), sensor(:), tilt(:), stretch(:), load(:), &
-         shape(:)
-      real(qp) :: length = 0, x_S = 0         !< of the mesh; where `sensor` was taken
+      !> tip, its slope, slope at the root, stretch of the hose's spring, load
+      real(qp), allocatable :: tip(:), slope(:), root(:), stretch(:), load(:), shape(:)
+      !> (n, 0:2) value, slope and curvature at the sensor; where the force acts
+      real(qp), allocatable :: sensor(:, :), force(:, :)
+      real(qp) :: length = 0, x_S = 0, x_F = 0   !< of the mesh; where `sensor` and `force` are
       real(qp) :: start = 0                   !< the beam's length then
-      logical :: soft = .false., hose = .false., at_tip = .false.
+      logical :: soft = .false., hose = .false., at_tip(2) = .false.   !< sensor, force
       real(qp), allocatable :: M(:, :), C(:, :), K(:, :), o(:)   !< of the parameters q
    contains
       procedure :: assemble
@@ -55,7 +56,8 @@ contains
       self%length = galerkin%space%length
       self%x_S = structure%sensor_place()
       self%start = structure%length
-      self%at_tip = structure%x_S < 0
+      self%x_F = structure%get(of_x_F)
+      self%at_tip = [structure%sensor(1)%x_S, structure%x_F] < 0
       self%q = [(real(structure%get(i), qp), i=1, n_parameters)]
       associate (space => galerkin%space)
          self%n = space%n + merge(1, 0, self%hose)
@@ -81,10 +83,13 @@ contains
          self%tip = padded(space%at(space%length, 0))
          self%slope = padded(space%at(space%length, 1))
          self%root = padded(space%at(0.0_wp, 1))
-         associate (place => structure%sensor_place()*(space%length/structure%length))
-            self%sensor = padded(space%at(place, 0))
-            self%tilt = padded(space%at(place, 1))
-         end associate
+         allocate (self%sensor(self%n, 0:2), self%force(self%n, 0:2))
+         do i = 0, 2
+            self%sensor(:, i) = padded(space%at(structure%sensor_place() &
+               *(space%length/structure%length), i))
+            self%force(:, i) = padded(space%at(structure%get(of_x_F) &
+               *(space%length/structure%length), i))
+         end do
          allocate (self%shape(self%n), source=0.0_qp)
          if (excitation%distributed) self%shape = padded(galerkin%moments(excitation%power))
       end associate
@@ -107,19 +112,21 @@ contains
    !> M, C, K and the observer of the parameters q, term by term.
    subroutine assemble(self)
       class(full_t), intent(inout) :: self
+      real(qp) :: moved(2)
 
       associate (q => self%q, longer => self%q(of_length)/self%length)
          ! A place on the beam lies at place/longer on the mesh.
-         self%o = self%sensor + (q(of_x_S) - self%x_S)/longer*self%tilt
-         if (.not. self%at_tip) self%o = self%o + self%x_S*(1/longer - self%length/self%start) &
-            *self%tilt
-         self%load = self%tip + longer*self%shape
+         moved = [q(of_x_S) - self%x_S, q(of_x_F) - self%x_F]/longer + merge(0.0_qp, &
+            [self%x_S, self%x_F]*(1/longer - self%length/self%start), self%at_tip)
+         self%o = self%sensor(:, 0) + moved(1)*self%sensor(:, 1)
+         self%load = self%force(:, 0) + moved(2)*self%force(:, 1) + longer*self%shape
          self%M = q(of_rho)*longer*self%inertia + q(of_m_T)*square(self%tip) + q(of_J_T) &
-            *square(self%slope/longer) + q(of_m_S)*square(self%o)
+            *square(self%slope/longer) + q(of_m_S)*square(self%o) + q(of_J_S) &
+            *square((self%sensor(:, 1) + moved(1)*self%sensor(:, 2))/longer)
          self%C = q(of_c_D)*q(of_I)/longer**3*self%bending + q(of_gamma)*longer*self%inertia
          self%K = q(of_E)*q(of_I)/longer**3*self%bending
          if (self%soft) self%K = self%K + q(of_k_R)*square(self%root/longer)
-         if (self%soft) self%C = self%C + q(nint(of%c_R))*square(self%root/longer)
+         if (self%soft) self%C = self%C + q(of_c_R)*square(self%root/longer)
          if (.not. self%hose) return
          self%M(self%n, self%n) = q(of_m_H)
          self%C = self%C + q(of_c_H)*square(self%stretch)

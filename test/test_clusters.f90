@@ -23,7 +23,7 @@ program test_clusters
    use beamid_simulation, only: model_t
    use beamid_strings, only: to_text
    use beamid_structure, only: of_c_D, of_c_H, of_E, of_gamma, of_k_H, of_m_H, of_rho, of_x_S, &
-      structure_t
+      sensor_t, structure_t
    use beamid_unknowns, only: stage_t
    use beamid_variables, only: unbounded
    use checks, only: check, check_close, finish
@@ -33,7 +33,7 @@ program test_clusters
    !> k_H and c_H of the double root on four cubics, from the determinant of s**2 M + s C + K and
    !> its derivative in quadruple precision; the strip itself: 30 x 1.5 mm of steel.
    type(structure_t), parameter :: tuned = structure_t(length=0.4_wp, rho=0.353_wp, E=2e11_wp, &
-      I=0.03_wp*0.0015_wp**3/12, c_D=4e6_wp, gamma=0.1_wp, m_S=0.012_wp, x_S=0.35_wp, &
+      I=0.03_wp*0.0015_wp**3/12, c_D=4e6_wp, gamma=0.1_wp, sensor=sensor_t(m_S=0.012_wp, x_S=0.35_wp), &
       m_H=0.02_wp, k_H=17.379942901774794_wp, c_H=0.67062974701630444_wp)
    complex(wp), parameter :: double_root = (-12.311832069_wp, 33.571167234_wp)
    type(structure_t), parameter :: plain = structure_t(length=1, rho=1, E=1, I=1)
@@ -195,7 +195,7 @@ contains
       do loaded = 0, 1
          structure = plain
          if (loaded == 1) structure = structure_t(length=1, rho=1, E=1, I=1, m_T=0.3_wp, &
-            J_T=0.01_wp, m_S=0.1_wp, x_S=0.6_wp)
+            J_T=0.01_wp, sensor=sensor_t(m_S=0.1_wp, x_S=0.6_wp))
          equations = new_equations(galerkin, structure, excitation)
          call undamped_modes(equations, omega, shapes, error)
          do mode = 1, 3

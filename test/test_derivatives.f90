@@ -351,7 +351,7 @@ contains
       if (allocated(error)) return
       base%mu = modes%mu
       base%tip = modes%tip
-      base%load = assembly%load
+      base%load = assembly%load(:, 1, 1)
       base%I = e%structure%I
       base%q = [(real(e%structure%get(k), qp), k=1, 7)]
       base%s = poles%s

@@ -13,7 +13,7 @@ module whole_problem
    use beamid_kinds, only: wp
    use beamid_observation, only: observation_t
    use beamid_problems, only: problem_t
-   use beamid_structure, only: structure_t
+   use beamid_structure, only: sensor_t, structure_t
    implicit none
    private
 
@@ -70,8 +70,8 @@ contains
       allocate (self%structures(size(experiments)), self%galerkins(size(experiments)))
       do i = 1, size(experiments)
          self%structures(i) = structure
-         if (experiments(i)%length > 0) self%structures(i)%length = experiments(i)%length
-         if (experiments(i)%x_S > 0) self%structures(i)%x_S = experiments(i)%x_S
+         if (allocated(experiments(i)%length)) self%structures(i)%length = experiments(i)%length
+         if (allocated(experiments(i)%x_S)) self%structures(i)%sensor(1)%x_S = experiments(i)%x_S
          self%galerkins(i) = new_galerkin(mesh, self%structures(i)%length)
       end do
    end function new_whole
@@ -273,7 +273,7 @@ program test_free_start
    use beamid_responses, only: work_t
    use beamid_statistics, only: new_statistics, statistics_t
    use beamid_strings, only: to_text
-   use beamid_structure, only: of_length, structure_t
+   use beamid_structure, only: of_length, of_x_S, sensor_t, structure_t
    use beamid_unknowns, only: name_of
    use beamid_variables, only: new_variable, unbounded, variable_t
    use checks, only: check, check_close, finish
@@ -283,7 +283,7 @@ program test_free_start
    !> An aluminium strip, with more damping than it has: after half a second two modes are left, the
    !> third to e**-11.
    type(structure_t), parameter :: truth = structure_t(length=0.5_wp, rho=0.27_wp, E=6.4e10_wp, &
-      I=0.05_wp*0.002_wp**3/12, c_D=6e6_wp, gamma=0.07_wp, m_S=0.004_wp, x_S=0.44_wp)
+      I=0.05_wp*0.002_wp**3/12, c_D=6e6_wp, gamma=0.07_wp, sensor=sensor_t(m_S=0.004_wp, x_S=0.44_wp))
    type(mesh_t), parameter :: mesh = mesh_t(3, 4, 4, 1)
    character(len=5), parameter :: names(4) = [character(len=5) :: 'E', 'm_S', 'c_D', 'gamma']
    type(observation_t), parameter :: formulas(3) = [observation_t(1, 0.008_wp), &
@@ -360,7 +360,7 @@ contains
       stage%free = [(free_index(names(k)), k=1, size(names)), offset]
       stage%lower = spread(0.0_wp, 1, size(stage%free))
       stage%upper = spread(unbounded, 1, size(stage%free))
-      stage%start = [truth%E*1.002_wp, truth%m_S*0.9_wp, truth%c_D*1.3_wp, truth%gamma*0.7_wp, &
+      stage%start = [truth%E*1.002_wp, truth%sensor(1)%m_S*0.9_wp, truth%c_D*1.3_wp, truth%gamma*0.7_wp, &
                      0.0_wp]
       stage%offset = .true.
       call stage%distribute([(free_index(shared(k)), k=1, size(shared))], records)
@@ -419,14 +419,14 @@ contains
 
       shorter = truth
       shorter%length = 0.4_wp
-      shorter%x_S = 0.35_wp
-      shorter%m_S = 0.005_wp
+      shorter%sensor(1)%x_S = 0.35_wp
+      shorter%sensor(1)%m_S = 0.005_wp
       two(1) = made(truth, new_release(0.02_wp, 0.0_wp, .true.), formulas(3), stamps(170, 0.5_wp, &
          11))
       two(2) = made(shorter, new_release(0.01_wp, 6.7_wp, .true.), formulas(3), stamps(130, &
          7.1_wp, 12))
       two(2)%length = shorter%length
-      two(2)%x_S = shorter%x_S
+      two(2)%x_S = shorter%sensor(1)%x_S
    end subroutine make_two
 
    !> One search for everything has the same minimum and the same standard errors.
@@ -594,7 +594,7 @@ contains
 
       clean = made(truth, new_release(0.02_wp, 0.0_wp, .true.), formulas(3), stamps(200, 0.5_wp, &
          21))
-      call count_inside('one record', [clean], stage_of(names, 1), [truth%E, truth%m_S, truth%c_D, &
+      call count_inside('one record', [clean], stage_of(names, 1), [truth%E, truth%sensor(1)%m_S, truth%c_D, &
          truth%gamma], 400)
    end subroutine test_coverage
 
@@ -727,13 +727,13 @@ contains
 
       structure = structure_t(length=4.0_wp, rho=0.03_wp, E=80.0_wp, I=1.0_wp, c_D=0.3_wp, &
          m_T=0.15_wp, m_H=0.04_wp, c_H=0.01_wp, k_H=0.3_wp, gamma=0.02_wp, J_T=0.01_wp, &
-         k_R=50.0_wp, c_R=0.3_wp, m_S=0.02_wp, x_S=3.1_wp)
+         k_R=50.0_wp, c_R=0.3_wp, sensor=sensor_t(m_S=0.02_wp, x_S=3.1_wp))
       experiment%samples = 10*stamps(60, 0.05_wp, 41)
       experiment%measured = gaussian_noise(60, 1.0_wp, 91)
-      problem%free = [(k, k=1, size(parameter_names))]
+      problem%free = [(k, k=1, of_x_S)]
       problem%record = spread(0, 1, size(problem%free))
       problem%offset = .true.
-      p = [(structure%get(k), k=1, size(parameter_names))]
+      p = [(structure%get(k), k=1, of_x_S)]
       do modes = 1, 4
          do formula = 1, 3
             experiment%excitation = new_free(modes)
@@ -783,7 +783,7 @@ contains
       integer :: k, at_bound
 
       at_the_tip = truth
-      at_the_tip%x_S = truth%length
+      at_the_tip%sensor(1)%x_S = truth%length
       model = model_of(at_the_tip, new_pulse(20.0_wp, 0.004_wp), formulas(3))
       experiment = made(at_the_tip, model%excitation, formulas(3), stamps(200, 0.02_wp, 61))
       experiment%excitation = model%excitation

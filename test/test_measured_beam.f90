@@ -12,7 +12,7 @@ program test_measured_beam
    use beamid_parameters, only: free_index, offset
    use beamid_records, only: load_recording, note_length, recording_t
    use beamid_strings, only: to_text
-   use beamid_structure, only: structure_t
+   use beamid_structure, only: sensor_t, structure_t
    use beamid_variables, only: unbounded
    use checks, only: check, check_close, finish, skip
    implicit none
@@ -57,7 +57,7 @@ contains
       character(len=note_length), allocatable :: notes(:)
 
       model%structure = structure_t(length=0.5_wp, rho=0.27_wp, E=nominal(1), &
-         I=0.05_wp*0.002_wp**3/12, c_D=nominal(3), gamma=nominal(4), m_S=nominal(2), x_S=0.44_wp)
+         I=0.05_wp*0.002_wp**3/12, c_D=nominal(3), gamma=nominal(4), sensor=sensor_t(m_S=nominal(2), x_S=0.44_wp))
       allocate (modal_t :: model%solver)
       recording%path = path
       recording%scale = g

@@ -11,7 +11,7 @@ program test_modal
    use beamid_assembly, only: new_assembly
    use beamid_modes, only: bare_beam_modes, beam_modes_t, undamped_modes
    use beamid_poles, only: find_poles, poles_t
-   use beamid_responses, only: response_t, solver_t, work_t
+   use beamid_responses, only: prepare_for, response_t, solver_t, work_t
    use beamid_strings, only: to_text
    use beamid_structure, only: structure_t
    use checks, only: check, check_close, finish, in_long_run
@@ -88,7 +88,7 @@ contains
       galerkin = new_galerkin(mesh, structure%length)
       equations = new_equations(galerkin, structure, excitation)
       own = solver
-      call own%prepare(galerkin, error)
+      call prepare_for(galerkin, own, error)
       if (.not. allocated(error)) &
          call own%respond(equations, excitation, times, response, work, error)
    end subroutine attempt

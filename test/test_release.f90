@@ -15,7 +15,7 @@ program test_release
    use beamid_parameters, only: amplitude, free_index, free_names, get_free, parameter_names, set_free
    use beamid_responses, only: response_t, solver_t
    use beamid_strings, only: to_text
-   use beamid_structure, only: at_tip, of_length, rigid, structure_t
+   use beamid_structure, only: at_tip, of_length, of_x_S, rigid, sensor_t, structure_t
    use beamid_variables, only: unbounded
    use checks, only: check, check_close, finish, skip
    use shell, only: close_shell, in_scratch, open_shell, write_file
@@ -24,10 +24,10 @@ program test_release
    !> A strip in a clamp, a sensor on it; the same with a clamp that gives way, a block at the tip
    !> and a hose.
    type(structure_t), parameter :: strip = structure_t(length=0.5_wp, rho=0.27_wp, E=6.4e10_wp, &
-      I=0.05_wp*0.002_wp**3/12, c_D=6e6_wp, gamma=0.07_wp, m_S=0.004_wp, x_S=0.44_wp)
+      I=0.05_wp*0.002_wp**3/12, c_D=6e6_wp, gamma=0.07_wp, sensor=sensor_t(m_S=0.004_wp, x_S=0.44_wp))
    type(structure_t), parameter :: loaded = structure_t(length=0.5_wp, rho=0.27_wp, E=6.4e10_wp, &
       I=0.05_wp*0.002_wp**3/12, c_D=6e6_wp, m_T=0.02_wp, m_H=0.01_wp, c_H=0.02_wp, k_H=3.0_wp, &
-      gamma=0.07_wp, J_T=2e-5_wp, k_R=60.0_wp, m_S=0.004_wp, x_S=0.3_wp)
+      gamma=0.07_wp, J_T=2e-5_wp, k_R=60.0_wp, sensor=sensor_t(m_S=0.004_wp, x_S=0.3_wp))
    type(mesh_t), parameter :: mesh = mesh_t(3, 4, 4, 1)
    type(observation_t), parameter :: by_equation = observation_t(3, 0.0_wp)
    integer :: k
@@ -104,7 +104,7 @@ contains
 
       associate (s => structure)
          x = s%length
-         if (.not. s%x_S < 0) x = s%x_S
+         if (.not. s%sensor(1)%x_S < 0) x = s%sensor(1)%x_S
          deflection = x**2*(3*s%length - x)/(6*s%E*s%I)
          if (s%k_R < rigid) deflection = deflection + s%length*x/s%k_R
       end associate
@@ -185,7 +185,7 @@ contains
       call check_close(what//': the force before', found%force(1), &
          aside*tip_stiffness(structure), 1e-14_wp*found%force(1))
       call check_close(what//': no force in the end', found%force(2), 0.0_wp, 1e-14_wp)
-      damped%x_S = at_tip
+      damped%sensor(1)%x_S = at_tip
       found = respond(damped, new_release(aside, 0.1_wp, .true.), [0.05_wp, 40.0_wp])
       call check_close(what//': the tip before', found%response%displacement(1), aside, &
          1e-14_wp*aside)
@@ -346,7 +346,7 @@ contains
       integer, intent(in) :: p
 
       matters = p == amplitude
-      if (p <= size(parameter_names)) matters = structure%get(p) > 0 .and. structure%get(p) < rigid
+      if (p <= of_x_S) matters = structure%get(p) > 0 .and. structure%get(p) < rigid
    end function matters
 
    !> The amplitude among the free parameters, with E and k_R, which act on the force of a
@@ -424,7 +424,7 @@ contains
       if (allocated(error)) return
       associate (s => case%model%structure)
          call check_close('length of the record', s%length, 0.4_wp, 0.0_wp)
-         call check_close('sensor of the record', s%x_S, 0.3_wp, 0.0_wp)
+         call check_close('sensor of the record', s%sensor(1)%x_S, 0.3_wp, 0.0_wp)
       end associate
    end subroutine test_one_record
 

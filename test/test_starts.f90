@@ -16,7 +16,7 @@ program test_starts
    use beamid_records, only: note_length
    use beamid_spectra, only: decay_of, find_lines, line_t
    use beamid_strings, only: to_text
-   use beamid_structure, only: structure_t
+   use beamid_structure, only: sensor_t, structure_t
    use beamid_unknowns, only: stage_t
    use beamid_variables, only: unbounded
    use checks, only: check, check_close, finish
@@ -25,7 +25,7 @@ program test_starts
    !> An aluminium strip of half a metre with a sensor of 5 g near its tip, SI.
    type(structure_t), parameter :: strip = structure_t(length=0.5_wp, rho=0.27_wp, E=6.5e10_wp, &
                                    I=0.05_wp*0.002_wp**3/12, c_D=3e6_wp, gamma=0.07_wp, &
-                                   m_S=0.005_wp, x_S=0.44_wp)
+                                   sensor=sensor_t(m_S=0.005_wp, x_S=0.44_wp))
    real(wp), parameter :: two_pi = 2*acos(-1.0_wp)
 
    call test_lines()
@@ -125,7 +125,7 @@ contains
       deallocate (stage%start)
       stage%automatic = .true.
       model%structure%E = 2e10_wp
-      model%structure%m_S = 0.02_wp
+      model%structure%sensor(1)%m_S = 0.02_wp
       model%structure%c_D = 1e5_wp
       model%structure%gamma = 1
       call identify(model, mesh_t(elements=8), [stage], [experiment], found, error)

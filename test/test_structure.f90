@@ -9,7 +9,7 @@ program test_structure
    use beamid_quadrature, only: gauss_legendre, rule_t
    use beamid_strings, only: to_text
    use beamid_parameters, only: check_structure, free_index, magnitude, parameter_names, parameters
-   use beamid_structure, only: structure_t
+   use beamid_structure, only: of_x_S, structure_t
    use checks, only: check, check_close, finish
    implicit none
 
@@ -292,12 +292,12 @@ contains
    !> Each name reaches its own component, and no other.
    subroutine test_parameters()
       type(structure_t) :: s
-      real(wp) :: before(size(parameter_names)), direct
+      real(wp) :: before(of_x_S), direct
       integer :: k, j
 
-      do k = 1, size(parameter_names)
+      do k = 1, of_x_S
          s = assembly
-         s%x_S = 1
+         s%sensor(1)%x_S = 1
          before = [(s%get(j), j=1, size(before))]
          call s%set(k, 123.5_wp + k)
          select case (trim(parameter_names(k)))
@@ -312,8 +312,8 @@ contains
          case ('J_T'); direct = s%J_T
          case ('k_R'); direct = s%k_R
          case ('c_R'); direct = s%c_R
-         case ('m_S'); direct = s%m_S
-         case ('x_S'); direct = s%x_S
+         case ('m_S'); direct = s%sensor(1)%m_S
+         case ('x_S'); direct = s%sensor(1)%x_S
          case ('length'); direct = s%length
          case ('I'); direct = s%I
          case default; direct = -1

@@ -64,17 +64,22 @@ program test_terms
    use beamid_modal, only: modal_t
    use beamid_modes, only: bare_beam_modes, beam_modes_t
    use beamid_observation, only: observation_t
-   use beamid_parameters, only: check_structure, magnitude, not_negative, parameters, positive
+   use beamid_parameters, only: check_structure, is_there, magnitude, name_of_parameter, &
+      not_negative, on_beam, parameters, positive
    use beamid_problems, only: compare_derivatives
    use beamid_strings, only: to_text
-   use beamid_structure, only: at_tip, n_parameters, of, of_k_R, of_length, of_x_S, rigid, &
-      structure_t
+   use beamid_structure, only: at_tip, n_parameters, n_single, of_c_R, of_k_R, of_length, of_x_F, &
+      rigid, structure_t, x_S_at
    use beamid_terms, only: strength_slopes, strengths
    use beamid_units, only: units_t
    use beamid_variables, only: new_variable, unbounded, variable_t
    use checks, only: check, check_close, finish, in_long_run
    use mistakes, only: mistaken_t
    implicit none
+
+   !> Parameters of a structure with two sensors and two supports, and their places.
+   integer, parameter :: n = n_single + 12
+   integer :: places(n)
 
    integer(int64) :: state = 20250707
 
@@ -109,11 +114,18 @@ contains
       s%rho = decades(-1.0_wp, 1.0_wp)
       s%E = decades(-1.0_wp, 1.0_wp)
       s%I = s%length**3*decades(-0.5_wp, 0.5_wp)
+      s%sensors = 2
+      s%sensor_name(:2) = ['a', 'b']
+      s%supports = 2
+      s%support_name(:2) = ['p', 'q']
       do k = 1, n_parameters
-         if (s%get(k) > 0 .and. s%get(k) < rigid .and. k /= of_x_S) cycle
-         call s%set(k, magnitude(s, k)*decades(-spread, spread))
+         if (.not. is_there(s, k)) cycle
+         if (parameters(k)%range == on_beam) then
+            call s%set(k, s%length*(0.2_wp + 0.75_wp*uniform()))
+         else if (.not. (s%get(k) > 0 .and. s%get(k) < rigid)) then
+            call s%set(k, magnitude(s, k)*decades(-spread, spread))
+         end if
       end do
-      s%x_S = s%length*(0.2_wp + 0.75_wp*uniform())
    end function random_structure
 
    !> What a row says of itself, its key in the case file, and that it does something.
@@ -135,22 +147,26 @@ contains
       call check('a structure of everything', .not. allocated(error))
       assembly = new_assembly(s, modes, [(k, k=1, n_parameters)])
       units = units_t('ft', 'lb', 's', 'slug')
-      call check('unit of c_R', units%of_parameter(nint(of%c_R)) == 'lb ft s')
+      call check('unit of c_R', units%of_parameter(of_c_R) == 'lb ft s')
       do k = 1, n_parameters
-         name = trim(parameters(k)%name)
+         name = trim(name_of_parameter(s, k))
+         if (.not. is_there(s, k)) cycle
          call check(name//': help', parameters(k)%help /= '')
          call check(name//': unit', units%of_parameter(k) /= '', units%of_parameter(k))
          g = findloc([(groups(j)%name == parameters(k)%group, j=1, size(groups))], .true., dim=1)
          call check(name//': a group', g > 0)
-         if (g > 0) call check(name//': a key', any(groups(g)%keys%name == name))
-         call check(name//': one name', count([(parameters(j)%name == name, &
-            j=1, size(parameters))]) == 1)
+         if (g > 0) call check(name//': a key', any(groups(g)%keys%name == &
+            parameters(k)%name))
+         call check(name//': one name', count(name_of_parameter(s, parameters%place) == name .and. &
+            is_there(s, parameters%place)) == 1)
          call check(name//': does something', any(abs(strength_slopes(s, s%length, k)) > 0) &
-            .or. any(abs(assembly%moves(:, k)) > 0))
+            .or. any(abs(assembly%moves(:, k)) > 0) &
+            .or. any(abs(assembly%load_slope(:, :, :, k)) > 0))
          wrong = s
          call wrong%set(k, -1.5_wp)
          call check_structure(wrong, error)
-         call check(name//': below 0 is refused', allocated(error) .or. k == of_x_S)
+         call check(name//': below 0 is refused', allocated(error) .or. &
+            any(k == [x_S_at, of_x_F]))
          if (parameters(k)%range /= positive .and. parameters(k)%range /= not_negative) cycle
          call wrong%set(k, 0.0_wp)
          call check_structure(wrong, error)
@@ -168,6 +184,7 @@ contains
 
       s = random_structure(0.5_wp)
       do k = 1, n_parameters
+         if (.not. is_there(s, k)) cycle
          h = 1e-4_wp*s%get(k)
          above = s
          call above%set(k, s%get(k) + h)
@@ -175,12 +192,12 @@ contains
          call below%set(k, s%get(k) - h)
          exact = strength_slopes(s, 1.7_wp*s%length, k)
          approximate = (strengths(above, 1.7_wp*s%length) - strengths(below, 1.7_wp*s%length))/(2*h)
-         if (k == of_x_S) cycle
+         if (parameters(k)%range == on_beam) cycle
          call check_close('strengths, d/d '//trim(parameters(k)%name), maxval(abs(exact &
             - approximate))/maxval(abs(exact)), 0.0_wp, 3e-7_wp)
       end do
       s%k_R = rigid
-      s%x_S = at_tip
+      s%sensor(1)%x_S = at_tip
       call check('rigid root: k_R does nothing', &
          all(abs(strength_slopes(s, s%length, of_k_R)) <= 0))
       call check('length matters', any(abs(strength_slopes(s, s%length, of_length)) > 0))
@@ -192,9 +209,9 @@ contains
    subroutine test_mistakes(structures)
       integer, intent(in) :: structures
       type(mistaken_t) :: problem
-      type(variable_t) :: variables(n_parameters)
+      type(variable_t) :: variables(n)
       type(error_t), allocatable :: error
-      real(wp) :: p(n_parameters), r(60), jac(60, n_parameters), worst
+      real(wp) :: p(n), r(60), jac(60, n), worst
       real(wp), parameter :: factors(2) = [0.0_wp, 1.01_wp]
       integer :: alarms, missed(2), counted, i, j, k, found
 
@@ -205,20 +222,21 @@ contains
          call pose(problem, p, error)
          if (allocated(error)) exit
          variables = [(new_variable(p(k), 0.0_wp, unbounded, magnitude(problem%right%world &
-            %structures(1), k)), k=1, n_parameters)]
+            %structures(1), places(k))), k=1, n)]
          call problem%jacobian(p, r, jac, error)
          if (allocated(error)) exit
          call compare_derivatives(problem, p, variables, jac, worst, found)
          if (found > 0) alarms = alarms + 1
-         if (found > 0) print '(3a,es9.2)', '      alarm: ', parameters(found)%name, ' ', worst
-         do k = 1, n_parameters
+         if (found > 0) print '(3a,es9.2)', '      alarm: ', parameters(places(found))%name, ' ', worst
+         do k = 1, n
             if (norm2(jac(:, k))*p(k) <= 1e-5_wp*norm2(r + problem%right%parts(1)%measured)) cycle
             counted = counted + 1
             do j = 1, size(factors)
                jac(:, k) = factors(j)*jac(:, k)
                call compare_derivatives(problem, p, variables, jac, worst, found)
                if (found /= k) missed(j) = missed(j) + 1
-               if (found /= k) print '(2a,i0,2es9.2)', '      missed: ', parameters(k)%name, j, worst
+               if (found /= k) print '(2a,i0,2es9.2)', '      missed: ', parameters(places(k))%name, &
+                  j, worst
                problem%column = 0
                call problem%jacobian(p, r, jac, error)
             end do
@@ -242,12 +260,13 @@ contains
       integer :: k
 
       s = random_structure(1.0_wp)
+      places = pack(parameters(:n_parameters)%place, is_there(s, parameters(:n_parameters)%place))
       experiment%samples = [(k/s%omega(), k=1, 60)]
       experiment%excitation = new_pulse(1.0_wp, 0.5_wp/s%omega())
       allocate (experiment%measured(60), source=0.0_wp)
       associate (right => problem%right)
-         right%free = [(k, k=1, n_parameters)]
-         right%record = spread(0, 1, n_parameters)
+         right%free = places
+         right%record = spread(0, 1, n)
          right%world%structures = [s]
          right%world%excitations = [experiment%excitation]
          if (allocated(right%parts)) deallocate (right%parts)
@@ -255,7 +274,7 @@ contains
          call new_apparatus(experiment, s, mesh_t(3, 4, 4, 1), observation_t(3, 0.0_wp), &
             modal_t(), right%parts(1), error)
       end associate
-      p = [(s%get(k), k=1, n_parameters)]
+      p = [(s%get(places(k)), k=1, n)]
    end subroutine pose
 
 end program test_terms

@@ -9,7 +9,7 @@ module beamid_responses
    implicit none
    private
 
-   public :: response_t, solver_t, exact_solver_t, is_exact, work_t
+   public :: response_t, solver_t, exact_solver_t, is_exact, prepare_for, work_t
 
    !> What a solver did, summed over the calls that were given the same counter.
    type :: work_t
@@ -119,6 +119,18 @@ contains
          is_exact = .false.
       end select
    end function is_exact
+
+   !> What an exact solver computes once per mesh; another one has nothing to prepare.
+   subroutine prepare_for(galerkin, solver, error)
+      type(galerkin_t), intent(in) :: galerkin
+      class(solver_t), intent(inout) :: solver
+      type(error_t), allocatable, intent(out) :: error
+
+      select type (solver)
+      class is (exact_solver_t)
+         call solver%prepare(galerkin, error)
+      end select
+   end subroutine prepare_for
 
    !> A response without derivatives.
    subroutine respond_alone(self, equations, excitation, times, response, work, error)

@@ -11,7 +11,8 @@ module beamid_experiments
    use beamid_kinds, only: wp
    use beamid_observation, only: observation_t, sampling_t, new_sampling
    use beamid_parameters, only: amplitude
-   use beamid_responses, only: exact_solver_t, is_exact, response_t, solver_t, work_t
+   use beamid_responses, only: exact_solver_t, is_exact, prepare_for, response_t, solver_t, &
+      work_t
    use beamid_strings, only: to_text
    use beamid_structure, only: rigid, structure_t
    implicit none
@@ -89,11 +90,8 @@ contains
          return
       end if
       apparatus%solver = solver
-      select type (solver => apparatus%solver)
-      class is (exact_solver_t)
-         call solver%prepare(apparatus%galerkin, error)
-         if (allocated(error)) return
-      end select
+      call prepare_for(apparatus%galerkin, apparatus%solver, error)
+      if (allocated(error)) return
       apparatus%sampling = new_sampling(observation, experiment%samples)
       apparatus%measured = experiment%measured
       apparatus%scale = experiment%scale

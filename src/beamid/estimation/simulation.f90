@@ -6,7 +6,7 @@ module beamid_simulation
    use beamid_galerkin, only: galerkin_t, mesh_t, new_galerkin
    use beamid_kinds, only: wp
    use beamid_observation, only: new_sampling, observation_t, sampling_t
-   use beamid_responses, only: exact_solver_t, response_t, solver_t, work_t
+   use beamid_responses, only: prepare_for, response_t, solver_t, work_t
    use beamid_structure, only: structure_t
    implicit none
    private
@@ -50,11 +50,8 @@ contains
       galerkin = new_galerkin(mesh, model%structure%length, &
          model%structure%has_root_spring())
       solver = model%solver
-      select type (solver)
-      class is (exact_solver_t)
-         call solver%prepare(galerkin, error)
-         if (allocated(error)) return
-      end select
+      call prepare_for(galerkin, solver, error)
+      if (allocated(error)) return
       excitation = model%excitation
       call excitation%fit_to(model%structure%stiffness())
       equations = new_equations(galerkin, model%structure, excitation)

@@ -6,13 +6,14 @@ module beamid_parameters
    use beamid_monomials, only: monomial_t, value_of
    use beamid_strings, only: lower, to_text
    use beamid_structure, only: item_name_length, most_sensors, most_supports, n_parameters, of_c_D, &
-      of_c_H, of_c_P, of_c_R, of_E, of_gamma, of_I, of_J_S, of_J_T, of_k_H, of_k_P, of_k_R, &
-      of_length, of_m_H, of_m_S, of_m_T, of_rho, of_x_F, of_x_P, of_x_S, structure_t, values_of
+      of_c_H, c_P_at, of_c_R, of_E, of_gamma, of_I, J_S_at, of_J_T, of_k_H, k_P_at, of_k_R, &
+      of_length, of_m_H, m_S_at, of_m_T, of_rho, of_x_F, x_P_at, x_S_at, structure_t, values_of
    implicit none
    private
 
-   public :: parameter_t, parameters, free_names, free_index, name_of_parameter, place_of_name, is_there, get_free, &
-      set_free, free_magnitude, magnitude, may_be_negative, belongs_to_hose, check_structure
+   public :: parameter_t, parameters, parameter_names, free_names, free_index, name_of_parameter, &
+      place_of_name, is_there, get_free, set_free, free_magnitude, magnitude, may_be_negative, &
+      belongs_to_hose, check_structure
    public :: amplitude, offset, positive, not_negative, on_beam, any_value
 
    !> Ranges.
@@ -87,21 +88,21 @@ module beamid_parameters
          help='second moment of the cross section'), &
       parameter_t(of_x_F, 'x_F', 'excitation', [0, 1, 0], on_beam, 'the tip', &
          monomial_t(place=[of_length, 0, 0]), help='where a force acts'), &
-      (parameter_t(of_m_S(i), 'm_S', 'sensor', [1, 0, 0], not_negative, '0', tenth_of_mass, &
+      (parameter_t(m_S_at(i), 'm_S', 'sensor', [1, 0, 0], not_negative, '0', tenth_of_mass, &
          help='mass of the sensor', item=nth(i)), &
-      parameter_t(of_J_S(i), 'J_S', 'sensor', [1, 2, 0], not_negative, '0', &
+      parameter_t(J_S_at(i), 'J_S', 'sensor', [1, 2, 0], not_negative, '0', &
          monomial_t(1e-4_wp, [the_mass, of_length, 0], [1, 2, 1]), &
          help='its rotary inertia', item=nth(i)), &
-      parameter_t(of_x_S(i), 'x_S', 'sensor', [0, 1, 0], on_beam, 'the tip', &
+      parameter_t(x_S_at(i), 'x_S', 'sensor', [0, 1, 0], on_beam, 'the tip', &
          monomial_t(place=[of_length, 0, 0]), &
          help='its place, where the motion is observed', item=nth(i)), i=1, most_sensors), &
-      (parameter_t(of_x_P(i), 'x_P', 'support', [0, 1, 0], on_beam, '', &
+      (parameter_t(x_P_at(i), 'x_P', 'support', [0, 1, 0], on_beam, '', &
          monomial_t(place=[of_length, 0, 0]), help='its place', item=nth(i)), &
-      parameter_t(of_k_P(i), 'k_P', 'support', [1, 0, -2], positive, 'rigid', &
-         monomial_t(10.0_wp, [the_stiffness, 0, 0]), needs=of_k_P(i), &
+      parameter_t(k_P_at(i), 'k_P', 'support', [1, 0, -2], positive, 'rigid', &
+         monomial_t(10.0_wp, [the_stiffness, 0, 0]), needs=k_P_at(i), &
          help='its stiffness', item=nth(i)), &
-      parameter_t(of_c_P(i), 'c_P', 'support', [1, 0, -1], not_negative, '0', &
-         monomial_t(2e-2_wp, [of_k_P(i), the_omega, 0], [1, -1, 1]), needs=of_k_P(i), &
+      parameter_t(c_P_at(i), 'c_P', 'support', [1, 0, -1], not_negative, '0', &
+         monomial_t(2e-2_wp, [k_P_at(i), the_omega, 0], [1, -1, 1]), needs=k_P_at(i), &
          help='its damping, beside k_P', item=nth(i)), i=1, most_supports), &
       parameter_t(amplitude, 'amplitude', 'excitation', [1, 1, -2], any_value, '', monomial_t(), &
          help='of the force'), &
@@ -113,7 +114,8 @@ module beamid_parameters
       [(i, i=1, size(parameters))]))
 
    !> Keys of all rows.
-   character(len=*), parameter :: free_names(size(parameters)) = parameters%name
+   character(len=*), parameter :: free_names(size(parameters)) = parameters%name, &
+      parameter_names(n_parameters) = parameters(:n_parameters)%name
 
 contains
 
@@ -296,7 +298,7 @@ contains
                trim(parameters(k)%name)//': found a value without '// &
                trim(parameters(needs)%name)//', expected both')
          end if
-         if (allocated(error) .or. .not. any(of_x_P == k)) return
+         if (allocated(error) .or. .not. any(x_P_at == k)) return
          if (any(abs(structure%support(:item - 1)%x_P - structure%support(item)%x_P) <= &
             1e-6_wp*structure%length)) call bad_input(error, 'x_P: found two supports at '// &
             to_text(structure%support(item)%x_P)//', expected one in one place')

@@ -91,10 +91,12 @@ module beamid_structure
       of_length = nint(of%length), of_I = nint(of%I), of_x_F = nint(of%x_F)
    !> Those of each sensor and of each support.
    integer, parameter, public :: &
-      of_m_S(most_sensors) = [(n_single + 3*i - 2, i=1, most_sensors)], &
-      of_J_S(most_sensors) = of_m_S + 1, of_x_S(most_sensors) = of_m_S + 2, &
-      of_x_P(most_supports) = [(n_single + 3*(most_sensors + i) - 2, i=1, most_supports)], &
-      of_k_P(most_supports) = of_x_P + 1, of_c_P(most_supports) = of_x_P + 2
+      m_S_at(most_sensors) = [(n_single + 3*i - 2, i=1, most_sensors)], &
+      J_S_at(most_sensors) = m_S_at + 1, x_S_at(most_sensors) = m_S_at + 2, &
+      x_P_at(most_supports) = [(n_single + 3*(most_sensors + i) - 2, i=1, most_supports)], &
+      k_P_at(most_supports) = x_P_at + 1, c_P_at(most_supports) = x_P_at + 2
+   !> Of the first sensor, or the only one.
+   integer, parameter, public :: of_m_S = m_S_at(1), of_J_S = J_S_at(1), of_x_S = x_S_at(1)
 
 contains
 
@@ -152,7 +154,7 @@ contains
    pure real(wp) function sensor_place(self)
       class(structure_t), intent(in) :: self
 
-      sensor_place = self%place(of_x_S(self%observer))
+      sensor_place = self%place(x_S_at(self%observer))
    end function sensor_place
 
    !> Value of a parameter by its place.
@@ -163,7 +165,7 @@ contains
 
       q = values_of(self)
       get = q(k)
-      if (k == of_x_F .or. any(of_x_S == k)) get = self%place(k)
+      if (k == of_x_F .or. any(x_S_at == k)) get = self%place(k)
    end function get
 
    !> Gives a parameter a value.
@@ -246,9 +248,9 @@ contains
       complex(wp) :: deflection, near, far, held, there
 
       if (supports > 0) then
-         there = q(of_x_P(supports))
+         there = q(x_P_at(supports))
          held = influence(self, q, there, there, supports - 1)
-         if (self%support(supports)%k_P < rigid) held = held + 1/q(of_k_P(supports))
+         if (self%support(supports)%k_P < rigid) held = held + 1/q(k_P_at(supports))
          deflection = influence(self, q, x, xi, supports - 1) &
             - influence(self, q, x, there, supports - 1) &
             *influence(self, q, there, xi, supports - 1)/held

@@ -7,9 +7,9 @@
 module beamid_terms
    use beamid_kinds, only: wp
    use beamid_monomials, only: monomial_t, slope_of, value_of
-   use beamid_structure, only: most_sensors, most_supports, n_parameters, of_c_D, of_c_H, of_c_P, &
-      of_c_R, of_E, of_gamma, of_I, of_J_S, of_J_T, of_k_H, of_k_P, of_k_R, of_length, of_m_H, &
-      of_m_S, of_m_T, of_rho, of_x_F, of_x_P, of_x_S, rigid, structure_t, values_of
+   use beamid_structure, only: most_sensors, most_supports, n_parameters, of_c_D, of_c_H, c_P_at, &
+      of_c_R, of_E, of_gamma, of_I, J_S_at, of_J_T, of_k_H, k_P_at, of_k_R, of_length, of_m_H, &
+      m_S_at, of_m_T, of_rho, of_x_F, x_P_at, x_S_at, rigid, structure_t, values_of
    implicit none
    private
 
@@ -44,9 +44,9 @@ module beamid_terms
       operator_t(1, carried=.true.), operator_t(-3), operator_t(0, 0, carried=.true.), &
       operator_t(-2, 1), operator_t(-2, 1), operator_t(carried=.true.), operator_t(0), &
       operator_t(1), operator_t(0, 0, of_x_F), &
-      (operator_t(0, 0, of_x_S(i), .true.), i=1, most_sensors), &
-      (operator_t(-2, 1, of_x_S(i)), i=1, most_sensors), &
-      (operator_t(0, 0, of_x_P(i), .true.), i=1, most_supports)]
+      (operator_t(0, 0, x_S_at(i), .true.), i=1, most_sensors), &
+      (operator_t(-2, 1, x_S_at(i)), i=1, most_sensors), &
+      (operator_t(0, 0, x_P_at(i), .true.), i=1, most_supports)]
 
    type :: term_t
       integer :: matrix
@@ -68,11 +68,11 @@ module beamid_terms
       term_t(of_damping, root_slope, monomial_t(place=[of_c_R, 0, 0])), &
       term_t(of_load, force_value), &
       term_t(of_load, load_shape), &
-      (term_t(of_mass, sensor_value(i), monomial_t(place=[of_m_S(i), 0, 0])), i=1, most_sensors), &
-      (term_t(of_mass, sensor_slope(i), monomial_t(place=[of_J_S(i), 0, 0])), i=1, most_sensors), &
-      (term_t(of_stiffness, support_value(i), monomial_t(place=[of_k_P(i), 0, 0])), &
+      (term_t(of_mass, sensor_value(i), monomial_t(place=[m_S_at(i), 0, 0])), i=1, most_sensors), &
+      (term_t(of_mass, sensor_slope(i), monomial_t(place=[J_S_at(i), 0, 0])), i=1, most_sensors), &
+      (term_t(of_stiffness, support_value(i), monomial_t(place=[k_P_at(i), 0, 0])), &
       i=1, most_supports), &
-      (term_t(of_damping, support_value(i), monomial_t(place=[of_c_P(i), 0, 0])), &
+      (term_t(of_damping, support_value(i), monomial_t(place=[c_P_at(i), 0, 0])), &
       i=1, most_supports)]
 
 contains
@@ -122,13 +122,16 @@ contains
       end do
    end function strength_slopes
 
-   !> A rigid root has no slope for a spring to act on, a rigid support is no spring.
+   !> A rigid root has no slope for a spring to act on, a rigid support is no spring; sensors and
+   !> supports are as many as they are.
    pure logical function is_there(operator, structure)
       integer, intent(in) :: operator
       type(structure_t), intent(in) :: structure
 
       is_there = .true.
       if (operator == root_slope) is_there = structure%has_root_spring()
+      if (operator >= sensor_value(1)) is_there = operator < support_value(1) .and. &
+         modulo(operator - sensor_value(1), most_sensors) < max(1, structure%sensors)
       if (operator >= support_value(1)) is_there = operator < support_value(1) &
          + structure%supports .and. .not. is_rigid(operator, structure)
    end function is_there
