@@ -298,6 +298,7 @@ contains
       do k = 1, of_x_S
          s = assembly
          s%sensor(1)%x_S = 1
+         s%x_F = 2
          before = [(s%get(j), j=1, size(before))]
          call s%set(k, 123.5_wp + k)
          select case (trim(parameter_names(k)))
@@ -313,6 +314,8 @@ contains
          case ('k_R'); direct = s%k_R
          case ('c_R'); direct = s%c_R
          case ('m_S'); direct = s%sensor(1)%m_S
+         case ('J_S'); direct = s%sensor(1)%J_S
+         case ('x_F'); direct = s%x_F
          case ('x_S'); direct = s%sensor(1)%x_S
          case ('length'); direct = s%length
          case ('I'); direct = s%I

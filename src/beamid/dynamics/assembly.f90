@@ -52,6 +52,8 @@ module beamid_assembly
       real(wp), allocatable :: load(:, :, :)
       !> (r) by which a row is longer as the base moves: support to ground, over s**2
       real(wp), allocatable :: lift(:)
+      !> Whether velocity or displacement of the base drive the structure too.
+      logical :: is_carried = .false.
       complex(wp), allocatable :: pole(:, :)   !< (n, 2) roots of D_i [1/time]
       integer, allocatable :: parameters(:)    !< places of those to differentiate with respect to
       type(pencil_t), allocatable :: slope(:, :)        !< (2, parameters) d pencil/d parameter
@@ -71,7 +73,6 @@ module beamid_assembly
       procedure :: is_undamped
       procedure :: roots
       procedure :: load_at
-      procedure :: is_carried
       procedure :: mass_couplings
    end type assembly_t
 
@@ -275,6 +276,7 @@ contains
          do k = support_value(1), size(operators)
             if (self%row(k) > 0) self%lift(self%row(k)) = 1
          end do
+         self%is_carried = any(self%lift > 0) .or. any(abs(self%load(:, 2, :)) > 0)
          return
       end if
       distributed = 0
@@ -331,13 +333,6 @@ contains
       load = self%load(:, 1, form)
       if (any(abs(self%load(:, 2, form)) > 0)) load = load + self%load(:, 2, form)/s
    end function load_at
-
-   !> Whether velocity or displacement of the base drive the structure too.
-   pure logical function is_carried(self)
-      class(assembly_t), intent(in) :: self
-
-      is_carried = any(self%lift > 0) .or. any(abs(self%load(:, 2, :)) > 0)
-   end function is_carried
 
    !> What acts between the oscillators at once: H/s**2 for large s, and the rows that are held.
    pure function mass_couplings(self) result(h)

@@ -103,7 +103,7 @@ contains
          end associate
       end do
       call find_clusters(assembly, poles%all, pack(poles%root, near), poles%cluster)
-      if (assembly%is_carried()) poles%cluster = [poles%cluster, base_cluster(assembly, poles%s)]
+      if (assembly%is_carried) poles%cluster = [poles%cluster, base_cluster(assembly, poles%s)]
       do k = 1, size(poles%s)
          if (abs(poles%vector(k)%A) > tiny_A*undamped(k)) cycle
          if (any(poles%cluster%holds(poles%s(k)))) cycle
@@ -130,8 +130,7 @@ contains
       call solve_mass(assembly, assembly%load(:, 1, 1), x, y, -assembly%lift)
       poles%impulse = y(assembly%sensor)
       poles%ordinary = abs(dot_product(assembly%load(:, 1, 1), x))
-      if (assembly%sensor /= assembly%tip) call solve_mass(assembly, &
-         assembly%v(assembly%sensor, :), x, y)
+      call solve_mass(assembly, assembly%v(assembly%sensor, :), x, y)
       poles%ordinary = sqrt(poles%ordinary*y(assembly%sensor)) &
          /minval(abs(poles%s), mask=abs(poles%s) > 0)
       associate (r => poles%residue, s => poles%s, cluster => poles%cluster)
@@ -158,8 +157,9 @@ contains
       type(vector_t), intent(in) :: vector
       complex(wp), intent(in) :: s
 
-      driven = sum(assembly%load_at(s, vector%form)*vector%x) &
-         - sum(assembly%lift*vector%f(:size(assembly%lift)))/s**2
+      driven = sum(assembly%load(:, 1, vector%form)*vector%x)
+      if (assembly%is_carried) driven = driven + (sum(assembly%load(:, 2, vector%form)*vector%x) &
+         - sum(assembly%lift*vector%f(:size(assembly%lift)))/s)/s
    end function driven_by
 
    !> Derivatives of poles and residues with respect to the parameters of the assembly.
@@ -210,7 +210,7 @@ contains
       integer, intent(in) :: p
       complex(wp), intent(out) :: D_all(:), x_all(:), ds, dr
       complex(wp), dimension(most, most) :: H_p, H_sp, H_all
-      complex(wp) :: y_all(most, 1), f_all(most), A_all, force, driven, turned(most), load(assembly%n)
+      complex(wp) :: y_all(most, 1), f_all(most), A_all, force, driven, turned(most)
       integer :: i, k, l, r
 
       r = size(assembly%v, 1)
@@ -265,19 +265,14 @@ contains
          end do
          A_all = 0
          driven = driven_by(assembly, vector, s)
-         load = assembly%load_at(s, vector%form)
          dr = 0
-         do k = 1, r
-            if (assembly%lift(k) > 0) dr = dr - assembly%lift(k)*(f_all(k) - 2*f(k)*ds/s)/s**2
-         end do
          do i = 1, assembly%n
             force = sum(v(:, i)*f_all(:r))
             if (i /= j) x_all(i) = x_all(i) - force/D(i)
             A_all = A_all + (2*(pencil%m(i)*ds + slope%m(i)*s) + slope%c(i))*x(i)**2 &
                + 2*vector%dD(i)*x(i)*x_all(i)
-            dr = dr + load(i)*x_all(i) + (assembly%load_slope(i, 1, vector%form, p) &
-               + (assembly%load_slope(i, 2, vector%form, p) &
-               - assembly%load(i, 2, vector%form)*ds/s)/s)*x(i)
+            dr = dr + assembly%load(i, 1, vector%form)*x_all(i) &
+               + assembly%load_slope(i, 1, vector%form, p)*x(i)
          end do
          do l = 1, r
             do k = 1, r
@@ -285,9 +280,24 @@ contains
                   + 2*vector%dH(k, l)*y_all(l, 1))
             end do
          end do
+         if (assembly%is_carried) dr = dr + carried(assembly, vector, p, s, ds, x_all, f_all)
          dr = (y_all(sensor, 1)*driven + y(sensor)*dr - y(sensor)*driven/vector%A*A_all)/vector%A
       end associate
    end subroutine differentiate_root
+
+   !> The derivative of x'F that velocity and displacement of the base add.
+   pure complex(wp) function carried(assembly, vector, p, s, ds, x_all, f_all)
+      type(assembly_t), intent(in) :: assembly
+      type(vector_t), intent(in) :: vector
+      integer, intent(in) :: p
+      complex(wp), intent(in) :: s, ds, x_all(:), f_all(:)
+
+      associate (load => assembly%load(:, 2, vector%form), r => size(assembly%lift), &
+         load_p => assembly%load_slope(:, 2, vector%form, p))
+         carried = (sum(load_p*vector%x) + sum(load*(x_all - vector%x*ds/s)) &
+            - sum(assembly%lift*(f_all(:r) - 2*vector%f(:r)*ds/s))/s)/s
+      end associate
+   end function carried
 
    !> Derivatives of o' M**-1 F: -(M**-1 o)' M_p (M**-1 F), with what moves and a load that changes.
    subroutine differentiate_impulse(assembly, slopes)

@@ -98,9 +98,12 @@ contains
       type(response_t), intent(in) :: response
       type(excitation_t), intent(in), optional :: excitation
       real(wp) :: a(size(self%samples))
+      type(response_t) :: absolute
 
       if (present(excitation)) then
-         a = self%acceleration(self%seen(response, excitation))
+         ! A variable: gfortran 12 leaks such a result where it is an argument at once.
+         absolute = self%seen(response, excitation)
+         a = self%acceleration(absolute)
          return
       end if
       select case (self%motion_used())

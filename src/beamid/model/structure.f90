@@ -203,16 +203,14 @@ contains
       real(wp), parameter :: step = 1e-30_wp
       complex(wp) :: q(n_parameters), x, deflection
 
+      stiffening = 0
+      if (k > n_parameters) return
       q = values_of(self)
-      if (k > n_parameters) then
-         stiffening = 0
-         return
-      end if
+      q(of_x_F) = self%place(of_x_F)
       q(k) = cmplx(real(q(k)), step*max(abs(real(q(k))), tiny(step)/step), wp)
       x = q(of_x_F)
-      if (self%x_F < 0) x = q(of_length)
+      if (self%follows_tip(of_x_F) .and. k == of_length) x = q(of_length)
       deflection = influence(self, q, x, x, self%supports)
-      stiffening = 0
       if (abs(aimag(q(k))) > 0) stiffening = -aimag(deflection)/(real(deflection)*aimag(q(k)))
    end function stiffening
 
