@@ -13,6 +13,7 @@ program test_cvode
    use beamid_strings, only: to_text
    use beamid_structure, only: structure_t
    use checks, only: check, check_close, finish
+   use shell, only: own_path
    implicit none
 
    interface
@@ -33,9 +34,6 @@ program test_cvode
          import :: c_int
          integer(c_int), value :: descriptor
       end function c_close
-      integer(c_int) function c_getpid() bind(c, name='getpid')
-         import :: c_int
-      end function c_getpid
    end interface
 
    !> The assembly with hose: rho = E I = l = 1.
@@ -440,7 +438,7 @@ contains
       type(cvode_t) :: copy
 
       copy = solver
-      write (path, '(a,i0)') '/tmp/beamid-test-cvode-', c_getpid()
+      path = own_path('cvode')
       flush (output_unit)
       file = c_creat(trim(path)//c_null_char, int(o'600', c_int))
       saved = [c_dup(1_c_int), c_dup(2_c_int)]
