@@ -217,7 +217,8 @@ contains
          ! Values of size 2^(order-1) degree! (N/l)^(order-1), times 3 for the root combinations,
          ! lose 2 sum|weights|/step = 34 units of round-off; factor 4 for the evaluation itself.
          call check_close(of_mesh(degree, elements, turning)//'derivative '//to_text(order), &
-            largest, 0.0_wp, 400*eps*2.0_wp**(order - 1)*gamma(degree + 1.0_wp)*(elements/length)**order)
+            largest, 0.0_wp, 400*eps*2.0_wp**(order - 1)*gamma(degree + 1.0_wp) &
+            *(elements/length)**order)
       end do
    end subroutine test_derivatives
 
