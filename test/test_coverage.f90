@@ -119,7 +119,7 @@ contains
       call check_close('c_D, rate of coverage', real(inside(1), wp)/records, 0.95_wp, 0.03_wp)
       ! Two deviations from the bound: 2.3 % of the records, 4 deviations of 1.3 %/4 each way.
       call check('c_D, records on the bound', on_bound > 10 .and. on_bound < 80, to_text(on_bound))
-      ! White noise: 95 of 100 records pass, deviation .5 %; as test_statistics has it, for 49
+      ! White noise: 95 of 100 records pass, deviation .5 %; as test_whiteness has it, for 49
       ! samples the law of the test is right to a few per cent.
       call check_close('records found white', real(white, wp)/records, 0.95_wp, 0.05_wp)
    end subroutine test_intervals

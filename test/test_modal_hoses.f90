@@ -165,7 +165,7 @@ contains
       structure%c_D = 0
       structure%c_H = 0
       ! Nothing damps what BDF leaves behind, and without a tip mass the higher modes are ten times
-      ! larger; test_undamped has the closed form of such a structure.
+      ! larger; test_modal has the closed form of such a structure.
       call compare('no tip mass, no damping', structure, mesh, new_pulse(1.0_wp, 0.05_wp), &
          grid(:61), 10*cvode_error)
       structure = table_4_1

@@ -173,8 +173,8 @@ contains
       call check('length matters', any(abs(strength_slopes(s, s%length, of_length)) > 0))
    end subroutine test_derivatives
 
-   !> Random structures, parameters over four decades, every one of them free: no right derivative is
-   !> found to be mistaken, and every one that is 0, or off by 1 %, is, unless it hardly counts:
+   !> Random structures, parameters over four decades, every one of them free: no right derivative
+   !> is found to be mistaken, and every one that is 0, or off by 1 %, is, unless it hardly counts:
    !> a motion changes by less than 1e-5 when the parameter doubles.
    subroutine test_mistakes(structures)
       integer, intent(in) :: structures
@@ -205,7 +205,8 @@ contains
                jac(:, k) = factors(j)*jac(:, k)
                call compare_derivatives(problem, p, variables, jac, worst, found)
                if (found /= k) missed(j) = missed(j) + 1
-               if (found /= k) print '(2a,i0,2es9.2)', '      missed: ', parameters(k)%name, j, worst
+               if (found /= k) print '(2a,i0,2es9.2)', '      missed: ', parameters(k)%name, j, &
+                  worst
                problem%column = 0
                call problem%jacobian(p, r, jac, error)
             end do
