@@ -12,7 +12,7 @@ program test_clusters
    use beamid_fitted_modes, only: fitted_mode_t, fitted_modes
    use beamid_free_motion, only: free_mode_t
    use beamid_galerkin, only: galerkin_t, mesh_t, new_galerkin
-   use beamid_identification, only: identify, stage_fit_t
+   use beamid_identification, only: identify, stage_fit_t, stage_t
    use beamid_kinds, only: wp
    use beamid_modal, only: modal_t
    use beamid_modes, only: bare_beam_modes, beam_modes_t, undamped_modes
@@ -22,7 +22,6 @@ program test_clusters
    use beamid_strings, only: to_text
    use beamid_structure, only: of_c_D, of_c_H, of_E, of_gamma, of_k_H, of_m_H, of_rho, of_x_S, &
       structure_t
-   use beamid_unknowns, only: stage_t
    use checks, only: check, check_close, finish
    use full_matrices, only: full_t, new_full, qp
    use models, only: model_of, stage_of

@@ -331,12 +331,10 @@ contains
          ' and '//to_text(close%acceleration(5)))
    end subroutine test_times
 
-   !> Standard output and standard error go to a file while `respond` runs; its size is returned.
-   subroutine respond_silently(solver, equations, excitation, times, work, error, printed)
+   !> A pulse on the assembly, standard output and standard error to a file, whose size is
+   !> returned.
+   subroutine respond_silently(solver, work, error, printed)
       type(cvode_t), intent(in) :: solver
-      type(equations_t), intent(in), target :: equations
-      type(excitation_t), intent(in) :: excitation
-      real(wp), intent(in) :: times(:)
       type(work_t), intent(inout) :: work
       type(error_t), allocatable, intent(out) :: error
       integer, intent(out) :: printed
@@ -345,7 +343,11 @@ contains
       integer(c_int) :: saved(2), file, status
       integer :: unit
       type(cvode_t) :: copy
+      type(galerkin_t), target :: galerkin
+      type(equations_t), target :: equations
 
+      galerkin = new_galerkin(mesh_t(3, 3, 4, 1), assembly%length)
+      equations = new_equations(galerkin, assembly, new_pulse(1.0_wp, 0.3_wp))
       copy = solver
       path = own_path('cvode')
       flush (output_unit)
@@ -353,7 +355,7 @@ contains
       saved = [c_dup(1_c_int), c_dup(2_c_int)]
       status = c_dup2(file, 1_c_int)
       status = c_dup2(file, 2_c_int)
-      call copy%respond(equations, excitation, times, response, work, error)
+      call copy%respond(equations, new_pulse(1.0_wp, 0.3_wp), grid, response, work, error)
       flush (output_unit)
       status = c_dup2(saved(1), 1_c_int)
       status = c_dup2(saved(2), 2_c_int)
@@ -365,18 +367,11 @@ contains
 
    !> max_steps used up: an error that names it, nothing printed, the work counted.
    subroutine test_exhausted()
-      type(galerkin_t), target :: galerkin
-      type(equations_t), target :: equations
-      type(excitation_t) :: excitation
       type(work_t) :: work
       type(error_t), allocatable :: error
       integer :: printed
 
-      excitation = new_pulse(1.0_wp, 0.3_wp)
-      galerkin = new_galerkin(mesh_t(3, 3, 4, 1), assembly%length)
-      equations = new_equations(galerkin, assembly, excitation)
-      call respond_silently(cvode_t(max_steps=50_ip), equations, excitation, grid, work, error, &
-         printed)
+      call respond_silently(cvode_t(max_steps=50_ip), work, error, printed)
       call check('max_steps used up: an error', allocated(error))
       if (.not. allocated(error)) return
       call check('max_steps used up: named', error%status == status_failed .and. &
@@ -385,25 +380,17 @@ contains
       call check('max_steps used up: work counted', work%steps == 50 .and. &
          work%evaluations >= 50 .and. work%solves == 1, to_text(work%steps)//' steps')
       ! Counters add up over calls.
-      call respond_silently(cvode_t(max_steps=60_ip), equations, excitation, grid, work, error, &
-         printed)
+      call respond_silently(cvode_t(max_steps=60_ip), work, error, printed)
       call check('counters add up', work%steps == 110 .and. work%solves == 2, to_text(work%steps))
    end subroutine test_exhausted
 
    !> What CVODE itself complains of, a tolerance below round-off, comes back in the error.
    subroutine test_complaint()
-      type(galerkin_t), target :: galerkin
-      type(equations_t), target :: equations
-      type(excitation_t) :: excitation
       type(work_t) :: work
       type(error_t), allocatable :: error
       integer :: printed
 
-      excitation = new_pulse(1.0_wp, 0.3_wp)
-      galerkin = new_galerkin(mesh_t(3, 3, 4, 1), assembly%length)
-      equations = new_equations(galerkin, assembly, excitation)
-      call respond_silently(cvode_t(rtol=1e-18_wp), equations, excitation, grid, work, error, &
-         printed)
+      call respond_silently(cvode_t(rtol=1e-18_wp), work, error, printed)
       call check('CVODE''s complaint: an error', allocated(error))
       if (.not. allocated(error)) return
       call check('CVODE''s complaint: names the call', error%status == status_failed .and. &

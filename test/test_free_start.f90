@@ -6,7 +6,7 @@ program test_free_start
    use beamid_errors, only: error_t, status_bad_input, status_failed
    use beamid_excitation, only: excitation_t, new_free, new_pulse, new_release
    use beamid_experiments, only: experiment_t, new_apparatus
-   use beamid_galerkin, only: galerkin_t, mesh_t, new_galerkin
+   use beamid_galerkin, only: galerkin_t, new_galerkin
    use beamid_identification, only: identify, model_t, stage_fit_t, stage_t
    use beamid_kinds, only: wp
    use beamid_least_squares, only: fit, fit_t, options_t

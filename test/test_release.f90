@@ -4,7 +4,7 @@ program test_release
    use beamid_cases, only: case_t, needs_fit, needs_response, read_case
    use beamid_cvode, only: cvode_t
    use beamid_errors, only: error_t
-   use beamid_excitation, only: excitation_t, new_force_table, new_pulse, new_release
+   use beamid_excitation, only: excitation_t, new_force_table, new_release
    use beamid_experiments, only: apparatus_t, experiment_t, new_apparatus
    use beamid_galerkin, only: mesh_t
    use beamid_identification, only: identify, model_t, simulate, simulation_t, stage_fit_t, stage_t

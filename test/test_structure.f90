@@ -1,6 +1,5 @@
 !> The structure and its equations: bands, energies, loads, refused values, parameters by name.
 program test_structure
-   use beamid_bands, only: band_t
    use beamid_equations, only: equations_t, new_equations
    use beamid_errors, only: error_t, status_bad_input
    use beamid_excitation, only: excitation_t, new_pulse

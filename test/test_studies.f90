@@ -2,8 +2,8 @@
 program test_studies
    use beamid
    use checks, only: check, check_close, finish, skip
-   use shell, only: close_shell, exists, has_all, line_count, open_shell, outcome_t, program_path, &
-      read_file, replaced, run, scratch
+   use shell, only: close_shell, line_count, open_shell, outcome_t, program_path, read_file, &
+      replaced, run, scratch
    use tables, only: line_of => line, number
    implicit none
 
