@@ -34,9 +34,8 @@ contains
          outcome%err)
       call check(what//': summary.txt is standard output', outcome%out /= '' .and. &
          read_file(folder//'summary.txt') == outcome%out)
-      call check(what//': no NaN, infinity or stars in the summary', scan(outcome%out, &
-         '*') == 0 .and. &
-         index(outcome%out, 'NaN') == 0 .and. index(outcome%out, 'Infinity') == 0)
+      call check(what//': no NaN, infinity or stars in the summary', scan(outcome%out, '*') == 0 &
+         .and. index(outcome%out, 'NaN') == 0 .and. index(outcome%out, 'Infinity') == 0)
    end subroutine check_success
 
    !> Names, sizes and bytes of all files of a folder.

@@ -1,5 +1,6 @@
 !> Reading the tables that the program writes.
 module tables
+   use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
    use beamid_kinds, only: wp
    use beamid_numbers, only: parse_number
    use checks, only: check
@@ -50,8 +51,7 @@ contains
       end do
    end function part
 
-   !> The number in a text, or in one of its fields; nonsense becomes huge, so that no comparison
-   !> passes.
+   !> The number in a text, or in one of its fields; NaN, which passes no check, where none is.
    real(wp) function number(text, column)
       character(len=*), intent(in) :: text
       integer, intent(in), optional :: column
@@ -62,7 +62,7 @@ contains
       else
          call parse_number(text, number, ok)
       end if
-      if (.not. ok) number = huge(number)
+      if (.not. ok) number = ieee_value(number, ieee_quiet_nan)
    end function number
 
    pure integer function count_commas(text) result(n)
