@@ -207,7 +207,8 @@ contains
       if (allocated(error)) return
       base%mu = modes%mu
       base%tip = modes%tip
-      base%load = assembly%load
+      ! The hose, where there is one, comes last and bears no load.
+      base%load = assembly%load(:assembly%beam)
       base%I = e%structure%I
       base%q = [(real(e%structure%get(k), qp), k=1, 7)]
       base%s = poles%s
