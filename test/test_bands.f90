@@ -4,6 +4,7 @@ program test_bands
    use beamid_kinds, only: wp
    use beamid_strings, only: to_text
    use checks, only: check, check_close, finish
+   use dense_matrices, only: dense_of
    implicit none
 
    real(wp), parameter :: eps = epsilon(1.0_wp)
@@ -57,18 +58,6 @@ contains
          end do
       end do
    end subroutine random_band
-
-   function dense_of(band) result(dense)
-      type(band_t), intent(in) :: band
-      real(wp) :: dense(band%n, band%n)
-      integer :: i, j
-
-      do j = 1, band%n
-         do i = 1, band%n
-            dense(i, j) = band%element(i, j)
-         end do
-      end do
-   end function dense_of
 
    !> add, element, times, add_product.
    subroutine test_products(n, kd)

@@ -1,13 +1,14 @@
 !> The sensor's limit: found where the signal is cut off, not where a coarse converter makes flats.
 program test_clipping
    use beamid_clipping, only: find_limit
-   use beamid_kinds, only: wp, ip
+   use beamid_kinds, only: wp
    use checks, only: check, finish, in_long_run
+   use random_numbers, only: start_random, uniform
    implicit none
 
    real(wp), parameter :: pi = acos(-1.0_wp)
-   integer(ip) :: state = 20240607_ip
 
+   call start_random(20240607, 16807)
    call test_cut_off()
    call test_flats_of_the_converter()
    call test_other_flats()
@@ -226,11 +227,5 @@ contains
          end if
       end do
    end function inner_run
-
-   !> A number from 0 to 1: Lehmer's generator, the same in every run.
-   real(wp) function uniform()
-      state = mod(16807_ip*state, 2147483647_ip)
-      uniform = state/2147483647.0_wp
-   end function uniform
 
 end program test_clipping

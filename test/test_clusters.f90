@@ -12,22 +12,19 @@ program test_clusters
    use beamid_fitted_modes, only: fitted_mode_t, fitted_modes
    use beamid_free_motion, only: free_mode_t
    use beamid_galerkin, only: galerkin_t, mesh_t, new_galerkin
-   use beamid_identification, only: identify, stage_fit_t
+   use beamid_identification, only: identify, stage_fit_t, stage_t
    use beamid_kinds, only: wp
    use beamid_modal, only: modal_t
    use beamid_modes, only: bare_beam_modes, beam_modes_t, undamped_modes
-   use beamid_observation, only: observation_t
    use beamid_poles, only: find_poles, poles_t
    use beamid_projection, only: new_projection, projection_t
    use beamid_responses, only: response_t, work_t
-   use beamid_simulation, only: model_t
    use beamid_strings, only: to_text
    use beamid_structure, only: of_c_D, of_c_H, of_E, of_gamma, of_k_H, of_m_H, of_rho, of_x_S, &
       sensor_t, structure_t
-   use beamid_unknowns, only: stage_t
-   use beamid_variables, only: unbounded
    use checks, only: check, check_close, finish
    use full_matrices, only: full_t, new_full, qp
+   use models, only: model_of, stage_of
    implicit none
 
    !> k_H and c_H of the double root on four cubics, from the determinant of s**2 M + s C + K and
@@ -516,10 +513,7 @@ contains
       call pulse(excitation, force)
       full = new_full(galerkin, tuned, excitation)
       call full%motions(real(step, qp), force, exact)
-      stage%free = [of_c_H, of_k_H]
-      stage%start = [0.5_wp, 15.0_wp]
-      stage%lower = [0.0_wp, 0.0_wp]
-      stage%upper = [unbounded, unbounded]
+      stage = stage_of(['c_H', 'k_H'], [0.5_wp, 15.0_wp])
       experiment%excitation = excitation
       experiment%samples = [(k*step, k=1, samples)]
       experiment%measured = real(exact(:, 3), wp)
@@ -565,17 +559,6 @@ contains
          all((modes%frequency_half_width < huge(1.0_wp)) .neqv. modes%together))
    end subroutine check_fit
 
-   function model_of(structure, excitation) result(model)
-      type(structure_t), intent(in) :: structure
-      type(excitation_t), intent(in) :: excitation
-      type(model_t) :: model
-
-      model%structure = structure
-      model%excitation = excitation
-      model%observation = observation_t(3, 0.0_wp)
-      allocate (modal_t :: model%solver)
-   end function model_of
-
    !> Overdamped in all its modes: the estimate stands, and the table has the real roots.
    subroutine test_fitted_modes()
       type(structure_t) :: structure
@@ -583,7 +566,6 @@ contains
       type(stage_fit_t), allocatable :: fits(:)
       type(fitted_mode_t), allocatable :: modes(:)
       type(error_t), allocatable :: error
-      type(stage_t) :: stage
       type(experiment_t) :: experiment
       type(full_t) :: full
       real(wp), allocatable :: force(:)
@@ -599,11 +581,8 @@ contains
       experiment%excitation = excitation
       experiment%samples = [(k*step, k=1, samples)]
       experiment%measured = real(exact(:, 3), wp)*(1 + 1e-6_wp*[(sin(3.0_wp*k), k=1, samples)])
-      stage%free = [of_c_D]
-      stage%start = [1.5_wp]
-      stage%lower = [0.0_wp]
-      stage%upper = [unbounded]
-      call identify(model_of(structure, excitation), mesh, [stage], [experiment], fits, error)
+      call identify(model_of(structure, excitation), mesh, [stage_of(['c_D'], [1.5_wp])], &
+         [experiment], fits, error)
       call check('overdamped: a fit', .not. allocated(error))
       if (allocated(error)) return
       call check_close('overdamped: c_D', fits(1)%fit%estimate(1), 2.0_wp, 1e-5_wp)

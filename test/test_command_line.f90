@@ -1,34 +1,20 @@
 !> The built program from the outside: words, exit status, streams, output files and their contents,
 !> and a few numbers that must survive the way from case file to table.
 program test_command_line
-   use beamid_numbers, only: parse_number
    use beamid_kinds, only: wp
    use checks, only: check, check_close, finish, skip
    use shell, only: beamid, close_shell, exists, has_all, line_count, open_shell, outcome_t, &
       program_path, read_file, remove_tree, replaced, run, write_file
+   use short_case, only: case_text, check_success, nl, pulse, stage, text_of
+   use tables, only: check_table, field, line, lines_with, longest, number
    implicit none
 
-   character(len=*), parameter :: nl = achar(10), cr = achar(13), mark = char(239)//char(187)// &
-      char(191)
+   character(len=*), parameter :: cr = achar(13), mark = char(239)//char(187)//char(191)
    character(len=*), parameter :: estimates_header = &
       'stage,elements,parameter,unit,start,estimate,std_error,lower95,upper95,determined', &
       fit_header = 'elements,t,measured,model,residual', &
       response_header = 'elements,t,force,displacement,velocity,acceleration', &
       modes_header = 'elements,mode,frequency_hz,damping_ratio,real,imag'
-   character(len=*), parameter :: pulse = 'kind=''pulse'', amplitude=1.0, duration=0.05', &
-      stage = '&stage free=''m_H'',''k_H'', start=0.035,0.4 /'
-   !> A short record of a coarse beam; six samples.
-   character(len=*), parameter :: case_text = &
-      '&beam length=4.0, rho=0.03, E=80.0, I=1.0, c_D=0.005 /'//nl// &
-      '&tip m_T=0.15 /'//nl// &
-      '&hose m_H=0.04, c_H=0.004, k_H=0.3 /'//nl// &
-      '&excitation '//pulse//' /'//nl// &
-      '&discretization degree=3, elements=2 /'//nl// &
-      '&integrator method=''cvode'', rtol=1e-8 /'//nl// &
-      '&observation formula=''displacement_difference'', delta=0.1 /'//nl// &
-      '&record file=''record.csv'', t_first=0.1, t_last=0.6, t_step=0.1 /'//nl// &
-      stage//nl// &
-      '&units length=''ft'', force=''lb'', time=''s'', mass=''slug'' /'//nl
    character(len=:), allocatable :: reason, record_text
 
    call open_shell(reason)
@@ -43,10 +29,6 @@ program test_command_line
       call test_meshes_and_stages()
       call test_output_folder()
       call test_paths()
-      call test_failures()
-      call test_full_disk()
-      call test_standard_output()
-      call test_extremes()
       call test_forms()
       call test_force_table()
       call test_progress()
@@ -273,161 +255,6 @@ contains
          exists('elsewhere/out/force/response.csv'), outcome%err)
    end subroutine test_paths
 
-   !> A computation that fails says so in one line and leaves what was there before.
-   subroutine test_failures()
-      character(len=*), parameter :: commands(*) = [character(len=8) :: 'simulate', 'identify']
-      character(len=:), allocatable :: before
-      type(outcome_t) :: outcome
-      integer :: k
-
-      call write_file('old/kept.txt', 'kept')
-      call write_file('old/summary.txt', 'older summary'//nl)
-      call write_file('old/estimates.csv', 'older estimates'//nl)
-      call write_file('old/response.csv', '')
-      before = listing('old')
-      call write_file('case.nml', replaced(case_text, 'rtol=1e-8', 'rtol=1e-8, max_steps=10'))
-      do k = 1, size(commands)
-         outcome = beamid(trim(commands(k))//' case.nml --quiet --out old')
-         call check(trim(commands(k))//': gives up, status 1', outcome%status == 1 .and. &
-            outcome%out == '')
-         call check(trim(commands(k))//': one line', line_count(outcome%err) == 1 .and. &
-            has_all(outcome%err, 'beamid: |case.nml: |elements = 2|10'), &
-               outcome%err(:len(outcome%err) - 1))
-         call check(trim(commands(k))//': older files as they were', listing('old') == before)
-         outcome = beamid(trim(commands(k))//' case.nml --quiet --out none')
-         call check(trim(commands(k))//': nothing written', outcome%status == 1 .and. &
-            .not. exists('none'))
-      end do
-      call write_file('case.nml', replaced(case_text, 'm_T=0.15', 'm_T=-1'))
-      outcome = beamid('modes case.nml --out old')
-      call check('bad input: older files as they were', outcome%status == 2 .and. &
-         listing('old') == before)
-   end subroutine test_failures
-
-   !> Numbers that a computer cannot handle: a message or finite numbers, never a NaN, and no zeros
-   !> for accelerations because Delta drowned in round-off.
-   subroutine test_extremes()
-      call sober('simulate', 'delta=0.1', 'delta=1e-200', must_fail=.true.)
-      call sober('simulate', 'delta=0.1', 'delta=1e-20', must_fail=.true.)
-      call sober('identify', 'delta=0.1', 'delta=1e-20', must_fail=.true.)
-      call sober('identify', pulse, 'kind=''pulse'', amplitude=1e160, duration=0.05')
-      call sober('identify', pulse, 'kind=''pulse'', amplitude=0.0, duration=0.05')
-      call sober('simulate', pulse, 'kind=''pulse'', amplitude=1e150, duration=0.05')
-      call sober('modes', 'c_D=0.005', 'c_D=1e5')
-      call sober('modes', 'c_D=0.005', 'c_D=1.7e308')
-      call sober('modes', 'E=80.0', 'E=1e20')
-      call sober('modes', 'm_H=0.04', 'm_H=1e-300')
-      call sober('modes', 'c_H=0.004', 'c_H=1e50')
-      call sober('simulate', 'c_H=0.004', 'c_H=1e5')
-      call sober('simulate', 'method=''cvode'', rtol=1e-8', 'method=''modal''')
-      call sober('simulate', 'c_H=0.004', 'c_H=1e5', modal=.true.)
-      call sober('simulate', 'k_H=0.3', 'k_H=1e-20', modal=.true.)
-      call sober('simulate', 'm_H=0.04', 'm_H=1e-20', modal=.true.)
-      call sober('identify', 'amplitude=1.0', 'amplitude=0.0', modal=.true.)
-      call sober('identify', 'length=4.0', 'length=1e20', modal=.true.)
-      call sober('simulate', 't_first=0.1', 'scale=1e-309, t_first=0.1', must_fail=.true.)
-      call test_score()
-   end subroutine test_extremes
-
-   !> A sample whose square overflows, outside the window of the fit and inside that of the score.
-   subroutine test_score()
-      type(outcome_t) :: outcome
-
-      call write_file('record.csv', record_text//'0.7,1e200'//nl)
-      call write_file('case.nml', case_text//'&score t_first=0.1, t_last=0.7, t_step=0.1 /'//nl)
-      outcome = beamid('identify case.nml --quiet --out score')
-      call check('score that is not finite: status 1, one line', outcome%status == 1 .and. &
-         outcome%out == '' .and. line_count(outcome%err) == 1 .and. has_all(outcome%err, &
-         'case.nml: |elements = 2, stage 1: |window of the score is not finite|1E+200'), &
-         outcome%err)
-      call check('score that is not finite: nothing written', .not. exists('score'))
-      call write_file('record.csv', record_text)
-   end subroutine test_score
-
-   !> One change of the case ends with finite outputs, or with one line and none.
-   subroutine sober(command, old, new, must_fail, modal)
-      character(len=*), intent(in) :: command, old, new
-      logical, intent(in), optional :: must_fail, modal
-      character(len=:), allocatable :: text, fault
-      type(outcome_t) :: outcome
-
-      text = replaced(case_text, old, new)
-      if (present(modal)) text = replaced(text, 'method=''cvode'', rtol=1e-8', 'method=''modal''')
-      call write_file('case.nml', text)
-      outcome = beamid(command//' case.nml --quiet --out sober')
-      fault = ''
-      if (outcome%status == 0) then
-         if (outcome%err /= '') fault = fault//' success with a message;'
-         if (text_of(run('grep -lE "NaN|Inf|\*\*" sober/*')) /= '') fault = fault// &
-            ' NaN, infinity or stars;'
-         if (.not. exists('sober/summary.txt')) fault = fault//' success without outputs;'
-         if (present(must_fail)) fault = fault//' accepted;'
-      else
-         if (outcome%status > 2 .or. line_count(outcome%err) /= 1) fault = fault//' not one line;'
-         if (exists('sober')) fault = fault//' output written;'
-      end if
-      call check('extreme: '//command//', '//new//trim(merge(' modal', '      ', present(modal))), &
-         fault == '', fault//' '//outcome%err(:max(0, len(outcome%err) - 1)))
-      call remove_tree('sober')
-   end subroutine sober
-
-   !> A file system that takes no more, here a limit on the size of files.
-   subroutine test_full_disk()
-      character(len=:), allocatable :: before
-      type(outcome_t) :: outcome
-
-      call write_file('case.nml', replaced(case_text, 't_step=0.1', 't_step=0.01'))
-      before = listing('old')
-      outcome = run('{ (ulimit -f 1; "'//program_path//'" simulate case.nml --quiet --out old; '// &
-         'echo "status $?") | cat; } 2>&1')
-      call check('full disk: status 1 and one line', has_all(outcome%out, &
-         'beamid: old: the output folder cannot be written|status 1') .and. &
-            line_count(outcome%out) == 2, &
-         outcome%out(:max(0, len(outcome%out) - 1)))
-      call check('full disk: older files as they were', listing('old') == before)
-      call write_file('case.nml', case_text)
-      outcome = beamid('identify case.nml --quiet --out old')
-      call check('older outputs are replaced by the next success', outcome%status == 0 .and. &
-         read_file('old/summary.txt') == outcome%out .and. read_file('old/kept.txt') == 'kept')
-   end subroutine test_full_disk
-
-   !> Standard output that takes nothing, or has no reader any more: status 1 and one line, which
-   !> says where the outputs are. Standard error that takes nothing is no reason to fail.
-   subroutine test_standard_output()
-      type(outcome_t) :: outcome
-
-      call refused_by('help >/dev/full', 'No space left on device')
-      call refused_by('version >/dev/full', 'No space left on device')
-      call refused_by('version >&-', 'Bad file descriptor')
-      call remove_tree('full')
-      call refused_by('modes case.nml --out full >/dev/full', &
-         'No space left|the outputs are in full')
-      call check('full device: the outputs are there', &
-         index(read_file('full/summary.txt'), 'natural modes') > 0 .and. &
-         exists('full/manifest.txt'))
-      ! The reader closes its end before it lets the program start.
-      outcome = run('mkfifo start; { read -r go <start; "'//program_path//'" help; '// &
-         'echo "status $?" >&2; } | { exec <&-; echo go >start; }')
-      call check('no reader: status 1 and one line', line_count(outcome%err) == 2 .and. &
-         has_all(outcome%err, 'beamid: standard output: cannot be written: Broken pipe|status 1'))
-      outcome = beamid('identify case.nml --out full 2>/dev/full')
-      call check('standard error on a full device', outcome%status == 0 .and. &
-         outcome%out == read_file('full/summary.txt'))
-      outcome = beamid('fit case.nml 2>&-')
-      call check('no standard error', outcome%status == 2)
-   end subroutine test_standard_output
-
-   subroutine refused_by(arguments, words)
-      character(len=*), intent(in) :: arguments, words
-      type(outcome_t) :: outcome
-
-      outcome = beamid(arguments)
-      call check(arguments, outcome%status == 1 .and. outcome%out == '' .and. &
-         line_count(outcome%err) == 1 .and. &
-         has_all(outcome%err, 'beamid: standard output: cannot be written: |'//words), &
-         outcome%err(:max(0, len(outcome%err) - 1)))
-   end subroutine refused_by
-
    !> One case, written in other ways: the same outputs to the last byte.
    subroutine test_forms()
       character(len=:), allocatable :: reference
@@ -596,7 +423,7 @@ contains
       call write_file('record.csv', record_text)
       outcome = beamid('identify case.nml --quiet --out notes')
       call check_success('notes', outcome, 'notes/')
-      second = line(outcome%out, 1)
+      second = line(outcome%out, 2)
       call check('notes: samples left out', second == &
          '2 of 6 samples left out: at the sensor''s limit (-1.2)', second)
       call check('notes: the others are fitted', index(outcome%out, 'from 4 samples') > 0)
@@ -630,135 +457,5 @@ contains
          read_file('form/out/case/fit.csv')
       call remove_tree('form')
    end function outputs_of
-
-   !> Status 0, nothing on standard error, and standard output kept in summary.txt.
-   subroutine check_success(what, outcome, folder)
-      character(len=*), intent(in) :: what, folder
-      type(outcome_t), intent(in) :: outcome
-
-      call check(what//': status 0 and no message', outcome%status == 0 .and. outcome%err == '', &
-         outcome%err)
-      call check(what//': summary.txt is standard output', outcome%out /= '' .and. &
-         read_file(folder//'summary.txt') == outcome%out)
-      call check(what//': no NaN, infinity or stars in the summary', scan(outcome%out, &
-         '*') == 0 .and. &
-         index(outcome%out, 'NaN') == 0 .and. index(outcome%out, 'Infinity') == 0)
-   end subroutine check_success
-
-   !> The header, the number of rows, as many fields in each, and finite numbers throughout. Columns
-   !> behind those of the contract are welcome.
-   subroutine check_table(what, table, header, rows, texts)
-      character(len=*), intent(in) :: what, table, header
-      integer, intent(in) :: rows
-      !> Columns that need not be numbers; the rest may be empty where there are such.
-      integer, intent(in), optional :: texts(:)
-      integer :: row, column, columns, faults
-      character(len=:), allocatable :: text
-      real(wp) :: value
-      logical :: ok, empty
-
-      call check(what//': header', index(line(table, 0)//',', header//',') == 1, line(table, 0))
-      call check(what//': rows', line_count(table) == rows + 1)
-      columns = count_commas(line(table, 0)) + 1
-      faults = 0
-      do row = 1, line_count(table) - 1
-         if (count_commas(line(table, row)) /= columns - 1) faults = faults + 1
-         do column = 1, columns
-            text = field(table, row, column)
-            if (present(texts)) then
-               empty = text == '' .and. column /= 6
-               if (any(texts == column) .or. empty) cycle
-            end if
-            call parse_number(text, value, ok)
-            if (.not. ok) faults = faults + 1
-         end do
-      end do
-      call check(what//': fields are finite numbers', faults == 0)
-   end subroutine check_table
-
-   !> Names, sizes and bytes of all files of a folder.
-   function listing(folder) result(text)
-      character(len=*), intent(in) :: folder
-      character(len=:), allocatable :: text
-      type(outcome_t) :: outcome
-
-      outcome = run('find . -type f | sort | xargs cksum', folder)
-      text = outcome%out
-   end function listing
-
-   function text_of(outcome) result(text)
-      type(outcome_t), intent(in) :: outcome
-      character(len=:), allocatable :: text
-
-      text = outcome%out
-   end function text_of
-
-   !> A row of a table, from 1; row 0 is the header.
-   pure function line(table, row) result(text)
-      character(len=*), intent(in) :: table
-      integer, intent(in) :: row
-      character(len=:), allocatable :: text
-
-      text = part(table, row + 1, nl)
-   end function line
-
-   !> A field of a table, both counted from 1.
-   pure function field(table, row, column) result(text)
-      character(len=*), intent(in) :: table
-      integer, intent(in) :: row, column
-      character(len=:), allocatable :: text
-
-      text = part(line(table, row), column, ',')
-   end function field
-
-   !> The k-th of the parts that a separator makes of a text; '' when there are fewer.
-   pure function part(text, k, separator) result(piece)
-      character(len=*), intent(in) :: text
-      integer, intent(in) :: k
-      character(len=1), intent(in) :: separator
-      character(len=:), allocatable :: piece
-      integer :: first, length, i
-
-      first = 1
-      do i = 1, k
-         piece = ''
-         if (first > len(text)) return
-         length = index(text(first:), separator) - 1
-         if (length < 0) length = len(text) - first + 1
-         piece = text(first:first + length - 1)
-         first = first + length + 1
-      end do
-   end function part
-
-   !> The number in a field; NaN-like nonsense becomes huge, so that no comparison passes.
-   real(wp) function number(text)
-      character(len=*), intent(in) :: text
-      logical :: ok
-
-      call parse_number(text, number, ok)
-      if (.not. ok) number = huge(number)
-   end function number
-
-   pure integer function count_commas(text) result(n)
-      character(len=*), intent(in) :: text
-      integer :: k
-
-      n = count([(text(k:k) == ',', k=1, len(text))])
-   end function count_commas
-
-   !> How many lines contain all the words.
-   pure integer function lines_with(text, words) result(n)
-      character(len=*), intent(in) :: text, words
-      integer :: k
-
-      n = count([(has_all(line(text, k), words), k=0, line_count(text) - 1)])
-   end function lines_with
-
-   pure integer function longest(text)
-      character(len=*), intent(in) :: text
-      integer :: k
-
-      longest = maxval([(len(line(text, k)), k=0, line_count(text) - 1)])
-   end function longest
 
 end program test_command_line

@@ -9,6 +9,7 @@ program test_compare
    use checks, only: check, check_close, finish, skip
    use shell, only: beamid, close_shell, exists, has_all, in_scratch, line_count, open_shell, &
       outcome_t, read_file, replaced, write_file
+   use tables, only: line, number, part
    implicit none
 
    character(len=*), parameter :: line_feed = achar(10)
@@ -68,46 +69,6 @@ contains
       samples = size(t)
    end subroutine fit_of
 
-   !> Line k of a text.
-   function line(text, k) result(found)
-      character(len=*), intent(in) :: text
-      integer, intent(in) :: k
-      character(len=:), allocatable :: found
-      integer :: i, first
-
-      first = 1
-      do i = 1, k - 1
-         first = first + index(text(first:), line_feed)
-      end do
-      found = text(first:first + index(text(first:)//line_feed, line_feed) - 2)
-   end function line
-
-   !> Field k of a line.
-   function field(text, k) result(found)
-      character(len=*), intent(in) :: text
-      integer, intent(in) :: k
-      character(len=:), allocatable :: found
-      integer :: i, first
-
-      first = 1
-      do i = 1, k - 1
-         first = first + index(text(first:), ',')
-      end do
-      found = text(first:first + index(text(first:)//',', ',') - 2)
-   end function field
-
-   !> Field k of a line as a number; hugely negative when it is none.
-   real(wp) function number(text, k)
-      character(len=*), intent(in) :: text
-      integer, intent(in) :: k
-      character(len=:), allocatable :: word
-      integer :: status
-
-      word = field(text, k)
-      read (word, *, iostat=status) number
-      if (status /= 0) number = -huge(number)
-   end function number
-
    !> A record with noise, and the cases: the full model, c_H held at the truth and 50 per cent
    !> above it, and a tip mass that is 5 per cent off, which makes the model no special case of
    !> any other.
@@ -154,8 +115,8 @@ contains
          m = samples(i)
          k = parameters(i) + 1
          call check(trim(names(i))//': named, N = 4, '//to_text(parameters(i))//' parameters', &
-            field(row, 1) == trim(names(i)) .and. field(row, 2) == '4' .and. &
-            field(row, 3) == to_text(parameters(i)), row)
+            part(row, 1, ',') == trim(names(i)) .and. part(row, 2, ',') == '4' .and. &
+            part(row, 3, ',') == to_text(parameters(i)), row)
          call check_close(trim(names(i))//': J', number(row, 4)/J(i), 1.0_wp, 1e-12_wp)
          call check_close(trim(names(i))//': AICc', number(row, 5), m*log(J(i)/m) + 2*k &
             + 2*k*(k + 1)/(m - k - 1), 1e-9_wp)
@@ -170,8 +131,9 @@ contains
       do i = 1, 3, 2
          row = line(nested, merge(2, 3, i == 1))
          U = m*(J(i) - J(2))/J(2)
-         call check(trim(names(i))//' within full, one restriction', field(row, &
-            1) == trim(names(i)) .and. field(row, 2) == 'full' .and. field(row, 3) == '1', row)
+         call check(trim(names(i))//' within full, one restriction', &
+            part(row, 1, ',') == trim(names(i)) .and. part(row, 2, ',') == 'full' .and. &
+            part(row, 3, ',') == '1', row)
          ! A difference of nearly equal J: 49 times their round-off.
          call check_close(trim(names(i))//' within full: U', number(row, 4), U, &
             1e-9_wp*max(1.0_wp, U))

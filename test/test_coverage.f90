@@ -6,14 +6,12 @@ program test_coverage
    use beamid_galerkin, only: mesh_t
    use beamid_identification, only: identify, model_t, simulate, simulation_t, stage_fit_t, stage_t
    use beamid_kinds, only: wp
-   use beamid_modal, only: modal_t
    use beamid_noise, only: gaussian_noise
    use beamid_observation, only: observation_t
-   use beamid_parameters, only: free_index
    use beamid_strings, only: to_text
    use beamid_structure, only: structure_t
-   use beamid_variables, only: unbounded
    use checks, only: check, check_close, finish
+   use models, only: model_of, stage_of
    implicit none
 
    type(structure_t), parameter :: truth = structure_t(length=4, rho=0.03_wp, E=80, I=1, &
@@ -43,19 +41,13 @@ contains
       real(wp) :: sd, below(4), mean(4), spread_of(4), stated(4), variance
       integer :: i, r, inside(4), corrected(4), failed, white, on_bound, free_of_bound, inside_free
 
-      model%structure = truth
-      model%excitation = new_pulse(1.0_wp, 0.05_wp)
-      model%observation = observation_t(1, 0.1_wp)
-      model%solver = modal_t()
+      model = model_of(truth, new_pulse(1.0_wp, 0.05_wp), observation_t(1, 0.1_wp))
       call simulate(model, mesh, times, clean, error)
       call check('record made', .not. allocated(error))
       if (allocated(error)) return
       sd = 0.02_wp*norm2(clean%acceleration)/sqrt(real(samples, wp))
       noise = gaussian_noise(records*samples, sd, 4711)
-      stage%free = free_index_of(names)
-      stage%start = exact*[0.8_wp, 1.1_wp, 0.9_wp, 1.1_wp]
-      stage%lower = spread(0.0_wp, 1, 4)
-      stage%upper = spread(unbounded, 1, 4)
+      stage = stage_of(names, exact*[0.8_wp, 1.1_wp, 0.9_wp, 1.1_wp])
       inside = 0
       corrected = 0
       below = 0
@@ -127,16 +119,9 @@ contains
       call check_close('c_D, rate of coverage', real(inside(1), wp)/records, 0.95_wp, 0.03_wp)
       ! Two deviations from the bound: 2.3 % of the records, 4 deviations of 1.3 %/4 each way.
       call check('c_D, records on the bound', on_bound > 10 .and. on_bound < 80, to_text(on_bound))
-      ! White noise: 95 of 100 records pass, deviation .5 %; as test_statistics has it, for 49
+      ! White noise: 95 of 100 records pass, deviation .5 %; as test_whiteness has it, for 49
       ! samples the law of the test is right to a few per cent.
       call check_close('records found white', real(white, wp)/records, 0.95_wp, 0.05_wp)
    end subroutine test_intervals
-
-   function free_index_of(list) result(places)
-      character(len=*), intent(in) :: list(:)
-      integer :: places(size(list)), i
-
-      places = [(free_index(list(i)), i=1, size(list))]
-   end function free_index_of
 
 end program test_coverage

@@ -1,33 +1,29 @@
 !> Strict numbers and columns of numbers.
 program test_csv
-   use, intrinsic :: iso_c_binding, only: c_int
    use beamid_kinds, only: wp, ip
    use beamid_errors, only: error_t
    use beamid_outputs, only: output_t
    use beamid_csv, only: column_length, read_columns
    use beamid_numbers, only: parse_number
    use checks, only: check, finish
+   use damaged_texts, only: any_byte, damage, doubled, dropped, exchanged, likely_byte, other
+   use random_numbers, only: pick, start_random
+   use shell, only: own_path
    implicit none
-
-   interface
-      integer(c_int) function c_getpid() bind(c, name='getpid')
-         import :: c_int
-      end function c_getpid
-   end interface
 
    character(len=*), parameter :: lf = achar(10), cr = achar(13), tab = achar(9), &
       bom = char(239)//char(187)//char(191)
-   character(len=60) :: scratch
-   integer(ip) :: state = 20240607_ip
+   character(len=:), allocatable :: scratch
 
-   write (scratch, '(a,i0)') '/tmp/beamid-test-csv-', c_getpid()
+   scratch = own_path('csv')
+   call start_random(20240607, 16807)
    call test_numbers()
    call test_not_numbers()
    call test_tables()
    call test_bad_tables()
    call test_mutations()
    call test_size()
-   call execute_command_line('rm -r '//trim(scratch))
+   call execute_command_line('rm -r '//scratch)
    call finish('csv')
 
 contains
@@ -199,37 +195,14 @@ contains
    !> A byte dropped, doubled, replaced, exchanged with its neighbour, or all behind it cut off.
    subroutine mutate(text)
       character(len=:), allocatable, intent(inout) :: text
-      character(len=*), parameter :: likely = ',;.-+eEdD0 "#/*'//lf//cr//tab
-      character(len=1) :: letter
-      integer :: at
+      integer :: at, way
 
       if (len(text) < 2) return
-      at = pick(len(text) - 1)
-      letter = text(at:at)
-      select case (pick(6))
-      case (1)
-         text = text(:at - 1)//text(at + 1:)
-      case (2)
-         text = text(:at)//text(at:)
-      case (3)
-         text(at:at) = char(pick(256) - 1)
-      case (4)
-         text(at:at) = likely(pick(len(likely)):)
-      case (5)
-         text(at:at) = text(at + 1:at + 1)
-         text(at + 1:at + 1) = letter
-      case (6)
-         if (pick(10) == 1) text = text(:at)
-      end select
+      call damage(text, [dropped, doubled, any_byte, likely_byte, exchanged, other], &
+         ',;.-+eEdD0 "#/*'//lf//cr//tab, at, way)
+      if (way /= other) return
+      if (pick(10) == 1) text = text(:at)
    end subroutine mutate
-
-   !> A number from 1 to n: Lehmer's generator, the same in every run.
-   integer function pick(n)
-      integer, intent(in) :: n
-
-      state = mod(16807_ip*state, 2147483647_ip)
-      pick = int(mod(state, int(n, ip))) + 1
-   end function pick
 
    !> A million rows are read right, and in seconds at most even with all checks compiled in.
    subroutine test_size()
@@ -250,9 +223,9 @@ contains
          text(25*i - 24:25*i) = line//lf
       end do
       call output%add(name, text)
-      call output%commit(trim(scratch), error)
+      call output%commit(scratch, error)
       call system_clock(start, rate)
-      call read_columns(trim(scratch)//'/'//name, 2, values, header, error, increasing=.true.)
+      call read_columns(scratch//'/'//name, 2, values, header, error, increasing=.true.)
       call system_clock(finished)
       call check('10**6 rows: read', .not. allocated(error))
       if (allocated(error)) return
@@ -271,9 +244,9 @@ contains
       type(output_t) :: output
 
       call output%add('table.csv', text)
-      call output%commit(trim(scratch), error)
+      call output%commit(scratch, error)
       if (allocated(error)) error stop 'scratch folder'
-      call read_columns(trim(scratch)//'/table.csv', 2, values, header, error, increasing=.true.)
+      call read_columns(scratch//'/table.csv', 2, values, header, error, increasing=.true.)
    end subroutine read_written
 
 end program test_csv

@@ -13,6 +13,8 @@ program test_cvode
    use beamid_strings, only: to_text
    use beamid_structure, only: structure_t
    use checks, only: check, check_close, finish
+   use shell, only: own_path
+   use single_responses, only: assembly, modal_sum, run
    implicit none
 
    interface
@@ -33,14 +35,9 @@ program test_cvode
          import :: c_int
          integer(c_int), value :: descriptor
       end function c_close
-      integer(c_int) function c_getpid() bind(c, name='getpid')
-         import :: c_int
-      end function c_getpid
    end interface
 
-   !> The assembly with hose: rho = E I = l = 1.
-   type(structure_t), parameter :: assembly = structure_t(length=1, rho=1, E=1, I=1, &
-      c_D=1e-3_wp, m_T=0.5_wp, m_H=0.3_wp, c_H=0.2_wp, k_H=20)
+   type(structure_t), parameter :: cantilever = structure_t(length=1, rho=1, E=1, I=1, m_T=0.2_wp)
    integer :: k
    real(wp), parameter :: grid(40) = [(0.05_wp*k, k=1, 40)]
 
@@ -61,34 +58,6 @@ program test_cvode
 
 contains
 
-   !> One response; a failure is a failed check, and zeros.
-   subroutine run(solver, structure, mesh, excitation, times, response, work)
-      type(cvode_t), intent(in) :: solver
-      type(structure_t), intent(in) :: structure
-      type(mesh_t), intent(in) :: mesh
-      type(excitation_t), intent(in) :: excitation
-      real(wp), intent(in) :: times(:)
-      type(response_t), intent(out) :: response
-      type(work_t), intent(out), optional :: work
-      type(galerkin_t), target :: galerkin
-      type(equations_t), target :: equations
-      type(error_t), allocatable :: error
-      type(work_t) :: own
-      type(cvode_t) :: copy
-
-      copy = solver
-      galerkin = new_galerkin(mesh, structure%length)
-      equations = new_equations(galerkin, structure, excitation)
-      call copy%respond(equations, excitation, times, response, own, error)
-      if (present(work)) work = own
-      if (.not. allocated(error)) return
-      call check('a response', .false., error%message)
-      response%t = times
-      response%displacement = 0*times
-      response%velocity = 0*times
-      response%acceleration = 0*times
-   end subroutine run
-
    !> Unit step force on the assembly, inverse Laplace transform. With 12 quintics modes 1 to 4,
    !> which carry the displacement, are right to 1e-7 and better; the fourth and higher move it by
    !> 1e-4 at most. Global errors of BDF exceed rtol = 1e-10 by some hundred: 1e-8 altogether. In
@@ -103,7 +72,7 @@ contains
       integer :: i
 
       call run(cvode_t(rtol=1e-10_wp), assembly, mesh_t(5, 12, 6, 1), new_pulse(1.0_wp, 10.0_wp), &
-         t, response, work)
+         t, response, work=work)
       do i = 1, size(t)
          call check_close('step, displacement at t = '//to_text(t(i)), response%displacement(i), &
             displacement(i), 1e-8_wp)
@@ -116,68 +85,6 @@ contains
          to_text(work%evaluations)//' evaluations, '//to_text(work%factorizations)// &
          ' factorizations')
    end subroutine test_step
-
-   !> The undamped cantilever in its own modes, exactly: (x_k'b)(x_k'F) times the oscillator's
-   !> answer.
-   !>
-   !> motion  (3, times) displacement, velocity, acceleration
-   function modal_sum(structure, mesh, excitation, times) result(motion)
-      type(structure_t), intent(in) :: structure
-      type(mesh_t), intent(in) :: mesh
-      type(excitation_t), intent(in) :: excitation
-      real(wp), intent(in) :: times(:)
-      real(wp) :: motion(3, size(times))
-      type(galerkin_t), target :: galerkin
-      type(equations_t) :: equations
-      type(error_t), allocatable :: error
-      real(wp), allocatable :: omega(:), shapes(:, :)
-      integer :: i, j
-
-      galerkin = new_galerkin(mesh, structure%length)
-      equations = new_equations(galerkin, structure, excitation)
-      call undamped_modes(equations, omega, shapes, error)
-      motion = 0
-      if (allocated(error)) return
-      do i = 1, size(times)
-         do j = 1, size(omega)
-            motion(:, i) = motion(:, i) + dot_product(equations%observer, shapes(:, j)) &
-               *dot_product(equations%load, shapes(:, j))*oscillator(omega(j), excitation, times(i))
-         end do
-      end do
-   end function modal_sum
-
-   !> q, q', q'' of q'' + omega^2 q = f(t) from rest. f is a sum of steps and of ramps that begin at
-   !> its nodes: (1 - cos)/omega^2 and (tau - sin(omega tau)/omega)/omega^2.
-   pure function oscillator(omega, excitation, t) result(q)
-      real(wp), intent(in) :: omega, t
-      type(excitation_t), intent(in) :: excitation
-      real(wp) :: q(3), step, ramp, tau
-      integer :: i, n
-
-      q = 0
-      n = size(excitation%t)
-      do i = 1, n
-         tau = t - excitation%t(i)
-         ! A jump answers at once where the force begins, and after the last instant where it ends.
-         if (tau < 0 .or. (i == n .and. tau <= 0)) exit
-         step = 0
-         ramp = 0
-         if (i == 1) step = excitation%f(1)
-         if (i == n) step = -excitation%f(n)
-         if (i < n) ramp = (excitation%f(i + 1) - excitation%f(i))/(excitation%t(i + 1) &
-            - excitation%t(i))
-         if (i > 1) ramp = ramp - (excitation%f(i) - excitation%f(i - 1)) &
-            /(excitation%t(i) - excitation%t(i - 1))
-         q = q + step*[(1 - cos(omega*tau))/omega**2, sin(omega*tau)/omega, cos(omega*tau)] &
-            + ramp*[(tau - sin(omega*tau)/omega)/omega**2, (1 - cos(omega*tau))/omega**2, &
-                    sin(omega*tau)/omega]
-      end do
-   end function oscillator
-
-   type(structure_t) function cantilever()
-
-      cantilever = structure_t(length=1, rho=1, E=1, I=1, m_T=0.2_wp)
-   end function cantilever
 
    !> Pulse, triangle and distributed load on an undamped beam of two elements: three modes, up to
    !> omega = 200, all seen by the acceleration. Times fall on nodes of the force, too.
@@ -203,8 +110,8 @@ contains
       type(response_t) :: response
       real(wp) :: motion(3, size(grid))
 
-      call run(cvode_t(rtol=1e-10_wp), cantilever(), mesh, excitation, grid, response)
-      motion = modal_sum(cantilever(), mesh, excitation, grid)
+      call run(cvode_t(rtol=1e-10_wp), cantilever, mesh, excitation, grid, response)
+      call modal_sum(name, cantilever, mesh, excitation, grid, motion)
       ! Undamped errors pile up over tens of periods of the highest mode: some hundred rtol in the
       ! displacement, and up to omega, of the order of 100, times as much with each derivative, of
       ! which the size of the velocity and of the acceleration takes its share.
@@ -233,7 +140,7 @@ contains
       real(wp) :: exact(size(grid)), half
       integer :: j
 
-      beam = cantilever()
+      beam = cantilever
       beam%c_D = 0.02_wp
       galerkin = new_galerkin(mesh, beam%length)
       equations = new_equations(galerkin, beam, new_pulse(1.0_wp, 5.0_wp))
@@ -283,7 +190,7 @@ contains
       type(response_t), intent(out) :: response
       type(work_t), intent(out), optional :: work
 
-      call run(solver, assembly, mesh_t(3, 3, 4, 1), excitation, grid, response, work)
+      call run(solver, assembly, mesh_t(3, 3, 4, 1), excitation, grid, response, work=work)
    end subroutine small
 
    !> 1024 times the force: every number of the computation is scaled by a power of two, so that the
@@ -363,9 +270,9 @@ contains
 
       ! Ends between two of the times asked for.
       excitation = new_pulse(1.0_wp, 0.333_wp)
-      motion = modal_sum(cantilever(), mesh, excitation, grid)
+      call modal_sum('tolerance', cantilever, mesh, excitation, grid, motion)
       do i = 1, size(rtol)
-         call run(cvode_t(rtol=rtol(i)), cantilever(), mesh, excitation, grid, response)
+         call run(cvode_t(rtol=rtol(i)), cantilever, mesh, excitation, grid, response)
          error(i) = maxval(abs(response%displacement - motion(1, :)))/maxval(abs(motion(1, :)))
          ! The more steps, the more errors pile up: some tens of rtol in 60 undamped periods.
          call check_close('rtol = '//to_text(rtol(i))//': error of the displacement', error(i), &
@@ -424,12 +331,10 @@ contains
          ' and '//to_text(close%acceleration(5)))
    end subroutine test_times
 
-   !> Standard output and standard error go to a file while `respond` runs; its size is returned.
-   subroutine respond_silently(solver, equations, excitation, times, work, error, printed)
+   !> A pulse on the assembly, standard output and standard error to a file, whose size is
+   !> returned.
+   subroutine respond_silently(solver, work, error, printed)
       type(cvode_t), intent(in) :: solver
-      type(equations_t), intent(in), target :: equations
-      type(excitation_t), intent(in) :: excitation
-      real(wp), intent(in) :: times(:)
       type(work_t), intent(inout) :: work
       type(error_t), allocatable, intent(out) :: error
       integer, intent(out) :: printed
@@ -438,15 +343,19 @@ contains
       integer(c_int) :: saved(2), file, status
       integer :: unit
       type(cvode_t) :: copy
+      type(galerkin_t), target :: galerkin
+      type(equations_t), target :: equations
 
+      galerkin = new_galerkin(mesh_t(3, 3, 4, 1), assembly%length)
+      equations = new_equations(galerkin, assembly, new_pulse(1.0_wp, 0.3_wp))
       copy = solver
-      write (path, '(a,i0)') '/tmp/beamid-test-cvode-', c_getpid()
+      path = own_path('cvode')
       flush (output_unit)
       file = c_creat(trim(path)//c_null_char, int(o'600', c_int))
       saved = [c_dup(1_c_int), c_dup(2_c_int)]
       status = c_dup2(file, 1_c_int)
       status = c_dup2(file, 2_c_int)
-      call copy%respond(equations, excitation, times, response, work, error)
+      call copy%respond(equations, new_pulse(1.0_wp, 0.3_wp), grid, response, work, error)
       flush (output_unit)
       status = c_dup2(saved(1), 1_c_int)
       status = c_dup2(saved(2), 2_c_int)
@@ -458,18 +367,11 @@ contains
 
    !> max_steps used up: an error that names it, nothing printed, the work counted.
    subroutine test_exhausted()
-      type(galerkin_t), target :: galerkin
-      type(equations_t), target :: equations
-      type(excitation_t) :: excitation
       type(work_t) :: work
       type(error_t), allocatable :: error
       integer :: printed
 
-      excitation = new_pulse(1.0_wp, 0.3_wp)
-      galerkin = new_galerkin(mesh_t(3, 3, 4, 1), assembly%length)
-      equations = new_equations(galerkin, assembly, excitation)
-      call respond_silently(cvode_t(max_steps=50_ip), equations, excitation, grid, work, error, &
-         printed)
+      call respond_silently(cvode_t(max_steps=50_ip), work, error, printed)
       call check('max_steps used up: an error', allocated(error))
       if (.not. allocated(error)) return
       call check('max_steps used up: named', error%status == status_failed .and. &
@@ -478,25 +380,17 @@ contains
       call check('max_steps used up: work counted', work%steps == 50 .and. &
          work%evaluations >= 50 .and. work%solves == 1, to_text(work%steps)//' steps')
       ! Counters add up over calls.
-      call respond_silently(cvode_t(max_steps=60_ip), equations, excitation, grid, work, error, &
-         printed)
+      call respond_silently(cvode_t(max_steps=60_ip), work, error, printed)
       call check('counters add up', work%steps == 110 .and. work%solves == 2, to_text(work%steps))
    end subroutine test_exhausted
 
    !> What CVODE itself complains of, a tolerance below round-off, comes back in the error.
    subroutine test_complaint()
-      type(galerkin_t), target :: galerkin
-      type(equations_t), target :: equations
-      type(excitation_t) :: excitation
       type(work_t) :: work
       type(error_t), allocatable :: error
       integer :: printed
 
-      excitation = new_pulse(1.0_wp, 0.3_wp)
-      galerkin = new_galerkin(mesh_t(3, 3, 4, 1), assembly%length)
-      equations = new_equations(galerkin, assembly, excitation)
-      call respond_silently(cvode_t(rtol=1e-18_wp), equations, excitation, grid, work, error, &
-         printed)
+      call respond_silently(cvode_t(rtol=1e-18_wp), work, error, printed)
       call check('CVODE''s complaint: an error', allocated(error))
       if (.not. allocated(error)) return
       call check('CVODE''s complaint: names the call', error%status == status_failed .and. &

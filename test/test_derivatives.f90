@@ -2,16 +2,14 @@
 !> Newton's method from those of double precision, residues and time functions as the formulas have
 !> them, undifferentiated. Differences over 1e-16 of a parameter are its derivatives to 1e-15 or so.
 module quadruple
-   use, intrinsic :: iso_fortran_env, only: real128
    use beamid_excitation, only: excitation_t
    use beamid_kinds, only: wp
-   use beamid_structure, only: structure_t
+   use exact_motions, only: march
+   use full_matrices, only: qp
    implicit none
    private
 
-   public :: qp, quadruple_t
-
-   integer, parameter :: qp = real128
+   public :: quadruple_t
 
    !> Modes of the bare beam, taken as exact, and parameters m_T, E, c_D, m_H, c_H, k_H, rho.
    type :: quadruple_t
@@ -83,10 +81,9 @@ contains
       class(quadruple_t), intent(in) :: self
       type(excitation_t), intent(in) :: excitation
       real(wp), intent(in) :: times(:)
-      real(qp) :: motions(size(times), 3)
-      complex(qp) :: value, slope, g_F, r, z
-      real(qp) :: t, finish, impulse
-      integer :: i, k, node
+      real(qp) :: motions(size(times), 3), impulse
+      complex(qp) :: value, slope, g_F, r, z(size(times))
+      integer :: i, k
 
       motions = 0
       impulse = 0
@@ -96,62 +93,28 @@ contains
             r = g_F/slope
             if (aimag(s) > 0) r = 2*r
             impulse = impulse + real(r*s, qp)
-            z = 0
-            node = 1
-            t = excitation%t(1)
-            do i = 1, size(times)
-               do while (t < times(i))
-                  finish = times(i)
-                  if (node < size(excitation%t)) finish = min(finish, real(excitation%t(node &
-                     + 1), qp))
-                  call advance(s, excitation, node, t, finish, z)
-                  t = finish
-                  if (node < size(excitation%t)) then
-                     if (t >= excitation%t(node + 1)) node = node + 1
-                  end if
-               end do
-               motions(i, :) = motions(i, :) + real([r*z, r*s*z, r*s**2*z], qp)
+            z = march(s, excitation, times)
+            do i = 1, 3
+               motions(:, i) = motions(:, i) + real(r*s**(i - 1)*z, qp)
             end do
          end associate
       end do
       motions(:, 3) = motions(:, 3) + impulse*excitation%force(times)
    end function respond
 
-   !> z' = s z + f from t to `finish`, within the segment of the force that begins at `node`.
-   pure subroutine advance(s, excitation, node, t, finish, z)
-      complex(qp), intent(in) :: s
-      type(excitation_t), intent(in) :: excitation
-      integer, intent(in) :: node
-      real(qp), intent(in) :: t, finish
-      complex(qp), intent(inout) :: z
-      complex(qp) :: growth
-      real(qp) :: step, force, slope
-
-      step = finish - t
-      growth = exp(s*step)
-      z = growth*z
-      if (node >= size(excitation%t)) return
-      associate (nodes => excitation%t, f => excitation%f)
-         slope = (real(f(node + 1), qp) - f(node))/(real(nodes(node + 1), qp) - nodes(node))
-         force = f(node) + slope*(t - nodes(node))
-      end associate
-      z = z + force*(growth - 1)/s + slope*(growth - 1 - s*step)/s**2
-   end subroutine advance
-
 end module quadruple
 
 !> Exact derivatives of the modal response against differences in quadruple precision, for a
 !> thousand random structures.
 program test_derivatives
-   use, intrinsic :: iso_fortran_env, only: int64
    use beamid_equations, only: equations_t, new_equations
    use beamid_errors, only: error_t
-   use beamid_excitation, only: excitation_t, new_force_table, new_pulse
-   use beamid_galerkin, only: galerkin_t, mesh_t, new_galerkin
+   use beamid_excitation, only: excitation_t, new_pulse
+   use beamid_galerkin, only: mesh_t
    use beamid_kinds, only: wp
-   use beamid_modal, only: assemble, modal_t
+   use beamid_modal, only: assemble
    use beamid_modes, only: bare_beam_modes, beam_modes_t
-   use beamid_observation, only: observation_t, new_sampling, sampling_t
+   use beamid_observation, only: observation_t, new_sampling
    use beamid_parameters, only: amplitude, free_names, get_free, magnitude
    use beamid_poles, only: find_poles, poles_t
    use beamid_assembly, only: assembly_t
@@ -159,23 +122,16 @@ program test_derivatives
    use beamid_strings, only: to_text
    use beamid_structure, only: structure_t
    use checks, only: check, check_close, finish
-   use quadruple, only: qp, quadruple_t
+   use exact_motions, only: as_columns, exact, galerkin, kinds, motion_columns, prepare, solver
+   use full_matrices, only: qp
+   use quadruple, only: quadruple_t
+   use random_experiments, only: experiment_t, random_beam, random_experiment, samples
+   use random_numbers, only: decades, random_state, start_random, uniform
    implicit none
 
-   integer, parameter :: structures = 1000, samples = 12
-   character(len=*), parameter :: kinds(4) = [character(len=12) :: 'displacement', 'velocity', &
-      'acceleration', 'observation']
+   integer, parameter :: structures = 1000
    !> Relative, in the 2-norm over the samples.
    real(wp), parameter :: tolerance = 1e-8_wp
-
-   !> One experiment.
-   type :: experiment_t
-      type(structure_t) :: structure
-      type(excitation_t) :: excitation
-      type(mesh_t) :: mesh
-      type(sampling_t) :: sampling
-      integer :: formula = 3
-   end type experiment_t
 
    !> What the thousand showed of one parameter and one motion.
    type :: tally_t
@@ -185,138 +141,38 @@ program test_derivatives
       real(wp) :: counts = 0                  !< p |du/dp|/|u| there
    end type tally_t
 
-   integer(int64) :: state = 20240229
    type(tally_t) :: tallies(size(free_names), size(kinds))
-   type(galerkin_t), target :: galerkin
-   type(modal_t) :: solver
 
+   call start_random(20240229)
    call test_many()
    call test_known()
    call finish('derivatives')
 
 contains
 
-   !> Uniform in (0, 1): Lehmer's generator with the multiplier 48271.
-   real(wp) function uniform()
-      state = modulo(48271_int64*state, 2147483647_int64)
-      uniform = real(state, wp)/2147483647
-   end function uniform
-
-   !> Between two values.
-   real(wp) function between(low, high)
-      real(wp), intent(in) :: low, high
-
-      between = low + (high - low)*uniform()
-   end function between
-
-   !> Evenly distributed in decades, between two powers of ten.
-   real(wp) function decades(low, high)
-      real(wp), intent(in) :: low, high
-
-      decades = 10**between(low, high)
-   end function decades
-
    !> Beams of .1 to 30 in length, 10^-2 to 10^2 in density, stiffness over eight decades; tip
    !> masses of .001 to 100 beams; damping of mode 1 from 10^-5 to critical, so that the higher
    !> modes may be overdamped; hoses of .001 to 10 beams, at a tenth to thirty times the beam's
    !> frequency, damped from 10^-3 to 30 times critically. One in seven has no hose, one in twenty
    !> no c_D, one in twenty no c_H.
-   function random_experiment() result(e)
+   function random_case() result(e)
       type(experiment_t) :: e
-      type(error_t), allocatable :: error
-      real(wp) :: period, mass, times(samples), t
-      integer :: k
+      type(structure_t) :: s
+      real(wp) :: mass
 
-      associate (s => e%structure)
-         s%length = decades(-1.0_wp, 1.5_wp)
-         s%rho = decades(-2.0_wp, 2.0_wp)
-         s%E = decades(-2.0_wp, 4.0_wp)
-         s%I = decades(-1.0_wp, 1.0_wp)
-         mass = s%rho*s%length
-         s%m_T = mass*decades(-3.0_wp, 2.0_wp)
-         s%c_D = 2*s%E/s%omega()*decades(-5.0_wp, 0.0_wp)
-         if (uniform() < 0.05_wp) s%c_D = 0
-         if (uniform() > 1/7.0_wp) then
-            s%m_H = mass*decades(-3.0_wp, 1.0_wp)
-            s%k_H = s%m_H*(s%omega()*decades(-1.0_wp, 1.5_wp))**2
-            s%c_H = 2*sqrt(s%k_H*s%m_H)*decades(-3.0_wp, 1.5_wp)
-            if (uniform() < 0.05_wp) s%c_H = 0
-         end if
-         period = 2*acos(-1.0_wp)/s%omega()
-      end associate
-      e%mesh = mesh_t(3, 2 + int(5*uniform()), 4, 1)
-      if (uniform() < 0.2_wp) e%mesh = mesh_t(5, 2 + int(2*uniform()), 6, 1)
-      if (uniform() < 0.5_wp) then
-         e%excitation = new_pulse(decades(-1.0_wp, 1.0_wp), period*decades(-2.0_wp, 0.0_wp))
-      else
-         call new_force_table(period*[0.0_wp, between(0.01_wp, 0.1_wp), between(0.11_wp, 0.5_wp)], &
-            [between(0.0_wp, 1.0_wp), between(-1.0_wp, 1.0_wp), between(0.0_wp, 1.0_wp)], &
-            e%excitation, error)
+      s = random_beam()
+      mass = s%rho*s%length
+      s%m_T = mass*decades(-3.0_wp, 2.0_wp)
+      s%c_D = 2*s%E/s%omega()*decades(-5.0_wp, 0.0_wp)
+      if (uniform() < 0.05_wp) s%c_D = 0
+      if (uniform() > 1/7.0_wp) then
+         s%m_H = mass*decades(-3.0_wp, 1.0_wp)
+         s%k_H = s%m_H*(s%omega()*decades(-1.0_wp, 1.5_wp))**2
+         s%c_H = 2*sqrt(s%k_H*s%m_H)*decades(-3.0_wp, 1.5_wp)
+         if (uniform() < 0.05_wp) s%c_H = 0
       end if
-      e%excitation%distributed = uniform() < 0.2_wp
-      t = 0
-      do k = 1, samples
-         t = t + period*between(0.02_wp, 0.4_wp)
-         times(k) = t
-      end do
-      e%formula = 1 + int(3*uniform())
-      e%sampling = new_sampling(observation_t(e%formula, period*between(0.01_wp, 0.1_wp)), times)
-   end function random_experiment
-
-   !> Displacement, velocity and acceleration at the times, and what is observed at the samples.
-   pure function motion_columns(sampling, response) result(columns)
-      type(sampling_t), intent(in) :: sampling
-      type(response_t), intent(in) :: response
-      real(wp) :: columns(size(sampling%times), size(kinds))
-
-      columns(:, 1) = response%displacement
-      columns(:, 2) = response%velocity
-      columns(:, 3) = response%acceleration
-      columns(:, 4) = 0
-      columns(:samples, 4) = sampling%acceleration(response)
-   end function motion_columns
-
-   !> The same of motions in quadruple precision: (4.1) and (4.2) cancel digits that are there.
-   function as_columns(sampling, motions) result(columns)
-      type(sampling_t), intent(in) :: sampling
-      real(qp), intent(in) :: motions(:, :)
-      real(wp) :: columns(size(motions, 1), size(kinds))
-      type(response_t) :: high, low
-
-      ! The formulas are linear: high and low halves of each number, one after the other.
-      high%t = sampling%times
-      high%displacement = real(motions(:, 1), wp)
-      high%velocity = real(motions(:, 2), wp)
-      high%acceleration = real(motions(:, 3), wp)
-      low%t = sampling%times
-      low%displacement = real(motions(:, 1) - high%displacement, wp)
-      low%velocity = real(motions(:, 2) - high%velocity, wp)
-      low%acceleration = real(motions(:, 3) - high%acceleration, wp)
-      columns = motion_columns(sampling, high) + motion_columns(sampling, low)
-   end function as_columns
-
-   !> Exact derivatives with respect to all parameters, and the motions themselves.
-   subroutine exact_derivatives(e, free, columns, derivatives, error)
-      type(experiment_t), intent(in) :: e
-      integer, intent(in) :: free(:)
-      real(wp), allocatable, intent(out) :: columns(:, :), derivatives(:, :, :)
-      type(error_t), allocatable, intent(out) :: error
-      type(equations_t), target :: equations
-      type(response_t) :: response
-      type(response_t), allocatable :: slopes(:)
-      type(work_t) :: work
-      integer :: k
-
-      equations = new_equations(galerkin, e%structure, e%excitation)
-      call solver%differentiate(equations, e%excitation, e%sampling%times, free, response, slopes, &
-         work, error)
-      if (allocated(error)) return
-      columns = motion_columns(e%sampling, response)
-      allocate (derivatives(size(columns, 1), size(kinds), size(free)))
-      do k = 1, size(free)
-         derivatives(:, :, k) = motion_columns(e%sampling, slopes(k))
-      end do
-   end subroutine exact_derivatives
+      e = random_experiment(s, 0.2_wp, 2, 3)
+   end function random_case
 
    !> The motions, and their derivatives with respect to the seven parameters of the structure, from
    !> differences in quadruple precision, rounded.
@@ -351,7 +207,8 @@ contains
       if (allocated(error)) return
       base%mu = modes%mu
       base%tip = modes%tip
-      base%load = assembly%load(:, 1, 1)
+      ! The hose, where there is one, comes last and bears no load.
+      base%load = assembly%load(:assembly%beam, 1, 1)
       base%I = e%structure%I
       base%q = [(real(e%structure%get(k), qp), k=1, 7)]
       base%s = poles%s
@@ -372,7 +229,7 @@ contains
          if (lost) return
          there = moved%respond(e%excitation, e%sampling%times)
          derivatives(:, :, k) = as_columns(e%sampling, (there - here)/step)
-         if (modulo(int(state), 20) /= 0) cycle
+         if (modulo(int(random_state), 20) /= 0) cycle
          moved%q(free(k)) = base%q(free(k)) + 100*step
          call moved%polish(6, lost)
          there = moved%respond(e%excitation, e%sampling%times)
@@ -439,12 +296,11 @@ contains
       unknown = 0
       worst_estimate = 0
       do number = 1, structures
-         e = random_experiment()
-         galerkin = new_galerkin(e%mesh, e%structure%length)
-         call solver%prepare(galerkin, error)
+         e = random_case()
+         call prepare(e)
          free = [1, 2, 3, 4, 5, 6, 7]
          if (.not. e%structure%has_hose()) free = [1, 2, 3, 7]
-         if (.not. allocated(error)) call exact_derivatives(e, free, columns, derivatives, error)
+         call exact(e, free, columns, derivatives, error)
          if (allocated(error)) then
             refused = refused + 1
             print '(a,i0,2a)', '      structure ', number, ': ', error%message
@@ -509,11 +365,9 @@ contains
 
       worst = 0
       do number = 1, 200
-         e = random_experiment()
-         galerkin = new_galerkin(e%mesh, e%structure%length)
-         call solver%prepare(galerkin, error)
-         if (.not. allocated(error)) call exact_derivatives(e, [1, 2, 3, 4, 5, 6, 7], columns, &
-            derivatives, error)
+         e = random_case()
+         call prepare(e)
+         call exact(e, [1, 2, 3, 4, 5, 6, 7], columns, derivatives, error)
          if (allocated(error)) cycle
          n = size(columns, 1)
          total(:n, :) = columns
@@ -536,9 +390,8 @@ contains
       e%mesh = mesh_t(3, 3, 4, 1)
       e%excitation = new_pulse(1.0_wp, 2000.0_wp)
       e%sampling = new_sampling(observation_t(3, 0.0_wp), [(1000.0_wp + k, k=1, samples)])
-      galerkin = new_galerkin(e%mesh, e%structure%length)
-      call solver%prepare(galerkin, error)
-      call exact_derivatives(e, [2, 1, 3, 7], columns, derivatives, error)
+      call prepare(e)
+      call exact(e, [2, 1, 3, 7], columns, derivatives, error)
       ! Cubics hold the static deflection without error; the transient has died, exp(-100) or less.
       call check_close('static deflection', columns(1, 1)/(8/(3*3.5_wp)), 1.0_wp, 1e-12_wp)
       call check_close('static deflection, d/dE', derivatives(1, 1, 1)/(-8/(3*3.5_wp)/7), &

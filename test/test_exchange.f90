@@ -6,6 +6,7 @@
 !> long run the program is killed at 300 random moments instead of 24, and at every pair of calls of
 !> two runs.
 program test_exchange
+   use beamid_strings, only: to_text
    use checks, only: check, finish, in_long_run, skip
    use shell, only: close_shell, exists, has_all, line_count, open_shell, outcome_t, &
       program_path, read_file, remove_tree, run, write_file
@@ -128,7 +129,7 @@ contains
       type(outcome_t) :: outcome
 
       outcome = run(quiet//'OMP_NUM_THREADS=1 env --default-signal=HUP,INT,TERM '// &
-         'LD_PRELOAD="$PWD/calls.so" WATCH="'//calls//'" AT='//digits(at)//' '//what//' '// &
+         'LD_PRELOAD="$PWD/calls.so" WATCH="'//calls//'" AT='//to_text(at)//' '//what//' '// &
          newer_run//'work')
    end function hit
 
@@ -156,7 +157,7 @@ contains
          outcome = hit('', 0, '')
          if (outcome%status == 0 .and. succeeds(like_newer)) next = next + 1
       end do
-      call check('kill -9 at every call: there are some', at > 20, digits(at - 1)//' calls')
+      call check('kill -9 at every call: there are some', at > 20, to_text(at - 1)//' calls')
       call check('kill -9 at every call: one whole run or no manifest', whole == at - 1)
       call check('kill -9 at every call: the older run is not lost', taken_back == at - 1)
       call check('kill -9 at every call: the next run leaves its files only', next == at - 1)
@@ -172,13 +173,13 @@ contains
          whole = 0
          do at = 1, 100
             outcome = run(again//'true')
-            outcome = hit(' rename', at, 'SIGNAL='//digits(numbers(k)))
+            outcome = hit(' rename', at, 'SIGNAL='//to_text(numbers(k)))
             if (outcome%status == 0) exit
             if (outcome%status == 128 + numbers(k) .and. outcome%out == '' .and. &
                succeeds(like_newer)) whole = whole + 1
          end do
-         call check('signal '//digits(numbers(k))//' at every rename: waits, then acts', &
-            at > 5 .and. whole == at - 1, digits(whole)//' of '//digits(at - 1))
+         call check('signal '//to_text(numbers(k))//' at every rename: waits, then acts', &
+            at > 5 .and. whole == at - 1, to_text(whole)//' of '//to_text(at - 1))
       end do
       outcome = run(again//'true')
       outcome = run(quiet//'LD_PRELOAD="$PWD/calls.so" WATCH=" rename" AT=3 SIGNAL=1 env '// &
@@ -204,7 +205,7 @@ contains
             .and. succeeds(like_older)) whole = whole + 1
       end do
       call check(links//'a call refused: the older files are whole', at > 15 .and. &
-         whole == at - 1, digits(whole)//' of '//digits(at - 1))
+         whole == at - 1, to_text(whole)//' of '//to_text(at - 1))
       call check(links//'and the last run has ended', succeeds(like_newer), outcome%err)
    end subroutine test_refused_calls
 
@@ -228,7 +229,7 @@ contains
          if (succeeds(like_older)) taken_back = taken_back + 1
       end do
       call check('no rename any more: the message says where the older files are', told == 12, &
-         digits(told))
+         to_text(told))
       call check('no rename any more: the next run puts them back', taken_back == 6)
    end subroutine test_broken_folder
 
@@ -255,7 +256,7 @@ contains
          if (second == 1) exit
       end do
       call check('kill -9 at every pair of calls: no run is lost', n > 400 .and. whole == n, &
-         digits(whole)//' of '//digits(n))
+         to_text(whole)//' of '//to_text(n))
    end subroutine test_kill_twice
 
    !> Killed at any time of its life. The time that one run takes is only to choose the moments.
@@ -270,7 +271,7 @@ contains
       call system_clock(end)
       write (seconds, '(f10.6)') real(end - begin)/rate
       call write_file('moments.sh', 'export OMP_NUM_THREADS=1; good=0'//nl// &
-         'for t in $(awk "BEGIN { srand(1); for (k = 0; k < '//digits(moments)//'; k++) '// &
+         'for t in $(awk "BEGIN { srand(1); for (k = 0; k < '//to_text(moments)//'; k++) '// &
          'print rand()*'//trim(adjustl(seconds))//' }"); do'//nl// &
          again//'true'//nl// &
          'for run in 1 2; do'//nl// &
@@ -281,8 +282,8 @@ contains
          newer_run//'work >stdout && '//like_newer//' && good=$((good + 1))'//nl// &
          'done; echo "$good"'//nl)
       outcome = run('sh moments.sh')
-      call check('killed at random moments', outcome%out == digits(moments)//nl, &
-         outcome%out(:max(0, len(outcome%out) - 1))//' of '//digits(moments)//' are whole')
+      call check('killed at random moments', outcome%out == to_text(moments)//nl, &
+         outcome%out(:max(0, len(outcome%out) - 1))//' of '//to_text(moments)//' are whole')
    end subroutine test_random_moments
 
    !> Two runs that make the same folders and write to them at once: both succeed, one of them last.
@@ -294,15 +295,15 @@ contains
          'sed s/elements=2/elements=3/ case.nml >finer.nml'//nl// &
          'run_finer() { "'//program_path//'" modes finer.nml --out "$1"; }'//nl// &
          'run_finer finer >stdout'//nl// &
-         'for k in $(seq '//digits(times)//'); do'//nl//'rm -rf twice'//nl// &
+         'for k in $(seq '//to_text(times)//'); do'//nl//'rm -rf twice'//nl// &
          newer_run//'twice/at/once >stdout & first=$!'//nl// &
          'run_finer twice/at/once >stdout_2 & second=$!'//nl// &
          'wait $first && wait $second && { diff -r newer twice/at/once || '// &
          'diff -r finer twice/at/once; } >stdout && good=$((good + 1))'//nl// &
          'done; echo "$good"'//nl)
       outcome = run('sh two.sh')
-      call check('two runs make the same folder', outcome%out == digits(times)//nl, &
-         outcome%out(:max(0, len(outcome%out) - 1))//' of '//digits(times)//' '//outcome%err)
+      call check('two runs make the same folder', outcome%out == to_text(times)//nl, &
+         outcome%out(:max(0, len(outcome%out) - 1))//' of '//to_text(times)//' '//outcome%err)
    end subroutine test_two_at_once
 
    !> What only looks like a temporary folder of this program stays.
@@ -328,14 +329,5 @@ contains
       outcome = run(command)
       succeeds = outcome%status == 0
    end function succeeds
-
-   pure function digits(i) result(text)
-      integer, intent(in) :: i
-      character(len=:), allocatable :: text
-      character(len=12) :: buffer
-
-      write (buffer, '(i0)') i
-      text = trim(buffer)
-   end function digits
 
 end program test_exchange

@@ -1,23 +1,17 @@
 !> Reading whole files, and writing all outputs or none.
 program test_files
-   use, intrinsic :: iso_c_binding, only: c_int
    use beamid_errors, only: error_t
    use beamid_files, only: read_text
    use beamid_outputs, only: output_t
    use beamid_paths, only: directory_of, join_path
    use checks, only: check, finish
+   use shell, only: own_path
    implicit none
-
-   interface
-      integer(c_int) function c_getpid() bind(c, name='getpid')
-         import :: c_int
-      end function c_getpid
-   end interface
 
    character(len=*), parameter :: line_feed = achar(10)
    !> Every byte from 0 to 255, so that nothing is translated unseen.
    character(len=256) :: all_bytes
-   character(len=40) :: scratch
+   character(len=:), allocatable :: scratch
    character(len=200) :: argument
    integer :: i
 
@@ -27,8 +21,8 @@ program test_files
    call get_command_argument(1, argument)
    if (argument /= '') call commit_under_limit(trim(argument))
 
-   write (scratch, '(a,i0)') '/tmp/beamid-test-files-', c_getpid()
-   call shell('mkdir '//trim(scratch))
+   scratch = own_path('files')
+   call command('mkdir '//scratch)
    call test_paths()
    call test_reading()
    call test_refusals()
@@ -38,7 +32,7 @@ program test_files
    call test_harmless_failure()
    call test_rollback()
    call test_full_disk()
-   call shell('rm -r '//trim(scratch))
+   call command('rm -r '//scratch)
    call finish('files')
 
 contains
@@ -72,8 +66,8 @@ contains
       character(len=:), allocatable :: got
 
       call output%add('bytes', text)
-      call output%commit(trim(scratch), error)
-      if (.not. allocated(error)) call read_text(trim(scratch)//'/bytes', got, error)
+      call output%commit(scratch, error)
+      if (.not. allocated(error)) call read_text(scratch//'/bytes', got, error)
       call check(name//': no error', .not. allocated(error))
       if (allocated(error)) return
       call check(name//': same bytes', len(got) == len(text) .and. got == text)
@@ -84,9 +78,9 @@ contains
       type(error_t), allocatable :: error
       character(len=:), allocatable :: text
 
-      call shell('mkfifo '//trim(scratch)//'/pipe')
-      call shell('truncate -s 1100M '//trim(scratch)//'/huge')
-      call shell('ln -s '//trim(scratch)//'/loop '//trim(scratch)//'/loop')
+      call command('mkfifo '//scratch//'/pipe')
+      call command('truncate -s 1100M '//scratch//'/huge')
+      call command('ln -s '//scratch//'/loop '//scratch//'/loop')
       call refuse('missing', 'no such file')
       call refuse('.', 'is a directory, expected a file')
       call refuse('pipe', 'a pipe or a device')
@@ -97,7 +91,7 @@ contains
       call refuse('/dev/zero', 'a pipe or a device')
       call read_text('', text, error)
       call check('empty path', allocated(error))
-      call shell('rm '//trim(scratch)//'/huge')
+      call command('rm '//scratch//'/huge')
       ! The system gives 0 bytes as the size of this file; it is read to its end all the same.
       call read_text('/proc/self/status', text, error)
       call check('size unknown before', .not. allocated(error) .and. len(text) > 0)
@@ -108,7 +102,7 @@ contains
       type(error_t), allocatable :: error
       character(len=:), allocatable :: text
 
-      call read_text(join_path(trim(scratch), name), text, error)
+      call read_text(join_path(scratch, name), text, error)
       call check('refused: '//words, allocated(error))
       if (.not. allocated(error)) return
       call check('  says so, status 2, one line', error%status == 2 .and. &
@@ -123,13 +117,13 @@ contains
       call output%add('one.csv', 'old')
       call output%add('two.csv', 'second')
       call output%add('one.csv', 'first')
-      call output%commit(trim(scratch)//'/new//deep/folder/', error)
+      call output%commit(scratch//'/new//deep/folder/', error)
       call check('folders are made', .not. allocated(error))
       call check('first file', content('new/deep/folder/one.csv') == 'first')
       call check('second file', content('new/deep/folder/two.csv') == 'second')
       call check('no other file but the manifest', holds('new/deep/folder', 3))
       call output%add('one.csv', 'again')
-      call output%commit(trim(scratch)//'/new/deep/folder', error)
+      call output%commit(scratch//'/new/deep/folder', error)
       call check('written over', content('new/deep/folder/one.csv') == 'again')
       call check('no other file but the manifest', holds('new/deep/folder', 3))
    end subroutine test_writing
@@ -143,7 +137,7 @@ contains
       call output%add('check.csv', '123456789')
       call output%add('empty.csv', '')
       call output%add('bytes', all_bytes)
-      call output%commit(trim(scratch)//'/listed', error)
+      call output%commit(scratch//'/listed', error)
       call check('manifest', content('listed/manifest.txt') == 'name bytes crc32 command'// &
          line_feed//'check.csv 9 cbf43926 run'//line_feed//'empty.csv 0 00000000 run'// &
          line_feed//'bytes 256 29058c73 run'//line_feed, content('listed/manifest.txt'))
@@ -159,18 +153,18 @@ contains
       call other%add('zero.csv', 'zero')
       call other%add('one.csv', 'zero')
       call other%add('late.csv', 'zero')
-      call other%commit(trim(scratch)//'/dated', error, 'other')
+      call other%commit(scratch//'/dated', error, 'other')
       call first%add('one.csv', 'one')
       call first%add('two.csv', 'two')
       call first%add('three.csv', 'three')
-      call first%commit(trim(scratch)//'/dated', error)
-      call shell('cd '//trim(scratch)//' && echo mine >dated/notes.txt && echo more '// &
+      call first%commit(scratch//'/dated', error)
+      call command('cd '//scratch//' && echo mine >dated/notes.txt && echo more '// &
          '>>dated/three.csv && echo more >>dated/late.csv && printf two >two.csv && '// &
          'printf "../%s" '// &
          '"$(grep two dated/manifest.txt)" >line && cat line >>dated/manifest.txt && '// &
          'echo >>dated/manifest.txt && echo nonsense >>dated/manifest.txt')
       call second%add('one.csv', 'another')
-      call second%commit(trim(scratch)//'/dated', error)
+      call second%commit(scratch//'/dated', error)
       call check('written over', .not. allocated(error) .and. content('dated/one.csv') == 'another')
       call check('outdated file is gone', .not. exists('dated/two.csv'))
       call check('changed file stays', exists('dated/three.csv'))
@@ -188,18 +182,18 @@ contains
       type(error_t), allocatable :: error
 
       call output%add('one.csv', 'text')
-      call output%commit(trim(scratch)//'/bytes/out', error)
+      call output%commit(scratch//'/bytes/out', error)
       call check_failed('below a file', error, 2, 'Not a directory')
-      call output%commit(trim(scratch)//'/bytes', error)
+      call output%commit(scratch//'/bytes', error)
       call check_failed('a file itself', error, 2, 'Not a directory')
       call output%commit('/proc/none', error)
       call check_failed('in /proc', error, 2, 'cannot be written')
       ! No file name may have 300 bytes: the second file fails after the first is written.
       call output%add(repeat('n', 300), 'text')
-      call output%commit(trim(scratch)//'/made/for/nothing', error)
+      call output%commit(scratch//'/made/for/nothing', error)
       call check_failed('name too long', error, 2, 'too long')
       call check('made folders are gone', .not. exists('made'))
-      call output%commit(trim(scratch)//'/new/deep/folder', error)
+      call output%commit(scratch//'/new/deep/folder', error)
       call check_failed('name too long, old folder', error, 2, 'too long')
       call check('older file is whole', content('new/deep/folder/one.csv') == 'again')
       call check('no temporary file', holds('new/deep/folder', 3))
@@ -210,13 +204,13 @@ contains
       type(output_t) :: output
       type(error_t), allocatable :: error
 
-      call shell('mkdir -p '//trim(scratch)//'/back/taken')
+      call command('mkdir -p '//scratch//'/back/taken')
       call output%add('old.csv', 'old')
-      call output%commit(trim(scratch)//'/back', error)
+      call output%commit(scratch//'/back', error)
       call output%add('old.csv', 'new')
       call output%add('fresh.csv', 'new')
       call output%add('taken', 'a folder has this name')
-      call output%commit(trim(scratch)//'/back', error)
+      call output%commit(scratch//'/back', error)
       call check_failed('a folder in the way', error, 2, 'directory')
       call check('older file is back', content('back/old.csv') == 'old')
       call check('fresh file is gone', .not. exists('back/fresh.csv'))
@@ -232,9 +226,9 @@ contains
       integer :: code
 
       call output%add('big.csv', 'older')
-      call output%commit(trim(scratch)//'/full', error)
+      call output%commit(scratch//'/full', error)
       call get_command_argument(0, program_name)
-      call execute_command_line('ulimit -f 64; '//trim(program_name)//' '//trim(scratch)//'/full', &
+      call execute_command_line('ulimit -f 64; '//trim(program_name)//' '//scratch//'/full', &
          exitstat=code)
       call check('limit reached: failure, no signal', code == 11)
       call check('older file is whole', content('full/big.csv') == 'older')
@@ -272,14 +266,14 @@ contains
       character(len=:), allocatable :: text
       type(error_t), allocatable :: error
 
-      call read_text(trim(scratch)//'/'//name, text, error)
+      call read_text(scratch//'/'//name, text, error)
       if (allocated(error)) text = '(unreadable)'
    end function content
 
    logical function exists(name)
       character(len=*), intent(in) :: name
 
-      exists = succeeds('test -e '//trim(scratch)//'/'//name)
+      exists = succeeds('test -e '//scratch//'/'//name)
    end function exists
 
    !> Whether a folder has exactly n entries, hidden ones too.
@@ -289,7 +283,7 @@ contains
       character(len=8) :: digits
 
       write (digits, '(i0)') n
-      holds = succeeds('test $(ls -A '//trim(scratch)//'/'//name//' | wc -l) -eq '//digits)
+      holds = succeeds('test $(ls -A '//scratch//'/'//name//' | wc -l) -eq '//digits)
    end function holds
 
    logical function succeeds(command)
@@ -300,10 +294,10 @@ contains
       succeeds = code == 0
    end function succeeds
 
-   subroutine shell(command)
-      character(len=*), intent(in) :: command
+   subroutine command(words)
+      character(len=*), intent(in) :: words
 
-      if (.not. succeeds(command)) call check('command: '//command, .false.)
-   end subroutine shell
+      if (.not. succeeds(words)) call check('command: '//words, .false.)
+   end subroutine command
 
 end program test_files

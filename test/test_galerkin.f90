@@ -4,7 +4,8 @@ program test_galerkin
    use beamid_galerkin, only: galerkin_t, mesh_t, new_galerkin
    use beamid_kinds, only: wp
    use beamid_strings, only: to_text
-   use checks, only: check, check_close, finish
+   use checks, only: check, check_close, finish, of_mesh
+   use dense_matrices, only: dense_of
    implicit none
 
    real(wp), parameter :: eps = epsilon(1.0_wp), length = 1.75_wp
@@ -30,16 +31,6 @@ program test_galerkin
    call finish('galerkin')
 
 contains
-
-   function of(degree, elements, turning) result(text)
-      integer, intent(in) :: degree, elements
-      logical, intent(in), optional :: turning
-      character(len=:), allocatable :: text
-
-      text = 'degree '//to_text(degree)//', N = '//to_text(elements)//': '
-      if (.not. present(turning)) return
-      if (turning) text = text//'turning root, '
-   end function of
 
    !> Enough Gauss points for products of two splines to be integrated exactly.
    type(mesh_t) function exact_mesh(degree, elements)
@@ -117,10 +108,10 @@ contains
       galerkin = new_galerkin(exact_mesh(degree, elements), length, turning)
       ! Romberg's sums of up to 129 terms keep some tens of units of round-off of the largest entry.
       call romberg(galerkin, 0, gram)
-      call check_close(of(degree, elements, turning)//'inertia by Romberg', &
+      call check_close(of_mesh(degree, elements, turning)//'inertia by Romberg', &
          maxval(abs(gram - dense_of(galerkin%inertia)))/maxval(abs(gram)), 0.0_wp, 100*eps)
       call romberg(galerkin, 2, gram)
-      call check_close(of(degree, elements, turning)//'bending by Romberg', &
+      call check_close(of_mesh(degree, elements, turning)//'bending by Romberg', &
          maxval(abs(gram - dense_of(galerkin%bending)))/maxval(abs(gram)), 0.0_wp, 100*eps)
       do k = 1, size(powers)
          theta = romberg_moments(galerkin, powers(k))
@@ -129,23 +120,11 @@ contains
          ! n^-11.
          allowed = 100*eps
          if (abs(powers(k) - nint(powers(k))) > 0) allowed = 100*(degree + 1.0_wp)**(-11)
-         call check_close(of(degree, elements, turning)//'<theta, b_i>, power '// &
+         call check_close(of_mesh(degree, elements, turning)//'<theta, b_i>, power '// &
             to_text(powers(k)), maxval(abs(galerkin%moments(powers(k)) - theta)) &
             /maxval(abs(theta)), 0.0_wp, allowed)
       end do
    end subroutine test_against_romberg
-
-   function dense_of(band) result(dense)
-      type(band_t), intent(in) :: band
-      real(wp) :: dense(band%n, band%n)
-      integer :: i, j
-
-      do j = 1, band%n
-         do i = 1, band%n
-            dense(i, j) = band%element(i, j)
-         end do
-      end do
-   end function dense_of
 
    !> Gram matrix of the derivatives of the given order. On an element the integrands are
    !> polynomials of degree 14 at most: seven extrapolations are exact.
@@ -236,11 +215,11 @@ contains
       inertia = galerkin%inertia
       bending = galerkin%bending
       call inertia%factor(positive)
-      call check(of(degree, elements, turning)//'inertia is positive definite', positive)
+      call check(of_mesh(degree, elements, turning)//'inertia is positive definite', positive)
       ! A root that turns is free to: the spring of the structure holds it.
       if (turning) call bending%add_rank_one(1/length, galerkin%space%at(0.0_wp, 1))
       call bending%factor(positive)
-      call check(of(degree, elements, turning)//'bending is positive definite', positive)
+      call check(of_mesh(degree, elements, turning)//'bending is positive definite', positive)
    end subroutine test_definite
 
    !> The integral by quadrature and the quadratic form are one number.
@@ -256,7 +235,7 @@ contains
       x = [(sin(7.3_wp*k), k=1, galerkin%space%n)]
       form = dot_product(x, galerkin%bending%times(x))
       ! Irregular coefficients: the form does not cancel, but its terms are up to 16 times as large.
-      call check_close(of(degree, elements, turning)//'bending energy', &
+      call check_close(of_mesh(degree, elements, turning)//'bending energy', &
          galerkin%bending_energy(x)/form, 1.0_wp, 200*eps)
    end subroutine test_energy
 
@@ -278,7 +257,7 @@ contains
          ! At least as many points as functions on an element, but none of x**2 exact.
          if (rule == 2) mesh = mesh_t(degree, elements, 1, 2*degree + 2)
          galerkin = new_galerkin(mesh, length, .true.)
-         name = of(degree, elements, .true.)//merge('exact', 'rough', rule == 1)//' rule, '
+         name = of_mesh(degree, elements, .true.)//merge('exact', 'rough', rule == 1)//' rule, '
          factor = galerkin%inertia
          call factor%factor(positive)
          x = length*galerkin%moments(1.0_wp)
@@ -322,7 +301,7 @@ contains
       square(1) = -h**2/18
       ! Fourth differences of coefficients of size l^2/6 cost N^4 units of round-off in the bending
       ! forms; 200 units for sums and for the root.
-      name = of(3, elements)
+      name = of_mesh(3, elements)
       associate (l => length, G => galerkin%inertia, S => galerkin%bending)
          call check_close(name//'<x^2, x^2> = l^5/5', &
             dot_product(square, G%times(square))*5/l**5, 1.0_wp, 200*eps)

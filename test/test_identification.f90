@@ -3,24 +3,18 @@ program test_identification
    use, intrinsic :: iso_c_binding, only: c_size_t
    use beamid_cvode, only: cvode_t
    use beamid_errors, only: error_t, status_failed
-   use beamid_excitation, only: new_pulse
    use beamid_galerkin, only: mesh_t
    use beamid_identification, only: identify, identify_meshes, model_t, score_fits, simulate, &
       simulation_t, stage_fit_t, stage_t
    use beamid_kinds, only: ip, wp
-   use beamid_modal, only: modal_t
    use beamid_noise, only: gaussian_noise
-   use beamid_observation, only: observation_t
    use beamid_strings, only: to_text
    use beamid_parameters, only: free_index
-   use beamid_structure, only: structure_t
-   use beamid_variables, only: unbounded
    use checks, only: check, check_close, finish
+   use hose_model, only: hosed, mesh, truth
+   use models, only: stage_of
    implicit none
 
-   type(structure_t), parameter :: truth = structure_t(length=4, rho=0.03_wp, E=80, I=1, &
-      c_D=0.05_wp, m_T=0.15_wp, m_H=0.04_wp, c_H=0.01_wp, k_H=0.3_wp)
-   type(mesh_t), parameter :: mesh = mesh_t(3, 2, 4, 1)
    integer :: k
    real(wp), parameter :: samples(30) = [(0.1_wp*k, k=1, 30)]
 
@@ -48,28 +42,6 @@ program test_identification
 
 contains
 
-   type(model_t) function model_of(formula, rtol)
-      integer, intent(in) :: formula
-      real(wp), intent(in) :: rtol
-
-      model_of%structure = truth
-      model_of%excitation = new_pulse(1.0_wp, 0.05_wp)
-      model_of%observation = observation_t(formula, 0.1_wp)
-      model_of%solver = cvode_t(rtol=rtol)
-   end function model_of
-
-   !> All of `names` free, from the given starts, positive.
-   type(stage_t) function stage_of(names, start)
-      character(len=*), intent(in) :: names(:)
-      real(wp), intent(in), optional :: start(:)
-      integer :: i
-
-      stage_of%free = [(free_index(names(i)), i=1, size(names))]
-      if (present(start)) stage_of%start = start
-      stage_of%lower = spread(0.0_wp, 1, size(names))
-      stage_of%upper = spread(unbounded, 1, size(names))
-   end function stage_of
-
    subroutine record_of(model, measured)
       type(model_t), intent(in) :: model
       real(wp), allocatable, intent(out) :: measured(:)
@@ -95,7 +67,7 @@ contains
       real(wp), parameter :: exact(3) = [truth%m_H, truth%c_H, truth%k_H]
       integer :: i
 
-      model = model_of(formula, 1e-10_wp)
+      model = hosed(formula, 1e-10_wp)
       call record_of(model, measured)
       call identify(model, mesh, [stage_of(names, exact*[0.8_wp, 1.2_wp, 1.2_wp])], samples, &
          measured, fits, error)
@@ -132,7 +104,7 @@ contains
       type(error_t), allocatable :: error
       real(wp), allocatable :: measured(:)
 
-      model = model_of(1, 1e-9_wp)
+      model = hosed(1, 1e-9_wp)
       call record_of(model, measured)
       model%structure%c_H = 1.2_wp*truth%c_H
       stages(1) = stage_of(['m_H', 'k_H'], [0.8_wp*truth%m_H, 1.2_wp*truth%k_H])
@@ -167,7 +139,7 @@ contains
       real(wp), allocatable :: measured(:)
       integer :: m
 
-      model = model_of(1, 1e-7_wp)
+      model = hosed(1, 1e-7_wp)
       call record_of(model, measured)
       stage = stage_of(['m_H', 'k_H'], [0.8_wp*truth%m_H, 1.2_wp*truth%k_H])
       call identify_meshes(model, meshes, [stage], samples, measured, fits, error)
@@ -188,7 +160,7 @@ contains
       type(stage_fit_t), allocatable :: fits(:)
       type(error_t), allocatable :: error
 
-      model = model_of(1, 1e-7_wp)
+      model = hosed(1, 1e-7_wp)
       stage = stage_of(['m_H', 'k_H'])
       call identify(model, mesh, [stage], samples(:1), [0.1_wp], fits, error)
       call refused('one sample, two parameters', error, 'elements = 2, stage 1: ', &
@@ -207,7 +179,7 @@ contains
       type(error_t), allocatable :: error
       real(wp), allocatable :: measured(:)
 
-      model = exact_model()
+      model = hosed(1)
       call record_of(model, measured)
       call identify_meshes(model, [mesh], [stage_of(['m_H', 'k_H'])], samples, measured, fits, &
          error)
@@ -233,7 +205,7 @@ contains
       real(wp), allocatable :: measured(:)
       integer :: k
 
-      model = exact_model()
+      model = hosed(1)
       call record_of(model, measured)
       do k = 1, size(sd)
          call identify(model, mesh, [stage_of(['gamma'], [1e-3_wp])], samples, &
@@ -264,10 +236,10 @@ contains
       integer :: method, i
 
       stage = stage_of(['m_H', 'k_H'], [0.9_wp*truth%m_H, 1.1_wp*truth%k_H])
-      call record_of(exact_model(), measured)
+      call record_of(hosed(1), measured)
       do method = 1, 2
-         model = exact_model()
-         if (method == 2) model = model_of(1, 1e-8_wp)
+         model = hosed(1)
+         if (method == 2) model = hosed(1, 1e-8_wp)
          do i = 1, 22
             call identify(model, mesh, [stage], samples, measured, fits, error)
             after = memory()
@@ -278,13 +250,6 @@ contains
             to_text(int(before%used, ip))//' and '//to_text(int(after%used, ip))//' bytes')
       end do
    end subroutine test_memory
-
-   !> As `model_of` for the first formula, by the exact response.
-   type(model_t) function exact_model() result(model)
-      model = model_of(1, 1e-8_wp)
-      deallocate (model%solver)
-      allocate (modal_t :: model%solver)
-   end function exact_model
 
    subroutine refused(name, error, first, words)
       character(len=*), intent(in) :: name, first, words

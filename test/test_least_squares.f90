@@ -4,24 +4,16 @@ module problems
    use beamid_errors, only: error_t, failure
    use beamid_kinds, only: wp
    use beamid, only: monitor_t, problem_t
+   use regressions, only: boxbod, regression_t
    implicit none
    private
 
-   public :: nist_t, mistaken_t, rosenbrock_t, edge_t, line_t, history_t
+   public :: mistaken, mistaken_t, rosenbrock_t, edge_t, line_t, history_t
 
-   !> NIST StRD nonlinear regression.
-   type, extends(problem_t) :: nist_t
-      character(len=7) :: name = ''
-      real(wp), allocatable :: x(:), y(:)
-   contains
-      procedure :: residuals => nist_residuals
-   end type nist_t
-
-   !> The same with derivatives of its own for b1 (1 - exp(-b2 x)), a mistake in them.
-   type, extends(nist_t) :: mistaken_t
+   !> A regression with a mistake in its derivatives.
+   type, extends(regression_t) :: mistaken_t
       integer :: mistake = 0
    contains
-      procedure :: has_jacobian => mistaken_has
       procedure :: jacobian => mistaken_jacobian
    end type mistaken_t
 
@@ -60,28 +52,14 @@ module problems
 
 contains
 
-   subroutine nist_residuals(self, parameters, r, error)
-      class(nist_t), intent(inout) :: self
-      real(wp), intent(in) :: parameters(:)
-      real(wp), intent(out) :: r(:)
-      type(error_t), allocatable, intent(out) :: error
+   !> BoxBOD with a mistake.
+   function mistaken(mistake) result(problem)
+      integer, intent(in) :: mistake
+      type(mistaken_t) :: problem
 
-      if (size(r) /= size(self%y)) call failure(error, 'wrong number of residuals')
-      associate (b => parameters, x => self%x)
-         select case (self%name)
-         case ('MGH09')
-            r = b(1)*(x**2 + b(2)*x)/(x**2 + b(3)*x + b(4)) - self%y
-         case default
-            r = b(1)*(1 - exp(-b(2)*x)) - self%y
-         end select
-      end associate
-   end subroutine nist_residuals
-
-   pure logical function mistaken_has(self)
-      class(mistaken_t), intent(in) :: self
-
-      mistaken_has = self%mistake >= 0
-   end function mistaken_has
+      problem%regression_t = boxbod(.true.)
+      problem%mistake = mistake
+   end function mistaken
 
    !> mistake  1: the sign of a column; 2: of all; 3: a column times x; 4: none of it; 5: divided
    !>          by x; 6: twice as large
@@ -91,19 +69,15 @@ contains
       real(wp), intent(out) :: r(:), jac(:, :)
       type(error_t), allocatable, intent(out) :: error
 
-      call self%residuals(parameters, r, error)
-      associate (b => parameters, x => self%x)
-         jac(:, 1) = 1 - exp(-b(2)*x)
-         jac(:, 2) = b(1)*x*exp(-b(2)*x)
-         select case (self%mistake)
-         case (1); jac(:, 2) = -jac(:, 2)
-         case (2); jac = -jac
-         case (3); jac(:, 2) = jac(:, 2)*x
-         case (4); jac(:, 2) = 0
-         case (5); jac(:, 2) = jac(:, 2)/x
-         case (6); jac(:, 2) = 2*jac(:, 2)
-         end select
-      end associate
+      call self%regression_t%jacobian(parameters, r, jac, error)
+      select case (self%mistake)
+      case (1); jac(:, 2) = -jac(:, 2)
+      case (2); jac = -jac
+      case (3); jac(:, 2) = jac(:, 2)*self%x
+      case (4); jac(:, 2) = 0
+      case (5); jac(:, 2) = jac(:, 2)/self%x
+      case (6); jac(:, 2) = 2*jac(:, 2)
+      end select
    end subroutine mistaken_jacobian
 
    subroutine rosenbrock_residuals(self, parameters, r, error)
@@ -171,24 +145,9 @@ program test_least_squares
    use beamid_strings, only: to_text
    use beamid_variables, only: new_variable, unbounded, variable_t
    use checks, only: check, check_close, finish
-   use problems, only: edge_t, history_t, line_t, mistaken_t, nist_t, rosenbrock_t
+   use problems, only: edge_t, history_t, line_t, mistaken, mistaken_t, rosenbrock_t
+   use regressions, only: boxbod, mgh09, misra1a, regression_t
    implicit none
-
-   !> NIST StRD, public data and certified values.
-   real(wp), parameter :: misra_y(14) = [10.07_wp, 14.73_wp, 17.94_wp, 23.93_wp, 29.61_wp, &
-      35.18_wp, 40.02_wp, 44.82_wp, 50.76_wp, 55.05_wp, 61.01_wp, 66.40_wp, 75.47_wp, 81.78_wp], &
-      misra_x(14) = [77.6_wp, 114.9_wp, 141.1_wp, 190.8_wp, 239.9_wp, 289.0_wp, 332.8_wp, &
-      378.4_wp, 434.8_wp, 477.3_wp, 536.8_wp, 593.1_wp, 689.1_wp, 760.0_wp], &
-      misra_b(2) = [2.3894212918e+02_wp, 5.5015643181e-04_wp], misra_rss = 1.2455138894e-01_wp
-   real(wp), parameter :: mgh_y(11) = [0.1957_wp, 0.1947_wp, 0.1735_wp, 0.1600_wp, 0.0844_wp, &
-      0.0627_wp, 0.0456_wp, 0.0342_wp, 0.0323_wp, 0.0235_wp, 0.0246_wp], &
-      mgh_x(11) = [4.0_wp, 2.0_wp, 1.0_wp, 0.5_wp, 0.25_wp, 0.167_wp, 0.125_wp, 0.1_wp, 0.0833_wp, &
-      0.0714_wp, 0.0625_wp], &
-      mgh_b(4) = [1.9280693458e-01_wp, 1.9128232873e-01_wp, 1.2305650693e-01_wp, &
-      1.3606233068e-01_wp], mgh_rss = 3.0750560385e-04_wp
-   real(wp), parameter :: box_y(6) = [109.0_wp, 149.0_wp, 149.0_wp, 191.0_wp, 213.0_wp, 224.0_wp], &
-      box_x(6) = [1.0_wp, 2.0_wp, 3.0_wp, 5.0_wp, 7.0_wp, 10.0_wp], &
-      box_b(2) = [2.1380940889e+02_wp, 5.4723748542e-01_wp], box_rss = 1.1680088766e+03_wp
 
    call test_nist()
    call test_box_trap()
@@ -225,57 +184,50 @@ contains
 
       do k = 0, 1
          associate (positive => k == 1)
-            call nist('Misra1a', misra_x, misra_y, [500.0_wp, 1e-4_wp], misra_b, misra_rss, &
-               positive, default, 1e-6_wp)
-            call nist('Misra1a', misra_x, misra_y, [250.0_wp, 5e-4_wp], misra_b, misra_rss, &
-               positive, default, 1e-6_wp)
-            call nist('Misra1a', misra_x, misra_y, [500.0_wp, 1e-4_wp], misra_b, misra_rss, &
-               positive, tight, 1e-7_wp)
-            call nist('MGH09', mgh_x, mgh_y, [0.25_wp, 0.39_wp, 0.415_wp, 0.39_wp], mgh_b, &
-               mgh_rss, positive, default, 3e-5_wp)
-            call nist('MGH09', mgh_x, mgh_y, [0.25_wp, 0.39_wp, 0.415_wp, 0.39_wp], mgh_b, &
-               mgh_rss, positive, tight, 1e-6_wp)
-            call nist('BoxBOD', box_x, box_y, [100.0_wp, 0.75_wp], box_b, box_rss, positive, &
-               default, 5e-6_wp)
-            call nist('BoxBOD', box_x, box_y, [100.0_wp, 0.75_wp], box_b, box_rss, positive, &
-               tight, 1e-6_wp)
+            call nist(misra1a(.false.), [500.0_wp, 1e-4_wp], positive, default, 1e-6_wp)
+            call nist(misra1a(.false.), [250.0_wp, 5e-4_wp], positive, default, 1e-6_wp)
+            call nist(misra1a(.false.), [500.0_wp, 1e-4_wp], positive, tight, 1e-7_wp)
+            call nist(mgh09(.false.), [0.25_wp, 0.39_wp, 0.415_wp, 0.39_wp], positive, default, &
+               3e-5_wp)
+            call nist(mgh09(.false.), [0.25_wp, 0.39_wp, 0.415_wp, 0.39_wp], positive, tight, &
+               1e-6_wp)
+            call nist(boxbod(.false.), [100.0_wp, 0.75_wp], positive, default, 5e-6_wp)
+            call nist(boxbod(.false.), [100.0_wp, 0.75_wp], positive, tight, 1e-6_wp)
          end associate
       end do
-      call nist('MGH09', mgh_x, mgh_y, [25.0_wp, 39.0_wp, 41.5_wp, 39.0_wp], mgh_b, mgh_rss, &
-         .false., default, 3e-5_wp)
-      call nist('MGH09', mgh_x, mgh_y, [25.0_wp, 39.0_wp, 41.5_wp, 39.0_wp], mgh_b, mgh_rss, &
-         .false., tight, 1e-6_wp)
+      call nist(mgh09(.false.), [25.0_wp, 39.0_wp, 41.5_wp, 39.0_wp], .false., default, 3e-5_wp)
+      call nist(mgh09(.false.), [25.0_wp, 39.0_wp, 41.5_wp, 39.0_wp], .false., tight, 1e-6_wp)
    end subroutine test_nist
 
    !> Parameters to `allowed`, relative; J, stationary at the minimum, is certified to 11 digits and
    !> must be right to 1e-10 of the fit's tolerance twice over.
-   subroutine nist(name, x, y, starts, certified, rss, positive, tolerance, allowed)
-      character(len=*), intent(in) :: name
-      real(wp), intent(in) :: x(:), y(:), starts(:), certified(:), rss, tolerance, allowed
+   subroutine nist(regression, starts, positive, tolerance, allowed)
+      type(regression_t), intent(in) :: regression
+      real(wp), intent(in) :: starts(:), tolerance, allowed
       logical, intent(in) :: positive
-      type(nist_t) :: problem
+      type(regression_t) :: problem
       type(fit_t) :: result
       type(error_t), allocatable :: error
       character(len=:), allocatable :: title
       integer :: k
 
-      title = name//' from '//to_text(starts(1))
+      problem = regression
+      title = trim(problem%name)//' from '//to_text(starts(1))
       if (positive) title = title//', positive'
       title = title//', tolerance '//to_text(tolerance)//': '
-      problem = nist_t(name, x, y)
-      call fit(problem, size(y), variables(starts, positive), options_t(tolerance=tolerance), &
-         result, error)
+      call fit(problem, size(problem%y), variables(starts, positive), &
+         options_t(tolerance=tolerance), result, error)
       if (allocated(error)) then
          call check(title//'converges', .false., error%message)
          return
       end if
-      do k = 1, size(certified)
-         call check_close(title//'b'//to_text(k), result%estimate(k)/certified(k), 1.0_wp, allowed)
+      do k = 1, size(problem%b)
+         call check_close(title//'b'//to_text(k), result%estimate(k)/problem%b(k), 1.0_wp, allowed)
       end do
-      call check_close(title//'J', result%J/rss, 1.0_wp, 2e-10_wp)
+      call check_close(title//'J', result%J/problem%J, 1.0_wp, 2e-10_wp)
       ! A fit reports the residuals of its estimate, and nothing else.
       call check_close(title//'J is the sum of squares', result%J, sum(result%residual**2), &
-         1e-12_wp*rss)
+         1e-12_wp*problem%J)
       ! z = 1 gives back the start to round-off.
       call check_close(title//'start', maxval(abs(result%start/starts - 1)), 0.0_wp, 1e-12_wp)
       call check(title//'counts', result%iterations > 1 .and. &
@@ -288,26 +240,26 @@ contains
    !> 9771. That b2 has lost its effect is seen, and a search with shorter steps finds the minimum,
    !> to the digits of `test_nist`. With both parameters positive none does, and that is said.
    subroutine test_box_trap()
-      type(nist_t) :: problem
+      type(regression_t) :: problem
       type(fit_t) :: result
       type(error_t), allocatable :: error
       integer :: k
 
-      problem = nist_t('BoxBOD', box_x, box_y)
-      call fit(problem, size(box_y), variables([1.0_wp, 1.0_wp], .false.), options_t(), result, &
-         error)
+      problem = boxbod(.false.)
+      call fit(problem, size(problem%y), variables([1.0_wp, 1.0_wp], .false.), options_t(), &
+         result, error)
       call check('BoxBOD from (1, 1): converges', .not. allocated(error))
       if (allocated(error)) return
       do k = 1, 2
-         call check_close('BoxBOD from (1, 1): b'//to_text(k), result%estimate(k)/box_b(k), &
+         call check_close('BoxBOD from (1, 1): b'//to_text(k), result%estimate(k)/problem%b(k), &
             1.0_wp, 5e-6_wp)
       end do
-      call check_close('BoxBOD from (1, 1): J', result%J/box_rss, 1.0_wp, 2e-10_wp)
+      call check_close('BoxBOD from (1, 1): J', result%J/problem%J, 1.0_wp, 2e-10_wp)
       call check('BoxBOD from (1, 1): said how', index(result%reason, 'shorter steps') > 0, &
          result%reason)
       call check_close('BoxBOD from (1, 1): the start is the first', &
          maxval(abs(result%start - 1)), 0.0_wp, 1e-12_wp)
-      call fit(problem, size(box_y), variables([1.0_wp, 1.0_wp], .true.), options_t(), result, &
+      call fit(problem, size(problem%y), variables([1.0_wp, 1.0_wp], .true.), options_t(), result, &
          error)
       call fails('BoxBOD from (1, 1), positive', error, 'had an effect at the start have none')
    end subroutine test_box_trap
@@ -323,8 +275,8 @@ contains
       integer :: k
 
       do k = 0, 6
-         problem = mistaken_t('BoxBOD', box_x, box_y, mistake=k)
-         call fit(problem, size(box_y), variables([100.0_wp, 0.75_wp], .false.), options_t(), &
+         problem = mistaken(k)
+         call fit(problem, size(problem%y), variables([100.0_wp, 0.75_wp], .false.), options_t(), &
             result, error)
          if (k > 0) then
             call fails('wrong derivatives '//to_text(k), error, 'disagrees with differences')
@@ -335,8 +287,8 @@ contains
          end if
       end do
       do k = 1, 3
-         problem = mistaken_t('BoxBOD', box_x, box_y, mistake=k)
-         call fit(problem, size(box_y), variables([100.0_wp, 0.75_wp], .false.), &
+         problem = mistaken(k)
+         call fit(problem, size(problem%y), variables([100.0_wp, 0.75_wp], .false.), &
             options_t(check=.false.), result, error)
          call fails('wrong derivatives '//to_text(k)//', not compared', error, &
             'the derivatives promise a J')

@@ -8,13 +8,12 @@ program test_measured_beam
    use beamid_galerkin, only: mesh_t
    use beamid_identification, only: identify, model_t, stage_fit_t, stage_t
    use beamid_kinds, only: wp
-   use beamid_modal, only: modal_t
    use beamid_parameters, only: free_index, offset
    use beamid_records, only: load_recording, note_length, recording_t
    use beamid_strings, only: to_text
    use beamid_structure, only: sensor_t, structure_t
-   use beamid_variables, only: unbounded
    use checks, only: check, check_close, finish, skip
+   use models, only: model_of, stage_of
    implicit none
 
    character(len=*), parameter :: path = &
@@ -35,7 +34,7 @@ program test_measured_beam
       call skip('measured beam', 'there is no '//path)
    else
       call load(error)
-      if (.not. allocated(error)) call identify(model, mesh, [stage_from(nominal, .false.)], &
+      if (.not. allocated(error)) call identify(model, mesh, [stage_of(names, nominal, .true.)], &
          [experiment], fits, error)
       call check('the record is fitted', .not. allocated(error))
       if (.not. allocated(error)) then
@@ -56,9 +55,9 @@ contains
       type(recording_t) :: recording
       character(len=note_length), allocatable :: notes(:)
 
-      model%structure = structure_t(length=0.5_wp, rho=0.27_wp, E=nominal(1), &
-         I=0.05_wp*0.002_wp**3/12, c_D=nominal(3), gamma=nominal(4), sensor=sensor_t(m_S=nominal(2), x_S=0.44_wp))
-      allocate (modal_t :: model%solver)
+      model = model_of(structure_t(length=0.5_wp, rho=0.27_wp, E=nominal(1), &
+         I=0.05_wp*0.002_wp**3/12, c_D=nominal(3), gamma=nominal(4), &
+         sensor=sensor_t(m_S=nominal(2), x_S=0.44_wp)), new_free(2))
       recording%path = path
       recording%scale = g
       recording%window%t_first = 1
@@ -71,20 +70,6 @@ contains
       fewer%samples = fewer%samples(::4)
       fewer%measured = fewer%measured(::4)
    end subroutine load
-
-   function stage_from(start, automatic) result(stage)
-      real(wp), intent(in) :: start(:)
-      logical, intent(in) :: automatic
-      type(stage_t) :: stage
-      integer :: k
-
-      stage%free = [(free_index(names(k)), k=1, size(names))]
-      stage%start = start
-      stage%lower = spread(0.0_wp, 1, size(names))
-      stage%upper = spread(unbounded, 1, size(names))
-      stage%offset = .true.
-      stage%automatic = automatic
-   end function stage_from
 
    !> An independent fit found 6.4e10, 4 g, 6.051 and 39.08 Hz, damping ratios .0039 and .0042.
    subroutine test_estimates()
@@ -184,7 +169,7 @@ contains
    subroutine test_elements()
       type(stage_fit_t), allocatable :: finer(:)
 
-      call identify(model, mesh_t(3, 12, 4, 1), [stage_from(fits(1)%fit%estimate, .false.)], &
+      call identify(model, mesh_t(3, 12, 4, 1), [stage_of(names, fits(1)%fit%estimate, .true.)], &
          [experiment], finer, error)
       call check('twelve elements: the fit converges', .not. allocated(error))
       if (allocated(error)) return
@@ -202,7 +187,8 @@ contains
       real(wp) :: start(4)
       integer :: k, bits, reached
 
-      call identify(model, mesh, [stage_from(fits(1)%fit%estimate, .false.)], [fewer], best, error)
+      call identify(model, mesh, [stage_of(names, fits(1)%fit%estimate, .true.)], [fewer], best, &
+         error)
       call check('every fourth sample: the fit converges', .not. allocated(error))
       if (allocated(error)) return
       call check('every fourth sample: the same parameters', all(abs(best(1)%fit%estimate - &
@@ -238,7 +224,8 @@ contains
       do k = 1, size(start)
          call there%structure%set(free_index(names(k)), start(k))
       end do
-      stage = stage_from(start, automatic)
+      stage = stage_of(names, start, .true.)
+      stage%automatic = automatic
       if (automatic) deallocate (stage%start)
       call identify(there, mesh, [stage], [fewer], found, error)
       reaches = .not. allocated(error)

@@ -3,7 +3,9 @@
 !> with status 0, 1 or 2 in reasonable time, and writes finite numbers or nothing.
 program test_mutations
    use beamid_kinds, only: ip
+   use beamid_strings, only: to_text
    use checks, only: check, finish, skip
+   use random_numbers, only: pick, start_random
    use shell, only: close_shell, exists, line_count, open_shell, outcome_t, program_path, &
       read_file, &
       replaced, run, write_file
@@ -49,7 +51,6 @@ program test_mutations
    character(len=*), parameter :: patience = '20'
 
    character(len=:), allocatable :: reason
-   integer(ip) :: state = 1
    integer :: k, first
 
    call open_shell(reason)
@@ -86,28 +87,28 @@ contains
       type(outcome_t) :: outcome
       integer :: k, status, faults, counts(0:2)
 
-      outcome = run('seq '//digits(first)//' '//digits(first + plan%number - 1)//' | xargs mkdir')
+      outcome = run('seq '//to_text(first)//' '//to_text(first + plan%number - 1)//' | xargs mkdir')
       do k = 1, plan%number
          call write_mutation(plan, first + k - 1, stories(k))
       end do
       ! One thread each, as many at a time as there are processors.
-      outcome = run('export OMP_NUM_THREADS=1; seq '//digits(first)//' '// &
-         digits(first + plan%number - 1)//' | xargs -P "$(nproc)" -I "{}" sh one.sh "{}"')
+      outcome = run('export OMP_NUM_THREADS=1; seq '//to_text(first)//' '// &
+         to_text(first + plan%number - 1)//' | xargs -P "$(nproc)" -I "{}" sh one.sh "{}"')
       call check(trim(plan%command)//', '//trim(plan%file)//': all were run', outcome%status == 0, &
          outcome%err)
       counts = 0
       faults = 0
       do k = 1, plan%number
-         call judge(digits(first + k - 1)//'/', status, fault)
+         call judge(to_text(first + k - 1)//'/', status, fault)
          if (status >= 0 .and. status <= 2) counts(status) = counts(status) + 1
          if (fault == '') cycle
          faults = faults + 1
-         call check('mutation '//digits(first + k - 1)//', '//trim(plan%command)//', '// &
+         call check('mutation '//to_text(first + k - 1)//', '//trim(plan%command)//', '// &
             trim(plan%file), &
             .false., trim(stories(k))//':'//fault)
       end do
       write (detail, '(3(a,i0))') 'status 0: ', counts(0), ', 1: ', counts(1), ', 2: ', counts(2)
-      call check(trim(plan%command)//', '//trim(plan%file)//': '//digits(plan%number)// &
+      call check(trim(plan%command)//', '//trim(plan%file)//': '//to_text(plan%number)// &
          ' mutations', &
          faults == 0, trim(detail))
       call check(trim(plan%command)//', '//trim(plan%file)//': some accepted, some refused', &
@@ -122,8 +123,8 @@ contains
       character(len=*), intent(out) :: story
       character(len=:), allocatable :: folder, case, record, force
 
-      state = mod(16807_ip*16807*seed, 2147483647_ip)
-      folder = digits(seed)//'/'
+      call start_random(int(mod(16807_ip*16807*seed, 2147483647_ip)), 16807)
+      folder = to_text(seed)//'/'
       case = case_text
       record = record_text
       force = force_text
@@ -152,12 +153,12 @@ contains
       integer :: times, k, at, length
 
       story = ''
-      times = 1 + max(0, random(6) - 3)
+      times = max(1, pick(6) - 3)
       do k = 1, times
          if (len(text) < 2) return
          at = place(text)
-         length = min(1 + random(12), len(text) - at + 1)
-         select case (random(9))
+         length = min(pick(12), len(text) - at + 1)
+         select case (pick(9) - 1)
          case (0)
             text = text(:at - 1)//text(at + 1:)
             call tell(story, at, 'dropped')
@@ -169,7 +170,7 @@ contains
             text = text(:at - 1)//text(at + 1:at + 1)//text(at:at)//text(at + 2:)
             call tell(story, at, 'swapped with the next')
          case (3)
-            if (random(4) == 0) text = text(:at - 1)
+            if (pick(4) == 1) text = text(:at - 1)
             call tell(story, at, 'end of the text, or nothing')
          case (4)
             text = text(:at - 1)//text(at + length:)
@@ -178,7 +179,7 @@ contains
             text = text(:at + length - 1)//text(at:)
             call tell(story, at, 'doubled with some behind')
          case (6)
-            text(at:at) = char(random(256))
+            text(at:at) = char(pick(256) - 1)
             call tell(story, at, 'any byte')
          case (7)
             text(at:at) = likely()
@@ -197,7 +198,7 @@ contains
       integer, intent(in) :: at
       character(len=*), intent(in) :: what
 
-      story = trim(story)//' byte '//digits(at)//' '//what//';'
+      story = trim(story)//' byte '//to_text(at)//' '//what//';'
    end subroutine tell
 
    !> A position: of any byte, or of a digit.
@@ -205,8 +206,8 @@ contains
       character(len=*), intent(in) :: text
       integer :: next
 
-      place = 1 + random(len(text))
-      if (random(2) == 0) return
+      place = pick(len(text))
+      if (pick(2) == 1) return
       next = scan(text(place:), '0123456789')
       if (next > 0) place = place + next - 1
    end function place
@@ -217,7 +218,7 @@ contains
          achar(13)
       integer :: k
 
-      k = 1 + random(len(letters))
+      k = pick(len(letters))
       likely = letters(k:k)
    end function likely
 
@@ -228,16 +229,8 @@ contains
          'e-20', &
          'e99', 'e-99', 'e300', 'e-300', 'e999']
 
-      text = trim(exponents(1 + random(size(exponents))))
+      text = trim(exponents(pick(size(exponents))))
    end function exponent
-
-   !> 0 .. n - 1, by Park and Miller's generator.
-   integer function random(n)
-      integer, intent(in) :: n
-
-      state = mod(16807*state, 2147483647_ip)
-      random = int(mod(state/8, int(n, ip)))
-   end function random
 
    !> What a run did wrong; '' for nothing.
    subroutine judge(folder, status, fault)
@@ -266,7 +259,7 @@ contains
       case (124)
          fault = ' hangs;'
       case default
-         fault = ' status '//digits(status)//';'
+         fault = ' status '//to_text(status)//';'
       end select
       if (fault /= '') fault = fault//' '//message(:min(len(message), 300))
    end subroutine judge
@@ -286,14 +279,5 @@ contains
             index(text, '**') > 0
       end do
    end function not_finite
-
-   pure function digits(i) result(text)
-      integer, intent(in) :: i
-      character(len=:), allocatable :: text
-      character(len=12) :: buffer
-
-      write (buffer, '(i0)') i
-      text = trim(buffer)
-   end function digits
 
 end program test_mutations

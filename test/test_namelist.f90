@@ -1,12 +1,14 @@
 !> Case files: what is accepted has the values that are written there, and one mistake gives exactly
 !> one line.
 program test_namelist
-   use beamid_kinds, only: wp, ip
+   use beamid_kinds, only: wp
    use beamid_errors, only: error_t
    use beamid_blocks, only: block_t
    use beamid_namelist, only: group_t, scan_namelist
    use beamid_refusals, only: refusals_t
    use checks, only: check, check_close, finish
+   use damaged_texts, only: any_byte, damage, doubled, dropped, exchanged, likely_byte, other
+   use random_numbers, only: pick, start_random
    implicit none
 
    character(len=*), parameter :: lf = achar(10), cr = achar(13), tab = achar(9), &
@@ -33,8 +35,8 @@ program test_namelist
 
    type(group_t), parameter :: groups(*) = [group_t('beam', required=.true.), group_t('tip'), &
       group_t('mesh'), group_t('record'), group_t('stage', may_repeat=.true.)]
-   integer(ip) :: state = 20240607_ip
 
+   call start_random(20240607, 16807)
    call test_valid()
    call test_forms()
    call test_extremes()
@@ -318,37 +320,13 @@ contains
    !> A byte dropped, doubled, replaced, exchanged with its neighbour, or a stretch cut out.
    subroutine mutate(text)
       character(len=:), allocatable, intent(inout) :: text
-      character(len=*), parameter :: likely = '&/=,''"!().*%+-eE0 $#'//lf//cr//tab
-      character(len=1) :: letter
-      integer :: at
+      integer :: at, way
 
       if (len(text) < 20) return
-      at = pick(len(text) - 1)
-      letter = text(at:at)
-      select case (pick(7))
-      case (1)
-         text = text(:at - 1)//text(at + 1:)
-      case (2)
-         text = text(:at)//text(at:)
-      case (3)
-         text(at:at) = char(pick(256) - 1)
-      case (4:5)
-         text(at:at) = likely(pick(len(likely)):)
-      case (6)
-         text(at:at) = text(at + 1:at + 1)
-         text(at + 1:at + 1) = letter
-      case (7)
-         text = text(:at)//text(min(at + pick(20), len(text)):)
-      end select
+      call damage(text, [dropped, doubled, any_byte, likely_byte, likely_byte, exchanged, other], &
+         '&/=,''"!().*%+-eE0 $#'//lf//cr//tab, at, way)
+      if (way == other) text = text(:at)//text(min(at + pick(20), len(text)):)
    end subroutine mutate
-
-   !> A number from 1 to n: Lehmer's generator, the same in every run.
-   integer function pick(n)
-      integer, intent(in) :: n
-
-      state = mod(16807_ip*state, 2147483647_ip)
-      pick = int(mod(state, int(n, ip))) + 1
-   end function pick
 
    !> Reads a text with groups and keys of its own.
    subroutine read_text(path, text, blocks, got, error)

@@ -3,12 +3,13 @@ program test_numbers
    use beamid_kinds, only: wp, ip
    use beamid_numbers, only: parse_number
    use checks, only: check, finish
+   use random_numbers, only: pick, start_random
    implicit none
 
-   integer(ip) :: state = 20240607_ip
    integer :: wrong
    character(len=:), allocatable :: first_wrong
 
+   call start_random(20240607, 16807)
    call test_random()
    call test_halves()
    call test_edges()
@@ -159,13 +160,5 @@ contains
 
       letter = letters(mod(k, 4) + 1:)
    end function letter
-
-   !> A number from 1 to n: Lehmer's generator, the same in every run.
-   integer function pick(n)
-      integer, intent(in) :: n
-
-      state = mod(16807_ip*state, 2147483647_ip)
-      pick = int(mod(state, int(n, ip))) + 1
-   end function pick
 
 end program test_numbers

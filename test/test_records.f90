@@ -1,33 +1,27 @@
 !> Records as they come: columns, separators, windows, gaps, and what is refused.
 program test_records
-   use, intrinsic :: iso_c_binding, only: c_int
    use beamid_errors, only: error_t
    use beamid_outputs, only: output_t
    use beamid_kinds, only: wp
    use beamid_records, only: load_recording, note_length, read_record, recording_t
    use beamid_series, only: part_t, read_series, series_t
    use checks, only: check, check_close, finish
+   use shell, only: own_path
    implicit none
-
-   interface
-      integer(c_int) function c_getpid() bind(c, name='getpid')
-         import :: c_int
-      end function c_getpid
-   end interface
 
    character(len=*), parameter :: nl = achar(10), cr = achar(13), tab = achar(9), &
       mark = char(239)//char(187)//char(191)
    !> Three columns; all numbers are exact in binary.
    character(len=*), parameter :: three = 'time,Temp,acc'//nl//'0,20,1'//nl//'0.5,21,-2'//nl// &
       '1.25,22,4'//nl
-   character(len=60) :: scratch
+   character(len=:), allocatable :: scratch
 
    !> What came of a record.
    real(wp), allocatable :: t(:), z(:)
    character(len=note_length), allocatable :: notes(:)
    character(len=:), allocatable :: message
 
-   write (scratch, '(a,i0)') '/tmp/beamid-test-records-', c_getpid()
+   scratch = own_path('records')
    call test_columns()
    call test_separators()
    call test_bad_columns()
@@ -37,7 +31,7 @@ program test_records
    call test_calibration()
    call test_refused_windows()
    call test_bad_rows()
-   call execute_command_line('rm -r '//trim(scratch))
+   call execute_command_line('rm -r '//scratch)
    call finish('records')
 
 contains
@@ -179,7 +173,7 @@ contains
       call check('long record: first and last', maxval(abs(t([1, 5000]) - &
          [20001*1e-3_wp, 25000*1e-3_wp])) <= 0 .and. &
          maxval(abs(z([1, 5000]) - [cos(0.1_wp*20001), cos(0.1_wp*25000)])) <= 0)
-      recording%path = trim(scratch)//'/record.csv'
+      recording%path = scratch//'/record.csv'
       call read_series(recording%path, [' ', ' '], ['t', 'z'], part_t(20.0005_wp, 25.0_wp, 7), &
          series, error)
       call check('read_series: no error', .not. allocated(error))
@@ -240,7 +234,7 @@ contains
       character(len=*), parameter :: moving = '0,1'//nl//'1,2'//nl//'2,1'//nl
 
       call refused('constant signal', '0,4'//nl//'1,4'//nl//'2,4'//nl, recording, &
-         'place: '//trim(scratch)//'/record.csv: found a constant signal (4 in all 3 samples')
+         'place: '//scratch//'/record.csv: found a constant signal (4 in all 3 samples')
       limited%clip_low = 2.5_wp
       call refused('all at the limit', moving, limited, &
          'found all 3 samples of the window at the sensor''s limit (2.5)')
@@ -296,10 +290,10 @@ contains
       type(output_t) :: output
 
       call output%add('record.csv', text)
-      call output%commit(trim(scratch), error)
+      call output%commit(scratch, error)
       if (allocated(error)) error stop 'scratch folder'
       written = recording
-      written%path = trim(scratch)//'/record.csv'
+      written%path = scratch//'/record.csv'
       call load_recording(written, t, z, notes, error, place='place: ')
       message = ''
       if (allocated(error)) message = error%message

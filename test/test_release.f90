@@ -4,7 +4,7 @@ program test_release
    use beamid_cases, only: case_t, needs_fit, needs_response, read_case
    use beamid_cvode, only: cvode_t
    use beamid_errors, only: error_t
-   use beamid_excitation, only: excitation_t, new_force_table, new_pulse, new_release
+   use beamid_excitation, only: excitation_t, new_force_table, new_release
    use beamid_experiments, only: apparatus_t, experiment_t, new_apparatus
    use beamid_galerkin, only: mesh_t
    use beamid_identification, only: identify, model_t, simulate, simulation_t, stage_fit_t, stage_t
@@ -12,7 +12,8 @@ program test_release
    use beamid_modal, only: modal_t
    use beamid_noise, only: gaussian_noise
    use beamid_observation, only: observation_t
-   use beamid_parameters, only: amplitude, free_index, free_names, get_free, parameter_names, set_free
+   use beamid_parameters, only: amplitude, free_index, free_names, get_free, parameter_names, &
+      set_free
    use beamid_responses, only: response_t, solver_t
    use beamid_strings, only: to_text
    use beamid_structure, only: at_tip, of_length, of_x_S, rigid, sensor_t, structure_t

@@ -3,7 +3,7 @@ program test_splines
    use beamid_kinds, only: wp
    use beamid_splines, only: new_spline_space, spline_space_t
    use beamid_strings, only: to_text
-   use checks, only: check, check_close, finish
+   use checks, only: check, check_close, finish, of_mesh
    implicit none
 
    interface
@@ -41,17 +41,6 @@ program test_splines
 
 contains
 
-   !> "p = 3, N = 5", for the names of the checks.
-   function of(degree, elements, turning) result(text)
-      integer, intent(in) :: degree, elements
-      logical, intent(in), optional :: turning
-      character(len=:), allocatable :: text
-
-      text = 'degree '//to_text(degree)//', N = '//to_text(elements)//': '
-      if (.not. present(turning)) return
-      if (turning) text = text//'turning root, '
-   end function of
-
    !> Dimension N + degree - 2; b_i(0) = b_i'(0) = 0 for every i, b_i''(0) not for all of them.
    subroutine test_root(degree, elements)
       integer, intent(in) :: degree, elements
@@ -59,17 +48,17 @@ contains
       real(wp) :: curvature, scale
 
       space = new_spline_space(degree, elements, length)
-      call check(of(degree, elements)//'dimension', space%n == elements + degree - 2 .and. &
+      call check(of_mesh(degree, elements)//'dimension', space%n == elements + degree - 2 .and. &
          size(space%at(0.0_wp, 0)) == space%n, to_text(space%n))
       ! Three terms of size degree! or less cancel, with coefficients up to some tens for degree 7:
       ! a hundred units of round-off of degree!.
       scale = 100*eps*gamma(degree + 1.0_wp)
-      call check_close(of(degree, elements)//'values at the root', &
+      call check_close(of_mesh(degree, elements)//'values at the root', &
          maxval(abs(space%at(0.0_wp, 0))), 0.0_wp, scale)
-      call check_close(of(degree, elements)//'slopes at the root', &
+      call check_close(of_mesh(degree, elements)//'slopes at the root', &
          maxval(abs(space%at(0.0_wp, 1))), 0.0_wp, scale*elements/length)
       curvature = maxval(abs(space%at(0.0_wp, 2)))
-      call check(of(degree, elements)//'curvature at the root', &
+      call check(of_mesh(degree, elements)//'curvature at the root', &
          curvature > gamma(degree + 1.0_wp)*(elements/length)**2/2, 'largest '//to_text(curvature))
    end subroutine test_root
 
@@ -110,7 +99,7 @@ contains
       end do
       ! Truncated powers cancel: the largest, near the centre, is about ((p+1)/2)^p; some of them,
       ! and coefficients up to some tens in the root combinations: a hundred units of its round-off.
-      call check_close(of(degree, elements)//'against truncated powers', largest, 0.0_wp, &
+      call check_close(of_mesh(degree, elements)//'against truncated powers', largest, 0.0_wp, &
          100*eps*((degree + 1)/2.0_wp)**degree)
    end subroutine test_truncated_powers
 
@@ -156,14 +145,14 @@ contains
 
       space = new_spline_space(degree, elements, length, .true.)
       clamped = new_spline_space(degree, elements, length, .false.)
-      call check(of(degree, elements, .true.)//'dimension', space%n == clamped%n + 1 .and. &
+      call check(of_mesh(degree, elements, .true.)//'dimension', space%n == clamped%n + 1 .and. &
          clamped%n == elements + degree - 2, to_text(space%n))
       ! As in test_root.
-      call check_close(of(degree, elements, .true.)//'values at the root', &
+      call check_close(of_mesh(degree, elements, .true.)//'values at the root', &
          maxval(abs(space%at(0.0_wp, 0))), 0.0_wp, 100*eps*gamma(degree + 1.0_wp))
       slope = space%at(0.0_wp, 1)/(elements/length)
-      call check(of(degree, elements, .true.)//'slopes at the root', abs(slope(1)) > 0.1_wp .and. &
-         maxval(abs(slope(2:))) <= 100*eps*gamma(degree + 1.0_wp), to_text(slope(1)))
+      call check(of_mesh(degree, elements, .true.)//'slopes at the root', abs(slope(1)) > 0.1_wp &
+         .and. maxval(abs(slope(2:))) <= 100*eps*gamma(degree + 1.0_wp), to_text(slope(1)))
       largest = 0
       do k = 0, 7*elements
          x = k*length/(7*elements)
@@ -171,9 +160,10 @@ contains
             largest = max(largest, maxval(abs(tail(space, x, order) - clamped%at(x, order))))
          end do
       end do
-      call check_close(of(degree, elements, .true.)//'others as clamped', largest, 0.0_wp, 0.0_wp)
+      call check_close(of_mesh(degree, elements, .true.)//'others as clamped', largest, 0.0_wp, &
+         0.0_wp)
       ! The first lives on two elements.
-      if (elements > 2) call check(of(degree, elements, .true.)// &
+      if (elements > 2) call check(of_mesh(degree, elements, .true.)// &
          'first function vanishes beyond its support', all([( &
          abs(head(space, k*length/elements)) <= 0, k=(degree + 1)/2, elements)]))
    end subroutine test_turning
@@ -226,8 +216,9 @@ contains
          end do
          ! Values of size 2^(order-1) degree! (N/l)^(order-1), times 3 for the root combinations,
          ! lose 2 sum|weights|/step = 34 units of round-off; factor 4 for the evaluation itself.
-         call check_close(of(degree, elements, turning)//'derivative '//to_text(order), largest, &
-            0.0_wp, 400*eps*2.0_wp**(order - 1)*gamma(degree + 1.0_wp)*(elements/length)**order)
+         call check_close(of_mesh(degree, elements, turning)//'derivative '//to_text(order), &
+            largest, 0.0_wp, 400*eps*2.0_wp**(order - 1)*gamma(degree + 1.0_wp) &
+            *(elements/length)**order)
       end do
    end subroutine test_derivatives
 
@@ -254,10 +245,10 @@ contains
          end do
          if (order < degree) then
             ! Both sides are sums of the same few terms: some units of round-off of the size above.
-            call check_close(of(degree, elements, turning)//'continuity of derivative '// &
+            call check_close(of_mesh(degree, elements, turning)//'continuity of derivative '// &
                to_text(order), largest, 0.0_wp, 40*eps*unit)
          else
-            call check(of(degree, elements, turning)// &
+            call check(of_mesh(degree, elements, turning)// &
                'the highest derivative jumps at every knot', &
                least > 0.1_wp*unit, 'least jump '//to_text(least))
          end if
@@ -319,7 +310,7 @@ contains
       ! on one element allows its derivatives (2N/l)^d T_p^(d)(1) |e|, with Chebyshev's polynomial,
       ! T_p^(d)(1) = product of (p^2 - k^2)/(2k + 1), k < d.
       do order = 0, degree - 1
-         call check_close(of(degree, elements, turning)//'x^2 .. x^p, derivative '// &
+         call check_close(of_mesh(degree, elements, turning)//'x^2 .. x^p, derivative '// &
             to_text(order), merge(largest(order), huge(x), info == 0), 0.0_wp, &
             16*eps*(2*elements/length)**order &
             *product([((degree**2 - k**2)/(2*k + 1.0_wp), k=0, order - 1)]))
@@ -367,14 +358,14 @@ contains
          space = new_spline_space(3, meshes(m), length)
          tip = space%at(length, 0)
          ! Four terms of at most 4.
-         call check_close(of(3, meshes(m))//'tip = w_{N-1} + 4 w_N + w_{N+1}', maxval(abs(tip &
+         call check_close(of_mesh(3, meshes(m))//'tip = w_{N-1} + 4 w_N + w_{N+1}', maxval(abs(tip &
             - [spread(0.0_wp, 1, meshes(m) - 2), 1.0_wp, 4.0_wp, 1.0_wp])), 0.0_wp, 20*eps)
       end do
       space = new_spline_space(3, 2, length)
-      call check_close(of(3, 2)//'tip = -2 w_1 + 4 w_2 + w_3', &
+      call check_close(of_mesh(3, 2)//'tip = -2 w_1 + 4 w_2 + w_3', &
          maxval(abs(space%at(length, 0) - [-2.0_wp, 4.0_wp, 1.0_wp])), 0.0_wp, 20*eps)
       space = new_spline_space(3, 1, length)
-      call check_close(of(3, 1)//'tip = -7 w_1 + w_2', &
+      call check_close(of_mesh(3, 1)//'tip = -7 w_1 + w_2', &
          maxval(abs(space%at(length, 0) - [-7.0_wp, 1.0_wp])), 0.0_wp, 40*eps)
    end subroutine test_tip
 

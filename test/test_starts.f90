@@ -8,18 +8,16 @@ program test_starts
    use beamid_galerkin, only: mesh_t
    use beamid_identification, only: identify, model_t, simulate, simulation_t, stage_fit_t
    use beamid_kinds, only: wp
-   use beamid_modal, only: modal_t
    use beamid_multistart, only: identify_from_many, minimum_t, multistart_t
    use beamid_noise, only: gaussian_noise, uniform_noise
    use beamid_observation, only: observation_t
-   use beamid_parameters, only: free_index
    use beamid_records, only: note_length
    use beamid_spectra, only: decay_of, find_lines, line_t
    use beamid_strings, only: to_text
    use beamid_structure, only: sensor_t, structure_t
    use beamid_unknowns, only: stage_t
-   use beamid_variables, only: unbounded
    use checks, only: check, check_close, finish
+   use models, only: model_of, stage_of
    implicit none
 
    !> An aluminium strip of half a metre with a sensor of 5 g near its tip, SI.
@@ -79,29 +77,13 @@ contains
       type(simulation_t) :: simulation
       integer :: k
 
-      model%structure = strip
-      model%excitation = new_release(0.02_wp, 0.0_wp, .true.)
-      model%observation = observation_t()
-      allocate (modal_t :: model%solver)
+      model = model_of(strip, new_release(0.02_wp, 0.0_wp, .true.), observation_t())
       experiment%samples = [(0.3_wp + k*1e-3_wp, k=1, m)] + 3e-4_wp*uniform_noise(m, 8)
       call simulate(model, mesh_t(elements=8), experiment%samples, simulation, error)
       if (allocated(error)) return
       experiment%measured = simulation%acceleration + 0.4_wp + gaussian_noise(m, 0.1_wp, 21)
       experiment%excitation = new_free(2)
    end subroutine record_of_strip
-
-   function stage_of(names, start) result(stage)
-      character(len=*), intent(in) :: names(:)
-      real(wp), intent(in) :: start(:)
-      type(stage_t) :: stage
-      integer :: k
-
-      stage%free = [(free_index(names(k)), k=1, size(names))]
-      stage%start = start
-      stage%lower = spread(0.0_wp, 1, size(names))
-      stage%upper = spread(unbounded, 1, size(names))
-      stage%offset = .true.
-   end function stage_of
 
    !> From values off by factors of three to thirty the automatic start leads to the minimum that
    !> the truth leads to.
@@ -118,7 +100,7 @@ contains
       call record_of_strip(experiment, model, error)
       call check('record of the strip', .not. allocated(error))
       if (allocated(error)) return
-      stage = stage_of(names, truth)
+      stage = stage_of(names, truth, .true.)
       call identify(model, mesh_t(elements=8), [stage], [experiment], known, error)
       call check('from the truth', .not. allocated(error))
       if (allocated(error)) return
@@ -156,8 +138,7 @@ contains
       if (allocated(error)) return
       experiment%excitation = model%excitation
       model%structure%rho = 1e12_wp
-      stage = stage_of(['E'], [6.5e10_wp])
-      deallocate (stage%start)
+      stage = stage_of(['E'], offset=.true.)
       stage%automatic = .true.
       call identify(model, mesh_t(elements=8), [stage], [experiment], fits, error)
       call check('no period: refused', allocated(error))
@@ -179,7 +160,7 @@ contains
          model%structure%c_D = 0
          model%structure%gamma = 0
          model%structure%E = strip%E*1e4_wp**k
-         call identify(model, mesh_t(elements=8), [stage_of(['E'], [model%structure%E])], &
+         call identify(model, mesh_t(elements=8), [stage_of(['E'], [model%structure%E], .true.)], &
             [experiment], fits, error)
          call check('frequencies a hundred times off, '//to_text(k)//': refused', &
             allocated(error))
@@ -246,7 +227,6 @@ contains
       experiment%measured = simulation%acceleration + gaussian_noise(2500, 0.1_wp, 4)
       experiment%excitation = model%excitation
       stage = stage_of(['E'], [6.51e10_wp])
-      stage%offset = .false.
       call identify(model, mesh_t(elements=8), [stage], [experiment], fits, error)
       call check('E alone', .not. allocated(error))
       if (allocated(error)) return

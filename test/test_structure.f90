@@ -1,6 +1,5 @@
 !> The structure and its equations: bands, energies, loads, refused values, parameters by name.
 program test_structure
-   use beamid_bands, only: band_t
    use beamid_equations, only: equations_t, new_equations
    use beamid_errors, only: error_t, status_bad_input
    use beamid_excitation, only: excitation_t, new_pulse
@@ -10,7 +9,8 @@ program test_structure
    use beamid_strings, only: to_text
    use beamid_parameters, only: check_structure, free_index, magnitude, parameter_names, parameters
    use beamid_structure, only: of_x_S, structure_t
-   use checks, only: check, check_close, finish
+   use checks, only: check, check_close, finish, of_mesh
+   use dense_matrices, only: dense_of
    implicit none
 
    real(wp), parameter :: eps = epsilon(1.0_wp)
@@ -35,25 +35,6 @@ program test_structure
 
 contains
 
-   function of(degree, elements) result(text)
-      integer, intent(in) :: degree, elements
-      character(len=:), allocatable :: text
-
-      text = 'degree '//to_text(degree)//', N = '//to_text(elements)//': '
-   end function of
-
-   function dense_of(band) result(dense)
-      type(band_t), intent(in) :: band
-      real(wp) :: dense(band%n, band%n)
-      integer :: i, j
-
-      do j = 1, band%n
-         do i = 1, band%n
-            dense(i, j) = band%element(i, j)
-         end do
-      end do
-   end function dense_of
-
    !> M, C, K of (3.11) assembled densely from the Gram matrices: same entries, same bandwidth.
    subroutine test_matrices(degree, elements)
       integer, intent(in) :: degree, elements
@@ -66,7 +47,7 @@ contains
       galerkin = new_galerkin(mesh_t(degree, elements, degree + 1, 1), assembly%length)
       equations = new_equations(galerkin, assembly, new_pulse(1.0_wp, 1.0_wp))
       n = galerkin%space%n + 1
-      call check(of(degree, elements)//'unknowns with the hose', equations%n == n)
+      call check(of_mesh(degree, elements)//'unknowns with the hose', equations%n == n)
       allocate (gram(n, n), bending(n, n), b(n), d(n), source=0.0_wp)
       gram(:n - 1, :n - 1) = dense_of(galerkin%inertia)
       bending(:n - 1, :n - 1) = dense_of(galerkin%bending)
@@ -78,22 +59,22 @@ contains
       damping = assembly%c_D*assembly%I*bending + assembly%c_H*outer(d)
       stiffness = assembly%E*assembly%I*bending + assembly%k_H*outer(d)
       ! An entry is two products and a sum on both sides.
-      call check_close(of(degree, elements)//'M', &
+      call check_close(of_mesh(degree, elements)//'M', &
          maxval(abs(dense_of(equations%mass) - mass))/maxval(abs(mass)), 0.0_wp, 4*eps)
-      call check_close(of(degree, elements)//'C', &
+      call check_close(of_mesh(degree, elements)//'C', &
          maxval(abs(dense_of(equations%damping) - damping))/maxval(abs(damping)), 0.0_wp, 4*eps)
-      call check_close(of(degree, elements)//'K', maxval(abs(dense_of(equations%stiffness) &
+      call check_close(of_mesh(degree, elements)//'K', maxval(abs(dense_of(equations%stiffness) &
          - stiffness))/maxval(abs(stiffness)), 0.0_wp, 4*eps)
       ! The hose does not widen the band; a matrix of order n has no more than n - 1.
       expected = min(degree, n - 1)
-      call check(of(degree, elements)//'half-bandwidth of K', &
+      call check(of_mesh(degree, elements)//'half-bandwidth of K', &
          equations%stiffness%half_bandwidth() == expected .and. bandwidth(stiffness) == expected, &
          to_text(equations%stiffness%half_bandwidth()))
-      call check(of(degree, elements)//'half-bandwidth of C', &
+      call check(of_mesh(degree, elements)//'half-bandwidth of C', &
          equations%damping%half_bandwidth() == expected .and. bandwidth(damping) == expected)
       ! In M the hose stands alone: one less where the band reaches the corner only with it.
       expected = min(degree, n - 2)
-      call check(of(degree, elements)//'half-bandwidth of M', &
+      call check(of_mesh(degree, elements)//'half-bandwidth of M', &
          equations%mass%half_bandwidth() == expected .and. bandwidth(mass) == expected, &
          to_text(equations%mass%half_bandwidth()))
    end subroutine test_matrices
@@ -154,16 +135,16 @@ contains
          kinetic = s%rho*squared + s%m_T*tip**2 + s%m_H*y**2
       end associate
       ! Irregular coefficients: no more cancellation than the root combinations of degree 7 bring.
-      call check_close(of(degree, elements)//'potential energy', &
+      call check_close(of_mesh(degree, elements)//'potential energy', &
          dot_product(x, equations%stiffness%times(x))/potential, 1.0_wp, 200*eps)
-      call check_close(of(degree, elements)//'strain_energy', &
+      call check_close(of_mesh(degree, elements)//'strain_energy', &
          equations%strain_energy(x)/potential, 1.0_wp, 200*eps)
-      call check_close(of(degree, elements)//'dissipation', &
+      call check_close(of_mesh(degree, elements)//'dissipation', &
          dot_product(x, equations%damping%times(x))/loss, 1.0_wp, 200*eps)
-      call check_close(of(degree, elements)//'kinetic energy', &
+      call check_close(of_mesh(degree, elements)//'kinetic energy', &
          dot_product(x, equations%mass%times(x))/kinetic, 1.0_wp, 200*eps)
-      call check_close(of(degree, elements)//'observer', dot_product(equations%observer, x), tip, &
-         200*eps*gamma(degree + 1.0_wp))
+      call check_close(of_mesh(degree, elements)//'observer', dot_product(equations%observer, x), &
+         tip, 200*eps*gamma(degree + 1.0_wp))
    end subroutine test_energies
 
    !> Point load b(l); distributed load theta(l) b(l) + <theta, b>, theta = (x/l)^3; none on the
@@ -183,7 +164,7 @@ contains
       equations = new_equations(galerkin, assembly, excitation)
       load = galerkin%space%at(assembly%length, 0)
       scale = maxval(abs(load))
-      call check_close(of(degree, elements)//'point load, hose free', &
+      call check_close(of_mesh(degree, elements)//'point load, hose free', &
          maxval(abs(equations%load - [load, 0.0_wp])), 0.0_wp, 4*eps*scale)
       rule = gauss_legendre(12)
       do e = 0, elements - 1
@@ -198,7 +179,7 @@ contains
       excitation%power = 3
       equations = new_equations(galerkin, assembly, excitation)
       ! Sums of numbers of the size of the basis.
-      call check_close(of(degree, elements)//'distributed load', &
+      call check_close(of_mesh(degree, elements)//'distributed load', &
          maxval(abs(equations%load - [load, 0.0_wp])), 0.0_wp, 40*eps*scale)
    end subroutine test_loads
 
@@ -218,18 +199,18 @@ contains
       with_hose = new_equations(galerkin, assembly, new_pulse(1.0_wp, 1.0_wp))
       without = new_equations(galerkin, bare, new_pulse(1.0_wp, 1.0_wp))
       n = without%n
-      call check(of(degree, elements)//'one unknown fewer', n == with_hose%n - 1 .and. &
+      call check(of_mesh(degree, elements)//'one unknown fewer', n == with_hose%n - 1 .and. &
          n == galerkin%space%n .and. size(without%load) == n .and. size(without%observer) == n)
       mass = dense_of(with_hose%mass)
       stiffness = dense_of(with_hose%stiffness)
       ! The same operations: identical.
-      call check_close(of(degree, elements)//'M without the hose', &
+      call check_close(of_mesh(degree, elements)//'M without the hose', &
          maxval(abs(dense_of(without%mass) - mass(:n, :n))), 0.0_wp, 0.0_wp)
       ! k_H and c_H of a hose without mass act on nothing: only the beam's stiffness is left.
-      call check_close(of(degree, elements)//'K without the hose', &
+      call check_close(of_mesh(degree, elements)//'K without the hose', &
          maxval(abs(dense_of(without%stiffness) - bare%E*bare%I*dense_of(galerkin%bending))), &
          0.0_wp, 0.0_wp)
-      call check(of(degree, elements)//'the hose is felt', maxval(abs(stiffness(:n, :n) &
+      call check(of_mesh(degree, elements)//'the hose is felt', maxval(abs(stiffness(:n, :n) &
          - dense_of(without%stiffness))) > assembly%k_H/2)
    end subroutine test_no_hose
 

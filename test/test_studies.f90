@@ -2,11 +2,11 @@
 program test_studies
    use beamid
    use checks, only: check, check_close, finish, skip
-   use shell, only: close_shell, exists, has_all, line_count, open_shell, outcome_t, program_path, &
-      read_file, replaced, run, scratch
+   use shell, only: close_shell, line_count, open_shell, outcome_t, program_path, read_file, &
+      replaced, run, scratch
+   use tables, only: line_of => line, number
    implicit none
 
-   character(len=*), parameter :: line_feed = achar(10)
    type(error_t), allocatable :: error
 
    call test_gains()
@@ -147,40 +147,6 @@ contains
       if (outcome%status == 0) call test_minimisers(read_file('c/minimisers.csv'))
       call close_shell()
    end subroutine test_program
-
-   !> Line k of a text.
-   function line_of(text, k) result(line)
-      character(len=*), intent(in) :: text
-      integer, intent(in) :: k
-      character(len=:), allocatable :: line
-      integer :: first, length, j
-
-      first = 1
-      line = ''
-      do j = 1, k
-         length = index(text(first:), line_feed) - 1
-         if (length < 0) return
-         if (j == k) line = text(first:first + length - 1)
-         first = first + length + 1
-      end do
-   end function line_of
-
-   !> Number in column k of a line; NaN, which passes no check, where there is none.
-   real(wp) function number(line, k)
-      character(len=*), intent(in) :: line
-      integer, intent(in) :: k
-      integer :: first, last, j, status
-
-      first = 1
-      do j = 2, k
-         first = first + index(line(first:)//',', ',')
-      end do
-      number = -huge(number)
-      if (first > len(line)) return
-      last = first + index(line(first:)//',', ',') - 2
-      read (line(first:last), *, iostat=status) number
-      if (status /= 0) number = -huge(number)
-   end function number
 
    !> The paper's order: (3.13) worse than (4.2), this worse than (4.1), at every tolerance, with
    !> and without c_D; by at least 3, where 6 and more are seen. Every error falls from 1e-3 to

@@ -52,7 +52,6 @@ end module mistakes
 !> The tables of parameters and terms: every row is whole, and the check of derivatives that a fit
 !> makes finds a derivative that is not that of the model, whichever parameter it belongs to.
 program test_terms
-   use, intrinsic :: iso_fortran_env, only: int64
    use beamid_assembly, only: assembly_t, new_assembly
    use beamid_blocks, only: block_t
    use beamid_case_files, only: list_keys
@@ -75,32 +74,20 @@ program test_terms
    use beamid_variables, only: new_variable, unbounded, variable_t
    use checks, only: check, check_close, finish, in_long_run
    use mistakes, only: mistaken_t
+   use random_numbers, only: decades, start_random, uniform
    implicit none
 
    !> Parameters of a structure with two sensors and two supports, and their places.
    integer, parameter :: n = n_single + 12
    integer :: places(n)
 
-   integer(int64) :: state = 20250707
-
+   call start_random(20250707)
    call test_rows()
    call test_derivatives()
    call test_mistakes(merge(1000, 12, in_long_run()))
    call finish('terms')
 
 contains
-
-   real(wp) function uniform()
-      state = modulo(48271_int64*state, 2147483647_int64)
-      uniform = real(state, wp)/2147483647
-   end function uniform
-
-   !> Evenly distributed in decades, between two powers of ten.
-   real(wp) function decades(low, high)
-      real(wp), intent(in) :: low, high
-
-      decades = 10**(low + (high - low)*uniform())
-   end function decades
 
    !> A beam whose parameters all have a value: the first frequency about 1, the others within
    !> decades of what is moderate.
@@ -203,8 +190,8 @@ contains
       call check('length matters', any(abs(strength_slopes(s, s%length, of_length)) > 0))
    end subroutine test_derivatives
 
-   !> Random structures, parameters over four decades, every one of them free: no right derivative is
-   !> found to be mistaken, and every one that is 0, or off by 1 %, is, unless it hardly counts:
+   !> Random structures, parameters over four decades, every one of them free: no right derivative
+   !> is found to be mistaken, and every one that is 0, or off by 1 %, is, unless it hardly counts:
    !> a motion changes by less than 1e-5 when the parameter doubles.
    subroutine test_mistakes(structures)
       integer, intent(in) :: structures

@@ -1,14 +1,15 @@
 !> Every k-th sample behind a low-pass filter: what passes, what is stopped, what is left out.
 program test_thinning
-   use beamid_kinds, only: wp, ip
+   use beamid_kinds, only: wp
    use beamid_thinning, only: margin_of, thin_out, thinned_t
    use checks, only: check, check_close, finish
+   use random_numbers, only: start_random, uniform
    implicit none
 
    real(wp), parameter :: pi = acos(-1.0_wp), rate = 4000
    integer, parameter :: n = 20000
-   integer(ip) :: state = 20240607_ip
 
+   call start_random(20240607, 16807)
    call test_tones(0.0_wp, 2, 'even stamps')
    call test_tones(0.0_wp, 10, 'even stamps')
    call test_tones(0.2_wp, 4, 'stamps off by 20 %')
@@ -198,11 +199,5 @@ contains
          t(j) = (t(j) + jitter*(2*uniform() - 1))/rate
       end do
    end function stamps
-
-   !> A number from 0 to 1: Lehmer's generator, the same in every run.
-   real(wp) function uniform()
-      state = mod(16807_ip*state, 2147483647_ip)
-      uniform = state/2147483647.0_wp
-   end function uniform
 
 end program test_thinning

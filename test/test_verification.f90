@@ -1,29 +1,22 @@
 !> What an integrator's error may do to estimates, and what the program says of it.
 program test_verification
-   use beamid_cvode, only: cvode_t
    use beamid_errors, only: error_t, status_failed
    use beamid_excitation, only: new_pulse
    use beamid_experiments, only: experiment_t, new_apparatus
-   use beamid_galerkin, only: mesh_t
    use beamid_identification, only: identify, model_t, simulate, simulation_t, stage_fit_t, stage_t
    use beamid_kinds, only: wp
    use beamid_least_squares, only: fit, fit_t, options_t
-   use beamid_modal, only: modal_t
    use beamid_noise, only: gaussian_noise
-   use beamid_observation, only: observation_t
-   use beamid_parameters, only: free_index
    use beamid_residuals, only: residual_t
    use beamid_strings, only: to_text
-   use beamid_structure, only: structure_t
    use beamid_unknowns, only: quantity_t, variables_of
-   use beamid_variables, only: unbounded, variable_t
+   use beamid_variables, only: variable_t
    use beamid_verification, only: exact_counterpart, verify_integrator
    use checks, only: check, check_close, finish
+   use hose_model, only: hosed, mesh, truth
+   use models, only: stage_of
    implicit none
 
-   type(structure_t), parameter :: truth = structure_t(length=4, rho=0.03_wp, E=80, I=1, &
-      c_D=0.05_wp, m_T=0.15_wp, m_H=0.04_wp, c_H=0.01_wp, k_H=0.3_wp)
-   type(mesh_t), parameter :: mesh = mesh_t(3, 2, 4, 1)
    integer :: k
    real(wp), parameter :: samples(40) = [(0.1_wp*k, k=1, 40)]
 
@@ -34,29 +27,6 @@ program test_verification
 
 contains
 
-   type(model_t) function model_of(rtol)
-      real(wp), intent(in), optional :: rtol
-
-      model_of%structure = truth
-      model_of%excitation = new_pulse(1.0_wp, 0.05_wp)
-      model_of%observation = observation_t(1, 0.1_wp)
-      allocate (modal_t :: model_of%solver)
-      if (.not. present(rtol)) return
-      deallocate (model_of%solver)
-      model_of%solver = cvode_t(rtol=rtol)
-   end function model_of
-
-   type(stage_t) function stage_of(names, start)
-      character(len=*), intent(in) :: names(:)
-      real(wp), intent(in) :: start(:)
-      integer :: i
-
-      stage_of%free = [(free_index(names(i)), i=1, size(names))]
-      stage_of%start = start
-      stage_of%lower = spread(0.0_wp, 1, size(names))
-      stage_of%upper = spread(unbounded, 1, size(names))
-   end function stage_of
-
    !> Exact accelerations, of some ten ft/s^2, and noise.
    function record_of(sd) result(measured)
       real(wp), intent(in) :: sd
@@ -64,7 +34,7 @@ contains
       type(simulation_t) :: simulation
       type(error_t), allocatable :: error
 
-      call simulate(model_of(), mesh, samples, simulation, error)
+      call simulate(hosed(1), mesh, samples, simulation, error)
       measured = simulation%acceleration + gaussian_noise(size(samples), sd, 3)
    end function record_of
 
@@ -86,13 +56,13 @@ contains
 
       stage = stage_of(['c_D', 'm_H', 'c_H', 'k_H'], [0.04_wp, 0.035_wp, 0.008_wp, 0.35_wp])
       do j = 1, size(sd)
-         call identify(model_of(), mesh, [stage], samples, record_of(sd(j)), exact, error)
+         call identify(hosed(1), mesh, [stage], samples, record_of(sd(j)), exact, error)
          call check('the exact fit converges', .not. allocated(error))
          if (allocated(error)) return
          call check('no integrator, nothing moved', exact(1)%moved < 0)
          do i = 1, size(rtol)
             name = 'noise '//to_text(sd(j))//', rtol = '//to_text(rtol(i))
-            call identify(model_of(rtol(i)), mesh, [stage], samples, record_of(sd(j)), found, error)
+            call identify(hosed(1, rtol(i)), mesh, [stage], samples, record_of(sd(j)), found, error)
             if (allocated(error)) then
                call check(name//': refused', i < size(rtol) .and. &
                   error%status == status_failed .and. (index(error%message, 'error of '// &
@@ -132,7 +102,7 @@ contains
       problem%world%excitations = [experiments(1)%excitation]
       problem%free = stage%free
       problem%record = [(0, i=1, size(stage%free))]
-      model = model_of(rtol)
+      model = hosed(1, rtol)
       call new_apparatus(experiments(1), truth, mesh, model%observation, model%solver, &
          problem%parts(1), error)
       call exact_counterpart(problem, experiments, mesh, model%observation, exact)

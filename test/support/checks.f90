@@ -2,10 +2,11 @@
 module checks
    use, intrinsic :: iso_fortran_env, only: output_unit
    use beamid_kinds, only: wp
+   use beamid_strings, only: to_text
    implicit none
    private
 
-   public :: check, check_close, skip, finish, in_long_run
+   public :: check, check_close, skip, finish, in_long_run, of_mesh
 
    integer :: passed = 0, failed = 0, skipped = 0
 
@@ -46,6 +47,17 @@ contains
       skipped = skipped + 1
       write (output_unit, '(4a)') 'skip  ', name, ' | ', reason
    end subroutine skip
+
+   !> "degree 3, N = 5: ", for the names of checks.
+   function of_mesh(degree, elements, turning) result(text)
+      integer, intent(in) :: degree, elements
+      logical, intent(in), optional :: turning
+      character(len=:), allocatable :: text
+
+      text = 'degree '//to_text(degree)//', N = '//to_text(elements)//': '
+      if (.not. present(turning)) return
+      if (turning) text = text//'turning root, '
+   end function of_mesh
 
    !> Whether $BEAMID_LONG_TESTS asks for what takes too long for every day.
    logical function in_long_run()

@@ -4,7 +4,7 @@ module shell
    implicit none
    private
 
-   public :: outcome_t, open_shell, close_shell, program_path, scratch, beamid, run
+   public :: outcome_t, open_shell, close_shell, program_path, scratch, beamid, run, own_path
    public :: write_file, read_file, exists, remove_tree, in_scratch, line_count, replaced, has_all
 
    character(len=*), parameter :: line_feed = achar(10)
@@ -61,6 +61,16 @@ contains
       reason = 'no program: BEAMID_PROGRAM names none, and build/gfortran_*/app holds none'
       call close_shell()
    end subroutine open_shell
+
+   !> A place in /tmp that no other test and no other run of this one uses.
+   function own_path(name) result(path)
+      character(len=*), intent(in) :: name
+      character(len=:), allocatable :: path
+      character(len=12) :: process
+
+      write (process, '(i0)') c_getpid()
+      path = '/tmp/beamid-test-'//name//'-'//trim(process)
+   end function own_path
 
    !> Removes the scratch folder.
    subroutine close_shell()

@@ -1,0 +1,225 @@
+!> Bad records and force tables, one row each, and what a case says of a record.
+program test_bad_records
+   use bad_cases, only: accepted, case_text, force_text, nl, pulse, record_text, refused, &
+      refused_case, refused_force, refused_record
+   use checks, only: finish, skip
+   use shell, only: close_shell, open_shell, replaced
+   implicit none
+
+   character(len=:), allocatable :: reason
+
+   call open_shell(reason)
+   if (reason /= '') then
+      call skip('bad records', reason)
+   else
+      call test_window()
+      call test_window_of_fit()
+      call test_record_keys()
+      call test_several_records()
+      call test_record_rows()
+      call test_record_files()
+      call test_force_table()
+      call close_shell()
+   end if
+   call finish('bad_records')
+
+contains
+
+   subroutine test_window()
+      character(len=*), parameter :: place = '11: &record ', &
+         grid = '11: &record: found no grid|expected t_first, t_last and t_step'
+
+      call refused('t_step 0', 't_step=0.1', 't_step=0', place//'t_step: found 0|above 0')
+      call refused('t_step negative', 't_step=0.1', 't_step=-0.1', place// &
+         't_step: found -0.1|above 0')
+      call refused('t_last < t_first', 't_last=0.6', 't_last=0.05', place// &
+         't_last: found 0.05|t_first = 0.1')
+      call refused('t_step 0', 't_step=0.1', 't_step=0', place//'t_step: found 0|above 0', &
+         command='simulate')
+      call refused('t_last < t_first', 't_last=0.6', 't_last=0.05', place// &
+         't_last: found 0.05|t_first = 0.1', command='simulate')
+      call refused('no t_first', 't_first=0.1,', '', grid, command='simulate')
+      call refused('no t_last', 't_last=0.6,', '', grid, command='simulate')
+      call refused('no t_step', ', t_step=0.1', '', grid, command='simulate')
+      call refused('5 million samples', 't_step=0.1', 't_step=1e-7', place// &
+         't_step: found|samples|expected at most 1000000', command='simulate')
+      call refused('10**300 samples', 't_step=0.1', 't_step=1e-300', place// &
+         't_step: found|samples|expected at most 1000000', command='simulate')
+   end subroutine test_window
+
+   subroutine test_window_of_fit()
+      character(len=*), parameter :: place = '11: &record|record.csv|'
+
+      call refused('window before the record', 't_first=0.1', 't_first=0.0', place// &
+         'found samples from 0.1 to 0.6|expected the window from 0 to 0.6')
+      call refused('window behind the record', 't_last=0.6', 't_last=0.7', place// &
+         'found samples from 0.1 to 0.6|expected the window from 0.1 to 0.7')
+      call refused('window apart', 't_first=0.1, t_last=0.6', 't_first=7, t_last=9', place// &
+         'found samples from 0.1 to 0.6|expected the window from 7 to 9')
+      call refused('times between the samples', 't_step=0.1', 't_step=0.05', place// &
+         'found no sample at t = 0.15|every step of 0.05')
+      call refused('times shifted', 't_first=0.1', 't_first=0.12', place// &
+         'found no sample at t = 0.12|every step of 0.1')
+      call refused('5 million samples', 't_step=0.1', 't_step=1e-7', place// &
+         'found|samples|expected at most 1000000')
+      call refused('no sample in the window', 't_first=0.1, t_last=0.6, t_step=0.1', &
+         't_first=0.32, t_last=0.38', place//'found no sample')
+   end subroutine test_window_of_fit
+
+   !> Columns, limits and thinning.
+   subroutine test_record_keys()
+      character(len=*), parameter :: place = '11: &record ', step = ', t_step=0.1', &
+         file = 'file=''record.csv'''
+
+      call refused('unknown column', file, file//', value_column=''accel''', &
+         'record.csv: found the columns ''t'', ''acceleration''|value_column = ''accel''', file='')
+      call refused('column 3 of 2', file, file//', value_column=''3''', &
+         'record.csv: found 2 columns|value_column = ''3''', file='')
+      call refused('one column for both', file, file//', time_column=''2''', &
+         'record.csv: found column 2 as time_column and as value_column|expected two', file='')
+      call refused('empty name of a column', file, file//', time_column=''''', place// &
+         'time_column: found ''''|expected the name of a column')
+      call refused('a name of 101 characters', file, file//', value_column='''// &
+         repeat('x', 101)//'''', place//'value_column: found|of at most 100 characters')
+      call refused('a column without quotes', file, file//', value_column=2', place// &
+         'value_column: found ''2''|expected text in quotes')
+      call refused('thin 1', step, ', thin=1', place//'thin: found 1|expected 2 to')
+      call refused('thin 0', step, ', thin=0', place//'thin: found 0|expected 2 to')
+      call refused('thin 2.5', step, ', thin=2.5', place//'thin: found ''2.5''|expected an integer')
+      call refused('thin beside t_step', step, step//', thin=2', place// &
+         't_step: found a value|expected none beside thin')
+      call refused('record shorter than the filter', step, ', thin=2', &
+         '11: &record: |record.csv: found no sample for which the filter of thin = 2')
+      call refused('limits in the wrong order', step, step//', clip_low=1, clip_high=-1', place// &
+         'clip_high: found -1|expected more than clip_low = 1')
+      call refused('all at the limit', step, step//', clip_high=-2', &
+         '11: &record: |found all 6 samples of the window at the sensor''s limit (-2)|expected')
+   end subroutine test_record_keys
+
+   !> Several records, and what each may have of its own.
+   subroutine test_several_records()
+      character(len=*), parameter :: file = 'file=''record.csv''', &
+         more = '&record file=''record.csv'', t_first=0.1, t_last=0.6, t_step=0.1 /'//nl, &
+         units = '&units ', cause = '&excitation '//pulse//' /'//nl, &
+         score = '&score t_last=0.4 /'//nl
+      character(len=:), allocatable :: text
+
+      call accepted('two records', 'identify', replaced(case_text, units, more//units))
+      call accepted('two records, E for each', 'identify', replaced(replaced(case_text, units, &
+         more//units), 'free=''m_H'',''k_H''', 'free=''m_H'',''k_H'', shared=''m_H'''))
+      text = replaced(case_text, units, more//more//units)
+      call accepted('three records', 'identify', text)
+      call refused_case('two excitations for three records', replaced(text, units, cause//units), &
+         'case.nml|&excitation: found 2 such groups for 3 of &record|one for each record')
+      call refused('two excitations for one record', units, cause//units, &
+         '&excitation: found 2 such groups for 1 of &record|one for each record')
+      call refused('shared, but not free', 'free=''m_H'',''k_H''', &
+         'free=''m_H'',''k_H'', shared=''E''', &
+         '12: &stage shared: found ''E''|expected parameters that are free')
+      call refused('shared, but unknown', 'free=''m_H'',''k_H''', &
+         'free=''m_H'',''k_H'', shared=''m_H'',''q''', &
+         '12: &stage shared: found ''q''|expected parameters that are free')
+      call refused('a beam of nothing', file, file//', length=0', &
+         '11: &record length: found 0|above 0')
+      call refused('a sensor at the root', file, file//', x_S=0', &
+         '11: &record x_S: found 0|above 0')
+      call refused('a record''s sensor beyond the tip', file, file//', x_S=5', &
+         '11: &record x_S: found 5|up to the length 4')
+      call refused('a record''s sensor beyond the tip', file, file//', x_S=5', &
+         '11: &record x_S: found 5|up to the length 4', command='simulate')
+      call refused('a record''s sensor beyond its tip', file, file//', length=2, x_S=3', &
+         '11: &record x_S: found 3|up to the length 2')
+      call refused('score beside two records', units, more//score//units, &
+         '14: &score: found it beside several records|expected one record')
+      call refused('a response of two records', units, more//units, &
+         '13: &record: found a second one|expected one for a response', command='simulate')
+      call refused('the second record is missing', units, replaced(more, 'record.csv', &
+         'none.csv')//units, 'none.csv: found no such file|expected', file='none.csv')
+      call refused_case('parameters for each are counted', replaced(replaced(replaced(case_text, &
+         units, more//units), 't_last=0.6', 't_last=0.1'), 'free=''m_H'',''k_H''', &
+         'free=''m_H'',''k_H'', shared=''m_H'''), &
+         '12: &stage free: found 3 unknowns for 2 samples|expected no more')
+   end subroutine test_several_records
+
+   subroutine test_record_rows()
+      character(len=*), parameter :: row = '0.3,-1.28', place = 'record.csv:4: column '
+
+      call refused_record('missing field', row, '0.3', place// &
+         '2 (''acceleration''): found the end of the line|expected a number')
+      call refused_record('text in a number', row, '0.3,-1.2x8', place// &
+         '2 (''acceleration''): found ''-1.2x8''|expected a number')
+      call refused_record('text for a number', row, 'noon,-1.28', place// &
+         '1 (''t''): found ''noon''|expected a number')
+      call refused_record('NaN', row, '0.3,NaN', place// &
+         '2 (''acceleration''): found ''NaN''|expected a number')
+      call refused_record('NaN as a time', row, 'nan,-1.28', place// &
+         '1 (''t''): found ''nan''|expected a number')
+      call refused_record('Inf', row, '0.3,-inf', place// &
+         '2 (''acceleration''): found ''-inf''|expected a number')
+      call refused_record('1e999', row, '0.3,1e999', place// &
+         '2 (''acceleration''): found ''1e999''|expected a number of at most')
+      call refused_record('empty field', row, '0.3,', place// &
+         '2 (''acceleration''): found an empty field|expected a number')
+      call refused_record('two empty fields', row, ',', place// &
+         '1 (''t''): found an empty field|expected a number')
+      call refused_record('decreasing times', row, '0.15,-1.28', place// &
+         '1 (''t''): found ''0.15'' after ''0.2''|expected a larger number')
+      call refused_record('duplicate times', row, '0.2,-1.28', place// &
+         '1 (''t''): found ''0.2'' after ''0.2''|expected a larger number')
+      call refused_record('blank between', row, '0.3 -1.28', place// &
+         '1 (''t''): found ''0.3 -1.28''|expected a number')
+      call refused_record('fraction', row, '3/10,-1.28', place// &
+         '1 (''t''): found ''3/10''|expected a number')
+      call refused_record('repeat count', row, '2*3,-1.28', place// &
+         '1 (''t''): found ''2*3''|expected a number')
+      call refused_record('semicolon in a row', row, '0.3;-1.28', &
+         'record.csv:4: fields are separated by '';''|expected '',''')
+      call refused_record('blank inside a number', row, '0.3,-1 28', place// &
+         '2 (''acceleration''): found ''-1 28''|expected a number')
+      call refused_record('zero byte', row, '0.3,-1.28'//achar(0), &
+         'record.csv:4: found a control character|expected a text file')
+      call refused_record('decimal commas', row, '0,3,-1,28', 'record.csv:4:|expected')
+   end subroutine test_record_rows
+
+   subroutine test_record_files()
+      call refused('missing record', '''record.csv''', '''none.csv''', &
+         'none.csv: found no such file|expected', file='none.csv')
+      call refused('record is a folder', '''record.csv''', '''.''', &
+         '.: is a directory|expected a file', file='.')
+      call refused_record('empty', record_text, '', &
+         'record.csv: found no line of data|expected columns of numbers')
+      call refused_record('blank', record_text, nl//' '//nl, &
+         'record.csv: found no line of data|expected columns of numbers')
+      call refused_record('header only', record_text, 't,acceleration'//nl, &
+         'record.csv: found names of columns only|expected numbers below')
+      call refused_record('one column', record_text, 't'//nl//'0.1'//nl//'0.2'//nl, &
+         'record.csv:1: found ''t''|expected 2 columns')
+      call refused_record('one column, no names', record_text, '0.1'//nl//'0.2'//nl, &
+         'record.csv:1: column 2: found the end of the line|expected a number')
+      call refused_record('semicolons and decimal commas', record_text, &
+         '0,1;0,29'//nl//'0,2;-0,97'//nl, 'record.csv:1: found both '';'' and '',''|decimal point')
+      call refused_record('constant signal', record_text, '0.1,2'//nl//'0.2,2'//nl//'0.3,2'//nl// &
+         '0.4,2'//nl//'0.5,2'//nl//'0.6,2'//nl, &
+         '11: &record: |record.csv: found a constant signal (2 in all 6|expected')
+      call refused_record('binary', record_text, repeat(achar(1)//char(255), 200), &
+         'record.csv:1: found a control character|expected a text file')
+   end subroutine test_record_files
+
+   subroutine test_force_table()
+      call refused('missing force table', pulse, 'kind=''table'', file=''none.csv''', &
+         'none.csv: found no such file|expected', file='none.csv')
+      call refused_force('one row', '0.03,1.2'//nl//'0.05,0'//nl, '', &
+         'found 1 rows|expected 2 or more')
+      call refused_force('negative time', nl//'0,1', nl//'-0.01,1', &
+         'found a first time of -0.01|expected 0 or later')
+      call refused_force('decreasing times', '0.05,0', '0.02,0', &
+         'force.csv:4: column 1 (''t''): found ''0.02'' after ''0.03''|expected a larger number')
+      call refused_force('text', '1.2', 'strong', &
+         'force.csv:3: column 2 (''force''): found ''strong''|expected a number')
+      call refused_force('empty', force_text, '', &
+         'found no line of data|expected columns of numbers')
+      call refused_force('NaN', '1.2', 'NaN', &
+         'force.csv:3: column 2 (''force''): found ''NaN''|expected a number')
+   end subroutine test_force_table
+
+end program test_bad_records
