@@ -18,7 +18,7 @@ program test_free_start
    use beamid_responses, only: work_t
    use beamid_statistics, only: new_statistics, statistics_t
    use beamid_strings, only: to_text
-   use beamid_structure, only: of_length, sensor_t, structure_t
+   use beamid_structure, only: of_length, of_x_S, sensor_t, structure_t
    use beamid_unknowns, only: name_of
    use beamid_variables, only: new_variable, unbounded, variable_t
    use checks, only: check, check_close, finish
