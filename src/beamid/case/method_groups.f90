@@ -181,9 +181,7 @@ contains
       character(len=:), allocatable :: larger
       integer :: k
 
-      if (.not. allocated(stage%lower)) stage%lower = merge(-unbounded, 0.0_wp, &
-         may_be_negative(stage%free))
-      if (.not. allocated(stage%upper)) stage%upper = spread(unbounded, 1, size(stage%free))
+      call stage%set_bounds()
       do k = 1, size(stage%free)
          associate (p => stage%free(k), lower => stage%lower(k), upper => stage%upper(k))
             if (lower < 0 .and. .not. may_be_negative(p)) then

@@ -87,6 +87,7 @@ contains
       u = uniform_noise(size(u), plan%seed + 7919*k)
       associate (first => moved(1))
          first%automatic = .false.
+         call first%set_bounds()
          if (.not. allocated(first%start)) first%start = &
             [(get_free(model%structure, model%excitation, first%free(p)), p=1, size(u))]
          do p = 1, size(u)

@@ -3,10 +3,11 @@
 module beamid_unknowns
    use beamid_excitation, only: excitation_t
    use beamid_kinds, only: wp
-   use beamid_parameters, only: free_magnitude, free_names, get_free, offset, set_free
+   use beamid_parameters, only: free_magnitude, free_names, get_free, may_be_negative, &
+      offset, set_free
    use beamid_strings, only: to_text
    use beamid_structure, only: of_x_S, structure_t
-   use beamid_variables, only: new_variable, variable_t
+   use beamid_variables, only: new_variable, unbounded, variable_t
    implicit none
    private
 
@@ -21,12 +22,14 @@ module beamid_unknowns
       !> the record that a parameter belongs to, 0: all of them; not allocated: all shared
       integer, allocatable :: record(:)
       real(wp), allocatable :: start(:)   !< not allocated: where the stage before ended
+      !> not allocated: 0, and no bound of what may be negative
       real(wp), allocatable :: lower(:)
-      real(wp), allocatable :: upper(:)   !< or `unbounded`
+      real(wp), allocatable :: upper(:)   !< not allocated: no bounds
       logical :: offset = .false.         !< the sensor's offset is unknown, in each record
       logical :: automatic = .false.      !< start values come from the record
    contains
       procedure :: owners
+      procedure :: set_bounds
       procedure :: distribute
    end type stage_t
 
@@ -52,6 +55,15 @@ module beamid_unknowns
 
 contains
 
+   !> Bounds that were not given.
+   pure subroutine set_bounds(self)
+      class(stage_t), intent(inout) :: self
+
+      if (.not. allocated(self%lower)) self%lower = merge(-unbounded, 0.0_wp, &
+         may_be_negative(self%free))
+      if (.not. allocated(self%upper)) self%upper = spread(unbounded, 1, size(self%free))
+   end subroutine set_bounds
+
    !> Gives a parameter that is not shared a place for each record, and takes the offset, which
    !> enters linearly, from the list.
    !>
@@ -63,6 +75,7 @@ contains
       integer, allocatable :: from(:), record(:)
       integer :: k, r
 
+      call self%set_bounds()
       allocate (from(0), record(0))
       do k = 1, size(self%free)
          if (self%free(k) == offset) cycle
@@ -151,24 +164,28 @@ contains
       type(world_t), intent(in) :: world
       type(variable_t), allocatable, intent(out) :: variables(:)
       type(quantity_t), allocatable, intent(out) :: quantities(:)
-      real(wp) :: start, upper
+      type(stage_t) :: bounded
+      real(wp) :: start, lower, upper
       integer :: owners(size(stage%free)), k
 
+      bounded = stage
+      call bounded%set_bounds()
       owners = stage%owners()
       allocate (variables(size(stage%free)), quantities(size(stage%free)))
       do k = 1, size(stage%free)
          start = world%get(stage%free(k), owners(k))
          if (allocated(stage%start)) start = stage%start(k)
-         upper = stage%upper(k)
+         lower = bounded%lower(k)
+         upper = bounded%upper(k)
          if (stage%free(k) == of_x_S) upper = min(upper, world%shortest(owners(k)))
-         start = min(max(start, stage%lower(k)), upper)
-         variables(k) = new_variable(start, stage%lower(k), upper, &
+         start = min(max(start, lower), upper)
+         variables(k) = new_variable(start, lower, upper, &
             world%magnitude(stage%free(k), owners(k)))
          quantities(k)%name = name_of(trim(free_names(stage%free(k))), owners(k))
          quantities(k)%parameter = stage%free(k)
          quantities(k)%record = owners(k)
          quantities(k)%start = variables(k)%start
-         quantities(k)%lower = stage%lower(k)
+         quantities(k)%lower = lower
          quantities(k)%upper = upper
       end do
    end subroutine variables_of
