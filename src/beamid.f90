@@ -42,7 +42,7 @@ module beamid
    use beamid_noise, only: gaussian_noise
    use beamid_observation, only: formula_names, observation_t
    use beamid_parameters, only: free_index, free_names, get_free, set_free
-   use beamid_problems, only: problem_t
+   use beamid_problems, only: problem_t, smooth_problem_t
    use beamid_records, only: load_recording, note_length, read_record, recording_t, &
       take_samples, window_t
    use beamid_responses, only: response_t, solver_t, work_t

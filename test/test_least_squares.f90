@@ -3,7 +3,7 @@ module problems
    use, intrinsic :: ieee_arithmetic, only: ieee_positive_inf, ieee_quiet_nan, ieee_value
    use beamid_errors, only: error_t, failure
    use beamid_kinds, only: wp
-   use beamid, only: monitor_t, problem_t
+   use beamid, only: monitor_t, problem_t, smooth_problem_t
    implicit none
    private
 
@@ -18,10 +18,11 @@ module problems
    end type nist_t
 
    !> The same with derivatives of its own for b1 (1 - exp(-b2 x)), a mistake in them.
-   type, extends(nist_t) :: mistaken_t
+   type, extends(smooth_problem_t) :: mistaken_t
+      type(nist_t) :: right
       integer :: mistake = 0
    contains
-      procedure :: has_jacobian => mistaken_has
+      procedure :: residuals => mistaken_residuals
       procedure :: jacobian => mistaken_jacobian
    end type mistaken_t
 
@@ -35,9 +36,10 @@ module problems
    end type rosenbrock_t
 
    !> The same with its derivatives, where it can be computed.
-   type, extends(rosenbrock_t) :: edge_t
+   type, extends(smooth_problem_t) :: edge_t
+      type(rosenbrock_t) :: valley
    contains
-      procedure :: has_jacobian => edge_has
+      procedure :: residuals => edge_residuals
       procedure :: jacobian => edge_jacobian
    end type edge_t
 
@@ -77,11 +79,14 @@ contains
       end associate
    end subroutine nist_residuals
 
-   pure logical function mistaken_has(self)
-      class(mistaken_t), intent(in) :: self
+   subroutine mistaken_residuals(self, parameters, r, error)
+      class(mistaken_t), intent(inout) :: self
+      real(wp), intent(in) :: parameters(:)
+      real(wp), intent(out) :: r(:)
+      type(error_t), allocatable, intent(out) :: error
 
-      mistaken_has = self%mistake >= 0
-   end function mistaken_has
+      call self%right%residuals(parameters, r, error)
+   end subroutine mistaken_residuals
 
    !> mistake  1: the sign of a column; 2: of all; 3: a column times x; 4: none of it; 5: divided
    !>          by x; 6: twice as large
@@ -92,7 +97,7 @@ contains
       type(error_t), allocatable, intent(out) :: error
 
       call self%residuals(parameters, r, error)
-      associate (b => parameters, x => self%x)
+      associate (b => parameters, x => self%right%x)
          jac(:, 1) = 1 - exp(-b(2)*x)
          jac(:, 2) = b(1)*x*exp(-b(2)*x)
          select case (self%mistake)
@@ -122,11 +127,14 @@ contains
       end select
    end subroutine rosenbrock_residuals
 
-   pure logical function edge_has(self)
-      class(edge_t), intent(in) :: self
+   subroutine edge_residuals(self, parameters, r, error)
+      class(edge_t), intent(inout) :: self
+      real(wp), intent(in) :: parameters(:)
+      real(wp), intent(out) :: r(:)
+      type(error_t), allocatable, intent(out) :: error
 
-      edge_has = self%refusals >= 0
-   end function edge_has
+      call self%valley%residuals(parameters, r, error)
+   end subroutine edge_residuals
 
    subroutine edge_jacobian(self, parameters, r, jac, error)
       class(edge_t), intent(inout) :: self
@@ -323,7 +331,7 @@ contains
       integer :: k
 
       do k = 0, 6
-         problem = mistaken_t('BoxBOD', box_x, box_y, mistake=k)
+         problem = mistaken_t(right=nist_t('BoxBOD', box_x, box_y), mistake=k)
          call fit(problem, size(box_y), variables([100.0_wp, 0.75_wp], .false.), options_t(), &
             result, error)
          if (k > 0) then
@@ -335,7 +343,7 @@ contains
          end if
       end do
       do k = 1, 3
-         problem = mistaken_t('BoxBOD', box_x, box_y, mistake=k)
+         problem = mistaken_t(right=nist_t('BoxBOD', box_x, box_y), mistake=k)
          call fit(problem, size(box_y), variables([100.0_wp, 0.75_wp], .false.), &
             options_t(check=.false.), result, error)
          call fails('wrong derivatives '//to_text(k)//', not compared', error, &
@@ -353,12 +361,12 @@ contains
       integer :: k
 
       do k = 1, size(edges)
-         problem = edge_t(largest=edges(k), how=1)
+         problem = edge_t(valley=rosenbrock_t(largest=edges(k), how=1))
          call fit(problem, 2, variables([-1.2_wp, 0.2_wp], .false.), options_t(), result, error)
          call fails('minimum beyond b = '//to_text(edges(k)), error, &
             'steps at which the model cannot be computed')
       end do
-      problem = edge_t(largest=1.0_wp, how=1)
+      problem = edge_t(valley=rosenbrock_t(largest=1.0_wp, how=1))
       call fit(problem, 2, variables([-1.2_wp, 0.2_wp], .false.), options_t(), result, error)
       call check('minimum at the edge: converges', .not. allocated(error))
    end subroutine test_edge

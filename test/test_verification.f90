@@ -127,6 +127,7 @@ contains
       experiments(1)%samples = samples(:size(measured))
       experiments(1)%measured = measured
       experiments(1)%excitation = new_pulse(1.0_wp, 0.05_wp)
+      problem%exact = .false.
       allocate (problem%parts(1))
       problem%world%structures = [truth]
       problem%world%excitations = [experiments(1)%excitation]

@@ -6,7 +6,7 @@ module beamid_least_squares
    use beamid_kinds, only: wp
    use beamid_minpack, only: dgels
    use beamid_optimality, only: check_minimum
-   use beamid_problems, only: compare_derivatives, differences, problem_t
+   use beamid_problems, only: compare_derivatives, differences, problem_t, smooth_problem_t
    use beamid_searches, only: monitor_t, options_t, run_search, search_t
    use beamid_strings, only: to_text
    use beamid_variables, only: variable_t
@@ -70,6 +70,10 @@ contains
          return
       end if
       search%problem => problem
+      select type (problem)
+      class is (smooth_problem_t)
+         if (problem%exact) search%smooth => problem
+      end select
       if (present(monitor)) search%monitor => monitor
       search%label = ''
       if (present(label)) search%label = label
@@ -80,7 +84,7 @@ contains
       search%parameters = variables%start
       allocate (result%residual(m), result%jacobian(m, size(variables)))
       result%start = variables%start
-      if (problem%has_jacobian() .and. options%check) then
+      if (associated(search%smooth) .and. options%check) then
          call search%evaluate_at(result%start, result%residual, error)
          if (allocated(error)) return
          call compare_derivatives(problem, result%start, variables, search%jacobian, &
@@ -121,7 +125,7 @@ contains
       end if
       if (attempt > 1) result%reason = result%reason//'; search '//to_text(attempt)// &
          ', with shorter steps'
-      if (problem%has_jacobian() .and. options%check) then
+      if (associated(search%smooth) .and. options%check) then
          call compare_derivatives(problem, result%estimate, variables, result%jacobian, &
             result%derivative_check(2), k)
          call refuse_derivative(search%names, k, error)
@@ -194,7 +198,7 @@ contains
             info = 4
          end if
          result%estimate = search%parameters
-         if (search%problem%has_jacobian()) then
+         if (associated(search%smooth)) then
             call search%evaluate_at(search%parameters, result%residual, error)
             if (.not. allocated(error)) result%jacobian = search%jacobian
          else
@@ -206,7 +210,7 @@ contains
          if (k == 0) exit
          search%moving = [search%moving, k]
       end do
-      if (.not. search%problem%has_jacobian()) call polish(search, result)
+      if (.not. associated(search%smooth)) call polish(search, result)
    end subroutine minimise_with_bounds
 
    !> Gauss-Newton steps with the central differences of the final Jacobian: the one-sided ones of

@@ -91,8 +91,8 @@ contains
 
       if (any(search%variables%is_at_bound(estimate))) return
       allocate (jacobian(size(residual), size(start)), r(size(residual)))
-      if (search%problem%has_jacobian()) then
-         call search%problem%jacobian(start, r, jacobian, error)
+      if (associated(search%smooth)) then
+         call search%smooth%jacobian(start, r, jacobian, error)
       else
          r = residual
          call differences(search%problem, start, search%variables, noise, jacobian, error)
@@ -112,7 +112,7 @@ contains
       integer, intent(in) :: m
 
       jacobian_error = m*epsilon(noise)
-      if (.not. search%problem%has_jacobian()) jacobian_error = error_of_differences(noise)
+      if (.not. associated(search%smooth)) jacobian_error = error_of_differences(noise)
    end function jacobian_error
 
 end module beamid_optimality

@@ -1,20 +1,25 @@
-!> A sum of squares to be minimised, and its derivatives: exact ones where the problem has them,
-!> differences where it has not, and one against the other where it has.
+!> A sum of squares to be minimised, and its derivatives: exact ones of a smooth problem, differences
+!> of any other, and one against the other where both are there.
 module beamid_problems
-   use beamid_errors, only: error_t, failure
+   use beamid_errors, only: error_t
    use beamid_kinds, only: wp
    use beamid_variables, only: variable_t
    implicit none
    private
 
-   public :: problem_t, differences, error_of_differences, compare_derivatives
+   public :: problem_t, smooth_problem_t, differences, error_of_differences, compare_derivatives
 
    type, abstract :: problem_t
    contains
       procedure(residuals), deferred :: residuals
-      procedure :: has_jacobian
-      procedure :: jacobian
    end type problem_t
+
+   !> A problem that knows its derivatives.
+   type, abstract, extends(problem_t) :: smooth_problem_t
+      logical :: exact = .true.   !< .false.: not as things are, and differences take their place
+   contains
+      procedure(jacobian), deferred :: jacobian
+   end type smooth_problem_t
 
    abstract interface
       !> parameters  (n) physical values
@@ -27,31 +32,20 @@ module beamid_problems
          real(wp), intent(out) :: r(:)
          type(error_t), allocatable, intent(out) :: error
       end subroutine residuals
+      !> Residuals and their derivatives.
+      !>
+      !> r    (m)
+      !> jac  (m, n) d r/d parameter, physical parameters
+      subroutine jacobian(self, parameters, r, jac, error)
+         import :: error_t, smooth_problem_t, wp
+         class(smooth_problem_t), intent(inout) :: self
+         real(wp), intent(in) :: parameters(:)
+         real(wp), intent(out) :: r(:), jac(:, :)
+         type(error_t), allocatable, intent(out) :: error
+      end subroutine jacobian
    end interface
 
 contains
-
-   !> By default a problem has no derivatives of its own.
-   pure logical function has_jacobian(self)
-      class(problem_t), intent(in) :: self
-
-      has_jacobian = .not. same_type_as(self, self)
-   end function has_jacobian
-
-   !> Residuals and their derivatives.
-   !>
-   !> r    (m)
-   !> jac  (m, n) d r/d parameter, physical parameters
-   subroutine jacobian(self, parameters, r, jac, error)
-      class(problem_t), intent(inout) :: self
-      real(wp), intent(in) :: parameters(:)
-      real(wp), intent(out) :: r(:), jac(:, :)
-      type(error_t), allocatable, intent(out) :: error
-
-      call self%residuals(parameters, r, error)
-      jac = 0
-      if (.not. allocated(error)) call failure(error, 'this problem has no exact derivatives')
-   end subroutine jacobian
 
    !> Largest relative difference, over the columns, between a Jacobian and central differences.
    !>

@@ -8,7 +8,7 @@ module beamid_searches
    use beamid_errors, only: error_t, failure
    use beamid_kinds, only: wp
    use beamid_minpack, only: lmder, lmdif
-   use beamid_problems, only: problem_t
+   use beamid_problems, only: problem_t, smooth_problem_t
    use beamid_variables, only: variable_t
    implicit none
    private
@@ -47,6 +47,8 @@ module beamid_searches
    !> What the callback needs to know.
    type :: search_t
       class(problem_t), pointer :: problem => null()
+      !> the same where it has exact derivatives
+      class(smooth_problem_t), pointer :: smooth => null()
       class(monitor_t), pointer :: monitor => null()
       character(len=:), allocatable :: label
       character(len=24), allocatable :: names(:)
@@ -100,7 +102,7 @@ contains
       active => search
       ftol = merge(tolerance, 1e-14_wp, options%noise > 0)
       associate (m => size(r), n => size(z))
-         if (search%problem%has_jacobian()) then
+         if (associated(search%smooth)) then
             call lmder(evaluate_both, m, n, z, r, fjac, m, ftol, tolerance, gtol, &
                options%max_evaluations, diag, 1, search%factor, 1, info, nfev, njev, ipvt, qtf, &
                wa1, wa2, wa3, wa4)
@@ -179,7 +181,7 @@ contains
       real(wp), intent(inout) :: r(:)
       type(error_t), allocatable, intent(out) :: error
 
-      if (.not. self%problem%has_jacobian()) then
+      if (.not. associated(self%smooth)) then
          self%evaluations = self%evaluations + 1
          call self%problem%residuals(parameters, r, error)
          return
@@ -194,7 +196,7 @@ contains
       self%evaluations = self%evaluations + 1
       if (.not. allocated(self%jacobian)) allocate (self%jacobian(size(r), size(parameters)), &
          self%residual(size(r)))
-      call self%problem%jacobian(parameters, self%residual, self%jacobian, error)
+      call self%smooth%jacobian(parameters, self%residual, self%jacobian, error)
       if (.not. allocated(error)) then
          if (.not. all(ieee_is_finite(self%jacobian))) call failure(error, &
             'the derivatives are not finite')

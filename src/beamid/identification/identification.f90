@@ -96,7 +96,8 @@ contains
       end do
       call check_frequencies(problem, experiments, error)
       if (allocated(error)) return
-      if (.not. model%solver%is_exact()) call exact_counterpart(problem, experiments, mesh, &
+      problem%exact = model%solver%is_exact()
+      if (.not. problem%exact) call exact_counterpart(problem, experiments, mesh, &
          model%observation, exact)
       options%noise = model%solver%noise()
       if (present(check)) options%check = check
@@ -144,7 +145,7 @@ contains
       call fit(problem, problem%samples(), variables, options, found%fit, error, monitor, label, &
          names)
       if (allocated(error)) return
-      if (.not. problem%has_jacobian()) call verify_integrator(problem, exact, variables, names, &
+      if (.not. problem%exact) call verify_integrator(problem, exact, variables, names, &
          found%fit, found%moved, found%judge, error)
       if (allocated(error)) return
       found%free = stage%free

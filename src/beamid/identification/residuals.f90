@@ -4,7 +4,7 @@ module beamid_residuals
    use beamid_errors, only: error_t
    use beamid_experiments, only: apparatus_t
    use beamid_kinds, only: wp
-   use beamid_problems, only: problem_t
+   use beamid_problems, only: smooth_problem_t
    use beamid_projection, only: new_projection, projection_t
    use beamid_strings, only: to_text
    use beamid_unknowns, only: name_of, quantity_t, world_t
@@ -15,7 +15,7 @@ module beamid_residuals
 
    public :: residual_t
 
-   type, extends(problem_t) :: residual_t
+   type, extends(smooth_problem_t) :: residual_t
       type(apparatus_t), allocatable :: parts(:)   !< one for each record
       type(world_t) :: world
       integer, allocatable :: free(:)              !< (n) places in `free_names`
@@ -23,7 +23,6 @@ module beamid_residuals
       logical :: offset = .false.
    contains
       procedure :: residuals
-      procedure :: has_jacobian
       procedure :: jacobian
       procedure :: samples
       procedure :: linear_quantities
@@ -90,12 +89,6 @@ contains
       call own%coefficients(y, c)
       if (present(projection)) projection = own
    end subroutine eliminate
-
-   pure logical function has_jacobian(self)
-      class(residual_t), intent(in) :: self
-
-      has_jacobian = self%parts(1)%solver%is_exact()
-   end function has_jacobian
 
    subroutine jacobian(self, parameters, r, jac, error)
       class(residual_t), intent(inout) :: self

@@ -8,7 +8,7 @@ module beamid_starts
    use beamid_experiments, only: experiment_t
    use beamid_kinds, only: wp
    use beamid_least_squares, only: fit, fit_t, options_t
-   use beamid_problems, only: problem_t
+   use beamid_problems, only: smooth_problem_t
    use beamid_residuals, only: residual_t
    use beamid_spectra, only: decay_of, find_lines, line_t
    use beamid_strings, only: to_text
@@ -30,13 +30,12 @@ module beamid_starts
    integer, parameter :: most_lines = 8, usual_modes = 2
 
    !> Roots of the model against those seen in the records.
-   type, extends(problem_t) :: match_t
+   type, extends(smooth_problem_t) :: match_t
       type(residual_t) :: fits
       real(wp), allocatable :: initial(:), scale(:)     !< (n)
       complex(wp), allocatable :: seen(:, :)            !< (modes, records) 0: not seen
    contains
       procedure :: residuals => compare_roots
-      procedure :: has_jacobian => has_exact
       procedure :: jacobian => differentiate_roots
    end type match_t
 
@@ -59,7 +58,7 @@ contains
       type(options_t) :: options
       integer :: k, r, modes
 
-      if (.not. problem%has_jacobian()) then
+      if (.not. problem%exact) then
          call failure(error, 'start = ''auto'' needs method = ''modal''')
          return
       end if
@@ -237,12 +236,6 @@ contains
 
       call self%jacobian(parameters, r, unused, error)
    end subroutine compare_roots
-
-   pure logical function has_exact(self)
-      class(match_t), intent(in) :: self
-
-      has_exact = allocated(self%seen)
-   end function has_exact
 
    subroutine differentiate_roots(self, parameters, r, jac, error)
       class(match_t), intent(inout) :: self
