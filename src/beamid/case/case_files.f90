@@ -17,7 +17,7 @@ module beamid_case_files
    use beamid_namelist, only: group_t, scan_namelist
    use beamid_parameters, only: check_structure, parameter_names, parameters
    use beamid_record_groups, only: get_window, read_recording
-   use beamid_records, only: append_recording, everything, recording_t, window_t
+   use beamid_records, only: append_recording, recording_t, window_t
    use beamid_refusals, only: refusals_t, refuse
    use beamid_strings, only: to_text
    use beamid_structure, only: structure_t
@@ -266,8 +266,8 @@ contains
       if (case%excitations(1)%modes > 0) call refuse(case%path, 0, 'excitation kind', '''free''', &
          'a start that is known for a response', error)
       associate (window => case%recordings(1)%window)
-         if (window%t_step <= 0 .or. window%t_first <= -everything .or. &
-            window%t_last >= everything) call refuse(case%path, case%recordings(1)%line, 'record', &
+         if (.not. (allocated(window%t_first) .and. allocated(window%t_last) .and. &
+            allocated(window%t_step))) call refuse(case%path, case%recordings(1)%line, 'record', &
             'no grid of sample times', 't_first, t_last and t_step', error)
       end associate
    end subroutine check_response

@@ -21,7 +21,6 @@ contains
       type(block_t), intent(inout) :: block
       type(recording_t), intent(out) :: found
       character(len=:), allocatable :: file
-      real(wp), allocatable :: low, high
 
       found%line = block%line
       call block%get('file', file, 'columns of numbers', default='none, where it is simulated')
@@ -30,8 +29,10 @@ contains
       call block%get('offset', found%offset, 'in the unit of the record')
       call read_column('time_column', found%time_column, 'the first')
       call read_column('value_column', found%value_column, 'the second')
-      call block%get('clip_low', low, 'flats are looked for', 'samples at or below are left out')
-      call block%get('clip_high', high, 'flats are looked for', 'samples at or above are left out')
+      call block%get('clip_low', found%clip_low, 'flats are looked for', &
+         'samples at or below are left out')
+      call block%get('clip_high', found%clip_high, 'flats are looked for', &
+         'samples at or above are left out')
       call block%get('thin', found%thin, 'every so many samples, behind a low-pass filter', &
          range_t(2, 100000))
       call block%get('length', found%length, 'that of &beam', 'of the beam then', positive)
@@ -40,10 +41,10 @@ contains
       if (.not. abs(found%scale) > 0) call block%refuse('scale', to_text(found%scale), &
          'a value other than 0')
       if (block%has('thin')) call block%exclude('t_step', 'beside thin')
-      if (allocated(low)) found%clip_low = low
-      if (allocated(high)) found%clip_high = high
-      if (found%clip_low >= found%clip_high) call block%refuse('clip_high', &
-         to_text(found%clip_high), 'more than clip_low = '//to_text(found%clip_low))
+      if (allocated(found%clip_low) .and. allocated(found%clip_high)) then
+         if (found%clip_low >= found%clip_high) call block%refuse('clip_high', &
+            to_text(found%clip_high), 'more than clip_low = '//to_text(found%clip_low))
+      end if
       if (.not. allocated(file)) return
       if (file == '') call block%refuse('file', '''''', 'the path of a record')
       found%path = join_path(directory_of(path), file)
@@ -70,14 +71,14 @@ contains
    subroutine get_window(block, window)
       type(block_t), intent(inout) :: block
       type(window_t), intent(inout) :: window
-      real(wp), allocatable :: first, last, step
 
-      call block%get('t_first', first, 'the first of the record', 'time of the first sample')
-      call block%get('t_last', last, 'the last of the record', 'time of the last sample')
-      call block%get('t_step', step, 'every sample', 'only samples at these steps', positive)
-      if (allocated(first)) window%t_first = first
-      if (allocated(last)) window%t_last = last
-      if (allocated(step)) window%t_step = step
+      call block%get('t_first', window%t_first, 'the first of the record', &
+         'time of the first sample')
+      call block%get('t_last', window%t_last, 'the last of the record', &
+         'time of the last sample')
+      call block%get('t_step', window%t_step, 'every sample', 'only samples at these steps', &
+         positive)
+      if (.not. (allocated(window%t_first) .and. allocated(window%t_last))) return
       if (window%t_last < window%t_first) call block%refuse('t_last', to_text(window%t_last), &
          'no less than t_first = '//to_text(window%t_first))
    end subroutine get_window

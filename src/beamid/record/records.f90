@@ -7,12 +7,12 @@ module beamid_records
    use beamid_series, only: part_t, read_series, series_t
    use beamid_strings, only: to_text
    use beamid_thinning, only: gap_limit, margin_of, thin_out, thinned_t
-   use beamid_windows, only: choose_rows, everything, grid, take_samples, window_t
+   use beamid_windows, only: choose_rows, grid, take_samples, window_t
    implicit none
    private
 
    public :: window_t, recording_t, read_record, load_recording, take_samples, grid
-   public :: append_recording, note_length, column_length, everything
+   public :: append_recording, note_length, column_length
 
    !> Of a sentence about what was done to a record.
    integer, parameter :: note_length = 200
@@ -25,9 +25,9 @@ module beamid_records
       real(wp) :: offset = 0
       !> names in the header, or numbers from '1'; '': the first and the second column
       character(len=column_length) :: time_column = '', value_column = ''
-      !> Samples at or beyond these are left out, in the record's own unit; left as they are here,
-      !> the limits are looked for.
-      real(wp) :: clip_low = -everything, clip_high = everything
+      !> Samples at or beyond these are left out, in the record's own unit; not allocated:
+      !> limits are looked for.
+      real(wp), allocatable :: clip_low, clip_high
       integer :: thin = 1                     !< every thin-th sample, behind a low-pass filter
       character(len=20) :: time_unit = ''     !< for the notes
       real(wp), allocatable :: length         !< of the beam then [length], where it has its own
@@ -71,17 +71,19 @@ contains
       type(error_t), allocatable, intent(out) :: error
       character(len=*), intent(in), optional :: place
       type(series_t) :: series
+      type(part_t) :: part
       logical, allocatable :: clipped(:)
       integer, allocatable :: rows(:)
-      integer :: margin
 
       allocate (notes(0))
       ! Some rows more than the window has: its ends are not exact, and a flat shows by what is
       ! beside it.
-      margin = 100
-      if (thins(recording)) margin = margin + margin_of(recording%thin)
+      part%margin = 100
+      if (thins(recording)) part%margin = part%margin + margin_of(recording%thin)
       associate (window => recording%window)
-         call read_part(recording, part_t(window%t_first, window%t_last, margin), series, error)
+         if (allocated(window%t_first)) part%first = window%t_first
+         if (allocated(window%t_last)) part%last = window%t_last
+         call read_part(recording, part, series, error)
          if (allocated(error)) return
          call choose_rows(window, series, rows, error)
          if (.not. allocated(error)) call refuse_constant(series%z(rows), error)
@@ -89,7 +91,8 @@ contains
             notes, error)
       end associate
       if (.not. allocated(error)) then
-         if (recording%window%t_step <= 0) call note_gaps(series%t(rows(1):rows(size(rows))), notes)
+         if (.not. allocated(recording%window%t_step)) &
+            call note_gaps(series%t(rows(1):rows(size(rows))), notes)
          call take_rows(recording, series, rows, clipped, samples, measured, notes, error)
       end if
       if (allocated(error)) then
@@ -114,7 +117,7 @@ contains
    pure logical function thins(recording)
       type(recording_t), intent(in) :: recording
 
-      thins = recording%thin > 1 .and. recording%window%t_step <= 0
+      thins = recording%thin > 1 .and. .not. allocated(recording%window%t_step)
    end function thins
 
    !> The record's own numbers.
@@ -155,12 +158,16 @@ contains
       real(wp) :: low, high
       integer :: n
 
-      low = recording%clip_low
-      high = recording%clip_high
-      if (high >= everything) call find_limit(z, high)
-      if (low <= -everything) then
+      if (allocated(recording%clip_low)) then
+         low = recording%clip_low
+      else
          call find_limit(-z, low)
          low = -low
+      end if
+      if (allocated(recording%clip_high)) then
+         high = recording%clip_high
+      else
+         call find_limit(z, high)
       end if
       clipped = z <= low .or. z >= high
       n = count(clipped(rows))

@@ -9,20 +9,22 @@ module beamid_windows
 
    public :: window_t, grid, take_samples, choose_rows
 
-   !> More sample times than this are taken for a slip of the pen.
+   !> More sample times than this are refused: t_step or t_last must be wrong.
    integer, parameter :: max_samples = 1000000
-   real(wp), parameter, public :: everything = huge(1.0_wp)
+
+   !> How far off a time may be, in steps.
+   real(wp), parameter :: near = 1e-3_wp
 
    !> Which samples are wanted; left out, the whole record.
    type :: window_t
-      real(wp) :: t_first = -everything   !< [time]
-      real(wp) :: t_last = everything     !< [time]
-      real(wp) :: t_step = 0              !< [time]; 0: every sample between t_first and t_last
+      real(wp), allocatable :: t_first, t_last   !< [time]
+      !> [time]; not allocated: every sample between t_first and t_last
+      real(wp), allocatable :: t_step
    end type window_t
 
 contains
 
-   !> t_first, t_first + t_step, ..., t_last.
+   !> t_first, t_first + t_step, ..., t_last, all three of which must be there.
    !>
    !> error  a message without file and key: too many of them
    subroutine grid(window, times, error)
@@ -74,52 +76,50 @@ contains
       type(series_t), intent(in) :: series
       integer, allocatable, intent(out) :: rows(:)
       type(error_t), allocatable, intent(out) :: error
-      real(wp) :: near
+      real(wp) :: first, last, step
       integer :: k
 
-      near = 1e-3_wp*window%t_step
-      if (window%t_step <= 0) near = 1e-3_wp*(series%last - series%first)/max(1_ip, series%rows - 1)
-      if (window%t_first > -everything .and. window%t_first < series%first - near .or. &
-         window%t_last < everything .and. window%t_last > series%last + near) then
+      first = series%first
+      last = series%last
+      step = (last - first)/max(1_ip, series%rows - 1)
+      if (allocated(window%t_first)) first = window%t_first
+      if (allocated(window%t_last)) last = window%t_last
+      if (allocated(window%t_step)) step = window%t_step
+      if (first < series%first - near*step .or. last > series%last + near*step) then
          call bad_input(error, 'found samples from '//to_text(series%first)//' to '// &
-            to_text(series%last)//', expected the window from '// &
-            bound(window%t_first, series%first)//' to '//bound(window%t_last, series%last)// &
-            ' to lie inside')
-      else if (window%t_step > 0) then
-         call choose_steps(window, series, near, rows, error)
+            to_text(series%last)//', expected the window from '//to_text(first)//' to '// &
+            to_text(last)//' to lie inside')
+      else if (allocated(window%t_step)) then
+         call choose_steps(window_t(max(first, series%first), min(last, series%last), step), &
+            series%t, rows, error)
       else
          associate (t => series%t)
-            rows = pack([(k, k=1, size(t))], t >= window%t_first - near .and. &
-               t <= window%t_last + near)
+            rows = pack([(k, k=1, size(t))], t >= first - near*step .and. t <= last + near*step)
          end associate
          if (size(rows) == 0) call bad_input(error, &
             'found no sample in the window, expected one or more')
       end if
    end subroutine choose_rows
 
-   !> The rows at t_first, t_first + t_step, ..., each to within `near`.
-   subroutine choose_steps(window, series, near, rows, error)
+   !> The rows at t_first, t_first + t_step, ..., each to within `near` of a step.
+   subroutine choose_steps(window, t, rows, error)
       type(window_t), intent(in) :: window
-      type(series_t), intent(in) :: series
-      real(wp), intent(in) :: near
+      real(wp), intent(in) :: t(:)
       integer, allocatable, intent(out) :: rows(:)
       type(error_t), allocatable, intent(out) :: error
-      type(window_t) :: bounded
       real(wp), allocatable :: times(:)
       integer :: k, row
 
-      bounded = window_t(max(window%t_first, series%first), min(window%t_last, series%last), &
-         window%t_step)
-      call grid(bounded, times, error)
+      call grid(window, times, error)
       if (allocated(error)) return
       allocate (rows(size(times)))
       row = 1
       do k = 1, size(times)
-         do while (row < size(series%t))
-            if (series%t(row) >= times(k) - near) exit
+         do while (row < size(t))
+            if (t(row) >= times(k) - near*window%t_step) exit
             row = row + 1
          end do
-         if (abs(series%t(row) - times(k)) > near) then
+         if (abs(t(row) - times(k)) > near*window%t_step) then
             call bad_input(error, 'found no sample at t = '//to_text(times(k))// &
                ', expected one at every step of '//to_text(window%t_step))
             return
@@ -127,13 +127,5 @@ contains
          rows(k) = row
       end do
    end subroutine choose_steps
-
-   !> A bound of the window as text; that of the record where the window has none.
-   pure function bound(value, fallback) result(text)
-      real(wp), intent(in) :: value, fallback
-      character(len=:), allocatable :: text
-
-      text = to_text(merge(value, fallback, abs(value) < everything))
-   end function bound
 
 end module beamid_windows
