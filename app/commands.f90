@@ -7,7 +7,7 @@ module beamid_commands
    use beamid_identification, only: score_fits
    use beamid_mode_summaries, only: fitted_modes_summary, minima_summary, modes_summary
    use beamid_outputs, only: output_t
-   use beamid_sorting, only: middle
+   use beamid_sorting, only: median
    use beamid_strings, only: to_text
    use beamid_summaries, only: fit_summary, response_summary
    use beamid_tables, only: add_autocorrelation, add_correlations, add_estimates, add_fit, &
@@ -147,7 +147,7 @@ contains
             if (sum(seconds(:k)) > 1) exit
          end do
          call tell('time: N = '//to_text(case%meshes(mesh)%elements)//', median of '// &
-            to_text(min(k, most))//' fits: '//to_text(middle(seconds(:min(k, most))))//' s')
+            to_text(min(k, most))//' fits: '//to_text(median(seconds(:min(k, most))))//' s')
       end do
    end subroutine time_fits
 

@@ -9,7 +9,7 @@ module beamid_statistics
    private
 
    public :: statistics_t, new_statistics, undetermined
-   public :: akaike, bayes, nested_test, unlimited
+   public :: aicc, bic, nested_test, unlimited
 
    !> Stands for the error of a parameter that the record says nothing about.
    real(wp), parameter :: unlimited = huge(1.0_wp)
@@ -276,7 +276,7 @@ contains
 
    !> Akaike's criterion with the correction for few samples:
    !> m ln(J/m) + 2 k + 2 k (k + 1)/(m - k - 1), k = parameters + 1 with the noise variance.
-   pure real(wp) function akaike(J, samples, parameters) result(value)
+   pure real(wp) function aicc(J, samples, parameters) result(value)
       real(wp), intent(in) :: J
       integer, intent(in) :: samples, parameters
       integer :: k
@@ -288,15 +288,15 @@ contains
       else
          value = huge(value)
       end if
-   end function akaike
+   end function aicc
 
    !> Schwarz's criterion: m ln(J/m) + k ln m.
-   pure real(wp) function bayes(J, samples, parameters) result(value)
+   pure real(wp) function bic(J, samples, parameters) result(value)
       real(wp), intent(in) :: J
       integer, intent(in) :: samples, parameters
 
       value = samples*log(J/samples) + (parameters + 1)*log(real(samples, wp))
-   end function bayes
+   end function bic
 
    !> Banks and Fitzpatrick: U = m (J_restricted - J_full)/J_full against chi-square with as many
    !> degrees of freedom as there are restrictions.

@@ -1,7 +1,7 @@
 !> Lines in the spectrum of a record: where a search for parameters had best begin.
 module beamid_spectra
    use beamid_kinds, only: wp
-   use beamid_sorting, only: middle
+   use beamid_sorting, only: median
    implicit none
    private
 
@@ -45,7 +45,7 @@ contains
       call scan(times, values, highest, spectrum, step, share)
       n = size(spectrum)
       if (n < 8) return
-      threshold = max(5*middle(spectrum), 1e-2_wp*maxval(spectrum(6:)))
+      threshold = max(5*median(spectrum), 1e-2_wp*maxval(spectrum(6:)))
       allocate (peak(n), source=.false.)
       ! The first lines of a window are its own: a trend of the record, no motion.
       do k = 6, n - 1

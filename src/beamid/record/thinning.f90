@@ -14,7 +14,7 @@
 !> less well. Stamps in error by a part of the step are not known to be.
 module beamid_thinning
    use beamid_kinds, only: wp
-   use beamid_sorting, only: middle
+   use beamid_sorting, only: median
    implicit none
    private
 
@@ -112,7 +112,7 @@ contains
    real(wp) function gap_limit(t) result(limit)
       real(wp), intent(in) :: t(:)
 
-      limit = gap_factor*middle(t(2:) - t(:size(t) - 1))
+      limit = gap_factor*median(t(2:) - t(:size(t) - 1))
    end function gap_limit
 
    !> The mean of the steps that are no gaps; 0 when there is none.

@@ -4,7 +4,7 @@ module beamid_sorting
    implicit none
    private
 
-   public :: sort, middle
+   public :: sort, median
 
    interface
       !> LAPACK: sorts numbers, id = 'I' for ascending.
@@ -28,16 +28,16 @@ contains
    end subroutine sort
 
    !> The median, of very many numbers that of 100000 of them in even steps; 0 when there is none.
-   real(wp) function middle(values)
+   real(wp) function median(values)
       real(wp), intent(in) :: values(:)
       integer, parameter :: most = 100000
       real(wp), allocatable :: some(:)
 
-      middle = 0
+      median = 0
       if (size(values) == 0) return
       some = values(::1 + (size(values) - 1)/most)
       call sort(some)
-      middle = some((size(some) + 1)/2)
-   end function middle
+      median = some((size(some) + 1)/2)
+   end function median
 
 end module beamid_sorting
