@@ -138,7 +138,7 @@ contains
          problem%parts(1), error)
       call exact_counterpart(problem, experiments, mesh, model%observation, exact)
       call variables_of(stage, problem%world, variables, quantities)
-      call fit(problem, size(measured), variables, options_t(noise=rtol), found, error)
+      call fit(problem, size(measured), variables, options_t(relative_error=rtol), found, error)
       call check('rtol = '//to_text(rtol)//': the fit converges', .not. allocated(error))
    end subroutine fit_of
 

@@ -25,9 +25,9 @@ module beamid_least_squares
       !> trial steps at which the model could not be computed
       integer :: shortened = 0
       real(wp), allocatable :: jacobian(:, :) !< (m, n) d residual/d parameter at the estimate
-      !> Largest relative difference between exact derivatives and central differences, column by
-      !> column, at the start and at the estimate; negative where the problem has no exact ones.
-      real(wp) :: derivative_check(2) = -1
+      !> (2) largest relative difference between exact derivatives and central differences, column
+      !> by column, at the start and at the estimate; not allocated where they were not compared
+      real(wp), allocatable :: derivative_check(:)
       character(len=:), allocatable :: reason !< why the search stopped, in words
    end type fit_t
 
@@ -61,7 +61,6 @@ contains
       character(len=*), intent(in), optional :: label, names(:)
       type(search_t), target :: search
       character(len=:), allocatable :: objection
-      real(wp) :: noise
       integer :: attempt, info, k
 
       if (m < size(variables)) then
@@ -87,26 +86,26 @@ contains
       if (associated(search%smooth) .and. options%check) then
          call search%evaluate_at(result%start, result%residual, error)
          if (allocated(error)) return
+         allocate (result%derivative_check(2))
          call compare_derivatives(problem, result%start, variables, search%jacobian, &
             result%derivative_check(1), k)
          call refuse_derivative(search%names, k, error)
          if (allocated(error)) return
       end if
 
-      ! The difference step, sqrt(noise) |z|, must stand well above the noise of the model: a step
-      ! that drowns in integration error leaves the parameters where they are, with a success code.
-      noise = max(options%noise, epsilon(noise))
-      if (options%noise > 0) noise = max(noise, 1e-8_wp)
+      ! The difference step, sqrt(relative_error) |z|, must stand well above the error of the model:
+      ! a step that drowns in it leaves the parameters where they are, with a success code.
+      if (options%relative_error > 0) search%relative_error = max(options%relative_error, 1e-8_wp)
       do attempt = 1, size(first_steps)
          search%factor = first_steps(attempt)
          search%moving = [(k, k=1, size(variables))]
          search%held = spread(.false., 1, size(variables))
-         call minimise_with_bounds(search, options, noise, result, info, error)
+         call minimise_with_bounds(search, options, result, info, error)
          if (allocated(error)) return
          objection = ''
          if (info == 0 .or. info == 5) exit
-         call check_minimum(search, options, noise, result%start, result%estimate, &
-            result%residual, result%jacobian, objection, error)
+         call check_minimum(search, options, result%start, result%estimate, result%residual, &
+            result%jacobian, objection, error)
          if (allocated(error)) return
          if (objection == '') exit
       end do
@@ -152,10 +151,9 @@ contains
    !> Minimises; where the minimum lies on a bound the change of variable has no slope there and the
    !> search would creep. A variable that lingers at a bound is held on it while the others move,
    !> and let go, once, if J falls towards the inside.
-   subroutine minimise_with_bounds(search, options, noise, result, info, error)
+   subroutine minimise_with_bounds(search, options, result, info, error)
       type(search_t), intent(inout), target :: search
       type(options_t), intent(in) :: options
-      real(wp), intent(in) :: noise
       type(fit_t), intent(inout) :: result
       integer, intent(out) :: info
       type(error_t), allocatable, intent(out) :: error
@@ -170,16 +168,16 @@ contains
          info = all_linear
          return
       end if
-      ! The square root of an integrator's noise would end a search too early where residuals are
+      ! The square root of an integrator's error would end a search too early where residuals are
       ! large and convergence is slow.
-      tolerance = max(options%tolerance, options%noise**0.75_wp)
+      tolerance = max(options%tolerance, options%relative_error**0.75_wp)
       do
          search%variables(search%moving) = search%variables(search%moving)%from( &
             search%parameters(search%moving))
          allocate (z(size(search%moving)), source=1.0_wp)
          search%near_bound = 0
          search%lingering = 0
-         call run_search(search, options, tolerance, noise, z, result%residual, info)
+         call run_search(search, options, tolerance, z, result%residual, info)
          if (allocated(search%error)) then
             call move_alloc(search%error, error)
             return
@@ -202,8 +200,8 @@ contains
             call search%evaluate_at(search%parameters, result%residual, error)
             if (.not. allocated(error)) result%jacobian = search%jacobian
          else
-            call differences(search%problem, search%parameters, search%variables, noise, &
-               result%jacobian, error)
+            call differences(search%problem, search%parameters, search%variables, &
+               search%relative_error, result%jacobian, error)
          end if
          if (allocated(error)) return
          k = inward(search, result)
@@ -216,7 +214,7 @@ contains
    !> Gauss-Newton steps with the central differences of the final Jacobian: the one-sided ones of
    !> `lmdif` stop a little beside the minimum when the residuals are not zero. They go on while
    !> they grow shorter, each costs one evaluation, and none counts that is long or lets J rise by
-   !> more than the noise.
+   !> more than the residuals' error.
    subroutine polish(search, result)
       type(search_t), intent(inout) :: search
       type(fit_t), intent(inout) :: result

@@ -15,8 +15,8 @@ module beamid_optimality
 
    !> Distance to the minimum that counts as none, in standard errors. A hundredth shows in no
    !> number that is told of a fit; searches that converge end at 1e-6 or less. An integrator's
-   !> noise stops a search earlier: then it is what that noise may do to an estimate.
-   real(wp), parameter :: near = 1e-2_wp, near_in_noise = 0.25_wp
+   !> error stops a search earlier: then it is what that error may do to an estimate.
+   real(wp), parameter :: near = 1e-2_wp, near_by_integrator = 0.25_wp
 
 contains
 
@@ -24,21 +24,19 @@ contains
    !>
    !> Nor is it asked for more than a search can see: relative changes of J, and of the parameters,
    !> by the tolerance, the latter being what is left where the residuals vanish; and a thousand
-   !> times the noise of an integrator, whose relative error grows along a response and in
+   !> times the relative error of an integrator, which grows along a response and in
    !> differences of it. What a step promises counts as far as linear theory may hold: to where a
    !> parameter has changed by its own size.
    !>
-   !> noise      of the differences that stand in for derivatives
    !> start      where the first search began
    !> estimate, residual, jacobian  where the search has ended
    !> objection  what speaks against a minimum, or ''. `search` is then left where to go on from:
    !>            there, or at the start
    !> error      the derivatives at the start cannot be computed
-   subroutine check_minimum(search, options, noise, start, estimate, residual, jacobian, &
-      objection, error)
+   subroutine check_minimum(search, options, start, estimate, residual, jacobian, objection, error)
       type(search_t), intent(inout) :: search
       type(options_t), intent(in) :: options
-      real(wp), intent(in) :: noise, start(:), estimate(:), residual(:), jacobian(:, :)
+      real(wp), intent(in) :: start(:), estimate(:), residual(:), jacobian(:, :)
       character(len=:), allocatable, intent(out) :: objection
       type(error_t), allocatable, intent(out) :: error
       type(outlook_t) :: ahead
@@ -50,26 +48,26 @@ contains
       if (size(search%moving) == 0) return
       associate (moving => search%moving)
          ahead = look_ahead(jacobian(:, moving), residual, estimate(moving), &
-            search%variables(moving), jacobian_error(search, noise, size(residual)))
+            search%variables(moving), jacobian_error(search, size(residual)))
       end associate
       scales = scales_of(search%variables, estimate)
       share = 1/max(1.0_wp, maxval(abs(ahead%step)/scales(search%moving)))
       J = sum(residual**2)
       gain = share*(2 - share)*(J - sum(ahead%residual**2))
-      visible = max(options%tolerance, 1000*options%noise) &
+      visible = max(options%tolerance, 1000*options%relative_error) &
          *maxval([(norm2(jacobian(:, k))*scales(k), k=1, size(scales))])
       visible = max(visible**2, options%tolerance*J)
       if (search%failures_in_a_row > 0) then
          objection = ', but only for steps at which the model cannot be computed'
-      else if (.not. (ahead%distance <= merge(near, near_in_noise, options%noise <= 0) .or. &
-         gain <= visible)) then
+      else if (.not. (ahead%distance <= merge(near, near_by_integrator, &
+         options%relative_error <= 0) .or. gain <= visible)) then
          objection = ', but the derivatives promise a J that is '// &
             to_text(100*gain/J)//' % smaller'
-         if (options%noise > 0) objection = objection//', as far as a relative error of '// &
-            to_text(options%noise)//' in the residuals lets it be seen: a smaller one may help'
+         if (options%relative_error > 0) objection = objection// &
+            ', as far as a relative error of '//to_text(options%relative_error)// &
+            ' in the residuals lets it be seen: a smaller one may help'
       else if (ahead%rank < size(scales) .and. size(search%moving) == size(scales)) then
-         call check_effects(search, noise, start, estimate, residual, ahead%rank, objection, &
-            error)
+         call check_effects(search, start, estimate, residual, ahead%rank, objection, error)
       end if
    end subroutine check_minimum
 
@@ -78,9 +76,9 @@ contains
    !> for. A parameter at its bound, a mass of zero say, may take others' effect away.
    !>
    !> rank  at the estimate
-   subroutine check_effects(search, noise, start, estimate, residual, rank, objection, error)
+   subroutine check_effects(search, start, estimate, residual, rank, objection, error)
       type(search_t), intent(inout) :: search
-      real(wp), intent(in) :: noise, start(:), estimate(:), residual(:)
+      real(wp), intent(in) :: start(:), estimate(:), residual(:)
       integer, intent(in) :: rank
       character(len=:), allocatable, intent(inout) :: objection
       type(error_t), allocatable, intent(out) :: error
@@ -95,24 +93,25 @@ contains
          call search%smooth%jacobian(start, r, jacobian, error)
       else
          r = residual
-         call differences(search%problem, start, search%variables, noise, jacobian, error)
+         call differences(search%problem, start, search%variables, search%relative_error, &
+            jacobian, error)
       end if
       if (allocated(error)) return
       ahead = look_ahead(jacobian, r, start, search%variables, &
-         clearly*jacobian_error(search, noise, size(r)))
+         clearly*jacobian_error(search, size(r)))
       if (ahead%rank <= rank) return
       objection = ', but where parameters that had an effect at the start have none'
       search%parameters = start
    end subroutine check_effects
 
    !> Relative error of the columns of a Jacobian.
-   real(wp) function jacobian_error(search, noise, m)
+   real(wp) function jacobian_error(search, m)
       type(search_t), intent(in) :: search
-      real(wp), intent(in) :: noise
       integer, intent(in) :: m
 
-      jacobian_error = m*epsilon(noise)
-      if (.not. associated(search%smooth)) jacobian_error = error_of_differences(noise)
+      jacobian_error = m*epsilon(jacobian_error)
+      if (.not. associated(search%smooth)) jacobian_error = error_of_differences( &
+         search%relative_error)
    end function jacobian_error
 
 end module beamid_optimality

@@ -1,5 +1,5 @@
-!> A sum of squares to be minimised, and its derivatives: exact ones of a smooth problem, differences
-!> of any other, and one against the other where both are there.
+!> A sum of squares to be minimised, and its derivatives: exact ones of a smooth problem,
+!> differences of any other, and one against the other where both are there.
 module beamid_problems
    use beamid_errors, only: error_t
    use beamid_kinds, only: wp
@@ -50,8 +50,9 @@ contains
    !> Largest relative difference, over the columns, between a Jacobian and central differences.
    !>
    !> A column is mistaken when the two are further apart than the differences can be wrong: by
-   !> three times what another step, longer or shorter, makes of them. That holds where a parameter hardly
-   !> counts, and round-off is all there is, as where it counts so much that the step is long.
+   !> three times what another step, longer or shorter, makes of them. That holds where a parameter
+   !> hardly counts, and round-off is all there is, as where it counts so much that the step is
+   !> long.
    !>
    !> exact     (m, n) the Jacobian at the parameters
    !> worst     -1 where the differences cannot be computed
@@ -94,14 +95,14 @@ contains
       end do
    end subroutine compare_derivatives
 
-   !> The Jacobian by central differences with a step of the cube root of the noise, moved inside
+   !> The Jacobian by central differences with a step of the cube root of the error, moved inside
    !> where a bound is near.
    !>
-   !> noise  relative error of the residuals' model
-   !> jac    (m, n)
-   subroutine differences(problem, parameters, variables, noise, jac, error)
+   !> relative_error  of the residuals
+   !> jac             (m, n)
+   subroutine differences(problem, parameters, variables, relative_error, jac, error)
       class(problem_t), intent(inout) :: problem
-      real(wp), intent(in) :: parameters(:), noise
+      real(wp), intent(in) :: parameters(:), relative_error
       type(variable_t), intent(in) :: variables(:)
       real(wp), intent(out) :: jac(:, :)
       type(error_t), allocatable, intent(out) :: error
@@ -110,7 +111,7 @@ contains
       integer :: k
 
       do k = 1, size(parameters)
-         step = noise**(1/3.0_wp)*max(abs(parameters(k)), 1e-3_wp*variables(k)%magnitude())
+         step = relative_error**(1/3.0_wp)*max(abs(parameters(k)), 1e-3_wp*variables(k)%magnitude())
          p = parameters
          p(k) = max(min(parameters(k), variables(k)%upper - step) - step, variables(k)%lower)
          call problem%residuals(p, below, error)
@@ -122,11 +123,11 @@ contains
       end do
    end subroutine differences
 
-   !> Relative error of such a Jacobian, with some reserve: noise over step.
-   pure real(wp) function error_of_differences(noise) result(error)
-      real(wp), intent(in) :: noise
+   !> Relative error of such a Jacobian, with some reserve: that of the residuals over the step.
+   pure real(wp) function error_of_differences(relative_error) result(error)
+      real(wp), intent(in) :: relative_error
 
-      error = 10*noise**(2/3.0_wp)
+      error = 10*relative_error**(2/3.0_wp)
    end function error_of_differences
 
 end module beamid_problems

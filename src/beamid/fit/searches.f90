@@ -22,8 +22,8 @@ module beamid_searches
    end type monitor_t
 
    type :: options_t
-      !> relative error of the residuals' model (integrator tolerance)
-      real(wp) :: noise = 0
+      !> of the residuals, by an integrator's tolerance; 0: round-off only
+      real(wp) :: relative_error = 0
       real(wp) :: tolerance = 1e-10_wp     !< relative, on J and on the parameters
       integer :: max_evaluations = 2000
       logical :: check = .true.            !< compare exact derivatives with differences
@@ -59,8 +59,10 @@ module beamid_searches
       !> a moving variable that has come to a bound, 0: none
       integer :: near_bound = 0
       integer :: lingering = 0                 !< iterations in a row that it has spent there
+      !> of the residuals, for the steps of differences
+      real(wp) :: relative_error = epsilon(1.0_wp)
       real(wp) :: factor = 100          !< length of the first step, in norms of the scaled start
-      real(wp) :: first_norm = -1       !< of the residuals at the start
+      real(wp), allocatable :: first_norm   !< of the residuals at the start
       integer :: iterations = 0, evaluations = 0, shortened = 0, failures_in_a_row = 0
       type(error_t), allocatable :: error
       !> (m, n) derivatives of the last point that was evaluated, and that point
@@ -79,16 +81,15 @@ contains
 
    !> Calls MINPACK.
    !>
-   !> tolerance  relative, on the parameters; of a model with noise also on J, which cannot settle
-   !>            to the last digit
-   !> epsfcn     relative error of the residuals, for the difference step
+   !> tolerance  relative, on the parameters; of a model by an integrator also on J, which cannot
+   !>            settle to the last digit
    !> z          (n) start, then solution
    !> r          (m) residuals at the solution
    !> info       MINPACK's, or negative when the search was stopped
-   subroutine run_search(search, options, tolerance, epsfcn, z, r, info)
+   subroutine run_search(search, options, tolerance, z, r, info)
       type(search_t), intent(inout), target :: search
       type(options_t), intent(in) :: options
-      real(wp), intent(in) :: tolerance, epsfcn
+      real(wp), intent(in) :: tolerance
       real(wp), intent(inout) :: z(:)
       real(wp), intent(inout) :: r(:)
       integer, intent(out) :: info
@@ -100,7 +101,7 @@ contains
 
       allocate (fjac(size(r), size(z)), wa4(size(r)))
       active => search
-      ftol = merge(tolerance, 1e-14_wp, options%noise > 0)
+      ftol = merge(tolerance, 1e-14_wp, options%relative_error > 0)
       associate (m => size(r), n => size(z))
          if (associated(search%smooth)) then
             call lmder(evaluate_both, m, n, z, r, fjac, m, ftol, tolerance, gtol, &
@@ -108,8 +109,8 @@ contains
                wa1, wa2, wa3, wa4)
          else
             call lmdif(evaluate, m, n, z, r, ftol, tolerance, gtol, options%max_evaluations, &
-               epsfcn, diag, 1, search%factor, 1, info, nfev, fjac, m, ipvt, qtf, wa1, wa2, wa3, &
-               wa4)
+               search%relative_error, diag, 1, search%factor, 1, info, nfev, fjac, m, ipvt, qtf, &
+               wa1, wa2, wa3, wa4)
          end if
       end associate
       active => null()
@@ -158,13 +159,14 @@ contains
             call failure(error, 'the sum of squared residuals is not finite')
       end if
       if (.not. allocated(error)) then
-         if (active%first_norm < 0) active%first_norm = norm2(fvec)
+         if (.not. allocated(active%first_norm)) active%first_norm = norm2(fvec)
          active%failures_in_a_row = 0
          return
       end if
 
       active%failures_in_a_row = active%failures_in_a_row + 1
-      if (iflag == 2 .or. active%first_norm < 0 .or. active%failures_in_a_row > max_failures) then
+      if (iflag == 2 .or. .not. allocated(active%first_norm) .or. &
+         active%failures_in_a_row > max_failures) then
          call move_alloc(error, active%error)
          iflag = -1
          return

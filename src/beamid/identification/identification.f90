@@ -99,7 +99,7 @@ contains
       problem%exact = model%solver%is_exact()
       if (.not. problem%exact) call exact_counterpart(problem, experiments, mesh, &
          model%observation, exact)
-      options%noise = model%solver%noise()
+      options%relative_error = model%solver%noise()
       if (present(check)) options%check = check
       allocate (fits(size(stages)))
       do k = 1, size(stages)

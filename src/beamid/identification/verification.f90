@@ -129,8 +129,8 @@ contains
       end do
       associate (rtol => finer%parts(1)%solver%noise())
          judge = 'rtol = '//to_text(rtol)
-         call fit(finer, size(found%residual), from_there, options_t(noise=rtol, check=.false.), &
-            better, error)
+         call fit(finer, size(found%residual), from_there, options_t(relative_error=rtol, &
+            check=.false.), better, error)
       end associate
       if (allocated(error)) error%message = 'nothing tells how far the error of the integrator '// &
          'has moved the estimates; '//judge//': '//error%message

@@ -144,7 +144,7 @@ contains
                listed(pack(names, .not. s%determined)))
          end if
       end associate
-      if (fit%fit%derivative_check(1) >= 0) call text%line( &
+      if (allocated(fit%fit%derivative_check)) call text%line( &
          'derivatives, exact against central differences: '// &
          to_text(fit%fit%derivative_check(1))//' at the start, '// &
             to_text(fit%fit%derivative_check(2))// &
