@@ -44,7 +44,7 @@ module beamid
    use beamid_parameters, only: free_index, free_names, get_free, set_free
    use beamid_problems, only: problem_t, smooth_problem_t
    use beamid_records, only: load_recording, note_length, read_record, recording_t, &
-      take_samples, window_t
+      window_t
    use beamid_responses, only: response_t, solver_t, work_t
    use beamid_roots, only: damped_roots
    use beamid_statistics, only: new_statistics, statistics_t

@@ -3,9 +3,8 @@
 module beamid_record_groups
    use beamid_blocks, only: block_t
    use beamid_paths, only: directory_of, join_path
-   use beamid_kinds, only: wp
    use beamid_numbers, only: shown
-   use beamid_records, only: column_length, recording_t, window_t
+   use beamid_records, only: recording_t, window_t
    use beamid_strings, only: to_text
    use beamid_values, only: positive, range_t
    implicit none

@@ -7,11 +7,11 @@ module beamid_records
    use beamid_series, only: part_t, read_series, series_t
    use beamid_strings, only: to_text
    use beamid_thinning, only: gap_limit, margin_of, thin_out, thinned_t
-   use beamid_windows, only: choose_rows, grid, take_samples, window_t
+   use beamid_windows, only: choose_rows, grid, window_t
    implicit none
    private
 
-   public :: window_t, recording_t, read_record, load_recording, take_samples, grid
+   public :: window_t, recording_t, read_record, load_recording, grid
    public :: append_recording, note_length, column_length
 
    !> Of a sentence about what was done to a record.
@@ -244,10 +244,9 @@ contains
       unit = 'cycles per unit of time'
       if (recording%time_unit /= '') unit = 'cycles/'//trim(recording%time_unit)
       if (recording%time_unit == 's') unit = 'Hz'
-      call add_note(notes, 'thinned by '//to_text(recording%thin)// &
-         ': the filter passes up to '//to_text(thinned%passes)//' '//unit// &
-         ' within 1e-4, stops what lies above '//to_text(thinned%stops)//' and reaches over '// &
-         to_text(thinned%half_width)//' either way')
+      call add_note(notes, 'thinned by '//to_text(recording%thin)//': the filter passes up to '// &
+         to_text(thinned%passes)//' '//unit//' within 1e-4, stops what lies above '// &
+         to_text(thinned%stops)//' and reaches over '//to_text(thinned%half_width)//' either way')
       if (thinned%lost > 0) call add_note(notes, to_text(thinned%lost)//' of '// &
          to_text(thinned%lost + size(thinned%t))//' thinned samples left out: '// &
          'the filter meets the record''s end, a gap or the sensor''s limit')

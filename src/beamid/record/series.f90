@@ -1,6 +1,6 @@
 !> Two columns of a table as a series in time; of a long one only the part that is wanted is kept.
 module beamid_series
-   use beamid_csv, only: column_length, open_table, read_row
+   use beamid_csv, only: open_table, read_row
    use beamid_errors, only: error_t, bad_input
    use beamid_kinds, only: wp, ip
    use beamid_numbers, only: shown

@@ -1,4 +1,4 @@
-!> Lines in the spectrum of a record: where a search for parameters had best begin.
+!> Lines in the spectrum of a record, from which start values of a search are taken.
 module beamid_spectra
    use beamid_kinds, only: wp
    use beamid_sorting, only: median
@@ -33,7 +33,7 @@ contains
       type(line_t), allocatable, intent(out) :: lines(:)
       real(wp), intent(out) :: share
       real(wp), allocatable :: times(:), values(:), spectrum(:)
-      logical, allocatable :: peak(:)
+      logical, allocatable :: peak(:), chosen(:)
       real(wp) :: step, threshold
       integer :: k, n, strongest
 
@@ -46,22 +46,24 @@ contains
       n = size(spectrum)
       if (n < 8) return
       threshold = max(5*median(spectrum), 1e-2_wp*maxval(spectrum(6:)))
-      allocate (peak(n), source=.false.)
-      ! The first lines of a window are its own: a trend of the record, no motion.
+      allocate (peak(n), chosen(n), source=.false.)
+      ! The first lines are those of the window and of a trend of the record, not of a motion.
       do k = 6, n - 1
          peak(k) = spectrum(k) > threshold .and. spectrum(k) >= spectrum(k - 1) .and. &
             spectrum(k) > spectrum(k + 1)
       end do
-      do while (size(lines) < most .and. any(peak))
+      do while (count(chosen) < most .and. any(peak))
          strongest = maxloc(spectrum, dim=1, mask=peak)
-         peak(strongest) = .false.
-         ! Side lobes of the window: within four widths, below a thirtieth and a bit.
+         chosen(strongest) = .true.
+         ! Side lobes of the window: within four of its widths, below a twentieth of the peak.
          do k = max(1, strongest - 16), min(n, strongest + 16)
             if (spectrum(k) < 0.05_wp*spectrum(strongest)) peak(k) = .false.
          end do
-         lines = [lines, summit(spectrum, strongest, step)]
+         peak(strongest) = .false.
       end do
-      call sort_by_frequency(lines)
+      do k = 1, n
+         if (chosen(k)) lines = [lines, summit(spectrum, k, step)]
+      end do
    end subroutine find_lines
 
    !> A long record is shortened before it is scanned, which costs samples times frequencies: means
@@ -181,21 +183,5 @@ contains
       if (determinant > 1e-6_wp*cc*ss) amplitude = hypot(ss*sum(c*y) - cs*sum(s*y), &
          cc*sum(s*y) - cs*sum(c*y))/determinant
    end function amplitude
-
-   !> Ascending frequency, by insertion.
-   pure subroutine sort_by_frequency(lines)
-      type(line_t), intent(inout) :: lines(:)
-      type(line_t) :: line
-      integer :: i, j
-
-      do i = 2, size(lines)
-         line = lines(i)
-         do j = i - 1, 1, -1
-            if (lines(j)%frequency <= line%frequency) exit
-            lines(j + 1) = lines(j)
-         end do
-         lines(j + 1) = line
-      end do
-   end subroutine sort_by_frequency
 
 end module beamid_spectra

@@ -7,7 +7,7 @@ module beamid_windows
    implicit none
    private
 
-   public :: window_t, grid, take_samples, choose_rows
+   public :: window_t, grid, choose_rows
 
    !> More sample times than this are refused: t_step or t_last must be wrong.
    integer, parameter :: max_samples = 1000000
@@ -43,34 +43,12 @@ contains
       times = [(window%t_first + k*window%t_step, k=0, int(steps*(1 + 1e-12_wp) + 1e-6_wp))]
    end subroutine grid
 
-   !> The samples of the window. With t_step the record must hold a sample at each of its times, to
-   !> within 1/1000 of the step; nothing is interpolated, and the record's own time stamps are kept.
-   !>
-   !> t, z              record, ascending, of one sample or more
-   !> samples, measured the samples taken
-   !> error             a message without file: a time outside the record or between its samples
-   subroutine take_samples(window, t, z, samples, measured, error)
-      type(window_t), intent(in) :: window
-      real(wp), intent(in) :: t(:), z(:)
-      real(wp), allocatable, intent(out) :: samples(:), measured(:)
-      type(error_t), allocatable, intent(out) :: error
-      type(series_t) :: series
-      integer, allocatable :: rows(:)
-
-      series%t = t
-      series%first = t(1)
-      series%last = t(size(t))
-      series%rows = size(t, kind=ip)
-      call choose_rows(window, series, rows, error)
-      if (allocated(error)) return
-      samples = t(rows)
-      measured = z(rows)
-   end subroutine take_samples
-
-   !> Which of the rows kept are in the window.
+   !> Which of the rows kept are in the window. With t_step the record must hold a sample at each of
+   !> its times, to within 1/1000 of the step; nothing is interpolated, and the record's own time
+   !> stamps are kept.
    !>
    !> rows   places in series%t, ascending
-   !> error  as of take_samples
+   !> error  a message without file: a time outside the record or between its samples
    subroutine choose_rows(window, series, rows, error)
       type(window_t), intent(in) :: window
       type(series_t), intent(in) :: series
