@@ -175,7 +175,7 @@ program test_least_squares
    use beamid_errors, only: error_t, status_failed
    use beamid_kinds, only: wp
    use beamid, only: fit, fit_t, options_t
-   use beamid_gauss_newton, only: look_ahead, outlook_t
+   use beamid_gauss_newton, only: gauss_newton_step, gauss_newton_t
    use beamid_strings, only: to_text
    use beamid_variables, only: new_variable, unbounded, variable_t
    use checks, only: check, check_close, finish
@@ -516,7 +516,7 @@ contains
    !> those whose way to a bound is so long that they come out beside it.
    subroutine test_outlook()
       type(variable_t) :: variables(4)
-      type(outlook_t) :: ahead
+      type(gauss_newton_t) :: ahead
       real(wp), parameter :: near = 1e-3_wp, side(4) = [1, -1, 1, -1]
       real(wp) :: jacobian(7, 4), residual(7), p(4), found(4), gradient(4), beyond, slope
       logical :: finite
@@ -538,7 +538,7 @@ contains
             if (modulo(i/2**k, 3) == 0) p(k) = nearest(variables(k)%lower, -1.0_wp)
             if (modulo(i/2**k, 3) == 1) p(k) = nearest(variables(k)%upper, 1.0_wp)
          end do
-         ahead = look_ahead(jacobian, residual, p, variables, 1e-12_wp)
+         ahead = gauss_newton_step(jacobian, residual, p, variables, 1e-12_wp)
          found = p + ahead%step
          gradient = matmul(ahead%residual, jacobian)
          finite = finite .and. all(abs(found) < 1) .and. all(abs(ahead%residual) < 100)

@@ -7,9 +7,9 @@ module beamid_gauss_newton
    implicit none
    private
 
-   public :: outlook_t, look_ahead, scales_of
+   public :: gauss_newton_t, gauss_newton_step, scales_of
 
-   type :: outlook_t
+   type :: gauss_newton_t
       real(wp), allocatable :: step(:)      !< (n) to the minimum, physical parameters
       real(wp), allocatable :: residual(:)  !< (m) r + jacobian step
       !> Distance to the minimum in standard errors: (J - J_min)/s^2 = distance^2 with
@@ -17,7 +17,7 @@ module beamid_gauss_newton
       !> step moves most in units of its own standard error.
       real(wp) :: distance = 0
       integer :: rank = 0                   !< independent directions in which parameters count
-   end type outlook_t
+   end type gauss_newton_t
 
 contains
 
@@ -28,10 +28,10 @@ contains
    !> residual   (m)
    !> parameters (n) inside the bounds of the variables
    !> threshold  relative error of the columns: directions whose effect is smaller are left alone
-   function look_ahead(jacobian, residual, parameters, variables, threshold) result(ahead)
+   function gauss_newton_step(jacobian, residual, parameters, variables, threshold) result(ahead)
       real(wp), intent(in) :: jacobian(:, :), residual(:), parameters(:), threshold
       type(variable_t), intent(in) :: variables(:)
-      type(outlook_t) :: ahead
+      type(gauss_newton_t) :: ahead
       real(wp) :: p(size(parameters)), step(size(parameters)), share(size(parameters)), left
       logical :: free(size(parameters))
       integer :: hit, k, rank
@@ -60,7 +60,7 @@ contains
       left = sum(ahead%residual**2)
       ahead%distance = sqrt(max(0.0_wp, sum(residual**2) - left) &
          /max(left/max(1, size(residual) - size(p)), tiny(left)))
-   end function look_ahead
+   end function gauss_newton_step
 
    !> What relative changes of the parameters are relative to.
    pure function scales_of(variables, parameters) result(scales)
@@ -68,7 +68,7 @@ contains
       real(wp), intent(in) :: parameters(:)
       real(wp) :: scales(size(parameters))
 
-      scales = max(abs(parameters), variables%magnitude())
+      scales = max(abs(parameters), variables%magnitude)
    end function scales_of
 
    !> The shortest step, per relative change, that minimises |r + jacobian step|: LAPACK's least

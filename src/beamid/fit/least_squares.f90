@@ -61,6 +61,7 @@ contains
       character(len=*), intent(in), optional :: label, names(:)
       type(search_t), target :: search
       character(len=:), allocatable :: objection
+      logical :: compares
       integer :: attempt, info, k
 
       if (m < size(variables)) then
@@ -81,21 +82,20 @@ contains
       if (present(names)) search%names = names
       search%variables = variables
       search%parameters = variables%start
-      allocate (result%residual(m), result%jacobian(m, size(variables)))
-      result%start = variables%start
-      if (associated(search%smooth) .and. options%check) then
-         call search%evaluate_at(result%start, result%residual, error)
-         if (allocated(error)) return
-         allocate (result%derivative_check(2))
-         call compare_derivatives(problem, result%start, variables, search%jacobian, &
-            result%derivative_check(1), k)
-         call refuse_derivative(search%names, k, error)
-         if (allocated(error)) return
-      end if
-
       ! The difference step, sqrt(relative_error) |z|, must stand well above the error of the model:
       ! a step that drowns in it leaves the parameters where they are, with a success code.
       if (options%relative_error > 0) search%relative_error = max(options%relative_error, 1e-8_wp)
+      allocate (result%residual(m), result%jacobian(m, size(variables)))
+      result%start = variables%start
+      compares = associated(search%smooth) .and. options%check
+      if (compares) then
+         allocate (result%derivative_check(2))
+         call search%evaluate_at(result%start, result%residual, error)
+         if (.not. allocated(error)) call compare(search, result%start, search%jacobian, &
+            result%derivative_check(1), error)
+         if (allocated(error)) return
+      end if
+
       do attempt = 1, size(first_steps)
          search%factor = first_steps(attempt)
          search%moving = [(k, k=1, size(variables))]
@@ -124,29 +124,31 @@ contains
       end if
       if (attempt > 1) result%reason = result%reason//'; search '//to_text(attempt)// &
          ', with shorter steps'
-      if (associated(search%smooth) .and. options%check) then
-         call compare_derivatives(problem, result%estimate, variables, result%jacobian, &
-            result%derivative_check(2), k)
-         call refuse_derivative(search%names, k, error)
-      end if
+      if (compares) call compare(search, result%estimate, result%jacobian, &
+         result%derivative_check(2), error)
    end subroutine fit
 
-   !> A fit by derivatives that are not those of the residuals is none.
+   !> Compares exact derivatives with differences: a fit by derivatives that are not those of the
+   !> residuals is none.
    !>
-   !> k  the parameter whose derivative is wrong; 0: none
-   subroutine refuse_derivative(names, k, error)
-      character(len=*), intent(in) :: names(:)
-      integer, intent(in) :: k
+   !> jacobian    (m, n) at the parameters
+   !> difference  as of `compare_derivatives`
+   subroutine compare(search, parameters, jacobian, difference, error)
+      type(search_t), intent(inout) :: search
+      real(wp), intent(in) :: parameters(:), jacobian(:, :)
+      real(wp), intent(out) :: difference
       type(error_t), allocatable, intent(inout) :: error
-
       character(len=:), allocatable :: name
+      integer :: k
 
+      call compare_derivatives(search%problem, parameters, search%variables, jacobian, &
+         difference, k)
       if (k == 0) return
-      name = trim(names(k))
+      name = trim(search%names(k))
       if (name == '') name = 'parameter '//to_text(k)
       call failure(error, 'least squares: the exact derivative by '//name// &
          ' disagrees with differences of the residuals')
-   end subroutine refuse_derivative
+   end subroutine compare
 
    !> Minimises; where the minimum lies on a bound the change of variable has no slope there and the
    !> search would creep. A variable that lingers at a bound is held on it while the others move,

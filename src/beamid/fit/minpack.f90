@@ -35,8 +35,7 @@ module beamid_minpack
          real(wp), intent(out) :: fvec(m), fjac(ldfjac, n), qtf(n), wa1(n), wa2(n), wa3(n), wa4(m)
       end subroutine lmdif
       subroutine lmder(fcn, m, n, x, fvec, fjac, ldfjac, ftol, xtol, gtol, maxfev, diag, mode, &
-         factor, &
-         nprint, info, nfev, njev, ipvt, qtf, wa1, wa2, wa3, wa4)
+         factor, nprint, info, nfev, njev, ipvt, qtf, wa1, wa2, wa3, wa4)
          import :: wp, jacobian_callback
          procedure(jacobian_callback) :: fcn
          integer, intent(in) :: m, n, maxfev, mode, nprint, ldfjac

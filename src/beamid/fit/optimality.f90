@@ -1,9 +1,9 @@
 !> Whether a search has ended at a minimum. A success code of MINPACK is no proof: it comes as well
-!> where trial steps were refused until they were as good as none, where a wrong derivative led
-!> nowhere, and where one long step ended at a place at which parameters have no effect.
+!> where trial steps were refused until they were too short to matter, where a derivative is wrong,
+!> and where one long step ended at a place at which parameters have no effect.
 module beamid_optimality
    use beamid_errors, only: error_t
-   use beamid_gauss_newton, only: look_ahead, outlook_t, scales_of
+   use beamid_gauss_newton, only: gauss_newton_step, gauss_newton_t, scales_of
    use beamid_kinds, only: wp
    use beamid_problems, only: differences, error_of_differences
    use beamid_searches, only: options_t, search_t
@@ -39,7 +39,7 @@ contains
       real(wp), intent(in) :: start(:), estimate(:), residual(:), jacobian(:, :)
       character(len=:), allocatable, intent(out) :: objection
       type(error_t), allocatable, intent(out) :: error
-      type(outlook_t) :: ahead
+      type(gauss_newton_t) :: ahead
       real(wp) :: scales(size(estimate)), share, gain, J, visible
       integer :: k
 
@@ -47,7 +47,7 @@ contains
       search%parameters = estimate
       if (size(search%moving) == 0) return
       associate (moving => search%moving)
-         ahead = look_ahead(jacobian(:, moving), residual, estimate(moving), &
+         ahead = gauss_newton_step(jacobian(:, moving), residual, estimate(moving), &
             search%variables(moving), jacobian_error(search, size(residual)))
       end associate
       scales = scales_of(search%variables, estimate)
@@ -61,13 +61,12 @@ contains
          objection = ', but only for steps at which the model cannot be computed'
       else if (.not. (ahead%distance <= merge(near, near_by_integrator, &
          options%relative_error <= 0) .or. gain <= visible)) then
-         objection = ', but the derivatives promise a J that is '// &
-            to_text(100*gain/J)//' % smaller'
+         objection = ', but the derivatives promise a J that is '//to_text(100*gain/J)//' % smaller'
          if (options%relative_error > 0) objection = objection// &
             ', as far as a relative error of '//to_text(options%relative_error)// &
             ' in the residuals lets it be seen: a smaller one may help'
       else if (ahead%rank < size(scales) .and. size(search%moving) == size(scales)) then
-         call check_effects(search, start, estimate, residual, ahead%rank, objection, error)
+         call check_lost_effects(search, start, estimate, residual, ahead%rank, objection, error)
       end if
    end subroutine check_minimum
 
@@ -76,7 +75,7 @@ contains
    !> for. A parameter at its bound, a mass of zero say, may take others' effect away.
    !>
    !> rank  at the estimate
-   subroutine check_effects(search, start, estimate, residual, rank, objection, error)
+   subroutine check_lost_effects(search, start, estimate, residual, rank, objection, error)
       type(search_t), intent(inout) :: search
       real(wp), intent(in) :: start(:), estimate(:), residual(:)
       integer, intent(in) :: rank
@@ -84,7 +83,7 @@ contains
       type(error_t), allocatable, intent(out) :: error
       !> So much larger an effect at the start is no matter of round-off.
       real(wp), parameter :: clearly = 1e3_wp
-      type(outlook_t) :: ahead
+      type(gauss_newton_t) :: ahead
       real(wp), allocatable :: r(:), jacobian(:, :)
 
       if (any(search%variables%is_at_bound(estimate))) return
@@ -97,12 +96,12 @@ contains
             jacobian, error)
       end if
       if (allocated(error)) return
-      ahead = look_ahead(jacobian, r, start, search%variables, &
+      ahead = gauss_newton_step(jacobian, r, start, search%variables, &
          clearly*jacobian_error(search, size(r)))
       if (ahead%rank <= rank) return
       objection = ', but where parameters that had an effect at the start have none'
       search%parameters = start
-   end subroutine check_effects
+   end subroutine check_lost_effects
 
    !> Relative error of the columns of a Jacobian.
    real(wp) function jacobian_error(search, m)

@@ -111,7 +111,7 @@ contains
       integer :: k
 
       do k = 1, size(parameters)
-         step = relative_error**(1/3.0_wp)*max(abs(parameters(k)), 1e-3_wp*variables(k)%magnitude())
+         step = relative_error**(1/3.0_wp)*max(abs(parameters(k)), 1e-3_wp*variables(k)%magnitude)
          p = parameters
          p(k) = max(min(parameters(k), variables(k)%upper - step) - step, variables(k)%lower)
          call problem%residuals(p, below, error)

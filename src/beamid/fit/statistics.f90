@@ -73,8 +73,7 @@ contains
       statistics%parameters = n
       if (m <= n) then
          call failure(error, 'statistics: '//to_text(m)// &
-            ' residuals leave no degree of freedom for '// &
-            to_text(n)//' parameters')
+            ' residuals leave no degree of freedom for '//to_text(n)//' parameters')
          return
       end if
       call decompose(jacobian, scale, statistics%singular, statistics%direction, error)
@@ -89,7 +88,7 @@ contains
       statistics%half_width = merge(unlimited, t*min(statistics%std_error, unlimited/t), &
          statistics%std_error >= unlimited/t)
       statistics%determined = statistics%half_width < abs(estimate)
-      call correct(jacobian, residual, statistics)
+      call correct_errors(jacobian, residual, statistics)
    end subroutine new_statistics
 
    !> Covariance sigma**2 V S**-2 V', undone for the scale. A parameter with a part in a direction
@@ -136,7 +135,7 @@ contains
    end subroutine add_covariance
 
    !> Errors with the autocovariances of the residuals up to `max_lags`, tapered linearly.
-   subroutine correct(jacobian, residual, statistics)
+   subroutine correct_errors(jacobian, residual, statistics)
       real(wp), intent(in) :: jacobian(:, :), residual(:)
       type(statistics_t), intent(inout) :: statistics
       real(wp), allocatable :: influence(:, :)
@@ -168,7 +167,7 @@ contains
       end do
       statistics%corrected_half_width = statistics%corrected_error*student_quantile(0.95_wp, &
          max(1.0_wp, statistics%effective - statistics%parameters))
-   end subroutine correct
+   end subroutine correct_errors
 
    !> Singular values and right singular vectors of the Jacobian with its columns scaled.
    subroutine decompose(jacobian, scale, singular, direction, error)
@@ -223,13 +222,14 @@ contains
       integer, intent(in) :: k
       character(len=:), allocatable :: text
       real(wp), allocatable :: v(:)
-      real(wp) :: change, along, least
-      integer :: j, largest
+      real(wp) :: J, change, along, least
+      integer :: i, largest
 
+      J = statistics%variance*(statistics%samples - statistics%parameters)
       v = statistics%direction(:, k)
       largest = maxloc(abs(v), dim=1)
       v = v/v(largest)
-      ! Alone, or only together with others that hardly move but count all the more?
+      ! Alone, or together with others whose small changes have as much effect?
       change = sum((jacobian(:, largest)*scale(largest))**2)
       along = (statistics%singular(k)/statistics%direction(largest, k))**2
       least = 0.1_wp
@@ -237,32 +237,17 @@ contains
       if (count(abs(v) > least) == 1) then
          text = trim(names(largest))// &
             ' is not determined by this record: doubling it changes J by '// &
-            to_text(change)//' ('//percent(change/max(residual_sum(statistics), tiny(1.0_wp)))// &
-               ' of J)'
+            to_text(change)//' ('//to_text(100*(change/max(J, tiny(J))))//' % of J)'
          return
       end if
       text = ''
-      do j = 1, size(v)
-         if (abs(v(j)) <= least) cycle
+      do i = 1, size(v)
+         if (abs(v(i)) <= least) cycle
          if (text /= '') text = text//', '
-         text = text//trim(names(j))//' by '//signed(100*v(j))//' %'
+         text = text//trim(names(i))//' by '//signed(100*v(i))//' %'
       end do
-      text = 'not determined together: changing '//text//' at once changes J by '// &
-         to_text(along)
+      text = 'not determined together: changing '//text//' at once changes J by '//to_text(along)
    end function sentence
-
-   pure real(wp) function residual_sum(statistics)
-      type(statistics_t), intent(in) :: statistics
-
-      residual_sum = statistics%variance*(statistics%samples - statistics%parameters)
-   end function residual_sum
-
-   pure function percent(ratio) result(text)
-      real(wp), intent(in) :: ratio
-      character(len=:), allocatable :: text
-
-      text = to_text(100*ratio)//' %'
-   end function percent
 
    !> Whole per cent, or two digits of less.
    pure function signed(value) result(text)

@@ -16,13 +16,12 @@ module beamid_variables
       real(wp) :: start = 0                    !< value at z = 1
       real(wp) :: lower = -unbounded
       real(wp) :: upper = unbounded
-      real(wp), private :: moderate = 1        !< what a moderate value is
+      real(wp) :: magnitude = 1                !< what a moderate value is
       real(wp), private :: scale = 1           !< size of the parameter's region of interest
       real(wp), private :: x = 1               !< x = z*self%x is the argument of the formulas below
    contains
       procedure :: value
       procedure :: derivative
-      procedure :: magnitude
       procedure :: from
       procedure :: is_at_bound
       procedure :: nearest_bound
@@ -44,7 +43,7 @@ contains
       self%lower = lower
       self%upper = upper
       self%start = start
-      self%moderate = magnitude
+      self%magnitude = magnitude
       inside = 1e-2_wp*magnitude
       if (has(lower) .and. has(upper)) inside = min(inside, 1e-3_wp*(upper - lower))
       if (has(lower) .and. start - lower < 1e-4_wp*inside) then
@@ -102,19 +101,12 @@ contains
       end if
    end function derivative
 
-   !> What a moderate value of the parameter is.
-   elemental real(wp) function magnitude(self)
-      class(variable_t), intent(in) :: self
-
-      magnitude = self%moderate
-   end function magnitude
-
    !> The same variable with another start.
    elemental type(variable_t) function from(self, start)
       class(variable_t), intent(in) :: self
       real(wp), intent(in) :: start
 
-      from = new_variable(start, self%lower, self%upper, self%moderate)
+      from = new_variable(start, self%lower, self%upper, self%magnitude)
    end function from
 
    !> Whether a value is so near a bound that it might as well lie on it.
@@ -122,8 +114,8 @@ contains
       class(variable_t), intent(in) :: self
       real(wp), intent(in) :: value
 
-      is_at_bound = has(self%lower) .and. value - self%lower < 1e-4_wp*self%moderate .or. &
-         has(self%upper) .and. self%upper - value < 1e-4_wp*self%moderate
+      is_at_bound = has(self%lower) .and. value - self%lower < 1e-4_wp*self%magnitude .or. &
+         has(self%upper) .and. self%upper - value < 1e-4_wp*self%magnitude
    end function is_at_bound
 
    !> The bound that is nearest to a value.

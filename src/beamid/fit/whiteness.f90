@@ -49,7 +49,7 @@ contains
          found%autocorrelation(k) = dot_product(r(:m - k), r(k + 1:))/sum(r**2)
       end do
       allocate (expected(lags), source=0.0_wp)
-      if (present(jacobian)) call expect(jacobian, expected)
+      if (present(jacobian)) call expected_autocorrelation(jacobian, expected)
       found%band = 1.959963984540054_wp/sqrt(real(m, wp))
       found%lags = max(1, min(lags, m/10))
       found%ljung_box = m*(m + 2.0_wp)*sum((found%autocorrelation(:found%lags) &
@@ -60,7 +60,7 @@ contains
 
    !> Autocorrelation of the residuals of a fit to white noise; 0 where the columns of the Jacobian
    !> are dependent, or take every degree of freedom.
-   subroutine expect(jacobian, autocorrelation)
+   subroutine expected_autocorrelation(jacobian, autocorrelation)
       real(wp), intent(in) :: jacobian(:, :)
       real(wp), intent(out) :: autocorrelation(:)
       type(projection_t) :: projection
@@ -76,6 +76,6 @@ contains
          autocorrelation(k) = -sum(projection%q(:m - k, :)*projection%q(k + 1:, :)) &
             /(m - size(jacobian, 2))
       end do
-   end subroutine expect
+   end subroutine expected_autocorrelation
 
 end module beamid_whiteness

@@ -4,7 +4,6 @@
 module beamid_starts
    use beamid_equations, only: equations_t, new_equations
    use beamid_errors, only: bad_input, error_t, failure
-   use beamid_excitation, only: excitation_t
    use beamid_experiments, only: experiment_t
    use beamid_kinds, only: wp
    use beamid_least_squares, only: fit, fit_t, options_t
@@ -71,7 +70,7 @@ contains
       call variables_of(stage, problem%world, variables, quantities)
       match%fits = problem
       match%initial = variables%start
-      match%scale = [(max(abs(variables(k)%start), variables(k)%magnitude()), &
+      match%scale = [(max(abs(variables(k)%start), variables(k)%magnitude), &
          k=1, size(variables))]
       call fit(match, 2*size(match%seen) + size(variables), variables, options, found, error)
       if (allocated(error)) then
