@@ -80,7 +80,7 @@ contains
 
    !> One problem that shows only after the file has been read; an earlier error stays.
    !>
-   !> line   0: that of nothing in particular
+   !> line   0: no line in particular
    !> place  the group and, where there is one, the key
    subroutine refuse(path, line, place, found, expected, error)
       character(len=*), intent(in) :: path, place, found, expected

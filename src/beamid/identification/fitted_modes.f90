@@ -10,13 +10,14 @@ module beamid_fitted_modes
    use beamid_modal, only: modal_t
    use beamid_parameters, only: amplitude
    use beamid_responses, only: work_t
+   use beamid_statistics, only: unlimited
    implicit none
    private
 
    public :: fitted_mode_t, fitted_modes
 
-   !> A mode and how well it is known; half widths of 95 % intervals, huge where there is none. A
-   !> real root, which decays and does not oscillate, stands for itself.
+   !> A mode and how well it is known; half widths of 95 % intervals, `unlimited` where there is
+   !> none. A real root, which decays and does not oscillate, stands for itself.
    type :: fitted_mode_t
       integer :: record = 1
       complex(wp) :: s = 0                  !< root [1/time]
@@ -82,12 +83,12 @@ contains
       mode%together = together
       mode%frequency = abs(s)/two_pi
       mode%damping_ratio = -real(s)/abs(s)
-      mode%frequency_half_width = huge(1.0_wp)
-      mode%damping_half_width = huge(1.0_wp)
+      mode%frequency_half_width = unlimited
+      mode%damping_half_width = unlimited
       if (fit%statistics%samples == 0 .or. together) return
       associate (statistics => fit%statistics)
          ! No limits, or none that could be squared.
-         if (any(statistics%std_error(:n) >= sqrt(huge(1.0_wp))*epsilon(1.0_wp))) return
+         if (any(statistics%std_error(:n) >= sqrt(unlimited)*epsilon(1.0_wp))) return
          scale = 1
          if (.not. fit%check%white) scale = maxval(statistics%corrected_half_width(:n) &
             /max(statistics%half_width(:n), tiny(1.0_wp)))

@@ -41,7 +41,7 @@ module beamid_identification
       type(residual_check_t) :: check
       !> How far an integrator's error has moved an estimate, in standard errors; -1: no integrator
       real(wp) :: moved = -1
-      character(len=:), allocatable :: judge   !< seen from where
+      character(len=:), allocatable :: reference   !< seen from where
       real(wp) :: score = -1             !< squared residuals over another window; -1: not asked for
       type(work_t) :: work
    end type stage_fit_t
@@ -146,7 +146,7 @@ contains
          names)
       if (allocated(error)) return
       if (.not. problem%exact) call verify_integrator(problem, exact, variables, names, &
-         found%fit, found%moved, found%judge, error)
+         found%fit, found%moved, found%reference, error)
       if (allocated(error)) return
       found%free = stage%free
       do k = 1, size(stage%free)

@@ -38,7 +38,7 @@ contains
    !> as many at a time as there are threads. The same seed gives the same starts.
    !>
    !> minima    ascending J
-   !> failures  how many starts led nowhere
+   !> failures  how many starts failed
    !> error     that of the declared start, where every start failed
    subroutine identify_from_many(model, mesh, stages, experiments, plan, minima, failures, error, &
       monitor)

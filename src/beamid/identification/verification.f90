@@ -22,7 +22,7 @@ module beamid_verification
    !> How far an estimate may have been moved, in standard errors; and relatively, where a record
    !> without noise leaves standard errors that are the integrator's own: a digit that no summary
    !> shows.
-   real(wp), parameter :: allowed = 0.25_wp, unseen = 1e-6_wp
+   real(wp), parameter :: allowed = 0.25_wp, negligible = 1e-6_wp
 
 contains
 
@@ -53,16 +53,16 @@ contains
    !> names      (n) theirs
    !> moved      by how many standard errors, the largest over the parameters; -1 where no degree of
    !>            freedom is left for these
-   !> judge      seen from where: the exact response, or a smaller tolerance where that fails
+   !> reference  seen from where: the exact response, or a smaller tolerance where that fails
    !> error      an estimate was moved too far, or nothing can tell whether it was
-   subroutine verify_integrator(problem, exact, variables, names, found, moved, judge, error)
+   subroutine verify_integrator(problem, exact, variables, names, found, moved, reference, error)
       type(residual_t), intent(in) :: problem
       type(residual_t), intent(inout) :: exact
       type(variable_t), intent(in) :: variables(:)
       character(len=*), intent(in) :: names(:)
       type(fit_t), intent(in) :: found
       real(wp), intent(out) :: moved
-      character(len=:), allocatable, intent(out) :: judge
+      character(len=:), allocatable, intent(out) :: reference
       type(error_t), allocatable, intent(out) :: error
       type(fit_t) :: better
       type(statistics_t) :: statistics
@@ -70,9 +70,9 @@ contains
       integer :: k
 
       moved = -1
-      judge = ''
+      reference = ''
       if (size(found%residual) <= size(variables) .or. size(variables) == 0) return
-      call go_on(problem, exact, variables, found, better, judge, error)
+      call refit(problem, exact, variables, found, better, reference, error)
       if (allocated(error)) return
       scales = scales_of(variables, better%estimate)
       call new_statistics(better%jacobian, better%residual, better%estimate, scales, statistics, &
@@ -81,35 +81,36 @@ contains
       shift = abs(found%estimate - better%estimate)
       ratio = shift/max(statistics%std_error, tiny(moved))
       moved = maxval(ratio)
-      where (shift <= unseen*scales) ratio = 0
+      where (shift <= negligible*scales) ratio = 0
       k = maxloc(ratio, dim=1)
       if (ratio(k) <= allowed) return
       associate (rtol => problem%parts(1)%solver%noise())
          call failure(error, 'rtol = '//to_text(rtol)//' is too large: the error of the '// &
             'integrator has moved '//trim(names(k))//' by '//to_text(shift(k))//', '// &
-            to_text(ratio(k))//' standard errors, seen from '//judge//'; expected at most a '// &
-            'quarter: rtol = '//to_text(smaller(rtol, ratio(k)))//' or less, or method = ''modal''')
+            to_text(ratio(k))//' standard errors, seen from '//reference// &
+            '; expected at most a quarter: rtol = '//to_text(smaller(rtol, ratio(k)))// &
+            ' or less, or method = ''modal''')
       end associate
    end subroutine verify_integrator
 
    !> Goes on from the estimates with the exact response, or where that fails with a hundredth of
    !> the tolerance.
    !>
-   !> judge  which of the two
-   subroutine go_on(problem, exact, variables, found, better, judge, error)
+   !> reference  which of the two
+   subroutine refit(problem, exact, variables, found, better, reference, error)
       type(residual_t), intent(in) :: problem
       type(residual_t), intent(inout) :: exact
       type(variable_t), intent(in) :: variables(:)
       type(fit_t), intent(in) :: found
       type(fit_t), intent(out) :: better
-      character(len=:), allocatable, intent(out) :: judge
+      character(len=:), allocatable, intent(out) :: reference
       type(error_t), allocatable, intent(out) :: error
       type(residual_t) :: finer
       type(variable_t) :: from_there(size(variables))
       integer :: i
 
       from_there = variables%from(found%estimate)
-      judge = 'the exact response'
+      reference = 'the exact response'
       if (allocated(exact%parts)) then
          exact%world = problem%world
          exact%free = problem%free
@@ -128,13 +129,13 @@ contains
          end select
       end do
       associate (rtol => finer%parts(1)%solver%noise())
-         judge = 'rtol = '//to_text(rtol)
+         reference = 'rtol = '//to_text(rtol)
          call fit(finer, size(found%residual), from_there, options_t(relative_error=rtol, &
             check=.false.), better, error)
       end associate
       if (allocated(error)) error%message = 'nothing tells how far the error of the integrator '// &
-         'has moved the estimates; '//judge//': '//error%message
-   end subroutine go_on
+         'has moved the estimates; '//reference//': '//error%message
+   end subroutine refit
 
    !> The power of ten that keeps the shift, which goes with the tolerance, below a third of what is
    !> allowed, down to the least there is; the default at most, from where nothing goes with it.

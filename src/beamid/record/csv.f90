@@ -92,8 +92,7 @@ contains
 
       call reader%rewind()
       if (.not. reader%next_row()) then
-         call bad_input(error, reader%path// &
-            ': found no line of data, expected columns of numbers')
+         call bad_input(error, reader%path//': found no line of data, expected columns of numbers')
          return
       end if
       if (.not. is_header(reader, n_columns)) return

@@ -6,7 +6,7 @@ module beamid_mode_summaries
    use beamid_multistart, only: minimum_t
    use beamid_statistics, only: unlimited
    use beamid_strings, only: fixed, to_text
-   use beamid_texts, only: left, right, text_t
+   use beamid_texts, only: right, text_t
    implicit none
    private
 
@@ -30,11 +30,9 @@ contains
       integer :: k
 
       call text%line('N = '//to_text(elements)//': '//to_text(size(omega))// &
-         ' modes, the lowest '// &
-         to_text(min(shown, size(omega))))
+         ' modes, the lowest '//to_text(min(shown, size(omega))))
       call text%line(' mode  undamped '//frequency_unit(case)//'    |s|/2 pi '// &
-         frequency_unit(case)// &
-         '   damping ratio        Re s         Im s')
+         frequency_unit(case)//'   damping ratio        Re s         Im s')
       do k = 1, min(shown, size(roots))
          line = right(to_text(k), 5)//right(merge(frequency(omega(min(k, size(omega)))/(2*pi)), &
             repeat(' ', 14), k <= size(omega)), 16)

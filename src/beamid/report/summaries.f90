@@ -32,8 +32,7 @@ contains
       do k = 1, size(experiments)
          associate (t => experiments(k)%samples)
             call text%line(case%name//': identification from '//to_text(size(t))// &
-               ' samples, t = '//to_text(t(1))//' to '//to_text(t(size(t)))// &
-               label(case%units%time))
+               ' samples, t = '//to_text(t(1))//' to '//to_text(t(size(t)))//label(case%units%time))
          end associate
       end do
       if (present(notes)) then
@@ -87,7 +86,7 @@ contains
          call text%line('       '//effort(fits(k)%work))
          if (fits(k)%moved >= 0) call text%line('       the integrator''s error has moved the '// &
             'estimates by '//to_text(fits(k)%moved)//' of their standard errors at most, seen '// &
-            'from '//fits(k)%judge)
+            'from '//fits(k)%reference)
          if (fits(k)%score >= 0) call text%line( &
             '       sum of squares over the window of &score: '// &
             to_text(fits(k)%score))
@@ -120,8 +119,7 @@ contains
       associate (s => fit%statistics, p => fit%quantities%value)
          do k = 1, size(p)
             line = left(trim(names(k)), 10)//right(to_text(p(k)), 12)//interval(fit, k, &
-               s%std_error(k), &
-               s%half_width(k))
+               s%std_error(k), s%half_width(k))
             if (.not. fit%check%white) line = line//interval(fit, k, &
                s%corrected_error(k), s%corrected_half_width(k))
             do j = 1, k - 1
@@ -130,8 +128,7 @@ contains
             call text%line(line)
          end do
          call text%line('singular values of the Jacobian per relative change:'// &
-            joined(s%singular)// &
-            '; condition number '//limited(s%condition))
+            joined(s%singular)//'; condition number '//limited(s%condition))
          scales = fit%quantities%scale
          sentences = undetermined(s, names, scales, fit%jacobian)
          do k = 1, size(sentences)
@@ -159,10 +156,9 @@ contains
 
       associate (check => fit%check)
          call text%line('residuals: autocorrelation at lag 1 '// &
-            to_text(check%autocorrelation(1))// &
-            ' (white: within '//to_text(check%band)//'), Ljung-Box '//to_text(check%ljung_box)// &
-            ' over '//to_text(check%lags)//' lags, probability '// &
-               to_text(check%probability))
+            to_text(check%autocorrelation(1))//' (white: within '//to_text(check%band)// &
+            '), Ljung-Box '//to_text(check%ljung_box)//' over '//to_text(check%lags)// &
+            ' lags, probability '//to_text(check%probability))
          if (check%white) then
             call text%line('residuals pass for white noise')
          else
@@ -258,8 +254,7 @@ contains
 
       associate (t => simulations(1)%response%t)
          call text%line(case%name//': response at '//to_text(size(t))//' times, t = '// &
-            to_text(t(1))// &
-            ' to '//to_text(t(size(t)))//label(case%units%time))
+            to_text(t(1))//' to '//to_text(t(size(t)))//label(case%units%time))
       end associate
       call text%line('observed: '//observed(case))
       call text%line()

@@ -50,10 +50,9 @@ contains
          end associate
          if (fit%statistics%samples > 0) then
             line = line//','//interval(fit, k, fit%statistics%std_error(k), &
-               fit%statistics%half_width(k))// &
-               ','//trim(merge('yes', 'no ', fit%statistics%determined(k)))// &
-               ','//interval(fit, k, fit%statistics%corrected_error(k), &
-                  fit%statistics%corrected_half_width(k))
+               fit%statistics%half_width(k))//','//trim(merge('yes', 'no ', &
+               fit%statistics%determined(k)))//','//interval(fit, k, &
+               fit%statistics%corrected_error(k), fit%statistics%corrected_half_width(k))
          else
             line = line//repeat(',', 7)
          end if

@@ -111,7 +111,7 @@ contains
    end subroutine take_back_all
 
    !> What earlier runs have written to the folder and this one will not, as they left it. What
-   !> somebody has changed since, or cannot be read, is his.
+   !> was changed since, or cannot be read, belongs to neither list.
    subroutine sort_older(directory, files, command, kept, outdated)
       character(len=*), intent(in) :: directory, command
       type(named_text_t), intent(in) :: files(:)

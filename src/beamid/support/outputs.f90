@@ -56,7 +56,7 @@ contains
       call move_alloc(more, list)
    end subroutine append
 
-   !> Names an input, a file of somebody: `commit` does not overwrite it, unless the manifest of
+   !> Names an input, a file of the user: `commit` does not overwrite it, unless the manifest of
    !> the output folder says that an earlier run wrote it.
    subroutine spare(self, path)
       class(output_t), intent(inout) :: self

@@ -262,7 +262,7 @@ contains
          n = c_write(fd, text(done + 1:), len(text, c_size_t) - done)
          if (n < 0) code = last_errno()
          if (n == 0) code = enospc
-         ! Somebody else may have made the terminal one that does not wait.
+         ! Another program may have set the terminal to non-blocking.
          if (code == eagain) ignored = c_usleep(1000_c_int)
          if (code == eintr .or. code == eagain) code = 0
          done = done + max(n, 0_ip)

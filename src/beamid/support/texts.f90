@@ -6,7 +6,7 @@ module beamid_texts
 
    public :: text_t, left, right
 
-   !> Of a column, where nothing else is said.
+   !> Of a column by default.
    integer, parameter :: width = 14
 
    type :: text_t
