@@ -3,8 +3,12 @@ module beamid_acceleration
    use beamid
    use beamid_acceleration_study, only: closer, compute_study, deviation_of, share, study_t, &
       tolerances
+   use beamid_amplification, only: deviation_t, gains
    use beamid_commands, only: deliver, settings_t
+   use beamid_outputs, only: output_t
    use beamid_paper, only: find_data, percent, scientific
+   use beamid_strings, only: fixed, full, to_text
+   use beamid_texts, only: left, right, text_t
    implicit none
    private
 

@@ -3,6 +3,9 @@
 !> and for each mode's share in it.
 module beamid_acceleration_study
    use beamid
+   use beamid_amplification, only: deviation_t, equation_row, formula_times, measure, mode_observers
+   use beamid_fields, only: field_t, find_field
+   use beamid_paths, only: join_path
    implicit none
    private
 

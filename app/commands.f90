@@ -2,7 +2,20 @@
 module beamid_commands
    use, intrinsic :: iso_fortran_env, only: int64
    use beamid
+   use beamid_cases, only: scored_samples
+   use beamid_errors, only: bad_input
+   use beamid_identification, only: score_fits
+   use beamid_mode_summaries, only: fitted_modes_summary, minima_summary, modes_summary
+   use beamid_outputs, only: output_t
+   use beamid_sorting, only: median
+   use beamid_strings, only: to_text
+   use beamid_summaries, only: fit_summary, response_summary
+   use beamid_tables, only: add_autocorrelation, add_correlations, add_estimates, add_fit, &
+      add_fitted_modes, add_minima, add_modes, add_response, autocorrelation_header, &
+      correlations_header, estimates_header, fit_header, fitted_modes_header, labels_table, &
+      minima_header, modes_header, record_table, response_header
    use beamid_terminal, only: new_progress, print_text, progress_t, tell
+   use beamid_texts, only: text_t
    implicit none
    private
 
@@ -134,7 +147,7 @@ contains
             if (sum(seconds(:k)) > 1) exit
          end do
          call tell('time: N = '//to_text(case%meshes(mesh)%elements)//', median of '// &
-            to_text(min(k, most))//' fits: '//to_text(middle(seconds(:min(k, most))))//' s')
+            to_text(min(k, most))//' fits: '//to_text(median(seconds(:min(k, most))))//' s')
       end do
    end subroutine time_fits
 

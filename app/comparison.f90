@@ -2,7 +2,13 @@
 module beamid_comparison
    use beamid
    use beamid_commands, only: deliver, settings_t
+   use beamid_errors, only: bad_input
+   use beamid_galerkin, only: same_mesh
+   use beamid_outputs, only: output_t
+   use beamid_statistics, only: akaike => aicc, bayes => bic, nested_test
+   use beamid_strings, only: fixed, full, to_text
    use beamid_terminal, only: new_progress, progress_t
+   use beamid_texts, only: left, right, text_t
    implicit none
    private
 

@@ -5,7 +5,10 @@ module beamid_convergence
    use beamid_commands, only: deliver, settings_t
    use beamid_convergence_study, only: coarser, compute_motions, differences, fitted, forces, &
       loads, motion_t, motions, order, reference
+   use beamid_outputs, only: output_t
    use beamid_paper, only: find_data, scientific
+   use beamid_strings, only: fixed, full, to_text
+   use beamid_texts, only: right, text_t
    implicit none
    private
 

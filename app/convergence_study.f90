@@ -2,6 +2,8 @@
 !> quintic mesh, and fits of the cubic meshes to it.
 module beamid_convergence_study
    use beamid
+   use beamid_fields, only: field_t, find_field, graded_times, motion_size
+   use beamid_paths, only: join_path
    implicit none
    private
 

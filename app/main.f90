@@ -1,9 +1,11 @@
 !> beamid <command> <case.nml> [--out DIR] [--quiet]
 program beamid_main
-   use beamid, only: bad_input, error_t, to_text, version
-   use beamid_comparison, only: run_compare
+   use beamid, only: error_t, version
    use beamid_commands, only: run_identify, run_modes, run_simulate, settings_t, word_t
+   use beamid_comparison, only: run_compare
+   use beamid_errors, only: bad_input
    use beamid_reproduction, only: reproducible, run_reproduce
+   use beamid_strings, only: to_text
    use beamid_terminal, only: complain, print_text
    implicit none
 

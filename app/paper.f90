@@ -2,6 +2,9 @@
 !> beside them.
 module beamid_paper
    use beamid
+   use beamid_errors, only: bad_input
+   use beamid_paths, only: directory_of, join_path
+   use beamid_strings, only: fixed
    implicit none
    private
 

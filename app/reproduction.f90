@@ -4,6 +4,8 @@ module beamid_reproduction
    use beamid_acceleration, only: run_acceleration
    use beamid_commands, only: settings_t
    use beamid_convergence, only: run_convergence
+   use beamid_errors, only: bad_input
+   use beamid_paths, only: join_path
    use beamid_section_4, only: run_section_4
    use beamid_table_4_1, only: run_table_4_1
    use beamid_terminal, only: print_text

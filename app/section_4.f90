@@ -2,10 +2,13 @@
 module beamid_section_4
    use beamid
    use beamid_commands, only: deliver, settings_t
+   use beamid_outputs, only: output_t
    use beamid_paper, only: find_data
    use beamid_section_4_report, only: section_4_report
    use beamid_section_4_results, only: compute_section_4, entry_t, results_t, table_4_4
+   use beamid_strings, only: full, to_text
    use beamid_terminal, only: new_progress, progress_t
+   use beamid_texts, only: text_t
    implicit none
    private
 

@@ -6,6 +6,9 @@ module beamid_section_4_report
       table_4_4, table_4_5, table_4_6
    use beamid_section_4_sums, only: add_distances, add_frequencies, add_sums, warning, window
    use beamid_section_4_valley, only: add_stages, add_valley
+   use beamid_statistics, only: nested_test, undetermined
+   use beamid_strings, only: fixed, to_text
+   use beamid_texts, only: right, text_t
    implicit none
    private
 

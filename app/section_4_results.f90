@@ -2,7 +2,14 @@
 !> estimates and at the paper's.
 module beamid_section_4_results
    use beamid
+   use beamid_cases, only: scored_samples
    use beamid_csv, only: column_length, read_columns
+   use beamid_errors, only: bad_input
+   use beamid_identification, only: score_fits
+   use beamid_paths, only: join_path
+   use beamid_profiles, only: difference_bound, lowest_places, profile, squared_distance, &
+      sum_of_squares
+   use beamid_strings, only: to_text
    implicit none
    private
 

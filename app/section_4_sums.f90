@@ -3,6 +3,8 @@ module beamid_section_4_sums
    use beamid
    use beamid_paper, only: percent
    use beamid_section_4_results, only: first_bending, results_t, table_4_4
+   use beamid_strings, only: fixed, to_text
+   use beamid_texts, only: left, right, text_t
    implicit none
    private
 

@@ -3,6 +3,8 @@ module beamid_section_4_valley
    use beamid
    use beamid_paper, only: percent
    use beamid_section_4_results, only: entry_t, results_t, table_4_3, table_4_4
+   use beamid_strings, only: fixed, to_text
+   use beamid_texts, only: right, text_t
    implicit none
    private
 

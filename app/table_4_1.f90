@@ -3,8 +3,13 @@ module beamid_table_4_1
    use beamid
    use beamid_commands, only: add_fit_tables, deliver, settings_t
    use beamid_csv, only: column_length, read_columns
+   use beamid_errors, only: bad_input
+   use beamid_outputs, only: output_t
    use beamid_paper, only: find_data, percent
+   use beamid_paths, only: join_path
+   use beamid_strings, only: fixed, full, to_text
    use beamid_terminal, only: new_progress, progress_t
+   use beamid_texts, only: right, text_t
    implicit none
    private
 

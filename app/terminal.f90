@@ -2,8 +2,9 @@
 !> through the C library, as gfortran's runtime does not report what a full device refuses.
 module beamid_terminal
    use, intrinsic :: iso_c_binding, only: c_int, c_intptr_t
-   use beamid, only: error_t, failure, monitor_t, to_text, wp
+   use beamid, only: error_t, failure, monitor_t, wp
    use beamid_posix, only: c_signal, reason, sig_ign, sigpipe, write_bytes
+   use beamid_strings, only: to_text
    implicit none
    private
 

@@ -1,6 +1,8 @@
 !> Sums of squares around a fit: profiles, their lowest places, the bound on the sums of two models.
 program test_profiles
    use beamid
+   use beamid_profiles, only: difference_bound, lowest_places, profile, squared_distance, &
+      sum_of_squares
    use checks, only: check, check_close, finish
    use models, only: stage_of
    implicit none

@@ -3,7 +3,7 @@
 module separable
    use beamid_errors, only: error_t, failure
    use beamid_kinds, only: wp
-   use beamid_problems, only: problem_t
+   use beamid_problems, only: smooth_problem_t
    use beamid_projection, only: new_projection, projection_t
    implicit none
    private
@@ -13,20 +13,18 @@ module separable
    integer, parameter :: linear = 3
 
    !> r = model(p) c - y with c eliminated.
-   type, extends(problem_t) :: separable_t
+   type, extends(smooth_problem_t) :: separable_t
       real(wp), allocatable :: t(:), y(:)
    contains
       procedure :: residuals => separable_residuals
-      procedure :: has_jacobian => separable_has
       procedure :: jacobian => separable_jacobian
    end type separable_t
 
    !> The same with c among the parameters: (p, c).
-   type, extends(problem_t) :: whole_t
+   type, extends(smooth_problem_t) :: whole_t
       real(wp), allocatable :: t(:), y(:)
    contains
       procedure :: residuals => whole_residuals
-      procedure :: has_jacobian => whole_has
       procedure :: jacobian => whole_jacobian
    end type whole_t
 
@@ -59,12 +57,6 @@ contains
       call self%jacobian(parameters, r, jac, error)
    end subroutine separable_residuals
 
-   pure logical function separable_has(self)
-      class(separable_t), intent(in) :: self
-
-      separable_has = allocated(self%t)
-   end function separable_has
-
    subroutine separable_jacobian(self, parameters, r, jac, error)
       class(separable_t), intent(inout) :: self
       real(wp), intent(in) :: parameters(:)
@@ -94,12 +86,6 @@ contains
 
       call self%jacobian(parameters, r, jac, error)
    end subroutine whole_residuals
-
-   pure logical function whole_has(self)
-      class(whole_t), intent(in) :: self
-
-      whole_has = allocated(self%t)
-   end function whole_has
 
    subroutine whole_jacobian(self, parameters, r, jac, error)
       class(whole_t), intent(inout) :: self

@@ -5,6 +5,10 @@
 !> the structure alone, are independent of it.
 program test_section_4
    use beamid
+   use beamid_cases, only: scored_samples
+   use beamid_identification, only: score_fits
+   use beamid_profiles, only: difference_bound, squared_distance, sum_of_squares
+   use beamid_strings, only: to_text
    use beamid_csv, only: column_length, read_columns
    use checks, only: check, check_close, finish, skip
    use shell, only: call_program => beamid, close_shell, exists, has_all, in_scratch, line_count, &

@@ -5,7 +5,7 @@ program test_statistics
    use beamid_kinds, only: wp
    use beamid_least_squares, only: fit, fit_t, options_t
    use beamid_noise, only: gaussian_noise
-   use beamid_statistics, only: akaike, bayes, nested_test, new_statistics, statistics_t, &
+   use beamid_statistics, only: aicc, bic, nested_test, new_statistics, statistics_t, &
       undetermined
    use beamid_strings, only: to_text
    use beamid_variables, only: new_variable, unbounded
@@ -270,19 +270,19 @@ contains
    !> J = 2, m = 20, 3 parameters, so that k = 4: 20 ln .1 = -46.05170185988091;
    !> AICc + 8 + 40/15, BIC + 4 ln 20 = 4*2.995732273553991.
    subroutine test_criteria()
-      call check_close('AICc', akaike(2.0_wp, 20, 3), -46.05170185988091_wp + 8 + 40.0_wp/15, &
+      call check_close('AICc', aicc(2.0_wp, 20, 3), -46.05170185988091_wp + 8 + 40.0_wp/15, &
          1e-12_wp)
-      call check_close('BIC', bayes(2.0_wp, 20, 3), -46.05170185988091_wp &
+      call check_close('BIC', bic(2.0_wp, 20, 3), -46.05170185988091_wp &
          + 4*2.995732273553991_wp, 1e-12_wp)
       ! One more parameter must earn 2.40... in -m ln J here: k = 4 to 5 raises 8 + 40/15 to 10 +
       ! 60/14.
-      call check_close('AICc, price of a parameter', akaike(2.0_wp, 20, 4) - akaike(2.0_wp, 20, &
+      call check_close('AICc, price of a parameter', aicc(2.0_wp, 20, 4) - aicc(2.0_wp, 20, &
          3), 2 + 60.0_wp/14 - 40.0_wp/15, 1e-12_wp)
-      call check_close('AICc without correction in the limit', akaike(2e6_wp, 20000000, 3), &
+      call check_close('AICc without correction in the limit', aicc(2e6_wp, 20000000, 3), &
          2e7_wp*log(0.1_wp) + 8, 1e-4_wp)
       ! m - k - 1 <= 0: no finite correction exists.
-      call check('AICc, too few samples', akaike(2.0_wp, 5, 3) > 1e300_wp)
-      call check('AICc, just enough samples', akaike(2.0_wp, 6, 3) < 100, to_text(akaike(2.0_wp, &
+      call check('AICc, too few samples', aicc(2.0_wp, 5, 3) > 1e300_wp)
+      call check('AICc, just enough samples', aicc(2.0_wp, 6, 3) < 100, to_text(aicc(2.0_wp, &
          6, 3)))
    end subroutine test_criteria
 

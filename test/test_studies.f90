@@ -1,6 +1,10 @@
 !> `reproduce acceleration` and `reproduce convergence`: what they rest on, and what they report.
 program test_studies
    use beamid
+   use beamid_amplification, only: deviation_t, equation_row, formula_times, gains, measure, &
+      mode_observers
+   use beamid_observation, only: new_sampling, sampling_t
+   use beamid_strings, only: to_text
    use checks, only: check, check_close, finish, skip
    use shell, only: close_shell, line_count, open_shell, outcome_t, program_path, read_file, &
       replaced, run, scratch

@@ -2,7 +2,7 @@
 module mistakes
    use beamid_errors, only: error_t
    use beamid_kinds, only: wp
-   use beamid_problems, only: problem_t
+   use beamid_problems, only: smooth_problem_t
    use beamid_residuals, only: residual_t
    implicit none
    private
@@ -10,13 +10,12 @@ module mistakes
    public :: mistaken_t
 
    !> A problem whose derivative by one parameter is wrong by a factor.
-   type, extends(problem_t) :: mistaken_t
+   type, extends(smooth_problem_t) :: mistaken_t
       type(residual_t) :: right
       integer :: column = 0
       real(wp) :: factor = 1
    contains
       procedure :: residuals
-      procedure :: has_jacobian
       procedure :: jacobian
    end type mistaken_t
 
@@ -30,12 +29,6 @@ contains
 
       call self%right%residuals(parameters, r, error)
    end subroutine residuals
-
-   pure logical function has_jacobian(self)
-      class(mistaken_t), intent(in) :: self
-
-      has_jacobian = self%right%has_jacobian()
-   end function has_jacobian
 
    subroutine jacobian(self, parameters, r, jac, error)
       class(mistaken_t), intent(inout) :: self

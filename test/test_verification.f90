@@ -97,6 +97,7 @@ contains
       experiments(1)%samples = samples(:size(measured))
       experiments(1)%measured = measured
       experiments(1)%excitation = new_pulse(1.0_wp, 0.05_wp)
+      problem%exact = .false.
       allocate (problem%parts(1))
       problem%world%structures = [truth]
       problem%world%excitations = [experiments(1)%excitation]
@@ -107,7 +108,7 @@ contains
          problem%parts(1), error)
       call exact_counterpart(problem, experiments, mesh, model%observation, exact)
       call variables_of(stage, problem%world, variables, quantities)
-      call fit(problem, size(measured), variables, options_t(noise=rtol), found, error)
+      call fit(problem, size(measured), variables, options_t(relative_error=rtol), found, error)
       call check('rtol = '//to_text(rtol)//': the fit converges', .not. allocated(error))
    end subroutine fit_of
 

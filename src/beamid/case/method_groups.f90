@@ -1,0 +1,236 @@
+!> The groups of a case file that say how to compute: mesh, integrator, observation, stages.
+module beamid_method_groups
+   use beamid_blocks, only: block_t
+   use beamid_cvode, only: cvode_t
+   use beamid_excitation, only: excitation_t
+   use beamid_galerkin, only: mesh_t
+   use beamid_identification, only: stage_t
+   use beamid_kinds, only: wp, ip
+   use beamid_modal, only: modal_t
+   use beamid_multistart, only: multistart_t
+   use beamid_numbers, only: shown
+   use beamid_observation, only: formula_names, observation_t
+   use beamid_parameters, only: amplitude, belongs_to_hose, is_there, may_be_negative, &
+      name_of_parameter, offset, parameters, place_of_name
+   use beamid_responses, only: solver_t
+   use beamid_strings, only: to_text
+   use beamid_structure, only: of_x_F, structure_t
+   use beamid_values, only: listed, positive, range_t
+   use beamid_variables, only: unbounded
+   implicit none
+   private
+
+   public :: read_discretization, read_integrator, read_multistart, read_observation, read_stage
+
+contains
+
+   subroutine read_discretization(block, meshes)
+      type(block_t), intent(inout) :: block
+      type(mesh_t), allocatable, intent(inout) :: meshes(:)
+      type(mesh_t) :: mesh
+      integer, allocatable :: elements(:)
+      integer :: k
+
+      call block%get('degree', mesh%degree, 'of the splines', range_t(3, 7, step=2))
+      call block%get('elements', elements, to_text(mesh%elements), 'of the mesh; of several '// &
+         'numbers everything is done for each', 50, range_t(1, 10000))
+      call block%get('gauss_points', mesh%gauss_points, 'in each panel', range_t(1, 64), &
+         default='degree + 1, exact')
+      call block%get('panels', mesh%panels, 'in each element', range_t(1, 1000))
+      call block%close()
+      if (block%failed()) return
+      if (.not. block%has('gauss_points')) mesh%gauss_points = mesh%degree + 1
+      if (mesh%gauss_points*mesh%panels < mesh%degree - 1) call block%refuse('gauss_points', &
+         to_text(mesh%gauss_points*mesh%panels)//' points per element', &
+         'at least degree - 1 = '//to_text(mesh%degree - 1))
+      if (.not. allocated(elements)) elements = [mesh%elements]
+      do k = 2, size(elements)
+         if (.not. any(elements(:k - 1) == elements(k))) cycle
+         call block%refuse('elements', to_text(elements(k))//' twice', 'each number once')
+         return
+      end do
+      meshes = [(mesh_t(mesh%degree, elements(k), mesh%gauss_points, mesh%panels), &
+         k=1, size(elements))]
+   end subroutine read_discretization
+
+   subroutine read_integrator(block, chosen)
+      type(block_t), intent(inout) :: block
+      class(solver_t), allocatable, intent(inout) :: chosen
+      type(cvode_t) :: solver
+      character(len=:), allocatable :: method
+      real(wp), allocatable :: atol
+      integer :: max_steps
+
+      method = 'modal'
+      max_steps = int(solver%max_steps)
+      call block%get('method', method, 'exact in time, or step by step', ['modal', 'cvode'])
+      call block%get('rtol', solver%rtol, 'relative tolerance of cvode', range_t(1e-14_wp, 0.1_wp))
+      call block%get('atol', atol, 'rtol times the size of the displacement', &
+         'absolute tolerance of cvode', positive)
+      call block%get('max_order', solver%max_order, 'of cvode', range_t(1, 5))
+      call block%get('max_steps', max_steps, 'of cvode', range_t(1, huge(max_steps)))
+      call block%close()
+      solver%max_steps = int(max_steps, ip)
+      if (allocated(atol)) solver%atol = atol
+      if (method == 'modal') then
+         chosen = modal_t()
+      else
+         chosen = solver
+      end if
+   end subroutine read_integrator
+
+   subroutine read_multistart(block, plan)
+      type(block_t), intent(inout) :: block
+      type(multistart_t), intent(inout) :: plan
+
+      plan%n = 20
+      call block%get('n', plan%n, 'starts', range_t(1, 100000))
+      call block%get('seed', plan%seed, 'of the random numbers')
+      call block%get('spread', plan%spread, 'the starts lie between the declared one divided '// &
+         'by this and times this', range_t(1, 1e6_wp, open=.true.))
+      call block%close()
+   end subroutine read_multistart
+
+   subroutine read_observation(block, observed)
+      type(block_t), intent(inout) :: block
+      type(observation_t), intent(inout) :: observed
+      character(len=:), allocatable :: formula, frame
+      real(wp), allocatable :: delta
+
+      formula = trim(formula_names(observed%formula))
+      call block%get('formula', formula, 'of the acceleration', formula_names)
+      call block%get('delta', delta, 'differences need it', 'their step', positive)
+      frame = 'absolute'
+      call block%get('frame', frame, 'of what is observed on a base that moves', &
+         ['absolute', 'relative'])
+      call block%close()
+      if (block%failed()) return
+      observed%relative = frame == 'relative'
+      observed%formula = findloc(formula_names == formula, .true., dim=1)
+      if (formula == 'equation') then
+         call block%exclude('delta', 'with formula = ''equation''')
+      else
+         call block%require('delta')
+         if (allocated(delta)) observed%delta = delta
+      end if
+   end subroutine read_observation
+
+   !> structure, excitations  of the case
+   !> records  how many there are: a parameter that is not shared gets a value for each
+   !> sound    whether all of these have been read without a problem
+   subroutine read_stage(block, structure, excitations, records, sound, found)
+      type(block_t), intent(inout) :: block
+      type(structure_t), intent(in) :: structure
+      type(excitation_t), intent(in) :: excitations(:)
+      integer, intent(in) :: records
+      logical, intent(in) :: sound
+      type(stage_t), intent(out) :: found
+      character(len=:), allocatable :: free(:), shared(:)
+      integer, allocatable :: places(:)
+      integer :: k
+
+      call block%get('free', free, '', 'parameters to estimate', size(parameters), required=.true.)
+      call block%get('shared', shared, 'all', 'those that all records have in common', &
+         size(parameters))
+      call block%get('start', found%start, 'where the stage before ended', &
+         'start values, one for each of free', size(parameters), word='auto', &
+         is_word=found%automatic)
+      call block%get('lower', found%lower, '0; of amplitude and offset none', 'lower bounds', &
+         size(parameters))
+      call block%get('upper', found%upper, 'none', 'upper bounds', size(parameters))
+      call block%close()
+      if (block%failed()) return
+      found%free = place_of_name(structure, free)
+      do k = 1, size(free)
+         if (found%free(k) == 0) then
+            call block%refuse('free', shown(free(k)), 'one of '//listed(pack( &
+               name_of_parameter(structure, parameters%place), parameters%is_free .and. &
+               is_there(structure, parameters%place)), ' '))
+         else if (any(found%free(:k - 1) == found%free(k))) then
+            call block%refuse('free', shown(free(k))//' twice', 'each parameter once')
+         end if
+      end do
+      call check_count(block, 'start', found%start, size(free))
+      call check_count(block, 'lower', found%lower, size(free))
+      call check_count(block, 'upper', found%upper, size(free))
+      if (.not. allocated(shared)) shared = free
+      places = place_of_name(structure, shared)
+      do k = 1, size(shared)
+         if (any(found%free == places(k))) cycle
+         call block%refuse('shared', shown(shared(k)), 'parameters that are free')
+      end do
+      if (.not. block%failed()) call check_bounds(block, structure, found)
+      if (sound .and. .not. block%failed()) call check_free(block, found%free, structure, &
+         excitations)
+      if (block%failed()) return
+      found%offset = any(found%free == offset)
+      call found%distribute(places, records)
+   end subroutine read_stage
+
+   !> As many numbers as there are free parameters.
+   subroutine check_count(block, key, values, n)
+      type(block_t), intent(inout) :: block
+      character(len=*), intent(in) :: key
+      real(wp), allocatable, intent(in) :: values(:)
+      integer, intent(in) :: n
+
+      if (.not. allocated(values)) return
+      if (size(values) /= n) call block%refuse(key, to_text(size(values))//' values', &
+         to_text(n)//', one for each of free')
+   end subroutine check_count
+
+   !> Bounds in their order, with the start between them.
+   subroutine check_bounds(block, structure, stage)
+      type(block_t), intent(inout) :: block
+      type(structure_t), intent(in) :: structure
+      type(stage_t), intent(inout) :: stage
+      character(len=:), allocatable :: larger
+      integer :: k
+
+      call stage%set_bounds()
+      do k = 1, size(stage%free)
+         associate (p => stage%free(k), lower => stage%lower(k), upper => stage%upper(k))
+            if (lower < 0 .and. .not. may_be_negative(p)) then
+               call block%refuse('lower', to_text(lower), '0 or more')
+            else if (upper <= lower) then
+               call block%refuse('upper', to_text(upper), 'more than lower = '//to_text(lower))
+            else if (allocated(stage%start)) then
+               larger = 'any larger one'
+               if (upper < unbounded) larger = to_text(upper)
+               if (stage%start(k) < lower .or. stage%start(k) > upper) call block%refuse('start', &
+                  to_text(stage%start(k))//' for '//trim(name_of_parameter(structure, p)), &
+                  'a value between '//to_text(lower)//' and '//larger)
+            end if
+         end associate
+      end do
+   end subroutine check_bounds
+
+   !> What is free must be there.
+   subroutine check_free(block, free, structure, excitations)
+      type(block_t), intent(inout) :: block
+      integer, intent(in) :: free(:)
+      type(structure_t), intent(in) :: structure
+      type(excitation_t), intent(in) :: excitations(:)
+      character(len=:), allocatable :: lacking
+      integer :: k, needs
+
+      do k = 1, size(free)
+         lacking = ''
+         needs = parameters(free(k))%needs
+         if (needs > 0) then
+            if (.not. structure%is_given(needs)) lacking = 'a value of '// &
+               trim(parameters(needs)%name)//' in &'//trim(parameters(needs)%group)//' for it'
+         end if
+         if (free(k) == amplitude .and. any(excitations%modes > 0)) &
+            lacking = 'no amplitude beside a free start'
+         if (free(k) == of_x_F .and. any(excitations%modes > 0 .or. excitations%is_base .or. &
+            excitations%distributed)) lacking = 'a force at a point for it'
+         if (belongs_to_hose(free(k)) .and. .not. structure%has_hose()) &
+            lacking = 'a &hose group with m_H > 0 for it'
+         if (lacking == '') cycle
+         call block%refuse('free', shown(name_of_parameter(structure, free(k))), lacking)
+         return
+      end do
+   end subroutine check_free
+
+end module beamid_method_groups

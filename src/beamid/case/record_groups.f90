@@ -1,0 +1,88 @@
+!> The groups of a case file that describe records: where they are, how they are calibrated, which
+!> samples are wanted.
+module beamid_record_groups
+   use beamid_blocks, only: block_t
+   use beamid_paths, only: directory_of, join_path
+   use beamid_numbers, only: shown
+   use beamid_records, only: recording_t, window_t
+   use beamid_strings, only: to_text
+   use beamid_values, only: positive, range_t
+   implicit none
+   private
+
+   public :: read_recording, get_window
+
+contains
+
+   !> path  of the case file
+   subroutine read_recording(path, block, found)
+      character(len=*), intent(in) :: path
+      type(block_t), intent(inout) :: block
+      type(recording_t), intent(out) :: found
+      character(len=:), allocatable :: file
+
+      found%line = block%line
+      call block%get('file', file, 'columns of numbers', default='none, where it is simulated')
+      call get_window(block, found%window)
+      call block%get('scale', found%scale, 'acceleration = scale (value - offset)')
+      call block%get('offset', found%offset, 'in the unit of the record')
+      call read_column('time_column', found%time_column, 'the first')
+      call read_column('value_column', found%value_column, 'the second')
+      call block%get('clip_low', found%clip_low, 'flats are looked for', &
+         'samples at or below are left out')
+      call block%get('clip_high', found%clip_high, 'flats are looked for', &
+         'samples at or above are left out')
+      call block%get('thin', found%thin, 'every so many samples, behind a low-pass filter', &
+         range_t(2, 100000))
+      call block%get('length', found%length, 'that of &beam', 'of the beam then', positive)
+      call block%get('x_S', found%x_S, 'that of &sensor', 'place of the sensor then', positive)
+      call block%get('x_P', found%x_P, 'that of &support', 'place of the support then', positive)
+      call block%get('sensor', found%sensor, 'its name; of several sensors one must be named', &
+         default='the only one')
+      call block%close()
+      if (.not. abs(found%scale) > 0) call block%refuse('scale', to_text(found%scale), &
+         'a value other than 0')
+      if (block%has('thin')) call block%exclude('t_step', 'beside thin')
+      if (allocated(found%clip_low) .and. allocated(found%clip_high)) then
+         if (found%clip_low >= found%clip_high) call block%refuse('clip_high', &
+            to_text(found%clip_high), 'more than clip_low = '//to_text(found%clip_low))
+      end if
+      if (.not. allocated(file)) return
+      if (file == '') call block%refuse('file', '''''', 'the path of a record')
+      found%path = join_path(directory_of(path), file)
+
+   contains
+
+      !> A column has a name, and one that is not cut.
+      subroutine read_column(key, column, default)
+         character(len=*), intent(in) :: key, default
+         character(len=*), intent(inout) :: column
+         character(len=:), allocatable :: name
+
+         call block%get(key, name, 'its name, in any case, or its number', default=default)
+         if (.not. allocated(name)) return
+         if (name == '' .or. len_trim(adjustl(name)) > len(column)) call block%refuse(key, &
+            shown(name), 'the name of a column, of at most '//to_text(len(column))// &
+            ' characters, or its number')
+         column = adjustl(name)
+      end subroutine read_column
+
+   end subroutine read_recording
+
+   !> The keys of a window, whose ends must be in order.
+   subroutine get_window(block, window)
+      type(block_t), intent(inout) :: block
+      type(window_t), intent(inout) :: window
+
+      call block%get('t_first', window%t_first, 'the first of the record', &
+         'time of the first sample')
+      call block%get('t_last', window%t_last, 'the last of the record', &
+         'time of the last sample')
+      call block%get('t_step', window%t_step, 'every sample', 'only samples at these steps', &
+         positive)
+      if (.not. (allocated(window%t_first) .and. allocated(window%t_last))) return
+      if (window%t_last < window%t_first) call block%refuse('t_last', to_text(window%t_last), &
+         'no less than t_first = '//to_text(window%t_first))
+   end subroutine get_window
+
+end module beamid_record_groups

@@ -1,0 +1,97 @@
+!> What is wrong with a case file: `file:line: &group key: found ..., expected ...`, one line for
+!> each problem.
+module beamid_refusals
+   use beamid_errors, only: error_t, bad_input
+   use beamid_strings, only: to_text
+   implicit none
+   private
+
+   public :: refusals_t, refuse
+
+   !> The most problems that are told.
+   integer, parameter :: most = 20
+
+   type :: refusal_t
+      integer :: line = 0
+      character(len=:), allocatable :: text
+   end type refusal_t
+
+   !> The first problems in the order of lines, and among equal lines as they were found.
+   type :: refusals_t
+      integer :: n = 0
+      type(refusal_t), allocatable, private :: kept(:)
+   contains
+      procedure :: add
+      procedure :: join
+      procedure :: tell
+   end type refusals_t
+
+contains
+
+   !> One problem more.
+   subroutine add(self, line, text)
+      class(refusals_t), intent(inout) :: self
+      integer, intent(in) :: line
+      !> Place in the line, what was found and what was expected.
+      character(len=*), intent(in) :: text
+      integer :: k
+
+      if (.not. allocated(self%kept)) allocate (self%kept(most))
+      if (self%n < most) then
+         self%n = self%n + 1
+      else if (line >= self%kept(most)%line) then
+         return
+      end if
+      do k = self%n, 2, -1
+         if (self%kept(k - 1)%line <= line) exit
+         self%kept(k) = self%kept(k - 1)
+      end do
+      self%kept(k)%line = line
+      self%kept(k)%text = text
+   end subroutine add
+
+   !> The problems of another part of the file.
+   subroutine join(self, others)
+      class(refusals_t), intent(inout) :: self
+      type(refusals_t), intent(in) :: others
+      integer :: k
+
+      do k = 1, others%n
+         call self%add(others%kept(k)%line, others%kept(k)%text)
+      end do
+   end subroutine join
+
+   !> All of them as one error; none where there is no problem.
+   subroutine tell(self, path, error)
+      class(refusals_t), intent(in) :: self
+      character(len=*), intent(in) :: path
+      type(error_t), allocatable, intent(inout) :: error
+      character(len=:), allocatable :: lines
+      integer :: k
+
+      if (self%n == 0) return
+      lines = ''
+      do k = 1, self%n
+         if (k > 1) lines = lines//new_line('a')
+         lines = lines//path//':'//to_text(self%kept(k)%line)//': '//self%kept(k)%text
+      end do
+      call bad_input(error, lines)
+   end subroutine tell
+
+   !> One problem that shows only after the file has been read; an earlier error stays.
+   !>
+   !> line   0: no line in particular
+   !> place  the group and, where there is one, the key
+   subroutine refuse(path, line, place, found, expected, error)
+      character(len=*), intent(in) :: path, place, found, expected
+      integer, intent(in) :: line
+      type(error_t), allocatable, intent(inout) :: error
+      character(len=:), allocatable :: at
+
+      if (allocated(error)) return
+      at = path
+      if (line > 0) at = path//':'//to_text(line)
+      call bad_input(error, at//': &'//place//': found '//found//', expected '//expected)
+   end subroutine refuse
+
+end module beamid_refusals

@@ -1,0 +1,102 @@
+!> Where linear theory puts the minimum of a sum of squares, seen from a point: the Gauss-Newton
+!> step within the bounds, what is left of the residuals behind it, and how far that is.
+module beamid_gauss_newton
+   use beamid_kinds, only: wp
+   use beamid_minpack, only: dgelsy
+   use beamid_variables, only: variable_t
+   implicit none
+   private
+
+   public :: gauss_newton_t, gauss_newton_step, scales_of
+
+   type :: gauss_newton_t
+      real(wp), allocatable :: step(:)      !< (n) to the minimum, physical parameters
+      real(wp), allocatable :: residual(:)  !< (m) r + jacobian step
+      !> Distance to the minimum in standard errors: (J - J_min)/s^2 = distance^2 with
+      !> s^2 = J_min/(m - n), the shift of the parameter, or combination of parameters, that the
+      !> step moves most in units of its own standard error.
+      real(wp) :: distance = 0
+      integer :: rank = 0                   !< independent directions in which parameters count
+   end type gauss_newton_t
+
+contains
+
+   !> Minimises |residual + jacobian step| while parameters + step stay inside the bounds: a
+   !> variable that the step takes to a bound stays there, and the others go on.
+   !>
+   !> jacobian   (m, n) d residual/d parameter
+   !> residual   (m)
+   !> parameters (n) inside the bounds of the variables
+   !> threshold  relative error of the columns: directions whose effect is smaller are left alone
+   function gauss_newton_step(jacobian, residual, parameters, variables, threshold) result(ahead)
+      real(wp), intent(in) :: jacobian(:, :), residual(:), parameters(:), threshold
+      type(variable_t), intent(in) :: variables(:)
+      type(gauss_newton_t) :: ahead
+      real(wp) :: p(size(parameters)), step(size(parameters)), share(size(parameters)), left
+      logical :: free(size(parameters))
+      integer :: hit, k, rank
+
+      ! What the search put on a bound may lie beyond it by a rounding.
+      p = min(max(parameters, variables%lower), variables%upper)
+      free = .true.
+      ahead%residual = residual
+      do while (any(free))
+         call least_squares_step(jacobian, ahead%residual, scales_of(variables, p), free, &
+            threshold, step, rank)
+         ahead%rank = max(ahead%rank, rank)
+         ! The share of the step after which each variable meets a bound.
+         share = 1
+         do k = 1, size(p)
+            if (p(k) + step(k) < variables(k)%lower) share(k) = (variables(k)%lower - p(k))/step(k)
+            if (p(k) + step(k) > variables(k)%upper) share(k) = (variables(k)%upper - p(k))/step(k)
+         end do
+         hit = minloc(share, dim=1)
+         p = min(max(p + share(hit)*step, variables%lower), variables%upper)
+         ahead%residual = ahead%residual + share(hit)*matmul(jacobian, step)
+         if (share(hit) >= 1) exit
+         free(hit) = .false.
+      end do
+      ahead%step = p - parameters
+      left = sum(ahead%residual**2)
+      ahead%distance = sqrt(max(0.0_wp, sum(residual**2) - left) &
+         /max(left/max(1, size(residual) - size(p)), tiny(left)))
+   end function gauss_newton_step
+
+   !> What relative changes of the parameters are relative to.
+   pure function scales_of(variables, parameters) result(scales)
+      type(variable_t), intent(in) :: variables(:)
+      real(wp), intent(in) :: parameters(:)
+      real(wp) :: scales(size(parameters))
+
+      scales = max(abs(parameters), variables%magnitude)
+   end function scales_of
+
+   !> The shortest step, per relative change, that minimises |r + jacobian step|: LAPACK's least
+   !> squares by QR with column pivoting.
+   !>
+   !> free  (n) variables that move
+   !> rank  number of independent directions in which these have an effect
+   subroutine least_squares_step(jacobian, residual, scales, free, threshold, step, rank)
+      real(wp), intent(in) :: jacobian(:, :), residual(:), scales(:), threshold
+      logical, intent(in) :: free(:)
+      real(wp), intent(out) :: step(:)
+      integer, intent(out) :: rank
+      real(wp), allocatable :: a(:, :), b(:)
+      real(wp) :: work(67*(size(scales) + 1))
+      integer :: columns(count(free)), pivots(count(free)), info, k, m, n
+
+      columns = pack([(k, k=1, size(free))], free)
+      m = size(residual)
+      n = size(columns)
+      allocate (a(m, n), b(max(m, n)))
+      do k = 1, n
+         a(:, k) = jacobian(:, columns(k))*scales(columns(k))
+      end do
+      b(:m) = -residual
+      pivots = 0
+      call dgelsy(m, n, 1, a, m, b, size(b), pivots, threshold, rank, work, size(work), info)
+      step = 0
+      step(columns) = b(:n)*scales(columns)
+   end subroutine least_squares_step
+
+end module beamid_gauss_newton

@@ -1,0 +1,289 @@
+!> Nonlinear least squares with bounds: searches by MINPACK, a last step where differences stood in
+!> for derivatives, and what became of it.
+module beamid_least_squares
+   use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
+   use beamid_errors, only: error_t, failure
+   use beamid_kinds, only: wp
+   use beamid_minpack, only: dgels
+   use beamid_optimality, only: check_minimum
+   use beamid_problems, only: compare_derivatives, differences, problem_t, smooth_problem_t
+   use beamid_searches, only: monitor_t, options_t, run_search, search_t
+   use beamid_strings, only: to_text
+   use beamid_variables, only: variable_t
+   implicit none
+   private
+
+   public :: monitor_t, fit_t, options_t, fit
+
+   type :: fit_t
+      real(wp), allocatable :: estimate(:)    !< (n) physical parameters
+      real(wp), allocatable :: start(:)       !< (n) where the search began
+      real(wp), allocatable :: residual(:)    !< (m) at the estimate
+      real(wp) :: J = 0                       !< sum of squares of the residuals
+      integer :: iterations = 0
+      integer :: evaluations = 0              !< of the residuals, those for differences included
+      !> trial steps at which the model could not be computed
+      integer :: shortened = 0
+      real(wp), allocatable :: jacobian(:, :) !< (m, n) d residual/d parameter at the estimate
+      !> (2) largest relative difference between exact derivatives and central differences, column
+      !> by column, at the start and at the estimate; not allocated where they were not compared
+      real(wp), allocatable :: derivative_check(:)
+      character(len=:), allocatable :: reason !< why the search stopped, in words
+   end type fit_t
+
+   !> Beside MINPACK's own values of info.
+   integer, parameter :: all_linear = 9
+
+   !> First steps of a search, and of those that follow where it ends at no minimum.
+   real(wp), parameter :: first_steps(3) = [100.0_wp, 1.0_wp, 0.1_wp]
+
+contains
+
+   !> Minimises the sum of squares.
+   !>
+   !> problem    what is to be fitted
+   !> m          number of residuals, >= number of variables
+   !> variables  (n) starts, bounds, scales
+   !> options    accuracy of the model and of the fit
+   !> result     estimates, J, counts, reason
+   !> error      the model fails at the start, or wherever the search turns; no convergence
+   !> monitor    told of every iteration
+   !> label      what the monitor calls this search
+   !> names      (n) of the variables, for the monitor
+   subroutine fit(problem, m, variables, options, result, error, monitor, label, names)
+      class(problem_t), intent(inout), target :: problem
+      integer, intent(in) :: m
+      type(variable_t), intent(in) :: variables(:)
+      type(options_t), intent(in) :: options
+      type(fit_t), intent(out) :: result
+      type(error_t), allocatable, intent(out) :: error
+      class(monitor_t), intent(inout), target, optional :: monitor
+      character(len=*), intent(in), optional :: label, names(:)
+      type(search_t), target :: search
+      character(len=:), allocatable :: objection
+      logical :: compares
+      integer :: attempt, info, k
+
+      if (m < size(variables)) then
+         call failure(error, 'least squares: '//to_text(m)//' residuals for '// &
+            to_text(size(variables))//' parameters')
+         return
+      end if
+      search%problem => problem
+      select type (problem)
+      class is (smooth_problem_t)
+         if (problem%exact) search%smooth => problem
+      end select
+      if (present(monitor)) search%monitor => monitor
+      search%label = ''
+      if (present(label)) search%label = label
+      allocate (search%names(size(variables)))
+      search%names = ''
+      if (present(names)) search%names = names
+      search%variables = variables
+      search%parameters = variables%start
+      ! The difference step, sqrt(relative_error) |z|, must stand well above the error of the model:
+      ! a step that drowns in it leaves the parameters where they are, with a success code.
+      if (options%relative_error > 0) search%relative_error = max(options%relative_error, 1e-8_wp)
+      allocate (result%residual(m), result%jacobian(m, size(variables)))
+      result%start = variables%start
+      compares = associated(search%smooth) .and. options%check
+      if (compares) then
+         allocate (result%derivative_check(2))
+         call search%evaluate_at(result%start, result%residual, error)
+         if (.not. allocated(error)) call compare(search, result%start, search%jacobian, &
+            result%derivative_check(1), error)
+         if (allocated(error)) return
+      end if
+
+      do attempt = 1, size(first_steps)
+         search%factor = first_steps(attempt)
+         search%moving = [(k, k=1, size(variables))]
+         search%held = spread(.false., 1, size(variables))
+         call minimise_with_bounds(search, options, result, info, error)
+         if (allocated(error)) return
+         objection = ''
+         if (info == 0 .or. info == 5) exit
+         call check_minimum(search, options, result%start, result%estimate, result%residual, &
+            result%jacobian, objection, error)
+         if (allocated(error)) return
+         if (objection == '') exit
+      end do
+      result%J = sum(result%residual**2)
+      result%iterations = search%iterations
+      result%evaluations = search%evaluations
+      result%shortened = search%shortened
+      result%reason = reason_in_words(info)
+      do k = 1, size(variables)
+         if (.not. any(search%moving == k)) result%reason = result%reason//'; '// &
+            trim(search%names(k))//' held at its bound'
+      end do
+      if (info == 0 .or. info == 5 .or. objection /= '') then
+         call failure(error, 'least squares: no convergence; '//result%reason//objection)
+         return
+      end if
+      if (attempt > 1) result%reason = result%reason//'; search '//to_text(attempt)// &
+         ', with shorter steps'
+      if (compares) call compare(search, result%estimate, result%jacobian, &
+         result%derivative_check(2), error)
+   end subroutine fit
+
+   !> Compares exact derivatives with differences: a fit by derivatives that are not those of the
+   !> residuals is none.
+   !>
+   !> jacobian    (m, n) at the parameters
+   !> difference  as of `compare_derivatives`
+   subroutine compare(search, parameters, jacobian, difference, error)
+      type(search_t), intent(inout) :: search
+      real(wp), intent(in) :: parameters(:), jacobian(:, :)
+      real(wp), intent(out) :: difference
+      type(error_t), allocatable, intent(inout) :: error
+      character(len=:), allocatable :: name
+      integer :: k
+
+      call compare_derivatives(search%problem, parameters, search%variables, jacobian, &
+         difference, k)
+      if (k == 0) return
+      name = trim(search%names(k))
+      if (name == '') name = 'parameter '//to_text(k)
+      call failure(error, 'least squares: the exact derivative by '//name// &
+         ' disagrees with differences of the residuals')
+   end subroutine compare
+
+   !> Minimises; where the minimum lies on a bound the change of variable has no slope there and the
+   !> search would creep. A variable that lingers at a bound is held on it while the others move,
+   !> and let go, once, if J falls towards the inside.
+   subroutine minimise_with_bounds(search, options, result, info, error)
+      type(search_t), intent(inout), target :: search
+      type(options_t), intent(in) :: options
+      type(fit_t), intent(inout) :: result
+      integer, intent(out) :: info
+      type(error_t), allocatable, intent(out) :: error
+      real(wp), allocatable :: z(:)
+      real(wp) :: tolerance
+      integer :: k
+
+      if (size(search%variables) == 0) then
+         ! Nothing to search for: all that is unknown enters linearly.
+         result%estimate = search%parameters
+         call search%problem%residuals(search%parameters, result%residual, error)
+         info = all_linear
+         return
+      end if
+      ! The square root of an integrator's error would end a search too early where residuals are
+      ! large and convergence is slow.
+      tolerance = max(options%tolerance, options%relative_error**0.75_wp)
+      do
+         search%variables(search%moving) = search%variables(search%moving)%from( &
+            search%parameters(search%moving))
+         allocate (z(size(search%moving)), source=1.0_wp)
+         search%near_bound = 0
+         search%lingering = 0
+         call run_search(search, options, tolerance, z, result%residual, info)
+         if (allocated(search%error)) then
+            call move_alloc(search%error, error)
+            return
+         end if
+         search%parameters(search%moving) = search%variables(search%moving)%value(z)
+         deallocate (z)
+         if (info < 0) then
+            ! Stopped by `report`: hold the variable at its bound and go on with the others.
+            k = search%near_bound
+            search%held(k) = .true.
+            search%parameters(k) = search%variables(k)%nearest_bound(search%parameters(k))
+            search%moving = pack(search%moving, search%moving /= k)
+            if (size(search%moving) > 0) cycle
+            call search%problem%residuals(search%parameters, result%residual, error)
+            if (allocated(error)) return
+            info = 4
+         end if
+         result%estimate = search%parameters
+         if (associated(search%smooth)) then
+            call search%evaluate_at(search%parameters, result%residual, error)
+            if (.not. allocated(error)) result%jacobian = search%jacobian
+         else
+            call differences(search%problem, search%parameters, search%variables, &
+               search%relative_error, result%jacobian, error)
+         end if
+         if (allocated(error)) return
+         k = inward(search, result)
+         if (k == 0) exit
+         search%moving = [search%moving, k]
+      end do
+      if (.not. associated(search%smooth)) call polish(search, result)
+   end subroutine minimise_with_bounds
+
+   !> Gauss-Newton steps with the central differences of the final Jacobian: the one-sided ones of
+   !> `lmdif` stop a little beside the minimum when the residuals are not zero. They go on while
+   !> they grow shorter, each costs one evaluation, and none counts that is long or lets J rise by
+   !> more than the residuals' error.
+   subroutine polish(search, result)
+      type(search_t), intent(inout) :: search
+      type(fit_t), intent(inout) :: result
+      integer, parameter :: most = 30
+      real(wp) :: p(size(search%variables)), r(size(result%residual)), length, before
+      real(wp), allocatable :: a(:, :), step(:, :), work(:)
+      type(error_t), allocatable :: error
+      integer :: k, m, n, info
+
+      m = size(r)
+      n = size(search%moving)
+      if (n == 0) return
+      before = huge(before)
+      do k = 1, most
+         a = result%jacobian(:, search%moving)
+         step = reshape(-result%residual, [m, 1])
+         if (.not. allocated(work)) allocate (work(64*(m + n)))
+         call dgels('N', m, n, 1, a, m, step, m, work, size(work), info)
+         if (info /= 0 .or. .not. all(ieee_is_finite(step(:n, 1)))) return
+         p = result%estimate
+         p(search%moving) = p(search%moving) + step(:n, 1)
+         length = maxval(abs(p - result%estimate)/max(abs(result%estimate), tiny(length)))
+         if (length > min(1e-2_wp, 0.9_wp*before) .or. any(p < search%variables%lower) .or. &
+            any(p > search%variables%upper)) return
+         call search%problem%residuals(p, r, error)
+         search%evaluations = search%evaluations + 1
+         if (allocated(error)) return
+         if (sum(r**2) > sum(result%residual**2)*(1 + 1e-6_wp)) return
+         result%estimate = p
+         result%residual = r
+         if (length <= 1e-9_wp) return
+         before = length
+      end do
+   end subroutine polish
+
+   !> A variable held at a bound from which J falls towards the inside; 0 when there is none.
+   pure integer function inward(search, result) result(k)
+      type(search_t), intent(in) :: search
+      type(fit_t), intent(in) :: result
+      real(wp) :: slope
+
+      do k = 1, size(search%variables)
+         if (any(search%moving == k)) cycle
+         slope = dot_product(result%jacobian(:, k), result%residual)
+         if (search%parameters(k) >= search%variables(k)%upper) slope = -slope
+         if (slope < 0) return
+      end do
+      k = 0
+   end function inward
+
+   !> MINPACK's info.
+   pure function reason_in_words(info) result(reason)
+      integer, intent(in) :: info
+      character(len=:), allocatable :: reason
+
+      select case (info)
+      case (1); reason = 'J falls no further'
+      case (2); reason = 'the parameters change no further'
+      case (3); reason = 'neither J nor the parameters change further'
+      case (4); reason = 'the residuals are orthogonal to every derivative'
+      case (5); reason = 'the evaluations allowed are used up'
+      case (6); reason = 'J cannot be made smaller in this precision'
+      case (7); reason = 'the parameters cannot be improved in this precision'
+      case (all_linear); reason = 'nothing to search for: all that is free enters linearly'
+      case (8); reason = 'the derivatives vanish to machine precision'
+      case default; reason = 'the search could not start'
+      end select
+   end function reason_in_words
+
+end module beamid_least_squares

@@ -1,0 +1,133 @@
+!> A sum of squares to be minimised, and its derivatives: exact ones of a smooth problem,
+!> differences of any other, and one against the other where both are there.
+module beamid_problems
+   use beamid_errors, only: error_t
+   use beamid_kinds, only: wp
+   use beamid_variables, only: variable_t
+   implicit none
+   private
+
+   public :: problem_t, smooth_problem_t, differences, error_of_differences, compare_derivatives
+
+   type, abstract :: problem_t
+   contains
+      procedure(residuals), deferred :: residuals
+   end type problem_t
+
+   !> A problem that knows its derivatives.
+   type, abstract, extends(problem_t) :: smooth_problem_t
+      logical :: exact = .true.   !< .false.: not as things are, and differences take their place
+   contains
+      procedure(jacobian), deferred :: jacobian
+   end type smooth_problem_t
+
+   abstract interface
+      !> parameters  (n) physical values
+      !> r           (m)
+      !> error       the model cannot be computed there
+      subroutine residuals(self, parameters, r, error)
+         import :: error_t, problem_t, wp
+         class(problem_t), intent(inout) :: self
+         real(wp), intent(in) :: parameters(:)
+         real(wp), intent(out) :: r(:)
+         type(error_t), allocatable, intent(out) :: error
+      end subroutine residuals
+      !> Residuals and their derivatives.
+      !>
+      !> r    (m)
+      !> jac  (m, n) d r/d parameter, physical parameters
+      subroutine jacobian(self, parameters, r, jac, error)
+         import :: error_t, smooth_problem_t, wp
+         class(smooth_problem_t), intent(inout) :: self
+         real(wp), intent(in) :: parameters(:)
+         real(wp), intent(out) :: r(:), jac(:, :)
+         type(error_t), allocatable, intent(out) :: error
+      end subroutine jacobian
+   end interface
+
+contains
+
+   !> Largest relative difference, over the columns, between a Jacobian and central differences.
+   !>
+   !> A column is mistaken when the two are further apart than the differences can be wrong: by
+   !> three times what another step, longer or shorter, makes of them. That holds where a parameter
+   !> hardly counts, and round-off is all there is, as where it counts so much that the step is
+   !> long.
+   !>
+   !> exact     (m, n) the Jacobian at the parameters
+   !> worst     -1 where the differences cannot be computed
+   !> mistaken  the worst column that is mistaken, 0: none
+   subroutine compare_derivatives(problem, parameters, variables, exact, worst, mistaken)
+      class(problem_t), intent(inout) :: problem
+      real(wp), intent(in) :: parameters(:), exact(:, :)
+      type(variable_t), intent(in) :: variables(:)
+      real(wp), intent(out) :: worst
+      integer, intent(out) :: mistaken
+      real(wp), parameter :: longer = 3, allowed = 5e-3_wp
+      type(error_t), allocatable :: error
+      real(wp), dimension(size(exact, 1), size(exact, 2)) :: approximate, wide, narrow
+      real(wp) :: wrong(size(exact, 2)), unsure, length
+      integer :: k
+
+      worst = -1
+      mistaken = 0
+      call differences(problem, parameters, variables, epsilon(worst), approximate, error)
+      if (allocated(error)) return
+      do k = 1, size(parameters)
+         length = max(norm2(exact(:, k)), norm2(approximate(:, k)))
+         wrong(k) = 0
+         if (length > 0) wrong(k) = norm2(exact(:, k) - approximate(:, k))/length
+      end do
+      worst = maxval([worst, wrong])
+      if (.not. worst > allowed) return
+      call differences(problem, parameters, variables, epsilon(worst)*longer**3, wide, error)
+      if (allocated(error)) return
+      call differences(problem, parameters, variables, epsilon(worst)/longer**3, narrow, error)
+      if (allocated(error)) return
+      do k = 1, size(parameters)
+         if (.not. wrong(k) > allowed) cycle
+         length = max(norm2(exact(:, k)), norm2(approximate(:, k)))
+         unsure = max(norm2(wide(:, k) - approximate(:, k)), norm2(narrow(:, k) &
+            - approximate(:, k)))/length
+         if (wrong(k) <= 3*unsure) cycle
+         mistaken = k
+         if (wrong(k) >= maxval(wrong)) exit
+      end do
+   end subroutine compare_derivatives
+
+   !> The Jacobian by central differences with a step of the cube root of the error, moved inside
+   !> where a bound is near.
+   !>
+   !> relative_error  of the residuals
+   !> jac             (m, n)
+   subroutine differences(problem, parameters, variables, relative_error, jac, error)
+      class(problem_t), intent(inout) :: problem
+      real(wp), intent(in) :: parameters(:), relative_error
+      type(variable_t), intent(in) :: variables(:)
+      real(wp), intent(out) :: jac(:, :)
+      type(error_t), allocatable, intent(out) :: error
+      real(wp) :: p(size(parameters)), step
+      real(wp), dimension(size(jac, 1)) :: above, below
+      integer :: k
+
+      do k = 1, size(parameters)
+         step = relative_error**(1/3.0_wp)*max(abs(parameters(k)), 1e-3_wp*variables(k)%magnitude)
+         p = parameters
+         p(k) = max(min(parameters(k), variables(k)%upper - step) - step, variables(k)%lower)
+         call problem%residuals(p, below, error)
+         if (allocated(error)) return
+         p(k) = p(k) + 2*step
+         call problem%residuals(p, above, error)
+         if (allocated(error)) return
+         jac(:, k) = (above - below)/(2*step)
+      end do
+   end subroutine differences
+
+   !> Relative error of such a Jacobian, with some reserve: that of the residuals over the step.
+   pure real(wp) function error_of_differences(relative_error) result(error)
+      real(wp), intent(in) :: relative_error
+
+      error = 10*relative_error**(2/3.0_wp)
+   end function error_of_differences
+
+end module beamid_problems

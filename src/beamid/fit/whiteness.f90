@@ -1,0 +1,81 @@
+!> Are residuals white noise?
+module beamid_whiteness
+   use beamid_distributions, only: chi_square_tail
+   use beamid_errors, only: error_t
+   use beamid_kinds, only: wp
+   use beamid_projection, only: new_projection, projection_t
+   use beamid_statistics, only: max_lags
+   implicit none
+   private
+
+   public :: residual_check_t, check_residuals
+
+   !> Are the residuals white?
+   type :: residual_check_t
+      real(wp), allocatable :: autocorrelation(:)    !< lags 1, 2, ...
+      !> 95 % of white residuals' lags lie within +-band
+      real(wp) :: band = 0
+      integer :: lags = 0                            !< of the Ljung-Box sum
+      real(wp) :: ljung_box = 0
+      !> of so large a Ljung-Box sum for white residuals
+      real(wp) :: probability = 1
+      logical :: white = .true.                      !< probability >= 0.05
+   end type residual_check_t
+
+contains
+
+   !> Autocorrelation, and the Ljung-Box test over the first lags, a tenth of the samples at most.
+   !>
+   !> The residuals of a fit are correlated even where the noise is not: with P the projection onto
+   !> the columns of the Jacobian, white noise of variance sigma**2 leaves E r_t r_(t+k) =
+   !> -sigma**2 P_(t,t+k). The test is of what lies beyond that.
+   !>
+   !> residual  (m) in the order of time
+   !> jacobian  (m, n) of the fit; left out: no parameter was fitted
+   function check_residuals(residual, jacobian) result(found)
+      real(wp), intent(in) :: residual(:)
+      real(wp), intent(in), optional :: jacobian(:, :)
+      type(residual_check_t) :: found
+      real(wp), allocatable :: r(:), expected(:)
+      integer :: m, lags, k
+
+      m = size(residual)
+      lags = min(max_lags, m/2)
+      allocate (found%autocorrelation(lags), source=0.0_wp)
+      if (lags < 1 .or. .not. any(abs(residual) > 0)) return
+      r = residual - sum(residual)/m
+      if (.not. any(abs(r) > 0)) return
+      do k = 1, lags
+         found%autocorrelation(k) = dot_product(r(:m - k), r(k + 1:))/sum(r**2)
+      end do
+      allocate (expected(lags), source=0.0_wp)
+      if (present(jacobian)) call expected_autocorrelation(jacobian, expected)
+      found%band = 1.959963984540054_wp/sqrt(real(m, wp))
+      found%lags = max(1, min(lags, m/10))
+      found%ljung_box = m*(m + 2.0_wp)*sum((found%autocorrelation(:found%lags) &
+         - expected(:found%lags))**2/[(m - k, k=1, found%lags)])
+      found%probability = chi_square_tail(found%ljung_box, real(found%lags, wp))
+      found%white = found%probability >= 0.05_wp
+   end function check_residuals
+
+   !> Autocorrelation of the residuals of a fit to white noise; 0 where the columns of the Jacobian
+   !> are dependent, or take every degree of freedom.
+   subroutine expected_autocorrelation(jacobian, autocorrelation)
+      real(wp), intent(in) :: jacobian(:, :)
+      real(wp), intent(out) :: autocorrelation(:)
+      type(projection_t) :: projection
+      type(error_t), allocatable :: error
+      integer :: k, m
+
+      autocorrelation = 0
+      m = size(jacobian, 1)
+      if (m <= size(jacobian, 2) .or. any(.not. norm2(jacobian, dim=1) > 0)) return
+      call new_projection(jacobian/spread(norm2(jacobian, dim=1), 1, m), projection, error)
+      if (allocated(error)) return
+      do k = 1, size(autocorrelation)
+         autocorrelation(k) = -sum(projection%q(:m - k, :)*projection%q(k + 1:, :)) &
+            /(m - size(jacobian, 2))
+      end do
+   end subroutine expected_autocorrelation
+
+end module beamid_whiteness

@@ -1,0 +1,126 @@
+!> Modes of a fitted structure, with intervals carried over from its parameters.
+module beamid_fitted_modes
+   use beamid_distributions, only: student_quantile
+   use beamid_equations, only: equations_t, new_equations
+   use beamid_errors, only: error_t
+   use beamid_excitation, only: new_pulse
+   use beamid_galerkin, only: galerkin_t, mesh_t, new_galerkin
+   use beamid_identification, only: stage_fit_t
+   use beamid_kinds, only: wp
+   use beamid_modal, only: modal_t
+   use beamid_parameters, only: amplitude
+   use beamid_responses, only: work_t
+   use beamid_statistics, only: unlimited
+   implicit none
+   private
+
+   public :: fitted_mode_t, fitted_modes
+
+   !> A mode and how well it is known; half widths of 95 % intervals, `unlimited` where there is
+   !> none. A real root, which decays and does not oscillate, stands for itself.
+   type :: fitted_mode_t
+      integer :: record = 1
+      complex(wp) :: s = 0                  !< root [1/time]
+      !> It nearly meets another one, and has no derivative and no interval by itself.
+      logical :: together = .false.
+      real(wp) :: frequency = 0             !< |s|/(2 pi) [1/time]
+      real(wp) :: damping_ratio = 0         !< -Re(s)/|s|
+      real(wp) :: frequency_half_width = 0
+      real(wp) :: damping_half_width = 0
+   end type fitted_mode_t
+
+contains
+
+   !> The lowest modes of each record's structure, first those that oscillate. Where the residuals
+   !> are not white the widths grow as those of the parameters do at the worst.
+   !>
+   !> count  how many for each record; fewer where the mesh has fewer
+   subroutine fitted_modes(mesh, fit, count, modes, error)
+      type(mesh_t), intent(in) :: mesh
+      type(stage_fit_t), intent(in) :: fit
+      integer, intent(in) :: count
+      type(fitted_mode_t), allocatable, intent(out) :: modes(:)
+      type(error_t), allocatable, intent(out) :: error
+      type(modal_t) :: solver
+      type(galerkin_t), target :: galerkin
+      type(equations_t), target :: equations
+      type(work_t) :: work
+      complex(wp), allocatable :: s(:), ds(:, :)
+      logical, allocatable :: together(:)
+      integer :: k, r
+
+      allocate (modes(0))
+      do r = 1, size(fit%world%structures)
+         associate (structure => fit%world%structures(r))
+            galerkin = new_galerkin(mesh, structure%length, structure%has_root_spring())
+            call solver%prepare(galerkin, error)
+            if (allocated(error)) return
+            equations = new_equations(galerkin, structure, new_pulse(0.0_wp, 1.0_wp))
+            call solver%lowest_roots(equations, fit%free, min(count, galerkin%space%n), s, ds, &
+               together, work, error)
+            if (allocated(error)) return
+            do k = 1, size(s)
+               modes = [modes, fitted_mode(fit, r, s(k), ds(k, :), together(k))]
+            end do
+         end associate
+      end do
+   end subroutine fitted_modes
+
+   !> One mode from its root and the root's derivatives.
+   function fitted_mode(fit, record, s, ds, together) result(mode)
+      type(stage_fit_t), intent(in) :: fit
+      integer, intent(in) :: record
+      complex(wp), intent(in) :: s, ds(:)
+      logical, intent(in) :: together
+      type(fitted_mode_t) :: mode
+      real(wp) :: slope(size(ds)), scale, t
+      real(wp), parameter :: two_pi = 2*acos(-1.0_wp)
+      integer :: n
+
+      n = size(ds)
+      mode%record = record
+      mode%s = s
+      mode%together = together
+      mode%frequency = abs(s)/two_pi
+      mode%damping_ratio = -real(s)/abs(s)
+      mode%frequency_half_width = unlimited
+      mode%damping_half_width = unlimited
+      if (fit%statistics%samples == 0 .or. together) return
+      associate (statistics => fit%statistics)
+         ! No limits, or none that could be squared.
+         if (any(statistics%std_error(:n) >= sqrt(unlimited)*epsilon(1.0_wp))) return
+         scale = 1
+         if (.not. fit%check%white) scale = maxval(statistics%corrected_half_width(:n) &
+            /max(statistics%half_width(:n), tiny(1.0_wp)))
+         t = scale*student_quantile(0.95_wp, real(statistics%samples - statistics%parameters, wp))
+         slope = real(conjg(s)*ds)/abs(s)
+         where (.not. is_mine(fit, record)) slope = 0
+         mode%frequency_half_width = t*deviation(slope/two_pi)
+         slope = -real(ds)/abs(s) + real(s)*slope/abs(s)**2
+         where (.not. is_mine(fit, record)) slope = 0
+         if (abs(aimag(s)) > 0) mode%damping_half_width = t*deviation(slope)
+      end associate
+
+   contains
+
+      !> Standard deviation of a combination of the parameters.
+      real(wp) function deviation(g)
+         real(wp), intent(in) :: g(:)
+
+         deviation = sqrt(max(0.0_wp, dot_product(g, matmul(fit%statistics%covariance(:n, :n), g))))
+      end function deviation
+
+   end function fitted_mode
+
+   !> Which parameters of the fit act on a record's structure.
+   pure function is_mine(fit, record) result(mine)
+      type(stage_fit_t), intent(in) :: fit
+      integer, intent(in) :: record
+      logical :: mine(size(fit%free))
+      integer :: k
+
+      mine = [((fit%quantities(k)%record == 0 .or. fit%quantities(k)%record == record) .and. &
+               fit%free(k) /= amplitude, k=1, size(mine))]
+   end function is_mine
+
+end module beamid_fitted_modes

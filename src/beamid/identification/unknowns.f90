@@ -1,0 +1,212 @@
+!> What a fit searches for, and where the values go: parameters that several records share, and
+!> parameters of one record alone.
+module beamid_unknowns
+   use beamid_excitation, only: excitation_t
+   use beamid_kinds, only: wp
+   use beamid_parameters, only: free_magnitude, get_free, is_there, may_be_negative, &
+      name_of_parameter, offset, on_beam, parameters, parameter_name_length => name_length, set_free
+   use beamid_strings, only: to_text
+   use beamid_structure, only: n_parameters, of_length, structure_t
+   use beamid_variables, only: new_variable, unbounded, variable_t
+   implicit none
+   private
+
+   public :: stage_t, world_t, quantity_t, name_of, variables_of, name_length
+
+   !> Of the name of a quantity.
+   integer, parameter :: name_length = parameter_name_length + 6
+
+   !> One search: which parameters are free and from where. Each array has one entry per parameter.
+   type :: stage_t
+      integer, allocatable :: free(:)     !< places among the `parameters`
+      !> the record that a parameter belongs to, 0: all of them; not allocated: all shared
+      integer, allocatable :: record(:)
+      real(wp), allocatable :: start(:)   !< not allocated: where the stage before ended
+      !> not allocated: 0, and no bound of what may be negative
+      real(wp), allocatable :: lower(:)
+      real(wp), allocatable :: upper(:)   !< not allocated: no bounds
+      logical :: offset = .false.         !< the sensor's offset is unknown, in each record
+      logical :: automatic = .false.      !< start values come from the record
+   contains
+      procedure :: owners
+      procedure :: set_bounds
+      procedure :: distribute
+   end type stage_t
+
+   !> Structure and excitation in each record.
+   type :: world_t
+      type(structure_t), allocatable :: structures(:)
+      type(excitation_t), allocatable :: excitations(:)
+   contains
+      procedure :: get
+      procedure :: set
+      procedure :: magnitude
+      procedure :: range_on_beam
+   end type world_t
+
+   !> Something that was estimated.
+   type :: quantity_t
+      character(len=name_length) :: name = ''
+      integer :: parameter = 0            !< place among the `parameters`; 0: motion of a mode
+      integer :: record = 0               !< 0: all of them
+      real(wp) :: start = 0, value = 0, lower = 0, upper = 0
+      real(wp) :: scale = 1               !< what relative changes are relative to, > 0
+   end type quantity_t
+
+contains
+
+   !> Bounds that were not given.
+   pure subroutine set_bounds(self)
+      class(stage_t), intent(inout) :: self
+
+      if (.not. allocated(self%lower)) self%lower = merge(-unbounded, 0.0_wp, &
+         may_be_negative(self%free))
+      if (.not. allocated(self%upper)) self%upper = spread(unbounded, 1, size(self%free))
+   end subroutine set_bounds
+
+   !> Gives a parameter that is not shared a place for each record, and takes the offset, which
+   !> enters linearly, from the list.
+   !>
+   !> shared   places of the parameters that all records have in common
+   !> records  their number
+   pure subroutine distribute(self, shared, records)
+      class(stage_t), intent(inout) :: self
+      integer, intent(in) :: shared(:), records
+      integer, allocatable :: from(:), record(:)
+      integer :: k, r
+
+      call self%set_bounds()
+      allocate (from(0), record(0))
+      do k = 1, size(self%free)
+         if (self%free(k) == offset) cycle
+         if (records < 2 .or. any(shared == self%free(k))) then
+            from = [from, k]
+            record = [record, 0]
+         else
+            from = [from, [(k, r=1, records)]]
+            record = [record, [(r, r=1, records)]]
+         end if
+      end do
+      self%free = self%free(from)
+      self%record = record
+      self%lower = self%lower(from)
+      self%upper = self%upper(from)
+      if (allocated(self%start)) self%start = self%start(from)
+   end subroutine distribute
+
+   !> The record of each parameter.
+   pure function owners(self)
+      class(stage_t), intent(in) :: self
+      integer :: owners(size(self%free))
+
+      owners = 0
+      if (allocated(self%record)) owners = self%record
+   end function owners
+
+   !> Value of a parameter; of a shared one that of the first record.
+   pure real(wp) function get(self, parameter, record)
+      class(world_t), intent(in) :: self
+      integer, intent(in) :: parameter, record
+
+      associate (r => max(record, 1))
+         get = get_free(self%structures(r), self%excitations(r), parameter)
+      end associate
+   end function get
+
+   !> Gives a parameter a value, in one record or in all.
+   pure subroutine set(self, parameter, record, value)
+      class(world_t), intent(inout) :: self
+      integer, intent(in) :: parameter, record
+      real(wp), intent(in) :: value
+      integer :: r
+
+      do r = 1, size(self%structures)
+         if (record > 0 .and. r /= record) cycle
+         call set_free(self%structures(r), self%excitations(r), parameter, value)
+      end do
+   end subroutine set
+
+   !> What a moderate value of a parameter is.
+   pure real(wp) function magnitude(self, parameter, record)
+      class(world_t), intent(in) :: self
+      integer, intent(in) :: parameter, record
+
+      associate (r => max(record, 1))
+         magnitude = free_magnitude(self%structures(r), self%excitations(r), parameter)
+      end associate
+   end function magnitude
+
+   !> The range in which everything stays on every beam of a record, or of all: of a place up to the
+   !> end, of the length down to the outermost place. Where both move they meet halfway.
+   !>
+   !> free  parameters that move
+   pure function range_on_beam(self, parameter, record, free) result(range)
+      class(world_t), intent(in) :: self
+      integer, intent(in) :: parameter, record, free(:)
+      real(wp) :: range(2), end, halfway
+      integer :: k, r
+
+      range = [-unbounded, unbounded]
+      do r = 1, size(self%structures)
+         if (record > 0 .and. r /= record) cycle
+         associate (s => self%structures(r))
+            if (parameter == of_length) then
+               do k = 1, n_parameters
+                  if (parameters(k)%range /= on_beam .or. .not. is_there(s, k)) cycle
+                  if (s%follows_tip(k) .and. .not. any(free == k)) cycle
+                  halfway = (s%get(k) + s%length)/2
+                  end = merge(halfway, s%get(k), any(free == k))
+                  range(1) = max(range(1), end)
+               end do
+            else if (parameters(parameter)%range == on_beam) then
+               halfway = (s%get(parameter) + s%length)/2
+               range(2) = min(range(2), merge(halfway, s%length, any(free == of_length)))
+            end if
+         end associate
+      end do
+   end function range_on_beam
+
+   !> A name with the number of its record, where it belongs to one.
+   pure function name_of(text, record) result(name)
+      character(len=*), intent(in) :: text
+      integer, intent(in) :: record
+      character(len=name_length) :: name
+
+      name = text
+      if (record > 0) name = trim(text)//'('//to_text(record)//')'
+   end function name_of
+
+   !> Starts, bounds and scales of a stage's parameters, and the quantities they are.
+   subroutine variables_of(stage, world, variables, quantities)
+      type(stage_t), intent(in) :: stage
+      type(world_t), intent(in) :: world
+      type(variable_t), allocatable, intent(out) :: variables(:)
+      type(quantity_t), allocatable, intent(out) :: quantities(:)
+      type(stage_t) :: bounded
+      real(wp) :: start, lower, upper, range(2)
+      integer :: owners(size(stage%free)), k
+
+      bounded = stage
+      call bounded%set_bounds()
+      owners = stage%owners()
+      allocate (variables(size(stage%free)), quantities(size(stage%free)))
+      do k = 1, size(stage%free)
+         start = world%get(stage%free(k), owners(k))
+         if (allocated(stage%start)) start = stage%start(k)
+         range = world%range_on_beam(stage%free(k), owners(k), stage%free)
+         lower = max(bounded%lower(k), range(1))
+         upper = min(bounded%upper(k), range(2))
+         start = min(max(start, lower), upper)
+         variables(k) = new_variable(start, lower, upper, &
+            world%magnitude(stage%free(k), owners(k)))
+         quantities(k)%name = name_of(trim(name_of_parameter(world%structures(1), &
+            stage%free(k))), owners(k))
+         quantities(k)%parameter = stage%free(k)
+         quantities(k)%record = owners(k)
+         quantities(k)%start = variables(k)%start
+         quantities(k)%lower = lower
+         quantities(k)%upper = upper
+      end do
+   end subroutine variables_of
+
+end module beamid_unknowns

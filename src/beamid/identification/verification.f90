@@ -1,0 +1,149 @@
+!> Whether an integrator's error has moved the estimates of a fit: the fit goes on from them with
+!> the exact response, and where it ends tells.
+module beamid_verification
+   use beamid_cvode, only: cvode_t
+   use beamid_errors, only: error_t, failure
+   use beamid_experiments, only: experiment_t, new_apparatus
+   use beamid_galerkin, only: mesh_t
+   use beamid_gauss_newton, only: scales_of
+   use beamid_kinds, only: wp
+   use beamid_least_squares, only: fit, fit_t, options_t
+   use beamid_modal, only: modal_t
+   use beamid_observation, only: observation_t
+   use beamid_residuals, only: residual_t
+   use beamid_statistics, only: new_statistics, statistics_t
+   use beamid_strings, only: to_text
+   use beamid_variables, only: variable_t
+   implicit none
+   private
+
+   public :: exact_counterpart, verify_integrator
+
+   !> How far an estimate may have been moved, in standard errors; and relatively, where a record
+   !> without noise leaves standard errors that are the integrator's own: a digit that no summary
+   !> shows.
+   real(wp), parameter :: allowed = 0.25_wp, negligible = 1e-6_wp
+
+contains
+
+   !> The residuals of the same experiments by the exact response; without parts where it cannot be
+   !> prepared.
+   subroutine exact_counterpart(problem, experiments, mesh, observation, exact)
+      type(residual_t), intent(in) :: problem
+      type(experiment_t), intent(in) :: experiments(:)
+      type(mesh_t), intent(in) :: mesh
+      type(observation_t), intent(in) :: observation
+      type(residual_t), intent(out) :: exact
+      type(error_t), allocatable :: error
+      integer :: i
+
+      allocate (exact%parts(size(experiments)))
+      do i = 1, size(experiments)
+         call new_apparatus(experiments(i), problem%world%structures(i), mesh, observation, &
+            modal_t(), exact%parts(i), error)
+         if (.not. allocated(error)) cycle
+         deallocate (exact%parts)
+         return
+      end do
+   end subroutine exact_counterpart
+
+   !> problem    as it was fitted
+   !> exact      from `exact_counterpart`
+   !> variables  (n) of the fit
+   !> names      (n) theirs
+   !> moved      by how many standard errors, the largest over the parameters; -1 where no degree of
+   !>            freedom is left for these
+   !> reference  seen from where: the exact response, or a smaller tolerance where that fails
+   !> error      an estimate was moved too far, or nothing can tell whether it was
+   subroutine verify_integrator(problem, exact, variables, names, found, moved, reference, error)
+      type(residual_t), intent(in) :: problem
+      type(residual_t), intent(inout) :: exact
+      type(variable_t), intent(in) :: variables(:)
+      character(len=*), intent(in) :: names(:)
+      type(fit_t), intent(in) :: found
+      real(wp), intent(out) :: moved
+      character(len=:), allocatable, intent(out) :: reference
+      type(error_t), allocatable, intent(out) :: error
+      type(fit_t) :: better
+      type(statistics_t) :: statistics
+      real(wp), dimension(size(variables)) :: scales, shift, ratio
+      integer :: k
+
+      moved = -1
+      reference = ''
+      if (size(found%residual) <= size(variables) .or. size(variables) == 0) return
+      call refit(problem, exact, variables, found, better, reference, error)
+      if (allocated(error)) return
+      scales = scales_of(variables, better%estimate)
+      call new_statistics(better%jacobian, better%residual, better%estimate, scales, statistics, &
+         error)
+      if (allocated(error)) return
+      shift = abs(found%estimate - better%estimate)
+      ratio = shift/max(statistics%std_error, tiny(moved))
+      moved = maxval(ratio)
+      where (shift <= negligible*scales) ratio = 0
+      k = maxloc(ratio, dim=1)
+      if (ratio(k) <= allowed) return
+      associate (rtol => problem%parts(1)%solver%relative_error())
+         call failure(error, 'rtol = '//to_text(rtol)//' is too large: the error of the '// &
+            'integrator has moved '//trim(names(k))//' by '//to_text(shift(k))//', '// &
+            to_text(ratio(k))//' standard errors, seen from '//reference// &
+            '; expected at most a quarter: rtol = '//to_text(smaller(rtol, ratio(k)))// &
+            ' or less, or method = ''modal''')
+      end associate
+   end subroutine verify_integrator
+
+   !> Goes on from the estimates with the exact response, or where that fails with a hundredth of
+   !> the tolerance.
+   !>
+   !> reference  which of the two
+   subroutine refit(problem, exact, variables, found, better, reference, error)
+      type(residual_t), intent(in) :: problem
+      type(residual_t), intent(inout) :: exact
+      type(variable_t), intent(in) :: variables(:)
+      type(fit_t), intent(in) :: found
+      type(fit_t), intent(out) :: better
+      character(len=:), allocatable, intent(out) :: reference
+      type(error_t), allocatable, intent(out) :: error
+      type(residual_t) :: finer
+      type(variable_t) :: from_there(size(variables))
+      integer :: i
+
+      from_there = variables%from(found%estimate)
+      reference = 'the exact response'
+      if (allocated(exact%parts)) then
+         exact%world = problem%world
+         exact%free = problem%free
+         exact%record = problem%record
+         exact%offset = problem%offset
+         call fit(exact, size(found%residual), from_there, options_t(check=.false.), better, error)
+         if (.not. allocated(error)) return
+      end if
+      finer = problem
+      do i = 1, size(finer%parts)
+         select type (solver => finer%parts(i)%solver)
+         type is (cvode_t)
+            solver%rtol = solver%rtol/100
+            solver%atol = solver%atol/100
+            solver%max_steps = 10*solver%max_steps
+         end select
+      end do
+      associate (rtol => finer%parts(1)%solver%relative_error())
+         reference = 'rtol = '//to_text(rtol)
+         call fit(finer, size(found%residual), from_there, options_t(relative_error=rtol, &
+            check=.false.), better, error)
+      end associate
+      if (allocated(error)) error%message = 'nothing tells how far the error of the integrator '// &
+         'has moved the estimates; '//reference//': '//error%message
+   end subroutine refit
+
+   !> The power of ten that keeps the shift, which goes with the tolerance, below a third of what is
+   !> allowed, down to the least there is; the default at most, from where nothing goes with it.
+   pure real(wp) function smaller(rtol, ratio)
+      real(wp), intent(in) :: rtol, ratio
+      type(cvode_t), parameter :: default = cvode_t()
+
+      smaller = max(1e-14_wp, min(default%rtol, 10.0_wp**floor(log10(rtol*allowed/(3*ratio)))))
+   end function smaller
+
+end module beamid_verification

@@ -1,0 +1,185 @@
+!> Two columns of a table as a series in time; of a long one only the part that is wanted is kept.
+module beamid_series
+   use beamid_csv, only: open_table, read_row
+   use beamid_errors, only: error_t, bad_input
+   use beamid_kinds, only: wp, ip
+   use beamid_numbers, only: shown
+   use beamid_rows, only: reader_t
+   use beamid_strings, only: lower, to_text
+   implicit none
+   private
+
+   public :: series_t, part_t, read_series
+
+   !> Which rows are kept: those with first <= t <= last, and some before and behind.
+   type :: part_t
+      real(wp) :: first = -huge(1.0_wp)   !< [time]
+      real(wp) :: last = huge(1.0_wp)     !< [time]
+      integer :: margin = 0               !< rows that are kept on either side, at least
+   end type part_t
+
+   !> The rows kept, and what is known of all rows of the file.
+   type :: series_t
+      real(wp), allocatable :: t(:)       !< (rows) strictly increasing [time]
+      real(wp), allocatable :: z(:)       !< (rows) as in the file
+      real(wp) :: first = 0, last = 0     !< the first and last time in the file
+      integer(ip) :: rows = 0             !< in the file
+   end type series_t
+
+contains
+
+   !> Reads the series. Every row of the file is checked, whether it is kept or not.
+   !>
+   !> names  time and value column: a name of the header in any case, a number from '1', or '' for
+   !>        the first and the second column
+   !> keys   what the case file calls the two, for messages
+   !> error  `path:line: ...`
+   subroutine read_series(path, names, keys, part, series, error)
+      character(len=*), intent(in) :: path, names(2), keys(2)
+      type(part_t), intent(in) :: part
+      type(series_t), intent(out) :: series
+      type(error_t), allocatable, intent(out) :: error
+      type(reader_t) :: reader
+      integer :: columns(2), kept, behind
+      real(wp) :: values(2), previous
+
+      call open_table(path, 2, reader, error)
+      if (.not. allocated(error)) call find_columns(reader, names, keys, columns, error)
+      if (allocated(error)) return
+      kept = 0
+      behind = 0
+      previous = -huge(previous)
+      allocate (series%t(1024), series%z(1024))
+      do
+         call read_row(reader, columns, values, error, previous)
+         if (allocated(error)) return
+         previous = values(1)
+         if (series%rows == 0) series%first = previous
+         series%rows = series%rows + 1
+         if (previous > part%last) behind = behind + 1
+         if (behind <= part%margin) then
+            if (previous < part%first .and. kept >= 2*part%margin + 1024) &
+               call drop(series, kept, part%margin)
+            call append(series, kept, values)
+         end if
+         if (.not. reader%next_row()) exit
+      end do
+      series%last = previous
+      series%t = series%t(:kept)
+      series%z = series%z(:kept)
+   end subroutine read_series
+
+   !> Keeps the last rows alone.
+   subroutine drop(series, kept, margin)
+      type(series_t), intent(inout) :: series
+      !> How many rows there are.
+      integer, intent(inout) :: kept
+      integer, intent(in) :: margin
+
+      series%t(:margin) = series%t(kept - margin + 1:kept)
+      series%z(:margin) = series%z(kept - margin + 1:kept)
+      kept = margin
+   end subroutine drop
+
+   !> One row more; the arrays double when they are full.
+   subroutine append(series, kept, values)
+      type(series_t), intent(inout) :: series
+      integer, intent(inout) :: kept
+      real(wp), intent(in) :: values(2)
+
+      if (kept == size(series%t)) then
+         call double(series%t)
+         call double(series%z)
+      end if
+      kept = kept + 1
+      series%t(kept) = values(1)
+      series%z(kept) = values(2)
+   end subroutine append
+
+   subroutine double(array)
+      real(wp), allocatable, intent(inout) :: array(:)
+      real(wp), allocatable :: larger(:)
+
+      allocate (larger(2*size(array)))
+      larger(:size(array)) = array
+      call move_alloc(larger, array)
+   end subroutine double
+
+   !> Whether a column is meant by its number, if only by default.
+   elemental logical function numeric(name)
+      character(len=*), intent(in) :: name
+
+      numeric = verify(trim(name), '0123456789') == 0
+   end function numeric
+
+   !> The places of the two columns.
+   subroutine find_columns(reader, names, keys, columns, error)
+      type(reader_t), intent(in) :: reader
+      character(len=*), intent(in) :: names(2), keys(2)
+      integer, intent(out) :: columns(2)
+      type(error_t), allocatable, intent(out) :: error
+      integer :: k
+
+      columns = [1, 2]
+      do k = 1, 2
+         if (names(k) == '') cycle
+         call find_column(reader, names(k), trim(keys(k)), columns(k), error)
+         if (allocated(error)) return
+      end do
+      if (columns(1) == columns(2)) call bad_input(error, reader%path//': found column '// &
+         to_text(columns(1))//' as '//trim(keys(1))//' and as '//trim(keys(2))// &
+         ', expected two columns')
+   end subroutine find_columns
+
+   !> The place of a column. A name of the header goes before a number.
+   subroutine find_column(reader, name, key, column, error)
+      type(reader_t), intent(in) :: reader
+      character(len=*), intent(in) :: name, key
+      integer, intent(out) :: column
+      type(error_t), allocatable, intent(out) :: error
+      integer :: k, found, status
+      character(len=len(name)) :: wanted
+
+      found = 0
+      column = 0
+      wanted = lower(adjustl(name))
+      do k = 1, size(reader%header)
+         if (lower(adjustl(reader%header(k))) /= wanted) cycle
+         found = found + 1
+         column = k
+      end do
+      if (found == 0 .and. numeric(name)) then
+         read (name, *, iostat=status) column
+         if (status /= 0) column = huge(column)
+         found = 1
+         k = size(reader%header)
+         if (k == 0) k = reader%count_fields()
+         if (column < 1 .or. column > k) call bad_input(error, reader%path//': found '// &
+            to_text(k)//' columns, expected '//key//' = '//shown(name)//' to be one of them')
+      else if (found == 0 .and. size(reader%header) == 0) then
+         call bad_input(error, reader%path//': found no names of columns, expected '//key// &
+            ' = '//shown(name)//' to be one; a number counts the columns')
+      else if (found == 0) then
+         call bad_input(error, reader%path//': found the columns '//listed(reader%header)// &
+            ', expected '//key//' = '//shown(name)//' to be one of them')
+      else if (found > 1) then
+         call bad_input(error, reader%path//': found '//to_text(found)//' columns called '// &
+            shown(name)//', expected '//key//' to name one; a number counts the columns')
+      end if
+   end subroutine find_column
+
+   !> The names of columns for a message; of very many the first ones.
+   pure function listed(header) result(text)
+      character(len=*), intent(in) :: header(:)
+      character(len=:), allocatable :: text
+      integer, parameter :: most = 12
+      integer :: k
+
+      text = shown(header(1))
+      do k = 2, min(most, size(header))
+         text = text//', '//shown(header(k))
+      end do
+      if (size(header) > most) text = text//', ...'
+   end function listed
+
+end module beamid_series

@@ -1,0 +1,139 @@
+!> Modes, and minima found from several starts, for the reader.
+module beamid_mode_summaries
+   use beamid_case_files, only: case_t
+   use beamid_fitted_modes, only: fitted_mode_t
+   use beamid_kinds, only: wp
+   use beamid_multistart, only: minimum_t
+   use beamid_statistics, only: unlimited
+   use beamid_strings, only: fixed, to_text
+   use beamid_texts, only: right, text_t
+   implicit none
+   private
+
+   public :: modes_summary, fitted_modes_summary, minima_summary
+
+contains
+
+   !> The lowest modes on one mesh: undamped angular frequencies and damped roots.
+   !>
+   !> omega  ascending [1/time]
+   !> roots  ascending modulus [1/time]
+   subroutine modes_summary(text, case, elements, omega, roots)
+      type(text_t), intent(inout) :: text
+      type(case_t), intent(in) :: case
+      integer, intent(in) :: elements
+      real(wp), intent(in) :: omega(:)
+      complex(wp), intent(in) :: roots(:)
+      integer, parameter :: shown = 10
+      character(len=:), allocatable :: line
+      real(wp), parameter :: pi = acos(-1.0_wp)
+      integer :: k
+
+      call text%line('N = '//to_text(elements)//': '//to_text(size(omega))// &
+         ' modes, the lowest '//to_text(min(shown, size(omega))))
+      call text%line(' mode  undamped '//frequency_unit(case)//'    |s|/2 pi '// &
+         frequency_unit(case)//'   damping ratio        Re s         Im s')
+      do k = 1, min(shown, size(roots))
+         line = right(to_text(k), 5)//right(merge(frequency(omega(min(k, size(omega)))/(2*pi)), &
+            repeat(' ', 14), k <= size(omega)), 16)
+         line = line//right(frequency(abs(roots(k))/(2*pi)), 18)
+         line = line//right(to_text(merge(-real(roots(k))/abs(roots(k)), 0.0_wp, abs(roots(k)) > 0 &
+            .and. abs(real(roots(k))) > 0)), 16)
+         call text%line(line//right(to_text(real(roots(k))), 13)//right(to_text(aimag(roots(k))), &
+            13))
+      end do
+   end subroutine modes_summary
+
+   !> Modes of a fitted structure with 95 % intervals.
+   subroutine fitted_modes_summary(text, case, elements, modes)
+      type(text_t), intent(inout) :: text
+      type(case_t), intent(in) :: case
+      integer, intent(in) :: elements
+      type(fitted_mode_t), intent(in) :: modes(:)
+      character(len=:), allocatable :: line
+      integer :: k
+
+      if (size(modes) == 0) return
+      call text%line('N = '//to_text(elements)// &
+         ': modes of the fitted structure, 95 % intervals from those of its parameters')
+      line = ' mode'
+      if (maxval(modes%record) > 1) line = line//' record'
+      call text%line(line//'  |s|/2 pi '//frequency_unit(case)// &
+         '            +-   damping ratio            +-')
+      do k = 1, size(modes)
+         associate (mode => modes(k))
+            line = right(to_text(count(modes(:k)%record == mode%record)), 5)
+            if (maxval(modes%record) > 1) line = line//right(to_text(mode%record), 7)
+            line = line//right(frequency(mode%frequency), 15)//interval(mode%frequency_half_width) &
+               //right(to_text(mode%damping_ratio), 16)//interval(mode%damping_half_width)
+         end associate
+         call text%line(line)
+      end do
+      if (all(.not. abs(aimag(modes%s)) > 0)) then
+         call text%line('no mode oscillates: real roots, each a decay by itself')
+      else if (any(.not. abs(aimag(modes%s)) > 0)) then
+         call text%line('damping ratio 1: a real root, a decay without oscillation')
+      end if
+      if (any(modes%together)) call text%line('without an interval: roots that nearly meet, of '// &
+         'which none by itself depends smoothly on the parameters')
+   end subroutine fitted_modes_summary
+
+   !> Half a width, or a dash.
+   function interval(half_width) result(column)
+      real(wp), intent(in) :: half_width
+      character(len=:), allocatable :: column
+
+      column = right('-', 14)
+      if (half_width < unlimited) column = right(to_text(half_width), 14)
+   end function interval
+
+   !> The distinct minima, the lowest first.
+   subroutine minima_summary(text, case, elements, minima, failures)
+      type(text_t), intent(inout) :: text
+      type(case_t), intent(in) :: case
+      integer, intent(in) :: elements, failures
+      type(minimum_t), intent(in) :: minima(:)
+      character(len=:), allocatable :: line
+      integer :: j, k
+
+      call text%line('N = '//to_text(elements)//': '//to_text(case%multistart%n)// &
+         ' starts, minima found: '//to_text(size(minima))//'; '//to_text(failures)// &
+         ' starts failed')
+      line = '  found'//right('J')
+      associate (fit => minima(1)%fits(size(minima(1)%fits)))
+         do j = 1, size(fit%free)
+            line = line//right(trim(fit%quantities(j)%name))
+         end do
+      end associate
+      call text%line(line)
+      do k = 1, size(minima)
+         associate (fit => minima(k)%fits(size(minima(k)%fits)))
+            line = right(to_text(minima(k)%count), 7)//right(to_text(fit%fit%J))
+            do j = 1, size(fit%free)
+               line = line//right(to_text(fit%quantities(j)%value))
+            end do
+         end associate
+         call text%line(line)
+      end do
+   end subroutine minima_summary
+
+   !> Six decimals where they fit.
+   pure function frequency(value) result(text)
+      real(wp), intent(in) :: value
+      character(len=14) :: text
+
+      text = to_text(value)
+      if (value < 1e6_wp) text = fixed(value, 14, 6)
+   end function frequency
+
+   !> Hz only where the time is in seconds.
+   function frequency_unit(case) result(unit)
+      type(case_t), intent(in) :: case
+      character(len=:), allocatable :: unit
+
+      unit = '[Hz]'
+      if (case%units%time /= '' .and. case%units%time /= 's') &
+         unit = '[1/'//trim(case%units%time)//']'
+   end function frequency_unit
+
+end module beamid_mode_summaries

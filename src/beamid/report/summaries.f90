@@ -1,0 +1,285 @@
+!> Results for the reader: what is printed on standard output and kept in summary.txt.
+module beamid_summaries
+   use beamid_case_files, only: case_t
+   use beamid_experiments, only: experiment_t
+   use beamid_identification, only: simulation_t, stage_fit_t
+   use beamid_kinds, only: wp
+   use beamid_observation, only: formula_names
+   use beamid_responses, only: work_t
+   use beamid_strings, only: fixed, to_text
+   use beamid_statistics, only: undetermined, unlimited
+   use beamid_texts, only: left, right, text_t
+   use beamid_unknowns, only: name_length
+   implicit none
+   private
+
+   public :: fit_summary, response_summary
+
+contains
+
+   !> The estimates, a table for each stage with a row for each mesh.
+   !>
+   !> fits  (stages, meshes)
+   function fit_summary(case, experiments, fits, notes) result(content)
+      type(case_t), intent(in) :: case
+      type(experiment_t), intent(in) :: experiments(:)
+      type(stage_fit_t), intent(in) :: fits(:, :)
+      character(len=*), intent(in), optional :: notes(:)   !< on the record
+      character(len=:), allocatable :: content
+      type(text_t) :: text
+      integer :: k
+
+      do k = 1, size(experiments)
+         associate (t => experiments(k)%samples)
+            call text%line(case%name//': identification from '//to_text(size(t))// &
+               ' samples, t = '//to_text(t(1))//' to '//to_text(t(size(t)))//label(case%units%time))
+         end associate
+      end do
+      if (present(notes)) then
+         do k = 1, size(notes)
+            call text%line(notes(k))
+         end do
+      end if
+      call text%line('observed: '//observed(case))
+      do k = 1, size(fits, 1)
+         call text%line()
+         call add_stage(text, case, fits(k, :))
+         call add_statistics(text, case, fits(k, size(fits, 2)))
+      end do
+      content = text%content()
+   end function fit_summary
+
+   !> One stage: starts, then estimates, J and effort for each mesh.
+   subroutine add_stage(text, case, fits)
+      type(text_t), intent(inout) :: text
+      type(case_t), intent(in) :: case
+      type(stage_fit_t), intent(in) :: fits(:)
+      character(len=:), allocatable :: names, units, start, line
+      integer :: k, j
+
+      names = '    N'
+      units = '     '
+      start = 'start'
+      do k = 1, size(fits(1)%free)
+         associate (q => fits(1)%quantities(k))
+            names = names//right(trim(q%name))
+            units = units//right(case%units%of_quantity(q%parameter, fits(1)%excitation))
+            start = start//right(to_text(q%start))
+         end associate
+      end do
+      call text%line('Stage '//to_text(fits(1)%stage))
+      call text%line(names//right('J')//'  iterations  evaluations  why it stopped')
+      call text%line(units//right(case%units%sum_of_squares()))
+      call text%line(start)
+      do k = 1, size(fits)
+         line = right(to_text(fits(k)%elements), 5)
+         do j = 1, size(fits(k)%free)
+            line = line//right(to_text(fits(k)%quantities(j)%value))
+         end do
+         associate (fit => fits(k)%fit)
+            line = line//right(to_text(fit%J))//right(to_text(fit%iterations), 12)// &
+               right(to_text(fit%evaluations), 13)//'  '//fit%reason
+            if (fit%shortened > 0) line = line//'; '//to_text(fit%shortened)// &
+               ' steps shortened because the response could not be computed'
+         end associate
+         call text%line(line)
+         call text%line('       '//effort(fits(k)%work))
+         if (fits(k)%moved >= 0) call text%line('       the integrator''s error has moved the '// &
+            'estimates by '//to_text(fits(k)%moved)//' of their standard errors at most, seen '// &
+            'from '//fits(k)%reference)
+         if (fits(k)%score >= 0) call text%line( &
+            '       sum of squares over the window of &score: '// &
+            to_text(fits(k)%score))
+      end do
+   end subroutine add_stage
+
+   !> Errors, correlations, what is not determined and what the residuals say, on one mesh.
+   subroutine add_statistics(text, case, fit)
+      type(text_t), intent(inout) :: text
+      type(case_t), intent(in) :: case
+      type(stage_fit_t), intent(in) :: fit
+      character(len=:), allocatable :: line
+      character(len=name_length) :: names(size(fit%quantities))
+      real(wp) :: scales(size(fit%quantities))
+      character(len=512), allocatable :: sentences(:)
+      integer :: j, k
+
+      if (fit%statistics%samples == 0) then
+         call text%line('No degree of freedom is left for standard errors.')
+         return
+      end if
+      names = fit%quantities%name
+      call text%line()
+      call text%line('Statistics for N = '//to_text(fit%elements)//': noise sd '// &
+         to_text(sqrt(fit%statistics%variance))//label(case%units%acceleration())//', '// &
+         to_text(fit%statistics%samples - size(names))//' degrees of freedom')
+      line = '              estimate     std error        lower95        upper95'
+      if (.not. fit%check%white) line = line//'  corrected se        lower95        upper95'
+      call text%line(line//'  correlations')
+      associate (s => fit%statistics, p => fit%quantities%value)
+         do k = 1, size(p)
+            line = left(trim(names(k)), 10)//right(to_text(p(k)), 12)//interval(fit, k, &
+               s%std_error(k), s%half_width(k))
+            if (.not. fit%check%white) line = line//interval(fit, k, &
+               s%corrected_error(k), s%corrected_half_width(k))
+            do j = 1, k - 1
+               line = line//right(fixed(s%correlation(k, j), 9, 4), 9)
+            end do
+            call text%line(line)
+         end do
+         call text%line('singular values of the Jacobian per relative change:'// &
+            joined(s%singular)//'; condition number '//limited(s%condition))
+         scales = fit%quantities%scale
+         sentences = undetermined(s, names, scales, fit%jacobian)
+         do k = 1, size(sentences)
+            call text%line(sentences(k))
+         end do
+         if (all(s%determined)) then
+            call text%line('every parameter is determined by this record')
+         else if (size(sentences) == 0) then
+            call text%line('the interval is wider than the value of: '// &
+               listed(pack(names, .not. s%determined)))
+         end if
+      end associate
+      if (allocated(fit%fit%derivative_check)) call text%line( &
+         'derivatives, exact against central differences: '// &
+         to_text(fit%fit%derivative_check(1))//' at the start, '// &
+            to_text(fit%fit%derivative_check(2))// &
+         ' at the end')
+      call add_residual_check(text, fit)
+   end subroutine add_statistics
+
+   !> Whiteness of the residuals.
+   subroutine add_residual_check(text, fit)
+      type(text_t), intent(inout) :: text
+      type(stage_fit_t), intent(in) :: fit
+
+      associate (check => fit%check)
+         call text%line('residuals: autocorrelation at lag 1 '// &
+            to_text(check%autocorrelation(1))//' (white: within '//to_text(check%band)// &
+            '), Ljung-Box '//to_text(check%ljung_box)//' over '//to_text(check%lags)// &
+            ' lags, probability '//to_text(check%probability))
+         if (check%white) then
+            call text%line('residuals pass for white noise')
+         else
+            if (any(fit%statistics%std_error >= unlimited)) then
+               call text%line('residuals are NOT white; errors without limits cannot be corrected')
+            else
+               call text%line('residuals are NOT white: as good as '// &
+                  to_text(fit%statistics%effective)// &
+                  ' independent samples; the corrected errors allow for that')
+            end if
+         end if
+      end associate
+   end subroutine add_residual_check
+
+   !> Standard error and interval in columns, within the bounds of the search.
+   function interval(fit, k, std_error, half_width) result(columns)
+      type(stage_fit_t), intent(in) :: fit
+      integer, intent(in) :: k
+      real(wp), intent(in) :: std_error, half_width
+      character(len=:), allocatable :: columns
+
+      associate (q => fit%quantities(k))
+         columns = right('unlimited')//right('-', 15)//right('-', 15)
+         if (std_error < unlimited .and. half_width < unlimited) columns = &
+            right(to_text(std_error))//right(to_text(max(q%value - half_width, q%lower)), 15)// &
+            right(to_text(min(q%value + half_width, q%upper)), 15)
+      end associate
+   end function interval
+
+   !> Words in a row.
+   function listed(words) result(line)
+      character(len=*), intent(in) :: words(:)
+      character(len=:), allocatable :: line
+      integer :: k
+
+      line = ''
+      do k = 1, size(words)
+         line = line//trim(words(k))//' '
+      end do
+   end function listed
+
+   !> A number, or what stands for none.
+   function limited(value) result(text)
+      real(wp), intent(in) :: value
+      character(len=:), allocatable :: text
+
+      text = 'unlimited'
+      if (value < unlimited) text = to_text(value)
+   end function limited
+
+   !> Numbers in a row.
+   function joined(values) result(line)
+      real(wp), intent(in) :: values(:)
+      character(len=:), allocatable :: line
+      integer :: k
+
+      line = ''
+      do k = 1, size(values)
+         line = line//' '//to_text(values(k))
+      end do
+   end function joined
+
+   !> What a solver did.
+   function effort(work) result(line)
+      type(work_t), intent(in) :: work
+      character(len=:), allocatable :: line
+
+      line = to_text(work%solves)//' responses'
+      if (work%steps > 0) line = line//', '//to_text(work%steps)//' steps, '// &
+         to_text(work%evaluations)//' right-hand sides, '//to_text(work%factorizations)// &
+            ' factorizations'
+   end function effort
+
+   !> Which formula turns the response into accelerations.
+   function observed(case) result(line)
+      type(case_t), intent(in) :: case
+      character(len=:), allocatable :: line
+
+      associate (observation => case%model%observation)
+         line = 'acceleration by '//trim(formula_names(observation%formula))
+         if (observation%delta > 0) line = line//', Delta = '//to_text(observation%delta)// &
+            label(case%units%time)
+      end associate
+   end function observed
+
+   !> Extremes of a computed response on each mesh.
+   function response_summary(case, simulations) result(content)
+      type(case_t), intent(in) :: case
+      type(simulation_t), intent(in) :: simulations(:)
+      character(len=:), allocatable :: content
+      type(text_t) :: text
+      integer :: k
+
+      associate (t => simulations(1)%response%t)
+         call text%line(case%name//': response at '//to_text(size(t))//' times, t = '// &
+            to_text(t(1))//' to '//to_text(t(size(t)))//label(case%units%time))
+      end associate
+      call text%line('observed: '//observed(case))
+      call text%line()
+      call text%line('    N'//right('max |u|')//right('max |u_t|')//right('max |u_tt|'))
+      call text%line('     '//right(case%units%length)//right(case%units%velocity())// &
+         right(case%units%acceleration()))
+      do k = 1, size(simulations)
+         associate (s => simulations(k))
+            call text%line(right(to_text(case%meshes(k)%elements), 5)// &
+               right(to_text(maxval(abs(s%response%displacement))))// &
+               right(to_text(maxval(abs(s%response%velocity))))// &
+                  right(to_text(maxval(abs(s%acceleration)))))
+            call text%line('       '//effort(s%work))
+         end associate
+      end do
+      content = text%content()
+   end function response_summary
+
+   !> A unit behind a number, or nothing.
+   pure function label(unit) result(text)
+      character(len=*), intent(in) :: unit
+      character(len=:), allocatable :: text
+
+      text = ''
+      if (unit /= '') text = ' '//trim(unit)
+   end function label
+
+end module beamid_summaries

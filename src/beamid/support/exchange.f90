@@ -1,0 +1,271 @@
+!> The files of an earlier run exchanged for those of a new one: all or none, whatever happens.
+!>
+!> The new files are written to a temporary folder inside the output folder, as `new-<name>`, the
+!> new manifest last. Then the older manifest goes there, as `old-<name>`, and after it each older
+!> file while the new one takes its name; files that an earlier run of the same command has written
+!> and this one has not go as well. The new manifest takes its name when all others have theirs: a
+!> folder without a manifest does not hold whole runs. While the new manifest is in the temporary
+!> folder, an exchange was begun and not ended: `take_back` undoes it, at once when a step fails,
+!> else at the beginning of the next run that writes to the folder.
+!>
+!> Runs on one machine wait for one another (`lock_folder`), so a temporary folder of this machine
+!> is one of a program that has died. Those of other machines, which may share the folder, are left;
+!> so are all where the file system knows no locks.
+module beamid_exchange
+   use, intrinsic :: iso_c_binding, only: c_associated, c_int, c_null_char, c_ptr
+   use beamid_errors, only: error_t
+   use beamid_files, only: read_text, write_new
+   use beamid_folders, only: list_folder, lock_folder, make_folder, remove_folder, sync_folder
+   use beamid_interrupts, only: hold_signals, release_signals
+   use beamid_manifests, only: command_in, compare, entries_in, entry_length, &
+      entry_of, manifest_header, manifest_name, name_in
+   use beamid_paths, only: join_path
+   use beamid_posix, only: c_closedir, c_getpid, c_link, c_opendir, c_rename, eio, eisdir, &
+      host_name, kind_directory, kind_there, last_errno, max_name
+   use beamid_strings, only: to_text
+   use beamid_texts, only: text_t
+   implicit none
+   private
+
+   public :: named_text_t, exchange
+
+   type :: named_text_t
+      character(len=:), allocatable :: name, text
+   end type named_text_t
+
+   character(len=*), parameter :: new = '/new-', old = '/old-'
+
+contains
+
+   !> Puts the files of one run in a folder, which is there.
+   subroutine exchange(directory, files, command, code, left)
+      character(len=*), intent(in) :: directory
+      type(named_text_t), intent(in) :: files(:)
+      !> The command that is run, a word.
+      character(len=*), intent(in) :: command
+      !> 0 or an errno.
+      integer(c_int), intent(out) :: code
+      !> A temporary folder with older files that could not be put back; else ''.
+      character(len=:), allocatable, intent(out) :: left
+      character(len=entry_length), allocatable :: kept(:), outdated(:)
+      character(len=:), allocatable :: temporary
+      type(c_ptr) :: folder
+      integer(c_int) :: ignored
+
+      left = ''
+      folder = c_opendir(directory//c_null_char)
+      if (.not. c_associated(folder)) then
+         code = last_errno()
+         return
+      end if
+      code = 0
+      if (lock_folder(folder)) then
+         call hold_signals()
+         call take_back_all(directory, code, left)
+      else
+         call hold_signals()
+      end if
+      if (code == 0) then
+         temporary = join_path(directory, prefix()//to_text(int(c_getpid())))
+         code = make_folder(temporary)
+         if (code == 0) then
+            call sort_older(directory, files, command, kept, outdated)
+            code = prepare(temporary, files, command, kept)
+            if (code == 0) code = give_names(directory, temporary, files, outdated)
+            if (take_back(directory, temporary) /= 0 .and. code /= 0) left = temporary
+         end if
+      end if
+      ignored = c_closedir(folder)
+      call release_signals()
+   end subroutine exchange
+
+   !> What the names of temporary folders begin with; a number follows.
+   function prefix()
+      character(len=:), allocatable :: prefix
+      integer :: i
+
+      prefix = '.beamid-'//host_name()//'-'
+      do i = 1, len(prefix)
+         if (prefix(i:i) == '/') prefix(i:i) = '_'
+      end do
+   end function prefix
+
+   !> Undoes and removes what runs that died have left.
+   subroutine take_back_all(directory, code, left)
+      character(len=*), intent(in) :: directory
+      integer(c_int), intent(out) :: code
+      character(len=:), allocatable, intent(inout) :: left
+      character(len=max_name), allocatable :: names(:)
+      integer :: i, first
+
+      code = list_folder(directory, prefix(), names)
+      first = len(prefix()) + 1
+      do i = 1, size(names)
+         if (verify(trim(names(i)(first:)), '0123456789') > 0 .or. names(i)(first:) == '') cycle
+         if (kind_there(join_path(directory, trim(names(i)))) /= kind_directory) cycle
+         left = join_path(directory, trim(names(i)))
+         code = take_back(directory, left)
+         if (code /= 0) return
+      end do
+      left = ''
+   end subroutine take_back_all
+
+   !> What earlier runs have written to the folder and this one will not, as they left it. What
+   !> was changed since, or cannot be read, belongs to neither list.
+   subroutine sort_older(directory, files, command, kept, outdated)
+      character(len=*), intent(in) :: directory, command
+      type(named_text_t), intent(in) :: files(:)
+      !> Lines of the older manifest: of runs of other commands, and of an earlier run of this one.
+      character(len=entry_length), allocatable, intent(out) :: kept(:), outdated(:)
+      character(len=entry_length), allocatable :: entries(:)
+      character(len=:), allocatable :: manifest
+      type(error_t), allocatable :: error
+      logical, allocatable :: same(:), ours(:)
+      integer(c_int) :: code
+      integer :: i, j
+
+      call read_text(join_path(directory, manifest_name), manifest, error)
+      entries = entries_in(manifest)
+      allocate (same(size(entries)), ours(size(entries)))
+      do i = 1, size(entries)
+         call compare(directory, entries(i), same(i), code)
+         if (any([(files(j)%name == name_in(entries(i)), j=1, size(files))])) same(i) = .false.
+         ours(i) = command_in(entries(i)) == command
+      end do
+      kept = pack(entries, same .and. .not. ours)
+      outdated = pack(entries, same .and. ours)
+   end subroutine sort_older
+
+   !> Writes the new files and, last, the manifest to a temporary folder.
+   integer(c_int) function prepare(temporary, files, command, kept) result(code)
+      character(len=*), intent(in) :: temporary, command, kept(:)
+      type(named_text_t), intent(in) :: files(:)
+      type(text_t) :: manifest
+      integer :: i
+
+      call manifest%line(manifest_header)
+      do i = 1, size(files)
+         code = write_new(temporary//new//files(i)%name, files(i)%text)
+         if (code /= 0) return
+         call manifest%line(entry_of(files(i)%name, files(i)%text, command))
+      end do
+      do i = 1, size(kept)
+         call manifest%line(kept(i))
+      end do
+      code = write_new(temporary//new//manifest_name, manifest%content())
+      if (code == 0) code = sync_folder(temporary)
+   end function prepare
+
+   !> Gives the new files their names, and keeps the older ones in the temporary folder.
+   integer(c_int) function give_names(directory, temporary, files, outdated) result(code)
+      character(len=*), intent(in) :: directory, temporary, outdated(:)
+      type(named_text_t), intent(in) :: files(:)
+      integer(c_int) :: ignored
+      integer :: i
+
+      code = set_aside(directory, temporary, manifest_name, links=.false.)
+      do i = 1, size(files)
+         if (code == 0) code = set_aside(directory, temporary, files(i)%name, links=.true.)
+         if (code == 0) code = renamed(temporary//new//files(i)%name, &
+            join_path(directory, files(i)%name))
+      end do
+      do i = 1, size(outdated)
+         if (code == 0) code = set_aside(directory, temporary, name_in(outdated(i)), links=.false.)
+      end do
+      if (code == 0) code = sync_folder(directory)
+      if (code == 0) code = renamed(temporary//new//manifest_name, &
+         join_path(directory, manifest_name))
+      if (code /= 0) return
+      code = sync_folder(directory)
+      if (code /= 0) ignored = renamed(join_path(directory, manifest_name), &
+         temporary//new//manifest_name)
+   end function give_names
+
+   !> Keeps an older file, if there is one.
+   integer(c_int) function set_aside(directory, temporary, name, links) result(code)
+      character(len=*), intent(in) :: directory, temporary, name
+      !> As a second name of it, so that the first is there all the time, where links are to be had.
+      logical, intent(in) :: links
+      character(len=:), allocatable :: path
+
+      code = 0
+      path = join_path(directory, name)
+      select case (kind_there(path))
+      case (0)
+         return
+      case (kind_directory)
+         code = eisdir
+         return
+      end select
+      if (links) then
+         if (c_link(path//c_null_char, temporary//old//name//c_null_char) == 0) return
+      end if
+      code = renamed(path, temporary//old//name)
+   end function set_aside
+
+   !> Removes a temporary folder; of an exchange that was begun and not ended, puts back the older
+   !> files first. It may be interrupted, and called again.
+   integer(c_int) function take_back(directory, temporary) result(code)
+      character(len=*), intent(in) :: directory, temporary
+      character(len=max_name), allocatable :: names(:)
+      integer :: i
+
+      code = 0
+      if (kind_there(temporary//new//manifest_name) /= 0) then
+         code = take_names(directory, temporary)
+         if (code == 0) code = list_folder(temporary, old(2:), names)
+         if (code /= 0) return
+         do i = 1, size(names)
+            if (names(i) /= old(2:)//manifest_name) &
+               code = put_back(directory, temporary, trim(names(i)(len(old):)))
+            if (code /= 0) return
+         end do
+         code = sync_folder(directory)
+         if (code == 0) code = put_back(directory, temporary, manifest_name)
+      end if
+      if (code == 0) code = remove_folder(temporary)
+   end function take_back
+
+   !> Takes their names from the new files that have got them already.
+   integer(c_int) function take_names(directory, temporary) result(code)
+      character(len=*), intent(in) :: directory, temporary
+      character(len=entry_length), allocatable :: entries(:)
+      character(len=:), allocatable :: manifest, name
+      type(error_t), allocatable :: error
+      logical :: same
+      integer :: i
+
+      code = eio
+      call read_text(temporary//new//manifest_name, manifest, error)
+      if (allocated(error)) return
+      code = 0
+      entries = entries_in(manifest)
+      do i = 1, size(entries)
+         name = name_in(entries(i))
+         ! Behind the new files stand those of other commands.
+         if (command_in(entries(i)) /= command_in(entries(1))) exit
+         if (kind_there(temporary//new//name) /= 0) cycle
+         call compare(directory, entries(i), same, code)
+         if (code == 0 .and. same) code = renamed(join_path(directory, name), temporary//new//name)
+         if (code /= 0) return
+      end do
+   end function take_names
+
+   !> Gives an older file its name again, unless there is a file of that name.
+   integer(c_int) function put_back(directory, temporary, name) result(code)
+      character(len=*), intent(in) :: directory, temporary, name
+
+      code = 0
+      if (kind_there(temporary//old//name) == 0) return
+      if (kind_there(join_path(directory, name)) /= 0) return
+      code = renamed(temporary//old//name, join_path(directory, name))
+   end function put_back
+
+   integer(c_int) function renamed(from, to) result(code)
+      character(len=*), intent(in) :: from, to
+
+      code = 0
+      if (c_rename(from//c_null_char, to//c_null_char) /= 0) code = last_errno()
+   end function renamed
+
+end module beamid_exchange

@@ -1,0 +1,179 @@
+!> The outputs of one run: built in memory, and written together, all of them or none.
+module beamid_outputs
+   use, intrinsic :: iso_c_binding, only: c_int, c_null_char
+   use beamid_errors, only: error_t, bad_input, failure
+   use beamid_exchange, only: exchange, named_text_t
+   use beamid_folders, only: make_folders
+   use beamid_files, only: read_text
+   use beamid_kinds, only: ip
+   use beamid_manifests, only: entries_in, entry_length, manifest_name, name_in
+   use beamid_paths, only: join_path
+   use beamid_posix, only: c_rmdir, edquot, efbig, eio, enospc, reason, same_file
+   implicit none
+   private
+
+   public :: output_t
+
+   type :: output_t
+      type(named_text_t), allocatable, private :: files(:)
+      !> Paths of inputs.
+      type(named_text_t), allocatable, private :: inputs(:)
+   contains
+      procedure :: add
+      procedure :: spare
+      procedure :: check_finite
+      procedure :: commit
+   end type output_t
+
+contains
+
+   !> Adds a file to the list; a name given before gets the new text.
+   subroutine add(self, name, text)
+      class(output_t), intent(inout) :: self
+      !> The file's name inside the output folder, and its whole text.
+      character(len=*), intent(in) :: name, text
+      integer :: i
+
+      if (.not. allocated(self%files)) allocate (self%files(0))
+      do i = 1, size(self%files)
+         if (self%files(i)%name == name) exit
+      end do
+      if (i > size(self%files)) call append(self%files, name)
+      self%files(i)%text = text
+   end subroutine add
+
+   !> A list with one name more.
+   subroutine append(list, name)
+      type(named_text_t), allocatable, intent(inout) :: list(:)
+      character(len=*), intent(in) :: name
+      type(named_text_t), allocatable :: more(:)
+      integer :: n
+
+      n = size(list)
+      allocate (more(n + 1))
+      more(:n) = list
+      more(n + 1)%name = name
+      call move_alloc(more, list)
+   end subroutine append
+
+   !> Names an input, a file of the user: `commit` does not overwrite it, unless the manifest of
+   !> the output folder says that an earlier run wrote it.
+   subroutine spare(self, path)
+      class(output_t), intent(inout) :: self
+      character(len=*), intent(in) :: path
+
+      if (.not. allocated(self%inputs)) allocate (self%inputs(0))
+      call append(self%inputs, path)
+   end subroutine spare
+
+   !> Refuses to overwrite an input.
+   subroutine check_inputs(self, directory, error)
+      class(output_t), intent(in) :: self
+      character(len=*), intent(in) :: directory
+      type(error_t), allocatable, intent(out) :: error
+      character(len=entry_length), allocatable :: entries(:)
+      character(len=:), allocatable :: manifest, path
+      type(error_t), allocatable :: none
+      integer :: i, j, k
+
+      if (.not. (allocated(self%inputs) .and. allocated(self%files))) return
+      call read_text(join_path(directory, manifest_name), manifest, none)
+      entries = entries_in(manifest)
+      do i = 1, size(self%files)
+         path = join_path(directory, self%files(i)%name)
+         do j = 1, size(self%inputs)
+            if (.not. same_file(path, self%inputs(j)%name)) cycle
+            if (any([(name_in(entries(k)) == self%files(i)%name, k=1, size(entries))])) cycle
+            call bad_input(error, path//': found a record of the case, which the run would '// &
+               'overwrite, expected another output folder')
+            return
+         end do
+      end do
+   end subroutine check_inputs
+
+   !> Refuses tables with a field that is no finite number: whatever the way by which it came there,
+   !> it is no result.
+   subroutine check_finite(self, error)
+      class(output_t), intent(in) :: self
+      type(error_t), allocatable, intent(out) :: error
+      character(len=*), parameter :: forms(4) = [character(len=9) :: 'Infinity', '+Infinity', &
+                                                 '-Infinity', 'NaN']
+      integer :: i
+
+      if (.not. allocated(self%files)) return
+      do i = 1, size(self%files)
+         if (allocated(error)) return
+         call scan_table(self%files(i)%name, self%files(i)%text)
+      end do
+
+   contains
+
+      subroutine scan_table(name, text)
+         character(len=*), intent(in) :: name, text
+         integer(ip) :: at, next
+         integer :: k
+
+         do k = 1, size(forms)
+            at = 0
+            do
+               next = index(text(at + 1:), trim(forms(k)), kind=ip)
+               if (next == 0) exit
+               at = at + next
+               if (.not. (ends_field(text, at - 1) .and. &
+                  ends_field(text, at + len_trim(forms(k))))) cycle
+               call failure(error, name//' would hold a number that is not finite, '// &
+                  trim(forms(k)))
+               return
+            end do
+         end do
+      end subroutine scan_table
+
+   end subroutine check_finite
+
+   !> Whether no field of a table goes on at this place.
+   pure logical function ends_field(text, at)
+      character(len=*), intent(in) :: text
+      integer(ip), intent(in) :: at
+
+      ends_field = at < 1 .or. at > len(text, ip)
+      if (.not. ends_field) ends_field = index(', '//new_line('a'), text(at:at)) > 0
+   end function ends_field
+
+   !> Writes all files and their manifest, or changes nothing (`beamid_exchange`).
+   subroutine commit(self, directory, error, command)
+      class(output_t), intent(in) :: self
+      !> The output folder; it and its parents are created when missing.
+      character(len=*), intent(in) :: directory
+      !> Status 1 for a full or broken disk, 2 for a folder that cannot be written or holds an
+      !> input.
+      type(error_t), allocatable, intent(out) :: error
+      !> A word for the kind of run, default `run`: what the last run of this kind has written there
+      !> and this one has not is removed, unless somebody has changed it.
+      character(len=*), intent(in), optional :: command
+      character(len=:), allocatable :: left, message, kind
+      integer(c_int) :: code, ignored
+      integer, allocatable :: created(:)
+      integer :: i
+
+      call check_inputs(self, directory, error)
+      if (allocated(error)) return
+      left = ''
+      kind = 'run'
+      if (present(command)) kind = command
+      call make_folders(directory, created, code)
+      if (code == 0 .and. allocated(self%files)) &
+         call exchange(directory, self%files, kind, code, left)
+      if (code == 0) return
+      do i = size(created), 1, -1
+         ignored = c_rmdir(directory(:created(i))//c_null_char)
+      end do
+      message = directory//': the output folder cannot be written: '//reason(code)
+      if (left /= '') message = message//'; older files are in '//left
+      if (any(code == [enospc, edquot, eio, efbig])) then
+         call failure(error, message)
+      else
+         call bad_input(error, message)
+      end if
+   end subroutine commit
+
+end module beamid_outputs

@@ -1,0 +1,293 @@
+!> Calls of the C library that reading, writing and printing are made of, with their constants for
+!> Linux (glibc): the same values and layouts on x86-64 and aarch64.
+module beamid_posix
+   use, intrinsic :: iso_c_binding, only: c_associated, c_char, c_f_pointer, c_int, c_int8_t, &
+      c_int16_t, c_int32_t, c_int64_t, c_intptr_t, c_null_char, c_ptr, c_size_t
+   use beamid_kinds, only: ip
+   implicit none
+   private
+
+   public :: c_fopen, c_fread, c_ferror, c_fclose, c_creat, c_fsync, c_close
+   public :: c_link, c_rename, c_unlink, c_mkdir, c_rmdir, c_opendir, c_closedir, c_dirfd, c_flock
+   public :: c_getpid, c_signal, c_raise, c_usleep
+   public :: file_status, same_file, kind_there, entry_name, host_name, write_bytes, last_errno
+   public :: reason
+
+   integer(c_int), parameter, public :: enoent = 2, eintr = 4, eio = 5, eagain = 11, eexist = 17, &
+      enotdir = 20, eisdir = 21, einval = 22, efbig = 27, enospc = 28, edquot = 122
+   integer(c_int), parameter, public :: sighup = 1, sigint = 2, sigpipe = 13, sigterm = 15, &
+      sigxfsz = 25
+   integer(c_intptr_t), parameter, public :: sig_ign = 1
+   !> Operations of `c_flock`: take for oneself, and fail instead of waiting.
+   integer(c_int), parameter, public :: lock_exclusive = 2, lock_nonblocking = 4
+   !> What a path leads to, as `file_status` says it.
+   integer, parameter, public :: kind_directory = int(o'040000'), kind_regular = int(o'100000')
+   integer(c_int), parameter :: at_fdcwd = -100, at_symlink_nofollow = 256, &
+      basic_fields = int(z'7ff', c_int)
+   integer, parameter :: kind_mask = int(o'170000')
+   !> The longest name of a file inside a folder.
+   integer, parameter, public :: max_name = 255
+
+   !> The head of `struct statx`, and room for the rest of its 256 bytes.
+   type, bind(c) :: statx_t
+      integer(c_int32_t) :: mask, block_size
+      integer(c_int64_t) :: attributes
+      integer(c_int32_t) :: links, user, group
+      integer(c_int16_t) :: mode, unused
+      integer(c_int64_t) :: inode, bytes
+      integer(c_int64_t) :: rest(26)
+   end type statx_t
+
+   !> `struct dirent`: an entry of a folder.
+   type, bind(c) :: dirent_t
+      integer(c_int64_t) :: inode, offset
+      integer(c_int16_t) :: length
+      integer(c_int8_t) :: kind
+      character(kind=c_char) :: name(max_name + 1)
+   end type dirent_t
+
+   interface
+      integer(c_int) function c_statx(folder, path, flags, mask, status) bind(c, name='statx')
+         import :: c_char, c_int, statx_t
+         integer(c_int), value :: folder, flags, mask
+         character(kind=c_char), intent(in) :: path(*)
+         type(statx_t), intent(out) :: status
+      end function c_statx
+      type(c_ptr) function c_fopen(path, mode) bind(c, name='fopen')
+         import :: c_char, c_ptr
+         character(kind=c_char), intent(in) :: path(*), mode(*)
+      end function c_fopen
+      integer(c_size_t) function c_fread(buffer, size, n, stream) bind(c, name='fread')
+         import :: c_char, c_ptr, c_size_t
+         character(kind=c_char), intent(inout) :: buffer(*)
+         integer(c_size_t), value :: size, n
+         type(c_ptr), value :: stream
+      end function c_fread
+      integer(c_int) function c_ferror(stream) bind(c, name='ferror')
+         import :: c_int, c_ptr
+         type(c_ptr), value :: stream
+      end function c_ferror
+      integer(c_int) function c_fclose(stream) bind(c, name='fclose')
+         import :: c_int, c_ptr
+         type(c_ptr), value :: stream
+      end function c_fclose
+      integer(c_int) function c_creat(path, mode) bind(c, name='creat')
+         import :: c_char, c_int
+         character(kind=c_char), intent(in) :: path(*)
+         integer(c_int), value :: mode
+      end function c_creat
+      integer(c_size_t) function c_write(fd, buffer, n) bind(c, name='write')
+         import :: c_char, c_int, c_size_t
+         integer(c_int), value :: fd
+         character(kind=c_char), intent(in) :: buffer(*)
+         integer(c_size_t), value :: n
+      end function c_write
+      integer(c_int) function c_fsync(fd) bind(c, name='fsync')
+         import :: c_int
+         integer(c_int), value :: fd
+      end function c_fsync
+      integer(c_int) function c_close(fd) bind(c, name='close')
+         import :: c_int
+         integer(c_int), value :: fd
+      end function c_close
+      integer(c_int) function c_link(old, new) bind(c, name='link')
+         import :: c_char, c_int
+         character(kind=c_char), intent(in) :: old(*), new(*)
+      end function c_link
+      integer(c_int) function c_rename(old, new) bind(c, name='rename')
+         import :: c_char, c_int
+         character(kind=c_char), intent(in) :: old(*), new(*)
+      end function c_rename
+      integer(c_int) function c_unlink(path) bind(c, name='unlink')
+         import :: c_char, c_int
+         character(kind=c_char), intent(in) :: path(*)
+      end function c_unlink
+      integer(c_int) function c_mkdir(path, mode) bind(c, name='mkdir')
+         import :: c_char, c_int
+         character(kind=c_char), intent(in) :: path(*)
+         integer(c_int), value :: mode
+      end function c_mkdir
+      integer(c_int) function c_rmdir(path) bind(c, name='rmdir')
+         import :: c_char, c_int
+         character(kind=c_char), intent(in) :: path(*)
+      end function c_rmdir
+      type(c_ptr) function c_opendir(path) bind(c, name='opendir')
+         import :: c_char, c_ptr
+         character(kind=c_char), intent(in) :: path(*)
+      end function c_opendir
+      type(c_ptr) function c_readdir(folder) bind(c, name='readdir')
+         import :: c_ptr
+         type(c_ptr), value :: folder
+      end function c_readdir
+      integer(c_int) function c_closedir(folder) bind(c, name='closedir')
+         import :: c_int, c_ptr
+         type(c_ptr), value :: folder
+      end function c_closedir
+      integer(c_int) function c_dirfd(folder) bind(c, name='dirfd')
+         import :: c_int, c_ptr
+         type(c_ptr), value :: folder
+      end function c_dirfd
+      integer(c_int) function c_flock(fd, operation) bind(c, name='flock')
+         import :: c_int
+         integer(c_int), value :: fd, operation
+      end function c_flock
+      integer(c_int) function c_gethostname(name, length) bind(c, name='gethostname')
+         import :: c_char, c_int, c_size_t
+         character(kind=c_char), intent(out) :: name(*)
+         integer(c_size_t), value :: length
+      end function c_gethostname
+      integer(c_int) function c_usleep(microseconds) bind(c, name='usleep')
+         import :: c_int
+         integer(c_int), value :: microseconds
+      end function c_usleep
+      integer(c_int) function c_getpid() bind(c, name='getpid')
+         import :: c_int
+      end function c_getpid
+      type(c_ptr) function c_errno() bind(c, name='__errno_location')
+         import :: c_ptr
+      end function c_errno
+      type(c_ptr) function c_strerror(code) bind(c, name='strerror')
+         import :: c_int, c_ptr
+         integer(c_int), value :: code
+      end function c_strerror
+      integer(c_size_t) function c_strlen(text) bind(c, name='strlen')
+         import :: c_ptr, c_size_t
+         type(c_ptr), value :: text
+      end function c_strlen
+      integer(c_intptr_t) function c_signal(number, handler) bind(c, name='signal')
+         import :: c_int, c_intptr_t
+         integer(c_int), value :: number
+         integer(c_intptr_t), value :: handler
+      end function c_signal
+      integer(c_int) function c_raise(number) bind(c, name='raise')
+         import :: c_int
+         integer(c_int), value :: number
+      end function c_raise
+   end interface
+
+contains
+
+   !> What a path leads to, links followed.
+   subroutine file_status(path, kind, bytes, code)
+      character(len=*), intent(in) :: path
+      !> `kind_directory`, `kind_regular` or another; 0 after an error.
+      integer, intent(out) :: kind
+      !> The size that the file system gives; 0 for files made on the fly.
+      integer(ip), intent(out) :: bytes
+      !> 0 or an errno.
+      integer(c_int), intent(out) :: code
+      type(statx_t) :: status
+
+      kind = 0
+      bytes = 0
+      code = c_statx(at_fdcwd, path//c_null_char, 0_c_int, basic_fields, status)
+      if (code /= 0) then
+         code = last_errno()
+         return
+      end if
+      kind = iand(int(status%mode), kind_mask)
+      bytes = status%bytes
+   end subroutine file_status
+
+   !> Whether two paths lead to one file that is there.
+   logical function same_file(a, b) result(same)
+      character(len=*), intent(in) :: a, b
+      type(statx_t) :: one, other
+      !> Where `rest` has the device.
+      integer, parameter :: device = 12
+
+      same = c_statx(at_fdcwd, a//c_null_char, 0_c_int, basic_fields, one) == 0
+      if (same) same = c_statx(at_fdcwd, b//c_null_char, 0_c_int, basic_fields, other) == 0
+      if (same) same = one%inode == other%inode .and. one%rest(device) == other%rest(device)
+   end function same_file
+
+   !> What stands at a path, a link itself and not what it leads to; 0: nothing.
+   integer function kind_there(path)
+      character(len=*), intent(in) :: path
+      type(statx_t) :: status
+
+      kind_there = 0
+      if (c_statx(at_fdcwd, path//c_null_char, at_symlink_nofollow, basic_fields, status) == 0) &
+         kind_there = iand(int(status%mode), kind_mask)
+   end function kind_there
+
+   !> The name of the next entry of an open folder; '' behind the last.
+   function entry_name(folder) result(name)
+      !> From `c_opendir`.
+      type(c_ptr), intent(in) :: folder
+      character(len=:), allocatable :: name
+      type(dirent_t), pointer :: entry
+      type(c_ptr) :: location
+
+      name = ''
+      location = c_readdir(folder)
+      if (.not. c_associated(location)) return
+      call c_f_pointer(location, entry)
+      name = up_to_null(entry%name)
+   end function entry_name
+
+   !> The name of this machine; '' when it has none.
+   function host_name() result(name)
+      character(len=:), allocatable :: name
+      character(kind=c_char) :: letters(max_name + 1)
+
+      letters = c_null_char
+      if (c_gethostname(letters, int(max_name, c_size_t)) /= 0) letters = c_null_char
+      name = up_to_null(letters)
+   end function host_name
+
+   !> Text from C, which ends before a null character.
+   pure function up_to_null(letters) result(text)
+      character(kind=c_char), intent(in) :: letters(:)
+      character(len=:), allocatable :: text
+      integer :: i, length
+
+      length = findloc(letters, c_null_char, dim=1) - 1
+      allocate (character(len=length) :: text)
+      do i = 1, length
+         text(i:i) = letters(i)
+      end do
+   end function up_to_null
+
+   !> Writes a whole text to an open file, pipe or terminal; returns 0 or an errno.
+   integer(c_int) function write_bytes(fd, text) result(code)
+      integer(c_int), intent(in) :: fd
+      character(len=*), intent(in) :: text
+      integer(ip) :: done, n
+      integer(c_int) :: ignored
+
+      code = 0
+      done = 0
+      do while (done < len(text, ip) .and. code == 0)
+         n = c_write(fd, text(done + 1:), len(text, c_size_t) - done)
+         if (n < 0) code = last_errno()
+         if (n == 0) code = enospc
+         ! Another program may have set the terminal to non-blocking.
+         if (code == eagain) ignored = c_usleep(1000_c_int)
+         if (code == eintr .or. code == eagain) code = 0
+         done = done + max(n, 0_ip)
+      end do
+   end function write_bytes
+
+   !> The C library's `errno`.
+   integer(c_int) function last_errno() result(code)
+      integer(c_int), pointer :: location
+
+      call c_f_pointer(c_errno(), location)
+      code = location
+   end function last_errno
+
+   !> What an errno means, in words.
+   function reason(code) result(text)
+      !> The errno.
+      integer(c_int), intent(in) :: code
+      character(len=:), allocatable :: text
+      character(kind=c_char), pointer :: letters(:)
+      type(c_ptr) :: message
+
+      message = c_strerror(code)
+      call c_f_pointer(message, letters, [c_strlen(message) + 1])
+      text = up_to_null(letters)
+   end function reason
+
+end module beamid_posix

@@ -1,0 +1,81 @@
+!> Text that grows line by line, in memory, until it is printed or written as a whole.
+module beamid_texts
+   use beamid_kinds, only: ip
+   implicit none
+   private
+
+   public :: text_t, left, right
+
+   !> Of a column by default.
+   integer, parameter :: width = 14
+
+   type :: text_t
+      character(len=:), allocatable, private :: buffer
+      integer(ip), private :: length = 0
+   contains
+      procedure :: add
+      procedure :: line
+      procedure :: content
+   end type text_t
+
+contains
+
+   !> Appends `piece` as it is.
+   subroutine add(self, piece)
+      class(text_t), intent(inout) :: self
+      character(len=*), intent(in) :: piece
+      character(len=:), allocatable :: larger
+      integer(ip) :: length
+
+      ! Of 64 bits, as a text of more than 2**30 characters doubles to more than 2**31.
+      length = self%length + len(piece, ip)
+      if (.not. allocated(self%buffer)) allocate (character(len=4096) :: self%buffer)
+      if (length > len(self%buffer, ip)) then
+         allocate (character(len=2*length) :: larger)
+         larger(:self%length) = self%buffer(:self%length)
+         call move_alloc(larger, self%buffer)
+      end if
+      self%buffer(self%length + 1:length) = piece
+      self%length = length
+   end subroutine add
+
+   !> Appends a line, blanks at its end left out.
+   subroutine line(self, piece)
+      class(text_t), intent(inout) :: self
+      character(len=*), intent(in), optional :: piece
+
+      if (present(piece)) call self%add(trim(piece))
+      call self%add(new_line('a'))
+   end subroutine line
+
+   !> All that was added.
+   pure function content(self)
+      class(text_t), intent(in) :: self
+      character(len=:), allocatable :: content
+
+      content = ''
+      if (allocated(self%buffer)) content = self%buffer(:self%length)
+   end function content
+
+   !> Text at the right end of a column.
+   pure function right(text, columns)
+      character(len=*), intent(in) :: text
+      integer, intent(in), optional :: columns
+      character(len=:), allocatable :: right
+      integer :: wide
+
+      wide = width
+      if (present(columns)) wide = columns
+      right = repeat(' ', max(1, wide - len_trim(adjustl(text))))//trim(adjustl(text))
+   end function right
+
+   !> Text at the left end of a column.
+   pure function left(text, columns)
+      character(len=*), intent(in) :: text
+      integer, intent(in) :: columns
+      character(len=max(columns, len(text))) :: left
+
+      left = text
+   end function left
+
+end module beamid_texts

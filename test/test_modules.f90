@@ -1,0 +1,122 @@
+!> The layers of src/: each folder uses those below it and no other, no two modules need each other,
+!> and none of them prints or stops.
+program test_modules
+   use checks, only: check, finish
+   implicit none
+
+   !> A folder, and after the colon those that it may use.
+   character(len=*), parameter :: layers(*) = [character(len=90) :: &
+      'support:', &
+      'model: support', &
+      'discretization: support model', &
+      'dynamics: support model discretization', &
+      'fit: support', &
+      'record: support', &
+      'identification: support model discretization dynamics fit record', &
+      'case: support model discretization dynamics fit record identification', &
+      'report: support model discretization dynamics fit record identification case']
+   character(len=*), parameter :: scratch = 'build/test_modules.txt'
+   character(len=80), allocatable :: uses(:, :), files(:), lines(:)
+   character(len=80) :: word
+   integer :: k
+
+   call search("-oE '^ *use beamid_[a-z0-9_]+' src/beamid", lines)
+   allocate (uses(2, size(lines)))
+   do k = 1, size(lines)
+      ! folder/module.f90:   use beamid_other
+      uses(1, k) = lines(k)(:index(lines(k), '.f90:') - 1)
+      uses(2, k) = lines(k)(index(lines(k), 'use beamid_') + len('use beamid_'):)
+   end do
+   call search("-lE '^module beamid_' src/beamid", files)
+   do k = 1, size(files)
+      files(k) = files(k)(:index(files(k), '.f90') - 1)
+   end do
+   call check('modules and their uses are found', size(files) > 50 .and. size(uses, 2) > 200)
+   do k = 1, size(files)
+      call check(trim(files(k))//' is in a known folder', allowed(folder_of(files(k))) /= '')
+   end do
+   do k = 1, size(uses, 2)
+      word = folder_of(path_of(uses(2, k)))
+      if (index(allowed(folder_of(uses(1, k))), ' '//trim(word)//' ') > 0) cycle
+      call check(trim(uses(1, k))//' may use '//trim(uses(2, k)), .false.)
+   end do
+   call check('no two modules need each other', count_left() == 0)
+   call search("-niE '^ *(print|stop|error stop)\b|write *\(\*|(output|error)_unit' src/beamid", &
+      lines)
+   call check('only the command line prints and stops', size(lines) == 0)
+   do k = 1, size(lines)
+      call check(trim(lines(k)), .false.)
+   end do
+   call finish('modules')
+
+contains
+
+   !> Lines that grep finds, without the folder src/beamid/.
+   subroutine search(arguments, found)
+      character(len=*), intent(in) :: arguments
+      character(len=80), allocatable, intent(out) :: found(:)
+      character(len=200) :: line
+      integer :: unit, status
+
+      call execute_command_line('grep -r '//arguments//' >'//scratch)
+      allocate (found(0))
+      open (newunit=unit, file=scratch, status='old', action='read')
+      do
+         read (unit, '(a)', iostat=status) line
+         if (status /= 0) exit
+         found = [character(len=80) :: found, line(len('src/beamid/') + 1:)]
+      end do
+      close (unit, status='delete')
+   end subroutine search
+
+   !> The folders that one may use, itself among them, each between blanks; '' where it is unknown.
+   pure function allowed(folder) result(names)
+      character(len=*), intent(in) :: folder
+      character(len=:), allocatable :: names
+      integer :: i
+
+      names = ''
+      do i = 1, size(layers)
+         if (index(layers(i), trim(folder)//':') == 1) names = ' '//trim(folder)// &
+            layers(i)(len_trim(folder) + 2:)
+      end do
+   end function allowed
+
+   !> `folder/module` of a module.
+   pure function path_of(module) result(path)
+      character(len=*), intent(in) :: module
+      character(len=80) :: path
+      integer :: i
+
+      path = '?'
+      do i = 1, size(files)
+         if (files(i)(index(files(i), '/') + 1:) == module) path = files(i)
+      end do
+   end function path_of
+
+   pure function folder_of(path) result(folder)
+      character(len=*), intent(in) :: path
+      character(len=80) :: folder
+
+      folder = path(:index(path, '/') - 1)
+   end function folder_of
+
+   !> Takes away the modules that use no other of those that are left, again and again: those that
+   !> stay stand in a circle or above one.
+   integer function count_left()
+      logical :: left(size(files))
+      integer :: i, before
+
+      left = .true.
+      do
+         before = count(left)
+         do i = 1, size(files)
+            left(i) = any([(uses(1, k) == files(i) .and. any(left .and. files == &
+               path_of(uses(2, k))), k=1, size(uses, 2))])
+         end do
+         count_left = count(left)
+         if (count_left == before) return
+      end do
+   end function count_left
+
+end program test_modules
