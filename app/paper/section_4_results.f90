@@ -7,7 +7,7 @@ module beamid_section_4_results
    private
 
    public :: entry_t, results_t, compute_section_4, basis, table_4_2, table_4_3, table_4_4, &
-      table_4_5, table_4_6, is_fitted, first_bending
+      table_4_5, table_4_6, first_bending
 
    !> Places of the models.
    integer, parameter :: basis = 1, table_4_2 = 2, table_4_3 = 3, table_4_4 = 4, table_4_5 = 5, &
@@ -29,6 +29,7 @@ module beamid_section_4_results
    !> One model of the record.
    type :: entry_t
       character(len=:), allocatable :: name
+      logical :: wanted = .true.                      !< in the report
       type(case_t) :: case
       type(stage_fit_t), allocatable :: fits(:)       !< of each stage; none: nothing is fitted
       type(structure_t) :: ours, paper                !< with our estimates, with the paper's
