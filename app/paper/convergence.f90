@@ -133,17 +133,8 @@ contains
       type(text_t), intent(inout) :: text
       type(motion_t), intent(in) :: studies(:)
       integer, parameter :: last = size(motions)
-      real(wp), dimension(3, last) :: hat_orders, rectangle_orders
-      real(wp) :: distance_orders(size(fitted), size(studies))
       integer :: k
 
-      hat_orders = orders(studies(1)%error, motions)
-      rectangle_orders = orders(studies(size(loads) + 1)%error, motions)
-      do k = 1, size(studies)
-         associate (distance => studies(k)%distance)
-            distance_orders(:, k:k) = transpose(orders(distance(size(distance, 1):, :), fitted))
-         end associate
-      end do
       associate (hat => studies(1), rectangle => studies(size(loads) + 1))
          call add_lines(text, [character(len=110) :: '', &
             'Remarks', &
@@ -156,7 +147,7 @@ contains
             '    The displacement does as well as for the hat. What suffers is velocity and '// &
             'acceleration behind', &
             '    the jumps, with errors #.1 and #.1 times those of the hat at N = #.'], &
-            [real(wp) :: hat_orders(:, last), rectangle_orders(:, last), &
+            [real(wp) :: last_orders(hat%error, motions), last_orders(rectangle%error, motions), &
             rectangle%error(2:, last)/hat%error(2:, last), motions(last)])
          call add_lines(text, [character(len=110) :: &
             ' 3. The point load, F not in V, costs no order against the distributed one: both '// &
@@ -168,7 +159,7 @@ contains
             '    close to 4, the order of the frequencies. c_D, which only the higher modes '// &
             'feel, is the last to', &
             '    be found.'], &
-            distance_orders(size(fitted), :))
+            [(last_orders(studies(k)%distance(size(hat%distance, 1):, :), fitted), k=1, 4)])
       end associate
    end subroutine add_remarks
 
@@ -187,5 +178,16 @@ contains
          orders(:, k) = order(errors(:, k - 1), errors(:, k), elements(k - 1), elements(k))
       end do
    end function orders
+
+   !> From the last mesh but one to the last.
+   pure function last_orders(errors, elements)
+      real(wp), intent(in) :: errors(:, :)
+      integer, intent(in) :: elements(:)
+      real(wp) :: last_orders(size(errors, 1))
+      integer :: k
+
+      k = size(elements)
+      last_orders = order(errors(:, k - 1), errors(:, k), elements(k - 1), elements(k))
+   end function last_orders
 
 end module beamid_convergence
