@@ -4,11 +4,17 @@ module beamid_section_4_report
    use beamid_report_lines, only: add_lines, columns, filled
    use beamid_section_4_results, only: basis, entry_t, first_bending, results_t, table_4_2, &
       table_4_3, table_4_4, table_4_5, table_4_6
-   use beamid_section_4_valley, only: add_stages, add_valley
+   use beamid_section_4_valley, only: add_search
    implicit none
    private
 
    public :: add_report
+
+   character(len=*), parameter :: titles(table_4_2:table_4_6) = [character(len=60) :: &
+      'Table 4.2: m_H and k_H, c_D = c_H = 0', &
+      'Table 4.3: c_H alone from zero, then m_H, c_H and k_H', &
+      'Table 4.4: c_D alone from zero, then all four parameters', '', &
+      'Table 4.6: m_T and E, no hose, no damping']
 
    !> Above everything that rests on the record.
    character(len=*), parameter :: warning = &
@@ -20,6 +26,7 @@ contains
    subroutine add_report(text, results)
       type(text_t), intent(inout) :: text
       type(results_t), intent(in) :: results
+      real(wp) :: without, with
       integer :: k
 
       call add_lines(text, [character(len=100) :: &
@@ -37,27 +44,40 @@ contains
          'N = 4 cubics, exact responses, acceleration by (4.1) with Delta = .1 s; '// &
          'ft, lb, s, slug.', &
          'Rows "paper": J and sum as computed at the paper''s estimates.'])
-      do k = 1, size(results%entries)
+      do k = table_4_2, table_4_6
          if (.not. results%entries(k)%wanted) cycle
-         select case (k)
-         case (table_4_2); call add_table_4_2(text, results, results%entries(k))
-         case (table_4_3); call add_table_4_3(text, results, results%entries(k))
-         case (table_4_4); call add_table_4_4(text, results, results%entries(k))
-         case (table_4_5); call add_table_4_5(text, results%entries(k))
-         case (table_4_6); call add_table_4_6(text, results%entries(k), &
-            results%entries(table_4_5))
-         end select
+         call text%line()
+         if (k == table_4_5) then
+            call add_table_4_5(text, results%entries(k))
+         else
+            call add_table(text, results%entries(k), trim(titles(k)))
+         end if
+         associate (J => results%entries%our_J, m => size(results%samples))
+            select case (k)
+            case (table_4_2)
+               call add_start(text, results%entries(k))
+               call add_nested(text, 'the hose (none, or m_H and k_H)', J(basis), J(k), m, 2)
+               call text%line('   (m_H = 0 is an edge of what is possible: chi-square is but a '// &
+                  'guide)')
+            case (table_4_3)
+               call add_nested(text, 'c_H (Table 4.2 within Table 4.3)', J(table_4_2), &
+                  min(J(k), J(table_4_2)), m, 1)
+            case (table_4_4)
+               call add_search(text, results, without, with)
+               call add_nested(text, 'c_D (lowest J with c_D = 0 and of all)', without, with, m, 1)
+            case (table_4_6)
+               call add_claim(text, results%entries(k), results%entries(table_4_5))
+            end select
+         end associate
       end do
       call add_sums(text, results)
    end subroutine add_report
 
-   !> The text prints no numbers for the start, only how they were come by.
-   subroutine add_table_4_2(text, results, entry)
+   !> Where the search for Table 4.2 began; the text prints no numbers, only how they were come by.
+   subroutine add_start(text, entry)
       type(text_t), intent(inout) :: text
-      type(results_t), intent(in) :: results
       type(entry_t), intent(in) :: entry
 
-      call add_table(text, entry, 'Table 4.2: m_H and k_H, c_D = c_H = 0')
       associate (start => entry%fits(1)%fit%start, ours => entry%ours, paper => entry%paper)
          call add_lines(text, [character(len=100) :: &
             ' - started from m_H = #, k_H = #, which have a mode at the observed .75 Hz (see '// &
@@ -69,45 +89,14 @@ contains
             '   observed 7.5 Hz is out of reach'], &
             [start, start(2)/start(1), ours%k_H/ours%m_H, paper%k_H/paper%m_H])
       end associate
-      call add_nested(text, 'the hose (none, or m_H and k_H)', results%entries(basis)%our_J, &
-         entry%our_J, size(results%samples), 2)
-      call text%line('   (m_H = 0 is an edge of what is possible: chi-square is but a guide)')
-   end subroutine add_table_4_2
+   end subroutine add_start
 
-   subroutine add_table_4_3(text, results, entry)
-      type(text_t), intent(inout) :: text
-      type(results_t), intent(in) :: results
-      type(entry_t), intent(in) :: entry
-
-      call add_table(text, entry, 'Table 4.3: c_H alone from zero, then m_H, c_H and k_H')
-      associate (restricted => results%entries(table_4_2))
-         call add_nested(text, 'c_H (Table 4.2 within Table 4.3)', restricted%our_J, &
-            min(entry%our_J, restricted%our_J), size(results%samples), 1)
-      end associate
-   end subroutine add_table_4_3
-
-   subroutine add_table_4_4(text, results, entry)
-      type(text_t), intent(inout) :: text
-      type(results_t), intent(in) :: results
-      type(entry_t), intent(in) :: entry
-      real(wp) :: without, with
-
-      call add_table(text, entry, 'Table 4.4: c_D alone from zero, then all four parameters')
-      call add_lines(text, [character(len=100) :: &
-         ' - c_D = # or 0 at the paper''s estimates: J = # or #', &
-         '   INDEPENDENT: the two responses are |Y - Y_0|^2 = # apart, t = 0 to 5'], &
-         [entry%paper%c_D, entry%J_at_paper, results%J_without_c_D, results%distance2_without_c_D])
-      call add_stages(text, entry)
-      call add_valley(text, results, without, with)
-      call add_nested(text, 'c_D (lowest J with c_D = 0 and of all)', without, &
-         with, size(results%samples), 1)
-   end subroutine add_table_4_4
-
+   !> Floyd's model, to which nothing is fitted.
    subroutine add_table_4_5(text, entry)
       type(text_t), intent(inout) :: text
       type(entry_t), intent(in) :: entry
 
-      call add_lines(text, [character(len=100) :: '', &
+      call add_lines(text, [character(len=100) :: &
          'Table 4.5: Floyd''s m_T = # and E = #, nothing fitted', &
          warning, &
          ' - sum #, paper # (#%); J = #', &
@@ -116,22 +105,18 @@ contains
          entry%our_sum/entry%printed_sum - 1, entry%our_J, entry%paper_frequencies(1)])
    end subroutine add_table_4_5
 
-   subroutine add_table_4_6(text, entry, floyd)
+   !> What the paper claims of its last table.
+   subroutine add_claim(text, entry, floyd)
       type(text_t), intent(inout) :: text
       type(entry_t), intent(in) :: entry, floyd
-      character(len=:), allocatable :: form
+      character(len=:), allocatable :: verdict
 
-      call add_table(text, entry, 'Table 4.6: m_T and E, no hose, no damping')
-      call add_lines(text, [character(len=100) :: &
-         ' - the paper''s closing claim: fitted m_T and E beat matched modes, sum # against #.'], &
-         [floyd%printed_sum, entry%printed_sum])
-      if (entry%our_sum < floyd%our_sum) then
-         form = '   It holds here: # against #.'
-      else
-         form = '   It does not hold here: # against #.'
-      end if
-      call text%line(filled(form, [floyd%our_sum, entry%our_sum]))
-   end subroutine add_table_4_6
+      verdict = '   It does not hold here'
+      if (entry%our_sum < floyd%our_sum) verdict = '   It holds here'
+      call text%line(filled(' - the paper''s closing claim: fitted m_T and E beat matched '// &
+         'modes, sum # against #.', [floyd%printed_sum, entry%printed_sum]))
+      call text%line(filled(verdict//': # against #.', [floyd%our_sum, entry%our_sum]))
+   end subroutine add_claim
 
    !> Estimates, J and sum: ours, the paper's, the relative difference; what the record determines.
    subroutine add_table(text, entry, title)
@@ -150,7 +135,6 @@ contains
          ours = [(entry%ours%get(fit%free(k)), k=1, size(fit%free)), entry%our_J, entry%our_sum]
          paper = [(entry%paper%get(fit%free(k)), k=1, size(fit%free)), entry%J_at_paper, &
             entry%sum_at_paper]
-         call text%line()
          call text%line(title)
          call text%line(warning)
          call text%line(head//right('J', 12)//right('sum', 12)//right('printed', 10))

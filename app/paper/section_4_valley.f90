@@ -6,12 +6,31 @@ module beamid_section_4_valley
    implicit none
    private
 
-   public :: add_stages, add_valley
+   public :: add_search
 
    !> A relative change of m_H that counts as none.
    real(wp), parameter :: near = 0.05_wp
 
 contains
+
+   !> What c_D does, the searches of the text, and the valley.
+   !>
+   !> without, with  lowest J found with c_D = 0 and with c_D free
+   subroutine add_search(text, results, without, with)
+      type(text_t), intent(inout) :: text
+      type(results_t), intent(in) :: results
+      real(wp), intent(out) :: without, with
+
+      associate (entry => results%entries(table_4_4))
+         call add_lines(text, [character(len=100) :: &
+            ' - c_D = # or 0 at the paper''s estimates: J = # or #', &
+            '   INDEPENDENT: the two responses are |Y - Y_0|^2 = # apart, t = 0 to 5'], &
+            [entry%paper%c_D, entry%J_at_paper, results%J_without_c_D, &
+            results%distance2_without_c_D])
+         call add_stages(text, entry)
+      end associate
+      call add_valley(text, results, without, with)
+   end subroutine add_search
 
    !> The searches of the text, one after the other.
    subroutine add_stages(text, entry)
