@@ -71,11 +71,10 @@ contains
 
       falls = orders(study%error, motions)
       call text%line()
-      call text%line(trim(forces(study%force))//', '//trim(loads(study%load))//' load')
+      call text%line(name(study, ', ')//' load')
       call text%line('   N   displacement V  order      velocity V  order   acceleration H  order')
       do k = 1, size(motions)
-         row = csv_row(trim(forces(study%force))//','//trim(loads(study%load))//','// &
-            to_text(motions(k)), study%error(:, k))
+         row = csv_row(name(study, ',')//','//to_text(motions(k)), study%error(:, k))
          if (k == 1) then
             write (line, '(i4, 3(es16.2, 7x))') motions(k), study%error(:, k)
             row = row//',,,'
@@ -108,15 +107,14 @@ contains
             row = row//right(names(j), 11)
          end do
          call text%line()
-         call text%line(trim(forces(study%force))//', '//trim(loads(study%load))//' load')
+         call text%line(name(study, ', ')//' load')
          call text%line(row//'   distance  order')
          do k = 1, size(fitted)
             write (line, '(i4, *(es11.2))') fitted(k), study%distance(:, k)
             if (k > 1) line = trim(line)//fixed(falls(last, k), 7, 2)
             call text%line(line)
             do j = 1, last
-               row = trim(forces(study%force))//','//trim(loads(study%load))//','// &
-                  to_text(fitted(k))//','
+               row = name(study, ',')//','//to_text(fitted(k))//','
                if (j < last) row = csv_row(row//trim(names(j)), study%fits(1, k)%fit%estimate(j:j))
                if (j == last) row = row//'distance,'
                row = csv_row(row, study%distance(j:j, k))
@@ -163,6 +161,15 @@ contains
       end associate
    end subroutine add_remarks
 
+   !> Force and load of a study.
+   pure function name(study, separator) result(words)
+      type(motion_t), intent(in) :: study
+      character(len=*), intent(in) :: separator
+      character(len=:), allocatable :: words
+
+      words = trim(forces(study%force))//separator//trim(loads(study%load))
+   end function name
+
    !> Orders at which errors fall from one mesh to the next; 0 for the first.
    !>
    !> errors    (k, meshes)
@@ -175,7 +182,7 @@ contains
 
       orders(:, 1) = 0
       do k = 2, size(elements)
-         orders(:, k) = order(errors(:, k - 1), errors(:, k), elements(k - 1), elements(k))
+         orders(:, k) = last_orders(errors(:, :k), elements(:k))
       end do
    end function orders
 
