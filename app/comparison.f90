@@ -1,14 +1,15 @@
 !> `beamid compare`: several models of one record, by information criteria and nested-model tests.
 module beamid_comparison
    use beamid
-   use beamid_commands, only: deliver, settings_t
    use beamid_errors, only: bad_input
    use beamid_galerkin, only: same_mesh
    use beamid_outputs, only: output_t
    use beamid_statistics, only: akaike => aicc, bayes => bic, nested_test
-   use beamid_strings, only: fixed, full, to_text
-   use beamid_terminal, only: new_progress, progress_t
+   use beamid_strings, only: to_text
    use beamid_texts, only: left, right, text_t
+   use beamid_commands, only: deliver, settings_t
+   use beamid_report_lines, only: columns, csv_row, filled
+   use beamid_terminal, only: new_progress, progress_t
    implicit none
    private
 
@@ -34,14 +35,18 @@ contains
       type(progress_t) :: progress
       type(text_t) :: summary, models, nested
       type(output_t) :: output
+      character(len=note_length), allocatable :: notes(:)
       integer :: k
 
       allocate (candidates(size(settings%subjects)))
       do k = 1, size(candidates)
-         call read_candidate(settings%subjects(k)%text, candidates(k), error)
-         if (allocated(error)) return
-         call same_record(candidates(1), candidates(k), error)
-         if (allocated(error)) return
+         associate (candidate => candidates(k))
+            call read_case(settings%subjects(k)%text, needs_fit, candidate%case, error)
+            if (.not. allocated(error)) call load_experiments(candidate%case, &
+               candidate%experiments, notes, error)
+            if (.not. allocated(error)) call same_record(candidates(1), candidate, error)
+            if (allocated(error)) return
+         end associate
       end do
       progress = new_progress(settings%quiet)
       do k = 1, size(candidates)
@@ -62,24 +67,6 @@ contains
 
       parameters = size(self%free) + size(self%fit%quantities) - size(self%fit%free)
    end function parameters
-
-   !> Of all records together.
-   pure integer function number_of_samples(candidate)
-      type(candidate_t), intent(in) :: candidate
-
-      number_of_samples = size(candidate%fit%fit%residual)
-   end function number_of_samples
-
-   subroutine read_candidate(path, candidate, error)
-      character(len=*), intent(in) :: path
-      type(candidate_t), intent(inout) :: candidate
-      type(error_t), allocatable, intent(out) :: error
-      character(len=note_length), allocatable :: notes(:)
-
-      call read_case(path, needs_fit, candidate%case, error)
-      if (.not. allocated(error)) call load_experiments(candidate%case, candidate%experiments, &
-         notes, error)
-   end subroutine read_candidate
 
    !> Criteria compare models of the same samples only.
    subroutine same_record(first, other, error)
@@ -131,14 +118,14 @@ contains
       type(text_t), intent(inout) :: summary, table
       type(candidate_t), intent(in) :: candidates(:)
       real(wp) :: aicc(size(candidates)), bic(size(candidates))
-      character(len=:), allocatable :: name
+      character(len=:), allocatable :: name, elements, free
       integer :: k, m
 
-      m = number_of_samples(candidates(1))
+      m = size(candidates(1)%fit%fit%residual)
       do k = 1, size(candidates)
-         associate (fit => candidates(k)%fit)
-            aicc(k) = akaike(fit%fit%J, m, candidates(k)%parameters())
-            bic(k) = bayes(fit%fit%J, m, candidates(k)%parameters())
+         associate (J => candidates(k)%fit%fit%J)
+            aicc(k) = akaike(J, m, candidates(k)%parameters())
+            bic(k) = bayes(J, m, candidates(k)%parameters())
          end associate
       end do
       call summary%line('Models of one record, m = '//to_text(m)//' samples')
@@ -147,21 +134,17 @@ contains
       call summary%line('k = number of free parameters + 1 for the noise; the smaller the better.')
       call summary%line()
       call summary%line(left('model', 28)//right('N', 5)//right('free', 6)//right('J')// &
-         right('AICc')// &
-         right('- best')//right('BIC')//right('- best'))
+         right('AICc')//right('- best')//right('BIC')//right('- best'))
       call table%line('model,elements,parameters,J,aicc,bic')
       do k = 1, size(candidates)
          name = label(candidates, k)
-         associate (fit => candidates(k)%fit)
-            call summary%line(left(name, 28)//right(to_text(fit%elements), 5)// &
-               right(to_text(candidates(k)%parameters()), 6)//right(to_text(fit%fit%J))// &
-               right(trim(adjustl(fixed(aicc(k), 12, 2))))// &
-                  right(trim(adjustl(fixed(aicc(k) - minval(aicc), 12, 2))))// &
-               right(trim(adjustl(fixed(bic(k), 12, 2))))// &
-                  right(trim(adjustl(fixed(bic(k) - minval(bic), 12, 2)))))
-            call table%line(name//','//to_text(fit%elements)//','// &
-               to_text(candidates(k)%parameters())//','// &
-               full(fit%fit%J)//','//full(aicc(k))//','//full(bic(k)))
+         elements = to_text(candidates(k)%fit%elements)
+         free = to_text(candidates(k)%parameters())
+         associate (J => candidates(k)%fit%fit%J)
+            call summary%line(left(name, 28)//right(elements, 5)//right(free, 6)// &
+               right(to_text(J))//columns([aicc(k), aicc(k) - minval(aicc), bic(k), &
+               bic(k) - minval(bic)], 14, '#.2'))
+            call table%line(csv_row(name//','//elements//','//free, [J, aicc(k), bic(k)]))
          end associate
       end do
    end subroutine add_models
@@ -181,13 +164,13 @@ contains
             if (.not. is_nested(candidates(i), candidates(j))) cycle
             restrictions = candidates(j)%parameters() - candidates(i)%parameters()
             call nested_test(candidates(i)%fit%fit%J, candidates(j)%fit%fit%J, &
-               number_of_samples(candidates(i)), restrictions, U, probability)
+               size(candidates(i)%fit%fit%residual), restrictions, U, probability)
             call summary%line('  '//label(candidates, i)//' within '//label(candidates, j)// &
-               ': U = '//to_text(U)//', '//to_text(restrictions)//merge(' restriction, ', &
-               ' restrictions,', restrictions == 1)//' probability '//to_text(probability)// &
+               filled(': U = #, # '//merge('restriction, ', 'restrictions,', &
+               restrictions == 1)//' probability #', [U, real(restrictions, wp), probability])// &
                verdict(U, probability))
-            call table%line(label(candidates, i)//','//label(candidates, j)//','// &
-               to_text(restrictions)//','//full(U)//','//full(probability))
+            call table%line(csv_row(label(candidates, i)//','//label(candidates, j)//','// &
+               to_text(restrictions), [U, probability]))
          end do
       end do
    end subroutine add_nested
@@ -228,9 +211,7 @@ contains
       if (small%parameters() >= large%parameters()) return
       if (.not. same_method(small%case, large%case)) return
       if (any(small%case%stages%offset) .and. .not. any(large%case%stages%offset)) return
-      do k = 1, size(small%free)
-         if (.not. any(large%free == small%free(k))) return
-      end do
+      if (.not. all([(any(large%free == small%free(k)), k=1, size(small%free))])) return
       do k = 1, size(free_names)
          if (any(large%free == k)) cycle
          associate (a => get_free(small%fit%structure, small%fit%excitation, k), &

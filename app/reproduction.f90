@@ -1,14 +1,16 @@
 !> `beamid reproduce`: the paper's results computed again, beside the paper's own numbers.
 module beamid_reproduction
    use beamid
-   use beamid_acceleration, only: run_acceleration
-   use beamid_commands, only: settings_t
-   use beamid_convergence, only: run_convergence
    use beamid_errors, only: bad_input
-   use beamid_paths, only: join_path
-   use beamid_section_4, only: run_section_4
-   use beamid_table_4_1, only: run_table_4_1
-   use beamid_terminal, only: print_text
+   use beamid_outputs, only: output_t
+   use beamid_paths, only: directory_of, join_path
+   use beamid_texts, only: text_t
+   use beamid_acceleration, only: reproduce_acceleration
+   use beamid_commands, only: add_fit_tables, deliver, settings_t
+   use beamid_convergence, only: reproduce_convergence
+   use beamid_section_4, only: reproduce_section_4
+   use beamid_table_4_1, only: reproduce_table_4_1, table_t
+   use beamid_terminal, only: new_progress, print_text, progress_t
    implicit none
    private
 
@@ -18,61 +20,99 @@ module beamid_reproduction
    character(len=*), parameter :: reproducible = 'table-4.1, section-4, table-4.2, table-4.3, '// &
       'table-4.4, table-4.5, table-4.6, acceleration, convergence or all'
 
-   !> What `all` stands for.
+   !> The same as a list; `all` stands for the first four.
    character(len=*), parameter :: parts(*) = [character(len=12) :: 'table-4.1', 'section-4', &
-      'acceleration', 'convergence']
+      'acceleration', 'convergence', 'table-4.2', 'table-4.3', 'table-4.4', 'table-4.5', &
+      'table-4.6']
 
 contains
 
-   !> beamid reproduce <what>
+   !> beamid reproduce <what>; `all` puts every part into a folder of its own, out/<part> or with
+   !> --out DIR DIR/<part>, with Table 4.1 by the exact response, because CVODE takes longer than
+   !> all the rest.
    subroutine run_reproduce(settings, error)
-      type(settings_t), intent(in) :: settings
-      type(error_t), allocatable, intent(out) :: error
-
-      select case (settings%subject)
-      case ('all'); call run_all(settings, error)
-      case ('table-4.1'); call run_table_4_1(settings, error)
-      case default; call run_part(settings, error)
-      end select
-   end subroutine run_reproduce
-
-   !> Everything but Table 4.1 as its case file has it.
-   subroutine run_part(settings, error)
-      type(settings_t), intent(in) :: settings
-      type(error_t), allocatable, intent(out) :: error
-
-      select case (settings%subject)
-      case ('section-4', 'table-4.2', 'table-4.3', 'table-4.4', 'table-4.5', 'table-4.6')
-         call run_section_4(settings, error)
-      case ('acceleration'); call run_acceleration(settings, error)
-      case ('convergence'); call run_convergence(settings, error)
-      case default
-         call bad_input(error, 'command line: reproduce: found '//settings%subject// &
-            ', expected '//reproducible)
-      end select
-   end subroutine run_part
-
-   !> Every part into a folder of its own, out/<part> or with --out DIR DIR/<part>; Table 4.1 by the
-   !> exact response, because CVODE takes longer than all the rest.
-   subroutine run_all(settings, error)
       type(settings_t), intent(in) :: settings
       type(error_t), allocatable, intent(out) :: error
       type(settings_t) :: part
       integer :: k
 
-      do k = 1, size(parts)
+      if (settings%subject /= 'all') then
+         call run_part(settings, .false., error)
+         return
+      end if
+      do k = 1, 4
          part = settings
          part%subject = trim(parts(k))
          if (allocated(settings%out)) part%out = join_path(settings%out, part%subject)
          if (k > 1) call print_text(new_line('a'), error)
-         if (allocated(error)) return
-         if (part%subject == 'table-4.1') then
-            call run_table_4_1(part, error, exact=.true.)
-         else
-            call run_part(part, error)
-         end if
+         if (.not. allocated(error)) call run_part(part, .true., error)
          if (allocated(error)) return
       end do
-   end subroutine run_all
+   end subroutine run_reproduce
+
+   !> One part.
+   !>
+   !> exact  Table 4.1 by the exact response, whatever integrator the cases name
+   subroutine run_part(settings, exact, error)
+      type(settings_t), intent(in) :: settings
+      logical, intent(in) :: exact
+      type(error_t), allocatable, intent(out) :: error
+      type(table_t) :: table
+      type(text_t) :: summary
+      type(output_t) :: output
+      type(progress_t) :: progress
+      character(len=:), allocatable :: data
+
+      if (.not. any(parts == settings%subject)) then
+         call bad_input(error, 'command line: reproduce: found '//settings%subject// &
+            ', expected '//reproducible)
+         return
+      end if
+      call find_data(data, error)
+      if (allocated(error)) return
+      progress = new_progress(settings%quiet)
+      select case (settings%subject)
+      case ('table-4.1')
+         call reproduce_table_4_1(data, exact, table, output, summary, error, progress)
+         if (.not. allocated(error)) call add_fit_tables(output, table%case, table%fits, &
+            table%record)
+      case ('acceleration')
+         call reproduce_acceleration(data, output, summary, error)
+      case ('convergence')
+         call reproduce_convergence(data, output, summary, error)
+      case default
+         call reproduce_section_4(data, settings%subject, output, summary, error, progress)
+      end select
+      call progress%finish()
+      if (.not. allocated(error)) call deliver(output, summary%content(), settings, &
+         settings%subject, error)
+   end subroutine run_part
+
+   !> The folder `data` of the project: below the current folder, else beside a folder above the
+   !> program that holds fpm.toml.
+   subroutine find_data(data, error)
+      character(len=:), allocatable, intent(out) :: data
+      type(error_t), allocatable, intent(out) :: error
+      character(len=:), allocatable :: folder
+      integer :: length
+      logical :: found
+
+      data = 'data'
+      inquire (file='data/table_4_1_fit.nml', exist=found)
+      if (found) return
+      call get_command_argument(0, length=length)
+      allocate (character(len=length) :: folder)
+      call get_command_argument(0, folder)
+      do while (index(folder, '/') > 0)
+         folder = directory_of(folder)
+         inquire (file=join_path(folder, 'fpm.toml'), exist=found)
+         data = join_path(folder, 'data')
+         if (found) return
+         if (folder == '/' .or. folder == '.') exit
+      end do
+      call bad_input(error, &
+         'reproduce: found no folder data/ here or above the program, expected to run '// &
+         'in the project''s folder')
+   end subroutine find_data
 
 end module beamid_reproduction

@@ -3,7 +3,7 @@ module problems
    use, intrinsic :: ieee_arithmetic, only: ieee_positive_inf, ieee_quiet_nan, ieee_value
    use beamid_errors, only: error_t, failure
    use beamid_kinds, only: wp
-   use beamid, only: monitor_t, problem_t
+   use beamid, only: monitor_t, problem_t, smooth_problem_t
    use regressions, only: boxbod, regression_t
    implicit none
    private
@@ -27,9 +27,10 @@ module problems
    end type rosenbrock_t
 
    !> The same with its derivatives, where it can be computed.
-   type, extends(rosenbrock_t) :: edge_t
+   type, extends(smooth_problem_t) :: edge_t
+      type(rosenbrock_t) :: valley
    contains
-      procedure :: has_jacobian => edge_has
+      procedure :: residuals => edge_residuals
       procedure :: jacobian => edge_jacobian
    end type edge_t
 
@@ -96,11 +97,14 @@ contains
       end select
    end subroutine rosenbrock_residuals
 
-   pure logical function edge_has(self)
-      class(edge_t), intent(in) :: self
+   subroutine edge_residuals(self, parameters, r, error)
+      class(edge_t), intent(inout) :: self
+      real(wp), intent(in) :: parameters(:)
+      real(wp), intent(out) :: r(:)
+      type(error_t), allocatable, intent(out) :: error
 
-      edge_has = self%refusals >= 0
-   end function edge_has
+      call self%valley%residuals(parameters, r, error)
+   end subroutine edge_residuals
 
    subroutine edge_jacobian(self, parameters, r, jac, error)
       class(edge_t), intent(inout) :: self
@@ -141,7 +145,7 @@ program test_least_squares
    use beamid_errors, only: error_t, status_failed
    use beamid_kinds, only: wp
    use beamid, only: fit, fit_t, options_t
-   use beamid_gauss_newton, only: look_ahead, outlook_t
+   use beamid_gauss_newton, only: gauss_newton_step, gauss_newton_t
    use beamid_strings, only: to_text
    use beamid_variables, only: new_variable, unbounded, variable_t
    use checks, only: check, check_close, finish
@@ -305,12 +309,12 @@ contains
       integer :: k
 
       do k = 1, size(edges)
-         problem = edge_t(largest=edges(k), how=1)
+         problem = edge_t(valley=rosenbrock_t(largest=edges(k), how=1))
          call fit(problem, 2, variables([-1.2_wp, 0.2_wp], .false.), options_t(), result, error)
          call fails('minimum beyond b = '//to_text(edges(k)), error, &
             'steps at which the model cannot be computed')
       end do
-      problem = edge_t(largest=1.0_wp, how=1)
+      problem = edge_t(valley=rosenbrock_t(largest=1.0_wp, how=1))
       call fit(problem, 2, variables([-1.2_wp, 0.2_wp], .false.), options_t(), result, error)
       call check('minimum at the edge: converges', .not. allocated(error))
    end subroutine test_edge
@@ -460,7 +464,7 @@ contains
    !> those whose way to a bound is so long that they come out beside it.
    subroutine test_outlook()
       type(variable_t) :: variables(4)
-      type(outlook_t) :: ahead
+      type(gauss_newton_t) :: ahead
       real(wp), parameter :: near = 1e-3_wp, side(4) = [1, -1, 1, -1]
       real(wp) :: jacobian(7, 4), residual(7), p(4), found(4), gradient(4), beyond, slope
       logical :: finite
@@ -482,7 +486,7 @@ contains
             if (modulo(i/2**k, 3) == 0) p(k) = nearest(variables(k)%lower, -1.0_wp)
             if (modulo(i/2**k, 3) == 1) p(k) = nearest(variables(k)%upper, 1.0_wp)
          end do
-         ahead = look_ahead(jacobian, residual, p, variables, 1e-12_wp)
+         ahead = gauss_newton_step(jacobian, residual, p, variables, 1e-12_wp)
          found = p + ahead%step
          gradient = matmul(ahead%residual, jacobian)
          finite = finite .and. all(abs(found) < 1) .and. all(abs(ahead%residual) < 100)

@@ -2,24 +2,22 @@
 module regressions
    use beamid_errors, only: error_t, failure
    use beamid_kinds, only: wp
-   use beamid_problems, only: problem_t
+   use beamid_problems, only: smooth_problem_t
    implicit none
    private
 
    public :: regression_t, misra1a, boxbod, mgh09
 
    !> y = b1 (1 - exp(-b2 x)), or MGH09's y = b1 (x**2 + b2 x)/(x**2 + b3 x + b4).
-   type, extends(problem_t) :: regression_t
+   type, extends(smooth_problem_t) :: regression_t
       character(len=7) :: name = ''
       logical :: rational = .false.
-      logical :: exact = .true.        !< .false.: no derivatives, lmdif
       real(wp), allocatable :: x(:), y(:)
       !> certified, to eleven digits: parameters, their standard deviations, the sum of squares
       real(wp), allocatable :: b(:), sd(:)
       real(wp) :: J = 0
    contains
       procedure :: residuals
-      procedure :: has_jacobian
       procedure :: jacobian
    end type regression_t
 
@@ -82,12 +80,6 @@ contains
          end if
       end associate
    end subroutine residuals
-
-   pure logical function has_jacobian(self)
-      class(regression_t), intent(in) :: self
-
-      has_jacobian = self%exact
-   end function has_jacobian
 
    subroutine jacobian(self, parameters, r, jac, error)
       class(regression_t), intent(inout) :: self

@@ -11,7 +11,7 @@ module whole_problem
    use beamid_galerkin, only: galerkin_t, mesh_t, new_galerkin
    use beamid_kinds, only: wp
    use beamid_observation, only: observation_t
-   use beamid_problems, only: problem_t
+   use beamid_problems, only: smooth_problem_t
    use beamid_structure, only: structure_t
    use dense_matrices, only: dense_of
    implicit none
@@ -19,7 +19,7 @@ module whole_problem
 
    public :: whole_t, new_whole
 
-   type, extends(problem_t) :: whole_t
+   type, extends(smooth_problem_t) :: whole_t
       type(experiment_t), allocatable :: experiments(:)
       type(structure_t), allocatable :: structures(:)   !< of each experiment
       type(galerkin_t), allocatable :: galerkins(:)
@@ -28,7 +28,6 @@ module whole_problem
       integer :: modes = 0
    contains
       procedure :: residuals
-      procedure :: has_jacobian
       procedure :: jacobian
       procedure, private :: roots
    end type whole_t
@@ -75,12 +74,6 @@ contains
          self%galerkins(i) = new_galerkin(mesh, self%structures(i)%length)
       end do
    end function new_whole
-
-   pure logical function has_jacobian(self)
-      class(whole_t), intent(in) :: self
-
-      has_jacobian = self%modes > 0
-   end function has_jacobian
 
    !> The lowest roots of a record's structure that oscillate.
    subroutine roots(self, i, parameters, s, error)

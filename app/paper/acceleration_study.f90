@@ -9,7 +9,7 @@ module beamid_acceleration_study
    implicit none
    private
 
-   public :: study_t, compute_study, deviation_of, share, tolerances, closer
+   public :: study_t, compute_study, share, tolerances, closer
 
    real(wp), parameter :: tolerances(*) = [1e-3_wp, 1e-4_wp, 1e-5_wp, 1e-6_wp, 1e-7_wp, 1e-8_wp, &
       1e-9_wp, 1e-10_wp]
@@ -19,6 +19,7 @@ module beamid_acceleration_study
 
    !> The structure, with or without damping of the beam.
    type :: setting_t
+      real(wp) :: c_D = 0
       type(equations_t) :: equations
       type(field_t) :: exact
       real(wp), allocatable :: omega(:)            !< undamped, of the mesh [1/time]
@@ -26,13 +27,10 @@ module beamid_acceleration_study
       real(wp), allocatable :: row(:)              !< what (3.13) does to the displacements
    end type setting_t
 
-   !> One integration and what it was compared with.
-   type :: job_t
-      integer :: setting = 0, tolerance = 0
-      integer :: mode = 0                          !< 0: the tip itself
-      type(deviation_t) :: deviation
+   !> What kept an integration from its end.
+   type :: outcome_t
       type(error_t), allocatable :: error
-   end type job_t
+   end type outcome_t
 
    type :: study_t
       type(case_t) :: truth
@@ -40,7 +38,8 @@ module beamid_acceleration_study
       real(wp) :: delta = 0
       type(setting_t) :: settings(2)
       real(wp), allocatable :: beam(:)             !< frequencies of the beam itself [1/time]
-      type(job_t), allocatable :: jobs(:)
+      !> From the exact motion, (0:modes, tolerances, settings); mode 0 is the tip itself.
+      type(deviation_t), allocatable :: deviations(:, :, :)
    end type study_t
 
 contains
@@ -89,6 +88,7 @@ contains
             if (allocated(error)) return
             if (k == 2) structure%c_D = 0
             associate (setting => study%settings(k))
+               setting%c_D = structure%c_D
                setting%equations = new_equations(galerkin, structure, excitation)
                call find_field(setting%equations, excitation, formula_times(study%samples, &
                   study%delta), setting%exact, error)
@@ -104,85 +104,62 @@ contains
    subroutine integrate(study, error)
       type(study_t), intent(inout) :: study
       type(error_t), allocatable, intent(out) :: error
-      integer :: setting, tolerance, mode, k
+      type(outcome_t), allocatable :: outcomes(:)
+      integer, allocatable :: places(:, :)   ! in `deviations`
+      integer :: setting, tolerance, mode, modes, k
 
-      allocate (study%jobs(0))
-      do tolerance = size(tolerances), 1, -1
-         do setting = size(study%settings), 1, -1
-            study%jobs = [study%jobs, job_t(setting=setting, tolerance=tolerance)]
-         end do
-      end do
-      do k = 1, size(closer, 2)
-         do mode = 1, size(study%settings(1)%omega)
-            study%jobs = [study%jobs, job_t(setting=closer(1, k), tolerance=closer(2, k), &
-               mode=mode)]
-         end do
-      end do
+      modes = size(study%settings(1)%omega)
+      allocate (study%deviations(0:modes, size(tolerances), size(study%settings)))
+      allocate (outcomes(size(study%settings)*size(tolerances) + modes*size(closer, 2)))
+      places = reshape([((0, tolerance, setting, setting=size(study%settings), 1, -1), &
+         tolerance=size(tolerances), 1, -1), ((mode, closer(2, k), closer(1, k), mode=1, modes), &
+         k=1, size(closer, 2))], [3, size(outcomes)])
       !$omp parallel do schedule(dynamic, 1)
-      do k = 1, size(study%jobs)
-         associate (job => study%jobs(k))
-            call run_job(study%settings(job%setting), study%truth%model%excitation, &
-               study%samples, study%delta, job)
-         end associate
+      do k = 1, size(outcomes)
+         call compare(study, places(:, k), study%deviations(places(1, k), places(2, k), &
+            places(3, k)), outcomes(k)%error)
       end do
       !$omp end parallel do
-      do k = 1, size(study%jobs)
-         if (.not. allocated(study%jobs(k)%error)) cycle
-         call move_alloc(study%jobs(k)%error, error)
-         return
+      do k = 1, size(outcomes)
+         if (allocated(error)) return
+         if (allocated(outcomes(k)%error)) call move_alloc(outcomes(k)%error, error)
       end do
    end subroutine integrate
 
    !> One integration, compared with the exact motion.
-   subroutine run_job(setting, excitation, samples, delta, job)
-      type(setting_t), intent(in) :: setting
-      type(excitation_t), intent(in) :: excitation
-      real(wp), intent(in) :: samples(:), delta
-      type(job_t), intent(inout) :: job
+   !>
+   !> place  mode, tolerance and setting
+   subroutine compare(study, place, deviation, error)
+      type(study_t), intent(in) :: study
+      integer, intent(in) :: place(3)
+      type(deviation_t), intent(out) :: deviation
+      type(error_t), allocatable, intent(out) :: error
       type(equations_t), target :: equations
       type(cvode_t) :: solver
       type(response_t) :: computed
       type(work_t) :: work
 
-      equations = setting%equations
-      equations%observer = equations%tip
-      if (job%mode > 0) equations%observer = setting%observers(:, job%mode)
-      solver%rtol = tolerances(job%tolerance)
-      call solver%respond(equations, excitation, setting%exact%t, computed, work, job%error)
-      if (allocated(job%error)) return
-      job%deviation = measure(computed, setting%exact%seen_by(equations%observer), samples, delta)
-   end subroutine run_job
-
-   !> The comparison of one integration.
-   pure function deviation_of(study, setting, tolerance, mode) result(deviation)
-      type(study_t), intent(in) :: study
-      integer, intent(in) :: setting, tolerance, mode
-      type(deviation_t) :: deviation
-      integer :: k
-
-      do k = 1, size(study%jobs)
-         associate (job => study%jobs(k))
-            if (all([job%setting, job%tolerance, job%mode] == [setting, tolerance, mode])) &
-               deviation = job%deviation
-         end associate
-      end do
-   end function deviation_of
+      associate (setting => study%settings(place(3)))
+         equations = setting%equations
+         equations%observer = equations%tip
+         if (place(1) > 0) equations%observer = setting%observers(:, place(1))
+         solver%rtol = tolerances(place(2))
+         call solver%respond(equations, study%truth%model%excitation, setting%exact%t, computed, &
+            work, error)
+         if (allocated(error)) return
+         deviation = measure(computed, setting%exact%seen_by(equations%observer), study%samples, &
+            study%delta)
+      end associate
+   end subroutine compare
 
    !> Share of a mode in the squared error of (3.13).
-   pure real(wp) function share(study, setting, tolerance, mode)
+   pure real(wp) function share(study, mode, tolerance, setting)
       type(study_t), intent(in) :: study
-      integer, intent(in) :: setting, tolerance, mode
-      type(deviation_t) :: part
-      real(wp) :: squares
-      integer :: k
+      integer, intent(in) :: mode, tolerance, setting
 
-      squares = 0
-      do k = 1, size(study%settings(setting)%omega)
-         part = deviation_of(study, setting, tolerance, k)
-         squares = squares + part%rms(3)**2
-      end do
-      part = deviation_of(study, setting, tolerance, mode)
-      share = part%rms(3)**2/squares
+      associate (part => study%deviations(1:, tolerance, setting)%rms(3))
+         share = part(mode)**2/sum(part**2)
+      end associate
    end function share
 
 end module beamid_acceleration_study

@@ -14,7 +14,7 @@ module beamid_section_4_results
    private
 
    public :: entry_t, results_t, compute_section_4, basis, table_4_2, table_4_3, table_4_4, &
-      table_4_5, table_4_6, is_fitted, first_bending
+      table_4_5, table_4_6, first_bending
 
    !> Places of the models.
    integer, parameter :: basis = 1, table_4_2 = 2, table_4_3 = 3, table_4_4 = 4, table_4_5 = 5, &
@@ -36,6 +36,7 @@ module beamid_section_4_results
    !> One model of the record.
    type :: entry_t
       character(len=:), allocatable :: name
+      logical :: wanted = .true.                      !< in the report
       type(case_t) :: case
       type(stage_fit_t), allocatable :: fits(:)       !< of each stage; none: nothing is fitted
       type(structure_t) :: ours, paper                !< with our estimates, with the paper's
@@ -79,8 +80,8 @@ contains
 
       do k = 1, size(results%entries)
          results%entries(k)%name = trim(model_names(k))
-         call read_case(join_path(data, trim(case_files(k))), merge(needs_fit, needs_response, &
-            is_fitted(k)), results%entries(k)%case, error)
+         call read_case(join_path(data, trim(case_files(k))), merge(needs_response, needs_fit, &
+            k == basis .or. k == table_4_5), results%entries(k)%case, error)
          if (allocated(error)) return
       end do
       call read_paper(join_path(data, 'paper/section_4.csv'), results%entries, error)
@@ -101,18 +102,17 @@ contains
             return
          end if
       end do
-      call compare_responses(results%entries)
+      ! No record has a part in these, but for the printed sum of Table 4.4 in the bound.
+      do k = 1, size(results%entries)
+         associate (e => results%entries(k), four => results%entries(table_4_4))
+            e%distance2 = squared_distance(e%response, four%response)
+            e%bound = difference_bound(four%printed_sum, e%distance2)
+         end associate
+      end do
       call explore_valley(results, error)
       if (allocated(error)) error%message = results%entries(table_4_4)%case%path//': '// &
          error%message
    end subroutine compute_section_4
-
-   !> Whether the paper fits model k to the record.
-   elemental logical function is_fitted(k)
-      integer, intent(in) :: k
-
-      is_fitted = k /= basis .and. k /= table_4_5
-   end function is_fitted
 
    !> The paper's parameters and sums, one row per model.
    subroutine read_paper(path, entries, error)
@@ -170,47 +170,44 @@ contains
       type(results_t), intent(in) :: results
       type(error_t), allocatable, intent(out) :: error
       type(model_t) :: model
-      type(simulation_t) :: simulation
 
       model = entry%case%model
-      associate (mesh => entry%case%meshes(1))
-         model%structure = entry%paper
-         call simulate(model, mesh, results%scored, simulation, error)
-         if (allocated(error)) return
-         entry%response = simulation%acceleration
-         entry%sum_at_paper = squared_distance(entry%response, results%expected)
-         call sum_of_squares(model, mesh, results%samples, results%measured, entry%J_at_paper, &
+      call at(entry%paper, results%scored, entry%response, entry%sum_at_paper, entry%J_at_paper, &
+         entry%paper_frequencies)
+      if (.not. allocated(error)) call at(entry%ours, results%t, entry%curve, entry%our_sum, &
+         entry%our_J, entry%our_frequencies)
+
+   contains
+
+      !> At the parameters of a structure, its lowest undamped frequencies in Hz.
+      subroutine at(structure, times, acceleration, total, J, hertz)
+         type(structure_t), intent(in) :: structure
+         real(wp), intent(in) :: times(:)
+         real(wp), allocatable, intent(out) :: acceleration(:)
+         real(wp), intent(out) :: total, J, hertz(:)
+         real(wp), parameter :: turn = 8*atan(1.0_wp)
+         type(simulation_t) :: simulation
+         type(galerkin_t), target :: galerkin
+         real(wp), allocatable :: omega(:), shapes(:, :)
+
+         model%structure = structure
+         associate (mesh => entry%case%meshes(1))
+            call simulate(model, mesh, times, simulation, error)
+            if (.not. allocated(error)) call sum_of_squares(model, mesh, results%scored, &
+               results%expected, total, error)
+            if (.not. allocated(error)) call sum_of_squares(model, mesh, results%samples, &
+               results%measured, J, error)
+            if (allocated(error)) return
+            galerkin = new_galerkin(mesh, structure%length)
+         end associate
+         call undamped_modes(new_equations(galerkin, structure, model%excitation), omega, shapes, &
             error)
-         if (.not. allocated(error)) call frequencies(model, mesh, entry%paper_frequencies, error)
          if (allocated(error)) return
+         acceleration = simulation%acceleration
+         hertz = omega(:size(hertz))/turn
+      end subroutine at
 
-         model%structure = entry%ours
-         call simulate(model, mesh, results%t, simulation, error)
-         if (allocated(error)) return
-         entry%curve = simulation%acceleration
-         call sum_of_squares(model, mesh, results%scored, results%expected, entry%our_sum, error)
-         if (.not. allocated(error)) call sum_of_squares(model, mesh, results%samples, &
-            results%measured, entry%our_J, error)
-         if (.not. allocated(error)) call frequencies(model, mesh, entry%our_frequencies, error)
-      end associate
    end subroutine evaluate
-
-   !> The lowest undamped frequencies [Hz].
-   subroutine frequencies(model, mesh, hertz, error)
-      type(model_t), intent(in) :: model
-      type(mesh_t), intent(in) :: mesh
-      real(wp), intent(out) :: hertz(:)
-      type(error_t), allocatable, intent(out) :: error
-      real(wp), parameter :: turn = 8*atan(1.0_wp)
-      type(galerkin_t), target :: galerkin
-      real(wp), allocatable :: omega(:), shapes(:, :)
-
-      hertz = 0
-      galerkin = new_galerkin(mesh, model%structure%length)
-      call undamped_modes(new_equations(galerkin, model%structure, model%excitation), omega, &
-         shapes, error)
-      if (.not. allocated(error)) hertz = omega(:size(hertz))/turn
-   end subroutine frequencies
 
    !> Place of the beam's first bending mode: with a hose as soft as these the hose's own mode comes
    !> before it.
@@ -219,18 +216,6 @@ contains
 
       first_bending = merge(2, 1, entry%paper%has_hose())
    end function first_bending
-
-   !> How far each response is from that of Table 4.4. No record has a part in it, but for the
-   !> printed sum of Table 4.4 in the bound.
-   pure subroutine compare_responses(entries)
-      type(entry_t), intent(inout) :: entries(:)
-      integer :: k
-
-      do k = 1, size(entries)
-         entries(k)%distance2 = squared_distance(entries(k)%response, entries(table_4_4)%response)
-         entries(k)%bound = difference_bound(entries(table_4_4)%printed_sum, entries(k)%distance2)
-      end do
-   end subroutine compare_responses
 
    !> J along m_H with c_D = 0, and where searches end that start at the paper's estimates.
    subroutine explore_valley(results, error)

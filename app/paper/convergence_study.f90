@@ -7,7 +7,7 @@ module beamid_convergence_study
    implicit none
    private
 
-   public :: motion_t, compute_motions, differences, order, forces, loads, motions, fitted, &
+   public :: motion_t, compute_motions, order, forces, loads, motions, fitted, &
       reference, coarser
 
    character(len=*), parameter :: forces(2) = [character(len=9) :: 'hat', 'rectangle']
@@ -28,7 +28,8 @@ module beamid_convergence_study
       real(wp) :: error(3, size(motions)) = 0  !< of the cubic meshes, relative to it
       real(wp) :: rest(3) = 0                  !< of the coarser quintic mesh, relative
       type(stage_fit_t), allocatable :: fits(:, :)
-      real(wp) :: distance(size(fitted)) = 0   !< of the estimates from the truth, relative
+      !> Of the estimates from the true values, relative, and in the last row of all together.
+      real(wp), allocatable :: distance(:, :)
       type(error_t), allocatable :: failure
    end type motion_t
 
@@ -150,8 +151,11 @@ contains
       call identify_meshes(model, [(mesh_t(degree=3, elements=fitted(k)), k=1, size(fitted))], &
          stages, samples, simulation%acceleration, study%fits, error)
       if (allocated(error)) return
+      allocate (study%distance(size(study%fits(1, 1)%free) + 1, size(fitted)))
       do k = 1, size(fitted)
-         study%distance(k) = norm2(differences(study%fits(1, k), truth%structure))
+         associate (values => differences(study%fits(1, k), truth%structure))
+            study%distance(:, k) = [values, norm2(values)]
+         end associate
       end do
    end subroutine find_minimisers
 
@@ -159,7 +163,7 @@ contains
    pure function differences(fit, structure) result(values)
       type(stage_fit_t), intent(in) :: fit
       type(structure_t), intent(in) :: structure
-      real(wp), allocatable :: values(:)
+      real(wp) :: values(size(fit%free))
       integer :: k
 
       values = [(fit%fit%estimate(k)/structure%get(fit%free(k)) - 1, k=1, size(fit%free))]

@@ -1,0 +1,94 @@
+!> Lines of reports and of tables: text with numbers in it, columns, comma-separated values.
+module beamid_report_lines
+   use beamid, only: wp
+   use beamid_strings, only: fixed, full, to_text
+   use beamid_texts, only: right, text_t
+   implicit none
+   private
+
+   public :: add_lines, columns, csv_row, filled
+
+contains
+
+   !> Appends lines, with a value in place of each `#` as `filled` has it, in the order of the text.
+   subroutine add_lines(text, lines, values)
+      type(text_t), intent(inout) :: text
+      character(len=*), intent(in) :: lines(:)
+      real(wp), intent(in), optional :: values(:)
+      integer :: k, j, first, last
+
+      last = 0
+      do k = 1, size(lines)
+         first = last + 1
+         last = last + count([(lines(k)(j:j) == '#', j=1, len(lines))])
+         if (last < first) then
+            call text%line(lines(k))
+         else
+            call text%line(filled(trim(lines(k)), values(first:last)))
+         end if
+      end do
+   end subroutine add_lines
+
+   !> A line with a value in place of each `#`: `#` alone as short as it can be read, `#.2` with two
+   !> decimals, `#%` a ratio in per cent.
+   pure function filled(line, values) result(text)
+      character(len=*), intent(in) :: line
+      real(wp), intent(in) :: values(:)
+      character(len=:), allocatable :: text
+      character(len=2) :: form
+      integer :: first, mark, k
+
+      text = ''
+      first = 1
+      do k = 1, size(values)
+         mark = first - 1 + index(line(first:), '#')
+         text = text//line(first:mark - 1)
+         form = line(mark + 1:)
+         if (form(:1) == '%') then
+            text = text//trim(adjustl(fixed(100*values(k), 12, 1)))//' %'
+            first = mark + 2
+         else if (form(:1) == '.' .and. index('0123456789', form(2:)) > 0) then
+            text = text//trim(adjustl(fixed(values(k), 12, index('123456789', form(2:)))))
+            first = mark + 3
+         else
+            text = text//to_text(values(k))
+            first = mark + 1
+         end if
+      end do
+      text = text//line(first:)
+   end function filled
+
+   !> Values side by side, each at the right end of a column.
+   !>
+   !> form  of each, as in `filled`; left out: `#`
+   pure function columns(values, width, form) result(line)
+      real(wp), intent(in) :: values(:)
+      integer, intent(in) :: width
+      character(len=*), intent(in), optional :: form
+      character(len=:), allocatable :: line
+      integer :: k
+
+      line = ''
+      do k = 1, size(values)
+         if (present(form)) then
+            line = line//right(filled(form, values(k:k)), width)
+         else
+            line = line//right(to_text(values(k)), width)
+         end if
+      end do
+   end function columns
+
+   !> A row of a table for other programs: what names it, and numbers to full precision.
+   pure function csv_row(labels, values) result(row)
+      character(len=*), intent(in) :: labels
+      real(wp), intent(in) :: values(:)
+      character(len=:), allocatable :: row
+      integer :: k
+
+      row = labels
+      do k = 1, size(values)
+         row = row//','//full(values(k))
+      end do
+   end function csv_row
+
+end module beamid_report_lines

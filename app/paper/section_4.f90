@@ -1,0 +1,103 @@
+!> `beamid reproduce section-4` and its tables: the RPL experiment.
+module beamid_section_4
+   use beamid
+   use beamid_outputs, only: output_t
+   use beamid_strings, only: full, to_text
+   use beamid_texts, only: text_t
+   use beamid_report_lines, only: csv_row
+   use beamid_section_4_report, only: add_report
+   use beamid_section_4_results, only: compute_section_4, results_t, table_4_4, table_4_5
+   implicit none
+   private
+
+   public :: reproduce_section_4
+
+contains
+
+   !> beamid reproduce section-4, or one of table-4.2 to table-4.6: that part of it.
+   !>
+   !> data  folder of the case files
+   !> part  what is reproduced
+   subroutine reproduce_section_4(data, part, output, summary, error, monitor)
+      character(len=*), intent(in) :: data, part
+      type(output_t), intent(inout) :: output
+      type(text_t), intent(inout) :: summary
+      type(error_t), allocatable, intent(out) :: error
+      class(monitor_t), intent(inout) :: monitor
+      type(results_t) :: results
+      integer :: k
+
+      call compute_section_4(data, results, error, monitor)
+      if (allocated(error)) return
+      do k = 1, size(results%entries)
+         results%entries(k)%wanted = part == 'section-4' .or. &
+            part == 'table-'//results%entries(k)%name
+      end do
+      call add_report(summary, results)
+      call add_numbers(output, results)
+      if (results%entries(table_4_4)%wanted) call add_valley(output, results%valley)
+   end subroutine reproduce_section_4
+
+   !> tables.csv      what each table prints; nothing of ours where nothing is fitted
+   !> sums.csv        squared residuals over t = 0 to 5, distances of the responses from that of
+   !>                 Table 4.4
+   !> frequencies.csv undamped, at our estimates
+   !> curves.csv      the whole record and the models at our estimates, acceleration by (4.1)
+   subroutine add_numbers(output, results)
+      type(output_t), intent(inout) :: output
+      type(results_t), intent(in) :: results
+      type(text_t) :: tables, sums, frequencies, curves
+      integer, allocatable :: free(:)
+      integer :: k, j
+
+      call tables%line('table,parameter,ours,paper')
+      call sums%line('model,ours,paper,at_paper_estimates,distance2,paper_difference,bound')
+      call frequencies%line('model,mode,frequency_hz')
+      call curves%line('model,t,measured,model_acceleration,residual')
+      do k = 1, size(results%entries)
+         associate (e => results%entries(k), printed => results%entries%printed_sum)
+            if (.not. e%wanted) cycle
+            if (size(e%fits) > 0) then
+               free = e%fits(size(e%fits))%free
+               do j = 1, size(free)
+                  call tables%line(csv_row(e%name//','//trim(free_names(free(j))), &
+                     [e%ours%get(free(j)), e%paper%get(free(j))]))
+               end do
+            else if (k == table_4_5) then
+               call tables%line(csv_row('4.5,m_T,', [e%paper%m_T]))
+               call tables%line(csv_row('4.5,E,', [e%paper%E]))
+            end if
+            call sums%line(csv_row(e%name, [e%our_sum, e%printed_sum, e%sum_at_paper, &
+               e%distance2, e%printed_sum - printed(table_4_4), e%bound]))
+            do j = 1, size(e%our_frequencies)
+               call frequencies%line(csv_row(e%name//','//to_text(j), e%our_frequencies(j:j)))
+            end do
+            do j = 1, size(results%t)
+               call curves%line(csv_row(e%name, [results%t(j), results%z(j), e%curve(j), &
+                  results%z(j) - e%curve(j)]))
+            end do
+         end associate
+      end do
+      call output%add('tables.csv', tables%content())
+      call output%add('sums.csv', sums%content())
+      call output%add('frequencies.csv', frequencies%content())
+      call output%add('curves.csv', curves%content())
+   end subroutine add_numbers
+
+   !> valley.csv: J along m_H with c_D = 0, c_H and k_H fitted at each place.
+   subroutine add_valley(output, valley)
+      type(output_t), intent(inout) :: output
+      type(stage_fit_t), intent(in) :: valley(:)
+      type(text_t) :: text
+      integer :: k
+
+      call text%line('m_H,c_H,k_H,J')
+      do k = 1, size(valley)
+         associate (q => valley(k)%structure)
+            call text%line(csv_row(full(q%m_H), [q%c_H, q%k_H, valley(k)%fit%J]))
+         end associate
+      end do
+      call output%add('valley.csv', text%content())
+   end subroutine add_valley
+
+end module beamid_section_4

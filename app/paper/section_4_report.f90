@@ -1,0 +1,258 @@
+!> Section 4 of the paper in words and tables: ours beside the paper's, and what the statistics say.
+module beamid_section_4_report
+   use beamid
+   use beamid_statistics, only: nested_test, undetermined
+   use beamid_strings, only: to_text
+   use beamid_texts, only: left, right, text_t
+   use beamid_report_lines, only: add_lines, columns, filled
+   use beamid_section_4_results, only: basis, entry_t, first_bending, results_t, table_4_2, &
+      table_4_3, table_4_4, table_4_5, table_4_6
+   use beamid_section_4_valley, only: add_search
+   implicit none
+   private
+
+   public :: add_report
+
+   character(len=*), parameter :: titles(table_4_2:table_4_6) = [character(len=60) :: &
+      'Table 4.2: m_H and k_H, c_D = c_H = 0', &
+      'Table 4.3: c_H alone from zero, then m_H, c_H and k_H', &
+      'Table 4.4: c_D alone from zero, then all four parameters', '', &
+      'Table 4.6: m_T and E, no hose, no damping']
+
+   !> Above everything that rests on the record.
+   character(len=*), parameter :: warning = &
+      'Reconstructed record: a consistency check, not an independent confirmation.'
+
+contains
+
+   !> The report, or those parts of it that belong to the tables wanted.
+   subroutine add_report(text, results)
+      type(text_t), intent(inout) :: text
+      type(results_t), intent(in) :: results
+      real(wp) :: without, with
+      integer :: k
+
+      call add_lines(text, [character(len=100) :: &
+         'Section 4 of NASA CR-178199: the RPL experiment', &
+         '', &
+         'NOT AN INDEPENDENT CONFIRMATION. The measurement was never printed as', &
+         'numbers; data/rpl_reconstructed.csv is a record rebuilt from the numbers', &
+         'that the paper does print, so as to have sums of squares and minima near the', &
+         'printed ones. What rests on it says that those numbers can go together, no', &
+         'more. Only what is marked INDEPENDENT does without any record.', &
+         ''])
+      call text%line('J: squared residuals over the samples of the fit, '// &
+         window(results%samples)//'; sum: '//window(results%scored)//'.')
+      call add_lines(text, [character(len=100) :: &
+         'N = 4 cubics, exact responses, acceleration by (4.1) with Delta = .1 s; '// &
+         'ft, lb, s, slug.', &
+         'Rows "paper": J and sum as computed at the paper''s estimates.'])
+      do k = table_4_2, table_4_6
+         if (.not. results%entries(k)%wanted) cycle
+         call text%line()
+         if (k == table_4_5) then
+            call add_table_4_5(text, results%entries(k))
+         else
+            call add_table(text, results%entries(k), trim(titles(k)))
+         end if
+         associate (J => results%entries%our_J, m => size(results%samples))
+            select case (k)
+            case (table_4_2)
+               call add_start(text, results%entries(k))
+               call add_nested(text, 'the hose (none, or m_H and k_H)', J(basis), J(k), m, 2)
+               call text%line('   (m_H = 0 is an edge of what is possible: chi-square is but a '// &
+                  'guide)')
+            case (table_4_3)
+               call add_nested(text, 'c_H (Table 4.2 within Table 4.3)', J(table_4_2), &
+                  min(J(k), J(table_4_2)), m, 1)
+            case (table_4_4)
+               call add_search(text, results, without, with)
+               call add_nested(text, 'c_D (lowest J with c_D = 0 and of all)', without, with, m, 1)
+            case (table_4_6)
+               call add_claim(text, results%entries(k), results%entries(table_4_5))
+            end select
+         end associate
+      end do
+      call add_sums(text, results)
+   end subroutine add_report
+
+   !> Where the search for Table 4.2 began; the text prints no numbers, only how they were come by.
+   subroutine add_start(text, entry)
+      type(text_t), intent(inout) :: text
+      type(entry_t), intent(in) :: entry
+
+      associate (start => entry%fits(1)%fit%start, ours => entry%ours, paper => entry%paper)
+         call add_lines(text, [character(len=100) :: &
+            ' - started from m_H = #, k_H = #, which have a mode at the observed .75 Hz (see '// &
+            'the case', &
+            '   file); k_H/m_H is #.2 at the start, #.2 at the end, #.2 in the paper''s table', &
+            ' - INDEPENDENT: no m_H and k_H have both observed frequencies. A hose', &
+            '   that raises the first from .71 to .75 Hz is a spring to every higher', &
+            '   mode: the second stays above 8.39 Hz, and with this E and m_T the', &
+            '   observed 7.5 Hz is out of reach'], &
+            [start, start(2)/start(1), ours%k_H/ours%m_H, paper%k_H/paper%m_H])
+      end associate
+   end subroutine add_start
+
+   !> Floyd's model, to which nothing is fitted.
+   subroutine add_table_4_5(text, entry)
+      type(text_t), intent(inout) :: text
+      type(entry_t), intent(in) :: entry
+
+      call add_lines(text, [character(len=100) :: &
+         'Table 4.5: Floyd''s m_T = # and E = #, nothing fitted', &
+         warning, &
+         ' - sum #, paper # (#%); J = #', &
+         ' - INDEPENDENT: its first frequency is #.4 Hz, the observed one .75'], &
+         [entry%paper%m_T, entry%paper%E, entry%our_sum, entry%printed_sum, &
+         entry%our_sum/entry%printed_sum - 1, entry%our_J, entry%paper_frequencies(1)])
+   end subroutine add_table_4_5
+
+   !> What the paper claims of its last table.
+   subroutine add_claim(text, entry, floyd)
+      type(text_t), intent(inout) :: text
+      type(entry_t), intent(in) :: entry, floyd
+      character(len=:), allocatable :: verdict
+
+      verdict = '   It does not hold here'
+      if (entry%our_sum < floyd%our_sum) verdict = '   It holds here'
+      call text%line(filled(' - the paper''s closing claim: fitted m_T and E beat matched '// &
+         'modes, sum # against #.', [floyd%printed_sum, entry%printed_sum]))
+      call text%line(filled(verdict//': # against #.', [floyd%our_sum, entry%our_sum]))
+   end subroutine add_claim
+
+   !> Estimates, J and sum: ours, the paper's, the relative difference; what the record determines.
+   subroutine add_table(text, entry, title)
+      type(text_t), intent(inout) :: text
+      type(entry_t), intent(in) :: entry
+      character(len=*), intent(in) :: title
+      character(len=:), allocatable :: head
+      real(wp), allocatable :: ours(:), paper(:)
+      integer :: k
+
+      associate (fit => entry%fits(size(entry%fits)))
+         head = repeat(' ', 12)
+         do k = 1, size(fit%free)
+            head = head//right(trim(free_names(fit%free(k))), 12)
+         end do
+         ours = [(entry%ours%get(fit%free(k)), k=1, size(fit%free)), entry%our_J, entry%our_sum]
+         paper = [(entry%paper%get(fit%free(k)), k=1, size(fit%free)), entry%J_at_paper, &
+            entry%sum_at_paper]
+         call text%line(title)
+         call text%line(warning)
+         call text%line(head//right('J', 12)//right('sum', 12)//right('printed', 10))
+         call text%line('   ours     '//columns(ours, 12))
+         call text%line('   paper    '//columns(paper, 12)//columns([entry%printed_sum], 10))
+         call text%line('   differs  '//columns(ours/paper - 1, 12, '#%')// &
+            columns([entry%our_sum/entry%printed_sum - 1], 10, '#%'))
+         call add_determined(text, fit)
+      end associate
+   end subroutine add_table
+
+   !> Intervals, and a sentence for whatever the record does not determine.
+   subroutine add_determined(text, fit)
+      type(text_t), intent(inout) :: text
+      type(stage_fit_t), intent(in) :: fit
+      character(len=len(free_names)) :: names(size(fit%free))
+      character(len=512), allocatable :: sentences(:)
+      character(len=:), allocatable :: verdict
+      integer :: k
+
+      names = free_names(fit%free)
+      associate (s => fit%statistics, q => fit%fit%estimate)
+         do k = 1, size(q)
+            verdict = ' is not determined'
+            if (s%determined(k)) verdict = ' is determined'
+            call text%line(filled(' - '//trim(names(k))//verdict//': 95 % interval # +- #', &
+               [q(k), s%half_width(k)]))
+         end do
+         sentences = undetermined(s, names, [fit%quantities%scale], fit%jacobian)
+         do k = 1, size(sentences)
+            call text%line(' - '//trim(sentences(k)))
+         end do
+         if (.not. fit%check%white) call text%line(filled(' - the residuals are NOT white '// &
+            'noise, the intervals too narrow: as good as #.1 samples', [s%effective]))
+      end associate
+   end subroutine add_determined
+
+   !> Banks and Fitzpatrick's test, in words.
+   subroutine add_nested(text, what, J_restricted, J_full, samples, restrictions)
+      type(text_t), intent(inout) :: text
+      character(len=*), intent(in) :: what
+      real(wp), intent(in) :: J_restricted, J_full
+      integer, intent(in) :: samples, restrictions
+      character(len=:), allocatable :: verdict
+      real(wp) :: U, probability
+
+      call nested_test(J_restricted, J_full, samples, restrictions, U, probability)
+      verdict = 'the record does not ask for it'
+      if (probability < 0.05_wp) verdict = 'the record asks for it'
+      call text%line(filled(' - nested-model test of '//what//': J_0 = #, J = #,', &
+         [J_restricted, J_full]))
+      call text%line(filled('   U = # (J_0 - J)/J = #, probability #: '//verdict, &
+         [real(samples, wp), U, probability]))
+   end subroutine add_nested
+
+   !> Number of samples, first and last time.
+   function window(samples) result(words)
+      real(wp), intent(in) :: samples(:)
+      character(len=:), allocatable :: words
+
+      words = to_text(size(samples))//' at t = '//to_text(samples(1))//' to '// &
+         to_text(samples(size(samples)))//' s'
+   end function window
+
+   !> The sums of squares, the undamped frequencies, and how far the responses are from one another,
+   !> beside the differences of the printed sums.
+   subroutine add_sums(text, results)
+      type(text_t), intent(inout) :: text
+      type(results_t), intent(in) :: results
+      type(text_t) :: frequencies, distances
+      real(wp) :: difference
+      integer :: k, last
+
+      call text%line()
+      call text%line('Sums of squared residuals, '//window(results%scored))
+      call add_lines(text, [character(len=80) :: warning, &
+         '   model       printed   at the paper''s estimates      at our estimates'])
+      call add_lines(frequencies, [character(len=80) :: '', &
+         'Undamped frequencies [Hz]; the paper''s are INDEPENDENT of any record', &
+         '            at our estimates            at the paper''s', &
+         '   model      hose     first    second      hose     first    second'])
+      call add_lines(distances, [character(len=80) :: '', &
+         'INDEPENDENT of any record: responses Y_k at the paper''s estimates, times of', &
+         'the sums. For any record S_k and S_4.4 differ by |Y_k - Y_4.4|^2 to within', &
+         'the bound 2 sqrt(S_4.4) |Y_k - Y_4.4|, S_4.4 = .70 as printed.', &
+         '   model   |Y_k - Y_4.4|^2   printed S_k - S_4.4      apart by     bound'])
+      do k = 1, size(results%entries)
+         associate (e => results%entries(k), four => results%entries(table_4_4))
+            if (.not. e%wanted) cycle
+            call text%line('   '//left(e%name, 8)//columns([e%printed_sum], 11)// &
+               columns([e%sum_at_paper], 14)//columns([e%sum_at_paper/e%printed_sum - 1], 13, &
+               '#%')//columns([e%our_sum], 13)//columns([e%our_sum/e%printed_sum - 1], 9, '#%'))
+            last = first_bending(e) + 1
+            call frequencies%line('   '//left(e%name, 8)//hose(last)// &
+               columns(e%our_frequencies(:last), 10, '#.4')//hose(last)// &
+               columns(e%paper_frequencies(:last), 10, '#.4'))
+            difference = e%printed_sum - four%printed_sum
+            if (k /= table_4_4) call distances%line('   '//left(e%name, 8)// &
+               columns([e%distance2], 15, '#.3')//columns([difference], 22, '#.3')// &
+               columns([difference - e%distance2], 15, '#.3')//columns([e%bound], 10, '#.3'))
+         end associate
+      end do
+      call text%add(frequencies%content())
+      call text%line('   observed by the paper:   .75      7.5')
+      if (results%entries(table_4_4)%wanted .and. count(results%entries%wanted) == 1) return
+      call text%add(distances%content())
+   end subroutine add_sums
+
+   !> In place of the hose's own frequency, where there are but two: nothing.
+   pure function hose(frequencies) result(words)
+      integer, intent(in) :: frequencies
+      character(len=:), allocatable :: words
+
+      words = ''
+      if (frequencies == 2) words = right('-', 10)
+   end function hose
+
+end module beamid_section_4_report

@@ -1,0 +1,150 @@
+!> The search for Table 4.4 in words: its stages, and the valley of J between Tables 4.3 and 4.4.
+module beamid_section_4_valley
+   use beamid
+   use beamid_strings, only: to_text
+   use beamid_texts, only: text_t
+   use beamid_report_lines, only: add_lines, columns, filled
+   use beamid_section_4_results, only: entry_t, results_t, table_4_3, table_4_4
+   implicit none
+   private
+
+   public :: add_search
+
+   !> A relative change of m_H that counts as none.
+   real(wp), parameter :: near = 0.05_wp
+
+contains
+
+   !> What c_D does, the searches of the text, and the valley.
+   !>
+   !> without, with  lowest J found with c_D = 0 and with c_D free
+   subroutine add_search(text, results, without, with)
+      type(text_t), intent(inout) :: text
+      type(results_t), intent(in) :: results
+      real(wp), intent(out) :: without, with
+
+      associate (entry => results%entries(table_4_4))
+         call add_lines(text, [character(len=100) :: &
+            ' - c_D = # or 0 at the paper''s estimates: J = # or #', &
+            '   INDEPENDENT: the two responses are |Y - Y_0|^2 = # apart, t = 0 to 5'], &
+            [entry%paper%c_D, entry%J_at_paper, results%J_without_c_D, &
+            results%distance2_without_c_D])
+         call add_stages(text, entry)
+      end associate
+      call add_valley(text, results, without, with)
+   end subroutine add_search
+
+   !> The searches of the text, one after the other.
+   subroutine add_stages(text, entry)
+      type(text_t), intent(inout) :: text
+      type(entry_t), intent(in) :: entry
+      integer :: k
+
+      call text%line(' - stage by stage, as the text has it:')
+      do k = 1, size(entry%fits)
+         call text%line('     '//to_text(k)//':'//estimates(entry%fits(k))// &
+            filled(', sum = #', [entry%fits(k)%score]))
+         call text%line('        '//entry%fits(k)%fit%reason)
+      end do
+      associate (move => entry%ours%m_H/entry%paper%m_H - 1)
+         if (abs(move) < near) then
+            call text%line(filled('   they reach Table 4.4, m_H to #%', [move]))
+         else
+            call text%line(filled('   they do NOT reach Table 4.4: m_H differs by #%', [move]))
+         end if
+      end associate
+   end subroutine add_stages
+
+   !> What a stage found, in words.
+   function estimates(found) result(words)
+      type(stage_fit_t), intent(in) :: found
+      character(len=:), allocatable :: words
+      integer :: k
+
+      words = ''
+      do k = 1, size(found%free)
+         words = words//' '//trim(free_names(found%free(k)))//' = '// &
+            to_text(found%fit%estimate(k))
+      end do
+      words = words//', J = '//to_text(found%fit%J)
+   end function estimates
+
+   !> J between Tables 4.3 and 4.4, and which of them is a minimum.
+   !>
+   !> without, with  lowest J found with c_D = 0 and with c_D free
+   subroutine add_valley(text, results, without, with)
+      type(text_t), intent(inout) :: text
+      type(results_t), intent(in) :: results
+      real(wp), intent(out) :: without, with
+      integer :: k
+
+      associate (valley => results%valley, four => results%entries(table_4_4), &
+         three => results%entries(table_4_3), from_4_3 => results%from_4_3, &
+         undamped => results%from_4_4_undamped)
+         without = min(minval(valley%fit%J), three%our_J, from_4_3%fit%J, undamped%fit%J)
+         with = min(without, four%our_J, results%from_4_4%fit%J)
+         call add_lines(text, [character(len=100) :: &
+            ' - the valley between Tables 4.3 and 4.4: c_D = 0, c_H and k_H fitted for each m_H', &
+            '         m_H          c_H          k_H            J  above lowest'])
+         do k = 1, size(valley), 2
+            associate (q => valley(k)%structure, J => valley(k)%fit%J)
+               call text%line(columns([q%m_H], 12, '#.3')//columns([q%c_H, q%k_H, J], 13)// &
+                  columns([J/with - 1], 13, '#%'))
+            end associate
+         end do
+         call add_bottoms(text, results)
+         call add_end(text, 'Table 4.3 (m_H, c_H, k_H)', three%paper, three%J_at_paper, &
+            from_4_3, with)
+         call add_end(text, 'Table 4.4 (m_H, c_H, k_H, c_D = 0)', four%paper, &
+            results%J_without_c_D, undamped, with)
+         call add_end(text, 'Table 4.4 (all four)', four%paper, four%J_at_paper, &
+            results%from_4_4, with)
+         if (abs(undamped%structure%m_H - from_4_3%structure%m_H) < &
+            near*from_4_3%structure%m_H) then
+            call text%line(' - both ends of the valley lead to ONE minimum')
+         else
+            call text%line(' - the ends of the valley lead to TWO minima, one no more than local')
+         end if
+      end associate
+   end subroutine add_valley
+
+   !> Where along the valley J has local minima.
+   subroutine add_bottoms(text, results)
+      type(text_t), intent(inout) :: text
+      type(results_t), intent(in) :: results
+      real(wp) :: ridge
+      integer :: k
+
+      associate (J => results%valley%fit%J, m_H => results%valley%structure%m_H, &
+         places => results%bottoms)
+         call text%line(filled('   local minima along it: #'//repeat(', near m_H = #', &
+            size(places)), [real(wp) :: size(places), m_H(places)]))
+         do k = 2, size(places)
+            ridge = maxval(J(places(k - 1):places(k)))
+            call text%line(filled('   between them J rises to #, #.3 % above the higher one', &
+               [ridge, 100*(ridge/maxval(J(places(k - 1:k))) - 1)]))
+         end do
+      end associate
+   end subroutine add_bottoms
+
+   !> Where a search ends that starts at the paper's estimates.
+   subroutine add_end(text, name, paper, J, found, lowest)
+      type(text_t), intent(inout) :: text
+      character(len=*), intent(in) :: name
+      type(structure_t), intent(in) :: paper
+      real(wp), intent(in) :: J, lowest
+      type(stage_fit_t), intent(in) :: found
+      character(len=:), allocatable :: verdict
+
+      associate (move => found%structure%m_H/paper%m_H - 1)
+         verdict = ': no minimum within 5 %'
+         if (abs(move) < near) verdict = ': a minimum within 5 %, as the record was built to have'
+         call text%line(filled(' - the paper''s '//name//': J = #, #% above the lowest', &
+            [J, J/lowest - 1]))
+         call text%line('   a search from there ends at'//estimates(found))
+         call text%line(filled('   m_H moves by #%, J falls by #%'//verdict, &
+            [move, 1 - found%fit%J/J]))
+      end associate
+   end subroutine add_end
+
+end module beamid_section_4_valley
