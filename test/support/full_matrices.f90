@@ -13,7 +13,7 @@ module full_matrices
    implicit none
    private
 
-   public :: full_t, new_full, qp
+   public :: full_t, new_full, qp, exponential, solve_real
 
    integer, parameter :: qp = real128
 

@@ -178,9 +178,9 @@ contains
          k=1, size(operators))])
       if (size(held) == 0) return
       factor = self%stiffness
-      ! A hose that no spring holds has no stiffness; at rest it does not matter.
-      if (size(shape) > self%galerkin%space%n) call factor%add(size(shape), size(shape), &
-         self%structure%tip_stiffness())
+      ! A hose that no spring holds takes no part in the static shape.
+      if (self%structure%has_hose() .and. .not. self%structure%k_H > 0) call factor%add( &
+         size(shape), size(shape), self%structure%tip_stiffness())
       call factor%factor(positive)
       if (.not. positive) return
       answers = self%point(:, held)

@@ -1,0 +1,177 @@
+!> A beam with all that can stand on it or under it, in quadruple precision and as full matrices:
+!> sensors with rotary inertia, supports, a force anywhere, a base that moves. A rigid support is a force that
+!> leaves no acceleration there, or minus that of the base.
+module full_benches
+   use beamid_galerkin, only: galerkin_t
+   use beamid_kinds, only: wp
+   use beamid_structure, only: of_x_F, rigid, structure_t, x_P_at, x_S_at
+   use dense_matrices, only: dense_of
+   use full_matrices, only: exponential, qp, solve_real
+   implicit none
+   private
+
+   public :: bench_motion
+
+contains
+
+   !> Motion of the sensor from rest on a uniform grid.
+   !>
+   !> structure  with trial values
+   !> near       with places near those, where the splines are evaluated
+   !> is_base    f is the acceleration of the base, else a force
+   !> step       [time]
+   !> f          on the grid, which begins at 0, linear in between; zero afterwards
+   !> values     (:, 3) displacement, velocity, acceleration at step, 2 step, ...
+   subroutine bench_motion(galerkin, structure, near, is_base, step, f, values)
+      type(galerkin_t), intent(in) :: galerkin
+      type(structure_t), intent(in) :: structure, near
+      logical, intent(in) :: is_base
+      real(wp), intent(in) :: step, f(:)
+      real(qp), intent(out) :: values(:, :)
+      real(qp), allocatable :: M(:, :), C(:, :), K(:, :), loads(:, :), o(:), a(:, :), growth(:, :), &
+         x(:), held(:, :)
+      integer :: i, n
+
+      n = galerkin%space%n + merge(1, 0, structure%has_hose())
+      allocate (M(n, n), C(n, n), K(n, n), loads(n, 3), a(2*n + 4, 2*n + 4), x(2*n + 4), source=0.0_qp)
+      call assemble(galerkin, structure, near, is_base, M, C, K, loads, o, held)
+      do i = 1, n
+         a(i, n + i) = 1
+         a(n + 1:2*n, i) = accelerations(M, held, -K(:, i), 0)
+         a(n + 1:2*n, n + i) = accelerations(M, held, -C(:, i), 0)
+      end do
+      ! f and its slope; velocity and displacement of the base.
+      a(n + 1:2*n, 2*n + 1) = accelerations(M, held, loads(:, 1), merge(-1, 0, is_base))
+      a(n + 1:2*n, 2*n + 3) = accelerations(M, held, loads(:, 2), 0)
+      a(n + 1:2*n, 2*n + 4) = accelerations(M, held, loads(:, 3), 0)
+      a(2*n + 1, 2*n + 2) = 1
+      a(2*n + 3, 2*n + 1) = 1
+      a(2*n + 4, 2*n + 3) = 1
+      growth = exponential(a*real(step, qp))
+      do i = 1, size(values, 1)
+         x(2*n + 1:2*n + 2) = 0
+         if (i < size(f)) x(2*n + 1:2*n + 2) = [real(f(i), qp), (real(f(i + 1), qp) - f(i))/step]
+         x = matmul(growth, x)
+         x(2*n + 1) = 0
+         if (i < size(f)) x(2*n + 1) = f(i + 1)
+         values(i, :) = [dot_product(o, x(:n)), dot_product(o, x(n + 1:2*n)), &
+            dot_product(o, matmul(a(n + 1:2*n, :), x))]
+      end do
+   end subroutine bench_motion
+
+   !> M**-1 force, where what is held has an acceleration that is known.
+   function accelerations(M, held, force, known) result(a)
+      real(qp), intent(in) :: M(:, :), held(:, :), force(:)
+      integer, intent(in) :: known
+      real(qp) :: a(size(force))
+      real(qp), dimension(size(force) + size(held, 2), size(force) + size(held, 2)) :: whole
+      real(qp) :: b(size(whole, 1))
+      integer :: n
+
+      n = size(force)
+      whole = 0
+      whole(:n, :n) = M
+      whole(:n, n + 1:) = held
+      whole(n + 1:, :n) = transpose(held)
+      b(:n) = force
+      b(n + 1:) = known
+      b = solve_real(whole, b)
+      a = b(:n)
+   end function accelerations
+
+   !> M, C, K, the loads by f and by velocity and displacement of the base, and the sensor.
+   subroutine assemble(galerkin, s, near, is_base, M, C, K, loads, o, held)
+      type(galerkin_t), intent(in) :: galerkin
+      type(structure_t), intent(in) :: s, near
+      logical, intent(in) :: is_base
+      real(qp), intent(out) :: M(:, :), C(:, :), K(:, :), loads(:, :)
+      real(qp), allocatable, intent(out) :: o(:), held(:, :)
+      real(qp), dimension(size(M, 1)) :: tip, v, whole, y
+      real(qp) :: longer
+      integer :: i, n
+
+      n = galerkin%space%n
+      longer = s%length/real(galerkin%space%length, qp)
+      allocate (held(size(M, 1), 0))
+      M = 0; C = 0; K = 0; loads = 0; whole = 0; y = 0
+      tip = at(galerkin%space%length + 0.0_qp, galerkin%space%length, 0)
+      whole(:n) = longer*galerkin%moments(0.0_wp)
+      M(:n, :n) = s%rho*longer*dense_of(galerkin%inertia)
+      C(:n, :n) = s%gamma*longer*dense_of(galerkin%inertia) &
+         + real(s%c_D, qp)*s%I/longer**3*dense_of(galerkin%bending)
+      K(:n, :n) = real(s%E, qp)*s%I/longer**3*dense_of(galerkin%bending)
+      M = M + s%m_T*square(tip) + s%J_T*square(at(galerkin%space%length + 0.0_qp, &
+         galerkin%space%length, 1)/longer)
+      v = s%rho*whole + s%m_T*tip
+      if (s%has_root_spring()) then
+         K = K + s%k_R*square(at(0.0_qp, 0.0_wp, 1)/longer)
+         C = C + s%c_R*square(at(0.0_qp, 0.0_wp, 1)/longer)
+      end if
+      if (s%has_hose()) then
+         y(n + 1) = 1
+         M = M + s%m_H*square(y)
+         C = C + s%c_H*square(y - tip)
+         K = K + s%k_H*square(y - tip)
+         v = v + s%m_H*y
+      end if
+      do i = 1, s%sensors
+         M = M + s%sensor(i)%m_S*square(point(x_S_at(i), 0)) &
+            + s%sensor(i)%J_S*square(point(x_S_at(i), 1)/longer)
+         v = v + s%sensor(i)%m_S*point(x_S_at(i), 0)
+      end do
+      if (is_base) then
+         loads(:, 1) = -v
+         loads(:, 2) = -s%gamma*whole
+      else
+         loads(:, 1) = point(of_x_F, 0)
+      end if
+      do i = 1, s%supports
+         v = point(x_P_at(i), 0)
+         if (.not. s%support(i)%k_P < rigid) then
+            held = reshape([held, v], [size(v), size(held, 2) + 1])
+            cycle
+         end if
+         K = K + s%support(i)%k_P*square(v)
+         C = C + s%support(i)%c_P*square(v)
+         if (is_base) loads(:, 2:) = loads(:, 2:) - spread(v, 2, 2) &
+            *spread(real([s%support(i)%c_P, s%support(i)%k_P], qp), 1, size(v))
+      end do
+      o = point(x_S_at(s%observer), 0)
+
+   contains
+
+      !> Splines at the place that a parameter is.
+      function point(place, derivative) result(b)
+         integer, intent(in) :: place, derivative
+         real(qp) :: b(size(M, 1))
+
+         b = at(s%place(place)/longer, near%place(place)*(galerkin%space%length/near%length), &
+            derivative)
+      end function point
+
+      !> Splines at x, by Taylor's series about a place near by: exact within an element.
+      function at(x, x0, derivative) result(b)
+         real(qp), intent(in) :: x
+         real(wp), intent(in) :: x0
+         integer, intent(in) :: derivative
+         real(qp) :: b(size(M, 1))
+         integer :: d
+
+         b = 0
+         do d = galerkin%space%degree, derivative, -1
+            b(:n) = galerkin%space%at(min(x0, galerkin%space%length), d) &
+               + b(:n)*(x - x0)/(d - derivative + 1)
+         end do
+      end function at
+
+   end subroutine assemble
+
+   !> x x'
+   pure function square(x)
+      real(qp), intent(in) :: x(:)
+      real(qp) :: square(size(x), size(x))
+
+      square = spread(x, 1, size(x))*spread(x, 2, size(x))
+   end function square
+
+end module full_benches

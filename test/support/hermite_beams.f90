@@ -1,0 +1,74 @@
+!> Natural frequencies of a beam by Hermite's cubic elements with nodes wherever something is.
+module hermite_beams
+   use beamid_kinds, only: wp
+   use beamid_structure, only: rigid, structure_t
+   implicit none
+   private
+
+   public :: hermite_frequencies
+
+   interface
+      subroutine dsygv(itype, jobz, uplo, n, a, lda, b, ldb, w, work, lwork, info)
+         import :: wp
+         integer, intent(in) :: itype, n, lda, ldb, lwork
+         character, intent(in) :: jobz, uplo
+         real(wp), intent(inout) :: a(lda, *), b(ldb, *)
+         real(wp), intent(out) :: w(*), work(*)
+         integer, intent(out) :: info
+      end subroutine dsygv
+   end interface
+
+contains
+
+   !> Undamped and without a hose; places at multiples of length/elements.
+   !>
+   !> omega  the lowest [1/time]
+   function hermite_frequencies(s, elements, wanted) result(omega)
+      type(structure_t), intent(in) :: s
+      integer, intent(in) :: elements, wanted
+      real(wp) :: omega(wanted)
+      real(wp), dimension(2*elements + 2, 2*elements + 2) :: K, M
+      real(wp) :: h, w(2*elements + 2), work(40*elements)
+      logical :: held(2*elements + 2)
+      real(wp), allocatable :: a(:, :), b(:, :)
+      integer, allocatable :: free(:)
+      integer :: e, i, info, n
+
+      h = s%length/elements
+      K = 0
+      M = 0
+      do e = 0, elements - 1
+         associate (l => [2*e + 1, 2*e + 2, 2*e + 3, 2*e + 4])
+            K(l, l) = K(l, l) + s%E*s%I/h**3*reshape([ &
+               12.0_wp, 6*h, -12.0_wp, 6*h, 6*h, 4*h**2, -6*h, 2*h**2, &
+               -12.0_wp, -6*h, 12.0_wp, -6*h, 6*h, 2*h**2, -6*h, 4*h**2], [4, 4])
+            M(l, l) = M(l, l) + s%rho*h/420*reshape([ &
+               156.0_wp, 22*h, 54.0_wp, -13*h, 22*h, 4*h**2, 13*h, -3*h**2, &
+               54.0_wp, 13*h, 156.0_wp, -22*h, -13*h, -3*h**2, -22*h, 4*h**2], [4, 4])
+         end associate
+      end do
+      held = .false.
+      held(1) = .true.
+      held(2) = .not. s%has_root_spring()
+      if (s%has_root_spring()) K(2, 2) = K(2, 2) + s%k_R
+      n = 2*elements
+      M(n + 1, n + 1) = M(n + 1, n + 1) + s%m_T
+      M(n + 2, n + 2) = M(n + 2, n + 2) + s%J_T
+      do i = 1, s%sensors
+         n = 2*nint(s%sensor(i)%x_S/h)
+         M(n + 1, n + 1) = M(n + 1, n + 1) + s%sensor(i)%m_S
+         M(n + 2, n + 2) = M(n + 2, n + 2) + s%sensor(i)%J_S
+      end do
+      do i = 1, s%supports
+         n = 2*nint(s%support(i)%x_P/h) + 1
+         held(n) = held(n) .or. .not. s%support(i)%k_P < rigid
+         if (s%support(i)%k_P < rigid) K(n, n) = K(n, n) + s%support(i)%k_P
+      end do
+      free = pack([(i, i=1, size(held))], .not. held)
+      a = K(free, free)
+      b = M(free, free)
+      call dsygv(1, 'N', 'L', size(free), a, size(free), b, size(free), w, work, size(work), info)
+      omega = sqrt(w(:wanted))
+   end function hermite_frequencies
+
+end module hermite_beams

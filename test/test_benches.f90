@@ -1,0 +1,239 @@
+!> What stands on a beam or under it, and a base that moves: sensors with rotary inertia, supports
+!> that give way or not, a force anywhere, the length. Against full matrices in quadruple precision,
+!> CVODE, and finite elements of another kind.
+program test_benches
+   use beamid_cvode, only: cvode_t
+   use beamid_equations, only: equations_t, new_equations
+   use beamid_errors, only: error_t
+   use beamid_excitation, only: excitation_t, new_base_motion, new_force_table
+   use beamid_galerkin, only: galerkin_t, mesh_t, new_galerkin
+   use beamid_kinds, only: wp, ip
+   use beamid_modal, only: modal_t
+   use beamid_modes, only: undamped_modes
+   use beamid_parameters, only: is_there, name_of_parameter, parameters
+   use beamid_responses, only: response_t, work_t
+   use beamid_roots, only: damped_roots
+   use beamid_structure, only: n_parameters, rigid, structure_t
+   use checks, only: check, check_close, finish
+   use full_benches, only: bench_motion
+   use full_matrices, only: qp
+   use hermite_beams, only: hermite_frequencies
+   use random_numbers, only: between, decades, start_random
+   implicit none
+
+   integer, parameter :: samples = 24, nodes = 9
+   character(len=*), parameter :: motions(3) = [character(len=12) :: 'displacement', 'velocity', &
+      'acceleration']
+   type(galerkin_t), target :: galerkin
+   integer :: number
+
+   call start_random(20260211)
+   do number = 1, 24
+      call test_motions(number)
+   end do
+   call test_frequencies()
+   call finish('benches')
+
+contains
+
+   !> A beam with everything, its first frequency some 1/(2 pi) and up. The number decides what
+   !> holds it: no support; one, two that give way; one, two rigid ones; one of each.
+   function bench(number) result(s)
+      integer, intent(in) :: number
+      type(structure_t) :: s
+      integer, parameter :: how_many(6) = [0, 1, 2, 1, 2, 2]
+      integer :: i
+
+      s%length = decades(-0.3_wp, 0.3_wp)
+      s%rho = decades(-0.5_wp, 0.5_wp)
+      s%E = decades(-0.5_wp, 0.5_wp)
+      s%I = s%length**3*decades(-0.5_wp, 0.5_wp)
+      s%c_D = decades(-3.0_wp, -1.5_wp)*s%E
+      s%gamma = decades(-2.0_wp, -1.0_wp)*s%rho
+      s%m_T = decades(-1.5_wp, 0.0_wp)*s%rho*s%length
+      s%J_T = decades(-3.0_wp, -1.5_wp)*s%rho*s%length**3
+      if (modulo(number, 2) == 0) then
+         s%k_R = decades(0.5_wp, 1.5_wp)*s%E*s%I/s%length
+         s%c_R = decades(-2.0_wp, -1.0_wp)*s%k_R
+      end if
+      if (modulo(number, 3) == 0) then
+         s%m_H = decades(-1.5_wp, -0.5_wp)*s%rho*s%length
+         s%k_H = decades(-1.0_wp, 0.5_wp)*s%E*s%I/s%length**3
+         s%c_H = 0.1_wp*s%k_H
+      end if
+      s%x_F = between(0.3_wp, 1.0_wp)*s%length
+      s%sensors = 2
+      s%observer = 1 + modulo(number, 2)
+      s%sensor_name(:2) = ['a', 'b']
+      s%support_name(:2) = ['p', 'q']
+      do i = 1, 2
+         s%sensor(i)%m_S = decades(-2.0_wp, -0.5_wp)*s%rho*s%length
+         s%sensor(i)%J_S = decades(-4.0_wp, -2.0_wp)*s%rho*s%length**3
+         s%sensor(i)%x_S = between(0.2_wp, 1.0_wp)*s%length
+      end do
+      s%supports = how_many(modulo(number, 6) + 1)
+      do i = 1, s%supports
+         ! Apart, and inside an element of three: (0, l/3), (l/3, 2 l/3).
+         s%support(i)%x_P = (between(0.1_wp, 0.9_wp) + 2 - i)/3*s%length
+         if (any(modulo(number, 6) == [3, 4]) .or. modulo(number, 6) == 5 .and. i == 1) cycle
+         s%support(i)%k_P = decades(0.0_wp, 2.0_wp)*s%E*s%I/s%length**3
+         s%support(i)%c_P = decades(-2.0_wp, -1.0_wp)*s%support(i)%k_P
+      end do
+   end function bench
+
+   !> A force, or a base, of random nodes on the grid of the samples.
+   subroutine drive(number, step, f, excitation)
+      integer, intent(in) :: number
+      real(wp), intent(in) :: step
+      real(wp), intent(out) :: f(nodes)
+      type(excitation_t), intent(out) :: excitation
+      type(error_t), allocatable :: error
+      integer :: i
+
+      f = [(between(-1.0_wp, 1.0_wp), i=1, nodes)]
+      if (number > 12) then
+         call new_base_motion([((i - 1)*step, i=1, nodes)], f, excitation, error)
+      else
+         call new_force_table([((i - 1)*step, i=1, nodes)], f, excitation, error)
+      end if
+   end subroutine drive
+
+   !> Motions and their derivatives by every parameter that there is, on three cubics. The reference
+   !> is right to 1e-12 or so: central differences over 1e-8 in quadruple precision, of splines in
+   !> double precision.
+   subroutine test_motions(number)
+      integer, intent(in) :: number
+      type(structure_t) :: s, above, below
+      type(excitation_t) :: excitation
+      type(equations_t), target :: equations
+      type(modal_t) :: solver
+      type(cvode_t) :: integrator
+      type(response_t) :: response, integrated
+      type(response_t), allocatable :: slopes(:)
+      type(work_t) :: work
+      type(error_t), allocatable :: error
+      real(wp) :: f(nodes), times(samples), step, h, wrong(3), size_of(3)
+      real(qp), dimension(samples, 3) :: known, plus, minus
+      integer, allocatable :: places(:)
+      character(len=:), allocatable :: name
+      integer :: k, p
+
+      s = bench(number)
+      name = 'bench '//achar(iachar('a') + number - 1)//', '
+      step = 0.25_wp/s%omega()
+      times = [(k*step, k=1, samples)]
+      call drive(number, step, f, excitation)
+      places = pack(parameters(:n_parameters)%place, is_there(s, parameters(:n_parameters)%place))
+      places = pack(places, [(s%get(places(k)) > 0 .and. s%get(places(k)) < rigid, &
+         k=1, size(places))])
+      ! On a mesh of another length: the structure's changes, the mesh stays.
+      galerkin = new_galerkin(mesh_t(3, 3, 4, 1), 1.3_wp*s%length, s%has_root_spring())
+      call solver%prepare(galerkin, error)
+      equations = new_equations(galerkin, s, excitation)
+      call solver%differentiate(equations, excitation, times, places, response, slopes, work, error)
+      call check(name//'a response', .not. allocated(error))
+      if (allocated(error)) then
+         print '(2a)', '      ', error%message
+         return
+      end if
+      call bench_motion(galerkin, s, s, excitation%is_base, step, f, known)
+      size_of = real(maxval(abs(known), dim=1), wp)
+      call differ(response, known, wrong)
+      do k = 1, 3
+         call check_close(name//trim(motions(k)), wrong(k)/size_of(k), 0.0_wp, 1e-9_wp)
+      end do
+      do p = 1, size(places)
+         h = 1e-8_wp*s%get(places(p))
+         above = s
+         call above%set(places(p), s%get(places(p)) + h)
+         below = s
+         call below%set(places(p), s%get(places(p)) - h)
+         call bench_motion(galerkin, above, s, excitation%is_base, step, f, plus)
+         call bench_motion(galerkin, below, s, excitation%is_base, step, f, minus)
+         call differ(slopes(p), (plus - minus)/(real(above%get(places(p)), qp) &
+            - below%get(places(p))), wrong)
+         ! Of what the motion becomes when the parameter doubles.
+         call check_close(name//'by '//trim(name_of_parameter(s, places(p))), &
+            maxval(wrong*s%get(places(p))/size_of), 0.0_wp, 1e-8_wp)
+      end do
+      ! CVODE leaves some hundred times its tolerance.
+      integrator = cvode_t(rtol=1e-11_wp, max_steps=1000000_ip)
+      call integrator%respond(equations, excitation, times, integrated, work, error)
+      call check(name//'integrated', .not. allocated(error))
+      if (allocated(error)) return
+      call differ(integrated, known, wrong)
+      call check_close(name//'by cvode', wrong(1)/size_of(1), 0.0_wp, 1e-8_wp)
+   end subroutine test_motions
+
+   !> The largest difference of each motion.
+   subroutine differ(response, known, wrong)
+      type(response_t), intent(in) :: response
+      real(qp), intent(in) :: known(:, :)
+      real(wp), intent(out) :: wrong(3)
+
+      wrong(1) = real(maxval(abs(response%displacement - known(:, 1))), wp)
+      wrong(2) = real(maxval(abs(response%velocity - known(:, 2))), wp)
+      wrong(3) = real(maxval(abs(response%acceleration - known(:, 3))), wp)
+   end subroutine differ
+
+   !> The lowest three frequencies of undamped beams by splines, from M and K and from the roots,
+   !> and by 160 Hermite elements with nodes at all places, which err by (beta h)**4/720 or so,
+   !> 1e-8. A roller makes the third derivative jump and rotary inertia the second: splines that are
+   !> smoother inside an element follow slowly, like h**3 and h, so that the places are put where
+   !> elements meet, and cubics taken, whose third derivative may jump there; J_S is as small as that
+   !> of an accelerometer.
+   subroutine test_frequencies()
+      type(structure_t) :: s
+      type(equations_t), target :: equations
+      type(error_t), allocatable :: error
+      real(wp), allocatable :: omega(:), shapes(:, :)
+      complex(wp), allocatable :: roots(:)
+      real(wp) :: known(3)
+      character(len=:), allocatable :: name
+      integer :: i, k
+
+      do i = 0, 5
+         s = bench(6*4 + i)
+         name = 'frequencies '//achar(iachar('a') + i)//', '
+         s%m_H = 0
+         s%c_D = 0
+         s%gamma = 0
+         s%c_R = 0
+         s%sensor%J_S = 1e-7_wp*s%rho*s%length**3
+         s%support%c_P = 0
+         do k = 1, 2
+            s%sensor(k)%x_S = nint(40*s%sensor(k)%x_S/s%length)*s%length/40
+            if (k <= s%supports) s%support(k)%x_P = nint(40*s%support(k)%x_P/s%length)*s%length/40
+         end do
+         galerkin = new_galerkin(mesh_t(3, 80, 4, 1), s%length, s%has_root_spring())
+         equations = new_equations(galerkin, s, excitation_of_nothing())
+         call undamped_modes(equations, omega, shapes, error)
+         call check(name//'modes', .not. allocated(error))
+         if (allocated(error)) cycle
+         known = hermite_frequencies(s, 160, 3)
+         do k = 1, 3
+            call check_close(name//'mode '//achar(iachar('0') + k), omega(k)/known(k), 1.0_wp, &
+               1e-5_wp)
+         end do
+         ! k_R on a mesh this fine costs the exact method too many digits.
+         galerkin = new_galerkin(mesh_t(3, 16, 4, 1), s%length, s%has_root_spring())
+         equations = new_equations(galerkin, s, excitation_of_nothing())
+         call undamped_modes(equations, omega, shapes, error)
+         call damped_roots(equations, roots, error)
+         call check(name//'roots', .not. allocated(error))
+         if (allocated(error)) cycle
+         do k = 1, 3
+            call check_close(name//'root '//achar(iachar('0') + k), aimag(roots(k))/omega(k), &
+               1.0_wp, 1e-9_wp)
+         end do
+      end do
+   end subroutine test_frequencies
+
+   function excitation_of_nothing() result(excitation)
+      type(excitation_t) :: excitation
+      type(error_t), allocatable :: error
+
+      call new_force_table([0.0_wp, 1.0_wp], [0.0_wp, 0.0_wp], excitation, error)
+   end function excitation_of_nothing
+
+end program test_benches
