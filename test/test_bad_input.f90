@@ -191,8 +191,8 @@ contains
          '4: &tip m_T: found 2 values|expected 1|decimal point')
       call refused('too many values', 'rho=0.03', 'rho=0.03 0.04', &
          '2: &beam rho: found 2 values|expected 1')
-      call refused('too many free', 'free=''m_H'',', 'free='//repeat('''m_H'', ', 20), &
-         '12: &stage free: found 21 values|expected at most')
+      call refused('too many free', 'free=''m_H'',', 'free='//repeat('''m_H'', ', 70), &
+         '12: &stage free: found 71 values|expected at most')
       call refused('no value', 'm_T=0.15', 'm_T=', '4: &tip m_T: found no value|expected a number')
       call refused('no value before a key', 'm_H=0.04', 'm_H=', &
          '5: &hose m_H: found no value|expected a number')

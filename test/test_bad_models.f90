@@ -80,8 +80,8 @@ contains
 
    subroutine test_excitation()
       call refused('unknown kind', '''pulse''', '''step''', &
-         '6: &excitation kind: found ''step''|expected ''pulse'', ''table'', ''release'' or '// &
-         '''free''')
+         '6: &excitation kind: found ''step''|expected ''pulse'', ''table'', ''release'', '// &
+         '''free'' or ''base''')
       call refused('no kind', 'kind=''pulse'',', '', '6: &excitation kind: found nothing|expected')
       call refused('no amplitude', 'amplitude=1.0,', '', &
          '6: &excitation amplitude: found nothing|expected')

@@ -18,7 +18,7 @@ program test_free_start
    use beamid_responses, only: work_t
    use beamid_statistics, only: new_statistics, statistics_t
    use beamid_strings, only: to_text
-   use beamid_structure, only: of_length, of_x_S, sensor_t, structure_t
+   use beamid_structure, only: of_length, of_x_F, of_x_S, sensor_t, structure_t
    use beamid_unknowns, only: name_of
    use beamid_variables, only: new_variable, unbounded, variable_t
    use checks, only: check, check_close, finish
@@ -265,13 +265,14 @@ contains
 
       structure = structure_t(length=4.0_wp, rho=0.03_wp, E=80.0_wp, I=1.0_wp, c_D=0.3_wp, &
          m_T=0.15_wp, m_H=0.04_wp, c_H=0.01_wp, k_H=0.3_wp, gamma=0.02_wp, J_T=0.01_wp, &
-         k_R=50.0_wp, c_R=0.3_wp, sensor=sensor_t(m_S=0.02_wp, x_S=3.1_wp))
+         k_R=50.0_wp, c_R=0.3_wp, sensor=sensor_t(0.02_wp, 0.005_wp, 3.1_wp))
       experiment%samples = 10*stamps(60, 0.05_wp, 41)
       experiment%measured = gaussian_noise(60, 1.0_wp, 91)
-      problem%free = [(k, k=1, of_x_S)]
+      ! Where a force acts means nothing here.
+      problem%free = pack([(k, k=1, of_x_S)], [(k, k=1, of_x_S)] /= of_x_F)
       problem%record = spread(0, 1, size(problem%free))
       problem%offset = .true.
-      p = [(structure%get(k), k=1, of_x_S)]
+      p = [(structure%get(problem%free(k)), k=1, size(problem%free))]
       do modes = 1, 4
          do formula = 1, 3
             experiment%excitation = new_free(modes)
@@ -289,7 +290,7 @@ contains
             worst = 0
             do k = 1, size(p)
                ! Frequencies go with l**-2, with the others' roots at most.
-               h = merge(2.5e-4_wp, 1e-3_wp, k == of_length)*p(k)
+               h = merge(2.5e-4_wp, 1e-3_wp, problem%free(k) == of_length)*p(k)
                difference = 0*r
                do j = 1, 4
                   moved = p

@@ -208,21 +208,22 @@ contains
       type(structure_t), intent(in) :: structure
       logical, intent(out) :: sound
       type(error_t), allocatable :: error
+      character(len=:), allocatable :: name, group
       integer :: item, k, place
 
       call check_structure(structure, error, place)
       sound = .not. allocated(error)
       if (sound) return
+      name = trim(parameters(place)%name)
+      group = trim(parameters(place)%group)
       item = 0
-      associate (name => trim(parameters(place)%name), group => trim(parameters(place)%group))
-         do k = 1, size(blocks)
-            if (blocks(k)%name /= group) cycle
-            item = item + 1
-            if (item < parameters(place)%item) cycle
-            call blocks(k)%refusals%add(blocks(k)%line_of(name), '&'//group//' '//error%message)
-            return
-         end do
-      end associate
+      do k = 1, size(blocks)
+         if (blocks(k)%name /= group) cycle
+         item = item + 1
+         if (item < parameters(place)%item) cycle
+         call blocks(k)%refusals%add(blocks(k)%line_of(name), '&'//group//' '//error%message)
+         return
+      end do
    end subroutine check_whole
 
    !> Refuses a case that lacks what the command needs.

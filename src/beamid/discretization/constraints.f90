@@ -18,6 +18,7 @@ module beamid_constraints
       type(constraint_t), allocatable, private :: all(:)
    contains
       procedure :: add
+      procedure :: number
       procedure :: of_matrix
       procedure :: of_vector
       procedure :: expanded
@@ -40,6 +41,14 @@ contains
       constraint%share(constraint%place) = 0
       self%all = [self%all, constraint]
    end subroutine add
+
+   !> How many there are.
+   pure integer function number(self)
+      class(constraints_t), intent(in) :: self
+
+      number = 0
+      if (allocated(self%all)) number = size(self%all)
+   end function number
 
    !> T'A T, T the map from the unknowns that are left to all.
    function of_matrix(self, matrix) result(condensed)

@@ -238,20 +238,19 @@ contains
       class(equations_t), intent(in) :: self
       real(wp), intent(in) :: w(:), v(:)
       real(wp), intent(inout) :: force(:)
-      real(wp), allocatable :: bent(:), moving(:), internal(:)
+      real(wp), allocatable :: internal(:)
       real(wp) :: pull
       integer :: k
 
-      bent = self%constraints%expanded(w)
-      moving = self%constraints%expanded(v)
-      allocate (internal(size(bent)), source=0.0_wp)
-      associate (n => self%galerkin%space%n, c => self%strength(:, of_damping), &
-         s => self%strength(:, of_stiffness))
-         call self%galerkin%add_bending_force(-1.0_wp, s(bending)*bent(:n) + c(bending)*moving(:n), &
-            internal(:n))
-         if (c(inertia) > 0) call self%galerkin%inertia%add_product(-c(inertia), moving(:n), &
-            internal(:n))
+      if (self%constraints%number() > 0) then
+         allocate (internal(size(w) + self%constraints%number()), source=0.0_wp)
+         call subtract_beam_force(self, self%constraints%expanded(w), &
+            self%constraints%expanded(v), internal)
          force = force + self%constraints%of_vector(internal)
+      else
+         call subtract_beam_force(self, w, v, force)
+      end if
+      associate (c => self%strength(:, of_damping), s => self%strength(:, of_stiffness))
          do k = bending + 1, size(s)
             if (.not. abs(s(k)) + abs(c(k)) > 0) cycle
             pull = s(k)*dot_product(self%point(:, k), w) + c(k)*dot_product(self%point(:, k), v)
@@ -259,6 +258,20 @@ contains
          end do
       end associate
    end subroutine subtract_internal_force
+
+   !> The part of the beam itself.
+   subroutine subtract_beam_force(self, w, v, force)
+      type(equations_t), intent(in) :: self
+      real(wp), intent(in) :: w(:), v(:)
+      real(wp), intent(inout) :: force(:)
+
+      associate (n => self%galerkin%space%n, c => self%strength(:, of_damping), &
+         s => self%strength(:, of_stiffness))
+         call self%galerkin%add_bending_force(-1.0_wp, s(bending)*w(:n) + c(bending)*v(:n), &
+            force(:n))
+         if (c(inertia) > 0) call self%galerkin%inertia%add_product(-c(inertia), v(:n), force(:n))
+      end associate
+   end subroutine subtract_beam_force
 
    !> x' K x without the cancellation that the band matrix K suffers on fine meshes.
    !>
