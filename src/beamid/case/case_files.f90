@@ -356,8 +356,9 @@ contains
                if (lower(trim(structure%sensor_name(n))) == lower(recording%sensor)) exit
             end do
             experiment%sensor = n
-            if (n == 0 .or. recording%sensor == '') call refuse(case%path, recording%line, 'record sensor', &
-               shown(recording%sensor), 'the name of a &sensor', error)
+            if (n == 0 .or. recording%sensor == '') call refuse(case%path, &
+               recording%line, 'record sensor', shown(recording%sensor), 'the name of a &sensor', &
+               error)
          else if (structure%sensors > 1) then
             call refuse(case%path, recording%line, 'record sensor', 'nothing', &
                'the name of one of '//to_text(structure%sensors)//' sensors', error)
