@@ -18,12 +18,24 @@ find_fpm() {
    return 1
 }
 
+# fpm leaves in the library what a source that is no longer there once gave to it.
+forget_moved_sources() {
+   local list=$checkout/build/sources
+   mkdir -p "$checkout/build"
+   (cd "$checkout" && find src app test example -name '*.f90' | LC_ALL=C sort) >"$list.new"
+   if [[ ! -f $list ]] || [[ -n $(LC_ALL=C comm -23 "$list" "$list.new") ]]; then
+      rm -rf "$checkout"/build/gfortran_*
+   fi
+   mv "$list.new" "$list"
+}
+
 # build PROFILE [FLAG...]: compiles what is out of date, with one line on standard error that is
 # written over in a terminal; fpm's own words only where the build fails.
 build() {
    local profile=$1 log line told=
    shift
    log=$(mktemp)
+   forget_moved_sources
    if (cd "$checkout" && "$fpm" build --profile "$profile" "$@" </dev/null 2>&1) | tee "$log" |
       while IFS= read -r line; do
          [[ $line == '['* ]] || continue

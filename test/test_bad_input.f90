@@ -191,8 +191,8 @@ contains
          '4: &tip m_T: found 2 values|expected 1|decimal point')
       call refused('too many values', 'rho=0.03', 'rho=0.03 0.04', &
          '2: &beam rho: found 2 values|expected 1')
-      call refused('too many free', 'free=''m_H'',', 'free='//repeat('''m_H'', ', 70), &
-         '12: &stage free: found 71 values|expected at most')
+      call refused('too many free', 'free=''m_H'',', 'free='//repeat('''m_H'', ', 80), &
+         '12: &stage free: found 81 values|expected at most')
       call refused('no value', 'm_T=0.15', 'm_T=', '4: &tip m_T: found no value|expected a number')
       call refused('no value before a key', 'm_H=0.04', 'm_H=', &
          '5: &hose m_H: found no value|expected a number')
@@ -289,6 +289,11 @@ contains
          'degree=x'))
       call refused_now('two problems', 'modes', 'case.nml', &
          'case.nml:4: &tip mass: found|case.nml:8: &discretization degree: found ''x''', lines=2)
+      call write_good_files(replaced(case_text, 'm_T=0.15 /', 'm_T=-1 /'//nl// &
+         '&sensor x_S=-1 /'//nl//'&sensor x_S=3 /'))
+      call refused_now('three problems', 'modes', 'case.nml', &
+         'case.nml:4: &tip m_T: found -1|case.nml:5: &sensor x_S: found -1|'// &
+         'case.nml:6: &sensor name: found several', lines=3)
    end subroutine test_several_problems
 
 end program test_bad_input

@@ -1,7 +1,8 @@
 !> Bad models, one row each: what a case says of beam, force, mesh, integrator, observation, stages
 !> and noise.
 program test_bad_models
-   use bad_cases, only: accepted, case_text, nl, pulse, refused, refused_case, table
+   use bad_cases, only: accepted, carrying, case_text, freeing, group, named, nl, pulse, refused, &
+      refused_case, table
    use checks, only: finish, skip
    use shell, only: close_shell, open_shell, replaced
    implicit none
@@ -21,6 +22,12 @@ program test_bad_models
       call test_release()
       call test_free_start()
       call test_sensor_and_clamp()
+      call test_several_sensors()
+      call test_supports()
+      call test_several_supports()
+      call test_place_of_force()
+      call test_moved_base()
+      call test_free_length()
       call test_stage()
       call test_noise()
       call close_shell()
@@ -323,6 +330,210 @@ contains
       call refused('sensor behind the root', tip, after//'x_S=-1 /', sensor// &
          'x_S: found -1|above 0')
    end subroutine test_sensor_and_clamp
+
+   subroutine test_several_sensors()
+      character(len=*), parameter :: file = 'file=''record.csv''', letters = &
+         '|expected at most 12 letters, digits and _', each = &
+         '6: &sensor name: found several groups &sensor, and one without it|a name for each'
+      character(len=:), allocatable :: a, b, two
+
+      a = group('sensor', 'name=''a'', x_S=2')
+      b = group('sensor', 'name=''b''')
+      two = replaced(carrying(a//b), file, file//', sensor=''a''')
+      call accepted('two sensors', 'identify', two)
+      call accepted('two sensors', 'simulate', two)
+      call accepted('a sensor by its name in another case', 'identify', replaced(two, &
+         'sensor=''a''', 'sensor=''A'''))
+      call accepted('mass of one of two sensors', 'identify', freeing(two, '''m_S.b'''))
+      call accepted('eight sensors', 'modes', carrying(named('sensor', 'x_S', 8)))
+      call refused_case('nine sensors', carrying(named('sensor', 'x_S', 9)), &
+         '13: &sensor name: found 9 groups &sensor|expected at most 8')
+      call refused_case('two sensors without names', carrying(group('sensor', 'x_S=2')// &
+         group('sensor', 'x_S=3')), each)
+      call refused_case('first sensor without a name', carrying(group('sensor', 'x_S=2')//b), each)
+      call refused_case('second sensor without a name', carrying(a//group('sensor', 'x_S=3')), &
+         each)
+      call refused_case('the same name twice', carrying(a//a), &
+         '6: &sensor name: found ''a'' twice|expected a name of its own for each')
+      call refused_case('the same name in another case', carrying(a//group('sensor', &
+         'name=''A''')), '6: &sensor name: found ''A'' twice|expected a name of its own for each')
+      call refused_case('name with a blank', carrying(group('sensor', 'name=''a b''')), &
+         '5: &sensor name: found ''a b'''//letters)
+      call refused_case('name with a dot', carrying(group('sensor', 'name=''a.b''')), &
+         '5: &sensor name: found ''a.b'''//letters)
+      call refused_case('empty name', carrying(group('sensor', 'name=''''')), &
+         '5: &sensor name: found '''''//letters)
+      call refused_case('name of 13 letters', carrying(group('sensor', &
+         'name=''abcdefghijklm''')), '5: &sensor name: found ''abcdefghijklm'''//letters)
+      call refused_case('second sensor beyond the tip', carrying(a//group('sensor', &
+         'name=''b'', x_S=5')), '6: &sensor x_S: found 5|up to the length 4')
+      call refused_case('first sensor beyond the tip', carrying(group('sensor', &
+         'name=''b'', x_S=5')//a), '5: &sensor x_S: found 5|up to the length 4')
+      call refused_case('negative mass of the second', carrying(a//group('sensor', &
+         'name=''b'', m_S=-1')), '6: &sensor m_S: found -1|0 or more')
+      call refused_case('negative inertia', carrying(group('sensor', 'J_S=-1')), &
+         '5: &sensor J_S: found -1|0 or more')
+      call refused_case('m_S beside two sensors', freeing(two, '''m_S'''), &
+         '14: &stage free: found ''m_S''|expected one of|m_S.a|m_S.b')
+      call refused_case('m_S of a sensor that is not there', freeing(two, '''m_S.c'''), &
+         '14: &stage free: found ''m_S.c''|expected one of|m_S.a|m_S.b')
+      call refused_case('m_S twice', freeing(carrying(a), '''m_S'',''m_S.a'''), &
+         '13: &stage free: found ''m_S.a'' twice|expected each parameter once')
+   end subroutine test_several_sensors
+
+   subroutine test_supports()
+      character(len=:), allocatable :: roller
+
+      roller = carrying(group('support', 'x_P=2'))
+      call accepted('roller', 'identify', roller)
+      call accepted('roller', 'simulate', roller)
+      call accepted('spring and dashpot', 'simulate', carrying(group('support', &
+         'x_P=2, k_P=100, c_P=1')))
+      call misplaced('no place', 'k_P=3', 'x_P: found nothing|expected a value')
+      call misplaced('at the root', 'x_P=0', 'x_P: found 0|above 0')
+      call misplaced('behind the root', 'x_P=-1', 'x_P: found -1|above 0')
+      call misplaced('beyond the tip', 'x_P=4.001', &
+         'x_P: found 4.001|expected a place above 0, up to the length 4')
+      call misplaced('soft support of nothing', 'x_P=2, k_P=0', 'k_P: found 0|above 0')
+      call misplaced('negative stiffness', 'x_P=2, k_P=-1', 'k_P: found -1|above 0')
+      call misplaced('rigid as a number', 'x_P=2, k_P=Inf', 'k_P: found ''Inf''|a number')
+      call misplaced('dashpot alone', 'x_P=2, c_P=1', &
+         'c_P: found a value without k_P|expected both')
+      call misplaced('negative dashpot', 'x_P=2, k_P=1, c_P=-1', 'c_P: found -1|0 or more')
+      call misplaced('a name with a dot', 'name=''a.b'', x_P=2', 'name: found ''a.b''|letters')
+      call refused_case('x_P free without a support', freeing(case_text, '''x_P'''), &
+         '12: &stage free: found ''x_P''|expected one of m_T E c_D')
+      call refused_case('k_P free at a rigid support', freeing(roller, '''k_P'''), &
+         '13: &stage free: found ''k_P''|expected a value of k_P in &support for it')
+      call refused_case('c_P free at a rigid support', freeing(roller, '''c_P'''), &
+         '13: &stage free: found ''c_P''|expected a value of k_P in &support for it')
+      call refused_case('free x_P beyond the tip', freeing(roller, '''x_P'', lower=4'), &
+         '13: &stage lower: found 4 for x_P|expected less than the length 4 of the beam')
+      call refused_case('free x_P from beyond the tip', freeing(roller, '''x_P'', start=5'), &
+         '13: &stage start: found 5 for x_P|expected at most the length 4 of the beam')
+   end subroutine test_supports
+
+   !> One support that is refused.
+   subroutine misplaced(what, keys, words)
+      character(len=*), intent(in) :: what, keys, words
+
+      call refused_case('support: '//what, carrying(group('support', keys)), '5: &support '//words)
+      call refused_case('support: '//what, carrying(group('support', keys)), '5: &support '// &
+         words, 'modes')
+   end subroutine misplaced
+
+   subroutine test_several_supports()
+      character(len=*), parameter :: commands(*) = [character(len=8) :: 'identify', 'simulate', &
+         'modes']
+      character(len=:), allocatable :: a
+      integer :: k
+
+      a = group('support', 'name=''a'', x_P=2')
+      call accepted('two supports', 'simulate', carrying(a//group('support', &
+         'name=''b'', x_P=3, k_P=10')))
+      call accepted('eight supports', 'simulate', replaced(carrying(named('support', 'x_P', 8)), &
+         'elements=2', 'elements=16'))
+      call refused_case('nine supports', carrying(named('support', 'x_P', 9)), &
+         '13: &support name: found 9 groups &support|expected at most 8')
+      do k = 1, size(commands)
+         call refused_case('eight supports of three functions', carrying(named('support', 'x_P', &
+            8)), '12: &support: found 8 rigid ones|at most 2 on a mesh of 2 elements', &
+            trim(commands(k)))
+         call refused_case('as many supports as functions', carrying(named('support', 'x_P', 3)), &
+            '7: &support: found 3 rigid ones|at most 2 on a mesh of 2 elements', trim(commands(k)))
+      end do
+      call refused_case('two supports without names', carrying(group('support', 'x_P=2')// &
+         group('support', 'x_P=3')), &
+         '6: &support name: found several groups &support, and one without it|a name for each')
+      call refused_case('the same name twice', carrying(a//group('support', &
+         'name=''a'', x_P=3')), &
+         '6: &support name: found ''a'' twice|expected a name of its own for each')
+      call refused_case('two supports at one place', carrying(a//group('support', &
+         'name=''b'', x_P=2')), '6: &support x_P: found two supports at 2|one in one place')
+      call refused_case('second support beyond the tip', carrying(a//group('support', &
+         'name=''b'', x_P=5')), '6: &support x_P: found 5|up to the length 4')
+      call refused_case('x_P beside two supports', freeing(carrying(a//group('support', &
+         'name=''b'', x_P=3')), '''x_P'''), &
+         '14: &stage free: found ''x_P''|expected one of|x_P.a|x_P.b')
+   end subroutine test_several_supports
+
+   subroutine test_place_of_force()
+      character(len=*), parameter :: place = '6: &excitation x_F: found ', &
+         point = '12: &stage free: found ''x_F''|expected a force at a point for it'
+
+      call accepted('force at a place', 'identify', replaced(case_text, pulse, pulse//', x_F=2'))
+      call accepted('table at a place', 'simulate', replaced(replaced(case_text, pulse, table), &
+         'power=2.0', 'x_F=2'))
+      call accepted('release at a place', 'identify', released('displacement=0.1, x_F=2'))
+      call refused('force at the root', pulse, pulse//', x_F=0', place//'0|above 0')
+      call refused('force behind the root', pulse, pulse//', x_F=-1', place//'-1|above 0')
+      call refused('force beyond the tip', pulse, pulse//', x_F=4.001', place// &
+         '4.001|expected a place above 0, up to the length 4')
+      call refused('force beyond the tip', pulse, pulse//', x_F=4.001', place// &
+         '4.001|expected a place above 0, up to the length 4', command='modes')
+      call refused('place of a distributed force', 'load=''point''', &
+         'load=''distributed'', x_F=2', &
+         '7: &excitation x_F: found a value|expected none with load = ''distributed''')
+      call refused_case('place of a free start', freed('modes=1, x_F=2'), place// &
+         'a value|expected none with kind = ''free''')
+      call refused_case('x_F free with a distributed force', freeing(replaced(case_text, &
+         '''point''', '''distributed'''), '''x_F'''), point)
+      call refused_case('x_F free with a free start', replaced(freed('modes=1'), 'free=''m_H''', &
+         'free=''x_F'''), point)
+      call refused_case('x_F free with a base that moves', freeing(moved(''), '''x_F'''), point)
+      call refused_case('free x_F beyond the tip', freeing(case_text, '''x_F'', lower=4'), &
+         '12: &stage lower: found 4 for x_F|expected less than the length 4 of the beam')
+      call refused_case('free x_F from beyond the tip', freeing(case_text, '''x_F'', start=5'), &
+         '12: &stage start: found 5 for x_F|expected at most the length 4 of the beam')
+   end subroutine test_place_of_force
+
+   !> The case with a base that moves in place of the force.
+   function moved(keys) result(text)
+      character(len=*), intent(in) :: keys
+      character(len=:), allocatable :: text
+
+      text = replaced(released(keys), 'kind=''release'', ', 'kind=''base'', file=''force.csv'' ')
+   end function moved
+
+   subroutine test_moved_base()
+      character(len=*), parameter :: delta = 'delta=0.1', others(*) = [character(len=14) :: &
+         'amplitude=1', 'duration=1', 'load=''point''', 'power=2', 'force=1', 'displacement=1', &
+         'time=0', 'modes=2', 'x_F=2']
+      integer :: k
+
+      call accepted('a base that moves', 'identify', moved(''))
+      call accepted('a base that moves', 'simulate', moved(''))
+      call accepted('seen from the base', 'simulate', replaced(moved(''), delta, &
+         delta//', frame=''relative'''))
+      do k = 1, size(others)
+         call refused_case('base with '//trim(others(k)), moved(trim(others(k))), &
+            '6: &excitation '//others(k)(:index(others(k), '=') - 1)// &
+            ': found a value|expected none with kind = ''base''')
+      end do
+      call refused_case('base without a file', replaced(moved(''), 'file=''force.csv''', ''), &
+         '6: &excitation file: found nothing|expected')
+      call refused_case('base with an empty file', replaced(moved(''), 'force.csv', ''), &
+         '6: &excitation file: found ''''|expected the path of a table')
+      call refused_case('base with no such file', replaced(moved(''), 'force.csv', 'none.csv'), &
+         'none.csv: found no such file|expected')
+      call refused('unknown frame', delta, delta//', frame=''sideways''', &
+         '10: &observation frame: found ''sideways''|expected ''absolute'' or ''relative''')
+   end subroutine test_moved_base
+
+   !> A beam of free length reaches what sits on it.
+   subroutine test_free_length()
+      character(len=:), allocatable :: text
+
+      text = carrying(group('sensor', 'x_S=2'))
+      call accepted('length', 'identify', freeing(text, '''length'', start=3.9, lower=3, upper=5'))
+      call refused_case('length up to less than the sensor''s place', freeing(text, &
+         '''length'', upper=1'), '13: &stage upper: found 1 for length|expected more than 2')
+      call refused_case('length from less than the sensor''s place', freeing(text, &
+         '''length'', start=1'), '13: &stage start: found 1 for length|expected at least 2')
+      call refused_case('length up to less than the place of the force', freeing(replaced( &
+         case_text, pulse, pulse//', x_F=3'), '''length'', upper=2.5'), &
+         '12: &stage upper: found 2.5 for length|expected more than 3')
+   end subroutine test_free_length
 
    subroutine test_stage()
       character(len=*), parameter :: place = '12: &stage ', both = '''m_H'',''k_H'''

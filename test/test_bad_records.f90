@@ -16,6 +16,7 @@ program test_bad_records
       call test_window_of_fit()
       call test_record_keys()
       call test_several_records()
+      call test_sensor_and_support()
       call test_record_rows()
       call test_record_files()
       call test_force_table()
@@ -140,6 +141,45 @@ contains
          'free=''m_H'',''k_H'', shared=''m_H'''), &
          '12: &stage free: found 3 unknowns for 2 samples|expected no more')
    end subroutine test_several_records
+
+   !> Which sensor a record comes from, and where the support was.
+   subroutine test_sensor_and_support()
+      character(len=*), parameter :: tip = 'm_T=0.15 /', file = 'file=''record.csv''', &
+         a = nl//'&sensor name=''a'', x_S=2 /', b = nl//'&sensor name=''b'' /', &
+         supports = nl//'&support name=''a'', x_P=2 /'//nl//'&support name=''b'', x_P=3 /', &
+         beside = 'groups &support|expected one such group'
+      character(len=:), allocatable :: two, held
+
+      two = replaced(case_text, tip, tip//a//b)
+      held = replaced(case_text, tip, tip//nl//'&support x_P=2 /')
+      call refused_case('no sensor named beside two', two, &
+         '13: &record sensor: found nothing|expected the name of one of 2 sensors')
+      call refused_case('no sensor named beside two', two, &
+         '13: &record sensor: found nothing|expected the name of one of 2 sensors', 'simulate')
+      call refused_case('a sensor that is not there', replaced(two, file, file//', sensor=''c'''), &
+         '13: &record sensor: found ''c''|expected the name of a &sensor')
+      call refused_case('a sensor without a name', replaced(two, file, file//', sensor='''''), &
+         '13: &record sensor: found ''''|expected the name of a &sensor')
+      call refused('a sensor where none has a name', file, file//', sensor=''a''', &
+         '11: &record sensor: found ''a''|expected the name of a &sensor')
+      call refused_case('the other sensor beyond the tip of this record', replaced(two, file, &
+         file//', sensor=''b'', length=1'), '13: &record x_S: found 2|up to the length 1')
+      call accepted('its own place of the support', 'simulate', replaced(held, file, &
+         file//', x_P=3'))
+      call refused_case('its support at the root', replaced(held, file, file//', x_P=0'), &
+         '12: &record x_P: found 0|above 0')
+      call refused_case('its support beyond the tip', replaced(held, file, file//', x_P=5'), &
+         '12: &record x_P: found 5|up to the length 4')
+      call refused_case('its support beyond its tip', replaced(held, file, &
+         file//', length=2.5, x_P=3'), '12: &record x_P: found 3|up to the length 2.5')
+      call refused('x_P without a support', file, file//', x_P=2', &
+         '11: &record x_P: found it beside 0 '//beside)
+      call refused_case('x_P beside two supports', replaced(replaced(case_text, tip, &
+         tip//supports), file, file//', x_P=2'), '13: &record x_P: found it beside 2 '//beside)
+      call refused_case('a force beyond its tip', replaced(replaced(case_text, pulse, &
+         pulse//', x_F=2'), file, file//', length=1'), &
+         '11: &record x_F: found 2|up to the length 1')
+   end subroutine test_sensor_and_support
 
    subroutine test_record_rows()
       character(len=*), parameter :: row = '0.3,-1.28', place = 'record.csv:4: column '

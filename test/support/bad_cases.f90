@@ -8,6 +8,7 @@ module bad_cases
    private
 
    public :: nl, cr, tab, mark, folder, case_text, pulse, table, record_text, force_text
+   public :: carrying, group, named, freeing
    public :: refused, refused_case, refused_record, refused_force, refused_now, judge, accepted, &
       write_good_files
 
@@ -42,6 +43,46 @@ module bad_cases
       '0.05,0'//nl
 
 contains
+
+   !> The case with more groups behind &tip, in line 5 and after.
+   function carrying(groups) result(text)
+      character(len=*), intent(in) :: groups
+      character(len=:), allocatable :: text
+
+      text = replaced(case_text, 'm_T=0.15 /', 'm_T=0.15 /'//groups)
+   end function carrying
+
+   !> A line with a group.
+   function group(name, keys) result(line)
+      character(len=*), intent(in) :: name, keys
+      character(len=:), allocatable :: line
+
+      line = nl//'&'//name//' '//keys//' /'
+   end function group
+
+   !> As many groups, each with a name and a place of its own.
+   function named(name, key, n) result(lines)
+      character(len=*), intent(in) :: name, key
+      integer, intent(in) :: n
+      character(len=:), allocatable :: lines
+      character(len=40) :: keys
+      integer :: k
+
+      lines = ''
+      do k = 1, n
+         write (keys, '(a,i0,a,f3.1)') 'name="n', k, '", '//key//'=', 0.4*k
+         lines = lines//group(name, trim(keys))
+      end do
+   end function named
+
+   !> A case with other free parameters, bounds and starts.
+   function freeing(text, keys) result(changed)
+      character(len=*), intent(in) :: text, keys
+      character(len=:), allocatable :: changed
+
+      changed = replaced(text, 'free=''m_H'',''k_H'', start=0.035,0.4, lower=0,0.1, upper=1,10', &
+         'free='//keys)
+   end function freeing
 
    !> A change of the case file is refused; `words` follow the file's name and a colon.
    subroutine refused(what, old, new, words, command, file, lines)

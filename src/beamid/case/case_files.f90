@@ -20,8 +20,8 @@ module beamid_case_files
    use beamid_record_groups, only: get_window, read_recording
    use beamid_records, only: append_recording, recording_t, window_t
    use beamid_refusals, only: refusals_t, refuse
-   use beamid_strings, only: to_text
-   use beamid_structure, only: structure_t
+   use beamid_strings, only: lower, to_text
+   use beamid_structure, only: rigid
    use beamid_units, only: units_t
    implicit none
    private
@@ -140,7 +140,7 @@ contains
          if (blocks(k)%name /= 'stage') call read_group(blocks(k), sound, case, error)
          sound = sound .and. .not. blocks(k)%failed()
       end do
-      if (sound) call check_whole(blocks, case%model%structure, sound)
+      if (sound) call check_whole(blocks, case, sound)
       do k = 1, size(blocks)
          if (blocks(k)%name == 'stage') call read_group(blocks(k), sound, case, error)
       end do
@@ -201,30 +201,82 @@ contains
       end associate
    end subroutine read_group
 
-   !> Every parameter is in its range. Then either the sensor sits beyond the tip, or the whole is
-   !> out of what numbers can hold.
-   subroutine check_whole(blocks, structure, sound)
+   !> Every value is in its range; what is left is whether they go together.
+   subroutine check_whole(blocks, case, sound)
       type(block_t), intent(inout) :: blocks(:)
-      type(structure_t), intent(in) :: structure
+      type(case_t), intent(in) :: case
       logical, intent(out) :: sound
       type(error_t), allocatable :: error
-      character(len=:), allocatable :: name, group
-      integer :: item, k, place
+      integer :: k, place
 
-      call check_structure(structure, error, place)
-      sound = .not. allocated(error)
-      if (sound) return
-      name = trim(parameters(place)%name)
-      group = trim(parameters(place)%group)
+      call check_structure(case%model%structure, error, place)
+      if (allocated(error)) then
+         call refuse_parameter(blocks, place, error%message)
+      else
+         call check_forces(blocks, case)
+         call check_rigid(blocks, case)
+      end if
+      sound = .not. (allocated(error) .or. any([(blocks(k)%failed(), k=1, size(blocks))]))
+   end subroutine check_whole
+
+   !> Tells what is wrong with a parameter where it is given.
+   subroutine refuse_parameter(blocks, place, message)
+      type(block_t), intent(inout) :: blocks(:)
+      integer, intent(in) :: place
+      character(len=*), intent(in) :: message
+      integer :: item, k
+
       item = 0
       do k = 1, size(blocks)
-         if (blocks(k)%name /= group) cycle
+         if (blocks(k)%name /= parameters(place)%group) cycle
          item = item + 1
          if (item < parameters(place)%item) cycle
-         call blocks(k)%refusals%add(blocks(k)%line_of(name), '&'//group//' '//error%message)
+         call blocks(k)%refusals%add(blocks(k)%line_of(trim(parameters(place)%name)), &
+            '&'//trim(parameters(place)%group)//' '//message)
          return
       end do
-   end subroutine check_whole
+   end subroutine refuse_parameter
+
+   !> A force acts on the beam. Where a record has a beam of its own length that shows later.
+   subroutine check_forces(blocks, case)
+      type(block_t), intent(inout) :: blocks(:)
+      type(case_t), intent(in) :: case
+      integer :: k, n
+
+      do k = 1, size(case%recordings)
+         if (allocated(case%recordings(k)%length)) return
+      end do
+      n = 0
+      do k = 1, size(blocks)
+         if (blocks(k)%name /= 'excitation') cycle
+         n = n + 1
+         if (.not. allocated(case%excitations(n)%x_F)) cycle
+         associate (x_F => case%excitations(n)%x_F, length => case%model%structure%length)
+            if (x_F > length) call blocks(k)%refuse('x_F', to_text(x_F), &
+               'a place above 0, up to the length '//to_text(length))
+         end associate
+      end do
+   end subroutine check_forces
+
+   !> Rigid supports leave the beam some freedom on every mesh.
+   subroutine check_rigid(blocks, case)
+      type(block_t), intent(inout) :: blocks(:)
+      type(case_t), intent(in) :: case
+      integer :: held, k, least
+
+      associate (structure => case%model%structure, mesh => case%meshes( &
+         minloc(case%meshes%elements, dim=1)))
+         held = count(.not. structure%support(:structure%supports)%k_P < rigid)
+         least = mesh%elements + mesh%degree - 2 + merge(1, 0, structure%has_root_spring())
+         if (held < least) return
+         do k = size(blocks), 1, -1
+            if (blocks(k)%name /= 'support') cycle
+            call blocks(k)%refuse('', to_text(held)//' rigid ones', 'at most '// &
+               to_text(least - 1)//' on a mesh of '//to_text(mesh%elements)//' elements')
+            return
+         end do
+      end associate
+   end subroutine check_rigid
 
    !> Refuses a case that lacks what the command needs.
    subroutine check_needs(case, needs, error)
@@ -291,6 +343,7 @@ contains
       integer, intent(in) :: k
       type(experiment_t), intent(inout) :: experiment
       type(error_t), allocatable, intent(out) :: error
+      integer :: n
 
       associate (recording => case%recordings(k), structure => case%model%structure)
          if (size(case%excitations) > 0) experiment%excitation = &
@@ -299,10 +352,13 @@ contains
          if (allocated(recording%x_S)) experiment%x_S = recording%x_S
          if (allocated(recording%x_P)) experiment%x_P = recording%x_P
          if (allocated(recording%sensor)) then
-            experiment%sensor = findloc(structure%sensor_name(:structure%sensors) &
-               == recording%sensor, .true., dim=1)
-            if (experiment%sensor == 0) call refuse(case%path, recording%line, 'record sensor', &
-               shown(recording%sensor), 'the name of a &sensor', error)
+            do n = structure%sensors, 1, -1
+               if (lower(trim(structure%sensor_name(n))) == lower(recording%sensor)) exit
+            end do
+            experiment%sensor = n
+            if (n == 0 .or. recording%sensor == '') call refuse(case%path, &
+               recording%line, 'record sensor', shown(recording%sensor), 'the name of a &sensor', &
+               error)
          else if (structure%sensors > 1) then
             call refuse(case%path, recording%line, 'record sensor', 'nothing', &
                'the name of one of '//to_text(structure%sensors)//' sensors', error)

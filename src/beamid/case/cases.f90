@@ -5,11 +5,11 @@ module beamid_cases
    use beamid_errors, only: error_t
    use beamid_experiments, only: experiment_t
    use beamid_kinds, only: wp
-   use beamid_parameters, only: name_of_parameter, on_beam, parameters
+   use beamid_parameters, only: is_there, name_of_parameter, on_beam, parameters
    use beamid_records, only: grid, load_recording, note_length, recording_t
    use beamid_refusals, only: refuse
    use beamid_strings, only: to_text
-   use beamid_structure, only: structure_t
+   use beamid_structure, only: n_parameters, of_length, structure_t
    implicit none
    private
 
@@ -84,29 +84,70 @@ contains
       call check_free_place(case, experiments, error)
    end subroutine load_experiments
 
-   !> What has a free place must find one on every beam.
+   !> What has a free place must find one on every beam, and a beam must reach what sits on it.
    subroutine check_free_place(case, experiments, error)
       type(case_t), intent(in) :: case
       type(experiment_t), intent(in) :: experiments(:)
       type(error_t), allocatable, intent(out) :: error
       type(structure_t) :: structure
+      real(wp) :: least
+      logical :: stretches
       integer :: i, k, p
 
+      stretches = .false.
       do k = 1, size(case%stages)
-         do p = 1, size(case%stages(k)%free)
-            if (parameters(case%stages(k)%free(p))%range /= on_beam) cycle
-            do i = 1, size(experiments)
-               structure = experiments(i)%structure_of(case%model%structure)
-               if (case%stages(k)%lower(p) < structure%length) cycle
-               call refuse(case%path, case%stage_lines(k), 'stage lower', &
-                  to_text(case%stages(k)%lower(p))//' for '//trim(name_of_parameter(structure, &
-                  case%stages(k)%free(p))), 'less than the length '// &
-                  to_text(structure%length)//' of the beam', error)
-               return
+         associate (stage => case%stages(k))
+            stretches = stretches .or. any(stage%free == of_length)
+            do p = 1, size(stage%free)
+               do i = 1, size(experiments)
+                  if (all(stage%record(p) /= [0, i])) cycle
+                  structure = experiments(i)%structure_of(case%model%structure)
+                  if (stage%free(p) == of_length) then
+                     least = outermost(structure, stage%free)
+                     if (stage%upper(p) <= least) call refuse_value('upper', stage%upper(p), &
+                        'more than '//to_text(least)//', where the outermost of what it carries is')
+                     if (.not. allocated(stage%start)) cycle
+                     if (stage%start(p) < least) call refuse_value('start', stage%start(p), &
+                        'at least '//to_text(least)//', where the outermost of what it carries is')
+                  else if (parameters(stage%free(p))%range == on_beam) then
+                     if (stage%lower(p) >= structure%length) call refuse_value('lower', &
+                        stage%lower(p), 'less than the length '//to_text(structure%length)// &
+                        ' of the beam')
+                     if (stretches .or. .not. allocated(stage%start)) cycle
+                     if (stage%start(p) > structure%length) call refuse_value('start', &
+                        stage%start(p), 'at most the length '//to_text(structure%length)// &
+                        ' of the beam')
+                  end if
+               end do
             end do
-         end do
+         end associate
       end do
+
+   contains
+
+      subroutine refuse_value(key, value, expected)
+         character(len=*), intent(in) :: key, expected
+         real(wp), intent(in) :: value
+
+         call refuse(case%path, case%stage_lines(k), 'stage '//key, to_text(value)//' for '// &
+            trim(name_of_parameter(structure, case%stages(k)%free(p))), expected, error)
+      end subroutine refuse_value
+
    end subroutine check_free_place
+
+   !> The outermost place that does not move along the beam.
+   pure real(wp) function outermost(structure, free)
+      type(structure_t), intent(in) :: structure
+      integer, intent(in) :: free(:)
+      integer :: k
+
+      outermost = 0
+      do k = 1, n_parameters
+         if (parameters(k)%range /= on_beam .or. .not. is_there(structure, k)) cycle
+         if (.not. (structure%follows_tip(k) .or. any(free == k))) &
+            outermost = max(outermost, structure%get(k))
+      end do
+   end function outermost
 
    !> How many unknowns a stage has, those that enter linearly included.
    pure integer function unknowns(case, k)

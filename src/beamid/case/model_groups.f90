@@ -9,7 +9,7 @@ module beamid_model_groups
    use beamid_kinds, only: wp
    use beamid_numbers, only: shown
    use beamid_parameters, only: parameters, zero_or_more => not_negative
-   use beamid_strings, only: to_text
+   use beamid_strings, only: lower, to_text
    use beamid_structure, only: item_name_length, n_parameters, of_x_F, structure_t
    use beamid_units, only: label_length, units_t
    use beamid_values, only: not_negative, positive, range_t
@@ -79,6 +79,7 @@ contains
       character(len=item_name_length), intent(inout) :: names(:)
       integer, intent(out) :: item
       character(len=:), allocatable :: name
+      integer :: k
 
       call block%get('name', name, 'by which records and free parameters name it', &
          default='none; of several each needs one')
@@ -96,7 +97,7 @@ contains
       else if (n > 0 .and. (name == '' .or. names(1) == '')) then
          call block%refuse('name', 'several groups &'//block%name//', and one without it', &
             'a name for each')
-      else if (any(names(:n) == name) .and. n > 0) then
+      else if (any([(lower(trim(names(k))) == lower(name), k=1, n)])) then
          call block%refuse('name', shown(name)//' twice', 'a name of its own for each')
       end if
       n = item

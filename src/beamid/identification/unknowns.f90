@@ -6,7 +6,7 @@ module beamid_unknowns
    use beamid_parameters, only: free_magnitude, get_free, is_there, may_be_negative, &
       name_of_parameter, offset, on_beam, parameters, parameter_name_length => name_length, set_free
    use beamid_strings, only: to_text
-   use beamid_structure, only: n_parameters, of_length, structure_t
+   use beamid_structure, only: n_parameters, of_length, structure_t, x_P_at
    use beamid_variables, only: new_variable, unbounded, variable_t
    implicit none
    private
@@ -161,6 +161,8 @@ contains
             else if (parameters(parameter)%range == on_beam) then
                halfway = (s%get(parameter) + s%length)/2
                range(2) = min(range(2), merge(halfway, s%length, any(free == of_length)))
+               ! At the clamp a rigid support holds nothing, and what it does cannot be computed.
+               if (any(x_P_at == parameter)) range(1) = max(range(1), 1e-3_wp*s%length)
             end if
          end associate
       end do

@@ -160,7 +160,8 @@ contains
          if (.not. (parameters(place)%is_free .and. is_there(structure, place))) cycle
          if (lower(trim(name_of_parameter(structure, place))) == lower(trim(name))) return
          ! The only one of its kind may be called by its name all the same.
-         if (lower(trim(name)) == lower(trim(labelled(structure, place)))) return
+         if (index(name, '.') < len_trim(name) .and. &
+            lower(trim(name)) == lower(trim(labelled(structure, place)))) return
       end do
    end function place_of_name
 
