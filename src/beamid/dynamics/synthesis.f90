@@ -38,10 +38,10 @@ contains
       real(wp) :: t
       integer :: k, node, p
 
-      response = silence(times)
+      response = zero_response(times)
       allocate (slopes(size(poles%ds, 2)))
       do p = 1, size(slopes)
-         slopes(p) = silence(times)
+         slopes(p) = zero_response(times)
       end do
       states = at_rest(poles, size(slopes) > 0)
       rs = poles%residue*poles%s
@@ -65,14 +65,14 @@ contains
    end subroutine synthesize
 
    !> A response of zeros.
-   pure function silence(times) result(response)
+   pure function zero_response(times) result(response)
       real(wp), intent(in) :: times(:)
       type(response_t) :: response
 
       response%t = times
       allocate (response%displacement(size(times)), response%velocity(size(times)), &
          response%acceleration(size(times)), source=0.0_wp)
-   end function silence
+   end function zero_response
 
    !> Nothing moves.
    pure function at_rest(poles, with_slopes) result(states)

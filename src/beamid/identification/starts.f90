@@ -85,7 +85,7 @@ contains
 
    !> The lowest oscillating roots of the model of one record.
    subroutine model_roots(problem, structure, r, parameters, s, ds, error)
-      type(residual_t), intent(inout) :: problem
+      type(residual_t), intent(inout), target :: problem
       type(structure_t), intent(in) :: structure
       integer, intent(in) :: r, parameters(:)
       complex(wp), intent(out) :: s(:), ds(:, :)
