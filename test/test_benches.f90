@@ -79,6 +79,11 @@ contains
          s%support(i)%k_P = decades(0.0_wp, 2.0_wp)*s%E*s%I/s%length**3
          s%support(i)%c_P = decades(-2.0_wp, -1.0_wp)*s%support(i)%k_P
       end do
+      if (number /= 2) return
+      ! The dashpots of the supports are all that damps.
+      s%c_D = 0
+      s%gamma = 0
+      s%c_R = 0
    end function bench
 
    !> A force, or a base, of random nodes on the grid of the samples.

@@ -21,7 +21,7 @@ module beamid_case_files
    use beamid_records, only: append_recording, recording_t, window_t
    use beamid_refusals, only: refusals_t, refuse
    use beamid_strings, only: lower, to_text
-   use beamid_structure, only: rigid
+   use beamid_structure, only: of_x_F, rigid, structure_t
    use beamid_units, only: units_t
    implicit none
    private
@@ -343,7 +343,9 @@ contains
       integer, intent(in) :: k
       type(experiment_t), intent(inout) :: experiment
       type(error_t), allocatable, intent(out) :: error
+      type(structure_t) :: s
       integer :: n
+      logical :: held
 
       associate (recording => case%recordings(k), structure => case%model%structure)
          if (size(case%excitations) > 0) experiment%excitation = &
@@ -370,6 +372,11 @@ contains
          call check_structure(experiment%structure_of(structure), error)
          if (allocated(error)) error%message = case%path//':'//to_text(recording%line)// &
             ': &record '//error%message
+         if (allocated(error) .or. .not. experiment%excitation%by_displacement) return
+         s = experiment%structure_of(structure)
+         held = .not. s%static_deflection(s%place(of_x_F))*s%tip_stiffness() > 1e-9_wp
+         if (held) call refuse(case%path, 0, 'excitation displacement', &
+            'a point that a rigid support holds', 'one that moves', error)
       end associate
    end subroutine place_experiment
 

@@ -4,6 +4,7 @@ module beamid_cases
       place_experiment, read_case
    use beamid_errors, only: error_t
    use beamid_experiments, only: experiment_t
+   use beamid_identification, only: stage_t
    use beamid_kinds, only: wp
    use beamid_parameters, only: is_there, name_of_parameter, on_beam, parameters
    use beamid_records, only: grid, load_recording, note_length, recording_t
@@ -102,6 +103,12 @@ contains
                do i = 1, size(experiments)
                   if (all(stage%record(p) /= [0, i])) cycle
                   structure = experiments(i)%structure_of(case%model%structure)
+                  if (differs(stage, p, i)) then
+                     call refuse(case%path, case%stage_lines(k), 'stage free', trim( &
+                        name_of_parameter(structure, stage%free(p)))//' shared by records that '// &
+                        'give it different values', 'it left out of shared, or one value', error)
+                     return
+                  end if
                   if (stage%free(p) == of_length) then
                      least = outermost(structure, stage%free)
                      if (stage%upper(p) <= least) call refuse_value('upper', stage%upper(p), &
@@ -124,6 +131,21 @@ contains
       end do
 
    contains
+
+      !> Whether a parameter that all records share has another value in record i than in the first.
+      logical function differs(stage, p, i)
+         type(stage_t), intent(in) :: stage
+         integer, intent(in) :: p, i
+         type(structure_t) :: first, own
+
+         differs = .false.
+         if (stage%record(p) /= 0 .or. stage%free(p) > n_parameters) return
+         first = experiments(1)%structure_of(case%model%structure)
+         own = experiments(i)%structure_of(case%model%structure)
+         if (parameters(stage%free(p))%group == 'sensor' .and. &
+            parameters(stage%free(p))%item /= experiments(i)%sensor) return
+         differs = abs(own%get(stage%free(p)) - first%get(stage%free(p))) > 0
+      end function differs
 
       subroutine refuse_value(key, value, expected)
          character(len=*), intent(in) :: key, expected

@@ -463,7 +463,7 @@ contains
    pure logical function is_undamped(self)
       class(assembly_t), intent(in) :: self
 
-      is_undamped = .not. any(abs(self%pencil(1)%c) > 0)
+      is_undamped = .not. (any(abs(self%pencil(1)%c) > 0) .or. any(abs(self%pencil(1)%hc) > 0))
    end function is_undamped
 
 end module beamid_assembly

@@ -92,7 +92,7 @@ contains
       self%tip = self%point(:, tip_value)
       self%omega = structure%omega()
       ! A force on a support moves nothing there; what it moves elsewhere is not that small.
-      self%displacement = excitation%size_scale(min(structure%stiffness(), &
+      self%displacement = excitation%size_scale(min(abs(structure%stiffness()), &
          1e4_wp*structure%tip_stiffness()), self%omega)
       if (excitation%is_base) self%displacement = self%displacement*(structure%m_T &
          + structure%rho*structure%length)

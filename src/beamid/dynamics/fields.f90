@@ -43,7 +43,7 @@ contains
    !>
    !> equations  of a beam whose root does not turn
    !> times      ascending [time]
-   !> error      the root turns
+   !> error      the root turns, the base moves, a support is rigid
    subroutine find_field(equations, excitation, times, field, error)
       type(equations_t), intent(in) :: equations
       type(excitation_t), intent(in) :: excitation
@@ -57,8 +57,10 @@ contains
       real(wp), allocatable :: impulse(:)
       integer :: k, order, states
 
-      if (equations%structure%has_root_spring()) then
-         call failure(error, 'field: found a root that turns, expected a rigid one')
+      if (equations%structure%has_root_spring() .or. excitation%is_base .or. &
+         equations%constraints%number() > 0) then
+         call failure(error, 'field: found a root or a base that moves, or a rigid support; '// &
+            'expected a clamp and a force')
          return
       end if
       call bare_beam_modes(equations%galerkin, modes, error)

@@ -103,6 +103,10 @@ contains
          end associate
       end do
       call find_clusters(assembly, poles%all, pack(poles%root, near), poles%cluster)
+      if (assembly%is_carried .and. minval(abs(poles%s)) <= 1e-12_wp*maxval(abs(poles%s))) then
+         call failure(error, 'modal: a hose that drifts on a base that moves; expected k_H > 0')
+         return
+      end if
       if (assembly%is_carried) poles%cluster = [poles%cluster, base_cluster(assembly, poles%s)]
       do k = 1, size(poles%s)
          if (abs(poles%vector(k)%A) > tiny_A*undamped(k)) cycle

@@ -43,6 +43,7 @@ contains
       type(galerkin_t), target :: galerkin
       type(equations_t), target :: equations
       type(excitation_t) :: excitation
+      type(structure_t) :: structure
       type(sampling_t) :: sampling
       type(response_t) :: wide
       class(solver_t), allocatable :: solver
@@ -53,8 +54,10 @@ contains
       call prepare_for(galerkin, solver, error)
       if (allocated(error)) return
       excitation = model%excitation
-      call excitation%fit_to(model%structure%stiffness())
-      equations = new_equations(galerkin, model%structure, excitation)
+      structure = model%structure
+      if (allocated(excitation%x_F)) structure%x_F = excitation%x_F
+      call excitation%fit_to(structure%stiffness())
+      equations = new_equations(galerkin, structure, excitation)
       sampling = new_sampling(model%observation, samples)
       call solver%respond(equations, excitation, sampling%times, wide, simulation%work, error)
       if (allocated(error)) return
@@ -65,7 +68,7 @@ contains
          ! The motion is counted from the deflection before.
          simulation%force = simulation%force - excitation%f(1)
          simulation%response%displacement = simulation%response%displacement - excitation%f(1) &
-            *model%structure%static_deflection(model%structure%sensor_place())
+            *structure%static_deflection(structure%sensor_place())
       end if
    end subroutine simulate
 
