@@ -213,7 +213,8 @@ contains
       bar%m_H = 0
       bar%gamma = 0
       bar%c_D = 0
-      inertia = bar%rho*bar%length**3/3 + bar%m_T*bar%length**2 + bar%J_T + bar%sensor(1)%m_S*bar%sensor(1)%x_S**2
+      inertia = bar%rho*bar%length**3/3 + bar%m_T*bar%length**2 + bar%J_T &
+         + bar%sensor(1)%m_S*bar%sensor(1)%x_S**2
       do i = 2, 10, 2
          bar%k_R = 10.0_wp**(-i)
          call all_roots('bar', bar, coarse, roots)

@@ -185,8 +185,8 @@ contains
    !> and by 160 Hermite elements with nodes at all places, which err by (beta h)**4/720 or so,
    !> 1e-8. A roller makes the third derivative jump and rotary inertia the second: splines that are
    !> smoother inside an element follow slowly, like h**3 and h, so that the places are put where
-   !> elements meet, and cubics taken, whose third derivative may jump there; J_S is as small as that
-   !> of an accelerometer.
+   !> elements meet, and cubics taken, whose third derivative may jump there; J_S is as small as
+   !> that of an accelerometer.
    subroutine test_frequencies()
       type(structure_t) :: s
       type(equations_t), target :: equations

@@ -30,8 +30,8 @@ program test_clusters
    !> k_H and c_H of the double root on four cubics, from the determinant of s**2 M + s C + K and
    !> its derivative in quadruple precision; the strip itself: 30 x 1.5 mm of steel.
    type(structure_t), parameter :: tuned = structure_t(length=0.4_wp, rho=0.353_wp, E=2e11_wp, &
-      I=0.03_wp*0.0015_wp**3/12, c_D=4e6_wp, gamma=0.1_wp, sensor=sensor_t(m_S=0.012_wp, x_S=0.35_wp), &
-      m_H=0.02_wp, k_H=17.379942901774794_wp, c_H=0.67062974701630444_wp)
+      I=0.03_wp*0.0015_wp**3/12, c_D=4e6_wp, gamma=0.1_wp, m_H=0.02_wp, k_H=17.379942901774794_wp, &
+      c_H=0.67062974701630444_wp, sensor=sensor_t(m_S=0.012_wp, x_S=0.35_wp))
    complex(wp), parameter :: double_root = (-12.311832069_wp, 33.571167234_wp)
    type(structure_t), parameter :: plain = structure_t(length=1, rho=1, E=1, I=1)
    type(mesh_t), parameter :: mesh = mesh_t(3, 4, 4, 1)

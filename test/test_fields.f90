@@ -21,7 +21,8 @@ program test_fields
                   c_H=0.004_wp, k_H=0.3_wp), &
       structure_t(length=4, rho=0.03_wp, E=80, I=1, c_D=0.005_wp, m_T=0.15_wp), &
       structure_t(length=4, rho=0.03_wp, E=80, I=1, c_D=0.005_wp, m_T=0.15_wp, m_H=0.001_wp, &
-                  c_H=0.01_wp, k_H=40, gamma=0.01_wp, J_T=0.002_wp, sensor=sensor_t(m_S=0.01_wp, x_S=3))]
+                  c_H=0.01_wp, k_H=40, gamma=0.01_wp, J_T=0.002_wp, &
+                  sensor=sensor_t(m_S=0.01_wp, x_S=3))]
    type(error_t), allocatable :: error
 
    call test_tip()

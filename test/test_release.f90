@@ -25,7 +25,8 @@ program test_release
    !> A strip in a clamp, a sensor on it; the same with a clamp that gives way, a block at the tip
    !> and a hose.
    type(structure_t), parameter :: strip = structure_t(length=0.5_wp, rho=0.27_wp, E=6.4e10_wp, &
-      I=0.05_wp*0.002_wp**3/12, c_D=6e6_wp, gamma=0.07_wp, sensor=sensor_t(m_S=0.004_wp, x_S=0.44_wp))
+      I=0.05_wp*0.002_wp**3/12, c_D=6e6_wp, gamma=0.07_wp, &
+      sensor=sensor_t(m_S=0.004_wp, x_S=0.44_wp))
    type(structure_t), parameter :: loaded = structure_t(length=0.5_wp, rho=0.27_wp, E=6.4e10_wp, &
       I=0.05_wp*0.002_wp**3/12, c_D=6e6_wp, m_T=0.02_wp, m_H=0.01_wp, c_H=0.02_wp, k_H=3.0_wp, &
       gamma=0.07_wp, J_T=2e-5_wp, k_R=60.0_wp, sensor=sensor_t(m_S=0.004_wp, x_S=0.3_wp))

@@ -153,8 +153,8 @@ contains
                   ! search; and c_D, off by .02 to .6 % at neighbours of 1e-9, to 5e-6).
                   call check_close('modal against CVODE, N = '//to_text(found(1, k)%elements)// &
                      ': '//names(i), found(1, k)%fit%estimate(i)/fits(1, k)%fit%estimate(i), &
-                     1.0_wp, merge(merge(1.5e-2_wp, 5e-3_wp, k == 1), merge(1e-3_wp, 1e-4_wp, k == 1), &
-                     i == 1))
+                     1.0_wp, merge(merge(1.5e-2_wp, 5e-3_wp, k == 1), &
+                     merge(1e-3_wp, 1e-4_wp, k == 1), i == 1))
                else
                   call check_close('modal, start '//to_text(s)//', N = '// &
                      to_text(found(1, k)%elements)//': '//names(i), &

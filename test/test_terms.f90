@@ -207,7 +207,8 @@ contains
          if (allocated(error)) exit
          call compare_derivatives(problem, p, variables, jac, worst, found)
          if (found > 0) alarms = alarms + 1
-         if (found > 0) print '(3a,es9.2)', '      alarm: ', parameters(places(found))%name, ' ', worst
+         if (found > 0) print '(3a,es9.2)', '      alarm: ', &
+            parameters(places(found))%name, ' ', worst
          do k = 1, n
             if (norm2(jac(:, k))*p(k) <= 1e-5_wp*norm2(r + problem%right%parts(1)%measured)) cycle
             counted = counted + 1
@@ -215,8 +216,8 @@ contains
                jac(:, k) = factors(j)*jac(:, k)
                call compare_derivatives(problem, p, variables, jac, worst, found)
                if (found /= k) missed(j) = missed(j) + 1
-               if (found /= k) print '(2a,i0,2es9.2)', '      missed: ', parameters(places(k))%name, &
-                  j, worst
+               if (found /= k) print '(2a,i0,2es9.2)', '      missed: ', &
+                  parameters(places(k))%name, j, worst
                problem%column = 0
                call problem%jacobian(p, r, jac, error)
             end do

@@ -22,7 +22,8 @@ module free_decays
    !> An aluminium strip, with more damping than it has: after half a second two modes are left, the
    !> third to e**-11.
    type(structure_t), parameter :: truth = structure_t(length=0.5_wp, rho=0.27_wp, E=6.4e10_wp, &
-      I=0.05_wp*0.002_wp**3/12, c_D=6e6_wp, gamma=0.07_wp, sensor=sensor_t(m_S=0.004_wp, x_S=0.44_wp))
+      I=0.05_wp*0.002_wp**3/12, c_D=6e6_wp, gamma=0.07_wp, &
+      sensor=sensor_t(m_S=0.004_wp, x_S=0.44_wp))
    type(mesh_t), parameter :: mesh = mesh_t(3, 4, 4, 1)
    character(len=5), parameter :: names(4) = [character(len=5) :: 'E', 'm_S', 'c_D', 'gamma']
    type(observation_t), parameter :: formulas(3) = [observation_t(1, 0.008_wp), &
@@ -74,7 +75,8 @@ contains
       stage%free = [(free_index(names(k)), k=1, size(names)), offset]
       stage%lower = spread(0.0_wp, 1, size(stage%free))
       stage%upper = spread(unbounded, 1, size(stage%free))
-      stage%start = [truth%E*1.002_wp, truth%sensor(1)%m_S*0.9_wp, truth%c_D*1.3_wp, truth%gamma*0.7_wp, &
+      stage%start = [truth%E*1.002_wp, truth%sensor(1)%m_S*0.9_wp, truth%c_D*1.3_wp, &
+         truth%gamma*0.7_wp, &
                      0.0_wp]
       stage%offset = .true.
       call stage%distribute([(free_index(shared(k)), k=1, size(shared))], records)

@@ -1,6 +1,6 @@
 !> A beam with all that can stand on it or under it, in quadruple precision and as full matrices:
-!> sensors with rotary inertia, supports, a force anywhere, a base that moves. A rigid support is a force that
-!> leaves no acceleration there, or minus that of the base.
+!> sensors with rotary inertia, supports, a force anywhere, a base that moves. A rigid support is a
+!> force that leaves no acceleration there, or minus that of the base.
 module full_benches
    use beamid_galerkin, only: galerkin_t
    use beamid_kinds, only: wp
@@ -28,12 +28,13 @@ contains
       logical, intent(in) :: is_base
       real(wp), intent(in) :: step, f(:)
       real(qp), intent(out) :: values(:, :)
-      real(qp), allocatable :: M(:, :), C(:, :), K(:, :), loads(:, :), o(:), a(:, :), growth(:, :), &
-         x(:), held(:, :)
+      real(qp), allocatable :: M(:, :), C(:, :), K(:, :), loads(:, :), o(:), a(:, :), &
+         growth(:, :), x(:), held(:, :)
       integer :: i, n
 
       n = galerkin%space%n + merge(1, 0, structure%has_hose())
-      allocate (M(n, n), C(n, n), K(n, n), loads(n, 3), a(2*n + 4, 2*n + 4), x(2*n + 4), source=0.0_qp)
+      allocate (M(n, n), C(n, n), K(n, n), loads(n, 3), a(2*n + 4, 2*n + 4), x(2*n + 4), &
+         source=0.0_qp)
       call assemble(galerkin, structure, near, is_base, M, C, K, loads, o, held)
       do i = 1, n
          a(i, n + i) = 1

@@ -50,8 +50,8 @@ contains
       if (allocated(self%all)) number = size(self%all)
    end function number
 
-   !> T'A T, T the map from the unknowns that are left to all; of matrices that are alike in order and
-   !> half-bandwidth the results are too.
+   !> T'A T, T the map from the unknowns that are left to all; of matrices that are alike in order
+   !> and half-bandwidth the results are too.
    function of_matrix(self, matrix) result(condensed)
       class(constraints_t), intent(in) :: self
       type(band_t), intent(in) :: matrix

@@ -44,11 +44,11 @@ module beamid_assembly
       integer :: beam = 0                      !< the first of them: modes of the bare beam
       type(pencil_t) :: pencil(2)              !< hose by y, by y - u(l)
       real(wp), allocatable :: v(:, :)         !< (r, n) column i is v_i
-      !> (r) 1; of a rigid support 0: the row of V says that nothing moves there, and in the place of
-      !> its motion stands the force that holds it, in units of H
+      !> (r) 1; of a rigid support 0: the row of V says that nothing moves there, and in the place
+      !> of its motion stands the force that holds it, in units of H
       real(wp), allocatable :: compliant(:)
-      !> (n, 2, 2) F, and what of it goes with 1/s, by the two forms of the pencil: per unit force, or
-      !> per unit acceleration of the base
+      !> (n, 2, 2) F, and what of it goes with 1/s, by the two forms of the pencil: per unit force,
+      !> or per unit acceleration of the base
       real(wp), allocatable :: load(:, :, :)
       !> (r) by which a row is longer as the base moves: support to ground, over s**2
       real(wp), allocatable :: lift(:)
@@ -266,7 +266,8 @@ contains
          do p = 1, size(self%parameters)
             self%load_slope(:, :, :, p) = base_load(self, modes, slopes(:, :, p))
             do k = 1, size(operators)
-               if (self%row(k) == 0 .or. .not. operators(k)%carried .or. k >= support_value(1)) cycle
+               if (self%row(k) == 0 .or. .not. operators(k)%carried .or. &
+                  k >= support_value(1)) cycle
                associate (row => self%row(k))
                   self%load_slope(:, 1, :, p) = self%load_slope(:, 1, :, p) - spread( &
                      self%strength(k, of_mass)*self%moves(row, p)*self%v_slope(row, :), 2, 2)

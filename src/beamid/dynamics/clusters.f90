@@ -24,8 +24,8 @@ module beamid_clusters
       type(root_t) :: centre                   !< c
       real(wp) :: radius = 0                   !< R
       logical :: on_axis = .false.             !< c is real
-      !> No roots of the structure, but the double pole at 0 by which velocity and displacement of the
-      !> base follow from its acceleration.
+      !> No roots of the structure, but the double pole at 0 by which velocity and displacement of
+      !> the base follow from its acceleration.
       logical :: is_base = .false.
       complex(wp) :: counted = 0               !< S_0
       complex(wp), allocatable :: a(:)         !< (m + 1) coefficients of P, ascending

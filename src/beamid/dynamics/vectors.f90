@@ -6,8 +6,8 @@
 !>     y = (1 + G H)**-1 v_j,  f = H y,  x_i = -v_i'f/D_i,  D_j + v_j'f = 0:
 !>
 !> nothing in it grows without bound when what hangs on the beam is light and s near a pole of D_j.
-!> Where a rigid support holds a row, its motion is 0 and its force unknown: with 0 in the place of 1
-!> and H = 1 (or any unit of force) on the diagonal, y is that force, and all else stands.
+!> Where a rigid support holds a row, its motion is 0 and its force unknown: with 0 in the place of
+!> 1 and H = 1 (or any unit of force) on the diagonal, y is that force, and all else stands.
 module beamid_vectors
    use beamid_assembly, only: assembly_t, pencil_t
    use beamid_kinds, only: wp

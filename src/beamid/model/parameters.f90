@@ -5,7 +5,8 @@ module beamid_parameters
    use beamid_kinds, only: wp
    use beamid_monomials, only: monomial_t, value_of
    use beamid_strings, only: lower, to_text
-   use beamid_structure, only: item_name_length, most_sensors, most_supports, n_parameters, of_c_D, &
+   use beamid_structure, only: item_name_length, most_sensors, most_supports, n_parameters, &
+      of_c_D, &
       of_c_H, c_P_at, of_c_R, of_E, of_gamma, of_I, J_S_at, of_J_T, of_k_H, k_P_at, of_k_R, &
       of_length, of_m_H, m_S_at, of_m_T, of_rho, of_x_F, x_P_at, x_S_at, structure_t, values_of
    implicit none
@@ -147,7 +148,8 @@ contains
 
       name = parameters(k)%name
       if (parameters(k)%group == 'sensor' .and. structure%sensors > 1 .or. &
-         parameters(k)%group == 'support' .and. structure%supports > 1) name = labelled(structure, k)
+         parameters(k)%group == 'support' .and. structure%supports > 1) &
+         name = labelled(structure, k)
    end function name_of_parameter
 
    !> Place of what a fit may free, by its name in any case, with that of the sensor or support
