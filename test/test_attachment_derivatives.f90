@@ -5,7 +5,7 @@ program test_attachment_derivatives
    use beamid_equations, only: equations_t, new_equations
    use beamid_errors, only: error_t
    use beamid_kinds, only: wp
-   use beamid_parameters, only: parameter_names
+   use beamid_parameters, only: free_names
    use beamid_strings, only: to_text
    use beamid_structure, only: at_tip, of_c_R, of_gamma, of_J_T, of_k_R, of_length, of_m_S, &
       of_m_T, of_x_S, rigid
@@ -90,10 +90,10 @@ contains
                   if (e%structure%get(some(k)) > 0) allowed = max(allowed, 1e-13_wp/ &
                      e%structure%get(some(k))*norm2(known(:, m))/norm2(reference(:, m, k)))
                   call check_close(name//', '//trim(kinds(m))//' by '// &
-                     trim(parameter_names(some(k))), relative(derivatives(:, m, k), &
+                     trim(free_names(some(k))), relative(derivatives(:, m, k), &
                      reference(:, m, k)), 0.0_wp, allowed)
                   call check_close(name//', after a response, '//trim(kinds(m))//' by '// &
-                     trim(parameter_names(some(k))), relative(later(:, m, k), &
+                     trim(free_names(some(k))), relative(later(:, m, k), &
                      reference(:, m, k)), 0.0_wp, allowed)
                end do
             end do
@@ -149,7 +149,7 @@ contains
             to_text(tallies(0, m)%worst_at)//'), worst of '// &
             to_text(tallies(0, m)%compared), tallies(0, m)%worst_of_motion, 0.0_wp, 1e-9_wp)
          do k = 1, every
-            name = trim(kinds(m))//' by '//trim(parameter_names(k))
+            name = trim(kinds(m))//' by '//trim(free_names(k))
             associate (tally => tallies(k, m))
                ! Of a derivative that hardly counts (a motion changes by 1e-6 when the parameter
                ! doubles) few digits are left, but what it says of the motion is right. The length

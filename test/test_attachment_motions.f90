@@ -6,7 +6,7 @@ program test_attachment_motions
    use beamid_galerkin, only: mesh_t
    use beamid_kinds, only: wp
    use beamid_modal, only: modal_t
-   use beamid_parameters, only: parameter_names
+   use beamid_parameters, only: free_names
    use beamid_strings, only: to_text
    use beamid_structure, only: of_c_R, of_gamma, of_J_T, of_k_R, of_length, of_m_S, of_x_S, rigid, &
       structure_t
@@ -132,7 +132,7 @@ contains
             allowed = [1e-11_wp, 1e-10_wp, 1e-9_wp]
             if (some(k) == of_x_S) allowed = allowed + 1e-9_wp
             if (some(k) == of_gamma .and. sizes(i) > 1e3_wp) allowed(3) = 2e-6_wp
-            call compare_full(trim(parameter_names(some(k)))//' = '//to_text(sizes(i)), e, allowed)
+            call compare_full(trim(free_names(some(k)))//' = '//to_text(sizes(i)), e, allowed)
          end do
       end do
    end subroutine test_limits

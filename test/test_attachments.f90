@@ -10,7 +10,7 @@ program test_attachments
    use beamid_kinds, only: wp
    use beamid_modes, only: undamped_modes
    use beamid_observation, only: observation_t, new_sampling
-   use beamid_parameters, only: parameter_names
+   use beamid_parameters, only: free_names
    use beamid_poles, only: poles_t
    use beamid_strings, only: to_text
    use beamid_structure, only: at_tip, of_c_R, of_k_R, of_length, of_m_S, of_m_T, of_x_S, rigid, &
@@ -308,18 +308,18 @@ contains
             at_end(:, 3)), 0.0_wp, 1e-11_wp)
          do k = 1, every
             if (root == 2 .and. any(k == [of_k_R, of_c_R])) then
-               call check('rigid root: derivatives by '//trim(parameter_names(k))//' vanish', &
+               call check('rigid root: derivatives by '//trim(free_names(k))//' vanish', &
                   all(abs(d_end(:, :, k)) <= 0))
                cycle
             end if
             ! By default the sensor stays at the tip of a beam that grows.
             riding = d_end(:, 3, k)
             if (k == of_length) riding = riding + d_end(:, 3, of_x_S)
-            call check_close(name//' at x_S = l: as by default, d/d '//trim(parameter_names(k)), &
+            call check_close(name//' at x_S = l: as by default, d/d '//trim(free_names(k)), &
                relative(d_default(:, 3, k), riding), 0.0_wp, 1e-10_wp)
             ! With m_S = 0 the sensor drags no mass along.
             if (k == of_x_S) cycle
-            call check_close(name//' at x_S = l: as tip mass, d/d '//trim(parameter_names(k)), &
+            call check_close(name//' at x_S = l: as tip mass, d/d '//trim(free_names(k)), &
                relative(d_mass(:, 3, k), riding), 0.0_wp, 1e-10_wp)
          end do
          call check_close(name//' at the tip: d/d m_S is d/d m_T', relative(d_end(:, 3, of_m_S), &

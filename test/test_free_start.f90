@@ -13,7 +13,7 @@ program test_free_start
    use beamid_modal, only: modal_t
    use beamid_noise, only: gaussian_noise
    use beamid_observation, only: observation_t
-   use beamid_parameters, only: free_index, offset, parameter_names
+   use beamid_parameters, only: free_index, offset, free_names
    use beamid_residuals, only: residual_t
    use beamid_responses, only: work_t
    use beamid_statistics, only: new_statistics, statistics_t

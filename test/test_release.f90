@@ -12,7 +12,7 @@ program test_release
    use beamid_modal, only: modal_t
    use beamid_noise, only: gaussian_noise
    use beamid_observation, only: observation_t
-   use beamid_parameters, only: amplitude, free_index, free_names, get_free, parameter_names, &
+   use beamid_parameters, only: amplitude, free_index, free_names, get_free, &
       set_free
    use beamid_responses, only: response_t, solver_t
    use beamid_strings, only: to_text

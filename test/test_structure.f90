@@ -7,7 +7,7 @@ program test_structure
    use beamid_kinds, only: wp
    use beamid_quadrature, only: gauss_legendre, rule_t
    use beamid_strings, only: to_text
-   use beamid_parameters, only: check_structure, free_index, magnitude, parameter_names, parameters
+   use beamid_parameters, only: check_structure, free_index, magnitude, free_names, parameters
    use beamid_structure, only: of_x_S, structure_t
    use checks, only: check, check_close, finish, of_mesh
    use dense_matrices, only: dense_of
@@ -282,7 +282,7 @@ contains
          s%x_F = 2
          before = [(s%get(j), j=1, size(before))]
          call s%set(k, 123.5_wp + k)
-         select case (trim(parameter_names(k)))
+         select case (trim(free_names(k)))
          case ('m_T'); direct = s%m_T
          case ('E'); direct = s%E
          case ('c_D'); direct = s%c_D
@@ -304,12 +304,12 @@ contains
          end select
          before(k) = 123.5_wp + k
          ! Copies, not computations: exact.
-         call check_close('set '//trim(parameter_names(k)), direct, 123.5_wp + k, 0.0_wp)
-         call check_close('get '//trim(parameter_names(k))//' and all others', &
+         call check_close('set '//trim(free_names(k)), direct, 123.5_wp + k, 0.0_wp)
+         call check_close('get '//trim(free_names(k))//' and all others', &
             maxval(abs([(s%get(j), j=1, size(before))] - before)), 0.0_wp, 0.0_wp)
-         call check('index of '//trim(parameter_names(k)), free_index(parameter_names(k)) &
+         call check('index of '//trim(free_names(k)), free_index(free_names(k)) &
             == merge(k, 0, parameters(k)%is_free))
-         call check('magnitude of '//trim(parameter_names(k))//' is positive', &
+         call check('magnitude of '//trim(free_names(k))//' is positive', &
             magnitude(assembly, k) > 0)
       end do
       call check('any case', free_index('M_h') == free_index('m_H') &

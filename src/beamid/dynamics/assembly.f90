@@ -6,8 +6,8 @@
 !>     s**2 M + s C + K = D(s) + V H(s) V',    D_i = m_i s**2 + c_i s + k_i.
 !>
 !> The columns of V say how much each oscillator moves the tip, the hose, the slope of the tip, the
-!> sensor, and the two coordinates that a soft root couples; H holds what acts between them, a
-!> matrix of order six at most.
+!> sensors and supports, and the two coordinates that a soft root couples; H holds what acts between
+!> them, a small matrix.
 !>
 !> The hose has the same D(s) whether its coordinate is y, with c_H s + k_H between it and the tip,
 !> or y - u(l), with m_H s**2 instead. The smaller of the two loses no digits: both forms are kept,
@@ -17,8 +17,8 @@ module beamid_assembly
    use beamid_modes, only: beam_modes_t
    use beamid_structure, only: of_length, of_x_F, structure_t
    use beamid_terms, only: bending, force_value, hose, inertia, is_rigid, load_shape, of_damping, &
-      of_load, of_mass, of_stiffness, operators, root_slope, sensor_value, strength_slopes, &
-      strengths, stretch, support_value, tip_slope, tip_value
+      of_load, of_mass, of_stiffness, operators, place_on_mesh, root_slope, sensor_value, &
+      strength_slopes, strengths, stretch, support_value, tip_slope, tip_value
    implicit none
    private
 
@@ -155,8 +155,10 @@ contains
             else if (operators(k)%derivative == 0) then
                self%row(k) = self%tip
             else
-               if (self%row(tip_slope) == 0) r = r + 1
-               if (self%row(tip_slope) == 0) self%row(tip_slope) = r
+               if (self%row(tip_slope) == 0) then
+                  r = r + 1
+                  self%row(tip_slope) = r
+               end if
                self%row(k) = self%row(tip_slope)
             end if
          end do
@@ -199,13 +201,8 @@ contains
       real(wp) :: values(self%n)
       real(wp) :: x
 
-      associate (l => modes%space%length, derivative => operators(k)%derivative + more, &
-         s => self%structure)
-         x = l
-         if (operators(k)%place > 0) x = s%place(operators(k)%place)*(l/s%length)
-         if (operators(k)%place > 0) then
-            if (s%follows_tip(operators(k)%place)) x = l
-         end if
+      x = place_on_mesh(k, self%structure, modes%space%length)
+      associate (derivative => operators(k)%derivative + more)
          values = 0
          values(:self%beam) = modes%at(x, derivative)
          if (self%root == 0) return
@@ -266,8 +263,7 @@ contains
          do p = 1, size(self%parameters)
             self%load_slope(:, :, :, p) = base_load(self, modes, slopes(:, :, p))
             do k = 1, size(operators)
-               if (self%row(k) == 0 .or. .not. operators(k)%carried .or. &
-                  k >= support_value(1)) cycle
+               if (self%row(k) == 0 .or. .not. operators(k)%carried) cycle
                associate (row => self%row(k))
                   self%load_slope(:, 1, :, p) = self%load_slope(:, 1, :, p) - spread( &
                      self%strength(k, of_mass)*self%moves(row, p)*self%v_slope(row, :), 2, 2)
@@ -314,7 +310,7 @@ contains
          load(:, 1, form) = -s(inertia, of_mass)*whole
          load(:, 2, form) = -s(inertia, of_damping)*whole
          do k = 1, size(operators)
-            if (.not. operators(k)%carried .or. self%row(k) == 0 .or. k >= support_value(1)) cycle
+            if (self%row(k) == 0 .or. .not. operators(k)%carried) cycle
             load(:, 1, form) = load(:, 1, form) - s(k, of_mass)*self%v(self%row(k), :)
          end do
          ! By y the hose's mass moves alone, by y - u(l) the tip moves it too.

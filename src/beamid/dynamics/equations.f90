@@ -9,9 +9,9 @@ module beamid_equations
    use beamid_galerkin, only: galerkin_t
    use beamid_kinds, only: wp
    use beamid_constraints, only: constraints_t
-   use beamid_structure, only: of_x_F, structure_t
+   use beamid_structure, only: structure_t
    use beamid_terms, only: bending, force_value, hose, inertia, is_rigid, load_shape, of_damping, &
-      of_load, of_mass, of_stiffness, operators, root_slope, sensor_value, strengths, stretch, &
+      of_load, of_mass, of_stiffness, operators, place_on_mesh, sensor_value, strengths, stretch, &
       support_value, tip_value
    implicit none
    private
@@ -104,16 +104,13 @@ contains
    subroutine find_points(self, n)
       type(equations_t), intent(inout) :: self
       integer, intent(in) :: n
-      real(wp) :: x
       integer :: k
 
-      associate (space => self%galerkin%space, s => self%structure)
+      associate (space => self%galerkin%space)
          allocate (self%point(n, size(operators)), source=0.0_wp)
          do k = 1, size(operators)
             if (operators(k)%derivative < 0) cycle
-            x = merge(0.0_wp, s%length, k == root_slope)
-            if (operators(k)%place > 0) x = s%place(operators(k)%place)
-            self%point(:space%n, k) = space%at(min(x*(space%length/s%length), space%length), &
+            self%point(:space%n, k) = space%at(place_on_mesh(k, self%structure, space%length), &
                operators(k)%derivative)
          end do
          if (n == space%n) return
@@ -168,7 +165,7 @@ contains
       type(equations_t), intent(in) :: self
       real(wp), allocatable, intent(out) :: shape(:)
       type(band_t) :: factor
-      real(wp), allocatable :: answers(:, :), force(:)
+      real(wp), allocatable :: answers(:, :)
       integer, allocatable :: held(:)
       logical :: positive
       integer :: i, k

@@ -17,7 +17,6 @@ module beamid_modes
       real(wp), allocatable :: mu(:)           !< (n) ascending [1/length**4]
       real(wp), allocatable :: shapes(:, :)    !< (n, n) columns phi with phi' G phi = 1
       real(wp), allocatable :: tip(:)          !< (n) phi(l)
-      real(wp), allocatable :: tip_slope(:)    !< (n) phi'(l)
       real(wp), allocatable :: total(:)        !< (n) integral of phi
       real(wp), allocatable :: moment(:)       !< (n) integral of x phi
       real(wp) :: total_turn = 0               !< integral of x [length**2]
@@ -88,7 +87,6 @@ contains
          modes%moment = length*matmul(moments(first:), modes%shapes)
          modes%turn = length**2*galerkin%integral(2.0_wp)
          modes%tip = modes%at(length, 0)
-         modes%tip_slope = modes%at(length, 1)
       end associate
    end subroutine bare_beam_modes
 

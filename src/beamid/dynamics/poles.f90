@@ -37,7 +37,6 @@ module beamid_poles
       complex(wp), allocatable :: ds(:, :)
       complex(wp), allocatable :: dr(:, :)        !< (poles, parameters) d residue/d parameter
       real(wp), allocatable :: dimpulse(:)        !< (parameters)
-      real(wp) :: ordinary = 0                    !< size of an ordinary residue
       type(vector_t), allocatable :: vector(:)    !< of each root
    end type poles_t
 
@@ -69,7 +68,7 @@ contains
       call find_roots(assembly, modes, poles%all, poles%root, error)
       if (.not. allocated(error)) call residues(assembly, poles, error)
       if (.not. (allocated(error) .and. warm)) return
-      ! The roots of the other structure led astray.
+      ! The roots of the other structure were no good start.
       deallocate (poles%all, error)
       call find_roots(assembly, modes, poles%all, poles%root, error)
       if (.not. allocated(error)) call residues(assembly, poles, error)
@@ -128,24 +127,24 @@ contains
       type(assembly_t), intent(in) :: assembly
       type(poles_t), intent(inout) :: poles
       type(error_t), allocatable, intent(out) :: error
-      real(wp) :: x(assembly%n), y(size(assembly%v, 1)), rest(2), at_once
+      real(wp) :: x(assembly%n), y(size(assembly%v, 1)), rest(2), ordinary, at_once
       integer :: k
 
       call solve_mass(assembly, assembly%load(:, 1, 1), x, y, -assembly%lift)
       poles%impulse = y(assembly%sensor)
-      poles%ordinary = abs(dot_product(assembly%load(:, 1, 1), x))
+      ordinary = abs(dot_product(assembly%load(:, 1, 1), x))
       call solve_mass(assembly, assembly%v(assembly%sensor, :), x, y)
       ! At a rigid support there is no answer: what the beam by itself would do is the measure then.
       associate (mass => assembly%pencil(1)%m, o => assembly%v(assembly%sensor, :), &
          load => assembly%load(:, 1, 1))
          at_once = 1e-6_wp*sqrt(sum(load**2/mass)*sum(o**2/mass))
       end associate
-      poles%ordinary = max(sqrt(poles%ordinary*abs(y(assembly%sensor))), at_once) &
+      ordinary = max(sqrt(ordinary*abs(y(assembly%sensor))), at_once) &
          /minval(abs(poles%s), mask=abs(poles%s) > 0)
       associate (r => poles%residue, s => poles%s, cluster => poles%cluster)
          rest(1) = sum(real(r)) + sum([(real(cluster(k)%moments(1)), k=1, size(cluster))])
          rest(2) = sum(real(r*s)) + sum([(real(cluster(k)%moments(2)), k=1, size(cluster))])
-         rest(1) = abs(rest(1))/poles%ordinary
+         rest(1) = abs(rest(1))/ordinary
          rest(2) = abs(rest(2) - poles%impulse)/(at_once + sum(abs(r*s)) &
             + sum([(abs(cluster(k)%moments(2)), k=1, size(cluster))]))
          if (rest(1) <= max_rest .and. rest(2) <= max_rest_at_once .and. &

@@ -19,11 +19,11 @@ module beamid_excitation
       real(wp), allocatable :: f(:)      !< force at the nodes, amplitude*shape [force]
       real(wp), allocatable, private :: shape(:)
       real(wp) :: amplitude = 1          !< of a pulse [force]; of a table a factor
-      !> .false.: the force acts at the tip, (3.11). .true.: distributed, (3.10), with
+      !> .false.: the force acts at a point, (3.11). .true.: distributed, (3.10), with
       !> theta(x) = (x/l)**power.
       logical :: distributed = .false.
       real(wp) :: power = 2              !< >= 2
-      !> The tip is held aside by the amplitude [length]; the force follows from the stiffness.
+      !> The point is held aside by the amplitude [length]; the force follows from the stiffness.
       logical :: by_displacement = .false.
       logical :: is_release = .false.    !< f is taken away at the first node
       !> f is the acceleration of the base, relative to which the beam moves, and no force.
@@ -86,7 +86,7 @@ contains
 
    !> The force of a displacement that is given, once the structure is known.
    !>
-   !> stiffness  static, of the tip [force/length]
+   !> stiffness  static, where the force acts [force/length]
    pure subroutine fit_to(self, stiffness)
       class(excitation_t), intent(inout) :: self
       real(wp), intent(in) :: stiffness

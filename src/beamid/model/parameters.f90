@@ -12,7 +12,7 @@ module beamid_parameters
    implicit none
    private
 
-   public :: parameter_t, parameters, parameter_names, free_names, free_index, name_of_parameter, &
+   public :: parameter_t, parameters, free_names, free_index, name_of_parameter, &
       place_of_name, is_there, get_free, set_free, free_magnitude, magnitude, may_be_negative, &
       belongs_to_hose, check_structure
    public :: amplitude, offset, positive, not_negative, on_beam, any_value
@@ -115,8 +115,7 @@ module beamid_parameters
       [(i, i=1, size(parameters))]))
 
    !> Keys of all rows.
-   character(len=*), parameter :: free_names(size(parameters)) = parameters%name, &
-      parameter_names(n_parameters) = parameters(:n_parameters)%name
+   character(len=*), parameter :: free_names(size(parameters)) = parameters%name
 
 contains
 

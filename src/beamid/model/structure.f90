@@ -210,7 +210,7 @@ contains
       q(k) = cmplx(real(q(k)), step*max(abs(real(q(k))), tiny(step)/step), wp)
       x = q(of_x_F)
       if (self%follows_tip(of_x_F) .and. k == of_length) x = q(of_length)
-      deflection = influence(self, q, x, x, self%supports)
+      deflection = influence(self, q, x, x)
       if (abs(aimag(q(k))) > 0) stiffening = -aimag(deflection)/(real(deflection)*aimag(q(k)))
    end function stiffening
 
@@ -222,7 +222,7 @@ contains
 
       q = values_of(self)
       static_deflection = real(influence(self, q, cmplx(x, 0, wp), cmplx(self%place(of_x_F), 0, &
-         wp), self%supports))
+         wp)))
    end function static_deflection
 
    !> Static stiffness of the tip without supports, 3 E I/l**3 with a rigid root [force/length].
@@ -231,34 +231,43 @@ contains
       complex(wp) :: q(n_parameters)
 
       q = values_of(self)
-      tip_stiffness = 1/real(influence(self, q, q(of_length), q(of_length), 0))
+      tip_stiffness = 1/real(bare_influence(self, q, q(of_length), q(of_length)))
    end function tip_stiffness
 
-   !> Deflection at x under a unit force at xi: that of the beam with fewer supports, minus what the
-   !> force of the last one takes back.
+   !> Deflection at x under a unit force at xi: that of the bare beam, minus what the force of each
+   !> support in turn takes back.
    !>
-   !> q         parameters by place
-   !> supports  how many of them count
-   pure recursive function influence(self, q, x, xi, supports) result(deflection)
+   !> q  parameters by place
+   pure complex(wp) function influence(self, q, x, xi)
       type(structure_t), intent(in) :: self
       complex(wp), intent(in) :: q(:), x, xi
-      integer, intent(in) :: supports
-      complex(wp) :: deflection, near, far, held, there
+      complex(wp) :: places(self%supports + 2), a(self%supports + 2, self%supports + 2), held
+      integer :: i, j, k
 
-      if (supports > 0) then
-         there = q(x_P_at(supports))
-         held = influence(self, q, there, there, supports - 1)
-         if (self%support(supports)%k_P < rigid) held = held + 1/q(k_P_at(supports))
-         deflection = influence(self, q, x, xi, supports - 1) &
-            - influence(self, q, x, there, supports - 1) &
-            *influence(self, q, there, xi, supports - 1)/held
-         return
-      end if
+      places = [x, xi, q(x_P_at(:self%supports))]
+      do j = 1, size(places)
+         a(:, j) = [(bare_influence(self, q, places(i), places(j)), i=1, size(places))]
+      end do
+      do k = 1, self%supports
+         i = k + 2
+         held = a(i, i)
+         if (self%support(k)%k_P < rigid) held = held + 1/q(k_P_at(k))
+         a = a - spread(a(:, i), 2, size(places))*spread(a(i, :), 1, size(places))/held
+      end do
+      influence = a(1, 2)
+   end function influence
+
+   !> The same without supports.
+   pure complex(wp) function bare_influence(self, q, x, xi)
+      type(structure_t), intent(in) :: self
+      complex(wp), intent(in) :: q(:), x, xi
+      complex(wp) :: near, far
+
       near = merge(x, xi, real(x) <= real(xi))
       far = merge(xi, x, real(x) <= real(xi))
-      deflection = near**2*(3*far - near)/(6*q(of_E)*q(of_I))
-      if (self%has_root_spring()) deflection = deflection + near*far/q(of_k_R)
-   end function influence
+      bare_influence = near**2*(3*far - near)/(6*q(of_E)*q(of_I))
+      if (self%has_root_spring()) bare_influence = bare_influence + near*far/q(of_k_R)
+   end function bare_influence
 
    !> Rayleigh's estimate of the first angular frequency without supports [1/time]: the static tip
    !> stiffness against the tip mass and 33/140 of the beam's.

@@ -13,7 +13,8 @@ module beamid_terms
    implicit none
    private
 
-   public :: term_t, terms, strengths, strength_slopes, is_rigid, operators, operator_t
+   public :: term_t, terms, strengths, strength_slopes, is_rigid, operators, operator_t, &
+      place_on_mesh
    public :: of_mass, of_damping, of_stiffness, of_load
    public :: inertia, bending, tip_value, tip_slope, root_slope, hose, stretch, load_shape, &
       force_value, sensor_value, sensor_slope, support_value
@@ -121,6 +122,21 @@ contains
             *(structure%length/mesh_length)**operators(term%operator)%growth
       end do
    end function strength_slopes
+
+   !> Where the point of an operator is on the beam of the mesh [length].
+   pure real(wp) function place_on_mesh(operator, structure, mesh_length) result(x)
+      integer, intent(in) :: operator
+      type(structure_t), intent(in) :: structure
+      real(wp), intent(in) :: mesh_length
+
+      x = merge(0.0_wp, mesh_length, operator == root_slope)
+      associate (place => operators(operator)%place)
+         if (place == 0) return
+         ! Rounding must not take the tip off the mesh.
+         if (.not. structure%follows_tip(place)) x = structure%place(place) &
+            *(mesh_length/structure%length)
+      end associate
+   end function place_on_mesh
 
    !> A rigid root has no slope for a spring to act on, a rigid support is no spring; sensors and
    !> supports are as many as they are.
