@@ -7,8 +7,8 @@ program test_attachment_derivatives
    use beamid_kinds, only: wp
    use beamid_parameters, only: free_names
    use beamid_strings, only: to_text
-   use beamid_structure, only: at_tip, of_c_R, of_gamma, of_J_T, of_k_R, of_length, of_m_S, &
-      of_m_T, of_x_S, rigid
+   use beamid_structure, only: at_tip, of_c_R, of_gamma, of_J_T, of_kappa_R, of_length, of_m_S, &
+      of_m_T, of_x_S
    use checks, only: check, check_close, finish
    use exact_motions, only: exact, galerkin, kinds, prepare, relative
    use random_experiments, only: experiment_t, random_structure
@@ -37,7 +37,7 @@ contains
    !> starts there, against one-sided differences; the same when a plain response was asked for
    !> before; and the sensor near the root, and at the tip.
    subroutine test_at_zero()
-      integer, parameter :: some(7) = [of_m_T, of_gamma, of_J_T, of_k_R, of_c_R, of_m_S, &
+      integer, parameter :: some(7) = [of_m_T, of_gamma, of_J_T, of_kappa_R, of_c_R, of_m_S, &
          of_x_S]
       character(len=*), parameter :: names(9) = [character(len=20) :: 'J_T = 0', 'm_S = 0', &
          'gamma = 0', 'all of them 0', 'x_S by default', 'J_T = 0, x_S default', &
@@ -56,7 +56,7 @@ contains
          do i = 1, size(names)
             e = experiment_on(everything)
             e%mesh = coarse
-            if (root == 2) e%structure%k_R = rigid
+            if (root == 2) e%structure%kappa_R = 0
             associate (s => e%structure)
                if (any(i == [1, 4, 6, 9])) s%J_T = 0
                if (any(i == [2, 4, 9])) s%sensor(1)%m_S = 0
@@ -81,7 +81,7 @@ contains
                cycle
             end if
             do k = 1, size(some)
-               if (root == 2 .and. any(some(k) == [of_k_R, of_c_R])) cycle
+               if (root == 2 .and. any(some(k) == [of_kappa_R, of_c_R])) cycle
                do m = 1, 3
                   ! Sums over roots of relative error 1e-14 times the phase, 1e2; the acceleration
                   ! has all modes in it. A sensor near the root that is as heavy as the beam moves

@@ -8,7 +8,7 @@ program test_attachment_motions
    use beamid_modal, only: modal_t
    use beamid_parameters, only: free_names
    use beamid_strings, only: to_text
-   use beamid_structure, only: of_c_R, of_gamma, of_J_T, of_k_R, of_length, of_m_S, of_x_S, rigid, &
+   use beamid_structure, only: of_c_R, of_gamma, of_J_T, of_kappa_R, of_length, of_m_S, of_x_S, &
       structure_t
    use checks, only: check, check_close, finish
    use exact_motions, only: exact, prepare, relative, solver
@@ -44,7 +44,7 @@ contains
             select case (i)
             case (2); structure%gamma = 0.3_wp
             case (3); structure%J_T = 0.05_wp
-            case (4); structure%k_R = 2
+            case (4); structure%kappa_R = 0.5_wp
             case (5); structure%sensor(1)%m_S = 0.2_wp
             case (7); structure%gamma = 100
             case (8); structure%m_H = 0.1_wp
@@ -112,7 +112,7 @@ contains
 
    !> Attachments from next to nothing to far more than the beam, in quadruple precision.
    subroutine test_limits()
-      integer, parameter :: some(6) = [of_gamma, of_J_T, of_k_R, of_c_R, of_m_S, of_x_S]
+      integer, parameter :: some(6) = [of_gamma, of_J_T, of_kappa_R, of_c_R, of_m_S, of_x_S]
       real(wp), parameter :: sizes(6) = [1e-12_wp, 1e-6_wp, 1e-3_wp, 1e2_wp, 1e4_wp, 1e6_wp]
       type(experiment_t) :: e
       real(wp) :: allowed(3)
@@ -123,7 +123,7 @@ contains
             e = experiment_on(everything)
             e%mesh = coarse
             ! A root of 1e-12 swings for a million of the beam's periods.
-            if (some(k) == of_k_R .and. sizes(i) < 1e-6_wp) cycle
+            if (some(k) == of_kappa_R .and. sizes(i) < 1e-6_wp) cycle
             if (some(k) == of_x_S .and. (sizes(i) < 1e-6_wp .or. sizes(i) > 1)) cycle
             call e%structure%set(some(k), sizes(i))
             ! Round-off times the phase; where the sensor hardly moves (x_S = 1e-6) the splines
@@ -150,7 +150,7 @@ contains
       do root = 1, 2
          e = experiment_on(everything)
          e%mesh = coarse
-         if (root == 2) e%structure%k_R = rigid
+         if (root == 2) e%structure%kappa_R = 0
          call prepare(e)
          walker = solver
          worst = 0
@@ -162,7 +162,7 @@ contains
                if (k == of_length) cycle
                if (k == of_x_S) then
                   call e%structure%set(k, between(0.1_wp, 1.0_wp))
-               else if (root == 1 .or. k /= of_k_R) then
+               else if (root == 1 .or. k /= of_kappa_R) then
                   call e%structure%set(k, everything%get(k)*decades(-far, far))
                end if
             end do

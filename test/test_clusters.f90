@@ -262,7 +262,7 @@ contains
       type(error_t), allocatable :: error
 
       call bare_beam_modes(galerkin, modes, error)
-      call find_poles(new_assembly(structure, modes, [integer ::]), modes, poles, error)
+      call find_poles(new_assembly(structure, modes, [integer ::]), poles, error)
       call check(name//': poles', .not. allocated(error))
       if (allocated(error)) return
       call check(name//': roots taken together', size(poles%cluster) == size(expected), &
@@ -487,7 +487,7 @@ contains
          structure%c_H = 10.0_wp**(3*random(1) - 2)
          structure%c_D = 10.0_wp**(5*random(2) - 3)
          if (allocated(poles%all)) deallocate (poles%all)
-         call find_poles(new_assembly(structure, modes, [integer ::]), modes, poles, error)
+         call find_poles(new_assembly(structure, modes, [integer ::]), poles, error)
          if (allocated(error)) then
             refused = refused + 1
          else

@@ -203,7 +203,7 @@ contains
       if (allocated(error)) return
       equations = new_equations(galerkin, e%structure, e%excitation)
       call assemble(modes, equations, e%excitation, [integer ::], assembly)
-      call find_poles(assembly, modes, poles, error)
+      call find_poles(assembly, poles, error)
       if (allocated(error)) return
       base%mu = modes%mu
       base%tip = modes%tip

@@ -300,7 +300,7 @@ contains
       type(field_t) :: field
 
       structure = structures(1)
-      structure%k_R = 100
+      structure%kappa_R = 0.01_wp
       galerkin = new_galerkin(mesh_t(3, 4, 4, 1), structure%length, .true.)
       equations = new_equations(galerkin, structure, force(.false., .false.))
       call find_field(equations, force(.false., .false.), times(), field, error)

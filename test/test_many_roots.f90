@@ -10,7 +10,7 @@ program test_many_roots
    use beamid_kinds, only: wp
    use beamid_poles, only: poles_t
    use beamid_strings, only: to_text
-   use beamid_structure, only: at_tip, rigid, structure_t
+   use beamid_structure, only: at_tip, structure_t
    use checks, only: check, check_close, finish
    use exact_motions, only: galerkin, mesh_of
    use full_matrices, only: full_t, new_full, qp
@@ -33,8 +33,8 @@ contains
       mass = s%rho*s%length
       s%m_T = mass*decades(-3.0_wp, 3.0_wp)
       s%J_T = mass*s%length**2*decades(-5.0_wp, 1.0_wp)
-      s%k_R = s%E*s%I/s%length*decades(-3.0_wp, 3.0_wp)
-      s%c_R = 0.1_wp*s%k_R/s%omega()
+      s%kappa_R = s%length/(s%E*s%I*decades(-3.0_wp, 3.0_wp))
+      s%c_R = 0.1_wp/(s%kappa_R*s%omega())
       s%sensor(1)%m_S = mass*decades(-4.0_wp, 2.0_wp)
       s%sensor(1)%x_S = s%length*decades(-2.0_wp, 0.0_wp)
       s%c_D = 2*s%E/s%omega()*decades(-5.0_wp, 1.0_wp)
@@ -44,7 +44,7 @@ contains
       s%c_H = 2*sqrt(s%k_H*s%m_H)*decades(-4.0_wp, 2.0_wp)
       if (uniform() < 0.1_wp) s%m_T = 0
       if (uniform() < 0.1_wp) s%J_T = 0
-      if (uniform() < 0.1_wp) s%k_R = rigid
+      if (uniform() < 0.1_wp) s%kappa_R = 0
       if (uniform() < 0.1_wp) s%sensor(1)%m_S = 0
       if (uniform() < 0.1_wp) s%sensor(1)%x_S = at_tip
       if (uniform() < 0.1_wp) s%c_D = 0

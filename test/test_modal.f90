@@ -80,7 +80,7 @@ contains
       equations = new_equations(galerkin, assembly, new_pulse(1.0_wp, 1.0_wp))
       call bare_beam_modes(galerkin, modes, error)
       if (.not. allocated(error)) call find_poles(new_assembly(assembly, modes, [integer ::]), &
-         modes, poles, error)
+         poles, error)
       call check('poles found', .not. allocated(error))
       if (allocated(error)) return
       do i = 1, size(reference)

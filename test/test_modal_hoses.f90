@@ -248,7 +248,7 @@ contains
       type(poles_t) :: poles
       type(error_t), allocatable :: error
 
-      call find_poles(new_assembly(structure, modes, [integer ::]), modes, poles, error)
+      call find_poles(new_assembly(structure, modes, [integer ::]), poles, error)
       real_roots = -1
       if (.not. allocated(error)) real_roots = count(.not. aimag(poles%s) > 0)
    end function real_roots

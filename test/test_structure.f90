@@ -292,7 +292,7 @@ contains
          case ('rho'); direct = s%rho
          case ('gamma'); direct = s%gamma
          case ('J_T'); direct = s%J_T
-         case ('k_R'); direct = s%k_R
+         case ('k_R'); direct = s%kappa_R
          case ('c_R'); direct = s%c_R
          case ('m_S'); direct = s%sensor(1)%m_S
          case ('J_S'); direct = s%sensor(1)%J_S

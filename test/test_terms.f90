@@ -60,8 +60,8 @@ program test_terms
       not_negative, on_beam, parameters, positive
    use beamid_problems, only: compare_derivatives
    use beamid_strings, only: to_text
-   use beamid_structure, only: at_tip, n_parameters, n_single, of_c_R, of_k_R, of_length, of_x_F, &
-      rigid, structure_t, x_S_at
+   use beamid_structure, only: at_tip, n_parameters, n_single, of_c_R, of_kappa_R, of_length, of_x_F, &
+      structure_t, x_S_at
    use beamid_terms, only: strength_slopes, strengths
    use beamid_units, only: units_t
    use beamid_variables, only: new_variable, unbounded, variable_t
@@ -102,7 +102,7 @@ contains
          if (.not. is_there(s, k)) cycle
          if (parameters(k)%range == on_beam) then
             call s%set(k, s%length*(0.2_wp + 0.75_wp*uniform()))
-         else if (.not. (s%get(k) > 0 .and. s%get(k) < rigid)) then
+         else if (.not. (s%get(k) > 0)) then
             call s%set(k, magnitude(s, k)*decades(-spread, spread))
          end if
       end do
@@ -176,10 +176,10 @@ contains
          call check_close('strengths, d/d '//trim(parameters(k)%name), maxval(abs(exact &
             - approximate))/maxval(abs(exact)), 0.0_wp, 3e-7_wp)
       end do
-      s%k_R = rigid
+      s%kappa_R = 0
       s%sensor(1)%x_S = at_tip
       call check('rigid root: k_R does nothing', &
-         all(abs(strength_slopes(s, s%length, of_k_R)) <= 0))
+         all(abs(strength_slopes(s, s%length, of_kappa_R)) <= 0))
       call check('length matters', any(abs(strength_slopes(s, s%length, of_length)) > 0))
    end subroutine test_derivatives
 

@@ -28,7 +28,7 @@ module attached_beams
    !> Everything at once: rho = E I = l = 1.
    type(structure_t), parameter :: everything = structure_t(length=1, rho=1, E=1, I=1, &
       c_D=1e-3_wp, m_T=0.5_wp, m_H=0.3_wp, c_H=0.2_wp, k_H=20, gamma=0.05_wp, J_T=0.02_wp, &
-      k_R=5, sensor=sensor_t(m_S=0.1_wp, x_S=0.6_wp))
+      kappa_R=0.2_wp, sensor=sensor_t(m_S=0.1_wp, x_S=0.6_wp))
    !> Quintics: their frequencies are wrong by (beta h)**8/3e6.
    type(mesh_t), parameter :: fine = mesh_t(5, 24, 6, 1), coarse = mesh_t(5, 3, 6, 1)
    !> What CVODE leaves with rtol = 1e-11: some hundred times as much of the largest displacement.
@@ -53,7 +53,7 @@ contains
 
       call bare_beam_modes(galerkin, modes, error)
       if (allocated(error)) return
-      call find_poles(new_assembly(structure, modes, [integer ::]), modes, poles, error)
+      call find_poles(new_assembly(structure, modes, [integer ::]), poles, error)
    end subroutine poles_of
 
    !> The roots of a structure on a mesh, lowest first; a failure is a failed check.

@@ -4,7 +4,7 @@
 module full_benches
    use beamid_galerkin, only: galerkin_t
    use beamid_kinds, only: wp
-   use beamid_structure, only: of_x_F, rigid, structure_t, x_P_at, x_S_at
+   use beamid_structure, only: of_x_F, structure_t, x_P_at, x_S_at
    use dense_matrices, only: dense_of
    use full_matrices, only: exponential, qp, solve_real
    implicit none
@@ -105,7 +105,7 @@ contains
          galerkin%space%length, 1)/longer)
       v = s%rho*whole + s%m_T*tip
       if (s%has_root_spring()) then
-         K = K + s%k_R*square(at(0.0_qp, 0.0_wp, 1)/longer)
+         K = K + 1/s%kappa_R*square(at(0.0_qp, 0.0_wp, 1)/longer)
          C = C + s%c_R*square(at(0.0_qp, 0.0_wp, 1)/longer)
       end if
       if (s%has_hose()) then
@@ -128,14 +128,14 @@ contains
       end if
       do i = 1, s%supports
          v = point(x_P_at(i), 0)
-         if (.not. s%support(i)%k_P < rigid) then
+         if (.not. s%support(i)%kappa_P > 0) then
             held = reshape([held, v], [size(v), size(held, 2) + 1])
             cycle
          end if
-         K = K + s%support(i)%k_P*square(v)
+         K = K + 1/s%support(i)%kappa_P*square(v)
          C = C + s%support(i)%c_P*square(v)
          if (is_base) loads(:, 2:) = loads(:, 2:) - spread(v, 2, 2) &
-            *spread(real([s%support(i)%c_P, s%support(i)%k_P], qp), 1, size(v))
+            *spread(real([s%support(i)%c_P, 1/s%support(i)%kappa_P], qp), 1, size(v))
       end do
       o = point(x_S_at(s%observer), 0)
 

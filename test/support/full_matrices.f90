@@ -9,7 +9,7 @@ module full_matrices
    use beamid_kinds, only: wp
    use beamid_quadrature, only: composite, rule_t
    use beamid_structure, only: n_parameters, of_c_D, of_c_H, of_c_R, of_E, of_gamma, of_I, of_J_S, &
-      of_J_T, of_k_H, of_k_R, of_length, of_m_H, of_m_S, of_m_T, of_rho, of_x_F, of_x_S, structure_t
+      of_J_T, of_k_H, of_kappa_R, of_length, of_m_H, of_m_S, of_m_T, of_rho, of_x_F, of_x_S, structure_t
    implicit none
    private
 
@@ -125,7 +125,7 @@ contains
             *square((self%sensor(:, 1) + moved(1)*self%sensor(:, 2))/longer)
          self%C = q(of_c_D)*q(of_I)/longer**3*self%bending + q(of_gamma)*longer*self%inertia
          self%K = q(of_E)*q(of_I)/longer**3*self%bending
-         if (self%soft) self%K = self%K + q(of_k_R)*square(self%root/longer)
+         if (self%soft) self%K = self%K + 1/q(of_kappa_R)*square(self%root/longer)
          if (self%soft) self%C = self%C + q(of_c_R)*square(self%root/longer)
          if (.not. self%hose) return
          self%M(self%n, self%n) = q(of_m_H)

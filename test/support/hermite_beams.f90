@@ -1,7 +1,7 @@
 !> Natural frequencies of a beam by Hermite's cubic elements with nodes wherever something is.
 module hermite_beams
    use beamid_kinds, only: wp
-   use beamid_structure, only: rigid, structure_t
+   use beamid_structure, only: structure_t
    implicit none
    private
 
@@ -50,7 +50,7 @@ contains
       held = .false.
       held(1) = .true.
       held(2) = .not. s%has_root_spring()
-      if (s%has_root_spring()) K(2, 2) = K(2, 2) + s%k_R
+      if (s%has_root_spring()) K(2, 2) = K(2, 2) + 1/s%kappa_R
       n = 2*elements
       M(n + 1, n + 1) = M(n + 1, n + 1) + s%m_T
       M(n + 2, n + 2) = M(n + 2, n + 2) + s%J_T
@@ -61,8 +61,8 @@ contains
       end do
       do i = 1, s%supports
          n = 2*nint(s%support(i)%x_P/h) + 1
-         held(n) = held(n) .or. .not. s%support(i)%k_P < rigid
-         if (s%support(i)%k_P < rigid) K(n, n) = K(n, n) + s%support(i)%k_P
+         held(n) = held(n) .or. .not. s%support(i)%kappa_P > 0
+         if (s%support(i)%kappa_P > 0) K(n, n) = K(n, n) + 1/s%support(i)%kappa_P
       end do
       free = pack([(i, i=1, size(held))], .not. held)
       a = K(free, free)

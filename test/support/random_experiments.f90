@@ -46,8 +46,8 @@ contains
       mass = s%rho*s%length
       s%m_T = mass*decades(-3.0_wp, 2.0_wp)
       s%J_T = (mass + s%m_T)*(s%length*decades(-3.0_wp, -0.5_wp))**2
-      s%k_R = s%E*s%I/s%length*decades(-2.0_wp, 3.0_wp)
-      s%c_R = 0.05_wp*s%k_R/s%omega()
+      s%kappa_R = s%length/(s%E*s%I*decades(-2.0_wp, 3.0_wp))
+      s%c_R = 0.05_wp/(s%kappa_R*s%omega())
       s%sensor(1)%m_S = mass*decades(-3.0_wp, 0.0_wp)
       s%sensor(1)%x_S = s%length*between(0.05_wp, 1.0_wp)
       s%c_D = 2*s%E/s%omega()*decades(-5.0_wp, 0.0_wp)

@@ -21,7 +21,7 @@ module beamid_case_files
    use beamid_records, only: append_recording, recording_t, window_t
    use beamid_refusals, only: refusals_t, refuse
    use beamid_strings, only: lower, to_text
-   use beamid_structure, only: of_x_F, rigid, structure_t
+   use beamid_structure, only: of_x_F, structure_t
    use beamid_units, only: units_t
    implicit none
    private
@@ -266,7 +266,7 @@ contains
 
       associate (structure => case%model%structure, mesh => case%meshes( &
          minloc(case%meshes%elements, dim=1)))
-         held = count(.not. structure%support(:structure%supports)%k_P < rigid)
+         held = structure%rigid_supports()
          least = mesh%elements + mesh%degree - 2 + merge(1, 0, structure%has_root_spring())
          if (held < least) return
          do k = size(blocks), 1, -1

@@ -8,7 +8,7 @@ module beamid_model_groups
    use beamid_paths, only: directory_of, join_path
    use beamid_kinds, only: wp
    use beamid_numbers, only: shown
-   use beamid_parameters, only: parameters, zero_or_more => not_negative
+   use beamid_parameters, only: as_named, parameters, zero_or_more => not_negative
    use beamid_strings, only: lower, to_text
    use beamid_structure, only: item_name_length, n_parameters, of_x_F, structure_t
    use beamid_units, only: label_length, units_t
@@ -39,7 +39,7 @@ contains
       do k = 1, n_parameters
          if (parameters(k)%group /= block%name .or. parameters(k)%item /= item) cycle
          call read_parameter(block, k, value)
-         if (allocated(value)) call structure%set(k, value)
+         if (allocated(value)) call structure%set(k, as_named(k, value))
       end do
       if (block%name == 'beam') then
          call block%get('width', width, 'give I', 'b of a rectangle', positive)

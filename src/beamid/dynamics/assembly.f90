@@ -1,13 +1,13 @@
 !> The structure as oscillators that touch at few points.
 !>
-!> In the modes of the bare beam, with the hose as one more oscillator and the turn of a soft root
-!> (w = theta x) as another, M, C and K are diagonal up to what hangs on the beam:
+!> In the modes of the bare beam, pinned at a root that may turn, with the hose as one more
+!> oscillator, M, C and K are diagonal up to what hangs on the beam:
 !>
-!>     s**2 M + s C + K = D(s) + V H(s) V',    D_i = m_i s**2 + c_i s + k_i.
+!>     s**2 M + s C + K = D(s) + V H(s) A**-1 V',    D_i = m_i s**2 + c_i s + k_i.
 !>
-!> The columns of V say how much each oscillator moves the tip, the hose, the slope of the tip, the
-!> sensors and supports, and the two coordinates that a soft root couples; H holds what acts between
-!> them, a small matrix.
+!> The columns of V say how much each oscillator moves the tip, the hose, the slopes of root and tip,
+!> the sensors and supports; H holds what acts between them, a small matrix. A is diagonal: 1, but of
+!> a spring to the ground its compliance, with 1 + s c/k in H, so that it may be rigid.
 !>
 !> The hose has the same D(s) whether its coordinate is y, with c_H s + k_H between it and the tip,
 !> or y - u(l), with m_H s**2 instead. The smaller of the two loses no digits: both forms are kept,
@@ -16,9 +16,10 @@ module beamid_assembly
    use beamid_kinds, only: wp
    use beamid_modes, only: beam_modes_t
    use beamid_structure, only: of_length, of_x_F, structure_t
-   use beamid_terms, only: bending, force_value, hose, inertia, is_rigid, load_shape, of_damping, &
-      of_load, of_mass, of_stiffness, operators, place_on_mesh, root_slope, sensor_value, &
-      strength_slopes, strengths, stretch, support_value, tip_slope, tip_value
+   use beamid_terms, only: bending, force_value, hose, inertia, is_spring, load_shape, &
+      of_compliance, of_damping, of_load, of_mass, of_stiffness, operators, place_on_mesh, &
+      root_slope, sensor_value, strength_slopes, strengths, stretch, support_value, tip_slope, &
+      tip_value
    implicit none
    private
 
@@ -33,7 +34,6 @@ module beamid_assembly
    !> What drives the structure: a force at a point, distributed, or the base that moves.
    type :: load_t
       real(wp), allocatable :: shape(:)   !< <theta, phi> of the beam's modes; not allocated: none
-      real(wp) :: shape_turn = 0          !< <theta, x>
       logical :: base = .false.           !< the base moves, no force
    end type load_t
 
@@ -44,9 +44,10 @@ module beamid_assembly
       integer :: beam = 0                      !< the first of them: modes of the bare beam
       type(pencil_t) :: pencil(2)              !< hose by y, by y - u(l)
       real(wp), allocatable :: v(:, :)         !< (r, n) column i is v_i
-      !> (r) 1; of a rigid support 0: the row of V says that nothing moves there, and in the place
-      !> of its motion stands the force that holds it, in units of H
-      real(wp), allocatable :: compliant(:)
+      real(wp), allocatable :: compliance(:)   !< (r) diagonal of A
+      real(wp), allocatable :: compliance_slope(:, :)   !< (r, parameters)
+      !> (r) which rows are held so fast that the two roots they take away are nowhere near
+      logical, allocatable :: held(:)
       !> (n, 2, 2) F, and what of it goes with 1/s, by the two forms of the pencil: per unit force,
       !> or per unit acceleration of the base
       real(wp), allocatable :: load(:, :, :)
@@ -66,7 +67,7 @@ module beamid_assembly
       !> that the structure by itself does without: J_T = 0, a sensor at the tip by default.
       integer, allocatable :: row(:)
       !> Rows of v; 0: not there. The sensor's may be that of the tip.
-      integer :: tip = 0, hose = 0, sensor = 0, arrow = 0, root = 0
+      integer :: tip = 0, hose = 0, sensor = 0
    contains
       procedure :: form_at
       procedure :: is_bare
@@ -75,6 +76,9 @@ module beamid_assembly
       procedure :: load_at
       procedure :: mass_couplings
    end type assembly_t
+
+   !> A root this many times beyond all poles of the oscillators moves nothing that is observed.
+   real(wp), parameter :: far_away = 1e4_wp
 
 contains
 
@@ -102,7 +106,7 @@ contains
          slopes(:, :, p) = strength_slopes(structure, modes%space%length, parameters(p))
       end do
       call lay_out(self, modes, needed=[(any(abs(self%strength(i, :)) > 0) .or. &
-         any(abs(slopes(i, :, :)) > 0) .or. is_rigid(i, structure), i=1, size(self%strength, 1))])
+         any(abs(slopes(i, :, :)) > 0) .or. is_spring(i, structure), i=1, size(self%strength, 1))])
       allocate (self%slope(2, size(parameters)))
       do form = 1, 2
          self%pencil(form) = new_pencil(self, modes, self%strength, form)
@@ -110,13 +114,13 @@ contains
             self%slope(form, p) = new_pencil(self, modes, slopes(:, :, p), form)
          end do
       end do
-      call hold_rigid(self, modes)
       call set_load(self, modes, slopes, applied)
       allocate (self%pole(self%n, 2))
       do i = 1, self%n
          self%pole(i, :) = quadratic(self%pencil(1)%m(i), self%pencil(1)%c(i), &
             self%pencil(1)%k(i))
       end do
+      call set_springs(self, modes, slopes)
    end function new_assembly
 
    !> Which oscillators and couplings there are, and V.
@@ -139,17 +143,11 @@ contains
             self%hose = r
             self%n = self%n + 1
          end if
-         if (s%has_root_spring()) then
-            self%arrow = r + 1
-            self%root = r + 2
-            r = r + 2
-            self%n = self%n + 1
-         end if
          do k = 1, size(operators)
-            if (k == root_slope .or. k == force_value .or. operators(k)%derivative < 0 .or. &
-               self%row(k) > 0) cycle
+            if (k == force_value .or. operators(k)%derivative < 0 .or. self%row(k) > 0 .or. &
+               k == root_slope .and. modes%space%turning == 0) cycle
             if (.not. (needed(k) .or. k == sensor_value(s%observer))) cycle
-            if (.not. stays_at_tip(self, operators(k)%place)) then
+            if (k == root_slope .or. .not. stays_at_tip(self, operators(k)%place)) then
                r = r + 1
                self%row(k) = r
             else if (operators(k)%derivative == 0) then
@@ -167,10 +165,6 @@ contains
       allocate (self%v(r, self%n), self%v_slope(r, self%n), &
          self%moves(r, size(self%parameters)), source=0.0_wp)
       if (self%hose > 0) self%v(self%hose, self%beam + 1) = 1
-      if (self%root > 0) then
-         self%v(self%arrow, :self%beam) = modes%moment
-         self%v(self%root, self%n) = 1
-      end if
       do k = 1, size(operators)
          if (self%row(k) == 0) cycle
          associate (row => self%row(k))
@@ -199,16 +193,10 @@ contains
       type(beam_modes_t), intent(in) :: modes
       integer, intent(in) :: k, more
       real(wp) :: values(self%n)
-      real(wp) :: x
 
-      x = place_on_mesh(k, self%structure, modes%space%length)
-      associate (derivative => operators(k)%derivative + more)
-         values = 0
-         values(:self%beam) = modes%at(x, derivative)
-         if (self%root == 0) return
-         if (derivative == 0) values(self%n) = x
-         if (derivative == 1) values(self%n) = 1
-      end associate
+      values = 0
+      values(:self%beam) = modes%at(place_on_mesh(k, self%structure, modes%space%length), &
+         operators(k)%derivative + more)
    end function at_point
 
    !> How the parameters move the point of an operator along the beam of the mesh.
@@ -227,25 +215,41 @@ contains
       end associate
    end function moves_of
 
-   !> Rows that a rigid support holds.
-   subroutine hold_rigid(self, modes)
+   !> Springs to the ground, rigid or not: A y is the motion, (1 + s c/k) y the force, in units in
+   !> which it is of the size of the others.
+   subroutine set_springs(self, modes, slopes)
       type(assembly_t), intent(inout) :: self
       type(beam_modes_t), intent(in) :: modes
-      integer :: form, k
+      real(wp), intent(in) :: slopes(:, :, :)
+      real(wp) :: unit, alone
+      integer :: form, k, p
 
-      allocate (self%compliant(size(self%v, 1)), source=1.0_wp)
+      allocate (self%compliance(size(self%v, 1)), source=1.0_wp)
+      allocate (self%compliance_slope(size(self%v, 1), size(self%parameters)), source=0.0_wp)
+      allocate (self%held(size(self%v, 1)), source=.false.)
       do k = 1, size(operators)
-         if (.not. is_rigid(k, self%structure)) cycle
-         associate (row => self%row(k), l => modes%space%length)
-            self%compliant(row) = 0
-            ! Units in which the force that holds it is of the size of the others.
+         if (self%row(k) == 0 .or. .not. is_spring(k, self%structure)) cycle
+         associate (row => self%row(k), l => modes%space%length, s => self%strength(k, :))
+            unit = self%strength(bending, of_stiffness)*modes%mu(self%beam) &
+               *l**(1 + 2*operators(k)%derivative)
+            self%compliance(row) = unit*s(of_compliance)
+            self%compliance_slope(row, :) = unit*slopes(k, of_compliance, :)
             do form = 1, 2
-               self%pencil(form)%hk(row, row) = self%strength(bending, of_stiffness) &
-                  *modes%mu(self%beam)*l
+               self%pencil(form)%hk(row, row) = unit
+               self%pencil(form)%hc(row, row) = unit*s(of_compliance)*s(of_damping)
+               do p = 1, size(self%parameters)
+                  self%slope(form, p)%hc(row, row) = unit*(slopes(k, of_compliance, p) &
+                     *s(of_damping) + s(of_compliance)*slopes(k, of_damping, p))
+               end do
             end do
+            ! Of a spring so stiff only the root that it sends away would know.
+            alone = sum(self%v(row, :)**2/self%pencil(1)%m)
+            self%held(row) = .not. self%compliance(row) > 0
+            if (.not. self%held(row)) self%held(row) = &
+               alone/s(of_compliance) > (far_away*maxval(abs(self%pole)))**2
          end associate
       end do
-   end subroutine hold_rigid
+   end subroutine set_springs
 
    !> F and its derivatives.
    subroutine set_load(self, modes, slopes, applied)
@@ -278,7 +282,6 @@ contains
       end if
       distributed = 0
       if (allocated(applied%shape)) distributed(:self%beam) = applied%shape
-      if (self%root > 0) distributed(self%n) = applied%shape_turn
       point = at_point(self, modes, force_value, 0)
       moving = at_point(self, modes, force_value, 1)
       moves = moves_of(self, modes, force_value)
@@ -305,7 +308,6 @@ contains
 
       whole = 0
       whole(:self%beam) = modes%total
-      if (self%root > 0) whole(self%n) = modes%total_turn
       do form = 1, 2
          load(:, 1, form) = -s(inertia, of_mass)*whole
          load(:, 2, form) = -s(inertia, of_damping)*whole
@@ -339,7 +341,7 @@ contains
 
       h = self%pencil(1)%hm
       do k = 1, size(h, 1)
-         if (.not. self%compliant(k) > 0) h(k, k) = self%strength(inertia, of_mass) &
+         if (self%held(k)) h(k, k) = self%strength(inertia, of_mass) &
             *self%structure%length
       end do
    end function mass_couplings
@@ -348,7 +350,7 @@ contains
    pure integer function roots(self)
       class(assembly_t), intent(in) :: self
 
-      roots = 2*(self%n - count(.not. self%compliant > 0))
+      roots = 2*(self%n - count(self%held))
    end function roots
 
    !> D(s) and H(s) in one of the two forms, or a derivative of them.
@@ -384,15 +386,11 @@ contains
 
       h = 0
       do k = 1, size(operators)
-         if (self%row(k) > 0) h(self%row(k), self%row(k)) = h(self%row(k), self%row(k)) + s(k)
+         if (self%row(k) == 0 .or. is_spring(k, self%structure)) cycle
+         h(self%row(k), self%row(k)) = h(self%row(k), self%row(k)) + s(k)
       end do
-      associate (b => self%beam, n => self%n, tip => self%tip)
+      associate (b => self%beam, tip => self%tip)
          d(:b) = s(inertia) + s(bending)*modes%mu
-         if (self%root > 0) then
-            d(n) = s(inertia)*modes%turn + s(root_slope)
-            h(self%arrow, self%root) = s(inertia)
-            h(self%root, self%arrow) = s(inertia)
-         end if
          if (self%hose > 0) then
             d(b + 1) = s(hose) + s(stretch)
             ! By y a spring acts between hose and tip, by y - u(l) the mass moves by the sum.

@@ -10,9 +10,9 @@ module beamid_equations
    use beamid_kinds, only: wp
    use beamid_constraints, only: constraints_t
    use beamid_structure, only: structure_t
-   use beamid_terms, only: bending, force_value, hose, inertia, is_rigid, load_shape, of_damping, &
-      of_load, of_mass, of_stiffness, operators, place_on_mesh, sensor_value, strengths, stretch, &
-      support_value, tip_value
+   use beamid_terms, only: bending, force_value, hose, inertia, is_spring, load_shape, &
+      of_compliance, of_damping, of_load, of_mass, of_stiffness, operators, place_on_mesh, &
+      root_slope, sensor_value, strengths, stretch, tip_value
    implicit none
    private
 
@@ -171,8 +171,7 @@ contains
       integer :: i, k
 
       allocate (shape(size(self%point, 1)), source=0.0_wp)
-      held = pack([(k, k=1, size(operators))], [(is_rigid(k, self%structure), &
-         k=1, size(operators))])
+      held = held_operators(self)
       if (size(held) == 0) return
       factor = self%stiffness
       ! A hose that no spring holds takes no part in the static shape.
@@ -189,31 +188,42 @@ contains
          end do
          answers(:, k) = answers(:, k)/dot_product(self%point(:, held(k)), answers(:, k))
       end do
-      ! Column k moves support k by one and those before it not at all.
+      ! Column k moves support k by one and those before it not at all. The clamp turns with the base.
       do k = 1, size(held)
-         shape = shape - answers(:, k)*(1 + dot_product(self%point(:, held(k)), shape))
+         shape = shape - answers(:, k)*(merge(0, 1, held(k) == root_slope) &
+            + dot_product(self%point(:, held(k)), shape))
       end do
    end subroutine bend
+
+   !> Operators of springs that do not give way at all.
+   pure function held_operators(self) result(held)
+      type(equations_t), intent(in) :: self
+      integer, allocatable :: held(:)
+      integer :: k
+
+      held = pack([(k, k=1, size(operators))], [(is_spring(k, self%structure), &
+         k=1, size(operators))] .and. .not. self%strength(:, of_compliance) > 0)
+      if (self%galerkin%space%turning == 0) held = pack(held, held /= root_slope)
+   end function held_operators
 
    !> Eliminates what rigid supports hold.
    subroutine constrain(self)
       type(equations_t), intent(inout) :: self
       real(wp), allocatable :: reduced(:, :)
-      integer :: k, n
+      integer, allocatable :: held(:)
+      integer :: k
 
-      n = 0
-      do k = support_value(1), size(operators)
-         if (.not. is_rigid(k, self%structure)) cycle
-         call self%constraints%add(self%point(:, k))
-         n = n + 1
+      held = held_operators(self)
+      do k = 1, size(held)
+         call self%constraints%add(self%point(:, held(k)))
       end do
-      if (n == 0) return
+      if (size(held) == 0) return
       self%mass = self%constraints%of_matrix(self%mass)
       self%damping = self%constraints%of_matrix(self%damping)
       self%stiffness = self%constraints%of_matrix(self%stiffness)
       self%load = self%constraints%of_vector(self%load)
       self%observer = self%constraints%of_vector(self%observer)
-      self%unit = self%unit(n + 1:)
+      self%unit = self%unit(size(held) + 1:)
       allocate (reduced(self%mass%n, size(operators)))
       do k = 1, size(operators)
          reduced(:, k) = self%constraints%of_vector(self%point(:, k))

@@ -66,7 +66,7 @@ contains
       call bare_beam_modes(equations%galerkin, modes, error)
       if (allocated(error)) return
       call assemble(modes, equations, excitation, [integer ::], assembly)
-      call find_poles(assembly, modes, poles, error)
+      call find_poles(assembly, poles, error)
       if (allocated(error)) return
       field%t = times
       field%space = equations%galerkin%space

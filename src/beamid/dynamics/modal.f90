@@ -92,7 +92,7 @@ contains
       call assemble(self%modes, equations, excitation, parameters, assembly)
       if (.not. knows(self, equations%structure, excitation, assembly%row)) then
          if (allocated(self%structure)) deallocate (self%structure)
-         call find_poles(assembly, self%modes, self%poles, error)
+         call find_poles(assembly, self%poles, error)
          if (allocated(error)) return
          self%structure = equations%structure
          self%distributed = excitation%distributed
@@ -175,9 +175,7 @@ contains
 
       load%base = excitation%is_base
       if (excitation%distributed) then
-         ! (3.10), and the integral of theta x.
-         load%shape = matmul(equations%shape(1 + modes%space%turning:modes%space%n), modes%shapes)
-         load%shape_turn = modes%space%length*equations%galerkin%integral(excitation%power + 1)
+         load%shape = matmul(equations%shape(:modes%space%n), modes%shapes)   ! (3.10)
       end if
       assembly = new_assembly(equations%structure, modes, parameters, load)
    end subroutine assemble

@@ -11,16 +11,14 @@ module beamid_modes
 
    public :: undamped_modes, beam_modes_t, bare_beam_modes
 
-   !> The modes of the bare clamped beam: B phi = mu G phi with the integrals of the mesh alone;
-   !> E I mu/rho are the squares of its angular frequencies.
+   !> The modes of the bare beam, clamped or pinned at the root: B phi = mu G phi with the integrals of
+   !> the mesh alone; E I mu/rho are the squares of its angular frequencies. The first of the pinned
+   !> beam is its turn as a whole, mu = 0.
    type :: beam_modes_t
       real(wp), allocatable :: mu(:)           !< (n) ascending [1/length**4]
       real(wp), allocatable :: shapes(:, :)    !< (n, n) columns phi with phi' G phi = 1
       real(wp), allocatable :: tip(:)          !< (n) phi(l)
       real(wp), allocatable :: total(:)        !< (n) integral of phi
-      real(wp), allocatable :: moment(:)       !< (n) integral of x phi
-      real(wp) :: total_turn = 0               !< integral of x [length**2]
-      real(wp) :: turn = 0                     !< integral of x**2 [length**3]
       type(spline_space_t) :: space
    contains
       procedure :: at
@@ -60,35 +58,47 @@ contains
       omega = [(sqrt(equations%strain_energy(shapes(:, k))), k=1, equations%n)]
    end subroutine undamped_modes
 
-   !> Modes of the bare beam, clamped also where the space of the mesh lets the root turn.
+   !> Modes of the bare beam, pinned where the space of the mesh lets the root turn.
    subroutine bare_beam_modes(galerkin, modes, error)
       type(galerkin_t), intent(in) :: galerkin
       type(beam_modes_t), intent(out) :: modes
       type(error_t), allocatable, intent(out) :: error
-      real(wp) :: moments(galerkin%space%n), x(galerkin%space%n)
       integer :: k
 
       modes%space = galerkin%space
-      associate (first => 1 + galerkin%space%turning, length => galerkin%space%length)
+      associate (length => galerkin%space%length)
          ! The first eigenvalue of a cantilever is 12.36/length**4.
-         call shapes_of(part(galerkin%bending, first), part(galerkin%inertia, first), &
-            12/length**4, modes%shapes, error)
+         call shapes_of(galerkin%bending, galerkin%inertia, 12/length**4, modes%shapes, error)
          if (allocated(error)) return
-         allocate (modes%mu(size(modes%shapes, 2)))
-         x = 0
-         do k = 1, size(modes%mu)
-            x(first:) = modes%shapes(:, k)
-            modes%mu(k) = galerkin%bending_energy(x)
-         end do
-         moments = galerkin%moments(0.0_wp)
-         modes%total = matmul(moments(first:), modes%shapes)
-         modes%total_turn = length*galerkin%integral(1.0_wp)
-         moments = galerkin%moments(1.0_wp)
-         modes%moment = length*matmul(moments(first:), modes%shapes)
-         modes%turn = length**2*galerkin%integral(2.0_wp)
+         if (galerkin%space%turning > 0) call make_turn(galerkin, modes%shapes)
+         modes%mu = [(galerkin%bending_energy(modes%shapes(:, k)), k=1, size(modes%shapes, 2))]
+         if (galerkin%space%turning > 0) modes%mu(1) = 0
+         modes%total = matmul(galerkin%moments(0.0_wp), modes%shapes)
          modes%tip = modes%at(length, 0)
       end associate
    end subroutine bare_beam_modes
+
+   !> Puts w = x, which every spline space has, in the place of the first shape, and takes it out of
+   !> the others: no round-off of a stiffness moves it.
+   subroutine make_turn(galerkin, shapes)
+      type(galerkin_t), intent(in) :: galerkin
+      real(wp), intent(inout) :: shapes(:, :)
+      type(band_t) :: factor
+      real(wp), dimension(size(shapes, 1)) :: turn, pushed
+      logical :: positive
+      integer :: k
+
+      factor = galerkin%inertia
+      call factor%factor(positive)
+      turn = galerkin%moments(1.0_wp)
+      call factor%solve(turn)
+      turn = turn/sqrt(dot_product(turn, galerkin%inertia%times(turn)))
+      pushed = galerkin%inertia%times(turn)
+      shapes(:, 1) = turn
+      do k = 2, size(shapes, 2)
+         shapes(:, k) = shapes(:, k) - dot_product(pushed, shapes(:, k))*turn
+      end do
+   end subroutine make_turn
 
    !> Values of the modes, or of a derivative, at one place.
    !>
@@ -100,19 +110,8 @@ contains
       real(wp) :: values(size(self%shapes, 2)), b(self%space%n)
 
       b = self%space%at(x, derivative)
-      values = matmul(b(1 + self%space%turning:), self%shapes)
+      values = matmul(b, self%shapes)
    end function at
-
-   !> A band matrix without its first rows and columns.
-   pure function part(band, first)
-      type(band_t), intent(in) :: band
-      integer, intent(in) :: first
-      type(band_t) :: part
-
-      part%n = band%n - first + 1
-      part%kd = band%kd
-      part%a = band%a(:, first:)
-   end function part
 
    !> Eigenvectors of K x = lambda M x in ascending order of lambda, x' M x = 1.
    !>

@@ -13,7 +13,6 @@ module beamid_poles
    use beamid_contours, only: measure
    use beamid_errors, only: error_t, failure
    use beamid_kinds, only: wp
-   use beamid_modes, only: beam_modes_t
    use beamid_roots, only: find_roots
    use beamid_strings, only: to_text
    use beamid_vectors, only: find_vector, most, root_t, solve_coupled, solve_mass, vector_t
@@ -57,20 +56,19 @@ contains
 
    !> poles  in: `all` of a structure much like this one, or nothing
    !> error  the iteration does not converge, or a root was missed
-   subroutine find_poles(assembly, modes, poles, error)
+   subroutine find_poles(assembly, poles, error)
       type(assembly_t), intent(in) :: assembly
-      type(beam_modes_t), intent(in) :: modes
       type(poles_t), intent(inout) :: poles
       type(error_t), allocatable, intent(out) :: error
       logical :: warm
 
       warm = allocated(poles%all)
-      call find_roots(assembly, modes, poles%all, poles%root, error)
+      call find_roots(assembly, poles%all, poles%root, error)
       if (.not. allocated(error)) call residues(assembly, poles, error)
       if (.not. (allocated(error) .and. warm)) return
       ! The roots of the other structure were no good start.
       deallocate (poles%all, error)
-      call find_roots(assembly, modes, poles%all, poles%root, error)
+      call find_roots(assembly, poles%all, poles%root, error)
       if (.not. allocated(error)) call residues(assembly, poles, error)
       if (allocated(error) .and. allocated(poles%all)) deallocate (poles%all)
    end subroutine find_poles
@@ -150,13 +148,8 @@ contains
          if (rest(1) <= max_rest .and. rest(2) <= max_rest_at_once .and. &
             all(cluster%is_complete())) return
       end associate
-      if (assembly%root > 0) then
-         call failure(error, 'modal: the roots found leave '//to_text(maxval(rest))// &
-            ' of the response open: one was missed, or k_R on a mesh this fine costs too many '// &
-            'digits; fewer elements serve')
-      else
-         call failure(error, 'modal: a root of the characteristic equation was missed')
-      end if
+      call failure(error, 'modal: the roots found leave '//to_text(maxval(rest))// &
+         ' of the response open: one was missed')
    end subroutine check_sums
 
    !> x'F at a root.
@@ -225,7 +218,8 @@ contains
       associate (pencil => assembly%pencil(vector%form), x => vector%x, y => vector%y, &
          slope => assembly%slope(vector%form, p), f => vector%f, D => vector%D, &
          v => assembly%v, j => root%j, s => root%s, sensor => assembly%sensor, &
-         moves => assembly%moves(:, p))
+         moves => assembly%moves(:, p), A => assembly%compliance, &
+         A_p => assembly%compliance_slope(:, p))
          ds = 0
          do i = 1, assembly%n
             D_all(i) = (slope%m(i)*s + slope%c(i))*s + slope%k(i)
@@ -235,8 +229,9 @@ contains
             do k = 1, r
                H_p(k, l) = (slope%hm(k, l)*s + slope%hc(k, l))*s + slope%hk(k, l)
                H_sp(k, l) = 2*slope%hm(k, l)*s + slope%hc(k, l)
-               ds = ds + y(k)*H_p(k, l)*y(l)
+               ds = ds + A(k)*y(k)*H_p(k, l)*y(l)
             end do
+            ds = ds - A_p(l)*f(l)*y(l)
          end do
          turned = 0
          do l = 1, r
@@ -253,7 +248,7 @@ contains
             f_all(k) = sum(H_all(k, :r)*y(:r))
          end do
          do k = 1, r
-            y_all(k, 1) = -sum(vector%G(k, :r)*f_all(:r))
+            y_all(k, 1) = -sum(vector%G(k, :r)*f_all(:r)) - A_p(k)*y(k)
          end do
          do i = 1, assembly%n
             D_all(i) = vector%dD(i)*ds + D_all(i)
@@ -284,9 +279,10 @@ contains
          end do
          do l = 1, r
             do k = 1, r
-               A_all = A_all + y(k)*((2*pencil%hm(k, l)*ds + H_sp(k, l))*y(l) &
+               A_all = A_all + A(k)*y(k)*((2*pencil%hm(k, l)*ds + H_sp(k, l))*y(l) &
                   + 2*vector%dH(k, l)*y_all(l, 1))
             end do
+            A_all = A_all + A_p(l)*y(l)**2*vector%dH(l, l)
          end do
          if (assembly%is_carried) dr = dr + carried(assembly, vector, p, s, ds, x_all, f_all)
          dr = (y_all(sensor, 1)*driven + y(sensor)*dr - y(sensor)*driven/vector%A*A_all)/vector%A

@@ -7,8 +7,7 @@ module beamid_roots
    use beamid_kinds, only: wp
    use beamid_modes, only: bare_beam_modes, beam_modes_t
    use beamid_strings, only: to_text
-   use beamid_terms, only: bending, hose, inertia, of_damping, of_mass, of_stiffness, operators, &
-      stretch, tip_slope, tip_value
+   use beamid_terms, only: bending, of_damping, of_stiffness
    use beamid_vectors, only: logarithmic_derivative, nearest_pole, root_t
    implicit none
    private
@@ -20,6 +19,17 @@ module beamid_roots
    !> Relative to the largest, a root at 0: that of a hose which only its dashpot holds. There the
    !> relative corrections do not shrink; and squares of anything smaller would underflow.
    real(wp), parameter :: nothing = 1e-60_wp
+
+   interface
+      subroutine dsygvd(itype, jobz, uplo, n, a, lda, b, ldb, w, work, lwork, iwork, liwork, info)
+         import :: wp
+         integer, intent(in) :: itype, n, lda, ldb, lwork, liwork
+         character, intent(in) :: jobz, uplo
+         real(wp), intent(inout) :: a(lda, *), b(ldb, *)
+         real(wp), intent(out) :: w(*), work(*)
+         integer, intent(out) :: iwork(*), info
+      end subroutine dsygvd
+   end interface
 
 contains
 
@@ -36,7 +46,7 @@ contains
       call bare_beam_modes(equations%galerkin, modes, error)
       if (allocated(error)) return
       associate (structure => equations%structure)
-         call find_roots(new_assembly(structure, modes, [integer ::]), modes, all, half, error)
+         call find_roots(new_assembly(structure, modes, [integer ::]), all, half, error)
          if (allocated(error)) return
          roots = half%s
          ! A hose that nothing holds is free to drift: a root that the tip does not see.
@@ -64,12 +74,10 @@ contains
 
    !> All roots, and one of each complex pair with the real ones.
    !>
-   !> modes  of the bare beam, for starting points
    !> all    in and out: roots of a structure much like this one, where there are as many; else not
    !>        allocated or of another size, and the search starts from the structure's parts
-   subroutine find_roots(assembly, modes, all, half, error)
+   subroutine find_roots(assembly, all, half, error)
       type(assembly_t), intent(in) :: assembly
-      type(beam_modes_t), intent(in) :: modes
       type(root_t), allocatable, intent(inout) :: all(:)
       type(root_t), allocatable, intent(out) :: half(:)
       type(error_t), allocatable, intent(out) :: error
@@ -84,7 +92,8 @@ contains
             call nearest_pole(assembly, all(k))
          end do
       else
-         call starting_points(assembly, modes, all)
+         call starting_points(assembly, all, error)
+         if (allocated(error)) return
       end if
       call iterate(assembly, all, error)
       if (allocated(error)) return
@@ -92,140 +101,85 @@ contains
       call select_half(assembly, half)
    end subroutine find_roots
 
-   !> Roots of the beam with its tip mass, moved by what else hangs on it at first order and off the
-   !> real axis, since two real roots may have to become a pair; and those of the other oscillators,
-   !> moved a little.
-   subroutine starting_points(assembly, modes, roots)
+   !> Undamped modes of the whole, each with the damping that it sees, and off the real axis, since
+   !> two real roots may have to become a pair.
+   subroutine starting_points(assembly, roots, error)
       type(assembly_t), intent(in) :: assembly
-      type(beam_modes_t), intent(in) :: modes
       type(root_t), allocatable, intent(out) :: roots(:)
-      real(wp) :: mu
+      type(error_t), allocatable, intent(out) :: error
+      real(wp), dimension(assembly%n, assembly%n) :: M, C, K
+      real(wp) :: lambda(assembly%n), work(1 + 6*assembly%n + 2*assembly%n**2)
       complex(wp) :: pair(2)
-      integer :: half, k, place, side
+      integer :: iwork(3 + 5*assembly%n), half, info, j, side
 
+      call full_matrices(assembly, M, C, K)
+      call dsygvd(1, 'V', 'L', assembly%n, K, assembly%n, M, assembly%n, lambda, work, size(work), &
+         iwork, size(iwork), info)
+      if (info /= 0) then
+         call failure(error, 'modal: mass matrix is not positive definite')
+         return
+      end if
       half = assembly%roots()/2
       allocate (roots(2*half))
-      do place = 1, half
-         ! Between each two roots of the beam there is one of the beam that is held.
-         k = place
-         if (place > half - (assembly%n - assembly%beam)) k = place + assembly%n - half
-         if (k <= assembly%beam) then
-            associate (s => assembly%strength)
-               mu = with_tip_mass(modes, s(tip_value, of_mass)/s(inertia, of_mass), k)
-               pair = quadratic(s(inertia, of_mass), s(inertia, of_damping) &
-                  + s(bending, of_damping)*mu, s(bending, of_stiffness)*mu)
-            end associate
-            if (.not. assembly%is_bare()) pair = pair + shift(assembly, modes, pair, [1, -1])
-         else
-            pair = assembly%pole(k, :)*[(1.02_wp, 0.05_wp), (1.02_wp, -0.05_wp)]
-         end if
+      do j = 1, half
+         pair = quadratic(1.0_wp, dot_product(K(:, j), matmul(C, K(:, j))), max(lambda(j), 0.0_wp))
          do side = 1, 2
-            roots(place + (side - 1)*half)%s = pair(side)
+            associate (root => roots(j + (side - 1)*half))
+               root%s = pair(side)
+               if (.not. abs(aimag(root%s)) > 0) root%s = root%s &
+                  + (0.0_wp, 0.1_wp)*(3 - 2*side)*room(assembly, root%s)
+               root%origin = 0
+               call nearest_pole(assembly, root)
+            end associate
          end do
-      end do
-      do k = 1, size(roots)
-         roots(k)%origin = 0
-         call nearest_pole(assembly, roots(k))
       end do
    end subroutine starting_points
 
-   !> What all but the tip mass does, in its leading terms, to a root of the beam with the tip mass.
-   !>
-   !> side  1 or -1: to which side of the real axis it is pushed
-   elemental complex(wp) function shift(assembly, modes, s, side)
+   !> How far a slow real root may be moved: those of overdamped modes lie the more densely the
+   !> nearer they are to -E/c_D.
+   pure real(wp) function room(assembly, s)
       type(assembly_t), intent(in) :: assembly
-      type(beam_modes_t), intent(in) :: modes
       complex(wp), intent(in) :: s
-      integer, intent(in) :: side
-      complex(wp), dimension(size(modes%mu)) :: D, x
-      complex(wp) :: stiffness, weight, slope, discriminant, tip, u, a
-      real(wp) :: far
-      integer :: b, i, j
 
-      b = assembly%beam
-      shift = 0
-      associate (p => assembly%pencil(1), mass => assembly%strength(:, of_mass))
-         D = (p%m(:b)*s + p%c(:b))*s + p%k(:b)
-         j = minloc(abs(D), dim=1)
-         u = D(j)
-         D(j) = 1
-         x = modes%tip/modes%tip(j)*u/D
-         x(j) = 1
-         tip = sum(modes%tip*x)
-         stiffness = 0
-         if (assembly%hose > 0) then
-            u = mass(hose)*s**2
-            a = assembly%strength(stretch, of_damping)*s + assembly%strength(stretch, of_stiffness)
-            if (abs(u + a) > 0) stiffness = u*a/(u + a)*tip**2
-         end if
-         do i = tip_slope, size(operators)
-            if (assembly%row(i) == 0) cycle
-            associate (strength => assembly%strength(i, :))
-               stiffness = stiffness + ((strength(of_mass)*s + strength(of_damping))*s &
-                  + strength(of_stiffness))*sum(assembly%v(assembly%row(i), :b)*x)**2
-            end associate
-         end do
-         if (.not. abs(stiffness) > 0) return
-         weight = sum(p%m(:b)*x**2) + mass(tip_value)*tip**2
-         slope = sum((2*p%m(:b)*s + p%c(:b))*x**2) + 2*mass(tip_value)*s*tip**2
-         ! weight d**2 + slope d + stiffness = 0, its smaller root: at critical damping slope = 0.
-         discriminant = sqrt(slope**2 - 4*weight*stiffness)
-         if (real(conjg(slope)*discriminant) < 0) discriminant = -discriminant
-         shift = -2*stiffness/(slope + discriminant)*cmplx(1.0_wp, 0.2_wp*side, wp)
-      end associate
-      far = abs(s)
-      ! The slow roots of overdamped modes lie the more densely the nearer they are to -E/c_D.
+      room = abs(s)
       associate (k => assembly%strength(bending, of_stiffness), &
          c => assembly%strength(bending, of_damping))
-         if (c > 0) far = min(far, abs(s + k/c))
+         if (c > 0) room = min(room, abs(s + k/c))
       end associate
-      shift = shift*min(1.0_wp, 0.2_wp*far/max(abs(shift), tiny(1.0_wp)))
-   end function shift
+   end function room
 
-   !> mu of mode k with the tip mass on the beam. With it alone D_i = (E + c_D s) I (mu_i - nu) and
-   !> H = -(m_T/rho) (E + c_D s) I nu turn the characteristic equation into a real one for nu, with
-   !> one root between each two of the bare beam's, found by Newton's method within brackets.
-   !>
-   !> ratio  m_T/rho
-   pure real(wp) function with_tip_mass(modes, ratio, k)
-      type(beam_modes_t), intent(in) :: modes
-      real(wp), intent(in) :: ratio
-      integer, intent(in) :: k
-      real(wp) :: below, above, delta, nu, f, slope, step
-      real(wp) :: term(size(modes%mu)), gap(size(modes%mu))
-      integer :: iteration
+   !> M, C and K in the oscillators, to a few digits: a spring that is rigid is a very stiff one.
+   pure subroutine full_matrices(assembly, M, C, K)
+      type(assembly_t), intent(in) :: assembly
+      real(wp), dimension(:, :), intent(out) :: M, C, K
+      real(wp), parameter :: stiffest = 1e4_wp
+      real(wp) :: least
+      integer :: i, r
 
-      associate (mu => modes%mu)
-         with_tip_mass = mu(k)
-         if (.not. ratio > 0) return
-         below = 0
-         above = mu(k)
-         if (k > 1) above = mu(k) - mu(k - 1)
-         delta = above/2
-         do iteration = 1, 60
-            ! delta (1 - ratio nu sum phi_i**2/(mu_i - nu)), nu = mu_k - delta: rises from below 0.
-            nu = mu(k) - delta
-            gap = mu - nu
-            gap(k) = 1
-            term = modes%tip**2/gap
-            term(k) = 0
-            f = delta*(1 - ratio*nu*sum(term)) - ratio*nu*modes%tip(k)**2
-            slope = 1 - ratio*nu*sum(term) + delta*ratio*(sum(term) + nu*sum(term/gap)) &
-               + ratio*modes%tip(k)**2
-            if (f > 0) then
-               above = delta
-            else
-               below = delta
-            end if
-            step = -f/slope
-            if (delta + step <= below .or. delta + step >= above .or. .not. slope > 0) &
-               step = (below + above)/2 - delta
-            delta = delta + step
-            if (abs(step) <= 1e-6_wp*delta) exit
+      associate (p => assembly%pencil(1), v => assembly%v, A => assembly%compliance)
+         r = size(v, 1)
+         M = matmul(matmul(transpose(v), p%hm), v)
+         C = 0
+         K = 0
+         do i = 1, r
+            least = sum(v(i, :)**2)*p%hk(i, i)/(stiffest*maxval(p%k))
+            C = C + outer(matmul(p%hc(i, :), v)/max(A(i), merge(least, 1.0_wp, A(i) < 1)), v(i, :))
+            K = K + outer(matmul(p%hk(i, :), v)/max(A(i), merge(least, 1.0_wp, A(i) < 1)), v(i, :))
          end do
-         with_tip_mass = mu(k) - delta
+         do i = 1, assembly%n
+            M(i, i) = M(i, i) + p%m(i)
+            C(i, i) = C(i, i) + p%c(i)
+            K(i, i) = K(i, i) + p%k(i)
+         end do
       end associate
-   end function with_tip_mass
+   end subroutine full_matrices
+
+   pure function outer(x, y)
+      real(wp), intent(in) :: x(:), y(:)
+      real(wp) :: outer(size(x), size(y))
+
+      outer = spread(x, 2, size(y))*spread(y, 1, size(x))
+   end function outer
 
    !> Ehrlich-Aberth: corrections in turn until none moves. A multiple root is known to a root of
    !> the round-off only: there the corrections shrink first and then no longer.

@@ -5,7 +5,7 @@
 !> With the oscillator j and the vectors of `beamid_vectors`, w = D_j + v_j'f and the rest without
 !> oscillator j,
 !>
-!>     Q**-1 = Q_rest**-1 + x x'/w,    V'Q_rest**-1 V = (1 + G H)**-1 G:
+!>     Q**-1 = Q_rest**-1 + x x'/w,    V'Q_rest**-1 V = A (A + G H)**-1 G:
 !>
 !> near a pole of D_j, as at a root, nothing in it grows without bound.
 module beamid_transfer
@@ -40,7 +40,7 @@ contains
       type(vector_t) :: vector
       complex(wp), dimension(size(assembly%v, 1), size(assembly%v, 1)) :: E, T, HE
       complex(wp), dimension(assembly%n) :: o, x, diagonal, load
-      complex(wp), dimension(size(assembly%v, 1)) :: u_o, u_x, turned, longer, none
+      complex(wp), dimension(size(assembly%v, 1)) :: u_o, u_x, turned, given, longer, none
       complex(wp) :: w
       integer :: i, r
 
@@ -62,11 +62,11 @@ contains
          value%u(:r))
       value%h = value%u(assembly%sensor)
 
-      ! V'Q**-1 V and the diagonal of Q**-1.
+      ! A**-1 V'Q**-1 V and the diagonal of Q**-1.
       T = matmul(E, vector%G(:r, :r))
       HE = matmul(vector%H(:r, :r), E)
       do i = 1, r
-         T(:, i) = T(:, i) + vector%y(:r)*vector%y(i)/w
+         T(:, i) = T(:, i) + vector%y(:r)*vector%y(i)*assembly%compliance(i)/w
       end do
       do i = 1, assembly%n
          diagonal(i) = vector%x(i)**2/w
@@ -87,18 +87,22 @@ contains
          call solve(assembly, place%j, vector, E, w, load, longer, x, u_x)
          turned(i) = -2*sum(assembly%v_slope(i, :)*x)
       end do
-      call differentiate(assembly, place%s, o, u_o, diagonal, T, vector%H(:r, :r), turned, value)
+      ! How log W changes with the compliance of a row.
+      given = [(E(i, i) - vector%f(i)*vector%y(i)/w, i=1, r)]
+      call differentiate(assembly, place%s, o, u_o, diagonal, T, vector%H(:r, :r), turned, given, &
+         value)
    end subroutine transfer_at
 
    !> Derivatives with respect to the parameters: -o'Q**-1 Q_p Q**-1 F, tr Q**-1 Q_p, and what a
    !> place that moves or a load that changes adds to them.
    !>
    !> o, u_o       Q**-1 of the sensor's row, and V' of it
-   !> diagonal, T  of Q**-1, and V'Q**-1 V
+   !> diagonal, T  of Q**-1, and A**-1 V'Q**-1 V
    !> turned       (r) tr Q**-1 Q_p as the place of a row moves
-   subroutine differentiate(assembly, s, o, u_o, diagonal, T, H, turned, value)
+   !> given        (r) the same as its compliance grows
+   subroutine differentiate(assembly, s, o, u_o, diagonal, T, H, turned, given, value)
       type(assembly_t), intent(in) :: assembly
-      complex(wp), intent(in) :: s, o(:), u_o(:), diagonal(:), T(:, :), H(:, :), turned(:)
+      complex(wp), intent(in) :: s, o(:), u_o(:), diagonal(:), T(:, :), H(:, :), turned(:), given(:)
       type(transfer_t), intent(inout) :: value
       complex(wp) :: D_p(size(o)), H_p(size(u_o), size(u_o)), seen(size(u_o))
       integer :: p
@@ -107,13 +111,14 @@ contains
          value%dlog_p(size(assembly%parameters)))
       associate (u => value%u(:size(u_o)), d => assembly%v_slope)
          do p = 1, size(assembly%parameters)
-            associate (slope => assembly%slope(value%form, p), moves => assembly%moves(:, p))
+            associate (slope => assembly%slope(value%form, p), moves => assembly%moves(:, p), &
+               A => assembly%compliance, A_p => assembly%compliance_slope(:, p))
                D_p = (slope%m*s + slope%c)*s + slope%k
                H_p = (slope%hm*s + slope%hc)*s + slope%hk
-               value%dh(p) = -sum(o*D_p*value%q) - sum(u_o*matmul(H_p, u)) &
+               value%dh(p) = -sum(o*D_p*value%q) - sum(u_o*(A*matmul(H_p, u) - A_p*matmul(H, u))) &
                   + sum(o*(assembly%load_slope(:, 1, value%form, p) &
                   + assembly%load_slope(:, 2, value%form, p)/s))
-               value%dlog_p(p) = sum(D_p*diagonal) + sum(H_p*T)
+               value%dlog_p(p) = sum(D_p*diagonal) + sum(H_p*T) + sum(A_p*given)
                if (.not. any(abs(moves) > 0)) cycle
                seen = moves*matmul(d, value%q)
                value%dh(p) = value%dh(p) + seen(assembly%sensor) - sum(u_o*matmul(H, seen)) &
@@ -126,7 +131,7 @@ contains
 
    !> q = Q**-1 F and u = V'q, of a row that is longer or held what `beamid_vectors` has it be.
    !>
-   !> E       (1 + G H)**-1
+   !> E       (A + G H)**-1
    !> load    (n)
    !> longer  (r) by which rows are longer than what the oscillators make of them
    subroutine solve(assembly, j, vector, E, w, load, longer, q, u)

@@ -3,11 +3,11 @@
 !> With an oscillator j that takes part in the motion, x_j = 1, and G = sum over i /= j of
 !> v_i v_i'/D_i,
 !>
-!>     y = (1 + G H)**-1 v_j,  f = H y,  x_i = -v_i'f/D_i,  D_j + v_j'f = 0:
+!>     y = (A + G H)**-1 v_j,  f = H y,  x_i = -v_i'f/D_i,  D_j + v_j'f = 0:
 !>
 !> nothing in it grows without bound when what hangs on the beam is light and s near a pole of D_j.
-!> Where a rigid support holds a row, its motion is 0 and its force unknown: with 0 in the place of
-!> 1 and H = 1 (or any unit of force) on the diagonal, y is that force, and all else stands.
+!> Of a row that a spring to the ground holds y is the force, but for what its dashpot adds, in a unit
+!> of its own, and with its compliance in the place of 1 all stands: (A + G H) y = v_j.
 module beamid_vectors
    use beamid_assembly, only: assembly_t, pencil_t
    use beamid_kinds, only: wp
@@ -35,7 +35,7 @@ module beamid_vectors
    type :: vector_t
       complex(wp), allocatable :: x(:)                        !< (n)
       complex(wp), allocatable :: D(:), dD(:)                 !< (n) D(s) and D'(s)
-      complex(wp) :: y(most), f(most)                         !< V'x and H y
+      complex(wp) :: y(most), f(most)                         !< A**-1 V'x and H y
       complex(wp), dimension(most, most) :: G, H, dH
       integer :: form = 1                    !< of the pencil
       complex(wp) :: A = 0                   !< x'(2 s M + C) x
@@ -68,7 +68,8 @@ contains
       associate (p => self%pencil(self%form_at(s)))
          do l = 1, r
             do k = 1, r
-               weight(k) = max(weight(k), size_of((p%hm(k, l)*s + p%hc(k, l))*s + p%hk(k, l)))
+               weight(k) = max(weight(k), size_of((p%hm(k, l)*s + p%hc(k, l))*s + p%hk(k, l)) &
+                  /max(1.0_wp, self%compliance(k)))
             end do
          end do
       end associate
@@ -107,7 +108,7 @@ contains
       dH = 2*pencil%hm*s + pencil%hc
    end subroutine couplings
 
-   !> W'/W of the characteristic polynomial, W(s) = det(1 + G H)(D_j + v_j'f) times D_i of all
+   !> W'/W of the characteristic polynomial, W(s) = det(A + G H)(D_j + v_j'f) times D_i of all
    !> other oscillators.
    !> The one routine that a search calls hundreds of times: no array here is allocated. 0: without
    !> oscillator j there is a root at this very point, and the quotient cannot be told.
@@ -161,7 +162,7 @@ contains
             a(k, l) = sum(G(k, :r)*H(:r, l))
             b(k, l + 1) = sum(dG(k, :r)*H(:r, l) + G(k, :r)*dH(:r, l))
          end do
-         a(l, l) = a(l, l) + self%compliant(l)
+         a(l, l) = a(l, l) + self%compliance(l)
          b(l, 1) = self%v(l, root%j)
       end do
       call eliminate(r, r + 1, a, b, regular)
@@ -283,7 +284,7 @@ contains
       vector%inertia = 0
       do k = 1, r
          vector%f(k) = sum(vector%H(k, :r)*b(:, 1))
-         vector%A = vector%A + b(k, 1)*sum(vector%dH(k, :r)*b(:, 1))
+         vector%A = vector%A + self%compliance(k)*b(k, 1)*sum(vector%dH(k, :r)*b(:, 1))
          vector%inertia = vector%inertia + real(conjg(b(k, 1)) &
             *sum(self%pencil(vector%form)%hm(k, :)*b(:, 1)))
       end do
@@ -299,7 +300,7 @@ contains
       end do
    end subroutine find_vector
 
-   !> b := (1 + G H)**-1 b; zero where there is no inverse.
+   !> b := (A + G H)**-1 b; zero where there is no inverse.
    pure subroutine solve_coupled(self, vector, b)
       type(assembly_t), intent(in) :: self
       type(vector_t), intent(in) :: vector
@@ -313,7 +314,7 @@ contains
          do k = 1, r
             a(k, l) = sum(vector%G(k, :r)*vector%H(:r, l))
          end do
-         a(l, l) = a(l, l) + self%compliant(l)
+         a(l, l) = a(l, l) + self%compliance(l)
       end do
       call eliminate(r, size(b, 2), a, b, regular)
       if (.not. regular) b = 0
@@ -341,10 +342,10 @@ contains
          h = self%mass_couplings()
          a = matmul(matmul(scaled, transpose(v)), h)
          do k = 1, r
-            a(k, k) = a(k, k) + self%compliant(k)
+            a(k, k) = a(k, k) + merge(0.0_wp, 1.0_wp, self%held(k))
          end do
          c(:, 1) = matmul(scaled, b)
-         if (present(moved)) c(:, 1) = c(:, 1) - moved*(1 - self%compliant)
+         if (present(moved)) c(:, 1) = c(:, 1) - merge(moved, 0.0_wp, self%held)
          call dgesv(r, 1, a, r, pivots, c, r, info)
          if (info /= 0) c = 0
          y = c(:, 1)

@@ -14,7 +14,7 @@ module beamid_experiments
    use beamid_responses, only: exact_solver_t, is_exact, prepare_for, response_t, solver_t, &
       work_t
    use beamid_strings, only: to_text
-   use beamid_structure, only: rigid, structure_t
+   use beamid_structure, only: structure_t
    implicit none
    private
 
@@ -83,7 +83,7 @@ contains
       end if
       apparatus%galerkin = new_galerkin(mesh, structure%length, structure%has_root_spring())
       most = apparatus%galerkin%space%n + merge(1, 0, structure%has_hose()) &
-         - count(.not. structure%support(:structure%supports)%k_P < rigid)
+         - structure%rigid_supports()
       if (experiment%excitation%modes > most) then
          call bad_input(error, '&excitation modes: found '//to_text(experiment%excitation%modes)// &
             ', expected at most '//to_text(most)//', as many as the mesh has')

@@ -1,5 +1,6 @@
 !> The table of parameters: everything that is known of each of them, a row for one.
 module beamid_parameters
+   use, intrinsic :: ieee_arithmetic, only: ieee_positive_inf, ieee_value
    use beamid_errors, only: error_t, bad_input
    use beamid_excitation, only: excitation_t
    use beamid_kinds, only: wp
@@ -7,12 +8,12 @@ module beamid_parameters
    use beamid_strings, only: lower, to_text
    use beamid_structure, only: item_name_length, most_sensors, most_supports, n_parameters, &
       of_c_D, &
-      of_c_H, c_P_at, of_c_R, of_E, of_gamma, of_I, J_S_at, of_J_T, of_k_H, k_P_at, of_k_R, &
-      of_length, of_m_H, m_S_at, of_m_T, of_rho, of_x_F, x_P_at, x_S_at, structure_t, values_of
+      of_c_H, c_P_at, of_c_R, of_E, of_gamma, of_I, J_S_at, of_J_T, of_k_H, kappa_P_at, &
+      of_kappa_R, of_length, of_m_H, m_S_at, of_m_T, of_rho, of_x_F, x_P_at, x_S_at, structure_t, values_of
    implicit none
    private
 
-   public :: parameter_t, parameters, free_names, free_index, name_of_parameter, &
+   public :: parameter_t, parameters, as_named, free_names, free_index, name_of_parameter, &
       place_of_name, is_there, get_free, set_free, free_magnitude, magnitude, may_be_negative, &
       belongs_to_hose, check_structure
    public :: amplitude, offset, positive, not_negative, on_beam, any_value
@@ -42,6 +43,8 @@ module beamid_parameters
       type(monomial_t) :: moderate
       integer :: needs = 0            !< place of a parameter without which it means nothing
       logical :: is_free = .true.     !< whether a fit may free it
+      !> Whether a structure holds its reciprocal, and a search looks for that: what may be infinite.
+      logical :: is_reciprocal = .false.
       character(len=60) :: help
       integer :: item = 0             !< which of the sensors or supports; 0: none
    end type parameter_t
@@ -76,11 +79,12 @@ module beamid_parameters
       parameter_t(of_J_T, 'J_T', 'tip', [1, 2, 0], not_negative, '0', &
          monomial_t(1e-2_wp, [the_mass, of_length, 0], [1, 2, 1]), &
          help='rotary inertia of the tip mass'), &
-      parameter_t(of_k_R, 'k_R', 'beam', [1, 2, -2], positive, 'a rigid clamp', &
-         monomial_t(10.0_wp, [of_E, of_I, of_length], [1, 1, -1]), needs=of_k_R, &
-         help='torsional spring at the root'), &
+      parameter_t(of_kappa_R, 'k_R', 'beam', [1, 2, -2], positive, 'a rigid clamp', &
+         monomial_t(0.1_wp, [of_length, of_E, of_I], [1, -1, -1]), needs=of_kappa_R, &
+         is_reciprocal=.true., help='torsional spring at the root'), &
       parameter_t(of_c_R, 'c_R', 'beam', [1, 2, -1], not_negative, '0', &
-         monomial_t(2e-2_wp, [of_k_R, the_omega, 0], [1, -1, 1]), needs=of_k_R, &
+         monomial_t(6e-2_wp, [the_stiffness, of_length, the_omega], [1, 2, -1]), &
+         needs=of_kappa_R, &
          help='viscous damper at the root, beside k_R'), &
       parameter_t(of_length, 'length', 'beam', [0, 1, 0], positive, '', &
          monomial_t(place=[of_length, 0, 0]), help='of the beam'), &
@@ -99,11 +103,11 @@ module beamid_parameters
          help='its place, where the motion is observed', item=nth(i)), i=1, most_sensors), &
       (parameter_t(x_P_at(i), 'x_P', 'support', [0, 1, 0], on_beam, '', &
          monomial_t(place=[of_length, 0, 0]), help='its place', item=nth(i)), &
-      parameter_t(k_P_at(i), 'k_P', 'support', [1, 0, -2], positive, 'rigid', &
-         monomial_t(10.0_wp, [the_stiffness, 0, 0]), needs=k_P_at(i), &
-         help='its stiffness', item=nth(i)), &
+      parameter_t(kappa_P_at(i), 'k_P', 'support', [1, 0, -2], positive, 'rigid', &
+         monomial_t(0.1_wp, [the_stiffness, 0, 0], [-1, 1, 1]), needs=kappa_P_at(i), &
+         is_reciprocal=.true., help='its stiffness', item=nth(i)), &
       parameter_t(c_P_at(i), 'c_P', 'support', [1, 0, -1], not_negative, '0', &
-         monomial_t(2e-2_wp, [k_P_at(i), the_omega, 0], [1, -1, 1]), needs=k_P_at(i), &
+         monomial_t(0.2_wp, [the_stiffness, the_omega, 0], [1, -1, 1]), needs=kappa_P_at(i), &
          help='its damping, beside k_P', item=nth(i)), i=1, most_supports), &
       parameter_t(amplitude, 'amplitude', 'excitation', [1, 1, -2], any_value, '', monomial_t(), &
          help='of the force'), &
@@ -208,6 +212,23 @@ contains
       end if
    end subroutine set_free
 
+   !> The value of parameter k that its name means from the one that a structure holds, or the other
+   !> way round: a stiffness and its reciprocal, 0 and infinity.
+   elemental real(wp) function as_named(k, value)
+      integer, intent(in) :: k
+      real(wp), intent(in) :: value
+
+      as_named = value
+      if (.not. parameters(k)%is_reciprocal) return
+      if (abs(value) > huge(value)) then
+         as_named = 0
+      else if (abs(value) > 0) then
+         as_named = 1/value
+      else
+         as_named = ieee_value(value, ieee_positive_inf)
+      end if
+   end function as_named
+
    !> What a moderate value of parameter k is.
    pure real(wp) function free_magnitude(structure, excitation, k) result(value)
       type(structure_t), intent(in) :: structure
@@ -274,7 +295,7 @@ contains
       character(len=:), allocatable :: expected
       real(wp) :: value
 
-      value = structure%get(k)
+      value = as_named(k, structure%get(k))
       select case (parameters(k)%range)
       case (positive)
          if (.not. value > 0) expected = 'a value above 0'

@@ -12,8 +12,8 @@ module beamid_structure
 
    public :: structure_t, same_structure, values_of
 
-   !> A spring that does not give way, and a place that nobody has chosen: the tip.
-   real(wp), parameter, public :: rigid = huge(1.0_wp), at_tip = -1
+   !> A place that nobody has chosen: the tip.
+   real(wp), parameter, public :: at_tip = -1
 
    !> Sensors and supports at most.
    integer, parameter, public :: most_sensors = 8, most_supports = 8
@@ -29,7 +29,7 @@ module beamid_structure
    !> A spring and a dashpot to the ground.
    type, public :: support_t
       real(wp) :: x_P = 0            !< its place
-      real(wp) :: k_P = rigid        !< stiffness
+      real(wp) :: kappa_P = 0        !< compliance, 1/k_P; 0: rigid
       real(wp) :: c_P = 0            !< damping
    end type support_t
 
@@ -45,7 +45,7 @@ module beamid_structure
       real(wp) :: rho = 0            !< mass per unit length
       real(wp) :: gamma = 0          !< air damping, gamma u_t
       real(wp) :: J_T = 0            !< rotary inertia at the tip
-      real(wp) :: k_R = rigid        !< torsional spring at the root
+      real(wp) :: kappa_R = 0        !< compliance of the clamp, 1/k_R; 0: rigid
       real(wp) :: c_R = 0            !< viscous damper at the root
       real(wp) :: length = 0         !< l
       real(wp) :: I = 0              !< second moment of the cross section
@@ -63,6 +63,7 @@ module beamid_structure
    contains
       procedure :: has_hose
       procedure :: has_root_spring
+      procedure :: rigid_supports
       procedure :: is_given
       procedure :: place
       procedure :: follows_tip
@@ -87,14 +88,14 @@ module beamid_structure
    integer, parameter, public :: of_m_T = nint(of%m_T), of_E = nint(of%E), &
       of_c_D = nint(of%c_D), of_m_H = nint(of%m_H), of_c_H = nint(of%c_H), &
       of_k_H = nint(of%k_H), of_rho = nint(of%rho), of_gamma = nint(of%gamma), &
-      of_J_T = nint(of%J_T), of_k_R = nint(of%k_R), of_c_R = nint(of%c_R), &
+      of_J_T = nint(of%J_T), of_kappa_R = nint(of%kappa_R), of_c_R = nint(of%c_R), &
       of_length = nint(of%length), of_I = nint(of%I), of_x_F = nint(of%x_F)
    !> Those of each sensor and of each support.
    integer, parameter, public :: &
       m_S_at(most_sensors) = [(n_single + 3*i - 2, i=1, most_sensors)], &
       J_S_at(most_sensors) = m_S_at + 1, x_S_at(most_sensors) = m_S_at + 2, &
       x_P_at(most_supports) = [(n_single + 3*(most_sensors + i) - 2, i=1, most_supports)], &
-      k_P_at(most_supports) = x_P_at + 1, c_P_at(most_supports) = x_P_at + 2
+      kappa_P_at(most_supports) = x_P_at + 1, c_P_at(most_supports) = x_P_at + 2
    !> Of the first sensor, or the only one.
    integer, parameter, public :: of_m_S = m_S_at(1), of_J_S = J_S_at(1), of_x_S = x_S_at(1)
 
@@ -119,15 +120,22 @@ contains
    pure logical function has_root_spring(self)
       class(structure_t), intent(in) :: self
 
-      has_root_spring = self%k_R < rigid
+      has_root_spring = self%kappa_R > 0
    end function has_root_spring
+
+   !> How many supports do not give way.
+   pure integer function rigid_supports(self)
+      class(structure_t), intent(in) :: self
+
+      rigid_supports = count(.not. self%support(:self%supports)%kappa_P > 0)
+   end function rigid_supports
 
    !> Whether a parameter by its place has a value that does something.
    pure logical function is_given(self, k)
       class(structure_t), intent(in) :: self
       integer, intent(in) :: k
 
-      is_given = self%get(k) > 0 .and. self%get(k) < rigid
+      is_given = self%get(k) > 0
    end function is_given
 
    !> Where on the beam the parameter k puts something [length].
@@ -231,7 +239,7 @@ contains
       complex(wp) :: q(n_parameters)
 
       q = values_of(self)
-      tip_stiffness = 1/real(bare_influence(self, q, q(of_length), q(of_length)))
+      tip_stiffness = 1/real(bare_influence(q, q(of_length), q(of_length)))
    end function tip_stiffness
 
    !> Deflection at x under a unit force at xi: that of the bare beam, minus what the force of each
@@ -246,27 +254,24 @@ contains
 
       places = [x, xi, q(x_P_at(:self%supports))]
       do j = 1, size(places)
-         a(:, j) = [(bare_influence(self, q, places(i), places(j)), i=1, size(places))]
+         a(:, j) = [(bare_influence(q, places(i), places(j)), i=1, size(places))]
       end do
       do k = 1, self%supports
          i = k + 2
-         held = a(i, i)
-         if (self%support(k)%k_P < rigid) held = held + 1/q(k_P_at(k))
+         held = a(i, i) + q(kappa_P_at(k))
          a = a - spread(a(:, i), 2, size(places))*spread(a(i, :), 1, size(places))/held
       end do
       influence = a(1, 2)
    end function influence
 
    !> The same without supports.
-   pure complex(wp) function bare_influence(self, q, x, xi)
-      type(structure_t), intent(in) :: self
+   pure complex(wp) function bare_influence(q, x, xi)
       complex(wp), intent(in) :: q(:), x, xi
       complex(wp) :: near, far
 
       near = merge(x, xi, real(x) <= real(xi))
       far = merge(xi, x, real(x) <= real(xi))
-      bare_influence = near**2*(3*far - near)/(6*q(of_E)*q(of_I))
-      if (self%has_root_spring()) bare_influence = bare_influence + near*far/q(of_k_R)
+      bare_influence = near**2*(3*far - near)/(6*q(of_E)*q(of_I)) + near*far*q(of_kappa_R)
    end function bare_influence
 
    !> Rayleigh's estimate of the first angular frequency without supports [1/time]: the static tip

@@ -8,19 +8,20 @@ module beamid_terms
    use beamid_kinds, only: wp
    use beamid_monomials, only: monomial_t, slope_of, value_of
    use beamid_structure, only: most_sensors, most_supports, n_parameters, of_c_D, of_c_H, c_P_at, &
-      of_c_R, of_E, of_gamma, of_I, J_S_at, of_J_T, of_k_H, k_P_at, of_k_R, of_length, of_m_H, &
-      m_S_at, of_m_T, of_rho, of_x_F, x_P_at, x_S_at, rigid, structure_t, values_of
+      of_c_R, of_E, of_gamma, of_I, J_S_at, of_J_T, of_k_H, kappa_P_at, of_kappa_R, of_length, of_m_H, &
+      m_S_at, of_m_T, of_rho, of_x_F, x_P_at, x_S_at, structure_t, values_of
    implicit none
    private
 
-   public :: term_t, terms, strengths, strength_slopes, is_rigid, operators, operator_t, &
+   public :: term_t, terms, strengths, strength_slopes, is_spring, operators, operator_t, &
       place_on_mesh
-   public :: of_mass, of_damping, of_stiffness, of_load
+   public :: of_mass, of_damping, of_stiffness, of_load, of_compliance
    public :: inertia, bending, tip_value, tip_slope, root_slope, hose, stretch, load_shape, &
       force_value, sensor_value, sensor_slope, support_value
 
-   !> Matrices, and the vector of the load.
-   integer, parameter :: of_mass = 1, of_damping = 2, of_stiffness = 3, of_load = 4
+   !> Matrices, the vector of the load, and the reciprocal of what goes into the stiffness.
+   integer, parameter :: of_mass = 1, of_damping = 2, of_stiffness = 3, of_load = 4, &
+      of_compliance = 5
 
    !> Operators: <b, b>; <b'', b''>; the square of value or slope at a place (for the load the
    !> vector itself); the hose's coordinate y, and y - u(l); <theta, b> of a distributed load.
@@ -65,13 +66,13 @@ module beamid_terms
       term_t(of_mass, hose, monomial_t(place=[of_m_H, 0, 0])), &
       term_t(of_damping, stretch, monomial_t(place=[of_c_H, 0, 0])), &
       term_t(of_stiffness, stretch, monomial_t(place=[of_k_H, 0, 0])), &
-      term_t(of_stiffness, root_slope, monomial_t(place=[of_k_R, 0, 0])), &
+      term_t(of_compliance, root_slope, monomial_t(place=[of_kappa_R, 0, 0])), &
       term_t(of_damping, root_slope, monomial_t(place=[of_c_R, 0, 0])), &
       term_t(of_load, force_value), &
       term_t(of_load, load_shape), &
       (term_t(of_mass, sensor_value(i), monomial_t(place=[m_S_at(i), 0, 0])), i=1, most_sensors), &
       (term_t(of_mass, sensor_slope(i), monomial_t(place=[J_S_at(i), 0, 0])), i=1, most_sensors), &
-      (term_t(of_stiffness, support_value(i), monomial_t(place=[k_P_at(i), 0, 0])), &
+      (term_t(of_compliance, support_value(i), monomial_t(place=[kappa_P_at(i), 0, 0])), &
       i=1, most_supports), &
       (term_t(of_damping, support_value(i), monomial_t(place=[c_P_at(i), 0, 0])), &
       i=1, most_supports)]
@@ -81,47 +82,59 @@ contains
    !> How much of each operator there is.
    !>
    !> mesh_length  of the beam that the integrals of the mesh are for [length]
-   !> s            (operators, 4) of M, C, K and F
+   !> s            (operators, 5) of M, C, K and F, and the compliance of springs to the ground
    pure function strengths(structure, mesh_length) result(s)
       type(structure_t), intent(in) :: structure
       real(wp), intent(in) :: mesh_length
-      real(wp) :: s(size(operators), 4)
+      real(wp) :: s(size(operators), of_compliance)
       real(wp) :: q(n_parameters)
-      type(term_t) :: term
       integer :: t
 
       q = values_of(structure)
       s = 0
       do t = 1, size(terms)
-         term = terms(t)
-         if (.not. is_there(term%operator, structure)) cycle
-         s(term%operator, term%matrix) = s(term%operator, term%matrix) + value_of(term%factor, q) &
-            *(structure%length/mesh_length)**operators(term%operator)%growth
+         associate (k => terms(t)%operator, matrix => terms(t)%matrix)
+            if (is_there(k, structure)) s(k, matrix) = s(k, matrix) &
+               + value_of(terms(t)%factor, q) &
+               *(structure%length/mesh_length)**growth(k, matrix)
+         end associate
       end do
+      where (s(:, of_compliance) > 0) s(:, of_stiffness) = 1/s(:, of_compliance)
    end function strengths
 
    !> Their derivatives with respect to a parameter.
-   pure function strength_slopes(structure, mesh_length, parameter) result(s)
+   pure function strength_slopes(structure, mesh_length, parameter) result(slopes)
       type(structure_t), intent(in) :: structure
       real(wp), intent(in) :: mesh_length
       integer, intent(in) :: parameter
-      real(wp) :: s(size(operators), 4)
+      real(wp), dimension(size(operators), of_compliance) :: slopes, s
       real(wp) :: q(n_parameters)
-      type(term_t) :: term
       integer :: t
 
       q = values_of(structure)
-      s = 0
-      if (parameter == of_length) s = strengths(structure, mesh_length) &
-         *spread(operators%growth, 2, 4)/structure%length
+      slopes = 0
       do t = 1, size(terms)
-         term = terms(t)
-         if (.not. is_there(term%operator, structure)) cycle
-         s(term%operator, term%matrix) = s(term%operator, term%matrix) &
-            + slope_of(term%factor, q, parameter) &
-            *(structure%length/mesh_length)**operators(term%operator)%growth
+         associate (k => terms(t)%operator, matrix => terms(t)%matrix)
+            if (.not. is_there(k, structure)) cycle
+            slopes(k, matrix) = slopes(k, matrix) + slope_of(terms(t)%factor, q, parameter) &
+               *(structure%length/mesh_length)**growth(k, matrix)
+            if (parameter == of_length) slopes(k, matrix) = slopes(k, matrix) &
+               + value_of(terms(t)%factor, q)*growth(k, matrix)/structure%length &
+               *(structure%length/mesh_length)**growth(k, matrix)
+         end associate
       end do
+      s = strengths(structure, mesh_length)
+      where (s(:, of_compliance) > 0) slopes(:, of_stiffness) = -slopes(:, of_compliance) &
+         *s(:, of_stiffness)**2
    end function strength_slopes
+
+   !> The power of the length by which an operator in a matrix grows.
+   pure integer function growth(operator, matrix)
+      integer, intent(in) :: operator, matrix
+
+      growth = operators(operator)%growth
+      if (matrix == of_compliance) growth = -growth
+   end function growth
 
    !> Where the point of an operator is on the beam of the mesh [length].
    pure real(wp) function place_on_mesh(operator, structure, mesh_length) result(x)
@@ -138,29 +151,25 @@ contains
       end associate
    end function place_on_mesh
 
-   !> A rigid root has no slope for a spring to act on, a rigid support is no spring; sensors and
-   !> supports are as many as they are.
+   !> Sensors and supports are as many as they are.
    pure logical function is_there(operator, structure)
       integer, intent(in) :: operator
       type(structure_t), intent(in) :: structure
 
       is_there = .true.
-      if (operator == root_slope) is_there = structure%has_root_spring()
       if (operator >= sensor_value(1)) is_there = operator < support_value(1) .and. &
          modulo(operator - sensor_value(1), most_sensors) < max(1, structure%sensors)
-      if (operator >= support_value(1)) is_there = operator < support_value(1) &
-         + structure%supports .and. .not. is_rigid(operator, structure)
+      if (operator >= support_value(1)) is_there = operator < support_value(1) + structure%supports
    end function is_there
 
-   !> Whether an operator is that of a support without a spring: what is there stays there.
-   pure logical function is_rigid(operator, structure)
+   !> Whether an operator is a spring to the ground, and may be rigid: that of the clamp or of a
+   !> support.
+   pure logical function is_spring(operator, structure)
       integer, intent(in) :: operator
       type(structure_t), intent(in) :: structure
 
-      associate (k => operator - support_value(1) + 1)
-         is_rigid = k >= 1 .and. k <= structure%supports
-         if (is_rigid) is_rigid = .not. structure%support(k)%k_P < rigid
-      end associate
-   end function is_rigid
+      is_spring = operator == root_slope .or. &
+         operator >= support_value(1) .and. is_there(operator, structure)
+   end function is_spring
 
 end module beamid_terms
