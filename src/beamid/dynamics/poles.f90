@@ -52,6 +52,7 @@ module beamid_poles
    !> And below which it must not be: a derivative would keep six digits.
    real(wp), parameter :: tiny_A = 1e-5_wp
 
+   real(wp), allocatable :: undamp(:)
 contains
 
    !> poles  in: `all` of a structure much like this one, or nothing
@@ -116,6 +117,7 @@ contains
          where (poles%cluster(k)%holds(poles%s)) poles%residue = 0
          call measure(assembly, poles%cluster(k))
       end do
+      undamp = undamped
       call check_sums(assembly, poles, error)
    end subroutine residues
 
@@ -148,6 +150,18 @@ contains
          if (rest(1) <= max_rest .and. rest(2) <= max_rest_at_once .and. &
             all(cluster%is_complete())) return
       end associate
+      print *, 'REST', rest, 'imp', poles%impulse, 'sum', sum(real(poles%residue*poles%s)), 'abs', &
+         sum(abs(poles%residue*poles%s)), 'once', at_once, 'cl', size(poles%cluster), 'held', &
+         count(assembly%held), 'n', size(poles%s), 'roots', assembly%roots()
+      block
+         integer :: kk, jj
+         do kk = 1, 3
+            jj = maxloc(abs(poles%residue*poles%s), dim=1)
+            print *, '   pole', poles%s(jj), 'r s', poles%residue(jj)*poles%s(jj), 'A', &
+               abs(poles%vector(jj)%A)/undamp(jj), 'j', poles%root(jj)%j
+            poles%residue(jj) = 0
+         end do
+      end block
       call failure(error, 'modal: the roots found leave '//to_text(maxval(rest))// &
          ' of the response open: one was missed')
    end subroutine check_sums

@@ -101,39 +101,91 @@ contains
       call select_half(assembly, half)
    end subroutine find_roots
 
-   !> Undamped modes of the whole, each with the damping that it sees, and off the real axis, since
-   !> two real roots may have to become a pair.
+   !> Undamped modes of the whole, each with the damping that it sees; the slow roots of overdamped
+   !> ones where they pile up. Off the real axis, since two real roots may have to become a pair.
    subroutine starting_points(assembly, roots, error)
       type(assembly_t), intent(in) :: assembly
       type(root_t), allocatable, intent(out) :: roots(:)
       type(error_t), allocatable, intent(out) :: error
       real(wp), dimension(assembly%n, assembly%n) :: M, C, K
-      real(wp) :: lambda(assembly%n), work(1 + 6*assembly%n + 2*assembly%n**2)
+      real(wp) :: lambda(assembly%n), piled(assembly%n)
       complex(wp) :: pair(2)
-      integer :: iwork(3 + 5*assembly%n), half, info, j, side
+      integer :: half, j, next, side
 
       call full_matrices(assembly, M, C, K)
-      call dsygvd(1, 'V', 'L', assembly%n, K, assembly%n, M, assembly%n, lambda, work, size(work), &
-         iwork, size(iwork), info)
-      if (info /= 0) then
-         call failure(error, 'modal: mass matrix is not positive definite')
-         return
-      end if
+      call slow_roots(assembly, M, C, K, piled)
+      call solve_symmetric(K, M, lambda, error)
+      if (allocated(error)) return
       half = assembly%roots()/2
+      next = size(piled)
       allocate (roots(2*half))
-      do j = 1, half
+      do j = half, 1, -1
          pair = quadratic(1.0_wp, dot_product(K(:, j), matmul(C, K(:, j))), max(lambda(j), 0.0_wp))
+         if (abs(aimag(pair(1))) <= 0 .and. piled(next) < 0 .and. &
+            abs(real(pair(1)) - piled(next)) < -0.1_wp*piled(next)) then
+            pair(1) = piled(next)
+            next = next - 1
+         end if
          do side = 1, 2
             associate (root => roots(j + (side - 1)*half))
                root%s = pair(side)
                if (.not. abs(aimag(root%s)) > 0) root%s = root%s &
-                  + (0.0_wp, 0.1_wp)*(3 - 2*side)*room(assembly, root%s)
+                  + (0.0_wp, 0.05_wp)*(3 - 2*side)*room(assembly, root%s)
                root%origin = 0
                call nearest_pole(assembly, root)
             end associate
          end do
       end do
    end subroutine starting_points
+
+   !> Slow roots of overdamped modes, near -E/c_D: there the inertia is that at -E/c_D, and with
+   !> s = -E/c_D + epsilon/c_D and B the bending stiffness per unit of E the vectors are those of
+   !> (s**2 M + K_rest) x = -epsilon B x, K_rest the stiffness but for bending.
+   !>
+   !> slow  (n) the nearest to -E/c_D last; 0: no Kelvin-Voigt damping
+   subroutine slow_roots(assembly, M, C, K, slow)
+      type(assembly_t), intent(in) :: assembly
+      real(wp), intent(in) :: M(:, :), C(:, :), K(:, :)
+      real(wp), intent(out) :: slow(:)
+      real(wp), dimension(size(slow), size(slow)) :: x, rest
+      real(wp) :: theta(size(slow))
+      complex(wp) :: pair(2)
+      type(error_t), allocatable :: error
+      integer :: i
+
+      slow = 0
+      associate (c_D => assembly%strength(bending, of_damping), p => assembly%pencil(1), &
+         E => assembly%strength(bending, of_stiffness))
+         if (.not. c_D > 0) return
+         x = 0
+         rest = (E/c_D)**2*M + K
+         do i = 1, assembly%beam
+            x(i, i) = p%k(i)/E
+            rest(i, i) = rest(i, i) - p%k(i)
+         end do
+         call solve_symmetric(x, rest, theta, error)
+         if (allocated(error)) return
+         do i = 1, size(slow)
+            pair = quadratic(dot_product(x(:, i), matmul(M, x(:, i))), &
+               dot_product(x(:, i), matmul(C, x(:, i))), &
+               max(dot_product(x(:, i), matmul(K, x(:, i))), 0.0_wp))
+            if (abs(aimag(pair(1))) <= 0) slow(i) = real(pair(1))
+         end do
+      end associate
+   end subroutine slow_roots
+
+   !> K x = lambda M x by LAPACK; the vectors, x'M x = 1, stand in K afterwards.
+   subroutine solve_symmetric(K, M, lambda, error)
+      real(wp), intent(inout) :: K(:, :), M(:, :)
+      real(wp), intent(out) :: lambda(:)
+      type(error_t), allocatable, intent(out) :: error
+      real(wp) :: work(1 + 6*size(lambda) + 2*size(lambda)**2)
+      integer :: iwork(3 + 5*size(lambda)), info, n
+
+      n = size(lambda)
+      call dsygvd(1, 'V', 'L', n, K, n, M, n, lambda, work, size(work), iwork, size(iwork), info)
+      if (info /= 0) call failure(error, 'modal: mass matrix is not positive definite')
+   end subroutine solve_symmetric
 
    !> How far a slow real root may be moved: those of overdamped modes lie the more densely the
    !> nearer they are to -E/c_D.
