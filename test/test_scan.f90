@@ -1,7 +1,9 @@
 !> All roots of 2000 random structures with everything that may hang on a beam: their number, their
 !> sums, and each against inverse iteration in quadruple precision.
 program test_scan
-   use attached_beams, only: poles_of
+   use attached_beams, only: poles_of, starting_vector
+   use beamid_excitation, only: new_pulse
+   use full_matrices, only: full_t, new_full, qp
    use beamid_errors, only: error_t
    use beamid_galerkin, only: mesh_t
    use beamid_kinds, only: wp
@@ -78,11 +80,43 @@ contains
                ' mH ', q%m_H/q%rho, ' cH ', q%c_H, ' kH ', q%k_H, &
                ' gam ', q%gamma/q%omega()/q%rho, ' xS ', q%sensor(1)%x_S/q%length
             end associate
+            if (number == 23) call against(structure, poles)
             cycle
          end if
       end do
       call system_clock(t1)
       print *, 'refused', refused, ' of', numbers, ' seconds', real(t1 - t0)/rate
    end subroutine test_roots
+
+   subroutine against(structure, poles)
+      type(structure_t), intent(in) :: structure
+      type(poles_t), intent(in) :: poles
+      type(full_t) :: full
+      complex(qp), allocatable :: x(:)
+      complex(qp) :: s, r
+      real(qp) :: last
+      real(wp) :: off(size(poles%s))
+      complex(wp) :: ours(size(poles%s)), theirs(size(poles%s)), at(size(poles%s))
+      integer :: k, j
+
+      full = new_full(galerkin, structure, new_pulse(1.0_wp, 1.0_wp))
+      do k = 1, size(poles%s)
+         s = poles%s(k)
+         x = starting_vector(full%n)
+         call full%improve(12, s, x, last)
+         r = full%residue(s, x)
+         ours(k) = poles%residue(k)*poles%s(k)
+         theirs(k) = r*s
+         at(k) = s
+         off(k) = abs(ours(k) - theirs(k))
+      end do
+      print *, 'sum quad', sum(real(theirs)), 'ours', sum(real(ours)), 'imp quad', &
+         real(full%impulse(), wp), 'ours', poles%impulse
+      do k = 1, 8
+         j = maxloc(off, dim=1)
+         print '(9es13.4)', poles%s(j), abs(at(j) - poles%s(j))/abs(at(j)), ours(j), theirs(j), off(j)
+         off(j) = 0
+      end do
+   end subroutine against
 
 end program test_scan

@@ -153,15 +153,6 @@ contains
       print *, 'REST', rest, 'imp', poles%impulse, 'sum', sum(real(poles%residue*poles%s)), 'abs', &
          sum(abs(poles%residue*poles%s)), 'once', at_once, 'cl', size(poles%cluster), 'held', &
          count(assembly%held), 'n', size(poles%s), 'roots', assembly%roots()
-      block
-         integer :: kk, jj
-         do kk = 1, 3
-            jj = maxloc(abs(poles%residue*poles%s), dim=1)
-            print *, '   pole', poles%s(jj), 'r s', poles%residue(jj)*poles%s(jj), 'A', &
-               abs(poles%vector(jj)%A)/undamp(jj), 'j', poles%root(jj)%j
-            poles%residue(jj) = 0
-         end do
-      end block
       call failure(error, 'modal: the roots found leave '//to_text(maxval(rest))// &
          ' of the response open: one was missed')
    end subroutine check_sums
