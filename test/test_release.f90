@@ -14,7 +14,7 @@ program test_release
    use beamid_observation, only: observation_t
    use beamid_parameters, only: amplitude, free_index, free_names, get_free, &
       set_free
-   use beamid_responses, only: response_t, solver_t
+   use beamid_responses, only: response_t, solver_t, work_t
    use beamid_strings, only: to_text
    use beamid_structure, only: at_tip, of_length, of_x_S, rigid, sensor_t, structure_t
    use beamid_variables, only: unbounded
@@ -305,7 +305,8 @@ contains
       type(structure_t) :: moved
       type(error_t), allocatable :: error
       real(wp), allocatable :: phi(:, :), dphi(:, :, :), exact(:, :)
-      real(wp) :: y(size(times)), difference(size(times)), value, h
+      real(wp) :: y(size(times)), difference(size(times)), none(size(times), 0), value, h
+      type(work_t) :: work
       integer, allocatable :: places(:)
       character(len=12) :: way
       integer :: kind, p, j
@@ -319,8 +320,8 @@ contains
          excitation = new_release(0.02_wp, 0.1_wp, kind == 2)
          experiment%excitation = excitation
          call new_apparatus(experiment, structure, mesh, by_equation, modal_t(), apparatus, error)
-         call apparatus%differentiate(structure, excitation, .false., places, y, exact, phi, dphi, &
-            error)
+         call apparatus%evaluate(structure, excitation, .false., places, y, exact, phi, dphi, &
+            work, error)
          call check(what//', by '//trim(way)//': derivatives', .not. allocated(error))
          if (allocated(error)) return
          do p = 1, size(places)
@@ -332,7 +333,8 @@ contains
                moved = structure
                moved_excitation = excitation
                call set_free(moved, moved_excitation, places(p), value + steps(j)*h)
-               call apparatus%evaluate(moved, moved_excitation, .false., y, phi, error)
+               call apparatus%evaluate(moved, moved_excitation, .false., [integer ::], y, none, &
+                  phi, dphi, work, error)
                if (allocated(error)) y = huge(1.0_wp)
                difference = difference + weights(j)/h*y
             end do

@@ -50,15 +50,14 @@ program test_terms
    use beamid_case_files, only: list_keys
    use beamid_errors, only: error_t
    use beamid_excitation, only: new_pulse
-   use beamid_experiments, only: experiment_t, new_apparatus
+   use beamid_experiments, only: experiment_t
    use beamid_galerkin, only: galerkin_t, mesh_t, new_galerkin
    use beamid_kinds, only: wp
-   use beamid_modal, only: modal_t
    use beamid_modes, only: bare_beam_modes, beam_modes_t
-   use beamid_observation, only: observation_t
    use beamid_parameters, only: check_structure, is_there, magnitude, name_of_parameter, &
       not_negative, on_beam, parameters, positive
    use beamid_problems, only: compare_derivatives
+   use beamid_residuals, only: new_residuals
    use beamid_strings, only: to_text
    use beamid_structure, only: at_tip, n_parameters, n_single, of_c_R, of_k_R, of_length, of_x_F, &
       rigid, structure_t, x_S_at
@@ -67,6 +66,7 @@ program test_terms
    use beamid_variables, only: new_variable, unbounded, variable_t
    use checks, only: check, check_close, finish, in_long_run
    use mistakes, only: mistaken_t
+   use models, only: model_of
    use random_numbers, only: decades, start_random, uniform
    implicit none
 
@@ -210,7 +210,7 @@ contains
          if (found > 0) print '(3a,es9.2)', '      alarm: ', &
             parameters(places(found))%name, ' ', worst
          do k = 1, n
-            if (norm2(jac(:, k))*p(k) <= 1e-5_wp*norm2(r + problem%right%parts(1)%measured)) cycle
+            if (norm2(jac(:, k))*p(k) <= 1e-5_wp*norm2(r + problem%right%parts(1)%experiment%measured)) cycle
             counted = counted + 1
             do j = 1, size(factors)
                jac(:, k) = factors(j)*jac(:, k)
@@ -245,16 +245,10 @@ contains
       experiment%samples = [(k/s%omega(), k=1, 60)]
       experiment%excitation = new_pulse(1.0_wp, 0.5_wp/s%omega())
       allocate (experiment%measured(60), source=0.0_wp)
-      associate (right => problem%right)
-         right%free = places
-         right%record = spread(0, 1, n)
-         right%world%structures = [s]
-         right%world%excitations = [experiment%excitation]
-         if (allocated(right%parts)) deallocate (right%parts)
-         allocate (right%parts(1))
-         call new_apparatus(experiment, s, mesh_t(3, 4, 4, 1), observation_t(3, 0.0_wp), &
-            modal_t(), right%parts(1), error)
-      end associate
+      call new_residuals(model_of(s, experiment%excitation), mesh_t(3, 4, 4, 1), [experiment], &
+         problem%right, error)
+      problem%right%free = places
+      problem%right%record = spread(0, 1, n)
       p = [(s%get(places(k)), k=1, n)]
    end subroutine pose
 

@@ -12,7 +12,7 @@ module beamid_acceleration
 
    public :: reproduce_acceleration
 
-   !> Names of the formulas, in the order of `formula_names`.
+   !> Names of the formulas, by their numbers.
    character(len=*), parameter :: labels(3) = [character(len=6) :: '(4.1)', '(4.2)', '(3.13)']
 
 contains

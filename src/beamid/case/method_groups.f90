@@ -9,7 +9,7 @@ module beamid_method_groups
    use beamid_modal, only: modal_t
    use beamid_multistart, only: multistart_t
    use beamid_numbers, only: shown
-   use beamid_observation, only: formula_names, observation_t
+   use beamid_observation, only: from_acceleration, observation_t
    use beamid_parameters, only: amplitude, belongs_to_hose, is_there, may_be_negative, &
       name_of_parameter, offset, parameters, place_of_name
    use beamid_responses, only: solver_t
@@ -21,6 +21,10 @@ module beamid_method_groups
    private
 
    public :: read_discretization, read_integrator, read_multistart, read_observation, read_stage
+
+   !> Names of the formulas, by their numbers: (4.1), (4.2) and (3.13).
+   character(len=*), parameter, public :: formula_names(3) = &
+      [character(len=23) :: 'displacement_difference', 'velocity_difference', 'equation']
 
 contains
 
@@ -107,7 +111,7 @@ contains
       if (block%failed()) return
       observed%relative = frame == 'relative'
       observed%formula = findloc(formula_names == formula, .true., dim=1)
-      if (formula == 'equation') then
+      if (observed%formula == from_acceleration) then
          call block%exclude('delta', 'with formula = ''equation''')
       else
          call block%require('delta')

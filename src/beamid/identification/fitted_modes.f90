@@ -73,7 +73,8 @@ contains
       complex(wp), intent(in) :: s, ds(:)
       logical, intent(in) :: together
       type(fitted_mode_t) :: mode
-      real(wp) :: slope(size(ds)), scale, t
+      real(wp), dimension(size(ds)) :: of_frequency, of_damping   ! sensitivities
+      real(wp) :: scale, t
       real(wp), parameter :: two_pi = 2*acos(-1.0_wp)
       integer :: n
 
@@ -93,12 +94,11 @@ contains
          if (.not. fit%check%white) scale = maxval(statistics%corrected_half_width(:n) &
             /max(statistics%half_width(:n), tiny(1.0_wp)))
          t = scale*student_quantile(0.95_wp, real(statistics%samples - statistics%parameters, wp))
-         slope = real(conjg(s)*ds)/abs(s)
-         where (.not. is_mine(fit, record)) slope = 0
-         mode%frequency_half_width = t*deviation(slope/two_pi)
-         slope = -real(ds)/abs(s) + real(s)*slope/abs(s)**2
-         where (.not. is_mine(fit, record)) slope = 0
-         if (abs(aimag(s)) > 0) mode%damping_half_width = t*deviation(slope)
+         of_frequency = merge(real(conjg(s)*ds)/abs(s), 0.0_wp, is_mine(fit, record))
+         of_damping = merge(-real(ds)/abs(s), 0.0_wp, is_mine(fit, record)) &
+            + real(s)*of_frequency/abs(s)**2
+         mode%frequency_half_width = t*deviation(of_frequency/two_pi)
+         if (abs(aimag(s)) > 0) mode%damping_half_width = t*deviation(of_damping)
       end associate
 
    contains
@@ -119,8 +119,8 @@ contains
       logical :: mine(size(fit%free))
       integer :: k
 
-      mine = [((fit%quantities(k)%record == 0 .or. fit%quantities(k)%record == record) .and. &
-               fit%free(k) /= amplitude, k=1, size(mine))]
+      mine = [(any(fit%quantities(k)%record == [0, record]) .and. fit%free(k) /= amplitude, &
+         k=1, size(mine))]
    end function is_mine
 
 end module beamid_fitted_modes

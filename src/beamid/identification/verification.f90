@@ -3,14 +3,14 @@
 module beamid_verification
    use beamid_cvode, only: cvode_t
    use beamid_errors, only: error_t, failure
-   use beamid_experiments, only: experiment_t, new_apparatus
+   use beamid_experiments, only: experiment_t
    use beamid_galerkin, only: mesh_t
    use beamid_gauss_newton, only: scales_of
    use beamid_kinds, only: wp
    use beamid_least_squares, only: fit, fit_t, options_t
    use beamid_modal, only: modal_t
-   use beamid_observation, only: observation_t
-   use beamid_residuals, only: residual_t
+   use beamid_residuals, only: new_residuals, residual_t
+   use beamid_simulation, only: model_t
    use beamid_statistics, only: new_statistics, statistics_t
    use beamid_strings, only: to_text
    use beamid_variables, only: variable_t
@@ -28,23 +28,18 @@ contains
 
    !> The residuals of the same experiments by the exact response; without parts where it cannot be
    !> prepared.
-   subroutine exact_counterpart(problem, experiments, mesh, observation, exact)
-      type(residual_t), intent(in) :: problem
-      type(experiment_t), intent(in) :: experiments(:)
+   subroutine exact_counterpart(model, mesh, experiments, exact)
+      type(model_t), intent(in) :: model
       type(mesh_t), intent(in) :: mesh
-      type(observation_t), intent(in) :: observation
+      type(experiment_t), intent(in) :: experiments(:)
       type(residual_t), intent(out) :: exact
+      type(model_t) :: exact_model
       type(error_t), allocatable :: error
-      integer :: i
 
-      allocate (exact%parts(size(experiments)))
-      do i = 1, size(experiments)
-         call new_apparatus(experiments(i), problem%world%structures(i), mesh, observation, &
-            modal_t(), exact%parts(i), error)
-         if (.not. allocated(error)) cycle
-         deallocate (exact%parts)
-         return
-      end do
+      exact_model = model
+      exact_model%solver = modal_t()
+      call new_residuals(exact_model, mesh, experiments, exact, error)
+      if (allocated(error)) deallocate (exact%parts)
    end subroutine exact_counterpart
 
    !> problem    as it was fitted
@@ -85,11 +80,11 @@ contains
       k = maxloc(ratio, dim=1)
       if (ratio(k) <= allowed) return
       associate (rtol => problem%parts(1)%solver%relative_error())
-         call failure(error, 'rtol = '//to_text(rtol)//' is too large: the error of the '// &
-            'integrator has moved '//trim(names(k))//' by '//to_text(shift(k))//', '// &
-            to_text(ratio(k))//' standard errors, seen from '//reference// &
-            '; expected at most a quarter: rtol = '//to_text(smaller(rtol, ratio(k)))// &
-            ' or less, or method = ''modal''')
+         call failure(error, 'a relative tolerance of '//to_text(rtol)//' is too large: the '// &
+            'error of the integrator has moved '//trim(names(k))//' by '//to_text(shift(k))// &
+            ', '//to_text(ratio(k))//' standard errors, seen from '//reference// &
+            '; expected at most a quarter: '//to_text(smaller(rtol, ratio(k)))// &
+            ' or less, or the modal response')
       end associate
    end subroutine verify_integrator
 
@@ -129,7 +124,7 @@ contains
          end select
       end do
       associate (rtol => finer%parts(1)%solver%relative_error())
-         reference = 'rtol = '//to_text(rtol)
+         reference = 'a tolerance of '//to_text(rtol)
          call fit(finer, size(found%residual), from_there, options_t(relative_error=rtol, &
             check=.false.), better, error)
       end associate

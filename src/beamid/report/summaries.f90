@@ -4,7 +4,7 @@ module beamid_summaries
    use beamid_experiments, only: experiment_t
    use beamid_identification, only: simulation_t, stage_fit_t
    use beamid_kinds, only: wp
-   use beamid_observation, only: formula_names
+   use beamid_method_groups, only: formula_names
    use beamid_responses, only: work_t
    use beamid_strings, only: fixed, to_text
    use beamid_statistics, only: undetermined, unlimited
