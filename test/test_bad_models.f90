@@ -262,7 +262,7 @@ contains
       call refused_case('free start with an amplitude', freed('modes=1, amplitude=1'), place// &
          'amplitude: found a value|expected none')
       call refused_case('free start by cvode', replaced(freed(one), '''modal''', '''cvode'''), &
-         'case.nml|found a start that is not known with method = ''cvode''|expected|''modal''')
+         'case.nml|found a start that is not known|expected the modal response')
       call refused_case('free start', freed(one), &
          'case.nml|&excitation kind: found ''free''|expected a start that is known', 'simulate')
       call refused_case('amplitude of a free start', replaced(freed(one), 'free=''m_H''', &
@@ -459,12 +459,18 @@ contains
 
    subroutine test_place_of_force()
       character(len=*), parameter :: place = '6: &excitation x_F: found ', &
-         point = '12: &stage free: found ''x_F''|expected a force at a point for it'
+         point = '12: &stage free: found ''x_F''|expected a force at a point for it', &
+         tip = 'm_T=0.15 /'
 
       call accepted('force at a place', 'identify', replaced(case_text, pulse, pulse//', x_F=2'))
       call accepted('table at a place', 'simulate', replaced(replaced(case_text, pulse, table), &
          'power=2.0', 'x_F=2'))
       call accepted('release at a place', 'identify', released('displacement=0.1, x_F=2'))
+      call accepted('release at a support that gives way', 'identify', replaced(released( &
+         'displacement=0.1, x_F=2'), tip, tip//group('support', 'x_P=2, k_P=10')))
+      call refused_case('release by displacement at a rigid support', replaced(released( &
+         'displacement=0.1, x_F=2'), tip, tip//group('support', 'x_P=2')), 'case.nml: '// &
+         '&excitation displacement: found a point that a rigid support holds|expected one that')
       call refused('force at the root', pulse, pulse//', x_F=0', place//'0|above 0')
       call refused('force behind the root', pulse, pulse//', x_F=-1', place//'-1|above 0')
       call refused('force beyond the tip', pulse, pulse//', x_F=4.001', place// &

@@ -210,7 +210,7 @@ contains
          if (found > 0) print '(3a,es9.2)', '      alarm: ', &
             parameters(places(found))%name, ' ', worst
          do k = 1, n
-            if (norm2(jac(:, k))*p(k) <= 1e-5_wp*norm2(r + problem%right%parts(1)%experiment%measured)) cycle
+            if (norm2(jac(:, k))*p(k) <= 1e-5_wp*norm2(r)) cycle
             counted = counted + 1
             do j = 1, size(factors)
                jac(:, k) = factors(j)*jac(:, k)

@@ -30,7 +30,7 @@ module beamid_residuals
       procedure :: jacobian
       procedure :: samples
       procedure :: linear_quantities
-      procedure :: linear_jacobian
+      procedure :: evaluate
       procedure :: with
    end type residual_t
 
@@ -88,7 +88,7 @@ contains
       type(error_t), allocatable, intent(out) :: error
       real(wp) :: none(size(r), 0)
 
-      call evaluate(self, parameters, r, none, error)
+      call self%evaluate(parameters, r, none, error)
    end subroutine residuals
 
    subroutine jacobian(self, parameters, r, jac, error)
@@ -97,29 +97,16 @@ contains
       real(wp), intent(out) :: r(:), jac(:, :)
       type(error_t), allocatable, intent(out) :: error
 
-      call evaluate(self, parameters, r, jac, error)
+      call self%evaluate(parameters, r, jac, error)
    end subroutine jacobian
-
-   !> Derivatives with respect to every unknown, those that enter linearly included, each with all
-   !> the others held.
-   !>
-   !> jac  (m, n + k)
-   !> c    (k)
-   subroutine linear_jacobian(self, parameters, r, jac, c, error)
-      class(residual_t), intent(inout) :: self
-      real(wp), intent(in) :: parameters(:)
-      real(wp), intent(out) :: r(:), jac(:, :), c(:)
-      type(error_t), allocatable, intent(out) :: error
-
-      call evaluate(self, parameters, r, jac, error, c)
-   end subroutine linear_jacobian
 
    !> Residuals with the linear unknowns eliminated, and derivatives as far as there is room.
    !>
-   !> jac           (m, 0); (m, n) of the residuals; (m, n + k) with respect to every unknown
+   !> jac           (m, 0); (m, n) of the residuals; (m, n + k) with respect to every unknown, the
+   !>               linear ones included, each with all the others held
    !> coefficients  (k) the linear unknowns, where the derivatives are with respect to all
    subroutine evaluate(self, parameters, r, jac, error, coefficients)
-      type(residual_t), intent(inout) :: self
+      class(residual_t), intent(inout) :: self
       real(wp), intent(in) :: parameters(:)
       real(wp), intent(out) :: r(:), jac(:, :)
       type(error_t), allocatable, intent(out) :: error
@@ -166,7 +153,7 @@ contains
       end do
    end subroutine evaluate
 
-   !> The unknowns that enter linearly, in the order of `linear_jacobian`, without their values.
+   !> The unknowns that enter linearly, in the order of `evaluate`, without their values.
    function linear_quantities(self) result(quantities)
       class(residual_t), intent(in) :: self
       type(quantity_t), allocatable :: quantities(:)

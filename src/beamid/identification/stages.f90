@@ -114,7 +114,7 @@ contains
          return
       end if
       allocate (c(size(linear)), found%jacobian(size(r), size(found%free) + size(linear)))
-      call problem%linear_jacobian(found%fit%estimate, r, found%jacobian, c, error)
+      call problem%evaluate(found%fit%estimate, r, found%jacobian, error, c)
       if (allocated(error)) return
       do k = 1, size(linear)
          associate (q => linear(k), &
