@@ -74,6 +74,7 @@ contains
       logical, intent(in) :: together
       type(fitted_mode_t) :: mode
       real(wp), dimension(size(ds)) :: of_frequency, of_damping   ! sensitivities
+      logical :: mine(size(ds))
       real(wp) :: scale, t
       real(wp), parameter :: two_pi = 2*acos(-1.0_wp)
       integer :: n
@@ -94,9 +95,12 @@ contains
          if (.not. fit%check%white) scale = maxval(statistics%corrected_half_width(:n) &
             /max(statistics%half_width(:n), tiny(1.0_wp)))
          t = scale*student_quantile(0.95_wp, real(statistics%samples - statistics%parameters, wp))
-         of_frequency = merge(real(conjg(s)*ds)/abs(s), 0.0_wp, is_mine(fit, record))
-         of_damping = merge(-real(ds)/abs(s), 0.0_wp, is_mine(fit, record)) &
-            + real(s)*of_frequency/abs(s)**2
+         ! The amplitude, and what belongs to other records, does not act on this structure.
+         associate (owner => fit%quantities(:n)%record)
+            mine = (owner == 0 .or. owner == record) .and. fit%free /= amplitude
+         end associate
+         of_frequency = merge(real(conjg(s)*ds)/abs(s), 0.0_wp, mine)
+         of_damping = merge(-real(ds)/abs(s), 0.0_wp, mine) + real(s)*of_frequency/abs(s)**2
          mode%frequency_half_width = t*deviation(of_frequency/two_pi)
          if (abs(aimag(s)) > 0) mode%damping_half_width = t*deviation(of_damping)
       end associate
@@ -111,16 +115,5 @@ contains
       end function deviation
 
    end function fitted_mode
-
-   !> Which parameters of the fit act on a record's structure.
-   pure function is_mine(fit, record) result(mine)
-      type(stage_fit_t), intent(in) :: fit
-      integer, intent(in) :: record
-      logical :: mine(size(fit%free))
-      integer :: k
-
-      mine = [(any(fit%quantities(k)%record == [0, record]) .and. fit%free(k) /= amplitude, &
-         k=1, size(mine))]
-   end function is_mine
 
 end module beamid_fitted_modes

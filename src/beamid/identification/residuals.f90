@@ -5,14 +5,11 @@ module beamid_residuals
    use beamid_experiments, only: apparatus_t, experiment_t, new_apparatus
    use beamid_galerkin, only: mesh_t
    use beamid_kinds, only: wp
-   use beamid_parameters, only: offset_place => offset
    use beamid_problems, only: smooth_problem_t
    use beamid_projection, only: new_projection, projection_t
    use beamid_responses, only: is_exact, work_t
    use beamid_simulation, only: model_t
-   use beamid_strings, only: to_text
-   use beamid_unknowns, only: name_of, quantity_t, world_t
-   use beamid_variables, only: unbounded
+   use beamid_unknowns, only: world_t
    implicit none
    private
 
@@ -29,7 +26,6 @@ module beamid_residuals
       procedure :: residuals
       procedure :: jacobian
       procedure :: samples
-      procedure :: linear_quantities
       procedure :: evaluate
       procedure :: with
    end type residual_t
@@ -104,7 +100,8 @@ contains
    !>
    !> jac           (m, 0); (m, n) of the residuals; (m, n + k) with respect to every unknown, the
    !>               linear ones included, each with all the others held
-   !> coefficients  (k) the linear unknowns, where the derivatives are with respect to all
+   !> coefficients  (k) the linear unknowns, where the derivatives are with respect to all: of each
+   !>               record in turn cosine and sine of each mode, then the offset
    subroutine evaluate(self, parameters, r, jac, error, coefficients)
       class(residual_t), intent(inout) :: self
       real(wp), intent(in) :: parameters(:)
@@ -152,35 +149,5 @@ contains
          row = row + m
       end do
    end subroutine evaluate
-
-   !> The unknowns that enter linearly, in the order of `evaluate`, without their values.
-   function linear_quantities(self) result(quantities)
-      class(residual_t), intent(in) :: self
-      type(quantity_t), allocatable :: quantities(:)
-      integer :: i, k, record
-
-      allocate (quantities(0))
-      do i = 1, size(self%parts)
-         record = merge(i, 0, size(self%parts) > 1)
-         do k = 1, self%world%excitations(i)%modes
-            quantities = [quantities, linear('cos_'//to_text(k), 0), linear('sin_'//to_text(k), 0)]
-         end do
-         if (self%offset) quantities = [quantities, linear('offset', offset_place)]
-      end do
-
-   contains
-
-      type(quantity_t) function linear(name, parameter)
-         character(len=*), intent(in) :: name
-         integer, intent(in) :: parameter
-
-         linear%name = name_of(name, record)
-         linear%parameter = parameter
-         linear%record = record
-         linear%lower = -unbounded
-         linear%upper = unbounded
-      end function linear
-
-   end function linear_quantities
 
 end module beamid_residuals

@@ -4,14 +4,15 @@ module beamid_stages
    use beamid_excitation, only: excitation_t
    use beamid_kinds, only: wp
    use beamid_least_squares, only: fit, fit_t, monitor_t, options_t
-   use beamid_parameters, only: offset
+   use beamid_parameters, only: free_magnitude, offset
    use beamid_residuals, only: residual_t
    use beamid_responses, only: work_t
    use beamid_starts, only: automatic_start
    use beamid_statistics, only: new_statistics, statistics_t
+   use beamid_strings, only: to_text
    use beamid_structure, only: structure_t
-   use beamid_unknowns, only: quantity_t, stage_t, variables_of, world_t
-   use beamid_variables, only: variable_t
+   use beamid_unknowns, only: name_of, quantity_t, stage_t, variables_of, world_t
+   use beamid_variables, only: unbounded, variable_t
    use beamid_verification, only: verify_integrator
    use beamid_whiteness, only: check_residuals, residual_check_t
    implicit none
@@ -55,7 +56,7 @@ contains
       class(monitor_t), intent(inout), optional :: monitor
       type(variable_t), allocatable :: variables(:)
       real(wp) :: moderate
-      integer :: k, n
+      integer :: k, n, r
 
       n = size(stage%free)
       problem%free = stage%free
@@ -80,7 +81,9 @@ contains
             q%value = found%fit%estimate(k)
             call problem%world%set(q%parameter, q%record, q%value)
             ! What a search leaves beside a bound at 0 is no yardstick.
-            moderate = problem%world%magnitude(q%parameter, q%record)
+            r = max(q%record, 1)
+            moderate = free_magnitude(problem%world%structures(r), problem%world%excitations(r), &
+               q%parameter)
             q%scale = merge(abs(q%value), moderate, abs(q%value) > 1e-9_wp*moderate)
          end associate
       end do
@@ -103,33 +106,55 @@ contains
       type(residual_t), intent(inout) :: problem
       type(stage_fit_t), intent(inout) :: found
       type(error_t), allocatable, intent(out) :: error
-      type(quantity_t), allocatable :: linear(:)
       real(wp), allocatable :: c(:)
       real(wp) :: r(problem%samples())
-      integer :: k
+      integer :: i, k, n, modes(size(problem%parts))
 
-      linear = problem%linear_quantities()
-      if (size(linear) == 0) then
+      modes = problem%world%excitations%modes
+      n = sum(2*modes + merge(1, 0, problem%offset))
+      if (n == 0) then
          found%jacobian = found%fit%jacobian
          return
       end if
-      allocate (c(size(linear)), found%jacobian(size(r), size(found%free) + size(linear)))
+      allocate (c(n), found%jacobian(size(r), size(found%free) + n))
       call problem%evaluate(found%fit%estimate, r, found%jacobian, error, c)
       if (allocated(error)) return
-      do k = 1, size(linear)
-         associate (q => linear(k), &
-            experiment => problem%parts(max(1, linear(k)%record))%experiment)
-            q%value = c(k)
+      n = 0
+      do i = 1, size(modes)
+         do k = 1, modes(i)
+            call add('cos_'//to_text(k), 0)
+            call add('sin_'//to_text(k), 0)
+         end do
+         if (problem%offset) call add('offset', offset)
+      end do
+
+   contains
+
+      !> The next quantity, of record i.
+      subroutine add(name, parameter)
+         character(len=*), intent(in) :: name
+         integer, intent(in) :: parameter
+         type(quantity_t) :: q
+
+         n = n + 1
+         q%record = merge(i, 0, size(modes) > 1)
+         q%name = name_of(name, q%record)
+         q%parameter = parameter
+         q%lower = -unbounded
+         q%upper = unbounded
+         q%value = c(n)
+         associate (experiment => problem%parts(i)%experiment)
             q%scale = max(norm2(experiment%measured)/sqrt(real(size(experiment%measured), wp)), &
                tiny(1.0_wp))
-            if (q%parameter == offset) then
+            if (parameter == offset) then
                q%start = experiment%offset
-               q%value = experiment%offset + c(k)
+               q%value = experiment%offset + c(n)
                q%scale = q%scale/abs(experiment%scale)
             end if
          end associate
-      end do
-      found%quantities = [found%quantities, linear]
+         found%quantities = [found%quantities, q]
+      end subroutine add
+
    end subroutine add_linear
 
 end module beamid_stages

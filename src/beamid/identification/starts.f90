@@ -138,8 +138,9 @@ contains
       end associate
    end subroutine roots_of_record
 
-   !> Which line belongs to which mode: of all ways that keep the order, the one whose lines stand
-   !> most nearly in the ratios of the model's frequencies and are strong. 0: none.
+   !> Which line belongs to which mode: of all ways that keep the order, the one against which least
+   !> speaks. Ratios that are 10 % off count one, as does a line weaker than the strongest by a
+   !> factor e, and all frequencies off by a factor e. 0: none.
    !>
    !> lines        ascending frequency
    !> frequencies  of the modes, ascending
@@ -148,8 +149,9 @@ contains
       real(wp), intent(in) :: frequencies(:)
       integer :: place(size(frequencies))
       integer, allocatable :: chosen(:)
+      real(wp), allocatable :: ratio(:)
       integer :: choice, matched, j
-      real(wp) :: cost, least
+      real(wp) :: mean, cost, least
 
       matched = min(size(place), size(lines))
       least = huge(least)
@@ -158,25 +160,15 @@ contains
       do choice = 1, 2**size(lines) - 1
          if (popcnt(choice) /= matched) cycle
          chosen = pack([(j, j=1, size(lines))], [(btest(choice, j - 1), j=1, size(lines))])
-         cost = disagreement(lines(chosen), frequencies(:matched), maxval(lines%amplitude))
+         ratio = log(lines(chosen)%frequency/frequencies(:matched))
+         mean = sum(ratio)/size(ratio)
+         cost = sum(((ratio - mean)/0.1_wp)**2) + mean**2 &
+            - sum(log(lines(chosen)%amplitude/maxval(lines%amplitude)))
          if (cost >= least) cycle
          least = cost
          place(:matched) = chosen
       end do
    end function assigned
-
-   !> What speaks against an assignment: ratios that are 10 % off count one, as does a line weaker
-   !> than the strongest by a factor e, and all frequencies off by a factor e.
-   pure real(wp) function disagreement(lines, frequencies, strongest)
-      type(line_t), intent(in) :: lines(:)
-      real(wp), intent(in) :: frequencies(:), strongest
-      real(wp) :: ratio(size(lines)), mean
-
-      ratio = log(lines%frequency/frequencies)
-      mean = sum(ratio)/size(ratio)
-      disagreement = sum(((ratio - mean)/0.1_wp)**2) + mean**2 &
-         - sum(log(lines%amplitude/strongest))
-   end function disagreement
 
    !> Refuses a model whose frequencies have nothing to do with the record's: a slip in the units.
    subroutine check_frequencies(problem, error)

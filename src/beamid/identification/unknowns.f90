@@ -40,7 +40,6 @@ module beamid_unknowns
       type(excitation_t), allocatable :: excitations(:)
    contains
       procedure :: set
-      procedure :: magnitude
       procedure :: range_on_beam
    end type world_t
 
@@ -115,16 +114,6 @@ contains
          call set_free(self%structures(r), self%excitations(r), parameter, value)
       end do
    end subroutine set
-
-   !> What a moderate value of a parameter is.
-   pure real(wp) function magnitude(self, parameter, record)
-      class(world_t), intent(in) :: self
-      integer, intent(in) :: parameter, record
-
-      associate (r => max(record, 1))
-         magnitude = free_magnitude(self%structures(r), self%excitations(r), parameter)
-      end associate
-   end function magnitude
 
    !> The range in which everything stays on every beam of a record, or of all: of a place up to the
    !> end, of the length down to the outermost place. Where both move they meet halfway between the
@@ -210,8 +199,9 @@ contains
                   ', expected bounds and starts with every place on the beam')
                return
             end if
+            r = max(owners(k), 1)
             variables(k) = new_variable(min(max(start(k), q%lower), q%upper), q%lower, q%upper, &
-               world%magnitude(stage%free(k), owners(k)))
+               free_magnitude(world%structures(r), world%excitations(r), stage%free(k)))
             q%start = variables(k)%start
          end associate
       end do
