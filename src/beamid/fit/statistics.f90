@@ -57,8 +57,7 @@ contains
    !> residual  (m)
    !> estimate  (n)
    !> scale     (n) > 0, what a relative change of each parameter is relative to: its value, or
-   !>           where
-   !>           that is zero something of its usual size
+   !>           where that is zero something of its usual size
    !> error     no degrees of freedom left, or a singular value decomposition that fails
    subroutine new_statistics(jacobian, residual, estimate, scale, statistics, error)
       real(wp), intent(in) :: jacobian(:, :), residual(:), estimate(:), scale(:)
