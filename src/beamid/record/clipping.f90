@@ -33,22 +33,25 @@ contains
       real(wp), intent(in) :: z(:)
       real(wp), intent(out) :: limit
       real(wp) :: top, bottom, fall
-      integer :: first, last, at_top, elsewhere
+      integer :: first, last, at_top, elsewhere, n
 
       limit = huge(limit)
-      if (size(z) < shortest) return
+      n = size(z)
+      if (n < shortest) return
       top = maxval(z)
       bottom = minval(z)
-      if (.not. flat_at(z, top)) return
+      if (.not. any(min(z(:n - 2), z(2:n - 1), z(3:)) >= top)) return
       fall = steep*converter_step(z, top, top - bottom)
       if (.not. fall < top - bottom) return
       at_top = 0
       elsewhere = 0
       last = 0
-      do while (last < size(z))
+      do while (last < n)
          first = last + 1
-         call end_of_run(z, first, last)
-         if (last - first + 1 < shortest .or. first == 1 .or. last == size(z)) cycle
+         do last = first, n - 1
+            if (abs(z(last + 1) - z(first)) > 0) exit
+         end do
+         if (last - first + 1 < shortest .or. first == 1 .or. last == n) cycle
          if (.not. is_steep(z, first, last, fall)) cycle
          if (z(first) >= top) then
             at_top = at_top + 1
@@ -58,33 +61,6 @@ contains
       end do
       if (at_top > elsewhere) limit = top
    end subroutine find_limit
-
-   !> Whether three or more samples in a row are at a level.
-   pure logical function flat_at(z, level) result(yes)
-      real(wp), intent(in) :: z(:), level
-      integer :: k, length
-
-      length = 0
-      yes = .false.
-      do k = 1, size(z)
-         length = merge(length + 1, 0, z(k) >= level)
-         yes = length >= shortest
-         if (yes) return
-      end do
-   end function flat_at
-
-   !> The last of the samples that equal the first.
-   pure subroutine end_of_run(z, first, last)
-      real(wp), intent(in) :: z(:)
-      integer, intent(in) :: first
-      integer, intent(out) :: last
-
-      last = first
-      do while (last < size(z))
-         if (abs(z(last + 1) - z(first)) > 0) exit
-         last = last + 1
-      end do
-   end subroutine end_of_run
 
    !> Whether the signal leaves a level by more than `fall`, within as many samples as it stayed
    !> there, before and after.

@@ -66,7 +66,7 @@ contains
       type(thinned_t), intent(out) :: thinned
       real(wp), allocatable :: y(:), kernel(:)
       logical, allocatable :: good(:)
-      integer, allocatable :: places(:)
+      integer, allocatable :: places(:), ends(:)
       real(wp) :: step, limit
       integer :: first, last, from, to, j
 
@@ -84,24 +84,17 @@ contains
       ! Each part between two gaps by itself.
       allocate (y(size(places)), good(size(places)))
       good = .false.
+      ends = [pack([(j, j=1, size(t) - 1)], t(2:) - t(:size(t) - 1) > limit), size(t)]
       last = 0
-      from = 1
-      do while (last < size(t))
+      to = 0
+      do j = 1, size(ends)
          first = last + 1
-         last = first
-         do while (last < size(t))
-            if (t(last + 1) - t(last) > limit) exit
-            last = last + 1
-         end do
-         to = from - 1
-         do j = from, size(places)
-            if (places(j) > last) exit
-            to = j
-         end do
+         last = ends(j)
+         from = to + 1
+         to = to + count(places(from:) <= last)
          if (to >= from .and. t(last) - t(first) > 2*thinned%half_width) &
             call filter_part(t(first:last), z(first:last), bad(first:last), &
             t(places(from:to)), step, thinned, kernel, y(from:to), good(from:to))
-         from = to + 1
       end do
       thinned%t = pack(t(places), good)
       thinned%z = pack(y, good)
@@ -118,16 +111,10 @@ contains
    !> The mean of the steps that are no gaps; 0 when there is none.
    pure real(wp) function mean_step(t, limit) result(step)
       real(wp), intent(in) :: t(:), limit
-      integer :: k, n
+      real(wp) :: steps(size(t) - 1)
 
-      step = 0
-      n = 0
-      do k = 2, size(t)
-         if (t(k) - t(k - 1) > limit) cycle
-         step = step + (t(k) - t(k - 1))
-         n = n + 1
-      end do
-      if (n > 0) step = step/n
+      steps = t(2:) - t(:size(t) - 1)
+      step = sum(steps, mask=steps <= limit)/max(1, count(steps <= limit))
    end function mean_step
 
    !> The filter from its middle (0) to its end (intervals); without a factor.
