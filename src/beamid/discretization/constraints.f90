@@ -1,8 +1,9 @@
 !> Linear constraints b'w = 0 on the unknowns of band matrices, met by elimination.
 !>
-!> Of each the unknown e with the largest share of b goes. Another one that b touches takes along the
-!> next on the way to e whose share is no smaller, as far as keeps b'w at zero. That is a neighbour
-!> where the shares rise towards e, as those of splines at a place do, and the band grows no wider.
+!> Of each the unknown e with the largest share of b goes. Another one that b touches takes along
+!> the next on the way to e whose share is no smaller, as far as keeps b'w at zero. That is a
+!> neighbour where the shares rise towards e, as those of splines at a place do, and the band grows
+!> no wider.
 module beamid_constraints
    use beamid_bands, only: band_t, new_band
    use beamid_kinds, only: wp
