@@ -51,17 +51,10 @@ module beamid_least_squares
 
 contains
 
-   !> Minimises the sum of squares.
+   !> Minimises the sum of squares of m >= n residuals by n variables.
    !>
-   !> problem    what is to be fitted
-   !> m          number of residuals, >= number of variables
-   !> variables  (n) starts, bounds, scales
-   !> options    accuracy of the model and of the fit
-   !> result     estimates, J, counts, reason
    !> error      the model fails at the start, or wherever the search turns; no convergence
-   !> monitor    told of every iteration
-   !> label      what the monitor calls this search
-   !> names      (n) of the variables, for the monitor
+   !> monitor    told of every iteration, with the search's label and the variables' names
    subroutine fit(problem, m, variables, options, result, error, monitor, label, names)
       class(problem_t), intent(inout), target :: problem
       integer, intent(in) :: m
@@ -162,9 +155,9 @@ contains
          ' disagrees with differences of the residuals')
    end subroutine compare
 
-   !> Minimises; where the minimum lies on a bound the change of variable has no slope there and the
-   !> search would creep. A variable that lingers at a bound is held on it while the others move,
-   !> and let go, once, if J falls towards the inside.
+   !> Minimises. At a bound the change of variable has no slope, and the search would creep: a
+   !> variable that lingers there is held on it while the others move, and let go, once, if J falls
+   !> towards the inside.
    subroutine minimise_with_bounds(search, options, result, info, error)
       type(search_t), intent(inout), target :: search
       type(options_t), intent(in) :: options
@@ -226,9 +219,8 @@ contains
    end subroutine minimise_with_bounds
 
    !> Gauss-Newton steps with the central differences of the final Jacobian: the one-sided ones of
-   !> `lmdif` stop a little beside the minimum when the residuals are not zero. They go on while
-   !> they grow shorter, each costs one evaluation, and none counts that is long or lets J rise by
-   !> more than the residuals' error.
+   !> `lmdif` stop a little beside the minimum. They go on while they grow shorter, and none counts
+   !> that is long or lets J rise by more than the residuals' error.
    subroutine polish(search, result)
       type(search_t), intent(inout) :: search
       type(fit_t), intent(inout) :: result

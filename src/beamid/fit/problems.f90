@@ -49,10 +49,8 @@ contains
 
    !> Largest relative difference, over the columns, between a Jacobian and central differences.
    !>
-   !> A column is mistaken when the two are further apart than the differences can be wrong: by
-   !> three times what another step, longer or shorter, makes of them. That holds where a parameter
-   !> hardly counts, and round-off is all there is, as where it counts so much that the step is
-   !> long.
+   !> A column is mistaken when the two are further apart than three times what another step, longer
+   !> or shorter, makes of the differences: however little or much a parameter counts.
    !>
    !> exact     (m, n) the Jacobian at the parameters
    !> worst     not allocated where the differences cannot be computed

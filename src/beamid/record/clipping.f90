@@ -1,17 +1,15 @@
 !> Samples that sit at the limit of the sensor or of its converter.
 !>
-!> A limit shows as flats: three or more equal samples in a row at the extreme of the record. A
-!> coarse converter makes flats of good samples too, at the top of any slow swing, and the shape
-!> tells them apart. The top of a smooth swing that stays within one step q of the converter for n
-!> samples has a curvature of at most 8 q/(n - 1)**2 per sample squared; within n samples on either
-!> side it falls by less than 17 q. A swing cut off at a height E above the limit falls by 7 E to
-!> 15 E there. So a flat is evidence of a limit when the signal falls by more than 20 q within its
-!> own length on both sides. What the rule lets pass is wrong by less than 3 q, and a signal that
-!> spans no more than 20 q is never touched.
+!> A limit shows as flats, three or more equal samples in a row at the extreme of the record. A
+!> coarse converter makes flats of good samples too, at the top of any slow swing: one that stays
+!> within a step q of the converter for n samples has a curvature of at most 8 q/(n - 1)**2 per
+!> sample squared and falls by less than 17 q within n samples on either side; a swing cut off at a
+!> height E above the limit falls by 7 E to 15 E there. So a flat is evidence of a limit when the
+!> signal falls by more than 20 q within its own length on both sides. What that lets pass is wrong
+!> by less than 3 q.
 !>
-!> Records that repeat every value (a slow sensor polled too fast), or whose steps are coarser at
-!> the top than elsewhere (text of so many digits), have such flats at other levels too: the
-!> extreme must hold more of them than all levels between the two extremes.
+!> Records that repeat every value, or whose steps are coarser at the top than elsewhere, have such
+!> flats at other levels too: the extreme must hold more of them than all levels between the two.
 module beamid_clipping
    use beamid_kinds, only: wp
    use beamid_sorting, only: sort

@@ -1,17 +1,14 @@
-!> Every k-th sample of a record behind a symmetric low-pass filter.
+!> Every k-th sample of a record behind a symmetric low-pass filter, a sinc under a Kaiser window.
 !>
-!> The filter is a sinc under a Kaiser window. In units of the new Nyquist frequency f_N, half the
-!> mean sampling rate over k, it passes 0 to 0.6 and stops what lies above 1, each within 3e-5 (90
-!> dB): nothing folds back. It is symmetric about each time stamp that is kept and shifts no phase.
+!> It passes 0 to 0.6 of the new Nyquist frequency f_N, half the mean sampling rate over k, and
+!> stops what lies above f_N, each within 3e-5 (90 dB): nothing folds back, and no phase is shifted.
 !>
-!> The stamps are used as they are. The filter's integral is a sum over nodes at the mean step; a
-!> polynomial through up to 12 neighbours gives the record's value at a node, of lower degree where
-!> the stamps lie so unevenly that it would amplify the noise. Beside the record a tone of 0.5 f_N
-!> goes through the same sums, at the same stamps: a sample is kept only where the tone comes out
-!> right. So a gap that matters costs the samples beside it, and one that does not costs none.
-!>
-!> What cannot be had: of uneven stamps, tones with fewer than 4 or 5 stamps to a period are stopped
-!> less well. Stamps in error by a part of the step are not known to be.
+!> The stamps are used as they are. The filter's integral is a sum over nodes at the mean step,
+!> where a polynomial through up to 12 neighbours gives the record's value, of lower degree where
+!> uneven stamps would amplify the noise. A tone of 0.5 f_N goes through the same sums, and a sample
+!> is kept only where the tone comes out right: a gap costs the samples beside it where it matters,
+!> and no others. Of uneven stamps, tones with fewer than 4 or 5 stamps to a period are stopped less
+!> well.
 module beamid_thinning
    use beamid_kinds, only: wp
    use beamid_sorting, only: median

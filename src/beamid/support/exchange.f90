@@ -1,12 +1,11 @@
 !> The files of an earlier run exchanged for those of a new one: all or none, whatever happens.
 !>
 !> The new files are written to a temporary folder inside the output folder, as `new-<name>`, the
-!> new manifest last. Then the older manifest goes there, as `old-<name>`, and after it each older
-!> file while the new one takes its name; files that an earlier run of the same command has written
-!> and this one has not go as well. The new manifest takes its name when all others have theirs: a
-!> folder without a manifest does not hold whole runs. While the new manifest is in the temporary
-!> folder, an exchange was begun and not ended: `take_back` undoes it, at once when a step fails,
-!> else at the beginning of the next run that writes to the folder.
+!> new manifest last. Then the older manifest goes there, as `old-<name>`, and each older file while
+!> the new one takes its name, and those that only the earlier run of the same command has written.
+!> The new manifest takes its name last: a folder without one does not hold whole runs. While it is
+!> in the temporary folder an exchange was begun and not ended: `take_back` undoes it, at once when
+!> a step fails, else at the beginning of the next run that writes to the folder.
 !>
 !> Runs on one machine wait for one another (`lock_folder`), so a temporary folder of this machine
 !> is one of a program that has died. Those of other machines, which may share the folder, are left;

@@ -111,8 +111,8 @@ contains
       power = power + exponent
    end subroutine add_exponent
 
-   !> whole*10**power to the nearest double. An integer below 2**53 and a power of ten that is exact
-   !> need one rounding only (Clinger, 1990). Others are computed with 64 bits or more, where the
+   !> whole*10**power to the nearest double. An integer below 2**53 and an exact power of ten need
+   !> one rounding only (Clinger, 1990). Others are computed with 64 bits or more, where the
    !> compiler has them, and taken when all numbers within the error round to the same double.
    pure subroutine scale_exactly(whole, power, value, ok)
       integer(ip), intent(in) :: whole
