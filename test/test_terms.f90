@@ -191,7 +191,8 @@ contains
       type(mistaken_t) :: problem
       type(variable_t) :: variables(n)
       type(error_t), allocatable :: error
-      real(wp) :: p(n), r(60), jac(60, n), worst
+      real(wp) :: p(n), r(60), jac(60, n)
+      real(wp), allocatable :: worst
       real(wp), parameter :: factors(2) = [0.0_wp, 1.01_wp]
       integer :: alarms, missed(2), counted, i, j, k, found
 

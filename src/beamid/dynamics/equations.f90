@@ -199,21 +199,18 @@ contains
    subroutine constrain(self)
       type(equations_t), intent(inout) :: self
       real(wp), allocatable :: reduced(:, :)
-      integer :: k, n
+      integer :: k
 
-      n = 0
       do k = support_value(1), size(operators)
-         if (.not. is_rigid(k, self%structure)) cycle
-         call self%constraints%add(self%point(:, k))
-         n = n + 1
+         if (is_rigid(k, self%structure)) call self%constraints%add(self%point(:, k))
       end do
-      if (n == 0) return
+      if (self%constraints%number() == 0) return
       self%mass = self%constraints%of_matrix(self%mass)
       self%damping = self%constraints%of_matrix(self%damping)
       self%stiffness = self%constraints%of_matrix(self%stiffness)
       self%load = self%constraints%of_vector(self%load)
       self%observer = self%constraints%of_vector(self%observer)
-      self%unit = self%unit(n + 1:)
+      self%unit = self%unit(1 + self%constraints%number():)
       allocate (reduced(self%mass%n, size(operators)))
       do k = 1, size(operators)
          reduced(:, k) = self%constraints%of_vector(self%point(:, k))
