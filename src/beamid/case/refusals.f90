@@ -19,7 +19,7 @@ module beamid_refusals
    !> The first problems in the order of lines, and among equal lines as they were found.
    type :: refusals_t
       integer :: n = 0
-      type(refusal_t), allocatable, private :: kept(:)
+      type(refusal_t), private :: kept(most)
    contains
       procedure :: add
       procedure :: join
@@ -36,7 +36,6 @@ contains
       character(len=*), intent(in) :: text
       integer :: k
 
-      if (.not. allocated(self%kept)) allocate (self%kept(most))
       if (self%n < most) then
          self%n = self%n + 1
       else if (line >= self%kept(most)%line) then
