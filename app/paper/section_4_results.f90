@@ -4,7 +4,7 @@ module beamid_section_4_results
    use beamid
    use beamid_cases, only: scored_samples
    use beamid_csv, only: column_length, read_columns
-   use beamid_errors, only: bad_input
+   use beamid_errors, only: bad_input, locate
    use beamid_identification, only: score_fits
    use beamid_paths, only: join_path
    use beamid_profiles, only: difference_bound, lowest_places, profile, squared_distance, &
@@ -97,10 +97,8 @@ contains
       do k = 1, size(results%entries)
          call fit_entry(results%entries(k), results, monitor, error)
          if (.not. allocated(error)) call evaluate(results%entries(k), results, error)
-         if (allocated(error)) then
-            error%message = results%entries(k)%case%path//': '//error%message
-            return
-         end if
+         call locate(error, results%entries(k)%case%path)
+         if (allocated(error)) return
       end do
       ! No record has a part in these, but for the printed sum of Table 4.4 in the bound.
       do k = 1, size(results%entries)
@@ -110,8 +108,7 @@ contains
          end associate
       end do
       call explore_valley(results, error)
-      if (allocated(error)) error%message = results%entries(table_4_4)%case%path//': '// &
-         error%message
+      call locate(error, results%entries(table_4_4)%case%path)
    end subroutine compute_section_4
 
    !> The paper's parameters and sums, one row per model.
