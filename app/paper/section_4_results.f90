@@ -95,8 +95,7 @@ contains
       end associate
       if (allocated(error)) return
       do k = 1, size(results%entries)
-         call fit_entry(results%entries(k), results, monitor, error)
-         if (.not. allocated(error)) call evaluate(results%entries(k), results, error)
+         call compute_entry(results%entries(k), results, monitor, error)
          call locate(error, results%entries(k)%case%path)
          if (allocated(error)) return
       end do
@@ -140,35 +139,27 @@ contains
       end do
    end subroutine read_paper
 
-   !> The stages of one case, if it has any.
-   subroutine fit_entry(entry, results, monitor, error)
+   !> The stages of one case, if it has any; sums, responses and frequencies at both estimates.
+   subroutine compute_entry(entry, results, monitor, error)
       type(entry_t), intent(inout) :: entry
       type(results_t), intent(in) :: results
       class(monitor_t), intent(inout) :: monitor
       type(error_t), allocatable, intent(out) :: error
       type(stage_fit_t), allocatable :: fits(:, :)
-
-      entry%ours = entry%case%model%structure
-      allocate (entry%fits(0))
-      if (size(entry%case%stages) == 0) return
-      call identify_meshes(entry%case%model, entry%case%meshes(:1), entry%case%stages, &
-         results%samples, results%measured, fits, error, monitor)
-      if (allocated(error)) return
-      call score_fits(entry%case%model, entry%case%meshes(:1), results%scored, results%expected, &
-         fits, error)
-      if (allocated(error)) return
-      entry%fits = fits(:, 1)
-      entry%ours = fits(size(fits, 1), 1)%structure
-   end subroutine fit_entry
-
-   !> Sums, responses and frequencies at both estimates.
-   subroutine evaluate(entry, results, error)
-      type(entry_t), intent(inout) :: entry
-      type(results_t), intent(in) :: results
-      type(error_t), allocatable, intent(out) :: error
       type(model_t) :: model
 
       model = entry%case%model
+      entry%ours = model%structure
+      allocate (entry%fits(0))
+      if (size(entry%case%stages) > 0) then
+         call identify_meshes(model, entry%case%meshes(:1), entry%case%stages, results%samples, &
+            results%measured, fits, error, monitor)
+         if (.not. allocated(error)) call score_fits(model, entry%case%meshes(:1), &
+            results%scored, results%expected, fits, error)
+         if (allocated(error)) return
+         entry%fits = fits(:, 1)
+         entry%ours = fits(size(fits, 1), 1)%structure
+      end if
       call at(entry%paper, results%scored, entry%response, entry%sum_at_paper, entry%J_at_paper, &
          entry%paper_frequencies)
       if (.not. allocated(error)) call at(entry%ours, results%t, entry%curve, entry%our_sum, &
@@ -204,7 +195,7 @@ contains
          hertz = omega(:size(hertz))/turn
       end subroutine at
 
-   end subroutine evaluate
+   end subroutine compute_entry
 
    !> Place of the beam's first bending mode: with a hose as soft as these the hose's own mode comes
    !> before it.

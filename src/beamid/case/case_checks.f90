@@ -104,6 +104,7 @@ contains
       type(case_t), intent(in) :: case
       integer, intent(in) :: needs
       type(error_t), allocatable, intent(out) :: error
+      integer :: k
 
       if (needs == needs_nothing) return
       if (size(case%excitations) == 0) call refuse(case%path, 0, 'excitation', 'no such group', &
@@ -111,15 +112,10 @@ contains
       if (size(case%recordings) == 0) call refuse(case%path, 0, 'record', 'no such group', 'one', &
          error)
       if (allocated(error)) return
-      if (needs == needs_fit) call check_fit(case, error)
-      if (needs == needs_response) call check_response(case, error)
-   end subroutine check_needs
-
-   subroutine check_fit(case, error)
-      type(case_t), intent(in) :: case
-      type(error_t), allocatable, intent(inout) :: error
-      integer :: k
-
+      if (needs == needs_response) then
+         call check_response(case, error)
+         return
+      end if
       do k = 1, size(case%recordings)
          if (.not. allocated(case%recordings(k)%path)) call refuse(case%path, &
             case%recordings(k)%line, 'record file', 'nothing', 'the path of a record', error)
@@ -131,7 +127,7 @@ contains
          any(case%stages%offset)) call refuse(case%path, case%score_line, 'score', &
          'it beside several records, a free start or a free offset', &
          'one record with a known start', error)
-   end subroutine check_fit
+   end subroutine check_needs
 
    subroutine check_response(case, error)
       type(case_t), intent(in) :: case

@@ -34,7 +34,7 @@ contains
       type(stage_fit_t), intent(in) :: fits(:, :)
       type(experiment_t), intent(in) :: experiments(:)
       type(text_t) :: estimates, curves, correlations, autocorrelation
-      integer :: stage, mesh
+      integer :: j, k, mesh, stage
 
       call estimates%line('stage,elements,parameter,unit,start,estimate,std_error,lower95,'// &
          'upper95,determined,std_error_corrected,lower95_corrected,upper95_corrected')
@@ -44,10 +44,24 @@ contains
       do mesh = 1, size(fits, 2)
          do stage = 1, size(fits, 1)
             call add_estimates(estimates, fits(stage, mesh), units)
-            call add_correlations(correlations, fits(stage, mesh))
+            associate (fit => fits(stage, mesh), names => fits(stage, mesh)%quantities%name)
+               if (fit%statistics%samples == 0) cycle
+               do j = 1, size(names)
+                  do k = 1, size(names)
+                     call correlations%line(csv_row(to_text(fit%stage)//','// &
+                        to_text(fit%elements)//','//trim(names(j))//','//trim(names(k)), &
+                        [fit%statistics%correlation(j, k)]))
+                  end do
+               end do
+            end associate
          end do
-         call add_fit(curves, fits(size(fits, 1), mesh), experiments)
-         call add_autocorrelation(autocorrelation, fits(size(fits, 1), mesh))
+         associate (fit => fits(size(fits, 1), mesh))
+            call add_fit(curves, fit, experiments)
+            do k = 1, size(fit%check%autocorrelation)
+               call autocorrelation%line(csv_row(to_text(fit%elements)//','//to_text(k), &
+                  [fit%check%autocorrelation(k), fit%check%band]))
+            end do
+         end associate
       end do
       call output%add('estimates.csv', estimates%content())
       call output%add('fit.csv', curves%content())
@@ -94,34 +108,6 @@ contains
             min(q%value + half_width, q%upper)])
       end associate
    end function interval
-
-   !> Correlations between the estimates of one stage.
-   subroutine add_correlations(text, fit)
-      type(text_t), intent(inout) :: text
-      type(stage_fit_t), intent(in) :: fit
-      integer :: j, k
-
-      if (fit%statistics%samples == 0) return
-      do j = 1, size(fit%quantities)
-         do k = 1, size(fit%quantities)
-            call text%line(csv_row(to_text(fit%stage)//','//to_text(fit%elements)//','// &
-               trim(fit%quantities(j)%name)//','//trim(fit%quantities(k)%name), &
-               [fit%statistics%correlation(j, k)]))
-         end do
-      end do
-   end subroutine add_correlations
-
-   !> Autocorrelation of the residuals.
-   subroutine add_autocorrelation(text, fit)
-      type(text_t), intent(inout) :: text
-      type(stage_fit_t), intent(in) :: fit
-      integer :: k
-
-      do k = 1, size(fit%check%autocorrelation)
-         call text%line(csv_row(to_text(fit%elements)//','//to_text(k), &
-            [fit%check%autocorrelation(k), fit%check%band]))
-      end do
-   end subroutine add_autocorrelation
 
    !> residual = measured - model, as in the paper
    subroutine add_fit(text, fit, experiments)
