@@ -101,7 +101,7 @@ contains
          end do
       else if (.not. all(key%range%holds(x))) then
          k = findloc(key%range%holds(x), .false., dim=1)
-         call self%refuse(name, number(x(k)), key%expected)
+         call self%refuse(name, number(x(k)), key%range%in_words())
       else
          call move_alloc(x, numbers)
       end if

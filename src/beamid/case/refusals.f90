@@ -10,6 +10,7 @@ module beamid_refusals
 
    !> The most problems that are told.
    integer, parameter :: most = 20
+   character(len=*), parameter :: line_feed = achar(10)
 
    type :: refusal_t
       integer :: line = 0
@@ -71,10 +72,9 @@ contains
       if (self%n == 0) return
       lines = ''
       do k = 1, self%n
-         if (k > 1) lines = lines//new_line('a')
-         lines = lines//path//':'//to_text(self%kept(k)%line)//': '//self%kept(k)%text
+         lines = lines//path//':'//to_text(self%kept(k)%line)//': '//self%kept(k)%text//line_feed
       end do
-      call bad_input(error, lines)
+      call bad_input(error, lines(:len(lines) - 1))
    end subroutine tell
 
    !> One problem that shows only after the file has been read; an earlier error stays.

@@ -36,7 +36,6 @@ module beamid_values
       logical :: required = .false.
       character(len=:), allocatable :: default    !< what holds without it
       type(range_t) :: range
-      character(len=:), allocatable :: expected   !< the range, or the words; '': anything
       logical :: infinite = .false.        !< `inf` is a value
       character(len=:), allocatable :: word       !< that may stand for the numbers, in quotes
    contains
@@ -117,7 +116,6 @@ contains
       if (present(infinite)) key%infinite = infinite
       key%default = default
       if (key%required) key%default = ''
-      key%expected = key%range%in_words()
    end function new_key
 
    !> What a key takes, in words.
