@@ -522,6 +522,9 @@ contains
          '6: &excitation file: found ''''|expected the path of a table')
       call refused_case('base with no such file', replaced(moved(''), 'force.csv', 'none.csv'), &
          'none.csv: found no such file|expected')
+      call refused('frame without a base that moves', delta, delta//', frame=''relative''', &
+         '10: &observation frame: found ''relative'' without a base that moves|'// &
+         'expected ''absolute'', or kind = ''base'' in &excitation')
       call refused('unknown frame', delta, delta//', frame=''sideways''', &
          '10: &observation frame: found ''sideways''|expected ''absolute'' or ''relative''')
    end subroutine test_moved_base
@@ -552,6 +555,10 @@ contains
          'free: found ''m_H'' twice|expected each parameter once')
       call refused('parameter twice, other case', both, '''m_H'',''M_h''', place// &
          'free: found ''M_h'' twice|expected each parameter once')
+      call refused_case('parameter three times', freeing(case_text, '''m_H'',''m_H'',''M_h'''), &
+         place//'free: found ''m_H'' twice|expected each parameter once')
+      call refused('unknown parameter twice', both, '''k_X'',''k_X''', place// &
+         'free: found ''k_X''|expected one of m_T E c_D')
       call refused('hose parameter without hose', &
          '&hose           m_H=0.04, c_H=0.004, k_H=0.3 /', '!', place// &
          'free: found ''m_H''|expected a &hose group')

@@ -49,13 +49,13 @@ program test_terms
    use beamid_blocks, only: block_t
    use beamid_case_files, only: list_keys
    use beamid_errors, only: error_t
-   use beamid_excitation, only: new_pulse
+   use beamid_excitation, only: excitation_t, new_base_motion, new_pulse, new_release
    use beamid_experiments, only: experiment_t
    use beamid_galerkin, only: galerkin_t, mesh_t, new_galerkin
    use beamid_kinds, only: wp
    use beamid_modes, only: bare_beam_modes, beam_modes_t
-   use beamid_parameters, only: check_structure, is_there, magnitude, name_of_parameter, &
-      not_negative, on_beam, parameters, positive
+   use beamid_parameters, only: amplitude, check_structure, is_there, magnitude, &
+      name_of_parameter, not_negative, on_beam, parameters, positive
    use beamid_problems, only: compare_derivatives
    use beamid_residuals, only: new_residuals
    use beamid_strings, only: to_text
@@ -117,6 +117,7 @@ contains
       type(galerkin_t) :: galerkin
       type(beam_modes_t) :: modes
       type(assembly_t) :: assembly
+      type(excitation_t) :: base
       character(len=:), allocatable :: name
       integer :: g, j, k
 
@@ -128,6 +129,11 @@ contains
       assembly = new_assembly(s, modes, [(k, k=1, n_parameters)])
       units = units_t('ft', 'lb', 's', 'slug')
       call check('unit of c_R', units%of_parameter(of_c_R) == 'lb ft s')
+      call check('unit of a pulse', units%of_quantity(amplitude, new_pulse(1.0_wp, 1.0_wp)) == 'lb')
+      call check('unit of a release', units%of_quantity(amplitude, new_release(1.0_wp, 0.0_wp, &
+         .true.)) == 'ft')
+      call new_base_motion([0.0_wp, 1.0_wp], [0.0_wp, 1.0_wp], base, error)
+      call check('unit of a base that moves', units%of_quantity(amplitude, base) == 'ft/s^2')
       do k = 1, n_parameters
          name = trim(name_of_parameter(s, k))
          if (.not. is_there(s, k)) cycle

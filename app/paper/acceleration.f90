@@ -6,7 +6,7 @@ module beamid_acceleration
    use beamid_strings, only: full, to_text
    use beamid_texts, only: text_t
    use beamid_acceleration_study, only: closer, compute_study, share, study_t, tolerances
-   use beamid_report_lines, only: add_lines, csv_row
+   use beamid_lines, only: add_lines, csv_row
    implicit none
    private
 

@@ -35,12 +35,14 @@ contains
       integer, allocatable :: elements(:)
       integer :: k
 
-      call block%get('degree', mesh%degree, 'of the splines', range_t(3, 7, step=2))
+      call block%get('degree', mesh%degree, 'of the splines')
       call block%get('elements', elements, to_text(mesh%elements), 'of the mesh; of several '// &
          'numbers everything is done for each', 50, range_t(1, 10000))
       call block%get('gauss_points', mesh%gauss_points, 'in each panel', range_t(1, 64), &
          default='degree + 1, exact')
       call block%get('panels', mesh%panels, 'in each element', range_t(1, 1000))
+      if (all(mesh%degree /= [3, 5, 7])) call block%refuse('degree', to_text(mesh%degree), &
+         '3, 5 or 7')
       call block%close()
       if (block%failed()) return
       if (.not. block%has('gauss_points')) mesh%gauss_points = mesh%degree + 1
@@ -146,11 +148,11 @@ contains
       if (block%failed()) return
       found%free = place_of_name(structure, free)
       do k = 1, size(free)
-         if (found%free(k) == 0) then
+         if (found%free(k) == 0 .and. .not. any(free(:k - 1) == free(k))) then
             call block%refuse('free', shown(free(k)), 'one of '//listed(pack( &
                name_of_parameter(structure, parameters%place), parameters%is_free .and. &
                is_there(structure, parameters%place)), ' '))
-         else if (any(found%free(:k - 1) == found%free(k))) then
+         else if (found%free(k) > 0 .and. count(found%free(:k - 1) == found%free(k)) == 1) then
             call block%refuse('free', shown(free(k))//' twice', 'each parameter once')
          end if
       end do
