@@ -2,25 +2,23 @@
 module beamid_commands
    use, intrinsic :: iso_fortran_env, only: int64
    use beamid
-   use beamid_cases, only: scored_samples
-   use beamid_errors, only: bad_input
+   use beamid_cases, only: can_be_fitted, scored_samples
+   use beamid_errors, only: bad_input, locate
    use beamid_identification, only: score_fits
    use beamid_mode_summaries, only: fitted_modes_summary, minima_summary, modes_summary
    use beamid_outputs, only: output_t
    use beamid_sorting, only: median
    use beamid_strings, only: to_text
    use beamid_summaries, only: fit_summary, response_summary
-   use beamid_tables, only: add_autocorrelation, add_correlations, add_estimates, add_fit, &
-      add_fitted_modes, add_minima, add_modes, add_response, autocorrelation_header, &
-      correlations_header, estimates_header, fit_header, fitted_modes_header, labels_table, &
-      minima_header, modes_header, record_table, response_header
+   use beamid_tables, only: add_fit_tables, add_fitted_modes, add_minima, add_modes, &
+      fitted_modes_header, labels_table, minima_header, modes_header, record_table, response_table
    use beamid_terminal, only: new_progress, print_text, progress_t, tell
    use beamid_texts, only: text_t
    implicit none
    private
 
    public :: settings_t, word_t, run_identify, run_simulate, run_modes
-   public :: add_fit_tables, deliver
+   public :: deliver
 
    type :: word_t
       character(len=:), allocatable :: text
@@ -67,12 +65,10 @@ contains
       if (.not. allocated(error) .and. size(scored) > 0) call score_fits(case%model, case%meshes, &
          scored, expected, fits, error)
       if (.not. allocated(error)) call add_modes_of_fits(case, fits, found, table, error)
-      if (allocated(error)) then
-         error%message = case%path//': '//error%message
-         return
-      end if
+      call locate(error, case%path)
+      if (allocated(error)) return
       if (settings%time) call time_fits(case, experiments)
-      call add_fit_tables(output, case, fits, experiments)
+      call add_fit_tables(output, case%units, fits, experiments)
       call output%add('modes.csv', table%content())
       call deliver(output, fit_summary(case, experiments, fits, notes)//found%content(), &
          settings, case%name, error, case%recordings)
@@ -151,34 +147,6 @@ contains
       end do
    end subroutine time_fits
 
-   !> estimates.csv, fit.csv and labels.csv.
-   subroutine add_fit_tables(output, case, fits, experiments)
-      type(output_t), intent(inout) :: output
-      type(case_t), intent(in) :: case
-      type(stage_fit_t), intent(in) :: fits(:, :)
-      type(experiment_t), intent(in) :: experiments(:)
-      type(text_t) :: estimates, curves, correlations, autocorrelation
-      integer :: stage, mesh
-
-      call estimates%line(estimates_header)
-      call curves%line(fit_header)
-      call correlations%line(correlations_header)
-      call autocorrelation%line(autocorrelation_header)
-      do mesh = 1, size(fits, 2)
-         do stage = 1, size(fits, 1)
-            call add_estimates(estimates, fits(stage, mesh), case%units)
-            call add_correlations(correlations, fits(stage, mesh))
-         end do
-         call add_fit(curves, fits(size(fits, 1), mesh), experiments)
-         call add_autocorrelation(autocorrelation, fits(size(fits, 1), mesh))
-      end do
-      call output%add('estimates.csv', estimates%content())
-      call output%add('fit.csv', curves%content())
-      call output%add('correlations.csv', correlations%content())
-      call output%add('autocorrelation.csv', autocorrelation%content())
-      call output%add('labels.csv', labels_table(case%units))
-   end subroutine add_fit_tables
-
    !> beamid simulate
    subroutine run_simulate(settings, error)
       type(settings_t), intent(in) :: settings
@@ -186,7 +154,6 @@ contains
       type(case_t) :: case
       type(simulation_t), allocatable :: simulations(:)
       type(output_t) :: output
-      type(text_t) :: responses
       real(wp), allocatable :: times(:)
       integer :: k
 
@@ -195,17 +162,12 @@ contains
       call sample_times(case, times, error)
       if (allocated(error)) return
       allocate (simulations(size(case%meshes)))
-      call responses%line(response_header)
       do k = 1, size(case%meshes)
          call simulate(case%model, case%meshes(k), times, simulations(k), error)
-         if (allocated(error)) then
-            error%message = case%path//': elements = '//to_text(case%meshes(k)%elements)//': '// &
-               error%message
-            return
-         end if
-         call add_response(responses, case%meshes(k)%elements, simulations(k))
+         call locate(error, case%path//': elements = '//to_text(case%meshes(k)%elements))
+         if (allocated(error)) return
       end do
-      call output%add('response.csv', responses%content())
+      call output%add('response.csv', response_table(case%meshes%elements, simulations))
       ! As the sensor would have it: what identify undoes by the same scale and offset.
       associate (recording => case%recordings(1), last => simulations(size(simulations)))
          call output%add('record.csv', record_table(times, (last%acceleration + &
@@ -225,7 +187,7 @@ contains
       type(case_t) :: case
       type(galerkin_t), target :: galerkin
       type(equations_t) :: equations
-      type(excitation_t) :: excitation
+      type(excitation_t) :: still
       type(output_t) :: output
       type(text_t) :: table, summary
       real(wp), allocatable :: omega(:), shapes(:, :)
@@ -240,35 +202,30 @@ contains
             ' for all modes at once')
          return
       end if
-      excitation = case%model%excitation
-      case%model%excitation = new_pulse(0.0_wp, 1.0_wp)
+      still = new_pulse(0.0_wp, 1.0_wp)
       call table%line(modes_header)
       call summary%line(case%name//': natural modes')
       do k = 1, size(case%meshes)
          galerkin = new_galerkin(case%meshes(k), case%model%structure%length, &
             case%model%structure%has_root_spring())
-         equations = new_equations(galerkin, case%model%structure, case%model%excitation)
+         equations = new_equations(galerkin, case%model%structure, still)
          call undamped_modes(equations, omega, shapes, error)
          if (.not. allocated(error)) call damped_roots(equations, roots, error)
-         if (allocated(error)) then
-            error%message = case%path//': elements = '//to_text(case%meshes(k)%elements)//': '// &
-               error%message
-            return
-         end if
+         call locate(error, case%path//': elements = '//to_text(case%meshes(k)%elements))
+         if (allocated(error)) return
          call add_modes(table, case%meshes(k)%elements, roots)
          call summary%line()
          call modes_summary(summary, case, case%meshes(k)%elements, omega, roots)
       end do
       call output%add('modes.csv', table%content())
-      if (case%can_be_fitted()) call add_fit_of_modes(case, excitation, summary, output)
+      if (can_be_fitted(case)) call add_fit_of_modes(case, summary, output)
       call deliver(output, summary%content(), settings, case%name, error, case%recordings)
    end subroutine run_modes
 
    !> A case that says how to fit a record has intervals for its modes too. What keeps it from being
    !> fitted is told, and is no failure: the modes of the structure as it is declared are above.
-   subroutine add_fit_of_modes(case, excitation, summary, output)
+   subroutine add_fit_of_modes(case, summary, output)
       type(case_t), intent(in) :: case
-      type(excitation_t), intent(in) :: excitation
       type(text_t), intent(inout) :: summary
       type(output_t), intent(inout) :: output
       type(case_t) :: exact
@@ -281,7 +238,6 @@ contains
       exact = case
       deallocate (exact%model%solver)
       allocate (modal_t :: exact%model%solver)
-      exact%model%excitation = excitation
       call load_experiments(exact, experiments, notes, error)
       if (.not. allocated(error)) call identify_meshes(exact%model, exact%meshes, exact%stages, &
          experiments, fits, error)

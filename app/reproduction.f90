@@ -6,10 +6,11 @@ module beamid_reproduction
    use beamid_paths, only: directory_of, join_path
    use beamid_texts, only: text_t
    use beamid_acceleration, only: reproduce_acceleration
-   use beamid_commands, only: add_fit_tables, deliver, settings_t
+   use beamid_commands, only: deliver, settings_t
    use beamid_convergence, only: reproduce_convergence
    use beamid_section_4, only: reproduce_section_4
    use beamid_table_4_1, only: reproduce_table_4_1, table_t
+   use beamid_tables, only: add_fit_tables
    use beamid_terminal, only: new_progress, print_text, progress_t
    implicit none
    private
@@ -74,7 +75,7 @@ contains
       select case (settings%subject)
       case ('table-4.1')
          call reproduce_table_4_1(data, exact, table, output, summary, error, progress)
-         if (.not. allocated(error)) call add_fit_tables(output, table%case, table%fits, &
+         if (.not. allocated(error)) call add_fit_tables(output, table%case%units, table%fits, &
             table%record)
       case ('acceleration')
          call reproduce_acceleration(data, output, summary, error)

@@ -50,8 +50,7 @@ contains
 
       if (self%quiet) return
       line = label//': iteration '//to_text(number)//', '//to_text(evaluations)// &
-         ' evaluations, J = '// &
-         to_text(J)
+         ' evaluations, J = '//to_text(J)
       do k = 1, size(parameters)
          line = line//', '//trim(names(k))//' = '//to_text(parameters(k))
       end do
@@ -102,19 +101,16 @@ contains
       ignored = write_bytes(standard_error, text)
    end subroutine show
 
-   !> An error's message on standard error.
+   !> An error's message on standard error; several problems of one file come as several lines.
    subroutine complain(message)
       character(len=*), intent(in) :: message
+      integer :: first, length
 
-      integer :: first, last
-
-      ! Several problems of one file come as several lines.
       first = 1
       do while (first <= len(message))
-         last = index(message(first:), line_feed)
-         last = merge(len(message), first + last - 2, last == 0)
-         call tell('beamid: '//message(first:last))
-         first = last + 2
+         length = scan(message(first:)//line_feed, line_feed)
+         call tell('beamid: '//message(first:first + length - 2))
+         first = first + length
       end do
    end subroutine complain
 

@@ -10,7 +10,7 @@ program derivatives
    type(equations_t), target :: equations
    type(modal_t) :: solver
    type(response_t) :: response, shifted
-   type(response_t), allocatable :: slopes(:)
+   type(response_t), allocatable :: sensitivities(:)
    type(work_t) :: work
    type(error_t), allocatable :: error
    real(wp), parameter :: step = 1e-4_wp
@@ -24,7 +24,7 @@ program derivatives
 
    equations = new_equations(galerkin, beam, force)
    call solver%differentiate(equations, force, t, [free_index('E'), free_index('m_T')], response, &
-      slopes, work, error)
+      sensitivities, work, error)
    if (allocated(error)) error stop error%message
 
    other = beam
@@ -35,7 +35,8 @@ program derivatives
 
    print '(a)', '    t acceleration        by m_T          by E    difference'
    do k = 1, size(t)
-      print '(f5.1,f13.6,3f14.6)', t(k), response%acceleration(k), slopes(2)%acceleration(k), &
-         slopes(1)%acceleration(k), (shifted%acceleration(k) - response%acceleration(k))/step
+      print '(f5.1,f13.6,3f14.6)', t(k), response%acceleration(k), &
+         sensitivities(2)%acceleration(k), sensitivities(1)%acceleration(k), &
+         (shifted%acceleration(k) - response%acceleration(k))/step
    end do
 end program derivatives

@@ -40,7 +40,7 @@ module beamid
    use beamid_modes, only: undamped_modes
    use beamid_multistart, only: identify_from_many, minimum_t, multistart_t
    use beamid_noise, only: gaussian_noise
-   use beamid_observation, only: formula_names, observation_t
+   use beamid_observation, only: observation_t
    use beamid_parameters, only: free_index, free_names, get_free, set_free
    use beamid_problems, only: problem_t, smooth_problem_t
    use beamid_records, only: load_recording, note_length, read_record, recording_t, &

@@ -255,14 +255,14 @@ contains
          'modes: found ''1.5''|expected an integer')
       ! Two cubic elements have three functions, and there is the hose.
       call refused_case('more modes than the mesh has', replaced(freed('modes=5'), 't_step=0.1', &
-         't_step=0.01'), 'case.nml|&excitation modes: found 5|expected at most 4', &
+         't_step=0.01'), 'case.nml|found 5 modes that move at the start|expected at most 4', &
          record=long_record())
       call refused_case('free start with a force', freed('modes=1, force=1'), place// &
          'force: found a value|expected none')
       call refused_case('free start with an amplitude', freed('modes=1, amplitude=1'), place// &
          'amplitude: found a value|expected none')
       call refused_case('free start by cvode', replaced(freed(one), '''modal''', '''cvode'''), &
-         'case.nml|found a start that is not known with method = ''cvode''|expected|''modal''')
+         'case.nml|found a start that is not known|expected the modal response')
       call refused_case('free start', freed(one), &
          'case.nml|&excitation kind: found ''free''|expected a start that is known', 'simulate')
       call refused_case('amplitude of a free start', replaced(freed(one), 'free=''m_H''', &
@@ -313,10 +313,12 @@ contains
          '3: &beam c_R: found -0.5|0 or more')
       call refused('c_R free with a rigid root', 'free=''m_H''', 'free=''c_R''', &
          '12: &stage free: found ''c_R''|expected a value of k_R in &beam for it')
-      call refused('rigid root as a number', beam, beam//', k_R=Inf', &
-         '3: &beam k_R: found ''Inf''|expected a number')
-      call refused('k_R free with a rigid root', 'free=''m_H''', 'free=''k_R''', &
-         '12: &stage free: found ''k_R''|expected a value of k_R in &beam for it')
+      call refused('spring at the root without a value', beam, beam//', k_R=NaN', &
+         '3: &beam k_R: found ''NaN''|expected a number or inf')
+      call refused('spring at the root that pushes for ever', beam, beam//', k_R=-Inf', &
+         '3: &beam k_R: found ''-Inf''|expected a number or inf')
+      call refused_case('k_R from 0', freeing(case_text, '''k_R'', start=0'), &
+         '12: &stage start: found 0 for k_R|expected a value above 0')
       call refused('negative inertia of the tip', 'm_T=0.15', 'm_T=0.15, J_T=-1', &
          '4: &tip J_T: found -1|0 or more')
       call refused('negative mass of the sensor', tip, after//'m_S=-0.01 /', sensor// &
@@ -396,15 +398,13 @@ contains
          'x_P: found 4.001|expected a place above 0, up to the length 4')
       call misplaced('soft support of nothing', 'x_P=2, k_P=0', 'k_P: found 0|above 0')
       call misplaced('negative stiffness', 'x_P=2, k_P=-1', 'k_P: found -1|above 0')
-      call misplaced('rigid as a number', 'x_P=2, k_P=Inf', 'k_P: found ''Inf''|a number')
+      call misplaced('neither soft nor rigid', 'x_P=2, k_P=NaN', 'k_P: found ''NaN''|a number')
       call misplaced('dashpot alone', 'x_P=2, c_P=1', &
          'c_P: found a value without k_P|expected both')
       call misplaced('negative dashpot', 'x_P=2, k_P=1, c_P=-1', 'c_P: found -1|0 or more')
       call misplaced('a name with a dot', 'name=''a.b'', x_P=2', 'name: found ''a.b''|letters')
       call refused_case('x_P free without a support', freeing(case_text, '''x_P'''), &
          '12: &stage free: found ''x_P''|expected one of m_T E c_D')
-      call refused_case('k_P free at a rigid support', freeing(roller, '''k_P'''), &
-         '13: &stage free: found ''k_P''|expected a value of k_P in &support for it')
       call refused_case('c_P free at a rigid support', freeing(roller, '''c_P'''), &
          '13: &stage free: found ''c_P''|expected a value of k_P in &support for it')
       call refused_case('free x_P beyond the tip', freeing(roller, '''x_P'', lower=4'), &
@@ -459,12 +459,18 @@ contains
 
    subroutine test_place_of_force()
       character(len=*), parameter :: place = '6: &excitation x_F: found ', &
-         point = '12: &stage free: found ''x_F''|expected a force at a point for it'
+         point = '12: &stage free: found ''x_F''|expected a force at a point for it', &
+         tip = 'm_T=0.15 /'
 
       call accepted('force at a place', 'identify', replaced(case_text, pulse, pulse//', x_F=2'))
       call accepted('table at a place', 'simulate', replaced(replaced(case_text, pulse, table), &
          'power=2.0', 'x_F=2'))
       call accepted('release at a place', 'identify', released('displacement=0.1, x_F=2'))
+      call accepted('release at a support that gives way', 'identify', replaced(released( &
+         'displacement=0.1, x_F=2'), tip, tip//group('support', 'x_P=2, k_P=10')))
+      call refused_case('release by displacement at a rigid support', replaced(released( &
+         'displacement=0.1, x_F=2'), tip, tip//group('support', 'x_P=2')), 'case.nml: '// &
+         '&excitation displacement: found a point that a rigid support holds|expected one that')
       call refused('force at the root', pulse, pulse//', x_F=0', place//'0|above 0')
       call refused('force behind the root', pulse, pulse//', x_F=-1', place//'-1|above 0')
       call refused('force beyond the tip', pulse, pulse//', x_F=4.001', place// &
@@ -516,6 +522,9 @@ contains
          '6: &excitation file: found ''''|expected the path of a table')
       call refused_case('base with no such file', replaced(moved(''), 'force.csv', 'none.csv'), &
          'none.csv: found no such file|expected')
+      call refused('frame without a base that moves', delta, delta//', frame=''relative''', &
+         '10: &observation frame: found ''relative'' without a base that moves|'// &
+         'expected ''absolute'', or kind = ''base'' in &excitation')
       call refused('unknown frame', delta, delta//', frame=''sideways''', &
          '10: &observation frame: found ''sideways''|expected ''absolute'' or ''relative''')
    end subroutine test_moved_base
@@ -546,6 +555,10 @@ contains
          'free: found ''m_H'' twice|expected each parameter once')
       call refused('parameter twice, other case', both, '''m_H'',''M_h''', place// &
          'free: found ''M_h'' twice|expected each parameter once')
+      call refused_case('parameter three times', freeing(case_text, '''m_H'',''m_H'',''M_h'''), &
+         place//'free: found ''m_H'' twice|expected each parameter once')
+      call refused('unknown parameter twice', both, '''k_X'',''k_X''', place// &
+         'free: found ''k_X''|expected one of m_T E c_D')
       call refused('hose parameter without hose', &
          '&hose           m_H=0.04, c_H=0.004, k_H=0.3 /', '!', place// &
          'free: found ''m_H''|expected a &hose group')

@@ -1,6 +1,6 @@
 !> Bad records and force tables, one row each, and what a case says of a record.
 program test_bad_records
-   use bad_cases, only: accepted, case_text, force_text, nl, pulse, record_text, refused, &
+   use bad_cases, only: accepted, case_text, force_text, freeing, nl, pulse, record_text, refused, &
       refused_case, refused_force, refused_record
    use checks, only: finish, skip
    use shell, only: close_shell, open_shell, replaced
@@ -147,7 +147,8 @@ contains
       character(len=*), parameter :: tip = 'm_T=0.15 /', file = 'file=''record.csv''', &
          a = nl//'&sensor name=''a'', x_S=2 /', b = nl//'&sensor name=''b'' /', &
          supports = nl//'&support name=''a'', x_P=2 /'//nl//'&support name=''b'', x_P=3 /', &
-         beside = 'groups &support|expected one such group'
+         beside = 'groups &support|expected one such group', units = '&units ', &
+         another = '&record file=''record.csv'', t_first=0.1, t_last=0.6, t_step=0.1'
       character(len=:), allocatable :: two, held
 
       two = replaced(case_text, tip, tip//a//b)
@@ -170,6 +171,14 @@ contains
          '12: &record x_P: found 0|above 0')
       call refused_case('its support beyond the tip', replaced(held, file, file//', x_P=5'), &
          '12: &record x_P: found 5|up to the length 4')
+      call refused_case('a shared place of the support that records give differently', &
+         freeing(replaced(held, units, another//', x_P=3 /'//nl//units), '''x_P'''), &
+         '13: &stage free: found x_P shared by records that give it different values|'// &
+         'expected it left out of shared, or one value')
+      call refused_case('a shared length that records give differently', &
+         freeing(replaced(case_text, units, another//', length=3 /'//nl//units), '''length'''), &
+         '12: &stage free: found length shared by records that give it different values|'// &
+         'expected it left out of shared, or one value')
       call refused_case('its support beyond its tip', replaced(held, file, &
          file//', length=2.5, x_P=3'), '12: &record x_P: found 3|up to the length 2.5')
       call refused('x_P without a support', file, file//', x_P=2', &

@@ -4,7 +4,7 @@ program test_bands
    use beamid_kinds, only: wp
    use beamid_strings, only: to_text
    use checks, only: check, check_close, finish
-   use dense_matrices, only: dense_of
+   use dense_matrices, only: dense_of, half_bandwidth
    implicit none
 
    real(wp), parameter :: eps = epsilon(1.0_wp)
@@ -139,10 +139,10 @@ contains
       integer :: kd
 
       band = new_band(9, 5)
-      call check('half-bandwidth of zero', band%half_bandwidth() == 0)
+      call check('half-bandwidth of zero', half_bandwidth(band) == 0)
       do kd = 0, 5
          call band%add(9 - kd, 9, 1.0_wp)
-         call check('half-bandwidth '//to_text(kd), band%half_bandwidth() == kd)
+         call check('half-bandwidth '//to_text(kd), half_bandwidth(band) == kd)
       end do
       call check('outside the band is zero', abs(band%element(1, 9)) <= 0)
    end subroutine test_half_bandwidth

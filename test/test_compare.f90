@@ -38,6 +38,7 @@ program test_compare
       call skip('beamid compare', reason)
    else
       call test_models()
+      call test_nested()
       call test_refusals()
       call close_shell()
    end if
@@ -155,6 +156,35 @@ contains
       call check('turned round', outcome%status == 0 .and. line(read_file('turned/models.csv'), 2) &
          == line(models, 3) .and. line(read_file('turned/nested.csv'), 2) == line(nested, 2))
    end subroutine test_models
+
+   !> A length that the larger model frees need not be that of the smaller one; models that are
+   !> seen by different sensors are not nested, though all their parameters agree.
+   subroutine test_nested()
+      character(len=*), parameter :: two_sensors = '&sensor name=''a'', x_S=4.0 /'//line_feed// &
+         '&sensor name=''b'', x_S=3.9 /'//line_feed
+
+      call write_file('long.nml', replaced(right_case, '''k_H'' start=0.035,0.35', &
+         '''k_H'',''length'' start=0.035,0.35,4.0'))
+      call write_file('right_a.nml', two_sensors//replaced(right_case, 'file=', &
+         'sensor=''a'', file='))
+      call write_file('full_a.nml', two_sensors//replaced(full_case, 'file=', &
+         'sensor=''a'', file='))
+      call write_file('full_b.nml', two_sensors//replaced(full_case, 'file=', &
+         'sensor=''b'', file='))
+      call check('within a model of free length', pairs('right.nml long.nml') == 1)
+      call check('seen by one sensor', pairs('right_a.nml full_a.nml') == 1)
+      call check('seen by two sensors', pairs('right_a.nml full_b.nml') == 0)
+   end subroutine test_nested
+
+   !> How many nested pairs the program finds; -1 where it fails.
+   integer function pairs(names)
+      character(len=*), intent(in) :: names
+      type(outcome_t) :: outcome
+
+      outcome = beamid('compare '//names//' --quiet --out pairs')
+      pairs = -1
+      if (outcome%status == 0) pairs = line_count(read_file('pairs/nested.csv')) - 1
+   end function pairs
 
    !> Bad input: status 2, one line that says where, nothing written.
    subroutine refused(name, arguments, words)

@@ -5,7 +5,7 @@ program test_free_start
    use beamid_equations, only: equations_t, new_equations
    use beamid_errors, only: error_t, status_bad_input, status_failed
    use beamid_excitation, only: excitation_t, new_free, new_pulse, new_release
-   use beamid_experiments, only: experiment_t, new_apparatus
+   use beamid_experiments, only: experiment_t
    use beamid_galerkin, only: galerkin_t, new_galerkin
    use beamid_identification, only: identify, model_t, stage_fit_t, stage_t
    use beamid_kinds, only: wp
@@ -13,8 +13,8 @@ program test_free_start
    use beamid_modal, only: modal_t
    use beamid_noise, only: gaussian_noise
    use beamid_observation, only: observation_t
-   use beamid_parameters, only: free_index, offset, free_names
-   use beamid_residuals, only: residual_t
+   use beamid_parameters, only: free_index, offset
+   use beamid_residuals, only: new_residuals, residual_t
    use beamid_responses, only: work_t
    use beamid_statistics, only: new_statistics, statistics_t
    use beamid_strings, only: to_text
@@ -261,6 +261,7 @@ contains
       real(wp), parameter :: weights(4) = [1, -8, 8, -1]/12.0_wp
       integer, parameter :: steps(4) = [-2, -1, 1, 2]
       real(wp) :: h, worst
+      integer, allocatable :: free(:)
       integer :: formula, modes, j, k
 
       structure = structure_t(length=4.0_wp, rho=0.03_wp, E=80.0_wp, I=1.0_wp, c_D=0.3_wp, &
@@ -269,20 +270,17 @@ contains
       experiment%samples = 10*stamps(60, 0.05_wp, 41)
       experiment%measured = gaussian_noise(60, 1.0_wp, 91)
       ! Where a force acts means nothing here.
-      problem%free = pack([(k, k=1, of_x_S)], [(k, k=1, of_x_S)] /= of_x_F)
-      problem%record = spread(0, 1, size(problem%free))
-      problem%offset = .true.
-      p = [(structure%get(problem%free(k)), k=1, size(problem%free))]
+      free = pack([(k, k=1, of_x_S)], [(k, k=1, of_x_S)] /= of_x_F)
+      p = [(structure%get(free(k)), k=1, size(free))]
       do modes = 1, 4
          do formula = 1, 3
             experiment%excitation = new_free(modes)
-            problem%world%structures = [structure]
-            problem%world%excitations = [experiment%excitation]
-            if (allocated(problem%parts)) deallocate (problem%parts)
-            allocate (problem%parts(1))
-            call new_apparatus(experiment, structure, mesh, observation_t(formula, merge(0.0_wp, &
-               0.02_wp, formula == 3)), modal_t(), problem%parts(1), error)
+            call new_residuals(model_of(structure, experiment%excitation, observation_t(formula, &
+               merge(0.0_wp, 0.02_wp, formula == 3))), mesh, [experiment], problem, error)
             if (allocated(error)) exit
+            problem%free = free
+            problem%record = spread(0, 1, size(free))
+            problem%offset = .true.
             exact = spread(experiment%samples, 2, size(p))
             r = experiment%samples
             call problem%jacobian(p, r, exact, error)
@@ -397,13 +395,13 @@ contains
 
       experiment%excitation = new_free(6)
       call refused('more modes than the mesh has', model, stage, [experiment], status_bad_input, &
-         'found 6, expected at most 5')
+         'found 6 modes that move at the start, expected at most 5')
       experiment%excitation = new_free(2)
 
       deallocate (model%solver)
       allocate (cvode_t :: model%solver)
       call refused('a free start by cvode', model, stage, [experiment], status_bad_input, &
-         'expected method = ''modal''')
+         'expected the modal response')
 
       ! Samples a whole period of the first mode apart, undamped: it looks like an offset.
       undamped = truth

@@ -36,6 +36,7 @@ program test_identification
    call test_meshes()
    call test_refused()
    call test_score()
+   call test_place_of_force()
    call test_beside_bound()
    call test_memory()
    call finish('identification')
@@ -193,6 +194,25 @@ contains
       call score_fits(model, [mesh], samples, measured, fits, error)
       call refused('score that is not finite', error, 'elements = 2, stage 1: ', '1E+200')
    end subroutine test_score
+
+   !> A force acts where its excitation says, or else the structure: the same sums, to the digit.
+   subroutine test_place_of_force()
+      type(model_t) :: by_excitation, by_structure
+      real(wp), allocatable :: at_tip(:), a(:), b(:)
+
+      call record_of(hosed(1), at_tip)
+      by_structure = hosed(1)
+      by_structure%structure%x_F = 2
+      call record_of(by_structure, a)
+      by_excitation = hosed(1)
+      by_excitation%excitation%x_F = 2
+      call record_of(by_excitation, b)
+      call check_close('a force at half the length, by the excitation', maxval(abs(b - a)), &
+         0.0_wp, 0.0_wp)
+      ! Where the static deflection of the tip is 5/16 of what it is under a force there.
+      call check('and not at the tip', norm2(b - at_tip) > 0.1_wp*norm2(at_tip), &
+         to_text(norm2(b - at_tip)/norm2(at_tip)))
+   end subroutine test_place_of_force
 
    !> Air damping that is not there, from noisy records: estimates lie at the bound 0, or where a
    !> search has left them beside it, or well above; its standard error, relative

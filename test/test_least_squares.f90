@@ -156,6 +156,7 @@ program test_least_squares
    call test_nist()
    call test_box_trap()
    call test_mistakes()
+   call test_no_differences()
    call test_edge()
    call test_monitor()
    call test_forbidden()
@@ -298,6 +299,24 @@ contains
             'the derivatives promise a J')
       end do
    end subroutine test_mistakes
+
+   !> At a start on the edge of where the model can be computed there are derivatives and no
+   !> differences: the fit goes on, and no comparison is told of.
+   subroutine test_no_differences()
+      type(edge_t) :: problem
+      type(fit_t) :: result
+      type(error_t), allocatable :: error
+      real(wp), parameter :: edges(2) = [0.0_wp, 0.5_wp]
+      integer :: k
+
+      do k = 1, 2
+         problem%valley%least = edges(k)
+         call fit(problem, 2, variables([0.9_wp, 0.5_wp], .false.), options_t(), result, error)
+         call check('start '//to_text(0.5_wp - edges(k))//' above the edge', .not. allocated(error))
+         call check('start '//to_text(0.5_wp - edges(k))//' above the edge: compared', &
+            allocated(result%derivative_check) .eqv. k == 1)
+      end do
+   end subroutine test_no_differences
 
    !> The minimum (1, 1) lies where the model cannot be computed, or at the very edge: trial steps
    !> are refused until they are as good as none, which MINPACK takes for convergence.

@@ -8,7 +8,7 @@ program test_modes
    use beamid_modes, only: undamped_modes
    use beamid_roots, only: damped_roots
    use beamid_strings, only: to_text
-   use beamid_structure, only: structure_t
+   use beamid_structure, only: structure_t, support_t
    use checks, only: check, check_close, finish
    implicit none
 
@@ -213,7 +213,40 @@ contains
       ! Without damping the roots are +- i omega: no further computation.
       call check_close('no damping, real parts', maxval(abs(real(roots, wp))), 0.0_wp, 0.0_wp)
       call check_close('no damping, omega 1', aimag(roots(1)), reference(1), 1e-9_wp*reference(1))
+      call test_dashpot(undamped)
    end subroutine test_assembly
+
+   !> A dashpot c beside the spring k of a support is all the damping there is: to first order
+   !> ds/dc = s ds/dk, or Re s = -c d(omega**2/2)/dk. Second order, c**2 omega**2 against k**2, is
+   !> 1e-8 at most; a central difference with steps of 1e-3 leaves 1e-6.
+   subroutine test_dashpot(undamped)
+      type(structure_t), intent(in) :: undamped
+      type(structure_t) :: held
+      type(galerkin_t), target :: galerkin
+      type(equations_t) :: equations
+      type(error_t), allocatable :: error
+      real(wp), allocatable :: softer(:), stiffer(:)
+      complex(wp), allocatable :: roots(:)
+      real(wp), parameter :: k = 10, c = 1e-4_wp, h = 1e-3_wp*k
+      integer :: i
+
+      held = undamped
+      held%supports = 1
+      held%support(1) = support_t(x_P=0.6_wp, kappa_P=1/k, c_P=c)
+      galerkin = new_galerkin(mesh_t(5, 24, 6, 1), held%length)
+      equations = new_equations(galerkin, held, new_pulse(1.0_wp, 1.0_wp))
+      call damped_roots(equations, roots, error)
+      call check('a support''s dashpot: roots found', .not. allocated(error))
+      if (allocated(error)) return
+      held%support(1)%kappa_P = 1/(k - h)
+      call frequencies(held, 5, 24, softer)
+      held%support(1)%kappa_P = 1/(k + h)
+      call frequencies(held, 5, 24, stiffer)
+      do i = 1, 3
+         call check_close('a support''s dashpot, decay of mode '//to_text(i), &
+            real(roots(i), wp)/(c*(softer(i)**2 - stiffer(i)**2)/(4*h)), 1.0_wp, 1e-5_wp)
+      end do
+   end subroutine test_dashpot
 
    !> The structure behind Table 4.1, rad/s; the references are printed with eight decimals, of
    !> which half a unit is allowed on top of 1e-9 for the mesh (the table's own, 16 quintics).

@@ -1,7 +1,8 @@
 !> The three formulas for the acceleration, on motions known in closed form.
 program test_observation
    use beamid_kinds, only: wp
-   use beamid_observation, only: formula_names, new_sampling, observation_t, sampling_t
+   use beamid_method_groups, only: formula_names
+   use beamid_observation, only: new_sampling, observation_t, sampling_t
    use beamid_responses, only: response_t
    use beamid_strings, only: to_text
    use checks, only: check, check_close, finish

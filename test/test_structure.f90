@@ -10,7 +10,7 @@ program test_structure
    use beamid_parameters, only: check_structure, free_index, magnitude, free_names, parameters
    use beamid_structure, only: of_x_S, structure_t
    use checks, only: check, check_close, finish, of_mesh
-   use dense_matrices, only: dense_of
+   use dense_matrices, only: dense_of, half_bandwidth
    implicit none
 
    real(wp), parameter :: eps = epsilon(1.0_wp)
@@ -68,15 +68,15 @@ contains
       ! The hose does not widen the band; a matrix of order n has no more than n - 1.
       expected = min(degree, n - 1)
       call check(of_mesh(degree, elements)//'half-bandwidth of K', &
-         equations%stiffness%half_bandwidth() == expected .and. bandwidth(stiffness) == expected, &
-         to_text(equations%stiffness%half_bandwidth()))
+         half_bandwidth(equations%stiffness) == expected .and. bandwidth(stiffness) == expected, &
+         to_text(half_bandwidth(equations%stiffness)))
       call check(of_mesh(degree, elements)//'half-bandwidth of C', &
-         equations%damping%half_bandwidth() == expected .and. bandwidth(damping) == expected)
+         half_bandwidth(equations%damping) == expected .and. bandwidth(damping) == expected)
       ! In M the hose stands alone: one less where the band reaches the corner only with it.
       expected = min(degree, n - 2)
       call check(of_mesh(degree, elements)//'half-bandwidth of M', &
-         equations%mass%half_bandwidth() == expected .and. bandwidth(mass) == expected, &
-         to_text(equations%mass%half_bandwidth()))
+         half_bandwidth(equations%mass) == expected .and. bandwidth(mass) == expected, &
+         to_text(half_bandwidth(equations%mass)))
    end subroutine test_matrices
 
    pure function outer(x) result(matrix)

@@ -147,10 +147,11 @@ contains
          do k = 1, size(found, 2)
             do i = 1, 4
                if (s == 1) then
-                  ! The noise of CVODE at rtol = 1e-9, some 1e-7 and more over Delta^2 = .01, moves
-                  ! c_D, hardly seen, by a few per mil, the others by 1e-5; by ten times as much for
-                  ! N = 2 (there 1e-11 brings c_H from 3e-4 to 2e-6: the integrator, not the
-                  ! search; and c_D, off by .02 to .6 % at neighbours of 1e-9, to 5e-6).
+                  ! The noise of CVODE at rtol = 1e-9 moves the minimum little, c_D for N = 2 by
+                  ! 1e-5: what is left is where `lmdif` ends. It follows J to rtol^.75 = 2e-7, that
+                  ! is sqrt(45*2e-7) = 3e-3 standard errors, with forward differences that are
+                  ! wrong by .02 to .2 % for c_D (the noise over a step of 1e-4); for N = 2, where
+                  ! c_D's standard error is 37 %, that is .1 % and several times as much.
                   call check_close('modal against CVODE, N = '//to_text(found(1, k)%elements)// &
                      ': '//names(i), found(1, k)%fit%estimate(i)/fits(1, k)%fit%estimate(i), &
                      1.0_wp, merge(merge(1.5e-2_wp, 5e-3_wp, k == 1), &

@@ -6,13 +6,13 @@ module beamid_acceleration
    use beamid_strings, only: full, to_text
    use beamid_texts, only: text_t
    use beamid_acceleration_study, only: closer, compute_study, share, study_t, tolerances
-   use beamid_report_lines, only: add_lines, csv_row
+   use beamid_lines, only: add_lines, csv_row
    implicit none
    private
 
    public :: reproduce_acceleration
 
-   !> Names of the formulas, in the order of `formula_names`.
+   !> Names of the formulas, by their numbers.
    character(len=*), parameter :: labels(3) = [character(len=6) :: '(4.1)', '(4.2)', '(3.13)']
 
 contains

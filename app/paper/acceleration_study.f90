@@ -44,7 +44,7 @@ module beamid_acceleration_study
 
 contains
 
-   !> Reads the structure and integrates.
+   !> Reads the structure; equations, exact motion and modes, with c_D and without; integrates.
    !>
    !> data  folder of the case files
    subroutine compute_study(data, study, error)
@@ -52,40 +52,23 @@ contains
       type(study_t), intent(out) :: study
       type(error_t), allocatable, intent(out) :: error
       type(galerkin_t), target :: galerkin, fine
+      type(structure_t) :: structure
+      type(equations_t) :: beam
+      real(wp), allocatable :: shapes(:, :)
       integer :: k
 
       call read_case(join_path(data, 'table_4_1_truth.nml'), needs_response, study%truth, error)
       if (.not. allocated(error)) call sample_times(study%truth, study%samples, error)
       if (allocated(error)) return
       study%delta = study%truth%model%observation%delta
-      associate (length => study%truth%model%structure%length, meshes => study%truth%meshes)
-         galerkin = new_galerkin(mesh_t(degree=3, elements=4), length)
-         fine = new_galerkin(meshes(size(meshes)), length)
-      end associate
-      call prepare(study, galerkin, fine, error)
-      if (.not. allocated(error)) call integrate(study, error)
-      ! Their mesh ends here.
-      do k = 1, size(study%settings)
-         nullify (study%settings(k)%equations%galerkin)
-      end do
-   end subroutine compute_study
-
-   !> Equations, exact motion and modes, with c_D and without.
-   subroutine prepare(study, galerkin, fine, error)
-      type(study_t), intent(inout) :: study
-      type(galerkin_t), intent(in), target :: galerkin, fine
-      type(error_t), allocatable, intent(out) :: error
-      type(structure_t) :: structure
-      type(equations_t) :: beam
-      real(wp), allocatable :: shapes(:, :)
-      integer :: k
-
       structure = study%truth%model%structure
-      associate (excitation => study%truth%model%excitation)
+      galerkin = new_galerkin(mesh_t(degree=3, elements=4), structure%length)
+      associate (excitation => study%truth%model%excitation, meshes => study%truth%meshes)
+         fine = new_galerkin(meshes(size(meshes)), structure%length)
          beam = new_equations(fine, structure, excitation)
          call undamped_modes(beam, study%beam, shapes, error)
          do k = 1, size(study%settings)
-            if (allocated(error)) return
+            if (allocated(error)) exit
             if (k == 2) structure%c_D = 0
             associate (setting => study%settings(k))
                setting%c_D = structure%c_D
@@ -98,7 +81,12 @@ contains
             end associate
          end do
       end associate
-   end subroutine prepare
+      if (.not. allocated(error)) call integrate(study, error)
+      ! Their mesh ends here.
+      do k = 1, size(study%settings)
+         nullify (study%settings(k)%equations%galerkin)
+      end do
+   end subroutine compute_study
 
    !> Every integration, as many at a time as there are threads; the long ones come first.
    subroutine integrate(study, error)

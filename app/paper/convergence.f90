@@ -6,8 +6,8 @@ module beamid_convergence
    use beamid_strings, only: fixed, to_text
    use beamid_texts, only: right, text_t
    use beamid_convergence_study, only: coarser, compute_motions, fitted, forces, loads, motion_t, &
-      motions, order, reference
-   use beamid_report_lines, only: add_lines, csv_row
+      motions, reference
+   use beamid_lines, only: add_lines, csv_row
    implicit none
    private
 
@@ -69,10 +69,8 @@ contains
       type(motion_t), intent(in) :: study
       character(len=:), allocatable :: row
       character(len=80) :: line
-      real(wp) :: falls(3, size(motions))
       integer :: k, j
 
-      falls = orders(study%error, motions)
       call text%line()
       call text%line(name(study, ', ')//' load')
       call text%line('   N   displacement V  order      velocity V  order   acceleration H  order')
@@ -83,8 +81,8 @@ contains
             row = row//',,,'
          else
             write (line, '(i4, 3(es16.2, f7.2))') motions(k), &
-               (study%error(j, k), falls(j, k), j=1, 3)
-            row = csv_row(row, falls(:, k))
+               (study%error(j, k), study%order(j, k), j=1, 3)
+            row = csv_row(row, study%order(:, k))
          end if
          call text%line(line)
          call table%line(row)
@@ -99,11 +97,9 @@ contains
       type(motion_t), intent(in) :: study
       character(len=:), allocatable :: row
       character(len=100) :: line
-      real(wp) :: falls(size(study%distance, 1), size(fitted))
       integer :: k, j, last
 
-      last = size(falls, 1)
-      falls = orders(study%distance, fitted)
+      last = size(study%distance, 1)
       associate (names => free_names(study%fits(1, 1)%free))
          row = '   N'
          do j = 1, last - 1
@@ -114,7 +110,7 @@ contains
          call text%line(row//'   distance  order')
          do k = 1, size(fitted)
             write (line, '(i4, *(es11.2))') fitted(k), study%distance(:, k)
-            if (k > 1) line = trim(line)//fixed(falls(last, k), 7, 2)
+            if (k > 1) line = trim(line)//fixed(study%approach(last, k), 7, 2)
             call text%line(line)
             do j = 1, last
                row = name(study, ',')//','//to_text(fitted(k))//','
@@ -122,7 +118,7 @@ contains
                if (j == last) row = row//'distance,'
                row = csv_row(row, study%distance(j:j, k))
                if (k == 1) row = row//','
-               if (k > 1) row = csv_row(row, falls(j:j, k))
+               if (k > 1) row = csv_row(row, study%approach(j:j, k))
                call table%line(row)
             end do
          end do
@@ -148,7 +144,7 @@ contains
             '    The displacement does as well as for the hat. What suffers is velocity and '// &
             'acceleration behind', &
             '    the jumps, with errors #.1 and #.1 times those of the hat at N = #.'], &
-            [real(wp) :: last_orders(hat%error, motions), last_orders(rectangle%error, motions), &
+            [real(wp) :: hat%order(:, last), rectangle%order(:, last), &
             rectangle%error(2:, last)/hat%error(2:, last), motions(last)])
          call add_lines(text, [character(len=110) :: &
             ' 3. The point load, F not in V, costs no order against the distributed one: both '// &
@@ -160,7 +156,7 @@ contains
             '    close to 4, the order of the frequencies. c_D, which only the higher modes '// &
             'feel, is the last to', &
             '    be found.'], &
-            [(last_orders(studies(k)%distance(size(hat%distance, 1):, :), fitted), k=1, 4)])
+            [(studies(k)%approach(size(hat%approach, 1), size(fitted)), k=1, size(studies))])
       end associate
    end subroutine add_remarks
 
@@ -172,32 +168,5 @@ contains
 
       words = trim(forces(study%force))//separator//trim(loads(study%load))
    end function name
-
-   !> Orders at which errors fall from one mesh to the next; 0 for the first.
-   !>
-   !> errors    (k, meshes)
-   !> elements  (meshes)
-   pure function orders(errors, elements)
-      real(wp), intent(in) :: errors(:, :)
-      integer, intent(in) :: elements(:)
-      real(wp) :: orders(size(errors, 1), size(elements))
-      integer :: k
-
-      orders(:, 1) = 0
-      do k = 2, size(elements)
-         orders(:, k) = last_orders(errors(:, :k), elements(:k))
-      end do
-   end function orders
-
-   !> From the last mesh but one to the last.
-   pure function last_orders(errors, elements)
-      real(wp), intent(in) :: errors(:, :)
-      integer, intent(in) :: elements(:)
-      real(wp) :: last_orders(size(errors, 1))
-      integer :: k
-
-      k = size(elements)
-      last_orders = order(errors(:, k - 1), errors(:, k), elements(k - 1), elements(k))
-   end function last_orders
 
 end module beamid_convergence

@@ -7,8 +7,7 @@ module beamid_convergence_study
    implicit none
    private
 
-   public :: motion_t, compute_motions, order, forces, loads, motions, fitted, &
-      reference, coarser
+   public :: motion_t, compute_motions, forces, loads, motions, fitted, reference, coarser
 
    character(len=*), parameter :: forces(2) = [character(len=9) :: 'hat', 'rectangle']
    character(len=*), parameter :: loads(2) = [character(len=11) :: 'point', 'distributed']
@@ -26,10 +25,12 @@ module beamid_convergence_study
       type(excitation_t) :: excitation
       real(wp) :: exact(3) = 0                 !< size of the motion, as `motion_size` has it
       real(wp) :: error(3, size(motions)) = 0  !< of the cubic meshes, relative to it
+      real(wp) :: order(3, size(motions)) = 0  !< at which they fall from the mesh before
       real(wp) :: rest(3) = 0                  !< of the coarser quintic mesh, relative
       type(stage_fit_t), allocatable :: fits(:, :)
       !> Of the estimates from the true values, relative, and in the last row of all together.
       real(wp), allocatable :: distance(:, :)
+      real(wp), allocatable :: approach(:, :)  !< orders at which they fall
       type(error_t), allocatable :: failure
    end type motion_t
 
@@ -114,6 +115,7 @@ contains
          if (allocated(study%failure)) return
          study%error(:, k) = motion_size(exact, weights, field)/study%exact
       end do
+      study%order = orders(study%error, motions)
 
    contains
 
@@ -139,7 +141,8 @@ contains
       type(error_t), allocatable, intent(out) :: error
       type(model_t) :: model
       type(simulation_t) :: simulation
-      integer :: k
+      real(wp), allocatable :: distance(:)
+      integer :: j, k
 
       model = truth
       deallocate (model%solver)
@@ -153,28 +156,30 @@ contains
       if (allocated(error)) return
       allocate (study%distance(size(study%fits(1, 1)%free) + 1, size(fitted)))
       do k = 1, size(fitted)
-         associate (values => differences(study%fits(1, k), truth%structure))
-            study%distance(:, k) = [values, norm2(values)]
+         associate (fit => study%fits(1, k))
+            distance = [(fit%fit%estimate(j)/truth%structure%get(fit%free(j)) - 1, &
+               j=1, size(fit%free))]
          end associate
+         study%distance(:, k) = [distance, norm2(distance)]
       end do
+      study%approach = orders(study%distance, fitted)
    end subroutine find_minimisers
 
-   !> Relative differences of the estimates from the true values.
-   pure function differences(fit, structure) result(values)
-      type(stage_fit_t), intent(in) :: fit
-      type(structure_t), intent(in) :: structure
-      real(wp) :: values(size(fit%free))
+   !> Orders at which errors fall from one mesh to the next; 0 for the first.
+   !>
+   !> errors    (k, meshes)
+   !> elements  (meshes)
+   pure function orders(errors, elements)
+      real(wp), intent(in) :: errors(:, :)
+      integer, intent(in) :: elements(:)
+      real(wp) :: orders(size(errors, 1), size(elements))
       integer :: k
 
-      values = [(fit%fit%estimate(k)/structure%get(fit%free(k)) - 1, k=1, size(fit%free))]
-   end function differences
-
-   !> Order at which errors fall from one mesh to the next.
-   elemental real(wp) function order(before, after, coarse, fine)
-      real(wp), intent(in) :: before, after
-      integer, intent(in) :: coarse, fine
-
-      order = log(abs(before/after))/log(real(fine, wp)/coarse)
-   end function order
+      orders(:, 1) = 0
+      do k = 2, size(elements)
+         orders(:, k) = log(abs(errors(:, k - 1)/errors(:, k)))/ &
+            log(real(elements(k), wp)/elements(k - 1))
+      end do
+   end function orders
 
 end module beamid_convergence_study

@@ -4,7 +4,7 @@ module beamid_section_4
    use beamid_outputs, only: output_t
    use beamid_strings, only: full, to_text
    use beamid_texts, only: text_t
-   use beamid_report_lines, only: csv_row
+   use beamid_lines, only: csv_row
    use beamid_section_4_report, only: add_report
    use beamid_section_4_results, only: compute_section_4, results_t, table_4_4, table_4_5
    implicit none
@@ -35,7 +35,6 @@ contains
       end do
       call add_report(summary, results)
       call add_numbers(output, results)
-      if (results%entries(table_4_4)%wanted) call add_valley(output, results%valley)
    end subroutine reproduce_section_4
 
    !> tables.csv      what each table prints; nothing of ours where nothing is fitted
@@ -43,10 +42,11 @@ contains
    !>                 Table 4.4
    !> frequencies.csv undamped, at our estimates
    !> curves.csv      the whole record and the models at our estimates, acceleration by (4.1)
+   !> valley.csv      with Table 4.4: J along m_H with c_D = 0, c_H and k_H fitted at each place
    subroutine add_numbers(output, results)
       type(output_t), intent(inout) :: output
       type(results_t), intent(in) :: results
-      type(text_t) :: tables, sums, frequencies, curves
+      type(text_t) :: tables, sums, frequencies, curves, valley
       integer, allocatable :: free(:)
       integer :: k, j
 
@@ -82,22 +82,14 @@ contains
       call output%add('sums.csv', sums%content())
       call output%add('frequencies.csv', frequencies%content())
       call output%add('curves.csv', curves%content())
-   end subroutine add_numbers
-
-   !> valley.csv: J along m_H with c_D = 0, c_H and k_H fitted at each place.
-   subroutine add_valley(output, valley)
-      type(output_t), intent(inout) :: output
-      type(stage_fit_t), intent(in) :: valley(:)
-      type(text_t) :: text
-      integer :: k
-
-      call text%line('m_H,c_H,k_H,J')
-      do k = 1, size(valley)
-         associate (q => valley(k)%structure)
-            call text%line(csv_row(full(q%m_H), [q%c_H, q%k_H, valley(k)%fit%J]))
+      if (.not. results%entries(table_4_4)%wanted) return
+      call valley%line('m_H,c_H,k_H,J')
+      do k = 1, size(results%valley)
+         associate (q => results%valley(k)%structure)
+            call valley%line(csv_row(full(q%m_H), [q%c_H, q%k_H, results%valley(k)%fit%J]))
          end associate
       end do
-      call output%add('valley.csv', text%content())
-   end subroutine add_valley
+      call output%add('valley.csv', valley%content())
+   end subroutine add_numbers
 
 end module beamid_section_4

@@ -4,7 +4,7 @@ module beamid_section_4_report
    use beamid_statistics, only: nested_test, undetermined
    use beamid_strings, only: to_text
    use beamid_texts, only: left, right, text_t
-   use beamid_report_lines, only: add_lines, columns, filled
+   use beamid_lines, only: add_lines, columns, filled
    use beamid_section_4_results, only: basis, entry_t, first_bending, results_t, table_4_2, &
       table_4_3, table_4_4, table_4_5, table_4_6
    use beamid_section_4_valley, only: add_search
@@ -29,6 +29,7 @@ contains
    subroutine add_report(text, results)
       type(text_t), intent(inout) :: text
       type(results_t), intent(in) :: results
+      character(len=:), allocatable :: verdict
       real(wp) :: without, with
       integer :: k
 
@@ -50,15 +51,12 @@ contains
       do k = table_4_2, table_4_6
          if (.not. results%entries(k)%wanted) cycle
          call text%line()
-         if (k == table_4_5) then
-            call add_table_4_5(text, results%entries(k))
-         else
-            call add_table(text, results%entries(k), trim(titles(k)))
-         end if
-         associate (J => results%entries%our_J, m => size(results%samples))
+         associate (entry => results%entries(k), J => results%entries%our_J, &
+            m => size(results%samples), floyd => results%entries(table_4_5))
+            if (k /= table_4_5) call add_table(text, entry, trim(titles(k)))
             select case (k)
             case (table_4_2)
-               call add_start(text, results%entries(k))
+               call add_start(text, entry)
                call add_nested(text, 'the hose (none, or m_H and k_H)', J(basis), J(k), m, 2)
                call text%line('   (m_H = 0 is an edge of what is possible: chi-square is but a '// &
                   'guide)')
@@ -68,8 +66,20 @@ contains
             case (table_4_4)
                call add_search(text, results, without, with)
                call add_nested(text, 'c_D (lowest J with c_D = 0 and of all)', without, with, m, 1)
+            case (table_4_5)
+               call add_lines(text, [character(len=100) :: &
+                  'Table 4.5: Floyd''s m_T = # and E = #, nothing fitted', &
+                  warning, &
+                  ' - sum #, paper # (#%); J = #', &
+                  ' - INDEPENDENT: its first frequency is #.4 Hz, the observed one .75'], &
+                  [entry%paper%m_T, entry%paper%E, entry%our_sum, entry%printed_sum, &
+                  entry%our_sum/entry%printed_sum - 1, entry%our_J, entry%paper_frequencies(1)])
             case (table_4_6)
-               call add_claim(text, results%entries(k), results%entries(table_4_5))
+               verdict = '   It does not hold here'
+               if (entry%our_sum < floyd%our_sum) verdict = '   It holds here'
+               call text%line(filled(' - the paper''s closing claim: fitted m_T and E beat '// &
+                  'matched modes, sum # against #.', [floyd%printed_sum, entry%printed_sum]))
+               call text%line(filled(verdict//': # against #.', [floyd%our_sum, entry%our_sum]))
             end select
          end associate
       end do
@@ -94,46 +104,22 @@ contains
       end associate
    end subroutine add_start
 
-   !> Floyd's model, to which nothing is fitted.
-   subroutine add_table_4_5(text, entry)
-      type(text_t), intent(inout) :: text
-      type(entry_t), intent(in) :: entry
-
-      call add_lines(text, [character(len=100) :: &
-         'Table 4.5: Floyd''s m_T = # and E = #, nothing fitted', &
-         warning, &
-         ' - sum #, paper # (#%); J = #', &
-         ' - INDEPENDENT: its first frequency is #.4 Hz, the observed one .75'], &
-         [entry%paper%m_T, entry%paper%E, entry%our_sum, entry%printed_sum, &
-         entry%our_sum/entry%printed_sum - 1, entry%our_J, entry%paper_frequencies(1)])
-   end subroutine add_table_4_5
-
-   !> What the paper claims of its last table.
-   subroutine add_claim(text, entry, floyd)
-      type(text_t), intent(inout) :: text
-      type(entry_t), intent(in) :: entry, floyd
-      character(len=:), allocatable :: verdict
-
-      verdict = '   It does not hold here'
-      if (entry%our_sum < floyd%our_sum) verdict = '   It holds here'
-      call text%line(filled(' - the paper''s closing claim: fitted m_T and E beat matched '// &
-         'modes, sum # against #.', [floyd%printed_sum, entry%printed_sum]))
-      call text%line(filled(verdict//': # against #.', [floyd%our_sum, entry%our_sum]))
-   end subroutine add_claim
-
    !> Estimates, J and sum: ours, the paper's, the relative difference; what the record determines.
    subroutine add_table(text, entry, title)
       type(text_t), intent(inout) :: text
       type(entry_t), intent(in) :: entry
       character(len=*), intent(in) :: title
-      character(len=:), allocatable :: head
+      character(len=len(free_names)), allocatable :: names(:)
+      character(len=512), allocatable :: sentences(:)
+      character(len=:), allocatable :: head, verdict
       real(wp), allocatable :: ours(:), paper(:)
       integer :: k
 
-      associate (fit => entry%fits(size(entry%fits)))
+      associate (fit => entry%fits(size(entry%fits)), s => entry%fits(size(entry%fits))%statistics)
+         names = free_names(fit%free)
          head = repeat(' ', 12)
-         do k = 1, size(fit%free)
-            head = head//right(trim(free_names(fit%free(k))), 12)
+         do k = 1, size(names)
+            head = head//right(trim(names(k)), 12)
          end do
          ours = [(entry%ours%get(fit%free(k)), k=1, size(fit%free)), entry%our_J, entry%our_sum]
          paper = [(entry%paper%get(fit%free(k)), k=1, size(fit%free)), entry%J_at_paper, &
@@ -145,26 +131,11 @@ contains
          call text%line('   paper    '//columns(paper, 12)//columns([entry%printed_sum], 10))
          call text%line('   differs  '//columns(ours/paper - 1, 12, '#%')// &
             columns([entry%our_sum/entry%printed_sum - 1], 10, '#%'))
-         call add_determined(text, fit)
-      end associate
-   end subroutine add_table
-
-   !> Intervals, and a sentence for whatever the record does not determine.
-   subroutine add_determined(text, fit)
-      type(text_t), intent(inout) :: text
-      type(stage_fit_t), intent(in) :: fit
-      character(len=len(free_names)) :: names(size(fit%free))
-      character(len=512), allocatable :: sentences(:)
-      character(len=:), allocatable :: verdict
-      integer :: k
-
-      names = free_names(fit%free)
-      associate (s => fit%statistics, q => fit%fit%estimate)
-         do k = 1, size(q)
+         do k = 1, size(names)
             verdict = ' is not determined'
             if (s%determined(k)) verdict = ' is determined'
             call text%line(filled(' - '//trim(names(k))//verdict//': 95 % interval # +- #', &
-               [q(k), s%half_width(k)]))
+               [fit%fit%estimate(k), s%half_width(k)]))
          end do
          sentences = undetermined(s, names, [fit%quantities%scale], fit%jacobian)
          do k = 1, size(sentences)
@@ -173,7 +144,7 @@ contains
          if (.not. fit%check%white) call text%line(filled(' - the residuals are NOT white '// &
             'noise, the intervals too narrow: as good as #.1 samples', [s%effective]))
       end associate
-   end subroutine add_determined
+   end subroutine add_table
 
    !> Banks and Fitzpatrick's test, in words.
    subroutine add_nested(text, what, J_restricted, J_full, samples, restrictions)

@@ -4,7 +4,7 @@ module beamid_section_4_results
    use beamid
    use beamid_cases, only: scored_samples
    use beamid_csv, only: column_length, read_columns
-   use beamid_errors, only: bad_input
+   use beamid_errors, only: bad_input, locate
    use beamid_identification, only: score_fits
    use beamid_paths, only: join_path
    use beamid_profiles, only: difference_bound, lowest_places, profile, squared_distance, &
@@ -95,12 +95,9 @@ contains
       end associate
       if (allocated(error)) return
       do k = 1, size(results%entries)
-         call fit_entry(results%entries(k), results, monitor, error)
-         if (.not. allocated(error)) call evaluate(results%entries(k), results, error)
-         if (allocated(error)) then
-            error%message = results%entries(k)%case%path//': '//error%message
-            return
-         end if
+         call compute_entry(results%entries(k), results, monitor, error)
+         call locate(error, results%entries(k)%case%path)
+         if (allocated(error)) return
       end do
       ! No record has a part in these, but for the printed sum of Table 4.4 in the bound.
       do k = 1, size(results%entries)
@@ -110,8 +107,7 @@ contains
          end associate
       end do
       call explore_valley(results, error)
-      if (allocated(error)) error%message = results%entries(table_4_4)%case%path//': '// &
-         error%message
+      call locate(error, results%entries(table_4_4)%case%path)
    end subroutine compute_section_4
 
    !> The paper's parameters and sums, one row per model.
@@ -143,35 +139,27 @@ contains
       end do
    end subroutine read_paper
 
-   !> The stages of one case, if it has any.
-   subroutine fit_entry(entry, results, monitor, error)
+   !> The stages of one case, if it has any; sums, responses and frequencies at both estimates.
+   subroutine compute_entry(entry, results, monitor, error)
       type(entry_t), intent(inout) :: entry
       type(results_t), intent(in) :: results
       class(monitor_t), intent(inout) :: monitor
       type(error_t), allocatable, intent(out) :: error
       type(stage_fit_t), allocatable :: fits(:, :)
-
-      entry%ours = entry%case%model%structure
-      allocate (entry%fits(0))
-      if (size(entry%case%stages) == 0) return
-      call identify_meshes(entry%case%model, entry%case%meshes(:1), entry%case%stages, &
-         results%samples, results%measured, fits, error, monitor)
-      if (allocated(error)) return
-      call score_fits(entry%case%model, entry%case%meshes(:1), results%scored, results%expected, &
-         fits, error)
-      if (allocated(error)) return
-      entry%fits = fits(:, 1)
-      entry%ours = fits(size(fits, 1), 1)%structure
-   end subroutine fit_entry
-
-   !> Sums, responses and frequencies at both estimates.
-   subroutine evaluate(entry, results, error)
-      type(entry_t), intent(inout) :: entry
-      type(results_t), intent(in) :: results
-      type(error_t), allocatable, intent(out) :: error
       type(model_t) :: model
 
       model = entry%case%model
+      entry%ours = model%structure
+      allocate (entry%fits(0))
+      if (size(entry%case%stages) > 0) then
+         call identify_meshes(model, entry%case%meshes(:1), entry%case%stages, results%samples, &
+            results%measured, fits, error, monitor)
+         if (.not. allocated(error)) call score_fits(model, entry%case%meshes(:1), &
+            results%scored, results%expected, fits, error)
+         if (allocated(error)) return
+         entry%fits = fits(:, 1)
+         entry%ours = fits(size(fits, 1), 1)%structure
+      end if
       call at(entry%paper, results%scored, entry%response, entry%sum_at_paper, entry%J_at_paper, &
          entry%paper_frequencies)
       if (.not. allocated(error)) call at(entry%ours, results%t, entry%curve, entry%our_sum, &
@@ -207,7 +195,7 @@ contains
          hertz = omega(:size(hertz))/turn
       end subroutine at
 
-   end subroutine evaluate
+   end subroutine compute_entry
 
    !> Place of the beam's first bending mode: with a hose as soft as these the hose's own mode comes
    !> before it.

@@ -3,8 +3,8 @@ module beamid_section_4_valley
    use beamid
    use beamid_strings, only: to_text
    use beamid_texts, only: text_t
-   use beamid_report_lines, only: add_lines, columns, filled
-   use beamid_section_4_results, only: entry_t, results_t, table_4_3, table_4_4
+   use beamid_lines, only: add_lines, columns, filled
+   use beamid_section_4_results, only: results_t, table_4_3, table_4_4
    implicit none
    private
 
@@ -22,6 +22,7 @@ contains
       type(text_t), intent(inout) :: text
       type(results_t), intent(in) :: results
       real(wp), intent(out) :: without, with
+      integer :: k
 
       associate (entry => results%entries(table_4_4))
          call add_lines(text, [character(len=100) :: &
@@ -29,31 +30,22 @@ contains
             '   INDEPENDENT: the two responses are |Y - Y_0|^2 = # apart, t = 0 to 5'], &
             [entry%paper%c_D, entry%J_at_paper, results%J_without_c_D, &
             results%distance2_without_c_D])
-         call add_stages(text, entry)
+         call text%line(' - stage by stage, as the text has it:')
+         do k = 1, size(entry%fits)
+            call text%line('     '//to_text(k)//':'//estimates(entry%fits(k))// &
+               filled(', sum = #', [entry%fits(k)%score]))
+            call text%line('        '//entry%fits(k)%fit%reason)
+         end do
+         associate (move => entry%ours%m_H/entry%paper%m_H - 1)
+            if (abs(move) < near) then
+               call text%line(filled('   they reach Table 4.4, m_H to #%', [move]))
+            else
+               call text%line(filled('   they do NOT reach Table 4.4: m_H differs by #%', [move]))
+            end if
+         end associate
       end associate
       call add_valley(text, results, without, with)
    end subroutine add_search
-
-   !> The searches of the text, one after the other.
-   subroutine add_stages(text, entry)
-      type(text_t), intent(inout) :: text
-      type(entry_t), intent(in) :: entry
-      integer :: k
-
-      call text%line(' - stage by stage, as the text has it:')
-      do k = 1, size(entry%fits)
-         call text%line('     '//to_text(k)//':'//estimates(entry%fits(k))// &
-            filled(', sum = #', [entry%fits(k)%score]))
-         call text%line('        '//entry%fits(k)%fit%reason)
-      end do
-      associate (move => entry%ours%m_H/entry%paper%m_H - 1)
-         if (abs(move) < near) then
-            call text%line(filled('   they reach Table 4.4, m_H to #%', [move]))
-         else
-            call text%line(filled('   they do NOT reach Table 4.4: m_H differs by #%', [move]))
-         end if
-      end associate
-   end subroutine add_stages
 
    !> What a stage found, in words.
    function estimates(found) result(words)
@@ -76,6 +68,7 @@ contains
       type(text_t), intent(inout) :: text
       type(results_t), intent(in) :: results
       real(wp), intent(out) :: without, with
+      real(wp) :: ridge
       integer :: k
 
       associate (valley => results%valley, four => results%entries(table_4_4), &
@@ -92,7 +85,15 @@ contains
                   columns([J/with - 1], 13, '#%'))
             end associate
          end do
-         call add_bottoms(text, results)
+         associate (J => valley%fit%J, m_H => valley%structure%m_H, places => results%bottoms)
+            call text%line(filled('   local minima along it: #'//repeat(', near m_H = #', &
+               size(places)), [real(wp) :: size(places), m_H(places)]))
+            do k = 2, size(places)
+               ridge = maxval(J(places(k - 1):places(k)))
+               call text%line(filled('   between them J rises to #, #.3 % above the higher one', &
+                  [ridge, 100*(ridge/maxval(J(places(k - 1:k))) - 1)]))
+            end do
+         end associate
          call add_end(text, 'Table 4.3 (m_H, c_H, k_H)', three%paper, three%J_at_paper, &
             from_4_3, with)
          call add_end(text, 'Table 4.4 (m_H, c_H, k_H, c_D = 0)', four%paper, &
@@ -107,25 +108,6 @@ contains
          end if
       end associate
    end subroutine add_valley
-
-   !> Where along the valley J has local minima.
-   subroutine add_bottoms(text, results)
-      type(text_t), intent(inout) :: text
-      type(results_t), intent(in) :: results
-      real(wp) :: ridge
-      integer :: k
-
-      associate (J => results%valley%fit%J, m_H => results%valley%structure%m_H, &
-         places => results%bottoms)
-         call text%line(filled('   local minima along it: #'//repeat(', near m_H = #', &
-            size(places)), [real(wp) :: size(places), m_H(places)]))
-         do k = 2, size(places)
-            ridge = maxval(J(places(k - 1):places(k)))
-            call text%line(filled('   between them J rises to #, #.3 % above the higher one', &
-               [ridge, 100*(ridge/maxval(J(places(k - 1:k))) - 1)]))
-         end do
-      end associate
-   end subroutine add_bottoms
 
    !> Where a search ends that starts at the paper's estimates.
    subroutine add_end(text, name, paper, J, found, lowest)

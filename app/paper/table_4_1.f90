@@ -1,13 +1,13 @@
 !> Table 4.1 of the paper: four parameters from simulated accelerations.
 module beamid_table_4_1
    use beamid
-   use beamid_errors, only: bad_input
+   use beamid_errors, only: bad_input, locate
    use beamid_outputs, only: output_t
    use beamid_paths, only: join_path
    use beamid_strings, only: to_text
    use beamid_texts, only: text_t
    use beamid_csv, only: column_length, read_columns
-   use beamid_report_lines, only: add_lines, columns, csv_row, filled
+   use beamid_lines, only: add_lines, columns, csv_row, filled
    implicit none
    private
 
@@ -55,10 +55,8 @@ contains
          call identify_meshes(case%model, case%meshes, case%stages, record%samples, &
             record%measured, table%fits, error, monitor)
          if (.not. allocated(error)) call gather_evidence(table, error)
-         if (allocated(error)) then
-            error%message = case%path//': '//error%message
-            return
-         end if
+         call locate(error, case%path)
+         if (allocated(error)) return
       end associate
       call add_table(summary, table)
       call add_remarks(summary, table)

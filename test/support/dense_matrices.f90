@@ -5,7 +5,7 @@ module dense_matrices
    implicit none
    private
 
-   public :: dense_of
+   public :: dense_of, half_bandwidth
 
 contains
 
@@ -20,5 +20,14 @@ contains
          end do
       end do
    end function dense_of
+
+   !> The half-bandwidth that the entries occupy: the largest |i - j| with A(i, j) /= 0.
+   pure integer function half_bandwidth(band)
+      type(band_t), intent(in) :: band
+
+      do half_bandwidth = band%kd, 1, -1
+         if (any(abs(band%a(1 + half_bandwidth, :band%n - half_bandwidth)) > 0)) return
+      end do
+   end function half_bandwidth
 
 end module dense_matrices

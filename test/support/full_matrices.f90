@@ -9,7 +9,8 @@ module full_matrices
    use beamid_kinds, only: wp
    use beamid_quadrature, only: composite, rule_t
    use beamid_structure, only: n_parameters, of_c_D, of_c_H, of_c_R, of_E, of_gamma, of_I, of_J_S, &
-      of_J_T, of_k_H, of_kappa_R, of_length, of_m_H, of_m_S, of_m_T, of_rho, of_x_F, of_x_S, structure_t
+      of_J_T, of_k_H, of_kappa_R, of_length, of_m_H, of_m_S, of_m_T, of_rho, of_x_F, of_x_S, &
+      structure_t
    implicit none
    private
 

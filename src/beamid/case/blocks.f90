@@ -124,14 +124,12 @@ contains
       key = new_key(name, kind_text, '', help, 1, required=required)
       if (allocated(value)) key%default = ''''//value//''''
       if (present(default)) key%default = default
-      if (present(words)) key%expected = one_of(words, '''')
       call self%take(key, texts=texts)
       if (size(texts) == 0) return
       if (present(words)) then
-         if (.not. any(words == texts(1))) then
-            call self%refuse(name, shown(texts(1)), key%expected)
-            return
-         end if
+         if (.not. any(words == texts(1))) call self%refuse(name, shown(texts(1)), &
+            one_of(words, ''''))
+         if (.not. any(words == texts(1))) return
       end if
       value = trim(texts(1))
    end subroutine get_text

@@ -1,23 +1,87 @@
-!> A case and its records: sample times, samples, experiments.
+!> A case and its records: from a case file to sample times, samples, experiments.
 module beamid_cases
-   use beamid_case_files, only: case_t, needs_fit, needs_nothing, needs_response, &
-      place_experiment, read_case
-   use beamid_errors, only: error_t
+   use beamid_blocks, only: block_t
+   use beamid_case_checks, only: can_be_fitted, check_needs, check_whole, needs_fit, &
+      needs_nothing, needs_response, place_experiment
+   use beamid_case_files, only: case_t, groups, new_case, read_group
+   use beamid_errors, only: error_t, locate
    use beamid_experiments, only: experiment_t
-   use beamid_identification, only: stage_t
+   use beamid_files, only: read_text
    use beamid_kinds, only: wp
+   use beamid_namelist, only: scan_namelist
    use beamid_parameters, only: is_there, name_of_parameter, on_beam, parameters
    use beamid_records, only: grid, load_recording, note_length, recording_t
-   use beamid_refusals, only: refuse
+   use beamid_refusals, only: refusals_t, refuse
    use beamid_strings, only: to_text
    use beamid_structure, only: n_parameters, of_length, structure_t
    implicit none
    private
 
    public :: case_t, read_case, sample_times, measured_samples, scored_samples, load_experiments
-   public :: needs_nothing, needs_response, needs_fit
+   public :: can_be_fitted, needs_nothing, needs_response, needs_fit
 
 contains
+
+   !> Reads and checks a case file.
+   !>
+   !> path   of the case file; paths inside it are relative to it
+   !> needs  needs_nothing, needs_response or needs_fit
+   !> error  one line per problem: file, line, group, key, what was found, what was expected
+   subroutine read_case(path, needs, case, error)
+      character(len=*), intent(in) :: path
+      integer, intent(in) :: needs
+      type(case_t), intent(out) :: case
+      type(error_t), allocatable, intent(out) :: error
+      type(block_t), allocatable :: blocks(:)
+      type(refusals_t) :: refusals
+      type(experiment_t) :: experiment
+      character(len=:), allocatable :: text
+
+      call read_text(path, text, error)
+      if (allocated(error)) return
+      case = new_case(path)
+      call scan_namelist(text, groups, blocks, refusals)
+      call read_groups(blocks, refusals, case, error)
+      if (.not. allocated(error)) call check_needs(case, needs, error)
+      if (allocated(error) .or. needs /= needs_response) return
+      ! The one experiment whose response is wanted: the beam as its record has it.
+      call place_experiment(case, 1, experiment, error)
+      if (.not. allocated(error)) case%model%structure = experiment%structure_of( &
+         case%model%structure)
+   end subroutine read_case
+
+   !> Every group in turn, the stages last, because they are checked against the others.
+   !>
+   !> refusals  problems outside of the groups
+   subroutine read_groups(blocks, refusals, case, error)
+      type(block_t), intent(inout) :: blocks(:)
+      type(refusals_t), intent(in) :: refusals
+      type(case_t), intent(inout) :: case
+      type(error_t), allocatable, intent(out) :: error
+      type(refusals_t) :: all_of_them
+      integer :: k
+      logical :: sound
+
+      sound = refusals%n == 0
+      do k = 1, size(blocks)
+         if (blocks(k)%name /= 'stage') call read_group(blocks(k), sound, case, error)
+         sound = sound .and. .not. blocks(k)%failed()
+      end do
+      if (sound) call check_whole(blocks, case)
+      sound = sound .and. .not. any([(blocks(k)%failed(), k=1, size(blocks))])
+      do k = 1, size(blocks)
+         if (blocks(k)%name == 'stage') call read_group(blocks(k), sound, case, error)
+         call all_of_them%join(blocks(k)%refusals)
+      end do
+      call all_of_them%join(refusals)
+      call all_of_them%tell(case%path, error)
+      if (allocated(error)) return
+      if (size(case%excitations) > 0) case%model%excitation = case%excitations(1)
+      if (size(case%excitations) > 1 .and. size(case%excitations) /= size(case%recordings)) &
+         call refuse(case%path, 0, 'excitation', to_text(size(case%excitations))// &
+         ' such groups for '//to_text(size(case%recordings))//' of &record', &
+         'one, or one for each record', error)
+   end subroutine read_groups
 
    !> The grid of sample times of &record, for a response without a record.
    subroutine sample_times(case, times, error)
@@ -27,11 +91,10 @@ contains
 
       call grid(case%recordings(1)%window, times, error)
       if (allocated(error)) then
-         error%message = case%path//':'//to_text(case%recordings(1)%line)//': &record t_step: '// &
-            error%message
-         return
+         call locate(error, case%path//':'//to_text(case%recordings(1)%line)//': &record t_step')
+      else
+         call check_delta(case, times, error)
       end if
-      call check_delta(case, times, error)
    end subroutine sample_times
 
    !> A Delta that the sample times cannot resolve would leave differences of round-off.
@@ -57,13 +120,13 @@ contains
       character(len=note_length), allocatable, intent(out) :: notes(:)
       type(error_t), allocatable, intent(out) :: error
       character(len=note_length), allocatable :: sentences(:)
-      integer :: k, total
+      integer :: k, linear, total, unknowns
 
       allocate (experiments(size(case%recordings)), notes(0))
       do k = 1, size(experiments)
          associate (experiment => experiments(k), recording => case%recordings(k))
             call samples_of(case, recording, 'record', recording%line, experiment%samples, &
-               experiment%measured, error, sentences)
+               experiment%measured, sentences, error)
             if (allocated(error)) return
             if (size(experiments) > 1 .and. size(sentences) > 0) &
                sentences = 'record '//to_text(k)//': '//sentences
@@ -75,23 +138,22 @@ contains
          end associate
       end do
       total = sum([(size(experiments(k)%samples), k=1, size(experiments))])
+      linear = 2*sum(experiments%excitation%modes)
       do k = 1, size(case%stages)
-         if (unknowns(case, k) <= total) cycle
-         call refuse(case%path, case%stage_lines(k), 'stage free', &
-            to_text(unknowns(case, k))//' unknowns for '//to_text(total)//' samples', &
+         unknowns = size(case%stages(k)%free) + linear &
+            + merge(size(experiments), 0, case%stages(k)%offset)
+         if (unknowns > total) call refuse(case%path, case%stage_lines(k), 'stage free', &
+            to_text(unknowns)//' unknowns for '//to_text(total)//' samples', &
             'no more unknowns than samples', error)
-         return
       end do
-      call check_free_place(case, experiments, error)
+      if (.not. allocated(error)) call check_free_places(case, experiments, error)
    end subroutine load_experiments
 
    !> What has a free place must find one on every beam, and a beam must reach what sits on it.
-   subroutine check_free_place(case, experiments, error)
+   subroutine check_free_places(case, experiments, error)
       type(case_t), intent(in) :: case
       type(experiment_t), intent(in) :: experiments(:)
       type(error_t), allocatable, intent(out) :: error
-      type(structure_t) :: structure
-      real(wp) :: least
       logical :: stretches
       integer :: i, k, p
 
@@ -101,30 +163,8 @@ contains
             stretches = stretches .or. any(stage%free == of_length)
             do p = 1, size(stage%free)
                do i = 1, size(experiments)
-                  if (all(stage%record(p) /= [0, i])) cycle
-                  structure = experiments(i)%structure_of(case%model%structure)
-                  if (differs(stage, p, i)) then
-                     call refuse(case%path, case%stage_lines(k), 'stage free', trim( &
-                        name_of_parameter(structure, stage%free(p)))//' shared by records that '// &
-                        'give it different values', 'it left out of shared, or one value', error)
-                     return
-                  end if
-                  if (stage%free(p) == of_length) then
-                     least = outermost(structure, stage%free)
-                     if (stage%upper(p) <= least) call refuse_value('upper', stage%upper(p), &
-                        'more than '//to_text(least)//', where the outermost of what it carries is')
-                     if (.not. allocated(stage%start)) cycle
-                     if (stage%start(p) < least) call refuse_value('start', stage%start(p), &
-                        'at least '//to_text(least)//', where the outermost of what it carries is')
-                  else if (parameters(stage%free(p))%range == on_beam) then
-                     if (stage%lower(p) >= structure%length) call refuse_value('lower', &
-                        stage%lower(p), 'less than the length '//to_text(structure%length)// &
-                        ' of the beam')
-                     if (stretches .or. .not. allocated(stage%start)) cycle
-                     if (stage%start(p) > structure%length) call refuse_value('start', &
-                        stage%start(p), 'at most the length '//to_text(structure%length)// &
-                        ' of the beam')
-                  end if
+                  if (any(stage%record(p) == [0, i])) call check_place(stage%free(p))
+                  if (allocated(error)) return
                end do
             end do
          end associate
@@ -132,30 +172,58 @@ contains
 
    contains
 
-      !> Whether a parameter that all records share has another value in record i than in the first.
-      logical function differs(stage, p, i)
-         type(stage_t), intent(in) :: stage
-         integer, intent(in) :: p, i
-         type(structure_t) :: first, own
+      !> Parameter p of stage k, the place q among the parameters, in record i.
+      subroutine check_place(q)
+         integer, intent(in) :: q
+         type(structure_t) :: structure
+         real(wp) :: least
 
-         differs = .false.
-         if (stage%record(p) /= 0 .or. stage%free(p) > n_parameters) return
-         first = experiments(1)%structure_of(case%model%structure)
-         own = experiments(i)%structure_of(case%model%structure)
-         if (parameters(stage%free(p))%group == 'sensor' .and. &
-            parameters(stage%free(p))%item /= experiments(i)%sensor) return
-         differs = abs(own%get(stage%free(p)) - first%get(stage%free(p))) > 0
-      end function differs
+         structure = experiments(i)%structure_of(case%model%structure)
+         associate (stage => case%stages(k))
+            if (stage%record(p) == 0 .and. differs(q, structure)) then
+               call refuse(case%path, case%stage_lines(k), 'stage free', trim(name_of_parameter( &
+                  structure, q))//' shared by records that give it different values', &
+                  'it left out of shared, or one value', error)
+            else if (q == of_length) then
+               least = outermost(structure, stage%free)
+               if (stage%upper(p) <= least) call refuse_value('upper', stage%upper, &
+                  'more than '//to_text(least)//', where the outermost of what it carries is')
+               if (.not. allocated(stage%start)) return
+               if (stage%start(p) < least) call refuse_value('start', stage%start, &
+                  'at least '//to_text(least)//', where the outermost of what it carries is')
+            else if (parameters(q)%range == on_beam) then
+               if (stage%lower(p) >= structure%length) call refuse_value('lower', stage%lower, &
+                  'less than the length '//to_text(structure%length)//' of the beam')
+               if (stretches .or. .not. allocated(stage%start)) return
+               if (stage%start(p) > structure%length) call refuse_value('start', stage%start, &
+                  'at most the length '//to_text(structure%length)//' of the beam')
+            end if
+         end associate
+      end subroutine check_place
 
-      subroutine refuse_value(key, value, expected)
+      subroutine refuse_value(key, values, expected)
          character(len=*), intent(in) :: key, expected
-         real(wp), intent(in) :: value
+         real(wp), intent(in) :: values(:)
 
-         call refuse(case%path, case%stage_lines(k), 'stage '//key, to_text(value)//' for '// &
-            trim(name_of_parameter(structure, case%stages(k)%free(p))), expected, error)
+         call refuse(case%path, case%stage_lines(k), 'stage '//key, to_text(values(p))//' for '// &
+            trim(name_of_parameter(case%model%structure, case%stages(k)%free(p))), expected, error)
       end subroutine refuse_value
 
-   end subroutine check_free_place
+      !> Whether parameter q has another value in record i than in the first.
+      logical function differs(q, structure)
+         integer, intent(in) :: q
+         type(structure_t), intent(in) :: structure
+         type(structure_t) :: first
+
+         differs = .false.
+         if (q > n_parameters) return
+         if (parameters(q)%group == 'sensor' .and. parameters(q)%item /= experiments(i)%sensor) &
+            return
+         first = experiments(1)%structure_of(case%model%structure)
+         differs = abs(structure%get(q) - first%get(q)) > 0
+      end function differs
+
+   end subroutine check_free_places
 
    !> The outermost place that does not move along the beam.
    pure real(wp) function outermost(structure, free)
@@ -171,36 +239,20 @@ contains
       end do
    end function outermost
 
-   !> How many unknowns a stage has, those that enter linearly included.
-   pure integer function unknowns(case, k)
-      type(case_t), intent(in) :: case
-      integer, intent(in) :: k
-      integer :: r
-
-      unknowns = size(case%stages(k)%free)
-      do r = 1, size(case%recordings)
-         unknowns = unknowns + 2*case%excitations(min(r, size(case%excitations)))%modes
-         if (case%stages(k)%offset) unknowns = unknowns + 1
-      end do
-   end function unknowns
-
    !> The samples of the first record.
    !>
    !> samples, measured  (m) [time], [length/time**2]
-   !> notes              what was done to the record, a sentence each
-   subroutine measured_samples(case, samples, measured, error, notes)
+   subroutine measured_samples(case, samples, measured, error)
       type(case_t), intent(in) :: case
       real(wp), allocatable, intent(out) :: samples(:), measured(:)
       type(error_t), allocatable, intent(out) :: error
-      character(len=note_length), allocatable, intent(out), optional :: notes(:)
       type(experiment_t), allocatable :: experiments(:)
-      character(len=note_length), allocatable :: sentences(:)
+      character(len=note_length), allocatable :: notes(:)
 
-      call load_experiments(case, experiments, sentences, error)
+      call load_experiments(case, experiments, notes, error)
       if (allocated(error)) return
       samples = experiments(1)%samples
       measured = experiments(1)%measured
-      if (present(notes)) call move_alloc(sentences, notes)
    end subroutine measured_samples
 
    !> The samples of the window of &score; none without such a group.
@@ -209,6 +261,7 @@ contains
       real(wp), allocatable, intent(out) :: samples(:), measured(:)
       type(error_t), allocatable, intent(out) :: error
       type(recording_t) :: recording
+      character(len=note_length), allocatable :: notes(:)
 
       if (.not. allocated(case%score)) then
          allocate (samples(0), measured(0))
@@ -216,28 +269,25 @@ contains
       end if
       recording = case%recordings(1)
       recording%window = case%score
-      call samples_of(case, recording, 'score', case%score_line, samples, measured, error)
+      call samples_of(case, recording, 'score', case%score_line, samples, measured, notes, error)
    end subroutine scored_samples
 
    !> The samples of one window of a record.
-   subroutine samples_of(case, recording, group, line, samples, measured, error, notes)
+   subroutine samples_of(case, recording, group, line, samples, measured, notes, error)
       type(case_t), intent(in) :: case
       type(recording_t), intent(in) :: recording
       character(len=*), intent(in) :: group
       integer, intent(in) :: line
       real(wp), allocatable, intent(out) :: samples(:), measured(:)
+      character(len=note_length), allocatable, intent(out) :: notes(:)
       type(error_t), allocatable, intent(out) :: error
-      character(len=note_length), allocatable, intent(out), optional :: notes(:)
       type(recording_t) :: labelled
-      character(len=note_length), allocatable :: sentences(:)
 
       labelled = recording
       labelled%time_unit = case%units%time
-      call load_recording(labelled, samples, measured, sentences, error, &
+      call load_recording(labelled, samples, measured, notes, error, &
          place=case%path//':'//to_text(line)//': &'//group//': ')
-      if (allocated(error)) return
-      if (present(notes)) call move_alloc(sentences, notes)
-      call check_delta(case, samples, error)
+      if (.not. allocated(error)) call check_delta(case, samples, error)
    end subroutine samples_of
 
 end module beamid_cases

@@ -89,7 +89,10 @@ contains
       if (n == 0) then
          call self%refuse(name, 'no value', key%noun())
       else if (n > key%most) then
-         call self%refuse(name, to_text(n)//' values', number_of_values(key))
+         message = 'at most '//to_text(key%most)
+         if (key%most == 1) message = '1'
+         if (key%most == 1 .and. key%kind /= kind_text) message = '1; a decimal point is ''.'''
+         call self%refuse(name, to_text(n)//' values', message)
       else if (present(texts)) then
          deallocate (texts)
          allocate (character(len=longest) :: texts(n))
@@ -98,21 +101,11 @@ contains
          end do
       else if (.not. all(key%range%holds(x))) then
          k = findloc(key%range%holds(x), .false., dim=1)
-         call self%refuse(name, number(x(k)), key%expected)
+         call self%refuse(name, number(x(k)), key%range%in_words())
       else
          call move_alloc(x, numbers)
       end if
    end subroutine take
-
-   !> How many values a key takes, in words.
-   pure function number_of_values(key) result(text)
-      type(key_t), intent(in) :: key
-      character(len=:), allocatable :: text
-
-      text = 'at most '//to_text(key%most)
-      if (key%most == 1) text = '1'
-      if (key%most == 1 .and. key%kind /= kind_text) text = text//'; a decimal point is ''.'''
-   end function number_of_values
 
    !> Refuses keys that nobody has asked for or that stand there twice, and the lack of required
    !> ones, where no other problem can be the reason.

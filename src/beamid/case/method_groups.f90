@@ -9,7 +9,7 @@ module beamid_method_groups
    use beamid_modal, only: modal_t
    use beamid_multistart, only: multistart_t
    use beamid_numbers, only: shown
-   use beamid_observation, only: formula_names, observation_t
+   use beamid_observation, only: from_acceleration, observation_t
    use beamid_parameters, only: amplitude, belongs_to_hose, is_there, may_be_negative, &
       name_of_parameter, offset, parameters, place_of_name
    use beamid_responses, only: solver_t
@@ -22,6 +22,10 @@ module beamid_method_groups
 
    public :: read_discretization, read_integrator, read_multistart, read_observation, read_stage
 
+   !> Names of the formulas, by their numbers: (4.1), (4.2) and (3.13).
+   character(len=*), parameter, public :: formula_names(3) = &
+      [character(len=23) :: 'displacement_difference', 'velocity_difference', 'equation']
+
 contains
 
    subroutine read_discretization(block, meshes)
@@ -31,12 +35,14 @@ contains
       integer, allocatable :: elements(:)
       integer :: k
 
-      call block%get('degree', mesh%degree, 'of the splines', range_t(3, 7, step=2))
+      call block%get('degree', mesh%degree, 'of the splines')
       call block%get('elements', elements, to_text(mesh%elements), 'of the mesh; of several '// &
          'numbers everything is done for each', 50, range_t(1, 10000))
       call block%get('gauss_points', mesh%gauss_points, 'in each panel', range_t(1, 64), &
          default='degree + 1, exact')
       call block%get('panels', mesh%panels, 'in each element', range_t(1, 1000))
+      if (all(mesh%degree /= [3, 5, 7])) call block%refuse('degree', to_text(mesh%degree), &
+         '3, 5 or 7')
       call block%close()
       if (block%failed()) return
       if (.not. block%has('gauss_points')) mesh%gauss_points = mesh%degree + 1
@@ -107,7 +113,7 @@ contains
       if (block%failed()) return
       observed%relative = frame == 'relative'
       observed%formula = findloc(formula_names == formula, .true., dim=1)
-      if (formula == 'equation') then
+      if (observed%formula == from_acceleration) then
          call block%exclude('delta', 'with formula = ''equation''')
       else
          call block%require('delta')
@@ -142,11 +148,11 @@ contains
       if (block%failed()) return
       found%free = place_of_name(structure, free)
       do k = 1, size(free)
-         if (found%free(k) == 0) then
+         if (found%free(k) == 0 .and. .not. any(free(:k - 1) == free(k))) then
             call block%refuse('free', shown(free(k)), 'one of '//listed(pack( &
                name_of_parameter(structure, parameters%place), parameters%is_free .and. &
                is_there(structure, parameters%place)), ' '))
-         else if (any(found%free(:k - 1) == found%free(k))) then
+         else if (found%free(k) > 0 .and. count(found%free(:k - 1) == found%free(k)) == 1) then
             call block%refuse('free', shown(free(k))//' twice', 'each parameter once')
          end if
       end do
@@ -197,6 +203,9 @@ contains
             else if (allocated(stage%start)) then
                larger = 'any larger one'
                if (upper < unbounded) larger = to_text(upper)
+               if (parameters(p)%is_reciprocal .and. .not. stage%start(k) > 0) call block%refuse( &
+                  'start', to_text(stage%start(k))//' for '//trim(name_of_parameter(structure, &
+                  p)), 'a value above 0')
                if (stage%start(k) < lower .or. stage%start(k) > upper) call block%refuse('start', &
                   to_text(stage%start(k))//' for '//trim(name_of_parameter(structure, p)), &
                   'a value between '//to_text(lower)//' and '//larger)
@@ -218,7 +227,8 @@ contains
          lacking = ''
          needs = parameters(free(k))%needs
          if (needs > 0) then
-            if (.not. structure%is_given(needs)) lacking = 'a value of '// &
+            if (.not. (structure%is_given(needs) .or. any(free == needs))) lacking = &
+               'a value of '// &
                trim(parameters(needs)%name)//' in &'//trim(parameters(needs)%group)//' for it'
          end if
          if (free(k) == amplitude .and. any(excitations%modes > 0)) &

@@ -2,7 +2,7 @@
 module beamid_model_groups
    use beamid_blocks, only: block_t
    use beamid_csv, only: column_length, read_columns
-   use beamid_errors, only: error_t
+   use beamid_errors, only: error_t, locate
    use beamid_excitation, only: excitation_t, new_base_motion, new_force_table, new_free, &
       new_pulse, new_release
    use beamid_paths, only: directory_of, join_path
@@ -11,15 +11,13 @@ module beamid_model_groups
    use beamid_parameters, only: as_named, parameters, zero_or_more => not_negative
    use beamid_strings, only: lower, to_text
    use beamid_structure, only: item_name_length, n_parameters, of_x_F, structure_t
+   use beamid_tokens, only: digits, letters
    use beamid_units, only: label_length, units_t
    use beamid_values, only: not_negative, positive, range_t
    implicit none
    private
 
    public :: read_structure, read_excitation, read_units, read_noise
-
-   character(len=*), parameter :: letters = 'abcdefghijklmnopqrstuvwxyz'// &
-      'ABCDEFGHIJKLMNOPQRSTUVWXYZ_0123456789'
 
 contains
 
@@ -66,7 +64,7 @@ contains
       if (allocated(value)) deallocate (value)
       call block%get(trim(parameters(k)%name), value, trim(parameters(k)%default), &
          trim(parameters(k)%help), range_t(0, open=parameters(k)%range /= zero_or_more), &
-         required=parameters(k)%default == '')
+         required=parameters(k)%default == '', infinite=parameters(k)%is_reciprocal)
    end subroutine read_parameter
 
    !> The name of one more sensor or support; of several each has its own.
@@ -84,7 +82,7 @@ contains
       call block%get('name', name, 'by which records and free parameters name it', &
          default='none; of several each needs one')
       if (allocated(name)) then
-         if (verify(name, letters) > 0 .or. len(name) > item_name_length .or. name == '') &
+         if (verify(name, letters//digits) > 0 .or. len(name) > item_name_length .or. name == '') &
             call block%refuse('name', shown(name), 'at most '//to_text(item_name_length)// &
             ' letters, digits and _')
       else
@@ -105,14 +103,15 @@ contains
    end subroutine read_name
 
    !> path   of the case file
-   !> error  of a force table
+   !> error  of the table of a force or of the acceleration of the base
    subroutine read_excitation(path, block, found, error)
       character(len=*), intent(in) :: path
       type(block_t), intent(inout) :: block
       type(excitation_t), intent(out) :: found
       type(error_t), allocatable, intent(inout) :: error
       character(len=:), allocatable :: kind, file, load
-      real(wp), allocatable :: amplitude, duration, force, displacement, x_F
+      character(len=column_length), allocatable :: header(:)
+      real(wp), allocatable :: amplitude, duration, force, displacement, x_F, values(:, :)
       real(wp) :: power, time
       integer :: modes, k
       !> Keys that only some kinds have, and these kinds.
@@ -121,7 +120,10 @@ contains
          owners(10) = [character(len=19) :: 'pulse', 'pulse', 'table base', 'pulse table', &
          'pulse table', 'release', 'release', 'release', 'free', 'pulse table release']
 
-      load = 'point'; power = 2; time = 0; modes = 2
+      load = 'point'
+      power = 2
+      time = 0
+      modes = 2
       call block%get('kind', kind, 'what sets the beam in motion', &
          [character(len=7) :: 'pulse', 'table', 'release', 'free', 'base'], required=.true.)
       call block%get('amplitude', amplitude, 'a pulse needs it', 'force of a pulse')
@@ -155,7 +157,12 @@ contains
             call block%refuse('file', '''''', 'the path of a table')
             return
          end if
-         call read_force(join_path(directory_of(path), file), kind == 'base', found, error)
+         file = join_path(directory_of(path), file)
+         call read_columns(file, 2, values, header, error, increasing=.true.)
+         if (allocated(error)) return
+         if (kind == 'base') call new_base_motion(values(1, :), values(2, :), found, error)
+         if (kind == 'table') call new_force_table(values(1, :), values(2, :), found, error)
+         call locate(error, file)
       case ('release')
          if (allocated(force) .eqv. allocated(displacement)) then
             call block%refuse('force', trim(merge('both force and displacement', &
@@ -174,25 +181,6 @@ contains
       if (found%distributed) call block%exclude('x_F', 'with load = ''distributed''')
       if (allocated(x_F)) found%x_F = x_F
    end subroutine read_excitation
-
-   !> Table of a force or of the acceleration of the base: the first two columns.
-   subroutine read_force(path, is_base, force, error)
-      character(len=*), intent(in) :: path
-      logical, intent(in) :: is_base
-      type(excitation_t), intent(inout) :: force
-      type(error_t), allocatable, intent(out) :: error
-      character(len=column_length), allocatable :: header(:)
-      real(wp), allocatable :: values(:, :)
-
-      call read_columns(path, 2, values, header, error, increasing=.true.)
-      if (allocated(error)) return
-      if (is_base) then
-         call new_base_motion(values(1, :), values(2, :), force, error)
-      else
-         call new_force_table(values(1, :), values(2, :), force, error)
-      end if
-      if (allocated(error)) error%message = path//': '//error%message
-   end subroutine read_force
 
    subroutine read_units(block, labels)
       type(block_t), intent(inout) :: block

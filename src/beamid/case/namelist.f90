@@ -34,21 +34,50 @@ contains
       !> The problems outside of them.
       type(refusals_t), intent(out) :: refusals
       type(scanner_t) :: scanner
-      integer :: i, n, seen(size(groups))
+      type(block_t) :: passed_over
+      integer :: g, i, n, seen(size(groups))
 
-      n = 0
       ! There are no more groups than there are '&'.
       allocate (blocks(count([(text(i:i) == '&', i=1, len(text))])))
+      n = 0
+      seen = 0
       call refuse_binary(text, refusals)
-      if (refusals%n == 0) then
-         scanner%text = text
-         if (index(text, char(239)//char(187)//char(191)) == 1) scanner%next = 4
-         call scan_groups(scanner, groups, seen, blocks, n, refusals)
-         ! A group that is missing may have been lost to another problem.
-         if (refusals%n == 0 .and. all(blocks(:n)%refusals%n == 0)) &
-            call require_groups(groups, seen, scanner%line, refusals)
-      end if
+      scanner%text = text
+      if (index(text, char(239)//char(187)//char(191)) == 1) scanner%next = 4
+      if (refusals%n == 0) call scanner%advance()
+      do while (scanner%token%kind /= token_end)
+         select case (scanner%token%kind)
+         case (token_group)
+            call find_group(scanner%token, groups, seen, refusals, g)
+            if (g > 0) then
+               n = n + 1
+               blocks(n)%name = trim(groups(g)%name)
+               call scan_group(scanner, blocks(n))
+            else
+               passed_over = block_t(name='')
+               call scan_group(scanner, passed_over)
+            end if
+         case (token_broken)
+            call refusals%add(scanner%token%line, scanner%token%text)
+            call scanner%skip_to_group()
+         case default
+            call refusals%add(scanner%token%line, 'found '//shown(scanner%token%text)// &
+               ' outside a group, expected ''&name'' and, behind the group, ''/''')
+            call scanner%skip_to_group()
+         end select
+      end do
       blocks = blocks(:n)
+      ! A group that is missing may have been lost to another problem.
+      if (refusals%n > 0 .or. any(blocks%refusals%n > 0)) return
+      if (all(seen == 0)) then
+         call refusals%add(scanner%line, 'found no group, expected &'// &
+            listed([(groups(g)%name, g=1, size(groups))], ', &'))
+      else
+         do g = 1, size(groups)
+            if (groups(g)%required .and. seen(g) == 0) call refusals%add(scanner%line, &
+               'found no group &'//trim(groups(g)%name)//', expected one')
+         end do
+      end if
    end subroutine scan_namelist
 
    !> Refuses what is not text, and a text that is far too long.
@@ -81,87 +110,31 @@ contains
          'that is not text (a control character or not UTF-8), expected a text file')
    end subroutine refuse_binary
 
-   !> Goes through all groups of the text.
-   subroutine scan_groups(scanner, groups, seen, blocks, n, refusals)
-      type(scanner_t), intent(inout) :: scanner
-      type(group_t), intent(in) :: groups(:)
-      !> Line where each known group was first seen, 0 for not at all.
-      integer, intent(out) :: seen(:)
-      !> The groups found and their number.
-      type(block_t), intent(inout) :: blocks(:)
-      integer, intent(inout) :: n
-      type(refusals_t), intent(inout) :: refusals
-      type(block_t) :: passed_over
-      integer :: g
-
-      seen = 0
-      call scanner%advance()
-      do while (scanner%token%kind /= token_end)
-         if (scanner%token%kind == token_broken) then
-            call refusals%add(scanner%token%line, scanner%token%text)
-            call scanner%skip_to_group()
-         else if (scanner%token%kind /= token_group) then
-            call refusals%add(scanner%token%line, 'found '//shown(scanner%token%text)// &
-               ' outside a group, expected ''&name'' and, behind the group, ''/''')
-            call scanner%skip_to_group()
-         else
-            call find_group(scanner, groups, seen, refusals, g)
-            if (g > 0) then
-               n = n + 1
-               blocks(n)%name = trim(groups(g)%name)
-               call scan_group(scanner, blocks(n))
-            else
-               passed_over = block_t(name='')
-               call scan_group(scanner, passed_over)
-            end if
-         end if
-      end do
-   end subroutine scan_groups
-
-   !> The group whose name is the current token; 0 with a problem when it must not stand here.
-   subroutine find_group(scanner, groups, seen, refusals, g)
-      type(scanner_t), intent(in) :: scanner
+   !> The group whose name is the token; 0 with a problem when it must not stand here.
+   !>
+   !> seen  line where each known group was first seen, 0 for not at all
+   subroutine find_group(token, groups, seen, refusals, g)
+      type(token_t), intent(in) :: token
       type(group_t), intent(in) :: groups(:)
       integer, intent(inout) :: seen(:)
       type(refusals_t), intent(inout) :: refusals
       integer, intent(out) :: g
+      integer :: i
 
-      associate (token => scanner%token)
-         do g = size(groups), 1, -1
-            if (lower(trim(groups(g)%name)) == lower(token%text(2:))) exit
-         end do
-         if (g == 0) then
-            call refusals%add(token%line, 'found unknown group '//shown(token%text)// &
-               ', expected &'//listed([(groups(g)%name, g=1, size(groups))], ', &'))
-         else if (seen(g) > 0 .and. .not. groups(g)%may_repeat) then
-            call refusals%add(token%line, 'found &'//trim(groups(g)%name)// &
-               ' again, expected it once (first in line '//to_text(seen(g))//')')
-            g = 0
-         else
-            seen(g) = token%line
-         end if
-      end associate
-   end subroutine find_group
-
-   !> Reports the groups that had to be there.
-   subroutine require_groups(groups, seen, line, refusals)
-      type(group_t), intent(in) :: groups(:)
-      integer, intent(in) :: seen(:)
-      !> The last line of the file.
-      integer, intent(in) :: line
-      type(refusals_t), intent(inout) :: refusals
-      integer :: g
-
-      if (all(seen == 0)) then
-         call refusals%add(line, 'found no group, expected &'// &
-            listed([(groups(g)%name, g=1, size(groups))], ', &'))
-         return
-      end if
-      do g = 1, size(groups)
-         if (groups(g)%required .and. seen(g) == 0) call refusals%add(line, 'found no group &'// &
-            trim(groups(g)%name)//', expected one')
+      do g = size(groups), 1, -1
+         if (lower(trim(groups(g)%name)) == lower(token%text(2:))) exit
       end do
-   end subroutine require_groups
+      if (g == 0) then
+         call refusals%add(token%line, 'found unknown group '//shown(token%text)// &
+            ', expected &'//listed([(groups(i)%name, i=1, size(groups))], ', &'))
+      else if (seen(g) > 0 .and. .not. groups(g)%may_repeat) then
+         call refusals%add(token%line, 'found &'//trim(groups(g)%name)// &
+            ' again, expected it once (first in line '//to_text(seen(g))//')')
+         g = 0
+      else
+         seen(g) = token%line
+      end if
+   end subroutine find_group
 
    !> Goes through one group; the scanner stands on its name and ends on the token behind it.
    subroutine scan_group(scanner, block)

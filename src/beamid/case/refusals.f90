@@ -10,6 +10,7 @@ module beamid_refusals
 
    !> The most problems that are told.
    integer, parameter :: most = 20
+   character(len=*), parameter :: line_feed = achar(10)
 
    type :: refusal_t
       integer :: line = 0
@@ -19,7 +20,7 @@ module beamid_refusals
    !> The first problems in the order of lines, and among equal lines as they were found.
    type :: refusals_t
       integer :: n = 0
-      type(refusal_t), allocatable, private :: kept(:)
+      type(refusal_t), private :: kept(most)
    contains
       procedure :: add
       procedure :: join
@@ -36,7 +37,6 @@ contains
       character(len=*), intent(in) :: text
       integer :: k
 
-      if (.not. allocated(self%kept)) allocate (self%kept(most))
       if (self%n < most) then
          self%n = self%n + 1
       else if (line >= self%kept(most)%line) then
@@ -72,10 +72,9 @@ contains
       if (self%n == 0) return
       lines = ''
       do k = 1, self%n
-         if (k > 1) lines = lines//new_line('a')
-         lines = lines//path//':'//to_text(self%kept(k)%line)//': '//self%kept(k)%text
+         lines = lines//path//':'//to_text(self%kept(k)%line)//': '//self%kept(k)%text//line_feed
       end do
-      call bad_input(error, lines)
+      call bad_input(error, lines(:len(lines) - 1))
    end subroutine tell
 
    !> One problem that shows only after the file has been read; an earlier error stays.

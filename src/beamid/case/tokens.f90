@@ -36,7 +36,7 @@ contains
    !> The next token: a string, a word or `name =`, '&name', or one of the marks , = /
    subroutine advance(self)
       class(scanner_t), intent(inout) :: self
-      integer :: first, length
+      integer :: first, length, line, next
 
       call skip_blanks(self%text, self%next, self%line)
       first = self%next
@@ -62,22 +62,15 @@ contains
          if (self%text(first:self%next - 1) == '/') self%token%kind = token_slash
       end select
       self%token%text = self%text(first:self%next - 1)
-      if (index(letters, self%text(first:first)) > 0) call look_for_equals(self)
-   end subroutine advance
-
-   !> A name with '=' behind it is a key.
-   subroutine look_for_equals(self)
-      type(scanner_t), intent(inout) :: self
-      integer :: next, line
-
+      ! A name with '=' behind it is a key.
       next = self%next
       line = self%line
       call skip_blanks(self%text, next, line)
-      if (letter_at(self%text, next) /= '=') return
+      if (index(letters, self%text(first:first)) == 0 .or. letter_at(self%text, next) /= '=') return
       self%token%kind = token_key
       self%next = next + 1
       self%line = line
-   end subroutine look_for_equals
+   end subroutine advance
 
    !> The last character of a word. A '/' belongs to it when a name or number follows at once
    !> (`1/2`, `data/a.csv`); blanks and commas belong to it inside the brackets of a subscript.

@@ -19,7 +19,6 @@ module beamid_values
    type :: range_t
       real(wp) :: low = -huge(1.0_wp), high = huge(1.0_wp)
       logical :: open = .false.            !< `low` itself does not belong to it
-      integer :: step = 0                  !< > 0: of integers, only these steps from `low` on
    contains
       procedure :: holds
       procedure :: in_words
@@ -37,7 +36,6 @@ module beamid_values
       logical :: required = .false.
       character(len=:), allocatable :: default    !< what holds without it
       type(range_t) :: range
-      character(len=:), allocatable :: expected   !< the range, or the words; '': anything
       logical :: infinite = .false.        !< `inf` is a value
       character(len=:), allocatable :: word       !< that may stand for the numbers, in quotes
    contains
@@ -52,22 +50,15 @@ contains
 
       holds = (x > self%low .or. x >= self%low .and. .not. self%open) .and. &
          (x <= self%high .or. self%high >= huge(x))
-      if (holds .and. self%step > 0) holds = modulo(nint(x - self%low), self%step) == 0
    end function holds
 
    !> The range in words; '' where it holds every number.
    pure function in_words(self) result(text)
       class(range_t), intent(in) :: self
       character(len=:), allocatable :: text
-      character(len=12) :: words(20)
-      integer :: k, n
 
       text = ''
-      if (self%step > 0) then
-         n = 1 + nint(self%high - self%low)/self%step
-         write (words(:n), '(i0)') [(nint(self%low) + k*self%step, k=0, n - 1)]
-         text = one_of(words(:n), '')
-      else if (self%open) then
+      if (self%open) then
          text = 'a value above '//number(self%low)
          if (self%high < huge(1.0_wp)) text = text//', up to '//number(self%high)
       else if (self%high < huge(1.0_wp)) then
@@ -125,7 +116,6 @@ contains
       if (present(infinite)) key%infinite = infinite
       key%default = default
       if (key%required) key%default = ''
-      key%expected = key%range%in_words()
    end function new_key
 
    !> What a key takes, in words.

@@ -15,7 +15,6 @@ module beamid_bands
       procedure :: add
       procedure :: add_rank_one
       procedure :: element
-      procedure :: half_bandwidth
       procedure :: times
       procedure :: add_product
       procedure :: factor
@@ -95,15 +94,6 @@ contains
       element = 0
       if (abs(i - j) <= self%kd) element = self%a(1 + abs(i - j), min(i, j))
    end function element
-
-   !> The half-bandwidth that the entries occupy: the largest |i - j| with A(i, j) /= 0.
-   pure integer function half_bandwidth(self)
-      class(band_t), intent(in) :: self
-
-      do half_bandwidth = self%kd, 1, -1
-         if (any(abs(self%a(1 + half_bandwidth, :self%n - half_bandwidth)) > 0)) return
-      end do
-   end function half_bandwidth
 
    !> A x, x of shape (n).
    function times(self, x) result(y)

@@ -1,5 +1,9 @@
-!> Linear constraints b'w = 0 on the unknowns of band matrices, met by elimination: of each the
-!> unknown with the largest share follows from the others, and the band grows by what it touches.
+!> Linear constraints b'w = 0 on the unknowns of band matrices, met by elimination.
+!>
+!> Of each the unknown e with the largest share of b goes. Another one that b touches takes along
+!> the next on the way to e whose share is no smaller, as far as keeps b'w at zero. That is a
+!> neighbour where the shares rise towards e, as those of splines at a place do, and the band grows
+!> no wider.
 module beamid_constraints
    use beamid_bands, only: band_t, new_band
    use beamid_kinds, only: wp
@@ -8,14 +12,16 @@ module beamid_constraints
 
    public :: constraints_t
 
-   !> w(place) = -sum of share*w over the others.
-   type :: constraint_t
-      integer :: place = 0
-      real(wp), allocatable :: share(:)   !< 0 at `place`
-   end type constraint_t
+   !> Unknown j of those that are left moves w(own(j)) by 1 and w(partner(j)) by share(j).
+   type :: elimination_t
+      integer, allocatable :: own(:), partner(:)
+      real(wp), allocatable :: share(:)   !< |share| <= 1
+   end type elimination_t
 
    type :: constraints_t
-      type(constraint_t), allocatable, private :: all(:)
+      !> Whether one follows from the others, or all together leave nothing to move.
+      logical :: too_many = .false.
+      type(elimination_t), allocatable, private :: all(:)
    contains
       procedure :: add
       procedure :: number
@@ -26,23 +32,42 @@ module beamid_constraints
 
 contains
 
-   !> One more constraint.
+   !> One more constraint; sets `too_many` where there is nothing left to eliminate.
    !>
    !> b  (n) in the unknowns before any elimination
    subroutine add(self, b)
       class(constraints_t), intent(inout) :: self
       real(wp), intent(in) :: b(:)
-      type(constraint_t) :: constraint
+      !> What the others leave of a row counts down to here: below it is round-off.
+      real(wp), parameter :: least = 1e-10_wp
+      type(elimination_t) :: next
+      real(wp), allocatable :: row(:)
+      integer :: e, i, j, k
 
       if (.not. allocated(self%all)) allocate (self%all(0))
-      constraint%share = self%of_vector(b)
-      constraint%place = maxloc(abs(constraint%share), dim=1)
-      constraint%share = constraint%share/constraint%share(constraint%place)
-      constraint%share(constraint%place) = 0
-      self%all = [self%all, constraint]
+      row = self%of_vector(b)
+      if (size(row) < 2 .or. .not. maxval(abs(row)) > least*maxval(abs(b))) then
+         self%too_many = .true.
+         return
+      end if
+      e = maxloc(abs(row), dim=1)
+      next%own = [(i, i=1, e - 1), (i, i=e + 1, size(row))]
+      next%partner = next%own
+      next%share = 0*row(next%own)
+      do j = 1, size(next%own)
+         i = next%own(j)
+         if (.not. abs(row(i)) > 0) cycle
+         k = i + sign(1, e - i)
+         do while (abs(row(k)) < abs(row(i)))
+            k = k + sign(1, e - i)
+         end do
+         next%partner(j) = k
+         next%share(j) = -row(i)/row(k)
+      end do
+      self%all = [self%all, next]
    end subroutine add
 
-   !> How many there are.
+   !> How many unknowns are eliminated.
    pure integer function number(self)
       class(constraints_t), intent(in) :: self
 
@@ -55,27 +80,36 @@ contains
    function of_matrix(self, matrix) result(condensed)
       class(constraints_t), intent(in) :: self
       type(band_t), intent(in) :: matrix
-      type(band_t) :: condensed, wide
-      integer :: c, i, j, k
+      type(band_t) :: condensed
+      integer :: c
 
       condensed = matrix
-      if (.not. allocated(self%all)) return
-      do c = 1, size(self%all)
-         associate (e => self%all(c)%place, share => self%all(c)%share, a => condensed)
-            wide = new_band(a%n - 1, min(2*a%kd, a%n - 2))
-            do j = 1, a%n
-               do i = j, min(a%n, j + wide%kd + 1)
-                  k = i - merge(1, 0, i > e) - (j - merge(1, 0, j > e))
-                  if (i == e .or. j == e .or. k > wide%kd) cycle
-                  call wide%add(i - merge(1, 0, i > e), j - merge(1, 0, j > e), a%element(i, j) &
-                     - share(i)*a%element(e, j) - share(j)*a%element(e, i) &
-                     + share(i)*share(j)*a%element(e, e))
-               end do
-            end do
-         end associate
-         condensed = wide
+      do c = 1, self%number()
+         condensed = condense(self%all(c), condensed)
       end do
    end function of_matrix
+
+   !> The same of one elimination.
+   function condense(by, a) result(condensed)
+      type(elimination_t), intent(in) :: by
+      type(band_t), intent(in) :: a
+      type(band_t) :: condensed
+      integer :: i, j, n
+
+      n = size(by%own)
+      associate (own => by%own, partner => by%partner, share => by%share)
+         condensed = new_band(n, maxval([(findloc(min(own, partner) <= max(own(j), partner(j)) &
+            + a%kd, .true., dim=1, back=.true.) - j, j=1, n)]))
+         do j = 1, n
+            do i = j, min(n, j + condensed%kd)
+               call condensed%add(i, j, a%element(own(i), own(j)) &
+                  + share(i)*a%element(partner(i), own(j)) &
+                  + share(j)*a%element(own(i), partner(j)) &
+                  + share(i)*share(j)*a%element(partner(i), partner(j)))
+            end do
+         end do
+      end associate
+   end function condense
 
    !> T'f.
    pure function of_vector(self, f) result(condensed)
@@ -85,11 +119,9 @@ contains
       integer :: c
 
       condensed = f
-      if (.not. allocated(self%all)) return
-      do c = 1, size(self%all)
-         associate (e => self%all(c)%place)
-            condensed = condensed - self%all(c)%share*condensed(e)
-            condensed = [condensed(:e - 1), condensed(e + 1:)]
+      do c = 1, self%number()
+         associate (by => self%all(c))
+            condensed = condensed(by%own) + by%share*condensed(by%partner)
          end associate
       end do
    end function of_vector
@@ -98,15 +130,18 @@ contains
    pure function expanded(self, q) result(w)
       class(constraints_t), intent(in) :: self
       real(wp), intent(in) :: q(:)
-      real(wp), allocatable :: w(:)
-      integer :: c
+      real(wp), allocatable :: w(:), fewer(:)
+      integer :: c, j
 
       w = q
-      if (.not. allocated(self%all)) return
-      do c = size(self%all), 1, -1
-         associate (e => self%all(c)%place)
-            w = [w(:e - 1), 0.0_wp, w(e:)]
-            w(e) = -dot_product(self%all(c)%share, w)
+      do c = self%number(), 1, -1
+         call move_alloc(w, fewer)
+         allocate (w(size(fewer) + 1), source=0.0_wp)
+         associate (by => self%all(c))
+            w(by%own) = fewer
+            do j = 1, size(fewer)
+               w(by%partner(j)) = w(by%partner(j)) + by%share(j)*fewer(j)
+            end do
          end associate
       end do
    end function expanded

@@ -5,9 +5,9 @@
 !>
 !>     s**2 M + s C + K = D(s) + V H(s) A**-1 V',    D_i = m_i s**2 + c_i s + k_i.
 !>
-!> The columns of V say how much each oscillator moves the tip, the hose, the slopes of root and tip,
-!> the sensors and supports; H holds what acts between them, a small matrix. A is diagonal: 1, but of
-!> a spring to the ground its compliance, with 1 + s c/k in H, so that it may be rigid.
+!> The columns of V say how much each oscillator moves the tip, the hose, the slopes of root and
+!> tip, the sensors and supports; H holds what acts between them, a small matrix. A is diagonal: 1,
+!> but of a spring to the ground its compliance, with 1 + s c/k in H, so that it may be rigid.
 !>
 !> The hose has the same D(s) whether its coordinate is y, with c_H s + k_H between it and the tip,
 !> or y - u(l), with m_H s**2 instead. The smaller of the two loses no digits: both forms are kept,
@@ -51,6 +51,10 @@ module beamid_assembly
       !> (n, 2, 2) F, and what of it goes with 1/s, by the two forms of the pencil: per unit force,
       !> or per unit acceleration of the base
       real(wp), allocatable :: load(:, :, :)
+      !> (r, 2) what of F acts along the rows of V, by the two forms, and (r, 2, parameters) its
+      !> derivatives: where little moves, V'x tells more than a sum over the oscillators
+      real(wp), allocatable :: push(:, :), push_slope(:, :, :)
+      real(wp), allocatable :: rest(:), rest_slope(:, :)   !< the rest of F, (n), (n, parameters)
       !> (r) by which a row is longer as the base moves: support to ground, over s**2
       real(wp), allocatable :: lift(:)
       !> Whether velocity or displacement of the base drive the structure too.
@@ -115,6 +119,13 @@ contains
          end do
       end do
       call set_load(self, modes, slopes, applied)
+      self%rest = self%load(:, 1, 1) - matmul(self%push(:, 1), self%v)
+      allocate (self%rest_slope(self%n, size(parameters)))
+      do p = 1, size(parameters)
+         self%rest_slope(:, p) = self%load_slope(:, 1, 1, p) &
+            - matmul(self%push_slope(:, 1, p), self%v) &
+            - matmul(self%push(:, 1)*self%moves(:, p), self%v_slope)
+      end do
       allocate (self%pole(self%n, 2))
       do i = 1, self%n
          self%pole(i, :) = quadratic(self%pencil(1)%m(i), self%pencil(1)%c(i), &
@@ -262,10 +273,16 @@ contains
 
       allocate (self%load(self%n, 2, 2), self%load_slope(self%n, 2, 2, size(self%parameters)), &
          self%lift(size(self%v, 1)), source=0.0_wp)
+      self%push = row_load(self, self%strength, applied%base)
+      allocate (self%push_slope(size(self%v, 1), 2, size(self%parameters)))
+      do p = 1, size(self%parameters)
+         self%push_slope(:, :, p) = row_load(self, slopes(:, :, p), applied%base)
+      end do
       if (applied%base) then
-         self%load = base_load(self, modes, self%strength)
+         self%load = base_load(self, modes, self%strength, self%push)
          do p = 1, size(self%parameters)
-            self%load_slope(:, :, :, p) = base_load(self, modes, slopes(:, :, p))
+            self%load_slope(:, :, :, p) = base_load(self, modes, slopes(:, :, p), &
+               self%push_slope(:, :, p))
             do k = 1, size(operators)
                if (self%row(k) == 0 .or. .not. operators(k)%carried) cycle
                associate (row => self%row(k))
@@ -297,30 +314,52 @@ contains
    !> What masses and the air do as the base moves, or a derivative of it: -M r and, with 1/s, -C r,
    !> r the displacement of the whole by one. Supports are `lift`.
    !>
-   !> s  (operators, matrices), or a derivative
-   function base_load(self, modes, s) result(load)
+   !> s     (operators, matrices), or a derivative
+   !> push  (r, 2) of the masses at points
+   function base_load(self, modes, s, push) result(load)
       type(assembly_t), intent(in) :: self
       type(beam_modes_t), intent(in) :: modes
-      real(wp), intent(in) :: s(:, :)
+      real(wp), intent(in) :: s(:, :), push(:, :)
       real(wp) :: load(self%n, 2, 2)
-      real(wp) :: whole(self%n)
-      integer :: k, form
+      integer :: form
 
-      whole = 0
-      whole(:self%beam) = modes%total
+      load = 0
       do form = 1, 2
-         load(:, 1, form) = -s(inertia, of_mass)*whole
-         load(:, 2, form) = -s(inertia, of_damping)*whole
-         do k = 1, size(operators)
-            if (self%row(k) == 0 .or. .not. operators(k)%carried) cycle
-            load(:, 1, form) = load(:, 1, form) - s(k, of_mass)*self%v(self%row(k), :)
-         end do
-         ! By y the hose's mass moves alone, by y - u(l) the tip moves it too.
-         if (self%hose > 0) load(self%beam + 1, 1, form) = -s(hose, of_mass)
-         if (merge(form == 2, .not. self%structure%has_hose(), self%hose > 0)) load(:, 1, form) = &
-            load(:, 1, form) - s(hose, of_mass)*self%v(self%tip, :)
+         load(:self%beam, 1, form) = -s(inertia, of_mass)*modes%total
+         load(:self%beam, 2, form) = -s(inertia, of_damping)*modes%total
+         load(:, 1, form) = load(:, 1, form) + matmul(push(:, form), self%v)
       end do
    end function base_load
+
+   !> What of F, or of a derivative, acts along the rows of V.
+   !>
+   !> s     (operators, matrices), or a derivative
+   !> base  whether the base moves
+   pure function row_load(self, s, base) result(push)
+      type(assembly_t), intent(in) :: self
+      real(wp), intent(in) :: s(:, :)
+      logical, intent(in) :: base
+      real(wp) :: push(size(self%v, 1), 2)
+      integer :: k
+
+      push = 0
+      if (.not. base) then
+         if (stays_at_tip(self, operators(force_value)%place)) &
+            push(self%tip, :) = s(force_value, of_load)
+         return
+      end if
+      do k = 1, size(operators)
+         if (self%row(k) > 0 .and. operators(k)%carried) push(self%row(k), :) = &
+            push(self%row(k), :) - s(k, of_mass)
+      end do
+      ! By y the hose's mass moves alone, by y - u(l) the tip moves it too.
+      if (self%hose > 0) then
+         push(self%hose, :) = push(self%hose, :) - s(hose, of_mass)
+         push(self%tip, 2) = push(self%tip, 2) - s(hose, of_mass)
+      else if (.not. self%structure%has_hose()) then
+         push(self%tip, :) = push(self%tip, :) - s(hose, of_mass)
+      end if
+   end function row_load
 
    !> F at s.
    pure function load_at(self, s, form) result(load)

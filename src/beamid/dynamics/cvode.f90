@@ -213,6 +213,11 @@ contains
       integer :: n
 
       n = equations%n
+      if (equations%constraints%too_many) then
+         call failure(error, 'the rigid supports stand so close together that the mesh has no '// &
+            'motion left between them, expected more elements')
+         return
+      end if
       call new_motion(equations, session%motion, error)
       if (allocated(error)) return
       atol = self%atol

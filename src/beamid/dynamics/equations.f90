@@ -188,7 +188,8 @@ contains
          end do
          answers(:, k) = answers(:, k)/dot_product(self%point(:, held(k)), answers(:, k))
       end do
-      ! Column k moves support k by one and those before it not at all. The clamp turns with the base.
+      ! Column k moves support k by one and those before it not at all; the clamp turns with the
+      ! base.
       do k = 1, size(held)
          shape = shape - answers(:, k)*(merge(0, 1, held(k) == root_slope) &
             + dot_product(self%point(:, held(k)), shape))
@@ -217,13 +218,13 @@ contains
       do k = 1, size(held)
          call self%constraints%add(self%point(:, held(k)))
       end do
-      if (size(held) == 0) return
+      if (self%constraints%number() == 0) return
       self%mass = self%constraints%of_matrix(self%mass)
       self%damping = self%constraints%of_matrix(self%damping)
       self%stiffness = self%constraints%of_matrix(self%stiffness)
       self%load = self%constraints%of_vector(self%load)
       self%observer = self%constraints%of_vector(self%observer)
-      self%unit = self%unit(size(held) + 1:)
+      self%unit = self%unit(1 + self%constraints%number():)
       allocate (reduced(self%mass%n, size(operators)))
       do k = 1, size(operators)
          reduced(:, k) = self%constraints%of_vector(self%point(:, k))

@@ -11,9 +11,9 @@ module beamid_modes
 
    public :: undamped_modes, beam_modes_t, bare_beam_modes
 
-   !> The modes of the bare beam, clamped or pinned at the root: B phi = mu G phi with the integrals of
-   !> the mesh alone; E I mu/rho are the squares of its angular frequencies. The first of the pinned
-   !> beam is its turn as a whole, mu = 0.
+   !> The modes of the bare beam, clamped or pinned at the root: B phi = mu G phi with the integrals
+   !> of the mesh alone; E I mu/rho are the squares of its angular frequencies. The first of the
+   !> pinned beam is its turn as a whole, mu = 0.
    type :: beam_modes_t
       real(wp), allocatable :: mu(:)           !< (n) ascending [1/length**4]
       real(wp), allocatable :: shapes(:, :)    !< (n, n) columns phi with phi' G phi = 1

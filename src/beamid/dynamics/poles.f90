@@ -52,7 +52,6 @@ module beamid_poles
    !> And below which it must not be: a derivative would keep six digits.
    real(wp), parameter :: tiny_A = 1e-5_wp
 
-   real(wp), allocatable :: undamp(:)
 contains
 
    !> poles  in: `all` of a structure much like this one, or nothing
@@ -91,6 +90,7 @@ contains
          poles%residue(size(poles%s)))
       do k = 1, size(poles%s)
          call find_vector(assembly, poles%root(k), poles%vector(k))
+         call take_part(assembly, poles%root(k), poles%vector(k))
          associate (vector => poles%vector(k))
             ! |A| of an undamped mode.
             undamped(k) = 2*abs(poles%s(k))*vector%inertia
@@ -117,9 +117,21 @@ contains
          where (poles%cluster(k)%holds(poles%s)) poles%residue = 0
          call measure(assembly, poles%cluster(k))
       end do
-      undamp = undamped
       call check_sums(assembly, poles, error)
    end subroutine residues
+
+   !> Makes the oscillator with x_j = 1 one that has its share of the motion, after all.
+   pure subroutine take_part(assembly, root, vector)
+      type(assembly_t), intent(in) :: assembly
+      type(root_t), intent(inout) :: root
+      type(vector_t), intent(inout) :: vector
+      real(wp) :: share(assembly%n)
+
+      share = assembly%pencil(1)%m*(real(vector%x)**2 + aimag(vector%x)**2)
+      if (maxval(share) <= 16*share(root%j)) return
+      root%j = maxloc(share, dim=1)
+      call find_vector(assembly, root, vector)
+   end subroutine take_part
 
    !> Whether all roots have been found: the residues add up to zero, and r s to the acceleration
    !> that a unit force causes at once.
@@ -150,9 +162,6 @@ contains
          if (rest(1) <= max_rest .and. rest(2) <= max_rest_at_once .and. &
             all(cluster%is_complete())) return
       end associate
-      print *, 'REST', rest, 'imp', poles%impulse, 'sum', sum(real(poles%residue*poles%s)), 'abs', &
-         sum(abs(poles%residue*poles%s)), 'once', at_once, 'cl', size(poles%cluster), 'held', &
-         count(assembly%held), 'n', size(poles%s), 'roots', assembly%roots()
       call failure(error, 'modal: the roots found leave '//to_text(maxval(rest))// &
          ' of the response open: one was missed')
    end subroutine check_sums
@@ -163,7 +172,10 @@ contains
       type(vector_t), intent(in) :: vector
       complex(wp), intent(in) :: s
 
-      driven = sum(assembly%load(:, 1, vector%form)*vector%x)
+      associate (r => size(assembly%push, 1))
+         driven = sum(assembly%rest*vector%x) &
+            + sum(assembly%push(:, vector%form)*assembly%compliance*vector%y(:r))
+      end associate
       if (assembly%is_carried) driven = driven + (sum(assembly%load(:, 2, vector%form)*vector%x) &
          - sum(assembly%lift*vector%f(:size(assembly%lift)))/s)/s
    end function driven_by
@@ -273,15 +285,15 @@ contains
          end do
          A_all = 0
          driven = driven_by(assembly, vector, s)
-         dr = 0
          do i = 1, assembly%n
             force = sum(v(:, i)*f_all(:r))
             if (i /= j) x_all(i) = x_all(i) - force/D(i)
             A_all = A_all + (2*(pencil%m(i)*ds + slope%m(i)*s) + slope%c(i))*x(i)**2 &
                + 2*vector%dD(i)*x(i)*x_all(i)
-            dr = dr + assembly%load(i, 1, vector%form)*x_all(i) &
-               + assembly%load_slope(i, 1, vector%form, p)*x(i)
          end do
+         dr = sum(assembly%rest*x_all) + sum(assembly%rest_slope(:, p)*x) &
+            + sum(assembly%push(:, vector%form)*(A*y_all(:r, 1) + A_p*y(:r))) &
+            + sum(assembly%push_slope(:, vector%form, p)*A*y(:r))
          do l = 1, r
             do k = 1, r
                A_all = A_all + A(k)*y(k)*((2*pencil%hm(k, l)*ds + H_sp(k, l))*y(l) &

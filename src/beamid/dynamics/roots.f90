@@ -130,7 +130,7 @@ contains
             associate (root => roots(j + (side - 1)*half))
                root%s = pair(side)
                if (.not. abs(aimag(root%s)) > 0) root%s = root%s &
-                  + (0.0_wp, 0.05_wp)*(3 - 2*side)*room(assembly, root%s)
+                  + (0.0_wp, 1e-3_wp)*(3 - 2*side)*room(assembly, root%s)
                root%origin = 0
                call nearest_pole(assembly, root)
             end associate

@@ -6,8 +6,8 @@
 !>     y = (A + G H)**-1 v_j,  f = H y,  x_i = -v_i'f/D_i,  D_j + v_j'f = 0:
 !>
 !> nothing in it grows without bound when what hangs on the beam is light and s near a pole of D_j.
-!> Of a row that a spring to the ground holds y is the force, but for what its dashpot adds, in a unit
-!> of its own, and with its compliance in the place of 1 all stands: (A + G H) y = v_j.
+!> Of a row that a spring to the ground holds y is the force of the spring in a unit of its own, A y
+!> the motion with the compliance in A, and H y the force with that of the dashpot.
 module beamid_vectors
    use beamid_assembly, only: assembly_t, pencil_t
    use beamid_kinds, only: wp

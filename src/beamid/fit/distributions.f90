@@ -117,9 +117,8 @@ contains
       end if
    end function student_probability
 
-   !> The t with P(|T| <= t) = probability, by bisection to machine precision.
-   !>
-   !> probability  0 < probability < 1; 0.95 for a 95 % interval
+   !> The t with P(|T| <= t) = probability, 0 < probability < 1, to machine precision; 0.95 for a
+   !> 95 % interval.
    pure real(wp) function student_quantile(probability, freedom) result(t)
       real(wp), intent(in) :: probability, freedom
       real(wp) :: below, above, excess, density, height

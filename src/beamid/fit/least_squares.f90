@@ -26,30 +26,35 @@ module beamid_least_squares
       integer :: shortened = 0
       real(wp), allocatable :: jacobian(:, :) !< (m, n) d residual/d parameter at the estimate
       !> (2) largest relative difference between exact derivatives and central differences, column
-      !> by column, at the start and at the estimate; not allocated where they were not compared
+      !> by column, at the start and at the estimate; not allocated where they were not compared, or
+      !> differences could not be computed
       real(wp), allocatable :: derivative_check(:)
       character(len=:), allocatable :: reason !< why the search stopped, in words
    end type fit_t
 
-   !> Beside MINPACK's own values of info.
+   !> Beside MINPACK's own values of info, and all of them in words.
    integer, parameter :: all_linear = 9
+   character(len=*), parameter :: reasons(0:all_linear) = [character(len=60) :: &
+      'the search could not start', &
+      'J falls no further', &
+      'the parameters change no further', &
+      'neither J nor the parameters change further', &
+      'the residuals are orthogonal to every derivative', &
+      'the evaluations allowed are used up', &
+      'J cannot be made smaller in this precision', &
+      'the parameters cannot be improved in this precision', &
+      'the derivatives vanish to machine precision', &
+      'nothing to search for: all that is free enters linearly']
 
    !> First steps of a search, and of those that follow where it ends at no minimum.
    real(wp), parameter :: first_steps(3) = [100.0_wp, 1.0_wp, 0.1_wp]
 
 contains
 
-   !> Minimises the sum of squares.
+   !> Minimises the sum of squares of m >= n residuals by n variables.
    !>
-   !> problem    what is to be fitted
-   !> m          number of residuals, >= number of variables
-   !> variables  (n) starts, bounds, scales
-   !> options    accuracy of the model and of the fit
-   !> result     estimates, J, counts, reason
    !> error      the model fails at the start, or wherever the search turns; no convergence
-   !> monitor    told of every iteration
-   !> label      what the monitor calls this search
-   !> names      (n) of the variables, for the monitor
+   !> monitor    told of every iteration, with the search's label and the variables' names
    subroutine fit(problem, m, variables, options, result, error, monitor, label, names)
       class(problem_t), intent(inout), target :: problem
       integer, intent(in) :: m
@@ -61,6 +66,7 @@ contains
       character(len=*), intent(in), optional :: label, names(:)
       type(search_t), target :: search
       character(len=:), allocatable :: objection
+      real(wp), allocatable :: at_start, at_end
       logical :: compares
       integer :: attempt, info, k
 
@@ -89,10 +95,9 @@ contains
       result%start = variables%start
       compares = associated(search%smooth) .and. options%check
       if (compares) then
-         allocate (result%derivative_check(2))
          call search%evaluate_at(result%start, result%residual, error)
-         if (.not. allocated(error)) call compare(search, result%start, search%jacobian, &
-            result%derivative_check(1), error)
+         if (.not. allocated(error)) call compare(search, result%start, search%jacobian, at_start, &
+            error)
          if (allocated(error)) return
       end if
 
@@ -113,7 +118,7 @@ contains
       result%iterations = search%iterations
       result%evaluations = search%evaluations
       result%shortened = search%shortened
-      result%reason = reason_in_words(info)
+      result%reason = trim(reasons(info))
       do k = 1, size(variables)
          if (.not. any(search%moving == k)) result%reason = result%reason//'; '// &
             trim(search%names(k))//' held at its bound'
@@ -124,8 +129,8 @@ contains
       end if
       if (attempt > 1) result%reason = result%reason//'; search '//to_text(attempt)// &
          ', with shorter steps'
-      if (compares) call compare(search, result%estimate, result%jacobian, &
-         result%derivative_check(2), error)
+      if (compares) call compare(search, result%estimate, result%jacobian, at_end, error)
+      if (allocated(at_start) .and. allocated(at_end)) result%derivative_check = [at_start, at_end]
    end subroutine fit
 
    !> Compares exact derivatives with differences: a fit by derivatives that are not those of the
@@ -136,7 +141,7 @@ contains
    subroutine compare(search, parameters, jacobian, difference, error)
       type(search_t), intent(inout) :: search
       real(wp), intent(in) :: parameters(:), jacobian(:, :)
-      real(wp), intent(out) :: difference
+      real(wp), allocatable, intent(out) :: difference
       type(error_t), allocatable, intent(inout) :: error
       character(len=:), allocatable :: name
       integer :: k
@@ -150,9 +155,9 @@ contains
          ' disagrees with differences of the residuals')
    end subroutine compare
 
-   !> Minimises; where the minimum lies on a bound the change of variable has no slope there and the
-   !> search would creep. A variable that lingers at a bound is held on it while the others move,
-   !> and let go, once, if J falls towards the inside.
+   !> Minimises. At a bound the change of variable has no slope, and the search would creep: a
+   !> variable that lingers there is held on it while the others move, and let go, once, if J falls
+   !> towards the inside.
    subroutine minimise_with_bounds(search, options, result, info, error)
       type(search_t), intent(inout), target :: search
       type(options_t), intent(in) :: options
@@ -214,15 +219,15 @@ contains
    end subroutine minimise_with_bounds
 
    !> Gauss-Newton steps with the central differences of the final Jacobian: the one-sided ones of
-   !> `lmdif` stop a little beside the minimum when the residuals are not zero. They go on while
-   !> they grow shorter, each costs one evaluation, and none counts that is long or lets J rise by
-   !> more than the residuals' error.
+   !> `lmdif` stop a little beside the minimum. They go on while they grow shorter, and none counts
+   !> that is long or lets J rise by more than the residuals' error.
    subroutine polish(search, result)
       type(search_t), intent(inout) :: search
       type(fit_t), intent(inout) :: result
       integer, parameter :: most = 30
       real(wp) :: p(size(search%variables)), r(size(result%residual)), length, before
-      real(wp), allocatable :: a(:, :), step(:, :), work(:)
+      real(wp), allocatable :: a(:, :), step(:, :)
+      real(wp) :: work(64*(size(result%residual) + size(search%moving)))
       type(error_t), allocatable :: error
       integer :: k, m, n, info
 
@@ -233,14 +238,13 @@ contains
       do k = 1, most
          a = result%jacobian(:, search%moving)
          step = reshape(-result%residual, [m, 1])
-         if (.not. allocated(work)) allocate (work(64*(m + n)))
          call dgels('N', m, n, 1, a, m, step, m, work, size(work), info)
          if (info /= 0 .or. .not. all(ieee_is_finite(step(:n, 1)))) return
          p = result%estimate
          p(search%moving) = p(search%moving) + step(:n, 1)
          length = maxval(abs(p - result%estimate)/max(abs(result%estimate), tiny(length)))
-         if (length > min(1e-2_wp, 0.9_wp*before) .or. any(p < search%variables%lower) .or. &
-            any(p > search%variables%upper)) return
+         if (length > min(1e-2_wp, 0.9_wp*before) .or. any(p < search%variables%lower .or. &
+            p > search%variables%upper)) return
          call search%problem%residuals(p, r, error)
          search%evaluations = search%evaluations + 1
          if (allocated(error)) return
@@ -266,24 +270,5 @@ contains
       end do
       k = 0
    end function inward
-
-   !> MINPACK's info.
-   pure function reason_in_words(info) result(reason)
-      integer, intent(in) :: info
-      character(len=:), allocatable :: reason
-
-      select case (info)
-      case (1); reason = 'J falls no further'
-      case (2); reason = 'the parameters change no further'
-      case (3); reason = 'neither J nor the parameters change further'
-      case (4); reason = 'the residuals are orthogonal to every derivative'
-      case (5); reason = 'the evaluations allowed are used up'
-      case (6); reason = 'J cannot be made smaller in this precision'
-      case (7); reason = 'the parameters cannot be improved in this precision'
-      case (all_linear); reason = 'nothing to search for: all that is free enters linearly'
-      case (8); reason = 'the derivatives vanish to machine precision'
-      case default; reason = 'the search could not start'
-      end select
-   end function reason_in_words
 
 end module beamid_least_squares

@@ -20,13 +20,10 @@ module beamid_optimality
 
 contains
 
-   !> At a minimum linear theory sees no other ahead.
-   !>
-   !> Nor is it asked for more than a search can see: relative changes of J, and of the parameters,
-   !> by the tolerance, the latter being what is left where the residuals vanish; and a thousand
-   !> times the relative error of an integrator, which grows along a response and in
-   !> differences of it. What a step promises counts as far as linear theory may hold: to where a
-   !> parameter has changed by its own size.
+   !> At a minimum linear theory sees no other ahead; it counts to where a parameter has changed by
+   !> its own size. No more is asked for than a search can see: relative changes of J, and of the
+   !> parameters, by the tolerance, and by a thousand times the relative error of an integrator,
+   !> which grows along a response and in differences of it.
    !>
    !> start      where the first search began
    !> estimate, residual, jacobian  where the search has ended

@@ -49,50 +49,37 @@ contains
 
    !> Largest relative difference, over the columns, between a Jacobian and central differences.
    !>
-   !> A column is mistaken when the two are further apart than the differences can be wrong: by
-   !> three times what another step, longer or shorter, makes of them. That holds where a parameter
-   !> hardly counts, and round-off is all there is, as where it counts so much that the step is
-   !> long.
+   !> A column is mistaken when the two are further apart than three times what another step, longer
+   !> or shorter, makes of the differences: however little or much a parameter counts.
    !>
    !> exact     (m, n) the Jacobian at the parameters
-   !> worst     -1 where the differences cannot be computed
+   !> worst     not allocated where the differences cannot be computed
    !> mistaken  the worst column that is mistaken, 0: none
    subroutine compare_derivatives(problem, parameters, variables, exact, worst, mistaken)
       class(problem_t), intent(inout) :: problem
       real(wp), intent(in) :: parameters(:), exact(:, :)
       type(variable_t), intent(in) :: variables(:)
-      real(wp), intent(out) :: worst
+      real(wp), allocatable, intent(out) :: worst
       integer, intent(out) :: mistaken
       real(wp), parameter :: longer = 3, allowed = 5e-3_wp
       type(error_t), allocatable :: error
       real(wp), dimension(size(exact, 1), size(exact, 2)) :: approximate, wide, narrow
-      real(wp) :: wrong(size(exact, 2)), unsure, length
-      integer :: k
+      real(wp), dimension(size(exact, 2)) :: length, wrong, unsure
+      real(wp), parameter :: eps = epsilon(1.0_wp)
 
-      worst = -1
       mistaken = 0
-      call differences(problem, parameters, variables, epsilon(worst), approximate, error)
+      call differences(problem, parameters, variables, eps, approximate, error)
       if (allocated(error)) return
-      do k = 1, size(parameters)
-         length = max(norm2(exact(:, k)), norm2(approximate(:, k)))
-         wrong(k) = 0
-         if (length > 0) wrong(k) = norm2(exact(:, k) - approximate(:, k))/length
-      end do
-      worst = maxval([worst, wrong])
+      length = max(norm2(exact, dim=1), norm2(approximate, dim=1), tiny(1.0_wp))
+      wrong = norm2(exact - approximate, dim=1)/length
+      worst = maxval([0.0_wp, wrong])
       if (.not. worst > allowed) return
-      call differences(problem, parameters, variables, epsilon(worst)*longer**3, wide, error)
+      call differences(problem, parameters, variables, eps*longer**3, wide, error)
       if (allocated(error)) return
-      call differences(problem, parameters, variables, epsilon(worst)/longer**3, narrow, error)
+      call differences(problem, parameters, variables, eps/longer**3, narrow, error)
       if (allocated(error)) return
-      do k = 1, size(parameters)
-         if (.not. wrong(k) > allowed) cycle
-         length = max(norm2(exact(:, k)), norm2(approximate(:, k)))
-         unsure = max(norm2(wide(:, k) - approximate(:, k)), norm2(narrow(:, k) &
-            - approximate(:, k)))/length
-         if (wrong(k) <= 3*unsure) cycle
-         mistaken = k
-         if (wrong(k) >= maxval(wrong)) exit
-      end do
+      unsure = max(norm2(wide - approximate, dim=1), norm2(narrow - approximate, dim=1))/length
+      mistaken = maxloc(wrong, dim=1, mask=wrong > allowed .and. .not. wrong <= 3*unsure)
    end subroutine compare_derivatives
 
    !> The Jacobian by central differences with a step of the cube root of the error, moved inside

@@ -32,10 +32,9 @@ module beamid_statistics
       real(wp) :: condition = 0                      !< singular(1)/singular(n)
       !> (n) the 95 % interval is narrower than the value
       logical, allocatable :: determined(:)
-      !> The same for residuals that are not white, never smaller: the autocovariance of the
-      !> residuals takes the place of sigma**2 (Newey and West's estimate), and the number of
-      !> samples that would carry as much if they were independent, the least over the parameters,
-      !> that of m.
+      !> The same for residuals that are not white, never smaller: with their autocovariance in the
+      !> place of sigma**2 (Newey and West's estimate), and the number of independent samples that
+      !> would carry as much, the least over the parameters, in that of m.
       real(wp), allocatable :: corrected_error(:), corrected_half_width(:)
       real(wp) :: effective = 0
    end type statistics_t
@@ -57,8 +56,7 @@ contains
    !> residual  (m)
    !> estimate  (n)
    !> scale     (n) > 0, what a relative change of each parameter is relative to: its value, or
-   !>           where
-   !>           that is zero something of its usual size
+   !>           where that is zero something of its usual size
    !> error     no degrees of freedom left, or a singular value decomposition that fails
    subroutine new_statistics(jacobian, residual, estimate, scale, statistics, error)
       real(wp), intent(in) :: jacobian(:, :), residual(:), estimate(:), scale(:)

@@ -30,9 +30,8 @@ module beamid_variables
 contains
 
    !> start         lower <= start <= upper. At a bound every smooth change of variable is
-   !>               stationary:
-   !>               a search from there starts one per cent of `magnitude` (at most 1/1000 of the
-   !>               interval) inside; component `start` tells where
+   !>               stationary: a search from there starts one per cent of `magnitude` (at most
+   !>               1/1000 of the interval) inside; component `start` tells where
    !> lower, upper  or -unbounded, unbounded
    !> magnitude     what a moderate value of the parameter is, > 0
    pure function new_variable(start, lower, upper, magnitude) result(self)

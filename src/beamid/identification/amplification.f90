@@ -12,21 +12,23 @@ module beamid_amplification
    use beamid_errors, only: error_t, failure
    use beamid_kinds, only: wp
    use beamid_modes, only: undamped_modes
-   use beamid_observation, only: formula_names, new_sampling, observation_t, sampling_t
+   use beamid_observation, only: from_displacement, new_sampling, observation_t, sampling_t
    use beamid_responses, only: response_t
    implicit none
    private
 
    public :: deviation_t, formula_times, measure, gains, mode_observers, equation_row
 
-   !> How far one response is from another at some samples, by the formulas in the order of
-   !> `formula_names`.
+   !> (4.1), (4.2), (3.13)
+   integer, parameter :: formulas = 3
+
+   !> How far one response is from another at some samples, by each formula.
    type :: deviation_t
-      real(wp) :: rms(size(formula_names)) = 0     !< [length/time**2]
-      real(wp) :: worst(size(formula_names)) = 0   !< the largest [length/time**2]
-      real(wp) :: exact(size(formula_names)) = 0   !< rms of the exact one [length/time**2]
-      real(wp) :: displacement = 0                 !< rms [length]
-      real(wp) :: exact_displacement = 0           !< rms of the exact one [length]
+      real(wp) :: rms(formulas) = 0     !< [length/time**2]
+      real(wp) :: worst(formulas) = 0   !< the largest [length/time**2]
+      real(wp) :: exact(formulas) = 0   !< rms of the exact one [length/time**2]
+      real(wp) :: displacement = 0      !< rms [length]
+      real(wp) :: exact_displacement = 0   !< rms of the exact one [length]
    end type deviation_t
 
 contains
@@ -40,8 +42,8 @@ contains
       real(wp), allocatable :: times(:)
       type(sampling_t) :: whole, half
 
-      whole = new_sampling(observation_t(1, delta), samples)
-      half = new_sampling(observation_t(1, delta/2), whole%times)
+      whole = new_sampling(observation_t(from_displacement, delta), samples)
+      half = new_sampling(observation_t(from_displacement, delta/2), whole%times)
       times = half%times
    end function formula_times
 
@@ -55,7 +57,7 @@ contains
       type(response_t) :: seen
       integer :: k
 
-      do k = 1, size(formula_names)
+      do k = 1, formulas
          sampling = new_sampling(observation_t(k, delta), samples)
          a = sampling%acceleration(picked(computed, sampling%times))
          b = sampling%acceleration(picked(exact, sampling%times))
@@ -93,14 +95,13 @@ contains
       few%acceleration = response%acceleration(place)
    end function picked
 
-   !> Acceleration that each formula sees of a mode of unit displacement, in the order of
-   !> `formula_names`.
+   !> Acceleration that each formula sees of a mode of unit displacement.
    !>
    !> omega  [1/time]
    !> delta  [time]
    pure function gains(omega, delta) result(values)
       real(wp), intent(in) :: omega, delta
-      real(wp) :: values(size(formula_names))
+      real(wp) :: values(formulas)
 
       values = [(2*sin(omega*delta/2)/delta)**2, 2*omega*abs(sin(omega*delta/2))/delta, omega**2]
    end function gains

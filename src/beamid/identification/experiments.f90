@@ -36,16 +36,12 @@ module beamid_experiments
 
    !> What one mesh makes of an experiment: computed once, used by every evaluation.
    type :: apparatus_t
+      type(experiment_t) :: experiment
       type(galerkin_t) :: galerkin
       class(solver_t), allocatable :: solver
       type(sampling_t) :: sampling
-      real(wp), allocatable :: measured(:)
-      real(wp) :: scale = 1
-      real(wp) :: start = 0                  !< first sample [time]
-      type(work_t) :: work
    contains
       procedure :: evaluate
-      procedure :: differentiate
       procedure, private :: free_columns
    end type apparatus_t
 
@@ -77,65 +73,34 @@ contains
       integer :: most
 
       if (experiment%excitation%modes > 0 .and. .not. is_exact(solver)) then
-         call bad_input(error, 'found a start that is not known with method = ''cvode'', '// &
-            'expected method = ''modal'': its modes are not an integrator''s to find')
+         call bad_input(error, 'found a start that is not known, whose modes no integrator '// &
+            'finds; expected the modal response')
          return
       end if
       apparatus%galerkin = new_galerkin(mesh, structure%length, structure%has_root_spring())
       most = apparatus%galerkin%space%n + merge(1, 0, structure%has_hose()) &
          - structure%rigid_supports()
       if (experiment%excitation%modes > most) then
-         call bad_input(error, '&excitation modes: found '//to_text(experiment%excitation%modes)// &
-            ', expected at most '//to_text(most)//', as many as the mesh has')
+         call bad_input(error, 'found '//to_text(experiment%excitation%modes)//' modes that '// &
+            'move at the start, expected at most '//to_text(most)//', as many as the mesh has')
          return
       end if
+      apparatus%experiment = experiment
       apparatus%solver = solver
-      call prepare_for(apparatus%galerkin, apparatus%solver, error)
-      if (allocated(error)) return
       apparatus%sampling = new_sampling(observation, experiment%samples)
-      apparatus%measured = experiment%measured
-      apparatus%scale = experiment%scale
-      if (size(experiment%samples) > 0) apparatus%start = experiment%samples(1)
+      call prepare_for(apparatus%galerkin, apparatus%solver, error)
    end subroutine new_apparatus
 
-   !> The model without derivatives.
+   !> The model and its derivatives.
    !>
-   !> offset  whether the sensor's offset is unknown
-   !> y       (m) f - measured
-   !> phi     (m, k) columns: cosine and sine of each mode, then the offset
-   subroutine evaluate(self, structure, excitation, offset, y, phi, error)
-      class(apparatus_t), intent(inout), target :: self
-      type(structure_t), intent(in) :: structure
-      type(excitation_t), intent(in) :: excitation
-      logical, intent(in) :: offset
-      real(wp), intent(out) :: y(:)
-      real(wp), allocatable, intent(out) :: phi(:, :)
-      type(error_t), allocatable, intent(out) :: error
-      type(equations_t), target :: equations
-      type(response_t) :: response
-      type(excitation_t) :: applied
-      real(wp), allocatable :: unused(:, :, :)
-
-      applied = excitation
-      call applied%fit_to(structure%stiffness())
-      equations = new_equations(self%galerkin, structure, applied, &
-         matrices=.not. is_exact(self%solver))
-      y = -self%measured
-      if (excitation%modes == 0) then
-         call self%solver%respond(equations, applied, self%sampling%times, response, self%work, &
-            error)
-         if (allocated(error)) return
-         y = self%sampling%acceleration(response, applied) - self%measured
-      end if
-      call self%free_columns(equations, applied, [integer ::], offset, phi, unused, error)
-   end subroutine evaluate
-
-   !> The model with its derivatives.
-   !>
-   !> parameters  places in `free_names`
+   !> offset      whether the sensor's offset is unknown
+   !> parameters  by which it is differentiated, places among the `parameters`; none: by any method
+   !> y           (m) f - measured
    !> dy          (m, parameters)
+   !> phi         (m, k) columns: cosine and sine of each mode, then the offset
    !> dphi        (m, k, parameters)
-   subroutine differentiate(self, structure, excitation, offset, parameters, y, dy, phi, dphi, &
+   !> work        counters to which this call adds
+   subroutine evaluate(self, structure, excitation, offset, parameters, y, dy, phi, dphi, work, &
       error)
       class(apparatus_t), intent(inout), target :: self
       type(structure_t), intent(in) :: structure
@@ -144,10 +109,11 @@ contains
       integer, intent(in) :: parameters(:)
       real(wp), intent(out) :: y(:), dy(:, :)
       real(wp), allocatable, intent(out) :: phi(:, :), dphi(:, :, :)
+      type(work_t), intent(inout) :: work
       type(error_t), allocatable, intent(out) :: error
       type(equations_t), target :: equations
       type(response_t) :: response
-      type(response_t), allocatable :: slopes(:)
+      type(response_t), allocatable :: sensitivities(:)
       type(excitation_t) :: applied
       integer :: p
 
@@ -155,66 +121,67 @@ contains
       call applied%fit_to(structure%stiffness())
       equations = new_equations(self%galerkin, structure, applied, &
          matrices=.not. is_exact(self%solver))
-      y = -self%measured
+      y = 0
       dy = 0
       if (excitation%modes == 0) then
          select type (solver => self%solver)
          class is (exact_solver_t)
             call solver%differentiate(equations, applied, self%sampling%times, parameters, &
-               response, slopes, self%work, error)
+               response, sensitivities, work, error)
          class default
-            call failure(error, 'this method has no exact derivatives')
+            call solver%respond(equations, applied, self%sampling%times, response, work, error)
+            if (size(parameters) > 0) call failure(error, 'this method has no exact derivatives')
          end select
          if (allocated(error)) return
          y = self%sampling%acceleration(response, applied)
          do p = 1, size(parameters)
-            dy(:, p) = self%sampling%acceleration(slopes(p))
+            dy(:, p) = self%sampling%acceleration(sensitivities(p))
             if (applied%by_displacement) dy(:, p) = dy(:, p) &
                + structure%stiffening(parameters(p))*y
          end do
-         y = y - self%measured
+         p = findloc(parameters, amplitude, dim=1)
+         if (p > 0) then
+            ! Linear in the amplitude: the derivative is the response to a unit one.
+            call applied%set_amplitude(1.0_wp)
+            call applied%fit_to(structure%stiffness())
+            call self%solver%respond(equations, applied, self%sampling%times, response, work, &
+               error)
+            if (allocated(error)) return
+            dy(:, p) = self%sampling%acceleration(response, applied)
+         end if
       end if
-      p = findloc(parameters, amplitude, dim=1)
-      if (p > 0 .and. excitation%modes == 0) then
-         ! The response is linear in the amplitude: its derivative is the response to a unit one.
-         call applied%set_amplitude(1.0_wp)
-         call applied%fit_to(structure%stiffness())
-         call self%solver%respond(equations, applied, self%sampling%times, response, self%work, &
-            error)
-         if (allocated(error)) return
-         dy(:, p) = self%sampling%acceleration(response, applied)
-      end if
-      call self%free_columns(equations, applied, parameters, offset, phi, dphi, error)
-   end subroutine differentiate
+      y = y - self%experiment%measured
+      call self%free_columns(equations, applied%modes, parameters, offset, phi, dphi, work, error)
+   end subroutine evaluate
 
    !> Columns of what enters linearly: the two motions of each mode, of which the unknowns are
    !> accelerations at the first sample, and the offset.
-   subroutine free_columns(self, equations, excitation, parameters, offset, phi, dphi, error)
+   subroutine free_columns(self, equations, count, parameters, offset, phi, dphi, work, error)
       class(apparatus_t), intent(inout) :: self
       type(equations_t), intent(in), target :: equations
-      type(excitation_t), intent(in) :: excitation
-      integer, intent(in) :: parameters(:)
+      integer, intent(in) :: count, parameters(:)
       logical, intent(in) :: offset
       real(wp), allocatable, intent(out) :: phi(:, :), dphi(:, :, :)
+      type(work_t), intent(inout) :: work
       type(error_t), allocatable, intent(out) :: error
       type(free_mode_t), allocatable :: modes(:)
       complex(wp), allocatable :: states(:, :)
       integer :: m, k, p
 
-      m = size(self%measured)
-      allocate (phi(m, 2*excitation%modes + merge(1, 0, offset)))
+      m = size(self%experiment%samples)
+      allocate (phi(m, 2*count + merge(1, 0, offset)))
       allocate (dphi(m, size(phi, 2), size(parameters)), source=0.0_wp)
-      if (offset) phi(:, size(phi, 2)) = self%scale
-      if (excitation%modes == 0) return
+      if (offset) phi(:, size(phi, 2)) = self%experiment%scale
+      if (count == 0) return
       select type (solver => self%solver)
       class is (exact_solver_t)
-         call solver%free_modes(equations, parameters, excitation%modes, modes, self%work, error)
+         call solver%free_modes(equations, parameters, count, modes, work, error)
       class default
          call failure(error, 'this method has no modes')
       end select
       if (allocated(error)) return
       do k = 1, size(modes)
-         states = modes(k)%states(self%sampling%times - self%start)
+         states = modes(k)%states(self%sampling%times - self%experiment%samples(1))
          call columns(modes(k)%row, phi(:, 2*k - 1:2*k))
          do p = 1, size(parameters)
             associate (row => modes(k)%drow(:, :, p))
@@ -230,12 +197,8 @@ contains
          complex(wp), intent(in) :: row(:, :)
          real(wp), intent(out) :: pair(:, :)
          complex(wp) :: motion(size(states, 1))
-         integer :: i
 
-         motion = 0
-         do i = 1, size(row, 1)
-            motion = motion + row(i, self%sampling%motion_used())*states(:, i)
-         end do
+         motion = matmul(states, row(:, self%sampling%observation%formula))
          pair(:, 1) = self%sampling%of_motion(real(motion))
          pair(:, 2) = self%sampling%of_motion(-aimag(motion))
       end subroutine columns

@@ -71,9 +71,12 @@ contains
       type(stage_fit_t), intent(in) :: fit
       integer, intent(in) :: record
       complex(wp), intent(in) :: s, ds(:)
+      complex(wp) :: by_name(size(ds))
       logical, intent(in) :: together
       type(fitted_mode_t) :: mode
-      real(wp) :: slope(size(ds)), scale, t
+      real(wp), dimension(size(ds)) :: of_frequency, of_damping   ! sensitivities
+      logical :: mine(size(ds))
+      real(wp) :: scale, t
       real(wp), parameter :: two_pi = 2*acos(-1.0_wp)
       integer :: n
 
@@ -93,12 +96,17 @@ contains
          if (.not. fit%check%white) scale = maxval(statistics%corrected_half_width(:n) &
             /max(statistics%half_width(:n), tiny(1.0_wp)))
          t = scale*student_quantile(0.95_wp, real(statistics%samples - statistics%parameters, wp))
-         slope = real(conjg(s)*ds)/abs(s)
-         where (.not. is_mine(fit, record)) slope = 0
-         mode%frequency_half_width = t*deviation(slope/two_pi)
-         slope = -real(ds)/abs(s) + real(s)*slope/abs(s)**2
-         where (.not. is_mine(fit, record)) slope = 0
-         if (abs(aimag(s)) > 0) mode%damping_half_width = t*deviation(slope)
+         ! The amplitude, and what belongs to other records, does not act on this structure.
+         associate (owner => fit%quantities(:n)%record)
+            mine = (owner == 0 .or. owner == record) .and. fit%free /= amplitude
+         end associate
+         ! As the sign of the Jacobian has it.
+         by_name = merge(-ds, ds, fit%quantities(:n)%is_reciprocal())
+         of_frequency = merge(real(conjg(s)*by_name)/abs(s), 0.0_wp, mine)
+         of_damping = merge(-real(by_name)/abs(s), 0.0_wp, mine) &
+            + real(s)*of_frequency/abs(s)**2
+         mode%frequency_half_width = t*deviation(of_frequency/two_pi)
+         if (abs(aimag(s)) > 0) mode%damping_half_width = t*deviation(of_damping)
       end associate
 
    contains
@@ -111,16 +119,5 @@ contains
       end function deviation
 
    end function fitted_mode
-
-   !> Which parameters of the fit act on a record's structure.
-   pure function is_mine(fit, record) result(mine)
-      type(stage_fit_t), intent(in) :: fit
-      integer, intent(in) :: record
-      logical :: mine(size(fit%free))
-      integer :: k
-
-      mine = [((fit%quantities(k)%record == 0 .or. fit%quantities(k)%record == record) .and. &
-               fit%free(k) /= amplitude, k=1, size(mine))]
-   end function is_mine
 
 end module beamid_fitted_modes

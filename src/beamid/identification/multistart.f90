@@ -7,7 +7,7 @@ module beamid_multistart
    use beamid_kinds, only: wp
    use beamid_least_squares, only: monitor_t
    use beamid_noise, only: uniform_noise
-   use beamid_parameters, only: free_magnitude, get_free
+   use beamid_parameters, only: as_named, free_magnitude, get_free
    use beamid_unknowns, only: stage_t
    use beamid_variables, only: unbounded
    implicit none
@@ -89,11 +89,12 @@ contains
          first%automatic = .false.
          call first%set_bounds()
          if (.not. allocated(first%start)) first%start = &
-            [(get_free(model%structure, model%excitation, first%free(p)), p=1, size(u))]
+            [(as_named(first%free(p), get_free(model%structure, model%excitation, &
+            first%free(p))), p=1, size(u))]
          do p = 1, size(u)
             value = first%start(p)
-            if (.not. abs(value) > 0) value = free_magnitude(model%structure, model%excitation, &
-               first%free(p))
+            if (.not. abs(value) > 0 .or. value > huge(value)) value = as_named(first%free(p), &
+               free_magnitude(model%structure, model%excitation, first%free(p)))
             if (first%upper(p) < unbounded .and. first%lower(p) > -unbounded) then
                value = first%lower(p) + u(p)*(first%upper(p) - first%lower(p))
             else

@@ -6,14 +6,14 @@ module beamid_observation
    implicit none
    private
 
-   public :: observation_t, sampling_t, new_sampling, formula_names
+   public :: observation_t, sampling_t, new_sampling
 
-   !> Names in the case file: (4.1), (4.2) and (3.13).
-   character(len=*), parameter :: formula_names(3) = &
-      [character(len=23) :: 'displacement_difference', 'velocity_difference', 'equation']
+   !> The formulas: second differences of displacements (4.1), first differences of velocities
+   !> (4.2), accelerations (3.13). The number is that of the motion that the formula uses.
+   integer, parameter, public :: from_displacement = 1, from_velocity = 2, from_acceleration = 3
 
    type :: observation_t
-      integer :: formula = 3          !< place in `formula_names`
+      integer :: formula = from_acceleration
       real(wp) :: delta = 0           !< Delta of (4.1) and (4.2) [time], > 0 there
       logical :: relative = .false.   !< to a base that moves
    end type observation_t
@@ -22,32 +22,16 @@ module beamid_observation
    type :: sampling_t
       real(wp), allocatable :: samples(:)            !< (m) ascending [time]
       real(wp), allocatable :: times(:)              !< ascending, no two alike [time]
-      type(observation_t), private :: observation
+      type(observation_t) :: observation
       integer, allocatable, private :: place(:, :)   !< (points, m) where in `times` each point lies
    contains
       procedure :: acceleration
       procedure :: seen
-      procedure :: motion_used
       procedure :: of_motion
       procedure :: at_samples
    end type sampling_t
 
 contains
-
-   !> Times that the formula reaches from each sample; the sample itself is always in the middle.
-   pure function stencil(observation) result(offsets)
-      type(observation_t), intent(in) :: observation
-      real(wp), allocatable :: offsets(:)
-
-      select case (observation%formula)
-      case (1)
-         offsets = observation%delta*[-1.0_wp, 0.0_wp, 1.0_wp]
-      case (2)
-         offsets = observation%delta*[-0.5_wp, 0.0_wp, 0.5_wp]
-      case default
-         offsets = [0.0_wp]
-      end select
-   end function stencil
 
    !> Merges the shifted copies of the sample times into one ascending list. Times that differ only
    !> by round-off, as t + Delta of one sample and t - Delta of another do, become one.
@@ -62,8 +46,16 @@ contains
       real(wp) :: t, same
       integer :: m, points, k, total
 
+      ! From each sample; the sample itself is always in the middle.
+      select case (observation%formula)
+      case (from_displacement)
+         offsets = observation%delta*[-1.0_wp, 0.0_wp, 1.0_wp]
+      case (from_velocity)
+         offsets = observation%delta*[-0.5_wp, 0.0_wp, 0.5_wp]
+      case default
+         offsets = [0.0_wp]
+      end select
       m = size(samples)
-      offsets = stencil(observation)
       points = size(offsets)
       self%observation = observation
       self%samples = samples
@@ -73,10 +65,7 @@ contains
       next = 1
       total = 0
       do while (any(next <= m))
-         t = huge(t)
-         do k = 1, points
-            if (next(k) <= m) t = min(t, samples(next(k)) + offsets(k))
-         end do
+         t = minval(samples(min(next, m)) + offsets, mask=next <= m)
          total = total + 1
          times(total) = t
          do k = 1, points
@@ -93,26 +82,22 @@ contains
    !> Acceleration at the samples (m) from the response at `times` [length/time**2].
    !>
    !> excitation  of a base whose motion is seen too; left out: of the response alone
-   pure recursive function acceleration(self, response, excitation) result(a)
+   pure function acceleration(self, response, excitation) result(a)
       class(sampling_t), intent(in) :: self
       type(response_t), intent(in) :: response
       type(excitation_t), intent(in), optional :: excitation
       real(wp) :: a(size(self%samples))
       type(response_t) :: absolute
 
-      if (present(excitation)) then
-         ! A variable: gfortran 12 leaks such a result where it is an argument at once.
-         absolute = self%seen(response, excitation)
-         a = self%acceleration(absolute)
-         return
-      end if
-      select case (self%motion_used())
-      case (1)
-         a = self%of_motion(response%displacement)
-      case (2)
-         a = self%of_motion(response%velocity)
+      absolute = response
+      if (present(excitation)) absolute = self%seen(response, excitation)
+      select case (self%observation%formula)
+      case (from_displacement)
+         a = self%of_motion(absolute%displacement)
+      case (from_velocity)
+         a = self%of_motion(absolute%velocity)
       case default
-         a = self%of_motion(response%acceleration)
+         a = self%of_motion(absolute%acceleration)
       end select
    end function acceleration
 
@@ -132,14 +117,7 @@ contains
       absolute%acceleration = response%acceleration + base(:, 3)
    end function seen
 
-   !> Which of displacement, velocity and acceleration the formula uses: 1, 2 or 3.
-   pure integer function motion_used(self)
-      class(sampling_t), intent(in) :: self
-
-      motion_used = self%observation%formula
-   end function motion_used
-
-   !> Acceleration at the samples from that motion alone.
+   !> Acceleration at the samples from the motion that the formula uses.
    pure function of_motion(self, motion) result(a)
       class(sampling_t), intent(in) :: self
       real(wp), intent(in) :: motion(:)
@@ -147,9 +125,9 @@ contains
 
       associate (place => self%place, delta => self%observation%delta)
          select case (self%observation%formula)
-         case (1)
+         case (from_displacement)
             a = (motion(place(3, :)) - 2*motion(place(2, :)) + motion(place(1, :)))/delta**2
-         case (2)
+         case (from_velocity)
             a = (motion(place(3, :)) - motion(place(1, :)))/delta
          case default
             a = motion(place(1, :))

@@ -2,18 +2,18 @@
 !> search moves. What enters linearly is eliminated at every evaluation.
 module beamid_residuals
    use beamid_errors, only: error_t
-   use beamid_experiments, only: apparatus_t
+   use beamid_experiments, only: apparatus_t, experiment_t, new_apparatus
+   use beamid_galerkin, only: mesh_t
    use beamid_kinds, only: wp
    use beamid_problems, only: smooth_problem_t
    use beamid_projection, only: new_projection, projection_t
-   use beamid_strings, only: to_text
-   use beamid_unknowns, only: name_of, quantity_t, world_t
-   use beamid_parameters, only: offset_place => offset
-   use beamid_variables, only: unbounded
+   use beamid_responses, only: is_exact, work_t
+   use beamid_simulation, only: model_t
+   use beamid_unknowns, only: world_t
    implicit none
    private
 
-   public :: residual_t
+   public :: residual_t, new_residuals
 
    type, extends(smooth_problem_t) :: residual_t
       type(apparatus_t), allocatable :: parts(:)   !< one for each record
@@ -21,23 +21,51 @@ module beamid_residuals
       integer, allocatable :: free(:)              !< (n) places in the `parameters`
       integer, allocatable :: record(:)            !< (n) the record of each; 0: all
       logical :: offset = .false.
+      type(work_t) :: work                         !< of all evaluations
    contains
       procedure :: residuals
       procedure :: jacobian
       procedure :: samples
-      procedure :: linear_quantities
-      procedure :: linear_jacobian
+      procedure :: evaluate
       procedure :: with
    end type residual_t
 
 contains
+
+   !> The problem of some experiments on one mesh; what is free comes with a stage.
+   !>
+   !> model    its excitation is not used, each experiment has its own
+   !> turning  whether the compliance of the clamp is free; default .false.
+   !> error    an experiment that the model's solver cannot compute
+   subroutine new_residuals(model, mesh, experiments, problem, error, turning)
+      type(model_t), intent(in) :: model
+      type(mesh_t), intent(in) :: mesh
+      type(experiment_t), intent(in) :: experiments(:)
+      type(residual_t), intent(out) :: problem
+      type(error_t), allocatable, intent(out) :: error
+      logical, intent(in), optional :: turning
+      integer :: i
+
+      problem%exact = is_exact(model%solver)
+      allocate (problem%parts(size(experiments)))
+      allocate (problem%world%structures(size(experiments)))
+      allocate (problem%world%excitations(size(experiments)))
+      do i = 1, size(experiments)
+         problem%world%structures(i) = experiments(i)%structure_of(model%structure)
+         if (present(turning)) problem%world%structures(i)%root_is_free = turning
+         problem%world%excitations(i) = experiments(i)%excitation
+         call new_apparatus(experiments(i), problem%world%structures(i), mesh, &
+            model%observation, model%solver, problem%parts(i), error)
+         if (allocated(error)) return
+      end do
+   end subroutine new_residuals
 
    !> Number of residuals, all records together.
    pure integer function samples(self)
       class(residual_t), intent(in) :: self
       integer :: i
 
-      samples = sum([(size(self%parts(i)%measured), i=1, size(self%parts))])
+      samples = sum([(size(self%parts(i)%experiment%samples), i=1, size(self%parts))])
    end function samples
 
    !> The world with trial values in place.
@@ -57,38 +85,10 @@ contains
       real(wp), intent(in) :: parameters(:)
       real(wp), intent(out) :: r(:)
       type(error_t), allocatable, intent(out) :: error
-      real(wp), allocatable :: phi(:, :), c(:)
-      type(world_t) :: world
-      integer :: i, first, last
+      real(wp) :: none(size(r), 0)
 
-      world = self%with(parameters)
-      last = 0
-      do i = 1, size(self%parts)
-         first = last + 1
-         last = last + size(self%parts(i)%measured)
-         call self%parts(i)%evaluate(world%structures(i), world%excitations(i), self%offset, &
-            r(first:last), phi, error)
-         if (.not. allocated(error)) call eliminate(phi, r(first:last), c, error)
-         if (allocated(error)) return
-      end do
+      call self%evaluate(parameters, r, none, error)
    end subroutine residuals
-
-   !> Eliminates the linear unknowns, if there are any.
-   subroutine eliminate(phi, y, c, error, projection)
-      real(wp), intent(in) :: phi(:, :)
-      real(wp), intent(inout) :: y(:)
-      real(wp), allocatable, intent(out) :: c(:)
-      type(error_t), allocatable, intent(out) :: error
-      type(projection_t), intent(out), optional :: projection
-      type(projection_t) :: own
-
-      allocate (c(size(phi, 2)))
-      if (size(c) == 0) return
-      call new_projection(phi, own, error)
-      if (allocated(error)) return
-      call own%coefficients(y, c)
-      if (present(projection)) projection = own
-   end subroutine eliminate
 
    subroutine jacobian(self, parameters, r, jac, error)
       class(residual_t), intent(inout) :: self
@@ -96,29 +96,18 @@ contains
       real(wp), intent(out) :: r(:), jac(:, :)
       type(error_t), allocatable, intent(out) :: error
 
-      call with_linear(self, parameters, .true., r, jac, error)
+      call self%evaluate(parameters, r, jac, error)
    end subroutine jacobian
 
-   !> Derivatives with respect to every unknown, those that enter linearly included, each with all
-   !> the others held.
+   !> Residuals with the linear unknowns eliminated, and derivatives as far as there is room.
    !>
-   !> jac  (m, n + k)
-   !> c    (k)
-   subroutine linear_jacobian(self, parameters, r, jac, c, error)
+   !> jac           (m, 0); (m, n) of the residuals; (m, n + k) with respect to every unknown, the
+   !>               linear ones included, each with all the others held
+   !> coefficients  (k) the linear unknowns, where the derivatives are with respect to all: of each
+   !>               record in turn cosine and sine of each mode, then the offset
+   subroutine evaluate(self, parameters, r, jac, error, coefficients)
       class(residual_t), intent(inout) :: self
       real(wp), intent(in) :: parameters(:)
-      real(wp), intent(out) :: r(:), jac(:, :)
-      real(wp), intent(out) :: c(:)
-      type(error_t), allocatable, intent(out) :: error
-
-      call with_linear(self, parameters, .false., r, jac, error, c)
-   end subroutine linear_jacobian
-
-   !> reduced  derivatives of the residuals with the linear unknowns eliminated; else of all
-   subroutine with_linear(self, parameters, reduced, r, jac, error, coefficients)
-      type(residual_t), intent(inout) :: self
-      real(wp), intent(in) :: parameters(:)
-      logical, intent(in) :: reduced
       real(wp), intent(out) :: r(:), jac(:, :)
       type(error_t), allocatable, intent(out) :: error
       real(wp), intent(out), optional :: coefficients(:)
@@ -126,64 +115,42 @@ contains
       type(world_t) :: world
       real(wp), allocatable :: dy(:, :), phi(:, :), dphi(:, :, :), c(:)
       integer, allocatable :: mine(:)
-      integer :: i, k, n, first, last, column
+      integer :: i, k, n, m, row, column
 
       world = self%with(parameters)
       n = size(parameters)
       jac = 0
-      last = 0
+      row = 0
       column = n
       do i = 1, size(self%parts)
-         first = last + 1
-         last = last + size(self%parts(i)%measured)
-         mine = pack([(k, k=1, n)], self%record == 0 .or. self%record == i)
+         m = size(self%parts(i)%experiment%samples)
+         mine = pack([(k, k=1, n)], size(jac, 2) > 0 .and. &
+            (self%record == 0 .or. self%record == i))
          if (allocated(dy)) deallocate (dy)
-         allocate (dy(last - first + 1, size(mine)))
-         call self%parts(i)%differentiate(world%structures(i), world%excitations(i), self%offset, &
-            self%free(mine), r(first:last), dy, phi, dphi, error)
-         if (.not. allocated(error)) call eliminate(phi, r(first:last), c, error, projection)
-         if (allocated(error)) return
-         do k = 1, size(mine)
-            if (size(c) > 0) dy(:, k) = dy(:, k) + matmul(dphi(:, :, k), c)
-            if (size(c) > 0 .and. reduced) call projection%derivative(dphi(:, :, k), &
-               r(first:last), dy(:, k))
-            jac(first:last, mine(k)) = dy(:, k)
-         end do
-         if (reduced) cycle
-         jac(first:last, column + 1:column + size(c)) = phi
-         if (present(coefficients)) coefficients(column - n + 1:column - n + size(c)) = c
-         column = column + size(c)
+         allocate (dy(m, size(mine)))
+         associate (y => r(row + 1:row + m), by => jac(row + 1:row + m, :))
+            call self%parts(i)%evaluate(world%structures(i), world%excitations(i), self%offset, &
+               self%free(mine), y, dy, phi, dphi, self%work, error)
+            if (allocated(error)) return
+            if (size(phi, 2) > 0) call new_projection(phi, projection, error)
+            if (allocated(error)) return
+            if (allocated(c)) deallocate (c)
+            allocate (c(size(phi, 2)))
+            if (size(c) > 0) call projection%coefficients(y, c)
+            do k = 1, merge(size(mine), 0, size(c) > 0)
+               dy(:, k) = dy(:, k) + matmul(dphi(:, :, k), c)
+               if (.not. present(coefficients)) &
+                  call projection%derivative(dphi(:, :, k), y, dy(:, k))
+            end do
+            by(:, mine) = dy
+            if (present(coefficients)) then
+               by(:, column + 1:column + size(c)) = phi
+               coefficients(column - n + 1:column - n + size(c)) = c
+               column = column + size(c)
+            end if
+         end associate
+         row = row + m
       end do
-   end subroutine with_linear
-
-   !> The unknowns that enter linearly, in the order of `linear_jacobian`, without their values.
-   function linear_quantities(self) result(quantities)
-      class(residual_t), intent(in) :: self
-      type(quantity_t), allocatable :: quantities(:)
-      integer :: i, k, record
-
-      allocate (quantities(0))
-      do i = 1, size(self%parts)
-         record = merge(i, 0, size(self%parts) > 1)
-         do k = 1, self%world%excitations(i)%modes
-            quantities = [quantities, linear('cos_'//to_text(k), 0), linear('sin_'//to_text(k), 0)]
-         end do
-         if (self%offset) quantities = [quantities, linear('offset', offset_place)]
-      end do
-
-   contains
-
-      type(quantity_t) function linear(name, parameter)
-         character(len=*), intent(in) :: name
-         integer, intent(in) :: parameter
-
-         linear%name = name_of(name, record)
-         linear%parameter = parameter
-         linear%record = record
-         linear%lower = -unbounded
-         linear%upper = unbounded
-      end function linear
-
-   end function linear_quantities
+   end subroutine evaluate
 
 end module beamid_residuals

@@ -4,7 +4,7 @@
 module beamid_starts
    use beamid_equations, only: equations_t, new_equations
    use beamid_errors, only: bad_input, error_t, failure
-   use beamid_experiments, only: experiment_t
+   use beamid_gauss_newton, only: scales_of
    use beamid_kinds, only: wp
    use beamid_least_squares, only: fit, fit_t, options_t
    use beamid_problems, only: smooth_problem_t
@@ -43,13 +43,11 @@ contains
 
    !> Puts start values for a stage into the problem's world.
    !>
-   !> problem      with `free` and `record` of the stage in place
-   !> experiments  one for each record
-   !> error        no line stands out, or the model has too few modes
-   subroutine automatic_start(problem, stage, experiments, error)
+   !> problem  with `free` and `record` of the stage in place
+   !> error    no line stands out, or the model has too few modes
+   subroutine automatic_start(problem, stage, error)
       type(residual_t), intent(inout) :: problem
       type(stage_t), intent(in) :: stage
-      type(experiment_t), intent(in) :: experiments(:)
       type(error_t), allocatable, intent(out) :: error
       type(match_t) :: match
       type(variable_t), allocatable :: variables(:)
@@ -59,23 +57,23 @@ contains
       integer :: k, r, modes
 
       if (.not. problem%exact) then
-         call failure(error, 'start = ''auto'' needs method = ''modal''')
+         call failure(error, 'start values: from a record only the modal response finds them')
          return
       end if
-      modes = max(usual_modes, maxval([(experiments(r)%excitation%modes, r=1, size(experiments))]))
-      allocate (match%seen(modes, size(experiments)), source=(0.0_wp, 0.0_wp))
-      do r = 1, size(experiments)
-         call roots_of_record(problem, experiments(r), r, match%seen(:, r), error)
+      modes = max(usual_modes, maxval(problem%world%excitations%modes))
+      allocate (match%seen(modes, size(problem%parts)), source=(0.0_wp, 0.0_wp))
+      do r = 1, size(problem%parts)
+         call roots_of_record(problem, r, match%seen(:, r), error)
          if (allocated(error)) return
       end do
-      call variables_of(stage, problem%world, variables, quantities)
+      call variables_of(stage, problem%world, variables, quantities, error)
+      if (allocated(error)) return
       match%fits = problem
       match%initial = variables%start
-      match%scale = [(max(abs(variables(k)%start), variables(k)%magnitude), &
-         k=1, size(variables))]
+      match%scale = scales_of(variables, variables%start)
       call fit(match, 2*size(match%seen) + size(variables), variables, options, found, error)
       if (allocated(error)) then
-         error%message = 'start = ''auto'': '//error%message
+         error%message = 'start values: '//error%message
          return
       end if
       do k = 1, size(variables)
@@ -83,7 +81,7 @@ contains
       end do
    end subroutine automatic_start
 
-   !> The lowest oscillating roots of the model of one record.
+   !> The lowest oscillating roots of the model of record r.
    subroutine model_roots(problem, structure, r, parameters, s, ds, error)
       type(residual_t), intent(inout), target :: problem
       type(structure_t), intent(in) :: structure
@@ -92,23 +90,20 @@ contains
       type(error_t), allocatable, intent(out) :: error
       type(equations_t), target :: equations
 
-      associate (part => problem%parts(r))
-         equations = new_equations(part%galerkin, structure, problem%world%excitations(r))
-         select type (solver => part%solver)
-         class is (exact_solver_t)
-            call solver%free_motion(equations, parameters, s, ds, part%work, error)
-         class default
-            call failure(error, 'this method has no modes')
-         end select
-      end associate
+      equations = new_equations(problem%parts(r)%galerkin, structure, problem%world%excitations(r))
+      select type (solver => problem%parts(r)%solver)
+      class is (exact_solver_t)
+         call solver%free_motion(equations, parameters, s, ds, problem%work, error)
+      class default
+         call failure(error, 'this method has no modes')
+      end select
    end subroutine model_roots
 
-   !> What a record shows of the model's modes.
+   !> What record r shows of the model's modes.
    !>
    !> seen  (modes) roots; 0 where no line was found for a mode
-   subroutine roots_of_record(problem, experiment, r, seen, error)
+   subroutine roots_of_record(problem, r, seen, error)
       type(residual_t), intent(inout) :: problem
-      type(experiment_t), intent(in) :: experiment
       integer, intent(in) :: r
       complex(wp), intent(inout) :: seen(:)
       type(error_t), allocatable, intent(out) :: error
@@ -119,114 +114,90 @@ contains
 
       call model_roots(problem, problem%world%structures(r), r, [integer ::], s, none, error)
       if (allocated(error)) return
-      associate (t => experiment%samples, highest => 5*aimag(s(size(s)))/two_pi)
-         call find_lines(t, experiment%measured, highest, most_lines, lines, share)
-         if (.not. (t(size(t)) - t(1))*highest > 1) call failure(error, &
-            'start = ''auto'': record '//to_text(r)//' holds no period of '// &
-            to_text(highest)//', five times the frequency '// &
-            'of the model''s mode '//to_text(size(s))//': it lasts '//to_text(t(size(t)) - t(1))// &
-            '; expected a longer one, or units that go together')
+      associate (t => problem%parts(r)%experiment%samples, &
+         measured => problem%parts(r)%experiment%measured, highest => 5*aimag(s(size(s)))/two_pi)
+         call find_lines(t, measured, highest, most_lines, lines, share)
+         if (.not. (t(size(t)) - t(1))*highest > 1) then
+            call failure(error, 'start values: record '//to_text(r)//' holds no period of '// &
+               to_text(highest)//', five times the frequency of the model''s mode '// &
+               to_text(size(s))//': it lasts '//to_text(t(size(t)) - t(1))// &
+               '; expected a longer one, or units that go together')
+         else if (size(lines) == 0) then
+            call failure(error, 'start values: found no line in the spectrum of record '// &
+               to_text(r))
+         end if
+         if (allocated(error)) return
+         place = assigned(lines, aimag(s)/two_pi)
+         do k = 1, size(s)
+            if (place(k) == 0) cycle
+            associate (frequency => lines(place(k))%frequency)
+               omega = two_pi*frequency
+               seen(k) = cmplx(-max(decay_of(t, measured, frequency), 1e-5_wp*omega), omega, wp)
+            end associate
+         end do
       end associate
-      if (allocated(error)) return
-      if (size(lines) == 0) then
-         call failure(error, 'start = ''auto'': found no line in the spectrum of record '// &
-            to_text(r))
-         return
-      end if
-      call assign(lines, aimag(s)/two_pi, place)
-      do k = 1, size(s)
-         if (place(k) == 0) cycle
-         omega = two_pi*lines(place(k))%frequency
-         seen(k) = cmplx(-max(decay_of(experiment%samples, experiment%measured, &
-            lines(place(k))%frequency), 1e-5_wp*omega), omega, wp)
-      end do
    end subroutine roots_of_record
 
-   !> Which line belongs to which mode: of all ways that keep the order, the one whose lines stand
-   !> most nearly in the ratios of the model's frequencies and are strong.
+   !> Which line belongs to which mode: of all ways that keep the order, the one against which least
+   !> speaks. Ratios that are 10 % off count one, as does a line weaker than the strongest by a
+   !> factor e, and all frequencies off by a factor e. 0: none.
    !>
-   !> place  (modes) 0: none
-   subroutine assign(lines, frequencies, place)
+   !> lines        ascending frequency
+   !> frequencies  of the modes, ascending
+   pure function assigned(lines, frequencies) result(place)
       type(line_t), intent(in) :: lines(:)
       real(wp), intent(in) :: frequencies(:)
-      integer, intent(out) :: place(:)
-      integer :: trial(size(place)), matched
-      real(wp) :: cost, least
+      integer :: place(size(frequencies))
+      integer, allocatable :: chosen(:)
+      real(wp), allocatable :: ratio(:)
+      integer :: choice, matched, j
+      real(wp) :: mean, cost, least
 
       matched = min(size(place), size(lines))
       least = huge(least)
       place = 0
-      trial = 0
-      call extend(1)
-
-   contains
-
-      recursive subroutine extend(mode)
-         integer, intent(in) :: mode
-         integer :: j, first
-
-         if (mode > matched) then
-            cost = disagreement(lines(trial(:matched)), frequencies(:matched), &
-               maxval(lines%amplitude))
-            if (cost >= least) return
-            least = cost
-            place(:matched) = trial(:matched)
-            return
-         end if
-         first = 1
-         if (mode > 1) first = trial(mode - 1) + 1
-         do j = first, size(lines) - (matched - mode)
-            trial(mode) = j
-            call extend(mode + 1)
-         end do
-      end subroutine extend
-
-   end subroutine assign
-
-   !> What speaks against an assignment: ratios that are 10 % off count one, as does a line weaker
-   !> than the strongest by a factor e, and all frequencies off by a factor e.
-   pure real(wp) function disagreement(lines, frequencies, strongest)
-      type(line_t), intent(in) :: lines(:)
-      real(wp), intent(in) :: frequencies(:), strongest
-      real(wp) :: ratio(size(lines)), mean
-
-      ratio = log(lines%frequency/frequencies)
-      mean = sum(ratio)/size(ratio)
-      disagreement = sum(((ratio - mean)/0.1_wp)**2) + mean**2 &
-         - sum(log(lines%amplitude/strongest))
-   end function disagreement
+      ! Each set of lines is a number of as many bits.
+      do choice = 1, 2**size(lines) - 1
+         if (popcnt(choice) /= matched) cycle
+         chosen = pack([(j, j=1, size(lines))], [(btest(choice, j - 1), j=1, size(lines))])
+         ratio = log(lines(chosen)%frequency/frequencies(:matched))
+         mean = sum(ratio)/size(ratio)
+         cost = sum(((ratio - mean)/0.1_wp)**2) + mean**2 &
+            - sum(log(lines(chosen)%amplitude/maxval(lines%amplitude)))
+         if (cost >= least) cycle
+         least = cost
+         place(:matched) = chosen
+      end do
+   end function assigned
 
    !> Refuses a model whose frequencies have nothing to do with the record's: a slip in the units.
-   subroutine check_frequencies(problem, experiments, error)
+   subroutine check_frequencies(problem, error)
       type(residual_t), intent(inout) :: problem
-      type(experiment_t), intent(in) :: experiments(:)
       type(error_t), allocatable, intent(out) :: error
       real(wp), parameter :: too_far = 20
+      complex(wp), allocatable :: s(:), none(:, :)
       type(line_t), allocatable :: lines(:)
       real(wp) :: share, strongest, low, high
       integer :: r
 
-      do r = 1, size(experiments)
-         if (experiments(r)%excitation%modes == 0) cycle
-         associate (t => experiments(r)%samples)
-            if (size(t) < 50) cycle
-            block
-               complex(wp) :: s(experiments(r)%excitation%modes), none(size(s), 0)
-
-               call model_roots(problem, problem%world%structures(r), r, [integer ::], s, none, &
-                  error)
-               if (allocated(error)) return
-               low = aimag(s(1))/two_pi
-               high = aimag(s(size(s)))/two_pi
-            end block
-            call find_lines(t, experiments(r)%measured, 5*high, 1, lines, share)
-            strongest = low
-            if (size(lines) > 0) strongest = lines(1)%frequency
-            if (share > 0.05_wp .and. strongest*too_far > low) cycle
-            call bad_input(error, 'record '//to_text(r)//': found next to nothing of it '// &
-               'near the model''s frequencies, '//to_text(low)//' to '//to_text(high)// &
-               '; expected units that go together')
+      do r = 1, size(problem%parts)
+         associate (experiment => problem%parts(r)%experiment)
+            if (experiment%excitation%modes == 0 .or. size(experiment%samples) < 50) cycle
+            s = spread((0.0_wp, 0.0_wp), 1, experiment%excitation%modes)
+            allocate (none(size(s), 0))
+            call model_roots(problem, problem%world%structures(r), r, [integer ::], s, none, error)
+            if (allocated(error)) return
+            deallocate (none)
+            low = aimag(s(1))/two_pi
+            high = aimag(s(size(s)))/two_pi
+            call find_lines(experiment%samples, experiment%measured, 5*high, 1, lines, share)
          end associate
+         strongest = low
+         if (size(lines) > 0) strongest = lines(1)%frequency
+         if (share > 0.05_wp .and. strongest*too_far > low) cycle
+         call bad_input(error, 'record '//to_text(r)//': found next to nothing of it '// &
+            'near the model''s frequencies, '//to_text(low)//' to '//to_text(high)// &
+            '; expected units that go together')
          return
       end do
    end subroutine check_frequencies

@@ -1,10 +1,12 @@
 !> What a fit searches for, and where the values go: parameters that several records share, and
 !> parameters of one record alone.
 module beamid_unknowns
+   use beamid_errors, only: bad_input, error_t
    use beamid_excitation, only: excitation_t
    use beamid_kinds, only: wp
-   use beamid_parameters, only: free_magnitude, get_free, is_there, may_be_negative, &
-      name_of_parameter, offset, on_beam, parameters, parameter_name_length => name_length, set_free
+   use beamid_parameters, only: as_named, free_magnitude, get_free, is_there, may_be_negative, &
+      name_of_parameter, offset, on_beam, parameters, parameter_name_length => name_length, &
+      set_free
    use beamid_strings, only: to_text
    use beamid_structure, only: n_parameters, of_length, structure_t, x_P_at
    use beamid_variables, only: new_variable, unbounded, variable_t
@@ -21,7 +23,9 @@ module beamid_unknowns
       integer, allocatable :: free(:)     !< places among the `parameters`
       !> the record that a parameter belongs to, 0: all of them; not allocated: all shared
       integer, allocatable :: record(:)
-      real(wp), allocatable :: start(:)   !< not allocated: where the stage before ended
+      !> not allocated: where the stage before ended. Starts and bounds are those of what a
+      !> parameter is named for: of a stiffness, also where the search looks for its reciprocal.
+      real(wp), allocatable :: start(:)
       !> not allocated: 0, and no bound of what may be negative
       real(wp), allocatable :: lower(:)
       real(wp), allocatable :: upper(:)   !< not allocated: no bounds
@@ -38,9 +42,7 @@ module beamid_unknowns
       type(structure_t), allocatable :: structures(:)
       type(excitation_t), allocatable :: excitations(:)
    contains
-      procedure :: get
       procedure :: set
-      procedure :: magnitude
       procedure :: range_on_beam
    end type world_t
 
@@ -50,7 +52,12 @@ module beamid_unknowns
       integer :: parameter = 0            !< place among the `parameters`; 0: motion of a mode
       integer :: record = 0               !< 0: all of them
       real(wp) :: start = 0, value = 0, lower = 0, upper = 0
-      real(wp) :: scale = 1               !< what relative changes are relative to, > 0
+      !> Of what was searched for, which may be the reciprocal; statistics are about it.
+      real(wp) :: searched = 0
+      real(wp) :: scale = 1               !< what relative changes of it are relative to, > 0
+   contains
+      procedure :: limits
+      procedure :: is_reciprocal
    end type quantity_t
 
 contains
@@ -103,16 +110,6 @@ contains
       if (allocated(self%record)) owners = self%record
    end function owners
 
-   !> Value of a parameter; of a shared one that of the first record.
-   pure real(wp) function get(self, parameter, record)
-      class(world_t), intent(in) :: self
-      integer, intent(in) :: parameter, record
-
-      associate (r => max(record, 1))
-         get = get_free(self%structures(r), self%excitations(r), parameter)
-      end associate
-   end function get
-
    !> Gives a parameter a value, in one record or in all.
    pure subroutine set(self, parameter, record, value)
       class(world_t), intent(inout) :: self
@@ -126,24 +123,15 @@ contains
       end do
    end subroutine set
 
-   !> What a moderate value of a parameter is.
-   pure real(wp) function magnitude(self, parameter, record)
-      class(world_t), intent(in) :: self
-      integer, intent(in) :: parameter, record
-
-      associate (r => max(record, 1))
-         magnitude = free_magnitude(self%structures(r), self%excitations(r), parameter)
-      end associate
-   end function magnitude
-
    !> The range in which everything stays on every beam of a record, or of all: of a place up to the
-   !> end, of the length down to the outermost place. Where both move they meet halfway.
+   !> end, of the length down to the outermost place. Where both move they meet halfway between the
+   !> values that they have.
    !>
    !> free  parameters that move
    pure function range_on_beam(self, parameter, record, free) result(range)
       class(world_t), intent(in) :: self
       integer, intent(in) :: parameter, record, free(:)
-      real(wp) :: range(2), end, halfway
+      real(wp) :: range(2)
       integer :: k, r
 
       range = [-unbounded, unbounded]
@@ -153,14 +141,15 @@ contains
             if (parameter == of_length) then
                do k = 1, n_parameters
                   if (parameters(k)%range /= on_beam .or. .not. is_there(s, k)) cycle
-                  if (s%follows_tip(k) .and. .not. any(free == k)) cycle
-                  halfway = (s%get(k) + s%length)/2
-                  end = merge(halfway, s%get(k), any(free == k))
-                  range(1) = max(range(1), end)
+                  if (any(free == k)) then
+                     range(1) = max(range(1), (s%get(k) + s%length)/2)
+                  else if (.not. s%follows_tip(k)) then
+                     range(1) = max(range(1), s%get(k))
+                  end if
                end do
             else if (parameters(parameter)%range == on_beam) then
-               halfway = (s%get(parameter) + s%length)/2
-               range(2) = min(range(2), merge(halfway, s%length, any(free == of_length)))
+               range(2) = min(range(2), merge((s%get(parameter) + s%length)/2, s%length, &
+                  any(free == of_length)))
                ! At the clamp a rigid support holds nothing, and what it does cannot be computed.
                if (any(x_P_at == parameter)) range(1) = max(range(1), 1e-3_wp*s%length)
             end if
@@ -178,36 +167,93 @@ contains
       if (record > 0) name = trim(text)//'('//to_text(record)//')'
    end function name_of
 
+   !> Whether the search looks for the reciprocal.
+   elemental logical function is_reciprocal(self)
+      class(quantity_t), intent(in) :: self
+
+      is_reciprocal = .false.
+      if (self%parameter > 0) is_reciprocal = parameters(self%parameter)%is_reciprocal
+   end function is_reciprocal
+
+   !> Standard error and both ends of an interval, the ends within the bounds of the search. Of a
+   !> reciprocal they follow from those of what was searched for, and may be infinite.
+   !>
+   !> std_error, half_width  of what was searched for
+   pure function limits(self, std_error, half_width)
+      class(quantity_t), intent(in) :: self
+      real(wp), intent(in) :: std_error, half_width
+      real(wp) :: limits(3)
+
+      limits = [std_error, self%value - half_width, self%value + half_width]
+      if (self%is_reciprocal()) limits = [std_error*self%value**2, as_named(self%parameter, &
+         self%searched + half_width), as_named(self%parameter, max(self%searched - half_width, &
+         0.0_wp))]
+      limits(2) = max(limits(2), self%lower)
+      if (self%upper < unbounded) limits(3) = min(limits(3), self%upper)
+   end function limits
+
    !> Starts, bounds and scales of a stage's parameters, and the quantities they are.
-   subroutine variables_of(stage, world, variables, quantities)
+   !>
+   !> error  the bounds of a parameter leave it nothing that keeps everything on the beam
+   subroutine variables_of(stage, world, variables, quantities, error)
       type(stage_t), intent(in) :: stage
       type(world_t), intent(in) :: world
       type(variable_t), allocatable, intent(out) :: variables(:)
       type(quantity_t), allocatable, intent(out) :: quantities(:)
+      type(error_t), allocatable, intent(out) :: error
       type(stage_t) :: bounded
-      real(wp) :: start, lower, upper, range(2)
-      integer :: owners(size(stage%free)), k
+      type(world_t) :: placed
+      real(wp) :: start(size(stage%free)), range(2)
+      integer :: owners(size(stage%free)), k, r
 
       bounded = stage
       call bounded%set_bounds()
       owners = stage%owners()
-      allocate (variables(size(stage%free)), quantities(size(stage%free)))
-      do k = 1, size(stage%free)
-         start = world%get(stage%free(k), owners(k))
-         if (allocated(stage%start)) start = stage%start(k)
-         range = world%range_on_beam(stage%free(k), owners(k), stage%free)
-         lower = max(bounded%lower(k), range(1))
-         upper = min(bounded%upper(k), range(2))
-         start = min(max(start, lower), upper)
-         variables(k) = new_variable(start, lower, upper, &
-            world%magnitude(stage%free(k), owners(k)))
-         quantities(k)%name = name_of(trim(name_of_parameter(world%structures(1), &
-            stage%free(k))), owners(k))
-         quantities(k)%parameter = stage%free(k)
-         quantities(k)%record = owners(k)
-         quantities(k)%start = variables(k)%start
-         quantities(k)%lower = lower
-         quantities(k)%upper = upper
+      placed = world
+      do k = 1, size(start)
+         r = max(owners(k), 1)
+         start(k) = get_free(world%structures(r), world%excitations(r), stage%free(k))
+         if (allocated(stage%start)) start(k) = as_named(stage%free(k), stage%start(k))
+         if (parameters(stage%free(k))%is_reciprocal) then
+            if (.not. start(k) <= unbounded) call bad_input(error, trim(parameters( &
+               stage%free(k))%name)//': found a start of 0, expected a value above 0')
+            if (allocated(error)) return
+            range = [0.0_wp, unbounded]
+            if (bounded%upper(k) < unbounded) range(1) = 1/bounded%upper(k)
+            if (bounded%lower(k) > 0) range(2) = 1/bounded%lower(k)
+            bounded%lower(k) = range(1)
+            bounded%upper(k) = range(2)
+         end if
+         start(k) = min(max(start(k), bounded%lower(k)), bounded%upper(k))
+         call placed%set(stage%free(k), owners(k), start(k))
+      end do
+      allocate (variables(size(start)), quantities(size(start)))
+      do k = 1, size(start)
+         associate (q => quantities(k))
+            q%name = name_of(name_of_parameter(world%structures(1), stage%free(k)), owners(k))
+            q%parameter = stage%free(k)
+            q%record = owners(k)
+            range = placed%range_on_beam(stage%free(k), owners(k), stage%free)
+            q%lower = max(bounded%lower(k), range(1))
+            q%upper = min(bounded%upper(k), range(2))
+            if (.not. q%lower < q%upper) then
+               call bad_input(error, trim(q%name)//': found nothing between its lower bound '// &
+                  to_text(q%lower)//' and its upper bound '//to_text(q%upper)// &
+                  ', expected bounds and starts with every place on the beam')
+               return
+            end if
+            r = max(owners(k), 1)
+            variables(k) = new_variable(min(max(start(k), q%lower), q%upper), q%lower, q%upper, &
+               free_magnitude(world%structures(r), world%excitations(r), stage%free(k)))
+            q%start = as_named(stage%free(k), variables(k)%start)
+            if (parameters(stage%free(k))%is_reciprocal) then
+               range = [q%lower, q%upper]
+               q%lower = 0
+               if (range(2) < unbounded) q%lower = 1/range(2)
+               q%upper = unbounded
+               if (range(1) > 0) q%upper = 1/range(1)
+            end if
+         end associate
       end do
    end subroutine variables_of
 

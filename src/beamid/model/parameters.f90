@@ -9,7 +9,8 @@ module beamid_parameters
    use beamid_structure, only: item_name_length, most_sensors, most_supports, n_parameters, &
       of_c_D, &
       of_c_H, c_P_at, of_c_R, of_E, of_gamma, of_I, J_S_at, of_J_T, of_k_H, kappa_P_at, &
-      of_kappa_R, of_length, of_m_H, m_S_at, of_m_T, of_rho, of_x_F, x_P_at, x_S_at, structure_t, values_of
+      of_kappa_R, of_length, of_m_H, m_S_at, of_m_T, of_rho, of_x_F, x_P_at, x_S_at, structure_t, &
+      values_of
    implicit none
    private
 
@@ -43,7 +44,7 @@ module beamid_parameters
       type(monomial_t) :: moderate
       integer :: needs = 0            !< place of a parameter without which it means nothing
       logical :: is_free = .true.     !< whether a fit may free it
-      !> Whether a structure holds its reciprocal, and a search looks for that: what may be infinite.
+      !> Whether a structure holds its reciprocal, and a search looks for that: it may be infinite.
       logical :: is_reciprocal = .false.
       character(len=60) :: help
       integer :: item = 0             !< which of the sensors or supports; 0: none

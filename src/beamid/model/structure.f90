@@ -58,6 +58,7 @@ module beamid_structure
       integer :: sensors = 0         !< how many there are
       integer :: supports = 0
       integer :: observer = 1        !< the sensor whose motion is observed
+      logical :: root_is_free = .false.   !< a fit looks for the compliance of the clamp, 0 included
       character(len=item_name_length) :: sensor_name(most_sensors) = '', &
          support_name(most_supports) = ''
    contains
@@ -116,11 +117,11 @@ contains
       has_hose = self%m_H > 0
    end function has_hose
 
-   !> Whether the clamp gives way.
+   !> Whether the clamp gives way, or may do so in a fit.
    pure logical function has_root_spring(self)
       class(structure_t), intent(in) :: self
 
-      has_root_spring = self%kappa_R > 0
+      has_root_spring = self%kappa_R > 0 .or. self%root_is_free
    end function has_root_spring
 
    !> How many supports do not give way.

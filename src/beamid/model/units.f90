@@ -55,15 +55,15 @@ contains
       end do
    end function of_parameter
 
-   !> Unit of what a fit estimates: a parameter (the amplitude may be a displacement), or for 0 an
-   !> acceleration.
+   !> Unit of what a fit estimates: a parameter (the amplitude may be a displacement, or of a
+   !> base that moves an acceleration), or for 0 an acceleration.
    pure function of_quantity(self, k, excitation) result(unit)
       class(units_t), intent(in) :: self
       integer, intent(in) :: k
       type(excitation_t), intent(in) :: excitation
       character(len=:), allocatable :: unit
 
-      if (k == 0) then
+      if (k == 0 .or. k == amplitude .and. excitation%is_base) then
          unit = self%acceleration()
       else if (k == amplitude .and. excitation%by_displacement) then
          unit = trim(self%length)

@@ -1,17 +1,15 @@
 !> Samples that sit at the limit of the sensor or of its converter.
 !>
-!> A limit shows as flats: three or more equal samples in a row at the extreme of the record. A
-!> coarse converter makes flats of good samples too, at the top of any slow swing, and the shape
-!> tells them apart. The top of a smooth swing that stays within one step q of the converter for n
-!> samples has a curvature of at most 8 q/(n - 1)**2 per sample squared; within n samples on either
-!> side it falls by less than 17 q. A swing cut off at a height E above the limit falls by 7 E to
-!> 15 E there. So a flat is evidence of a limit when the signal falls by more than 20 q within its
-!> own length on both sides. What the rule lets pass is wrong by less than 3 q, and a signal that
-!> spans no more than 20 q is never touched.
+!> A limit shows as flats, three or more equal samples in a row at the extreme of the record. A
+!> coarse converter makes flats of good samples too, at the top of any slow swing: one that stays
+!> within a step q of the converter for n samples has a curvature of at most 8 q/(n - 1)**2 per
+!> sample squared and falls by less than 17 q within n samples on either side; a swing cut off at a
+!> height E above the limit falls by 7 E to 15 E there. So a flat is evidence of a limit when the
+!> signal falls by more than 20 q within its own length on both sides. What that lets pass is wrong
+!> by less than 3 q.
 !>
-!> Records that repeat every value (a slow sensor polled too fast), or whose steps are coarser at
-!> the top than elsewhere (text of so many digits), have such flats at other levels too: the
-!> extreme must hold more of them than all levels between the two extremes.
+!> Records that repeat every value, or whose steps are coarser at the top than elsewhere, have such
+!> flats at other levels too: the extreme must hold more of them than all levels between the two.
 module beamid_clipping
    use beamid_kinds, only: wp
    use beamid_sorting, only: sort
@@ -33,22 +31,25 @@ contains
       real(wp), intent(in) :: z(:)
       real(wp), intent(out) :: limit
       real(wp) :: top, bottom, fall
-      integer :: first, last, at_top, elsewhere
+      integer :: first, last, at_top, elsewhere, n
 
       limit = huge(limit)
-      if (size(z) < shortest) return
+      n = size(z)
+      if (n < shortest) return
       top = maxval(z)
       bottom = minval(z)
-      if (.not. flat_at(z, top)) return
+      if (.not. any(min(z(:n - 2), z(2:n - 1), z(3:)) >= top)) return
       fall = steep*converter_step(z, top, top - bottom)
       if (.not. fall < top - bottom) return
       at_top = 0
       elsewhere = 0
       last = 0
-      do while (last < size(z))
+      do while (last < n)
          first = last + 1
-         call end_of_run(z, first, last)
-         if (last - first + 1 < shortest .or. first == 1 .or. last == size(z)) cycle
+         do last = first, n - 1
+            if (abs(z(last + 1) - z(first)) > 0) exit
+         end do
+         if (last - first + 1 < shortest .or. first == 1 .or. last == n) cycle
          if (.not. is_steep(z, first, last, fall)) cycle
          if (z(first) >= top) then
             at_top = at_top + 1
@@ -58,33 +59,6 @@ contains
       end do
       if (at_top > elsewhere) limit = top
    end subroutine find_limit
-
-   !> Whether three or more samples in a row are at a level.
-   pure logical function flat_at(z, level) result(yes)
-      real(wp), intent(in) :: z(:), level
-      integer :: k, length
-
-      length = 0
-      yes = .false.
-      do k = 1, size(z)
-         length = merge(length + 1, 0, z(k) >= level)
-         yes = length >= shortest
-         if (yes) return
-      end do
-   end function flat_at
-
-   !> The last of the samples that equal the first.
-   pure subroutine end_of_run(z, first, last)
-      real(wp), intent(in) :: z(:)
-      integer, intent(in) :: first
-      integer, intent(out) :: last
-
-      last = first
-      do while (last < size(z))
-         if (abs(z(last + 1) - z(first)) > 0) exit
-         last = last + 1
-      end do
-   end subroutine end_of_run
 
    !> Whether the signal leaves a level by more than `fall`, within as many samples as it stayed
    !> there, before and after.

@@ -9,7 +9,19 @@ module beamid_csv
    implicit none
    private
 
-   public :: read_columns, open_table, read_row, column_length, parse_number
+   public :: read_columns, open_table, read_rows, part_t, extent_t, column_length
+
+   !> Which rows are kept: those whose first number lies in first .. last, and some on either side.
+   type :: part_t
+      real(wp) :: first = -huge(1.0_wp), last = huge(1.0_wp)
+      integer :: margin = 0               !< rows that are kept on either side, at least
+   end type part_t
+
+   !> What is known of all rows: the first number of the first and of the last, and how many.
+   type :: extent_t
+      real(wp) :: first = 0, last = 0
+      integer(ip) :: rows = 0
+   end type extent_t
 
 contains
 
@@ -29,17 +41,16 @@ contains
       !> Whether the first column must grow from row to row; default .false.
       logical, intent(in), optional :: increasing
       type(reader_t) :: reader
-      logical :: ordered
-      integer(ip) :: rows
+      type(extent_t) :: extent
+      integer :: k
 
-      ordered = .false.
-      if (present(increasing)) ordered = increasing
       call open_table(path, n_columns, reader, error)
-      rows = 0
-      if (.not. allocated(error)) rows = 1 + reader%rows_behind()
-      allocate (values(n_columns, rows))
-      if (.not. allocated(error)) call fill(reader, ordered, values, error)
-      if (allocated(error)) values = reshape([real(wp) ::], [n_columns, 0])
+      if (present(increasing)) reader%ordered = increasing
+      if (allocated(error)) then
+         allocate (values(n_columns, 0))
+      else
+         call read_rows(reader, [(k, k=1, n_columns)], part_t(), values, extent, error)
+      end if
       call move_alloc(reader%header, header)
    end subroutine read_columns
 
@@ -63,26 +74,18 @@ contains
    subroutine refuse_binary(reader, error)
       type(reader_t), intent(inout) :: reader
       type(error_t), allocatable, intent(out) :: error
-      integer(ip) :: i, found
-
-      found = control_character(reader%text)
-      if (found == 0) return
-      reader%line = 1 + count([(reader%text(i:i) == achar(10), i=1_ip, found)], kind=ip)
-      call reader%problem(error, 'found a control character, expected a text file')
-   end subroutine refuse_binary
-
-   !> Where the first character stands that no text holds; 0: nowhere.
-   pure integer(ip) function control_character(text) result(at)
-      character(len=*), intent(in) :: text
+      integer(ip) :: at
       integer :: code
 
-      do at = 1, len(text, ip)
-         code = iachar(text(at:at))
+      reader%line = 1
+      do at = 1, len(reader%text, ip)
+         code = iachar(reader%text(at:at))
+         if (code == 10) reader%line = reader%line + 1
          if (code >= 32 .and. code /= 127 .or. code == 10 .or. code == 13 .or. code == 9) cycle
+         call reader%problem(error, 'found a control character, expected a text file')
          return
       end do
-      at = 0
-   end function control_character
+   end subroutine refuse_binary
 
    !> Reads the names above the rows of numbers, and goes to the first row.
    subroutine find_rows(reader, n_columns, error)
@@ -147,35 +150,50 @@ contains
       end do
    end subroutine read_header
 
-   !> Reads the rows; the reader stands on the first of them.
-   subroutine fill(reader, ordered, values, error)
+   !> Reads the rows from the current one on, and keeps a part of them; all are checked.
+   !>
+   !> columns  places of the wanted ones, in any order
+   !> values   (columns, rows kept); no rows after an error
+   subroutine read_rows(reader, columns, part, values, extent, error)
       type(reader_t), intent(inout) :: reader
-      !> Whether column 1 must increase.
-      logical, intent(in) :: ordered
-      !> The numbers, shape (columns, rows).
-      real(wp), intent(out) :: values(:, :)
+      integer, intent(in) :: columns(:)
+      type(part_t), intent(in) :: part
+      real(wp), allocatable, intent(out) :: values(:, :)
+      type(extent_t), intent(out) :: extent
       type(error_t), allocatable, intent(out) :: error
-      integer, allocatable :: columns(:)
-      integer(ip) :: row
-      real(wp) :: previous
-      integer :: k
+      real(wp) :: row(size(columns))
+      integer :: kept, behind
 
-      columns = [(k, k=1, size(values, 1))]
-      previous = -huge(previous)
-      do row = 1, size(values, 2, ip)
-         if (ordered) then
-            call read_row(reader, columns, values(:, row), error, previous)
-            previous = values(1, row)
-         else
-            call read_row(reader, columns, values(:, row), error)
+      allocate (values(size(columns), 1024))
+      kept = 0
+      behind = 0
+      do
+         call read_row(reader, columns, row, error)
+         if (allocated(error)) then
+            kept = 0
+            exit
          end if
-         if (allocated(error)) return
+         if (extent%rows == 0) extent%first = row(1)
+         extent%last = row(1)
+         extent%rows = extent%rows + 1
+         if (row(1) > part%last) behind = behind + 1
+         if (behind <= part%margin) then
+            if (row(1) < part%first .and. kept >= 2*part%margin + 1024) then
+               values(:, :part%margin) = values(:, kept - part%margin + 1:kept)
+               kept = part%margin
+            end if
+            if (kept == size(values, 2)) &
+               values = reshape(values, [size(row), 2*kept], pad=[0.0_wp])
+            kept = kept + 1
+            values(:, kept) = row
+         end if
          if (.not. reader%next_row()) exit
       end do
-   end subroutine fill
+      values = values(:, :kept)
+   end subroutine read_rows
 
    !> Reads numbers of the current line.
-   subroutine read_row(reader, columns, values, error, previous)
+   subroutine read_row(reader, columns, values, error)
       type(reader_t), intent(inout) :: reader
       !> Which columns are wanted, in any order.
       integer, intent(in) :: columns(:)
@@ -183,8 +201,6 @@ contains
       real(wp), intent(out) :: values(:)
       !> `path:line: ...`: a short row, a field that is no finite number, one that does not grow.
       type(error_t), allocatable, intent(out) :: error
-      !> What the first of the numbers must exceed; default: nothing.
-      real(wp), intent(in), optional :: previous
       integer :: column, k
       logical :: ok
 
@@ -201,14 +217,15 @@ contains
                call explain(reader, reader%text(reader%left:reader%right), column, error)
                return
             end if
-            if (k > 1 .or. .not. present(previous)) cycle
-            if (values(1) <= previous) then
+            if (k > 1 .or. .not. reader%ordered) cycle
+            if (reader%mark(2) > 0 .and. values(1) <= reader%previous) then
                call reader%problem(error, 'found '//shown(reader%text(reader%left:reader%right))// &
                   ' after '//shown(reader%text(reader%mark(1):reader%mark(2)))// &
                   ', expected a larger number', column)
                return
             end if
             reader%mark = [reader%left, reader%right]
+            reader%previous = values(1)
          end do
       end do
       if (size(reader%header) == 0) return
@@ -223,38 +240,31 @@ contains
       character(len=*), intent(in) :: field
       integer, intent(in) :: k
       type(error_t), allocatable, intent(out) :: error
-      character(len=:), allocatable :: bare
+      character(len=*), parameter :: one = ', expected one separator', &
+         point = ' (a decimal point is ''.'')'
+      character(len=:), allocatable :: bare, separator, expected
 
       bare = trim_blanks(field)
+      separator = ''''//reader%separator//''''
+      if (reader%separator == tab) separator = 'a tab'
       if (index(bare, ';') > 0 .and. reader%count_of(',') > 0) then
-         call reader%problem(error, 'found both '';'' and '','', expected one separator '// &
-            '(a decimal point is ''.'')')
+         call reader%problem(error, 'found both '';'' and '','''//one//point)
       else if (index(bare, ';') > 0) then
-         call reader%problem(error, 'fields are separated by '';'', expected '// &
-            separator_name(reader)//' as in the lines above')
+         call reader%problem(error, 'fields are separated by '';'', expected '//separator// &
+            ' as in the lines above')
       else if (index(bare, tab) > 0) then
-         call reader%problem(error, 'found both tabs and '//separator_name(reader)// &
-            ', expected one separator (a decimal point is ''.'')')
+         call reader%problem(error, 'found both tabs and '//separator//one//point)
       else if (bare == '') then
          call reader%problem(error, 'found an empty field, expected a number', k)
-      else if (index(bare, ',') > 0) then
-         call reader%problem(error, 'found '//shown(bare)// &
-            ', expected a number (a decimal point is ''.'')', k)
-      else if (is_decimal(bare)) then
-         call reader%problem(error, 'found '//shown(bare)// &
-            ', expected a number of at most 1.79e308', k)
       else
-         call reader%problem(error, 'found '//shown(bare)//', expected a number', k)
+         expected = ', expected a number'
+         if (index(bare, ',') > 0) then
+            expected = expected//point
+         else if (is_decimal(bare)) then
+            expected = expected//' of at most 1.79e308'
+         end if
+         call reader%problem(error, 'found '//shown(bare)//expected, k)
       end if
    end subroutine explain
-
-   !> What separates the fields of the file, for a message.
-   pure function separator_name(reader) result(name)
-      type(reader_t), intent(in) :: reader
-      character(len=:), allocatable :: name
-
-      name = ''''//reader%separator//''''
-      if (reader%separator == tab) name = 'a tab'
-   end function separator_name
 
 end module beamid_csv

@@ -159,17 +159,11 @@ contains
       real(wp) :: low, high
       integer :: n
 
-      if (allocated(recording%clip_low)) then
-         low = recording%clip_low
-      else
-         call find_limit(-z, low)
-         low = -low
-      end if
-      if (allocated(recording%clip_high)) then
-         high = recording%clip_high
-      else
-         call find_limit(z, high)
-      end if
+      call find_limit(-z, low)
+      low = -low
+      call find_limit(z, high)
+      if (allocated(recording%clip_low)) low = recording%clip_low
+      if (allocated(recording%clip_high)) high = recording%clip_high
       clipped = z <= low .or. z >= high
       n = count(clipped(rows))
       if (n == 0) return
@@ -256,12 +250,8 @@ contains
    subroutine add_note(notes, text)
       character(len=note_length), allocatable, intent(inout) :: notes(:)
       character(len=*), intent(in) :: text
-      character(len=note_length), allocatable :: longer(:)
 
-      allocate (longer(size(notes) + 1))
-      longer(:size(notes)) = notes
-      longer(size(longer)) = text
-      call move_alloc(longer, notes)
+      notes = [character(len=note_length) :: notes, text]
    end subroutine add_note
 
 end module beamid_records

@@ -1,7 +1,7 @@
 !> The rows and fields of a text table, one after the other.
 module beamid_rows
    use beamid_errors, only: error_t, bad_input
-   use beamid_kinds, only: ip
+   use beamid_kinds, only: ip, wp
    use beamid_numbers, only: shown
    use beamid_strings, only: to_text
    implicit none
@@ -11,7 +11,7 @@ module beamid_rows
 
    character(len=*), parameter :: tab = achar(9), line_feed = achar(10), &
       carriage_return = achar(13), byte_order_mark = char(239)//char(187)//char(191)
-   !> What may separate fields, the likeliest first.
+   !> What may separate fields: the first of these that a line holds, a comma where it holds none.
    character(len=*), parameter :: separators = ',;'//tab
    !> Names of columns are cut to this length.
    integer, parameter :: column_length = 100
@@ -25,8 +25,11 @@ module beamid_rows
       integer(ip) :: line = 0
       !> First and last byte of the current field.
       integer(ip) :: left = 1, right = 0
-      !> First and last byte of a field to be remembered.
-      integer(ip) :: mark(2) = [1, 0]
+      !> Whether the first of the columns that are read must grow from row to row; its last value,
+      !> and first and last byte of that.
+      logical :: ordered = .false.
+      real(wp) :: previous = 0
+      integer(ip) :: mark(2) = 0
       !> What separates the fields: set by the first line that is neither blank nor a comment.
       character(len=1) :: separator = ' '
       !> First and last byte of the current line without its end, and where the next one begins.
@@ -36,7 +39,6 @@ module beamid_rows
    contains
       procedure :: rewind => go_to_start
       procedure :: next_row
-      procedure :: rows_behind
       procedure :: row
       procedure :: restart_row
       procedure :: next_field
@@ -69,25 +71,10 @@ contains
          call scan_line(self%text, self%first, self%last, self%next, self%counts, found)
       end do
       if (.not. found) return
-      if (self%separator == ' ') self%separator = dominant(self%counts)
+      if (self%separator == ' ') self%separator = separators(max(1, findloc(self%counts > 0, &
+         .true., dim=1)):)
       call self%restart_row()
    end function next_row
-
-   !> How many rows there are behind the current one.
-   integer(ip) function rows_behind(self) result(n)
-      class(reader_t), intent(in) :: self
-      integer(ip) :: first, last, next
-      integer :: counts(len(separators))
-      logical :: found
-
-      n = 0
-      next = self%next
-      do while (next <= len(self%text, ip))
-         first = next
-         call scan_line(self%text, first, last, next, counts, found)
-         if (found) n = n + 1
-      end do
-   end function rows_behind
 
    !> One pass over the bytes of a line.
    pure subroutine scan_line(text, first, last, next, counts, is_data)
@@ -132,17 +119,6 @@ contains
       is_data = .not. (blank .or. comment)
    end subroutine scan_line
 
-   !> The separator of a line: a comma where there is one, else a semicolon, else a tab.
-   pure character(len=1) function dominant(counts) result(separator)
-      integer, intent(in) :: counts(:)
-      integer :: k
-
-      separator = separators(1:1)
-      do k = size(counts), 1, -1
-         if (counts(k) > 0) separator = separators(k:k)
-      end do
-   end function dominant
-
    !> The current line.
    pure function row(self)
       class(reader_t), intent(in) :: self
@@ -161,24 +137,16 @@ contains
    !> Goes to the next field of the line; .false. behind the last.
    logical function next_field(self) result(found)
       class(reader_t), intent(inout) :: self
+      integer(ip) :: at
 
       found = self%right < self%last
       if (.not. found) return
       self%left = self%right + 2
-      self%right = field_end(self%text(:self%last), self%left, self%separator)
-   end function next_field
-
-   !> The last byte before a separator or the end of the text.
-   pure integer(ip) function field_end(text, left, separator) result(right)
-      character(len=*), intent(in) :: text
-      integer(ip), intent(in) :: left
-      character(len=1), intent(in) :: separator
-
-      do right = left, len(text, ip)
-         if (text(right:right) == separator) exit
+      do at = self%left, self%last
+         if (self%text(at:at) == self%separator) exit
       end do
-      right = right - 1
-   end function field_end
+      self%right = at - 1
+   end function next_field
 
    !> How many fields the current line has.
    pure integer function count_fields(self) result(n)

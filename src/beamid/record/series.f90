@@ -1,8 +1,8 @@
 !> Two columns of a table as a series in time; of a long one only the part that is wanted is kept.
 module beamid_series
-   use beamid_csv, only: open_table, read_row
+   use beamid_csv, only: extent_t, open_table, part_t, read_rows
    use beamid_errors, only: error_t, bad_input
-   use beamid_kinds, only: wp, ip
+   use beamid_kinds, only: wp
    use beamid_numbers, only: shown
    use beamid_rows, only: reader_t
    use beamid_strings, only: lower, to_text
@@ -11,19 +11,10 @@ module beamid_series
 
    public :: series_t, part_t, read_series
 
-   !> Which rows are kept: those with first <= t <= last, and some before and behind.
-   type :: part_t
-      real(wp) :: first = -huge(1.0_wp)   !< [time]
-      real(wp) :: last = huge(1.0_wp)     !< [time]
-      integer :: margin = 0               !< rows that are kept on either side, at least
-   end type part_t
-
    !> The rows kept, and what is known of all rows of the file.
-   type :: series_t
+   type, extends(extent_t) :: series_t
       real(wp), allocatable :: t(:)       !< (rows) strictly increasing [time]
       real(wp), allocatable :: z(:)       !< (rows) as in the file
-      real(wp) :: first = 0, last = 0     !< the first and last time in the file
-      integer(ip) :: rows = 0             !< in the file
    end type series_t
 
 contains
@@ -40,77 +31,18 @@ contains
       type(series_t), intent(out) :: series
       type(error_t), allocatable, intent(out) :: error
       type(reader_t) :: reader
-      integer :: columns(2), kept, behind
-      real(wp) :: values(2), previous
+      real(wp), allocatable :: values(:, :)
+      integer :: columns(2)
 
       call open_table(path, 2, reader, error)
+      reader%ordered = .true.
       if (.not. allocated(error)) call find_columns(reader, names, keys, columns, error)
+      if (.not. allocated(error)) call read_rows(reader, columns, part, values, &
+         series%extent_t, error)
       if (allocated(error)) return
-      kept = 0
-      behind = 0
-      previous = -huge(previous)
-      allocate (series%t(1024), series%z(1024))
-      do
-         call read_row(reader, columns, values, error, previous)
-         if (allocated(error)) return
-         previous = values(1)
-         if (series%rows == 0) series%first = previous
-         series%rows = series%rows + 1
-         if (previous > part%last) behind = behind + 1
-         if (behind <= part%margin) then
-            if (previous < part%first .and. kept >= 2*part%margin + 1024) &
-               call drop(series, kept, part%margin)
-            call append(series, kept, values)
-         end if
-         if (.not. reader%next_row()) exit
-      end do
-      series%last = previous
-      series%t = series%t(:kept)
-      series%z = series%z(:kept)
+      series%t = values(1, :)
+      series%z = values(2, :)
    end subroutine read_series
-
-   !> Keeps the last rows alone.
-   subroutine drop(series, kept, margin)
-      type(series_t), intent(inout) :: series
-      !> How many rows there are.
-      integer, intent(inout) :: kept
-      integer, intent(in) :: margin
-
-      series%t(:margin) = series%t(kept - margin + 1:kept)
-      series%z(:margin) = series%z(kept - margin + 1:kept)
-      kept = margin
-   end subroutine drop
-
-   !> One row more; the arrays double when they are full.
-   subroutine append(series, kept, values)
-      type(series_t), intent(inout) :: series
-      integer, intent(inout) :: kept
-      real(wp), intent(in) :: values(2)
-
-      if (kept == size(series%t)) then
-         call double(series%t)
-         call double(series%z)
-      end if
-      kept = kept + 1
-      series%t(kept) = values(1)
-      series%z(kept) = values(2)
-   end subroutine append
-
-   subroutine double(array)
-      real(wp), allocatable, intent(inout) :: array(:)
-      real(wp), allocatable :: larger(:)
-
-      allocate (larger(2*size(array)))
-      larger(:size(array)) = array
-      call move_alloc(larger, array)
-   end subroutine double
-
-   !> Whether a column is meant by its number, if only by default.
-   elemental logical function numeric(name)
-      character(len=*), intent(in) :: name
-
-      numeric = verify(trim(name), '0123456789') == 0
-   end function numeric
 
    !> The places of the two columns.
    subroutine find_columns(reader, names, keys, columns, error)
@@ -148,7 +80,7 @@ contains
          found = found + 1
          column = k
       end do
-      if (found == 0 .and. numeric(name)) then
+      if (found == 0 .and. verify(trim(name), '0123456789') == 0) then
          read (name, *, iostat=status) column
          if (status /= 0) column = huge(column)
          found = 1

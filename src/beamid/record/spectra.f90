@@ -48,10 +48,8 @@ contains
       threshold = max(5*median(spectrum), 1e-2_wp*maxval(spectrum(6:)))
       allocate (peak(n), chosen(n), source=.false.)
       ! The first lines are those of the window and of a trend of the record, not of a motion.
-      do k = 6, n - 1
-         peak(k) = spectrum(k) > threshold .and. spectrum(k) >= spectrum(k - 1) .and. &
-            spectrum(k) > spectrum(k + 1)
-      end do
+      peak(6:n - 1) = spectrum(6:n - 1) > threshold .and. spectrum(6:n - 1) >= spectrum(5:n - 2) &
+         .and. spectrum(6:n - 1) > spectrum(7:)
       do while (count(chosen) < most .and. any(peak))
          strongest = maxloc(spectrum, dim=1, mask=peak)
          chosen(strongest) = .true.
@@ -94,35 +92,23 @@ contains
       real(wp), intent(in) :: t(:), z(:), highest
       real(wp), allocatable, intent(out) :: spectrum(:)
       real(wp), intent(out) :: step, share
-      real(wp) :: w(size(t)), re(size(t)), im(size(t)), cosine(size(t)), sine(size(t))
-      real(wp) :: span, kept
-      integer :: k, i, n, m
+      real(wp) :: w(size(t)), phase(size(t)), span, kept
+      complex(wp) :: phasor(size(t)), turn(size(t))
+      integer :: k, n, m
 
       m = size(t)
       span = t(m) - t(1)
-      share = 0
-      step = 0
-      allocate (spectrum(0))
-      if (m < 8 .or. .not. span > 0) return
       step = 1/(4*span)
       n = int(min(highest, (m - 1)/(2*span))/step)
       w = sin(two_pi/2*(t - t(1))/span)**2
-      re = w*(z - sum(w*z)/sum(w))
-      im = 0
-      cosine = cos(two_pi*step*(t - t(1)))
-      sine = sin(two_pi*step*(t - t(1)))
-      kept = sum(re**2)
-      deallocate (spectrum)
+      phasor = w*(z - sum(w*z)/sum(w))
+      phase = two_pi*step*(t - t(1))
+      turn = cmplx(cos(phase), sin(phase), wp)
+      kept = sum(real(phasor)**2)
       allocate (spectrum(n + 1))
       do k = 1, n + 1
-         spectrum(k) = 2*hypot(sum(re), sum(im))/sum(w)
-         do i = 1, m
-            associate (x => re(i), y => im(i))
-               span = x*cosine(i) - y*sine(i)
-               y = x*sine(i) + y*cosine(i)
-               x = span
-            end associate
-         end do
+         spectrum(k) = 2*abs(sum(phasor))/sum(w)
+         phasor = phasor*turn
       end do
       ! Parseval: four steps are one independent frequency.
       share = min(1.0_wp, sum(spectrum**2)*sum(w)**2/(2*4*m*max(kept, tiny(kept))))

@@ -1,17 +1,14 @@
-!> Every k-th sample of a record behind a symmetric low-pass filter.
+!> Every k-th sample of a record behind a symmetric low-pass filter, a sinc under a Kaiser window.
 !>
-!> The filter is a sinc under a Kaiser window. In units of the new Nyquist frequency f_N, half the
-!> mean sampling rate over k, it passes 0 to 0.6 and stops what lies above 1, each within 3e-5 (90
-!> dB): nothing folds back. It is symmetric about each time stamp that is kept and shifts no phase.
+!> It passes 0 to 0.6 of the new Nyquist frequency f_N, half the mean sampling rate over k, and
+!> stops what lies above f_N, each within 3e-5 (90 dB): nothing folds back, and no phase is shifted.
 !>
-!> The stamps are used as they are. The filter's integral is a sum over nodes at the mean step; a
-!> polynomial through up to 12 neighbours gives the record's value at a node, of lower degree where
-!> the stamps lie so unevenly that it would amplify the noise. Beside the record a tone of 0.5 f_N
-!> goes through the same sums, at the same stamps: a sample is kept only where the tone comes out
-!> right. So a gap that matters costs the samples beside it, and one that does not costs none.
-!>
-!> What cannot be had: of uneven stamps, tones with fewer than 4 or 5 stamps to a period are stopped
-!> less well. Stamps in error by a part of the step are not known to be.
+!> The stamps are used as they are. The filter's integral is a sum over nodes at the mean step,
+!> where a polynomial through up to 12 neighbours gives the record's value, of lower degree where
+!> uneven stamps would amplify the noise. A tone of 0.5 f_N goes through the same sums, and a sample
+!> is kept only where the tone comes out right: a gap costs the samples beside it where it matters,
+!> and no others. Of uneven stamps, tones with fewer than 4 or 5 stamps to a period are stopped less
+!> well.
 module beamid_thinning
    use beamid_kinds, only: wp
    use beamid_sorting, only: median
@@ -66,7 +63,7 @@ contains
       type(thinned_t), intent(out) :: thinned
       real(wp), allocatable :: y(:), kernel(:)
       logical, allocatable :: good(:)
-      integer, allocatable :: places(:)
+      integer, allocatable :: places(:), ends(:)
       real(wp) :: step, limit
       integer :: first, last, from, to, j
 
@@ -84,24 +81,17 @@ contains
       ! Each part between two gaps by itself.
       allocate (y(size(places)), good(size(places)))
       good = .false.
+      ends = [pack([(j, j=1, size(t) - 1)], t(2:) - t(:size(t) - 1) > limit), size(t)]
       last = 0
-      from = 1
-      do while (last < size(t))
+      to = 0
+      do j = 1, size(ends)
          first = last + 1
-         last = first
-         do while (last < size(t))
-            if (t(last + 1) - t(last) > limit) exit
-            last = last + 1
-         end do
-         to = from - 1
-         do j = from, size(places)
-            if (places(j) > last) exit
-            to = j
-         end do
+         last = ends(j)
+         from = to + 1
+         to = to + count(places(from:) <= last)
          if (to >= from .and. t(last) - t(first) > 2*thinned%half_width) &
             call filter_part(t(first:last), z(first:last), bad(first:last), &
             t(places(from:to)), step, thinned, kernel, y(from:to), good(from:to))
-         from = to + 1
       end do
       thinned%t = pack(t(places), good)
       thinned%z = pack(y, good)
@@ -118,16 +108,10 @@ contains
    !> The mean of the steps that are no gaps; 0 when there is none.
    pure real(wp) function mean_step(t, limit) result(step)
       real(wp), intent(in) :: t(:), limit
-      integer :: k, n
+      real(wp) :: steps(size(t) - 1)
 
-      step = 0
-      n = 0
-      do k = 2, size(t)
-         if (t(k) - t(k - 1) > limit) cycle
-         step = step + (t(k) - t(k - 1))
-         n = n + 1
-      end do
-      if (n > 0) step = step/n
+      steps = t(2:) - t(:size(t) - 1)
+      step = sum(steps, mask=steps <= limit)/max(1, count(steps <= limit))
    end function mean_step
 
    !> The filter from its middle (0) to its end (intervals); without a factor.

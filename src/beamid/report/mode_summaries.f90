@@ -3,6 +3,7 @@ module beamid_mode_summaries
    use beamid_case_files, only: case_t
    use beamid_fitted_modes, only: fitted_mode_t
    use beamid_kinds, only: wp
+   use beamid_lines, only: columns
    use beamid_multistart, only: minimum_t
    use beamid_statistics, only: unlimited
    use beamid_strings, only: fixed, to_text
@@ -27,6 +28,7 @@ contains
       integer, parameter :: shown = 10
       character(len=:), allocatable :: line
       real(wp), parameter :: pi = acos(-1.0_wp)
+      real(wp) :: ratio
       integer :: k
 
       call text%line('N = '//to_text(elements)//': '//to_text(size(omega))// &
@@ -36,11 +38,10 @@ contains
       do k = 1, min(shown, size(roots))
          line = right(to_text(k), 5)//right(merge(frequency(omega(min(k, size(omega)))/(2*pi)), &
             repeat(' ', 14), k <= size(omega)), 16)
-         line = line//right(frequency(abs(roots(k))/(2*pi)), 18)
-         line = line//right(to_text(merge(-real(roots(k))/abs(roots(k)), 0.0_wp, abs(roots(k)) > 0 &
-            .and. abs(real(roots(k))) > 0)), 16)
-         call text%line(line//right(to_text(real(roots(k))), 13)//right(to_text(aimag(roots(k))), &
-            13))
+         ratio = 0
+         if (abs(real(roots(k))) > 0) ratio = -real(roots(k))/abs(roots(k))
+         call text%line(line//right(frequency(abs(roots(k))/(2*pi)), 18)//columns([ratio], 16)// &
+            columns([real(roots(k)), aimag(roots(k))], 13))
       end do
    end subroutine modes_summary
 
@@ -50,7 +51,7 @@ contains
       type(case_t), intent(in) :: case
       integer, intent(in) :: elements
       type(fitted_mode_t), intent(in) :: modes(:)
-      character(len=:), allocatable :: line
+      character(len=:), allocatable :: line, width
       integer :: k
 
       if (size(modes) == 0) return
@@ -64,8 +65,12 @@ contains
          associate (mode => modes(k))
             line = right(to_text(count(modes(:k)%record == mode%record)), 5)
             if (maxval(modes%record) > 1) line = line//right(to_text(mode%record), 7)
-            line = line//right(frequency(mode%frequency), 15)//interval(mode%frequency_half_width) &
-               //right(to_text(mode%damping_ratio), 16)//interval(mode%damping_half_width)
+            width = '-'
+            if (mode%frequency_half_width < unlimited) width = to_text(mode%frequency_half_width)
+            line = line//right(frequency(mode%frequency), 15)//right(width)
+            width = '-'
+            if (mode%damping_half_width < unlimited) width = to_text(mode%damping_half_width)
+            line = line//right(to_text(mode%damping_ratio), 16)//right(width)
          end associate
          call text%line(line)
       end do
@@ -77,15 +82,6 @@ contains
       if (any(modes%together)) call text%line('without an interval: roots that nearly meet, of '// &
          'which none by itself depends smoothly on the parameters')
    end subroutine fitted_modes_summary
-
-   !> Half a width, or a dash.
-   function interval(half_width) result(column)
-      real(wp), intent(in) :: half_width
-      character(len=:), allocatable :: column
-
-      column = right('-', 14)
-      if (half_width < unlimited) column = right(to_text(half_width), 14)
-   end function interval
 
    !> The distinct minima, the lowest first.
    subroutine minima_summary(text, case, elements, minima, failures)
@@ -108,12 +104,9 @@ contains
       call text%line(line)
       do k = 1, size(minima)
          associate (fit => minima(k)%fits(size(minima(k)%fits)))
-            line = right(to_text(minima(k)%count), 7)//right(to_text(fit%fit%J))
-            do j = 1, size(fit%free)
-               line = line//right(to_text(fit%quantities(j)%value))
-            end do
+            call text%line(right(to_text(minima(k)%count), 7)//columns([fit%fit%J, &
+               fit%quantities(:size(fit%free))%value], 14))
          end associate
-         call text%line(line)
       end do
    end subroutine minima_summary
 

@@ -4,12 +4,14 @@ module beamid_summaries
    use beamid_experiments, only: experiment_t
    use beamid_identification, only: simulation_t, stage_fit_t
    use beamid_kinds, only: wp
-   use beamid_observation, only: formula_names
+   use beamid_lines, only: columns
+   use beamid_method_groups, only: formula_names
    use beamid_responses, only: work_t
-   use beamid_strings, only: fixed, to_text
+   use beamid_strings, only: to_text
    use beamid_statistics, only: undetermined, unlimited
    use beamid_texts, only: left, right, text_t
    use beamid_unknowns, only: name_length
+   use beamid_values, only: listed
    implicit none
    private
 
@@ -24,7 +26,7 @@ contains
       type(case_t), intent(in) :: case
       type(experiment_t), intent(in) :: experiments(:)
       type(stage_fit_t), intent(in) :: fits(:, :)
-      character(len=*), intent(in), optional :: notes(:)   !< on the record
+      character(len=*), intent(in) :: notes(:)   !< on the records
       character(len=:), allocatable :: content
       type(text_t) :: text
       integer :: k
@@ -35,11 +37,9 @@ contains
                ' samples, t = '//to_text(t(1))//' to '//to_text(t(size(t)))//label(case%units%time))
          end associate
       end do
-      if (present(notes)) then
-         do k = 1, size(notes)
-            call text%line(notes(k))
-         end do
-      end if
+      do k = 1, size(notes)
+         call text%line(notes(k))
+      end do
       call text%line('observed: '//observed(case))
       do k = 1, size(fits, 1)
          call text%line()
@@ -55,7 +55,7 @@ contains
       type(case_t), intent(in) :: case
       type(stage_fit_t), intent(in) :: fits(:)
       character(len=:), allocatable :: names, units, start, line
-      integer :: k, j
+      integer :: k
 
       names = '    N'
       units = '     '
@@ -73,11 +73,9 @@ contains
       call text%line(start)
       do k = 1, size(fits)
          line = right(to_text(fits(k)%elements), 5)
-         do j = 1, size(fits(k)%free)
-            line = line//right(to_text(fits(k)%quantities(j)%value))
-         end do
          associate (fit => fits(k)%fit)
-            line = line//right(to_text(fit%J))//right(to_text(fit%iterations), 12)// &
+            line = line//columns([fits(k)%quantities(:size(fits(k)%free))%value, fit%J], 14)// &
+               right(to_text(fit%iterations), 12)// &
                right(to_text(fit%evaluations), 13)//'  '//fit%reason
             if (fit%shortened > 0) line = line//'; '//to_text(fit%shortened)// &
                ' steps shortened because the response could not be computed'
@@ -87,9 +85,8 @@ contains
          if (fits(k)%moved >= 0) call text%line('       the integrator''s error has moved the '// &
             'estimates by '//to_text(fits(k)%moved)//' of their standard errors at most, seen '// &
             'from '//fits(k)%reference)
-         if (fits(k)%score >= 0) call text%line( &
-            '       sum of squares over the window of &score: '// &
-            to_text(fits(k)%score))
+         if (fits(k)%score >= 0) call text%line('       sum of squares over the window of '// &
+            '&score: '//to_text(fits(k)%score))
       end do
    end subroutine add_stage
 
@@ -98,11 +95,10 @@ contains
       type(text_t), intent(inout) :: text
       type(case_t), intent(in) :: case
       type(stage_fit_t), intent(in) :: fit
-      character(len=:), allocatable :: line
+      character(len=:), allocatable :: condition, line
       character(len=name_length) :: names(size(fit%quantities))
-      real(wp) :: scales(size(fit%quantities))
       character(len=512), allocatable :: sentences(:)
-      integer :: j, k
+      integer :: k
 
       if (fit%statistics%samples == 0) then
          call text%line('No degree of freedom is left for standard errors.')
@@ -122,15 +118,13 @@ contains
                s%std_error(k), s%half_width(k))
             if (.not. fit%check%white) line = line//interval(fit, k, &
                s%corrected_error(k), s%corrected_half_width(k))
-            do j = 1, k - 1
-               line = line//right(fixed(s%correlation(k, j), 9, 4), 9)
-            end do
-            call text%line(line)
+            call text%line(line//columns(s%correlation(k, :k - 1), 9, '#.4'))
          end do
+         condition = 'unlimited'
+         if (s%condition < unlimited) condition = to_text(s%condition)
          call text%line('singular values of the Jacobian per relative change:'// &
-            joined(s%singular)//'; condition number '//limited(s%condition))
-         scales = fit%quantities%scale
-         sentences = undetermined(s, names, scales, fit%jacobian)
+            columns(s%singular, 1)//'; condition number '//condition)
+         sentences = undetermined(s, names, [fit%quantities%scale], fit%jacobian)
          do k = 1, size(sentences)
             call text%line(sentences(k))
          end do
@@ -138,14 +132,13 @@ contains
             call text%line('every parameter is determined by this record')
          else if (size(sentences) == 0) then
             call text%line('the interval is wider than the value of: '// &
-               listed(pack(names, .not. s%determined)))
+               listed(pack(names, .not. s%determined), ' '))
          end if
       end associate
       if (allocated(fit%fit%derivative_check)) call text%line( &
          'derivatives, exact against central differences: '// &
          to_text(fit%fit%derivative_check(1))//' at the start, '// &
-            to_text(fit%fit%derivative_check(2))// &
-         ' at the end')
+         to_text(fit%fit%derivative_check(2))//' at the end')
       call add_residual_check(text, fit)
    end subroutine add_statistics
 
@@ -161,65 +154,33 @@ contains
             ' lags, probability '//to_text(check%probability))
          if (check%white) then
             call text%line('residuals pass for white noise')
+         else if (any(fit%statistics%std_error >= unlimited)) then
+            call text%line('residuals are NOT white; errors without limits cannot be corrected')
          else
-            if (any(fit%statistics%std_error >= unlimited)) then
-               call text%line('residuals are NOT white; errors without limits cannot be corrected')
-            else
-               call text%line('residuals are NOT white: as good as '// &
-                  to_text(fit%statistics%effective)// &
-                  ' independent samples; the corrected errors allow for that')
-            end if
+            call text%line('residuals are NOT white: as good as '// &
+               to_text(fit%statistics%effective)// &
+               ' independent samples; the corrected errors allow for that')
          end if
       end associate
    end subroutine add_residual_check
 
    !> Standard error and interval in columns, within the bounds of the search.
-   function interval(fit, k, std_error, half_width) result(columns)
+   function interval(fit, k, std_error, half_width) result(line)
       type(stage_fit_t), intent(in) :: fit
       integer, intent(in) :: k
       real(wp), intent(in) :: std_error, half_width
-      character(len=:), allocatable :: columns
+      character(len=:), allocatable :: line
+      real(wp) :: ends(3)
 
       associate (q => fit%quantities(k))
-         columns = right('unlimited')//right('-', 15)//right('-', 15)
-         if (std_error < unlimited .and. half_width < unlimited) columns = &
-            right(to_text(std_error))//right(to_text(max(q%value - half_width, q%lower)), 15)// &
-            right(to_text(min(q%value + half_width, q%upper)), 15)
+         line = right('unlimited')//right('-', 15)//right('-', 15)
+         if (.not. (std_error < unlimited .and. half_width < unlimited)) return
+         ends = q%limits(std_error, half_width)
+         line = right('-')
+         if (abs(ends(1)) <= unlimited) line = columns(ends(:1), 14)
+         line = line//columns(ends(2:), 15)
       end associate
    end function interval
-
-   !> Words in a row.
-   function listed(words) result(line)
-      character(len=*), intent(in) :: words(:)
-      character(len=:), allocatable :: line
-      integer :: k
-
-      line = ''
-      do k = 1, size(words)
-         line = line//trim(words(k))//' '
-      end do
-   end function listed
-
-   !> A number, or what stands for none.
-   function limited(value) result(text)
-      real(wp), intent(in) :: value
-      character(len=:), allocatable :: text
-
-      text = 'unlimited'
-      if (value < unlimited) text = to_text(value)
-   end function limited
-
-   !> Numbers in a row.
-   function joined(values) result(line)
-      real(wp), intent(in) :: values(:)
-      character(len=:), allocatable :: line
-      integer :: k
-
-      line = ''
-      do k = 1, size(values)
-         line = line//' '//to_text(values(k))
-      end do
-   end function joined
 
    !> What a solver did.
    function effort(work) result(line)
@@ -263,10 +224,9 @@ contains
          right(case%units%acceleration()))
       do k = 1, size(simulations)
          associate (s => simulations(k))
-            call text%line(right(to_text(case%meshes(k)%elements), 5)// &
-               right(to_text(maxval(abs(s%response%displacement))))// &
-               right(to_text(maxval(abs(s%response%velocity))))// &
-                  right(to_text(maxval(abs(s%acceleration)))))
+            call text%line(right(to_text(case%meshes(k)%elements), 5)//columns([ &
+               maxval(abs(s%response%displacement)), maxval(abs(s%response%velocity)), &
+               maxval(abs(s%acceleration))], 14))
             call text%line('       '//effort(s%work))
          end associate
       end do

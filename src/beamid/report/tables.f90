@@ -4,7 +4,9 @@ module beamid_tables
    use beamid_fitted_modes, only: fitted_mode_t
    use beamid_identification, only: simulation_t, stage_fit_t
    use beamid_kinds, only: wp
+   use beamid_lines, only: csv_row
    use beamid_multistart, only: minimum_t
+   use beamid_outputs, only: output_t
    use beamid_strings, only: full, to_text
    use beamid_statistics, only: unlimited
    use beamid_texts, only: text_t
@@ -12,51 +14,80 @@ module beamid_tables
    implicit none
    private
 
-   public :: add_autocorrelation, add_correlations, add_estimates, add_fit, add_response, add_modes
-   public :: add_fitted_modes, fitted_modes_header, add_minima, minima_header
-   public :: correlations_header, autocorrelation_header
-   public :: estimates_header, fit_header, response_header, modes_header, record_table, labels_table
+   public :: add_fit_tables, add_fitted_modes, add_minima, add_modes
+   public :: response_table, record_table, labels_table
 
-   character(len=*), parameter :: estimates_header = &
-      'stage,elements,parameter,unit,start,estimate,std_error,lower95,upper95,determined,'// &
-      'std_error_corrected,lower95_corrected,upper95_corrected'
-   character(len=*), parameter :: fit_header = 'elements,t,measured,model,residual,record'
-   character(len=*), &
-      parameter :: response_header = 'elements,t,force,displacement,velocity,acceleration'
-   character(len=*), parameter :: correlations_header = 'stage,elements,parameter,other,correlation'
-   character(len=*), parameter :: autocorrelation_header = 'elements,lag,autocorrelation,band95'
-   character(len=*), &
-      parameter :: modes_header = 'elements,mode,frequency_hz,damping_ratio,real,imag'
-
-   character(len=*), parameter :: fitted_modes_header = modes_header//',record,'// &
-      'frequency_lower95,frequency_upper95,damping_lower95,damping_upper95'
-   character(len=*), parameter :: minima_header = 'elements,minimum,count,J,parameter,estimate'
+   character(len=*), parameter, public :: &
+      modes_header = 'elements,mode,frequency_hz,damping_ratio,real,imag', &
+      fitted_modes_header = modes_header//',record,'// &
+      'frequency_lower95,frequency_upper95,damping_lower95,damping_upper95', &
+      minima_header = 'elements,minimum,count,J,parameter,estimate'
 
 contains
+
+   !> estimates.csv, fit.csv, correlations.csv, autocorrelation.csv and labels.csv.
+   !>
+   !> fits  (stages, meshes)
+   subroutine add_fit_tables(output, units, fits, experiments)
+      type(output_t), intent(inout) :: output
+      type(units_t), intent(in) :: units
+      type(stage_fit_t), intent(in) :: fits(:, :)
+      type(experiment_t), intent(in) :: experiments(:)
+      type(text_t) :: estimates, curves, correlations, autocorrelation
+      integer :: j, k, mesh, stage
+
+      call estimates%line('stage,elements,parameter,unit,start,estimate,std_error,lower95,'// &
+         'upper95,determined,std_error_corrected,lower95_corrected,upper95_corrected')
+      call curves%line('elements,t,measured,model,residual,record')
+      call correlations%line('stage,elements,parameter,other,correlation')
+      call autocorrelation%line('elements,lag,autocorrelation,band95')
+      do mesh = 1, size(fits, 2)
+         do stage = 1, size(fits, 1)
+            call add_estimates(estimates, fits(stage, mesh), units)
+            associate (fit => fits(stage, mesh), names => fits(stage, mesh)%quantities%name)
+               if (fit%statistics%samples == 0) cycle
+               do j = 1, size(names)
+                  do k = 1, size(names)
+                     call correlations%line(csv_row(to_text(fit%stage)//','// &
+                        to_text(fit%elements)//','//trim(names(j))//','//trim(names(k)), &
+                        [fit%statistics%correlation(j, k)]))
+                  end do
+               end do
+            end associate
+         end do
+         associate (fit => fits(size(fits, 1), mesh))
+            call add_fit(curves, fit, experiments)
+            do k = 1, size(fit%check%autocorrelation)
+               call autocorrelation%line(csv_row(to_text(fit%elements)//','//to_text(k), &
+                  [fit%check%autocorrelation(k), fit%check%band]))
+            end do
+         end associate
+      end do
+      call output%add('estimates.csv', estimates%content())
+      call output%add('fit.csv', curves%content())
+      call output%add('correlations.csv', correlations%content())
+      call output%add('autocorrelation.csv', autocorrelation%content())
+      call output%add('labels.csv', labels_table(units))
+   end subroutine add_fit_tables
 
    !> One row per free parameter, and one for J.
    subroutine add_estimates(text, fit, units)
       type(text_t), intent(inout) :: text
       type(stage_fit_t), intent(in) :: fit
       type(units_t), intent(in) :: units
-      character(len=:), allocatable :: first, line
+      character(len=:), allocatable :: first, errors
       integer :: k
 
       first = to_text(fit%stage)//','//to_text(fit%elements)//','
       do k = 1, size(fit%quantities)
-         associate (q => fit%quantities(k))
-            line = first//trim(q%name)//','//units%of_quantity(q%parameter, fit%excitation)// &
-               ','//full(q%start)//','//full(q%value)
+         errors = repeat(',', 7)
+         associate (q => fit%quantities(k), s => fit%statistics)
+            if (s%samples > 0) errors = ','//interval(fit, k, s%std_error(k), s%half_width(k))// &
+               ','//trim(merge('yes', 'no ', s%determined(k)))//','//interval(fit, k, &
+               s%corrected_error(k), s%corrected_half_width(k))
+            call text%line(first//trim(q%name)//','//units%of_quantity(q%parameter, &
+               fit%excitation)//','//limit(q%start)//','//limit(q%value)//errors)
          end associate
-         if (fit%statistics%samples > 0) then
-            line = line//','//interval(fit, k, fit%statistics%std_error(k), &
-               fit%statistics%half_width(k))//','//trim(merge('yes', 'no ', &
-               fit%statistics%determined(k)))//','//interval(fit, k, &
-               fit%statistics%corrected_error(k), fit%statistics%corrected_half_width(k))
-         else
-            line = line//repeat(',', 7)
-         end if
-         call text%line(line)
       end do
       call text%line(first//'J,'//units%sum_of_squares()//',,'//full(fit%fit%J)//repeat(',', 7))
       if (fit%score >= 0) call text%line(first//'J_score,'//units%sum_of_squares()//',,'// &
@@ -69,41 +100,26 @@ contains
       integer, intent(in) :: k
       real(wp), intent(in) :: std_error, half_width
       character(len=:), allocatable :: fields
+      real(wp) :: ends(3)
 
       associate (q => fit%quantities(k))
          fields = ',,'
-         if (std_error < unlimited .and. half_width < unlimited) fields = full(std_error)//','// &
-            full(max(q%value - half_width, q%lower))//','//full(min(q%value + half_width, q%upper))
+         if (.not. (std_error < unlimited .and. half_width < unlimited)) return
+         ends = q%limits(std_error, half_width)
+         fields = ''
+         if (abs(ends(1)) <= unlimited) fields = full(ends(1))
+         fields = fields//','//limit(ends(2))//','//limit(ends(3))
       end associate
    end function interval
 
-   !> Correlations between the estimates of one stage.
-   subroutine add_correlations(text, fit)
-      type(text_t), intent(inout) :: text
-      type(stage_fit_t), intent(in) :: fit
-      integer :: j, k
+   !> A number that may be infinite.
+   function limit(value) result(text)
+      real(wp), intent(in) :: value
+      character(len=:), allocatable :: text
 
-      if (fit%statistics%samples == 0) return
-      do j = 1, size(fit%quantities)
-         do k = 1, size(fit%quantities)
-            call text%line(to_text(fit%stage)//','//to_text(fit%elements)//','// &
-               trim(fit%quantities(j)%name)//','//trim(fit%quantities(k)%name)//','// &
-               full(fit%statistics%correlation(j, k)))
-         end do
-      end do
-   end subroutine add_correlations
-
-   !> Autocorrelation of the residuals.
-   subroutine add_autocorrelation(text, fit)
-      type(text_t), intent(inout) :: text
-      type(stage_fit_t), intent(in) :: fit
-      integer :: k
-
-      do k = 1, size(fit%check%autocorrelation)
-         call text%line(to_text(fit%elements)//','//row(k, [fit%check%autocorrelation(k), &
-            fit%check%band]))
-      end do
-   end subroutine add_autocorrelation
+      text = full(value)
+      if (value > huge(value)) text = 'inf'
+   end function limit
 
    !> residual = measured - model, as in the paper
    subroutine add_fit(text, fit, experiments)
@@ -114,31 +130,37 @@ contains
 
       first = 0
       do i = 1, size(experiments)
-         associate (e => experiments(i))
-            do k = 1, size(e%samples)
+         associate (t => experiments(i)%samples, z => experiments(i)%measured)
+            do k = 1, size(t)
                associate (r => fit%fit%residual(first + k))
-                  call text%line(row(fit%elements, [e%samples(k), e%measured(k), &
-                     e%measured(k) + r, -r])//','//to_text(i))
+                  call text%line(csv_row(to_text(fit%elements), [t(k), z(k), z(k) + r, -r])// &
+                     ','//to_text(i))
                end associate
             end do
-            first = first + size(e%samples)
+            first = first + size(t)
          end associate
       end do
    end subroutine add_fit
 
-   subroutine add_response(text, elements, simulation)
-      type(text_t), intent(inout) :: text
-      integer, intent(in) :: elements
-      type(simulation_t), intent(in) :: simulation
-      integer :: k
+   !> response.csv: what each mesh has computed.
+   function response_table(elements, simulations) result(content)
+      integer, intent(in) :: elements(:)
+      type(simulation_t), intent(in) :: simulations(:)
+      character(len=:), allocatable :: content
+      type(text_t) :: text
+      integer :: j, k
 
-      associate (r => simulation%response)
-         do k = 1, size(r%t)
-            call text%line(row(elements, [r%t(k), simulation%force(k), r%displacement(k), &
-               r%velocity(k), simulation%acceleration(k)]))
-         end do
-      end associate
-   end subroutine add_response
+      call text%line('elements,t,force,displacement,velocity,acceleration')
+      do j = 1, size(simulations)
+         associate (s => simulations(j), r => simulations(j)%response)
+            do k = 1, size(r%t)
+               call text%line(csv_row(to_text(elements(j)), [r%t(k), s%force(k), &
+                  r%displacement(k), r%velocity(k), s%acceleration(k)]))
+            end do
+         end associate
+      end do
+      content = text%content()
+   end function response_table
 
    !> roots  [1/time]; frequency_hz is |s|/(2 pi), damping_ratio -Re(s)/|s|
    subroutine add_modes(text, elements, roots)
@@ -151,8 +173,8 @@ contains
       do k = 1, size(roots)
          ratio = 0
          if (abs(roots(k)) > 0) ratio = -real(roots(k))/abs(roots(k))
-         call text%line(to_text(elements)//','//row(k, [abs(roots(k))/(2*acos(-1.0_wp)), &
-            ratio + 0.0_wp, real(roots(k)), aimag(roots(k))]))
+         call text%line(csv_row(to_text(elements)//','//to_text(k), [abs(roots(k))/ &
+            (2*acos(-1.0_wp)), ratio + 0.0_wp, real(roots(k)), aimag(roots(k))]))
       end do
    end subroutine add_modes
 
@@ -161,29 +183,29 @@ contains
       type(text_t), intent(inout) :: text
       integer, intent(in) :: elements
       type(fitted_mode_t), intent(in) :: modes(:)
-      integer :: k, number
+      integer :: k
 
       do k = 1, size(modes)
-         number = count(modes(:k)%record == modes(k)%record)
          associate (mode => modes(k))
-            call text%line(to_text(elements)//','//row(number, [mode%frequency, &
-               mode%damping_ratio, real(mode%s), aimag(mode%s)])//','//to_text(mode%record)//','// &
-               interval(mode%frequency, mode%frequency_half_width)//','// &
-               interval(mode%damping_ratio, mode%damping_half_width))
+            call text%line(csv_row(to_text(elements)//','// &
+               to_text(count(modes(:k)%record == mode%record)), [mode%frequency, &
+               mode%damping_ratio, real(mode%s), aimag(mode%s)])//','//to_text(mode%record)// &
+               ends(mode%frequency, mode%frequency_half_width)// &
+               ends(mode%damping_ratio, mode%damping_half_width))
          end associate
       end do
 
    contains
 
-      !> Its ends, or two empty fields. Neither a frequency nor a damping ratio is negative.
-      function interval(value, half_width) result(ends)
+      !> Of an interval, or two empty fields. Neither a frequency nor a damping ratio is negative.
+      function ends(value, half_width) result(fields)
          real(wp), intent(in) :: value, half_width
-         character(len=:), allocatable :: ends
+         character(len=:), allocatable :: fields
 
-         ends = ','
-         if (half_width < unlimited) ends = full(max(0.0_wp, value - half_width))//ends// &
-            full(value + half_width)
-      end function interval
+         fields = ',,'
+         if (half_width < unlimited) fields = csv_row('', [max(0.0_wp, value - half_width), &
+            value + half_width])
+      end function ends
 
    end subroutine add_fitted_modes
 
@@ -214,7 +236,7 @@ contains
 
       call text%line('t,acceleration')
       do k = 1, size(t)
-         call text%line(full(t(k))//','//full(acceleration(k)))
+         call text%line(csv_row(full(t(k)), acceleration(k:k)))
       end do
       content = text%content()
    end function record_table
@@ -234,18 +256,5 @@ contains
       call text%line('acceleration,'//units%acceleration())
       content = text%content()
    end function labels_table
-
-   !> An integer and numbers, separated by commas.
-   function row(first, values) result(line)
-      integer, intent(in) :: first
-      real(wp), intent(in) :: values(:)
-      character(len=:), allocatable :: line
-      integer :: k
-
-      line = to_text(first)
-      do k = 1, size(values)
-         line = line//','//full(values(k))
-      end do
-   end function row
 
 end module beamid_tables

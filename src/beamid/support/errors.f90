@@ -4,7 +4,7 @@ module beamid_errors
    implicit none
    private
 
-   public :: error_t, bad_input, failure
+   public :: error_t, bad_input, failure, locate
 
    !> Exit status of a computation that could not be finished.
    integer, parameter, public :: status_failed = 1
@@ -39,5 +39,13 @@ contains
       error%message = message
       error%status = status_failed
    end subroutine failure
+
+   !> Says before the message what it belongs to; nothing happens without an error.
+   pure subroutine locate(error, what)
+      type(error_t), allocatable, intent(inout) :: error
+      character(len=*), intent(in) :: what
+
+      if (allocated(error)) error%message = what//': '//error%message
+   end subroutine locate
 
 end module beamid_errors

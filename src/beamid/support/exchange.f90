@@ -1,27 +1,27 @@
 !> The files of an earlier run exchanged for those of a new one: all or none, whatever happens.
 !>
 !> The new files are written to a temporary folder inside the output folder, as `new-<name>`, the
-!> new manifest last. Then the older manifest goes there, as `old-<name>`, and after it each older
-!> file while the new one takes its name; files that an earlier run of the same command has written
-!> and this one has not go as well. The new manifest takes its name when all others have theirs: a
-!> folder without a manifest does not hold whole runs. While the new manifest is in the temporary
-!> folder, an exchange was begun and not ended: `take_back` undoes it, at once when a step fails,
-!> else at the beginning of the next run that writes to the folder.
+!> new manifest last. Then the older manifest goes there, as `old-<name>`, and each older file while
+!> the new one takes its name, and those that only the earlier run of the same command has written.
+!> The new manifest takes its name last: a folder without one does not hold whole runs. While it is
+!> in the temporary folder an exchange was begun and not ended: `take_back` undoes it, at once when
+!> a step fails, else at the beginning of the next run that writes to the folder.
 !>
 !> Runs on one machine wait for one another (`lock_folder`), so a temporary folder of this machine
 !> is one of a program that has died. Those of other machines, which may share the folder, are left;
 !> so are all where the file system knows no locks.
 module beamid_exchange
-   use, intrinsic :: iso_c_binding, only: c_associated, c_int, c_null_char, c_ptr
+   use, intrinsic :: iso_c_binding, only: c_int, c_null_char, c_ptr
    use beamid_errors, only: error_t
    use beamid_files, only: read_text, write_new
-   use beamid_folders, only: list_folder, lock_folder, make_folder, remove_folder, sync_folder
+   use beamid_folders, only: list_folder, lock_folder, make_folder, open_folder, remove_folder, &
+      sync_folder
    use beamid_interrupts, only: hold_signals, release_signals
    use beamid_manifests, only: command_in, compare, entries_in, entry_length, &
       entry_of, manifest_header, manifest_name, name_in
    use beamid_paths, only: join_path
-   use beamid_posix, only: c_closedir, c_getpid, c_link, c_opendir, c_rename, eio, eisdir, &
-      host_name, kind_directory, kind_there, last_errno, max_name
+   use beamid_posix, only: c_closedir, c_getpid, c_link, c_rename, eio, eisdir, &
+      errno_of, host_name, kind_directory, kind_there, max_name
    use beamid_strings, only: to_text
    use beamid_texts, only: text_t
    implicit none
@@ -51,20 +51,14 @@ contains
       character(len=:), allocatable :: temporary
       type(c_ptr) :: folder
       integer(c_int) :: ignored
+      logical :: locked
 
       left = ''
-      folder = c_opendir(directory//c_null_char)
-      if (.not. c_associated(folder)) then
-         code = last_errno()
-         return
-      end if
-      code = 0
-      if (lock_folder(folder)) then
-         call hold_signals()
-         call take_back_all(directory, code, left)
-      else
-         call hold_signals()
-      end if
+      code = open_folder(directory, folder)
+      if (code /= 0) return
+      locked = lock_folder(folder)
+      call hold_signals()
+      if (locked) call take_back_all(directory, code, left)
       if (code == 0) then
          temporary = join_path(directory, prefix()//to_text(int(c_getpid())))
          code = make_folder(temporary)
@@ -261,11 +255,10 @@ contains
       code = renamed(temporary//old//name, join_path(directory, name))
    end function put_back
 
-   integer(c_int) function renamed(from, to) result(code)
+   integer(c_int) function renamed(from, to)
       character(len=*), intent(in) :: from, to
 
-      code = 0
-      if (c_rename(from//c_null_char, to//c_null_char) /= 0) code = last_errno()
+      renamed = errno_of(c_rename(from//c_null_char, to//c_null_char))
    end function renamed
 
 end module beamid_exchange

@@ -5,7 +5,8 @@ module beamid_files
    use beamid_kinds, only: ip
    use beamid_errors, only: error_t, bad_input
    use beamid_posix, only: c_close, c_creat, c_fclose, c_ferror, c_fopen, c_fread, c_fsync, &
-      enoent, file_status, kind_directory, kind_regular, last_errno, reason, write_bytes
+      efbig, enoent, errno_of, file_status, kind_directory, kind_regular, last_errno, reason, &
+      write_bytes
    implicit none
    private
 
@@ -21,87 +22,67 @@ contains
       character(len=*), intent(in) :: path
       character(len=:), allocatable, intent(out) :: text
       type(error_t), allocatable, intent(out) :: error
-      type(c_ptr) :: stream
+      character(len=:), allocatable :: trouble
       integer(c_int) :: code
       integer(ip) :: bytes
       integer :: kind
 
       text = ''
+      trouble = ''
       call file_status(path, kind, bytes, code)
+      if (code == 0 .and. kind == kind_regular .and. bytes <= max_bytes) &
+         call read_stream(path, bytes, text, code)
       if (code == enoent) then
-         call bad_input(error, path//': found no such file, expected a readable file')
+         trouble = 'found no such file, expected a readable file'
+      else if (code == efbig .or. kind == kind_regular .and. bytes > max_bytes) then
+         trouble = 'found more than 1 GiB, expected a smaller file'
       else if (code /= 0) then
-         call unreadable(path, code, error)
+         trouble = 'found "'//reason(code)//'", expected a readable file'
       else if (kind == kind_directory) then
-         call bad_input(error, path//': is a directory, expected a file')
+         trouble = 'is a directory, expected a file'
       else if (kind /= kind_regular) then
-         call bad_input(error, path//': found a pipe or a device, expected a regular file')
-      else if (bytes > max_bytes) then
-         call too_large(path, error)
+         trouble = 'found a pipe or a device, expected a regular file'
       end if
-      if (allocated(error)) return
-
-      stream = c_fopen(path//c_null_char, 'rb'//c_null_char)
-      if (c_associated(stream)) then
-         call read_stream(path, stream, bytes, text, error)
-         code = c_fclose(stream)
-      else
-         call unreadable(path, last_errno(), error)
-      end if
+      if (trouble /= '') call bad_input(error, path//': '//trouble)
    end subroutine read_text
 
-   !> Reads an open stream to its end: a file may hold more bytes than its status said.
-   subroutine read_stream(path, stream, expected_bytes, text, error)
-      !> The file's path, for messages.
+   !> Reads a file to its end: it may hold more bytes than its status said.
+   subroutine read_stream(path, expected_bytes, text, code)
       character(len=*), intent(in) :: path
-      type(c_ptr), intent(in) :: stream
       integer(ip), intent(in) :: expected_bytes
       character(len=:), allocatable, intent(inout) :: text
-      type(error_t), allocatable, intent(out) :: error
+      !> 0 or an errno.
+      integer(c_int), intent(out) :: code
+      type(c_ptr) :: stream
       character(len=:), allocatable :: buffer, larger
-      integer(ip) :: filled, got
-      integer(c_int) :: code
+      integer(ip) :: filled
+      integer(c_int) :: ignored
 
+      stream = c_fopen(path//c_null_char, 'rb'//c_null_char)
+      if (.not. c_associated(stream)) then
+         code = last_errno()
+         return
+      end if
       filled = 0
       allocate (character(len=max(expected_bytes + 1, 4096_ip)) :: buffer)
       do
-         got = c_fread(buffer(filled + 1:), 1_c_size_t, len(buffer, c_size_t) - filled, stream)
+         filled = filled + c_fread(buffer(filled + 1:), 1_c_size_t, &
+            len(buffer, c_size_t) - filled, stream)
          code = last_errno()
-         filled = filled + got
          if (filled < len(buffer, ip) .or. filled > max_bytes) exit
          allocate (character(len=2*filled) :: larger)
          larger(:filled) = buffer
          call move_alloc(larger, buffer)
       end do
-      if (filled > max_bytes) then
-         call too_large(path, error)
-      else if (c_ferror(stream) /= 0) then
-         call unreadable(path, code, error)
-      else
-         text = buffer(:filled)
-      end if
+      if (c_ferror(stream) == 0) code = merge(efbig, 0_c_int, filled > max_bytes)
+      if (code == 0) text = buffer(:filled)
+      ignored = c_fclose(stream)
    end subroutine read_stream
-
-   subroutine unreadable(path, code, error)
-      character(len=*), intent(in) :: path
-      !> The errno.
-      integer(c_int), intent(in) :: code
-      type(error_t), allocatable, intent(out) :: error
-
-      call bad_input(error, path//': found "'//reason(code)//'", expected a readable file')
-   end subroutine unreadable
-
-   subroutine too_large(path, error)
-      character(len=*), intent(in) :: path
-      type(error_t), allocatable, intent(out) :: error
-
-      call bad_input(error, path//': found more than 1 GiB, expected a smaller file')
-   end subroutine too_large
 
    !> Writes one new file and waits until the disk has it; returns 0 or an errno.
    integer(c_int) function write_new(path, text) result(code)
       character(len=*), intent(in) :: path, text
-      integer(c_int) :: fd
+      integer(c_int) :: fd, closing
 
       fd = c_creat(path//c_null_char, int(o'666', c_int))
       if (fd < 0) then
@@ -109,10 +90,9 @@ contains
          return
       end if
       code = write_bytes(fd, text)
-      if (code == 0) then
-         if (c_fsync(fd) /= 0) code = last_errno()
-      end if
-      if (c_close(fd) /= 0 .and. code == 0) code = last_errno()
+      if (code == 0) code = errno_of(c_fsync(fd))
+      closing = errno_of(c_close(fd))
+      if (code == 0) code = closing
    end function write_new
 
 end module beamid_files

@@ -4,12 +4,13 @@ module beamid_folders
    use beamid_kinds, only: ip
    use beamid_paths, only: join_path
    use beamid_posix, only: c_closedir, c_dirfd, c_flock, c_fsync, c_mkdir, c_opendir, c_rmdir, &
-      c_unlink, c_usleep, eagain, eexist, einval, enotdir, entry_name, file_status, &
+      c_unlink, c_usleep, eagain, eexist, einval, enotdir, entry_name, errno_of, file_status, &
       kind_directory, last_errno, lock_exclusive, lock_nonblocking, max_name
    implicit none
    private
 
-   public :: make_folder, make_folders, remove_folder, list_folder, lock_folder, sync_folder
+   public :: make_folder, make_folders, remove_folder, open_folder, list_folder, lock_folder, &
+      sync_folder
 
 contains
 
@@ -54,8 +55,7 @@ contains
    integer(c_int) function make_folder(path) result(code)
       character(len=*), intent(in) :: path
 
-      code = 0
-      if (c_mkdir(path//c_null_char, int(o'777', c_int)) /= 0) code = last_errno()
+      code = errno_of(c_mkdir(path//c_null_char, int(o'777', c_int)))
    end function make_folder
 
    !> Removes a folder and the files in it; what else is there stays, with the folder.
@@ -72,6 +72,16 @@ contains
       if (c_rmdir(path//c_null_char) /= 0) code = last_errno()
    end function remove_folder
 
+   !> Opens a folder; `c_closedir` closes it.
+   integer(c_int) function open_folder(path, folder) result(code)
+      character(len=*), intent(in) :: path
+      type(c_ptr), intent(out) :: folder
+
+      folder = c_opendir(path//c_null_char)
+      code = 0
+      if (.not. c_associated(folder)) code = last_errno()
+   end function open_folder
+
    !> The names in a folder that begin with `prefix`.
    integer(c_int) function list_folder(path, prefix, names) result(code)
       character(len=*), intent(in) :: path, prefix
@@ -80,12 +90,8 @@ contains
       type(c_ptr) :: folder
 
       allocate (names(0))
-      code = 0
-      folder = c_opendir(path//c_null_char)
-      if (.not. c_associated(folder)) then
-         code = last_errno()
-         return
-      end if
+      code = open_folder(path, folder)
+      if (code /= 0) return
       do
          name = entry_name(folder)
          if (name == '') exit
@@ -98,7 +104,7 @@ contains
    !> Waits until no other run changes an open folder, half a minute at most: a run that was stopped
    !> must not hold up this one for ever. .false. as well where a file system knows no locks.
    logical function lock_folder(folder) result(locked)
-      !> From `c_opendir`; the lock ends when it is closed, or with the program.
+      !> From `open_folder`; the lock ends when it is closed, or with the program.
       type(c_ptr), intent(in) :: folder
       integer, parameter :: attempts = 3000
       integer(c_int), parameter :: microseconds = 10000
@@ -119,13 +125,9 @@ contains
       type(c_ptr) :: folder
       integer(c_int) :: ignored
 
-      code = 0
-      folder = c_opendir(path//c_null_char)
-      if (.not. c_associated(folder)) then
-         code = last_errno()
-         return
-      end if
-      if (c_fsync(c_dirfd(folder)) /= 0) code = last_errno()
+      code = open_folder(path, folder)
+      if (code /= 0) return
+      code = errno_of(c_fsync(c_dirfd(folder)))
       if (code == einval) code = 0
       ignored = c_closedir(folder)
    end function sync_folder

@@ -7,16 +7,17 @@ module beamid_interrupts
 
    public :: hold_signals, release_signals
 
-   integer(c_int), parameter :: numbers(*) = [sighup, sigint, sigterm]
-   !> What the program does at each of them otherwise, and at the limit of a file's size.
-   integer(c_intptr_t) :: actions(size(numbers)), action_at_limit
+   integer(c_int), parameter :: numbers(*) = [sighup, sigint, sigterm, sigxfsz]
+   !> What the program does at each of them otherwise.
+   integer(c_intptr_t) :: actions(size(numbers))
    !> The last one that came, or 0.
    integer(c_int), volatile :: waiting = 0
 
 contains
 
    !> From here on the signals of a terminal, of `kill` and of a closed terminal wait; those that
-   !> the program ignores it goes on ignoring. Handlers serve all threads, a signal mask does not.
+   !> the program ignores it goes on ignoring. The limit of a file's size is an error code, not the
+   !> end of the program. Handlers serve all threads, a signal mask does not.
    subroutine hold_signals()
       integer(c_intptr_t) :: ignored
       integer :: k
@@ -24,10 +25,9 @@ contains
       waiting = 0
       do k = 1, size(numbers)
          actions(k) = c_signal(numbers(k), transfer(c_funloc(remember), 0_c_intptr_t))
-         if (actions(k) == sig_ign) ignored = c_signal(numbers(k), sig_ign)
+         if (actions(k) == sig_ign .or. numbers(k) == sigxfsz) &
+            ignored = c_signal(numbers(k), sig_ign)
       end do
-      ! A limit of the size of files shall be an error code, not the end of the program.
-      action_at_limit = c_signal(sigxfsz, sig_ign)
    end subroutine hold_signals
 
    !> The signals act as before; one that came meanwhile does so now.
@@ -39,7 +39,6 @@ contains
       do k = 1, size(numbers)
          ignored = c_signal(numbers(k), actions(k))
       end do
-      ignored = c_signal(sigxfsz, action_at_limit)
       if (waiting /= 0) failed = c_raise(waiting)
    end subroutine release_signals
 

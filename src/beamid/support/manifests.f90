@@ -138,30 +138,20 @@ contains
    pure integer(int32) function crc32(text, before)
       character(len=*), intent(in) :: text
       integer(int32), intent(in) :: before
-      integer(int32) :: table(0:255)
+      integer(int32) :: rest(0:255)   !< remainders of single bytes
       integer(ip) :: at
       integer :: k
 
-      do k = 0, 255
-         table(k) = remainder_of(int(k, int32))
+      rest = [(k, k=0, 255)]
+      do k = 1, 8
+         rest = merge(ieor(shiftr(rest, 1), polynomial), shiftr(rest, 1), btest(rest, 0))
       end do
       crc32 = not(before)
       do at = 1, len(text, ip)
          crc32 = ieor(shiftr(crc32, 8), &
-            table(iand(ieor(crc32, iachar(text(at:at), int32)), 255_int32)))
+            rest(iand(ieor(crc32, iachar(text(at:at), int32)), 255_int32)))
       end do
       crc32 = not(crc32)
    end function crc32
-
-   !> The remainder of one byte.
-   pure integer(int32) function remainder_of(byte) result(rest)
-      integer(int32), intent(in) :: byte
-      integer :: bit
-
-      rest = byte
-      do bit = 1, 8
-         rest = merge(ieor(shiftr(rest, 1), polynomial), shiftr(rest, 1), btest(rest, 0))
-      end do
-   end function remainder_of
 
 end module beamid_manifests

@@ -61,14 +61,9 @@ contains
 
       value = 0
       ok = .false.
-      last = len(token)
-      do at = 1, last
-         if (token(at:at) /= ' ' .and. token(at:at) /= achar(9)) exit
-      end do
-      do last = last, at, -1
-         if (token(last:last) /= ' ' .and. token(last:last) /= achar(9)) exit
-      end do
-      if (at > last) return
+      at = verify(token, blanks)
+      last = verify(token, blanks, back=.true.)
+      if (at == 0) return
       negative = token(at:at) == '-'
       if (negative .or. token(at:at) == '+') at = at + 1
 
@@ -101,26 +96,23 @@ contains
       character(len=*), intent(in) :: text
       integer, intent(inout) :: power
       logical, intent(out) :: ok
-      integer :: at, first, digit, exponent
+      integer :: at, first, exponent
 
-      ok = .false.
-      if (scan(text(1:1), 'eEdD') == 0) return
       first = 2
       call pass_sign(text, first)
-      if (first > len(text) .or. len(text) - first > 2) return
+      ok = scan(text(1:1), 'eEdD') > 0 .and. first <= len(text) .and. len(text) - first <= 2 &
+         .and. verify(text(first:), '0123456789') == 0
+      if (.not. ok) return
       exponent = 0
       do at = first, len(text)
-         digit = iachar(text(at:at)) - 48
-         if (digit < 0 .or. digit > 9) return
-         exponent = 10*exponent + digit
+         exponent = 10*exponent + iachar(text(at:at)) - 48
       end do
       if (text(first - 1:first - 1) == '-') exponent = -exponent
       power = power + exponent
-      ok = .true.
    end subroutine add_exponent
 
-   !> whole*10**power to the nearest double. An integer below 2**53 and a power of ten that is exact
-   !> need one rounding only (Clinger, 1990). Others are computed with 64 bits or more, where the
+   !> whole*10**power to the nearest double. An integer below 2**53 and an exact power of ten need
+   !> one rounding only (Clinger, 1990). Others are computed with 64 bits or more, where the
    !> compiler has them, and taken when all numbers within the error round to the same double.
    pure subroutine scale_exactly(whole, power, value, ok)
       integer(ip), intent(in) :: whole

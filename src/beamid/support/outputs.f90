@@ -98,37 +98,33 @@ contains
       type(error_t), allocatable, intent(out) :: error
       character(len=*), parameter :: forms(4) = [character(len=9) :: 'Infinity', '+Infinity', &
                                                  '-Infinity', 'NaN']
-      integer :: i
+      integer :: i, k
 
       if (.not. allocated(self%files)) return
       do i = 1, size(self%files)
-         if (allocated(error)) return
-         call scan_table(self%files(i)%name, self%files(i)%text)
-      end do
-
-   contains
-
-      subroutine scan_table(name, text)
-         character(len=*), intent(in) :: name, text
-         integer(ip) :: at, next
-         integer :: k
-
          do k = 1, size(forms)
-            at = 0
-            do
-               next = index(text(at + 1:), trim(forms(k)), kind=ip)
-               if (next == 0) exit
-               at = at + next
-               if (.not. (ends_field(text, at - 1) .and. &
-                  ends_field(text, at + len_trim(forms(k))))) cycle
-               call failure(error, name//' would hold a number that is not finite, '// &
-                  trim(forms(k)))
-               return
-            end do
+            if (.not. has_field(self%files(i)%text, trim(forms(k)))) cycle
+            call failure(error, self%files(i)%name//' would hold a number that is not finite, '// &
+               trim(forms(k)))
+            return
          end do
-      end subroutine scan_table
-
+      end do
    end subroutine check_finite
+
+   !> Whether a word fills a field of a table.
+   pure logical function has_field(text, word)
+      character(len=*), intent(in) :: text, word
+      integer(ip) :: at, next
+
+      at = 0
+      do
+         next = index(text(at + 1:), word, kind=ip)
+         has_field = next > 0
+         if (.not. has_field) return
+         at = at + next
+         if (ends_field(text, at - 1) .and. ends_field(text, at + len(word))) return
+      end do
+   end function has_field
 
    !> Whether no field of a table goes on at this place.
    pure logical function ends_field(text, at)

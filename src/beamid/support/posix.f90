@@ -11,7 +11,7 @@ module beamid_posix
    public :: c_link, c_rename, c_unlink, c_mkdir, c_rmdir, c_opendir, c_closedir, c_dirfd, c_flock
    public :: c_getpid, c_signal, c_raise, c_usleep
    public :: file_status, same_file, kind_there, entry_name, host_name, write_bytes, last_errno
-   public :: reason
+   public :: errno_of, reason
 
    integer(c_int), parameter, public :: enoent = 2, eintr = 4, eio = 5, eagain = 11, eexist = 17, &
       enotdir = 20, eisdir = 21, einval = 22, efbig = 27, enospc = 28, edquot = 122
@@ -180,11 +180,8 @@ contains
 
       kind = 0
       bytes = 0
-      code = c_statx(at_fdcwd, path//c_null_char, 0_c_int, basic_fields, status)
-      if (code /= 0) then
-         code = last_errno()
-         return
-      end if
+      code = errno_of(get_status(path, 0_c_int, status))
+      if (code /= 0) return
       kind = iand(int(status%mode), kind_mask)
       bytes = status%bytes
    end subroutine file_status
@@ -196,8 +193,8 @@ contains
       !> Where `rest` has the device.
       integer, parameter :: device = 12
 
-      same = c_statx(at_fdcwd, a//c_null_char, 0_c_int, basic_fields, one) == 0
-      if (same) same = c_statx(at_fdcwd, b//c_null_char, 0_c_int, basic_fields, other) == 0
+      same = get_status(a, 0_c_int, one) == 0
+      if (same) same = get_status(b, 0_c_int, other) == 0
       if (same) same = one%inode == other%inode .and. one%rest(device) == other%rest(device)
    end function same_file
 
@@ -207,9 +204,17 @@ contains
       type(statx_t) :: status
 
       kind_there = 0
-      if (c_statx(at_fdcwd, path//c_null_char, at_symlink_nofollow, basic_fields, status) == 0) &
+      if (get_status(path, at_symlink_nofollow, status) == 0) &
          kind_there = iand(int(status%mode), kind_mask)
    end function kind_there
+
+   integer(c_int) function get_status(path, flags, status)
+      character(len=*), intent(in) :: path
+      integer(c_int), intent(in) :: flags
+      type(statx_t), intent(out) :: status
+
+      get_status = c_statx(at_fdcwd, path//c_null_char, flags, basic_fields, status)
+   end function get_status
 
    !> The name of the next entry of an open folder; '' behind the last.
    function entry_name(folder) result(name)
@@ -268,6 +273,14 @@ contains
          done = done + max(n, 0_ip)
       end do
    end function write_bytes
+
+   !> 0, or the errno of a call that has just returned another number.
+   integer(c_int) function errno_of(returned) result(code)
+      integer(c_int), intent(in) :: returned
+
+      code = 0
+      if (returned /= 0) code = last_errno()
+   end function errno_of
 
    !> The C library's `errno`.
    integer(c_int) function last_errno() result(code)

@@ -43,13 +43,38 @@ contains
       text = trim(buffer)
    end function long_to_text
 
-   !> Six significant digits at most, without trailing zeros.
+   !> Six significant digits at most, without zeros at their end, fixed between 1e-4 and 1e6.
    pure function real_to_text(value) result(text)
       real(wp), intent(in) :: value
       character(len=:), allocatable :: text
+      character(len=40) :: buffer, form
+      integer :: exponent, mark
 
-      text = significant(value, 6)
+      write (buffer, '(es13.5e3)') value
+      text = trim(adjustl(buffer))
+      mark = index(text, 'E')
+      if (value > huge(value)) text = 'inf'
+      if (mark == 0) return
+      read (text(mark + 1:), *) exponent
+      if (exponent >= -4 .and. exponent < 6) then
+         write (form, '(a,i0,a)') '(f40.', 5 - exponent, ')'
+         write (buffer, form) value
+         text = shortest(trim(adjustl(buffer)))
+      else
+         ! Three digits of exponent only where they are needed.
+         text = shortest(text(:mark - 1))//text(mark:mark + 1)// &
+            text(mark + merge(3, 2, abs(exponent) < 100):)
+      end if
    end function real_to_text
+
+   !> Decimals without zeros at their end, and without the point where there are none.
+   pure function shortest(decimals) result(text)
+      character(len=*), intent(in) :: decimals
+      character(len=:), allocatable :: text
+
+      text = decimals(:verify(decimals, '0', back=.true.))
+      text = text(:verify(text, '.', back=.true.))
+   end function shortest
 
    !> Full precision: the decimal form reads back as the same number.
    pure function full(value) result(text)
@@ -71,45 +96,5 @@ contains
       write (form, '(a,i0,a,i0,a)') '(f', width, '.', digits, ')'
       write (text, form) value
    end function fixed
-
-   !> Shortest form with at most `digits` significant digits, fixed between 1e-4 and 1e6.
-   pure function significant(value, digits) result(text)
-      real(wp), intent(in) :: value
-      integer, intent(in) :: digits
-      character(len=:), allocatable :: text
-      character(len=40) :: buffer, form
-      integer :: exponent, mark, last
-
-      write (form, '(a,i0,a)') '(es40.', digits - 1, 'e3)'
-      write (buffer, form) value
-      mark = index(buffer, 'E')
-      if (mark == 0) then
-         text = trim(adjustl(buffer))
-         return
-      end if
-      read (buffer(mark + 1:), *) exponent
-      if (exponent >= -4 .and. exponent < digits) then
-         write (form, '(a,i0,a)') '(f40.', max(0, digits - 1 - exponent), ')'
-         write (buffer, form) value
-         mark = len(buffer) + 1
-      end if
-      last = mark - 1
-      if (index(buffer(:last), '.') > 0) then
-         do while (buffer(last:last) == '0')
-            last = last - 1
-         end do
-         if (buffer(last:last) == '.') last = last - 1
-      end if
-      text = trim(adjustl(buffer(:last)))
-      if (mark <= len(buffer)) then
-         ! Three digits of exponent only where they are needed.
-         if (buffer(mark + 2:mark + 2) == '0') buffer(mark + 2:) = buffer(mark + 3:)
-         text = text//trim(buffer(mark:))
-      end if
-      if (text(1:1) == '.') text = '0'//text
-      if (len(text) > 1) then
-         if (text(1:2) == '-.') text = '-0'//text(2:)
-      end if
-   end function significant
 
 end module beamid_strings

@@ -1,6 +1,6 @@
 !> Lines of reports and of tables: text with numbers in it, columns, comma-separated values.
-module beamid_report_lines
-   use beamid, only: wp
+module beamid_lines
+   use beamid_kinds, only: wp
    use beamid_strings, only: fixed, full, to_text
    use beamid_texts, only: right, text_t
    implicit none
@@ -91,4 +91,4 @@ contains
       end do
    end function csv_row
 
-end module beamid_report_lines
+end module beamid_lines

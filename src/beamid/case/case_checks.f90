@@ -1,0 +1,199 @@
+!> Whether the groups of a case file go together, each of which is sound by itself, and whether they
+!> have all that a command needs.
+module beamid_case_checks
+   use beamid_blocks, only: block_t
+   use beamid_case_files, only: case_t
+   use beamid_errors, only: error_t
+   use beamid_experiments, only: experiment_t
+   use beamid_kinds, only: wp
+   use beamid_numbers, only: shown
+   use beamid_parameters, only: check_structure, parameters
+   use beamid_refusals, only: refuse
+   use beamid_strings, only: lower, to_text
+   use beamid_structure, only: of_x_F, structure_t
+   implicit none
+   private
+
+   public :: check_whole, check_needs, can_be_fitted, place_experiment
+   public :: needs_nothing, needs_response, needs_fit
+
+   !> What a command needs of a case: the structure alone, a response at given times, a fit.
+   integer, parameter :: needs_nothing = 0, needs_response = 1, needs_fit = 2
+
+contains
+
+   !> Whether structure, excitation, mesh and observation go together. Problems stay in the blocks.
+   subroutine check_whole(blocks, case)
+      type(block_t), intent(inout) :: blocks(:)
+      type(case_t), intent(in) :: case
+      type(error_t), allocatable :: error
+      integer :: place, k
+
+      call check_structure(case%model%structure, error, place)
+      if (allocated(error)) then
+         associate (row => parameters(place))
+            k = place_of(blocks, row%group, max(1, row%item))
+            if (k > 0) call blocks(k)%refusals%add(blocks(k)%line_of(trim(row%name)), '&'// &
+               trim(row%group)//' '//error%message)
+         end associate
+         return
+      end if
+      call check_forces(blocks, case)
+      call check_rigid(blocks, case)
+      if (case%model%observation%relative .and. size(case%excitations) > 0 .and. &
+         .not. any(case%excitations%is_base)) then
+         k = place_of(blocks, 'observation', 1)
+         call blocks(k)%refuse('frame', '''relative'' without a base that moves', &
+            '''absolute'', or kind = ''base'' in &excitation')
+      end if
+   end subroutine check_whole
+
+   !> The place of the n-th group of a name; 0 where there are fewer.
+   pure integer function place_of(blocks, name, n) result(k)
+      type(block_t), intent(in) :: blocks(:)
+      character(len=*), intent(in) :: name
+      integer, intent(in) :: n
+      integer :: found
+
+      found = 0
+      do k = 1, size(blocks)
+         if (blocks(k)%name == name) found = found + 1
+         if (found == n) return
+      end do
+      k = 0
+   end function place_of
+
+   !> A force acts on the beam. Where a record has a beam of its own length that shows later.
+   subroutine check_forces(blocks, case)
+      type(block_t), intent(inout) :: blocks(:)
+      type(case_t), intent(in) :: case
+      integer :: k, n
+
+      if (any([(allocated(case%recordings(k)%length), k=1, size(case%recordings))])) return
+      do n = 1, size(case%excitations)
+         if (.not. allocated(case%excitations(n)%x_F)) cycle
+         associate (x_F => case%excitations(n)%x_F, length => case%model%structure%length)
+            k = place_of(blocks, 'excitation', n)
+            if (x_F > length) call blocks(k)%refuse('x_F', to_text(x_F), &
+               'a place above 0, up to the length '//to_text(length))
+         end associate
+      end do
+   end subroutine check_forces
+
+   !> Rigid supports leave the beam some freedom on every mesh.
+   subroutine check_rigid(blocks, case)
+      type(block_t), intent(inout) :: blocks(:)
+      type(case_t), intent(in) :: case
+      integer :: held, k, least
+
+      associate (structure => case%model%structure, mesh => case%meshes( &
+         minloc(case%meshes%elements, dim=1)))
+         held = structure%rigid_supports()
+         least = mesh%elements + mesh%degree - 2 + merge(1, 0, structure%has_root_spring())
+         if (held < least) return
+         k = place_of(blocks, 'support', structure%supports)
+         if (k > 0) call blocks(k)%refuse('', to_text(held)//' rigid ones', 'at most '// &
+            to_text(least - 1)//' on a mesh of '//to_text(mesh%elements)//' elements')
+      end associate
+   end subroutine check_rigid
+
+   !> Refuses a case that lacks what the command needs.
+   !>
+   !> needs  needs_nothing, needs_response or needs_fit
+   subroutine check_needs(case, needs, error)
+      type(case_t), intent(in) :: case
+      integer, intent(in) :: needs
+      type(error_t), allocatable, intent(out) :: error
+      integer :: k
+
+      if (needs == needs_nothing) return
+      if (size(case%excitations) == 0) call refuse(case%path, 0, 'excitation', 'no such group', &
+         'one', error)
+      if (size(case%recordings) == 0) call refuse(case%path, 0, 'record', 'no such group', 'one', &
+         error)
+      if (allocated(error)) return
+      if (needs == needs_response) then
+         call check_response(case, error)
+         return
+      end if
+      do k = 1, size(case%recordings)
+         if (.not. allocated(case%recordings(k)%path)) call refuse(case%path, &
+            case%recordings(k)%line, 'record file', 'nothing', 'the path of a record', error)
+      end do
+      if (size(case%stages) == 0) call refuse(case%path, 0, 'stage', 'no such group', &
+         'one or more', error)
+      if (.not. allocated(case%score)) return
+      if (size(case%recordings) > 1 .or. any(case%excitations%modes > 0) .or. &
+         any(case%stages%offset)) call refuse(case%path, case%score_line, 'score', &
+         'it beside several records, a free start or a free offset', &
+         'one record with a known start', error)
+   end subroutine check_needs
+
+   subroutine check_response(case, error)
+      type(case_t), intent(in) :: case
+      type(error_t), allocatable, intent(inout) :: error
+
+      if (size(case%recordings) > 1) call refuse(case%path, case%recordings(2)%line, 'record', &
+         'a second one', 'one for a response', error)
+      if (case%excitations(1)%modes > 0) call refuse(case%path, 0, 'excitation kind', '''free''', &
+         'a start that is known for a response', error)
+      associate (window => case%recordings(1)%window)
+         if (.not. (allocated(window%t_first) .and. allocated(window%t_last) .and. &
+            allocated(window%t_step))) call refuse(case%path, case%recordings(1)%line, 'record', &
+            'no grid of sample times', 't_first, t_last and t_step', error)
+      end associate
+   end subroutine check_response
+
+   !> Whether the case has all that a fit needs.
+   logical function can_be_fitted(case)
+      type(case_t), intent(in) :: case
+      type(error_t), allocatable :: error
+
+      call check_needs(case, needs_fit, error)
+      can_be_fitted = .not. allocated(error)
+   end function can_be_fitted
+
+   !> Which sensor record k comes from, and its beam where that has a length, a place of the sensor
+   !> or of the support of its own; these must go together.
+   subroutine place_experiment(case, k, experiment, error)
+      type(case_t), intent(in) :: case
+      integer, intent(in) :: k
+      type(experiment_t), intent(inout) :: experiment
+      type(error_t), allocatable, intent(out) :: error
+      type(structure_t) :: s
+      integer :: n
+
+      associate (recording => case%recordings(k), structure => case%model%structure)
+         if (size(case%excitations) > 0) experiment%excitation = &
+            case%excitations(min(k, size(case%excitations)))
+         if (allocated(recording%length)) experiment%length = recording%length
+         if (allocated(recording%x_S)) experiment%x_S = recording%x_S
+         if (allocated(recording%x_P)) experiment%x_P = recording%x_P
+         if (allocated(recording%sensor)) then
+            do n = structure%sensors, 1, -1
+               if (lower(trim(structure%sensor_name(n))) == lower(recording%sensor)) exit
+            end do
+            experiment%sensor = n
+            if (n == 0 .or. recording%sensor == '') call refuse(case%path, &
+               recording%line, 'record sensor', shown(recording%sensor), 'the name of a &sensor', &
+               error)
+         else if (structure%sensors > 1) then
+            call refuse(case%path, recording%line, 'record sensor', 'nothing', &
+               'the name of one of '//to_text(structure%sensors)//' sensors', error)
+         end if
+         if (allocated(recording%x_P) .and. structure%supports /= 1) call refuse(case%path, &
+            recording%line, 'record x_P', 'it beside '//to_text(structure%supports)// &
+            ' groups &support', 'one such group', error)
+         if (allocated(error)) return
+         s = experiment%structure_of(structure)
+         call check_structure(s, error)
+         if (allocated(error)) error%message = case%path//':'//to_text(recording%line)// &
+            ': &record '//error%message
+      end associate
+      if (allocated(error) .or. .not. experiment%excitation%by_displacement) return
+      if (.not. s%static_deflection(s%place(of_x_F))*s%tip_stiffness() > 1e-9_wp) call refuse( &
+         case%path, 0, 'excitation displacement', 'a point that a rigid support holds', &
+         'one that moves', error)
+   end subroutine place_experiment
+
+end module beamid_case_checks

@@ -1,0 +1,166 @@
+!> One stage of a fit: a search, and what it says of the parameters.
+module beamid_stages
+   use beamid_errors, only: error_t
+   use beamid_excitation, only: excitation_t
+   use beamid_kinds, only: wp
+   use beamid_least_squares, only: fit, fit_t, monitor_t, options_t
+   use beamid_parameters, only: as_named, free_magnitude, offset
+   use beamid_residuals, only: residual_t
+   use beamid_responses, only: work_t
+   use beamid_starts, only: automatic_start
+   use beamid_statistics, only: new_statistics, statistics_t
+   use beamid_strings, only: to_text
+   use beamid_structure, only: structure_t
+   use beamid_unknowns, only: name_of, quantity_t, stage_t, variables_of, world_t
+   use beamid_variables, only: unbounded, variable_t
+   use beamid_verification, only: verify_integrator
+   use beamid_whiteness, only: check_residuals, residual_check_t
+   implicit none
+   private
+
+   public :: stage_fit_t, run_stage
+
+   !> The outcome of one stage on one mesh.
+   type :: stage_fit_t
+      integer :: stage = 0
+      integer :: elements = 0
+      integer, allocatable :: free(:)    !< (n) of the parameters that were searched for
+      type(fit_t) :: fit                 !< of these alone
+      !> (n + k) the parameters, then what was eliminated; statistics are of all of them
+      type(quantity_t), allocatable :: quantities(:)
+      !> (m, n + k) by what was searched for, a reciprocal with its sign changed: it falls as the
+      !> parameter grows
+      real(wp), allocatable :: jacobian(:, :)
+      type(structure_t) :: structure     !< of the first record, with the estimates in place
+      type(excitation_t) :: excitation   !< likewise
+      type(world_t) :: world             !< of every record
+      type(statistics_t) :: statistics   !< `samples` is 0 where no degree of freedom was left
+      type(residual_check_t) :: check
+      !> How far an integrator's error has moved an estimate, in standard errors; -1: no integrator
+      real(wp) :: moved = -1
+      character(len=:), allocatable :: reference   !< seen from where
+      real(wp) :: score = -1             !< squared residuals over another window; -1: not asked for
+      type(work_t) :: work
+   end type stage_fit_t
+
+contains
+
+   !> One search and what it says; the estimates stay in the problem's world.
+   !>
+   !> exact  what an integrator's results are checked against
+   subroutine run_stage(problem, exact, stage, options, label, found, error, monitor)
+      type(residual_t), intent(inout) :: problem, exact
+      type(stage_t), intent(in) :: stage
+      type(options_t), intent(in) :: options
+      character(len=*), intent(in) :: label
+      type(stage_fit_t), intent(out) :: found
+      type(error_t), allocatable, intent(out) :: error
+      class(monitor_t), intent(inout), optional :: monitor
+      type(variable_t), allocatable :: variables(:)
+      real(wp) :: moderate
+      integer :: k, n, r
+
+      n = size(stage%free)
+      problem%free = stage%free
+      problem%record = stage%owners()
+      problem%offset = stage%offset
+      problem%work = work_t()
+      if (stage%automatic) call automatic_start(problem, stage, error)
+      if (allocated(error)) return
+      call variables_of(stage, problem%world, variables, found%quantities, error)
+      if (allocated(error)) return
+      associate (names => found%quantities%name)
+         call fit(problem, problem%samples(), variables, options, found%fit, error, monitor, &
+            label, names)
+         if (allocated(error)) return
+         if (.not. problem%exact) call verify_integrator(problem, exact, variables, names, &
+            found%fit, found%moved, found%reference, error)
+         if (allocated(error)) return
+      end associate
+      found%free = stage%free
+      do k = 1, n
+         associate (q => found%quantities(k))
+            q%searched = found%fit%estimate(k)
+            q%value = as_named(q%parameter, q%searched)
+            call problem%world%set(q%parameter, q%record, q%searched)
+            ! What a search leaves beside a bound at 0 is no yardstick.
+            r = max(q%record, 1)
+            moderate = free_magnitude(problem%world%structures(r), problem%world%excitations(r), &
+               q%parameter)
+            q%scale = merge(abs(q%searched), moderate, abs(q%searched) > 1e-9_wp*moderate)
+         end associate
+      end do
+      found%world = problem%world
+      found%structure = found%world%structures(1)
+      found%excitation = found%world%excitations(1)
+      call add_linear(problem, found, error)
+      if (allocated(error)) return
+      do k = 1, n
+         if (found%quantities(k)%is_reciprocal()) found%jacobian(:, k) = -found%jacobian(:, k)
+      end do
+      found%work = problem%work
+      found%check = check_residuals(found%fit%residual, found%jacobian)
+      ! What was eliminated counts, but no one asks whether an offset of nothing differs from it.
+      associate (q => found%quantities)
+         if (problem%samples() > size(q)) call new_statistics(found%jacobian, found%fit%residual, &
+            [q(:n)%searched, q(n + 1:)%scale], q%scale, found%statistics, error)
+      end associate
+   end subroutine run_stage
+
+   !> The quantities that were eliminated, and derivatives with respect to all.
+   subroutine add_linear(problem, found, error)
+      type(residual_t), intent(inout) :: problem
+      type(stage_fit_t), intent(inout) :: found
+      type(error_t), allocatable, intent(out) :: error
+      real(wp), allocatable :: c(:)
+      real(wp) :: r(problem%samples())
+      integer :: i, k, n, modes(size(problem%parts))
+
+      modes = problem%world%excitations%modes
+      n = sum(2*modes + merge(1, 0, problem%offset))
+      if (n == 0) then
+         found%jacobian = found%fit%jacobian
+         return
+      end if
+      allocate (c(n), found%jacobian(size(r), size(found%free) + n))
+      call problem%evaluate(found%fit%estimate, r, found%jacobian, error, c)
+      if (allocated(error)) return
+      n = 0
+      do i = 1, size(modes)
+         do k = 1, modes(i)
+            call add('cos_'//to_text(k), 0)
+            call add('sin_'//to_text(k), 0)
+         end do
+         if (problem%offset) call add('offset', offset)
+      end do
+
+   contains
+
+      !> The next quantity, of record i.
+      subroutine add(name, parameter)
+         character(len=*), intent(in) :: name
+         integer, intent(in) :: parameter
+         type(quantity_t) :: q
+
+         n = n + 1
+         q%record = merge(i, 0, size(modes) > 1)
+         q%name = name_of(name, q%record)
+         q%parameter = parameter
+         q%lower = -unbounded
+         q%upper = unbounded
+         q%value = c(n)
+         associate (experiment => problem%parts(i)%experiment)
+            q%scale = max(norm2(experiment%measured)/sqrt(real(size(experiment%measured), wp)), &
+               tiny(1.0_wp))
+            if (parameter == offset) then
+               q%start = experiment%offset
+               q%value = experiment%offset + c(n)
+               q%scale = q%scale/abs(experiment%scale)
+            end if
+         end associate
+         found%quantities = [found%quantities, q]
+      end subroutine add
+
+   end subroutine add_linear
+
+end module beamid_stages
