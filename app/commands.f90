@@ -155,6 +155,7 @@ contains
       type(simulation_t), allocatable :: simulations(:)
       type(output_t) :: output
       real(wp), allocatable :: times(:)
+      integer, allocatable :: elements(:)
       integer :: k
 
       call read_case(settings%subject, needs_response, case, error)
@@ -167,7 +168,8 @@ contains
          call locate(error, case%path//': elements = '//to_text(case%meshes(k)%elements))
          if (allocated(error)) return
       end do
-      call output%add('response.csv', response_table(case%meshes%elements, simulations))
+      elements = case%meshes%elements
+      call output%add('response.csv', response_table(elements, simulations))
       ! As the sensor would have it: what identify undoes by the same scale and offset.
       associate (recording => case%recordings(1), last => simulations(size(simulations)))
          call output%add('record.csv', record_table(times, (last%acceleration + &

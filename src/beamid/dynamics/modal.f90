@@ -176,6 +176,8 @@ contains
       load%base = excitation%is_base
       if (excitation%distributed) then
          load%shape = matmul(equations%shape(:modes%space%n), modes%shapes)   ! (3.10)
+         if (modes%turn > 0) load%shape(1) = modes%turn*modes%space%length &
+            *equations%galerkin%integral(excitation%power + 1)
       end if
       assembly = new_assembly(equations%structure, modes, parameters, load)
    end subroutine assemble

@@ -19,6 +19,8 @@ module beamid_modes
       real(wp), allocatable :: shapes(:, :)    !< (n, n) columns phi with phi' G phi = 1
       real(wp), allocatable :: tip(:)          !< (n) phi(l)
       real(wp), allocatable :: total(:)        !< (n) integral of phi
+      !> The first mode is turn*x where the beam is pinned; 0 where it is clamped [length**(-3/2)].
+      real(wp) :: turn = 0
       type(spline_space_t) :: space
    contains
       procedure :: at
@@ -70,33 +72,39 @@ contains
          ! The first eigenvalue of a cantilever is 12.36/length**4.
          call shapes_of(galerkin%bending, galerkin%inertia, 12/length**4, modes%shapes, error)
          if (allocated(error)) return
-         if (galerkin%space%turning > 0) call make_turn(galerkin, modes%shapes)
+         modes%total = matmul(galerkin%moments(0.0_wp), modes%shapes)
+         if (galerkin%space%turning > 0) call make_turn(galerkin, modes)
          modes%mu = [(galerkin%bending_energy(modes%shapes(:, k)), k=1, size(modes%shapes, 2))]
          if (galerkin%space%turning > 0) modes%mu(1) = 0
-         modes%total = matmul(galerkin%moments(0.0_wp), modes%shapes)
          modes%tip = modes%at(length, 0)
       end associate
    end subroutine bare_beam_modes
 
-   !> Puts w = x, which every spline space has, in the place of the first shape, and takes it out of
-   !> the others: no round-off of a stiffness moves it.
-   subroutine make_turn(galerkin, shapes)
+   !> The turn w = x, which every spline space has, is known better than by its coefficients: it
+   !> takes the place of the first shape, and is taken out of the others.
+   subroutine make_turn(galerkin, modes)
       type(galerkin_t), intent(in) :: galerkin
-      real(wp), intent(inout) :: shapes(:, :)
+      type(beam_modes_t), intent(inout) :: modes
       type(band_t) :: factor
-      real(wp), dimension(size(shapes, 1)) :: turn, pushed
+      real(wp) :: turned(size(modes%shapes, 1)), moment(size(modes%shapes, 1))
       logical :: positive
       integer :: k
 
+      associate (length => galerkin%space%length)
+         modes%turn = 1/(length*sqrt(galerkin%integral(2.0_wp)))
+         moment = modes%turn*length*galerkin%moments(1.0_wp)
+         modes%total(1) = modes%turn*length*galerkin%integral(1.0_wp)
+      end associate
       factor = galerkin%inertia
       call factor%factor(positive)
-      turn = galerkin%moments(1.0_wp)
-      call factor%solve(turn)
-      turn = turn/sqrt(dot_product(turn, galerkin%inertia%times(turn)))
-      pushed = galerkin%inertia%times(turn)
-      shapes(:, 1) = turn
-      do k = 2, size(shapes, 2)
-         shapes(:, k) = shapes(:, k) - dot_product(pushed, shapes(:, k))*turn
+      turned = moment
+      call factor%solve(turned)
+      modes%shapes(:, 1) = turned
+      do k = 2, size(modes%shapes, 2)
+         associate (share => dot_product(moment, modes%shapes(:, k)))
+            modes%shapes(:, k) = modes%shapes(:, k) - share*turned
+            modes%total(k) = modes%total(k) - share*modes%total(1)
+         end associate
       end do
    end subroutine make_turn
 
@@ -111,6 +119,8 @@ contains
 
       b = self%space%at(x, derivative)
       values = matmul(b, self%shapes)
+      if (self%turn > 0) values(1) = self%turn*merge(x, merge(1.0_wp, 0.0_wp, derivative == 1), &
+         derivative == 0)
    end function at
 
    !> Eigenvectors of K x = lambda M x in ascending order of lambda, x' M x = 1.

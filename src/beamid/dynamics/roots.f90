@@ -21,14 +21,36 @@ module beamid_roots
    real(wp), parameter :: nothing = 1e-60_wp
 
    interface
-      subroutine dsygvd(itype, jobz, uplo, n, a, lda, b, ldb, w, work, lwork, iwork, liwork, info)
+      subroutine dpotrf(uplo, n, a, lda, info)
          import :: wp
-         integer, intent(in) :: itype, n, lda, ldb, lwork, liwork
+         character, intent(in) :: uplo
+         integer, intent(in) :: n, lda
+         real(wp), intent(inout) :: a(lda, *)
+         integer, intent(out) :: info
+      end subroutine dpotrf
+      subroutine dsygs2(itype, uplo, n, a, lda, b, ldb, info)
+         import :: wp
+         integer, intent(in) :: itype, n, lda, ldb
+         character, intent(in) :: uplo
+         real(wp), intent(inout) :: a(lda, *)
+         real(wp), intent(in) :: b(ldb, *)
+         integer, intent(out) :: info
+      end subroutine dsygs2
+      subroutine dsbevd(jobz, uplo, n, kd, ab, ldab, w, z, ldz, work, lwork, iwork, liwork, info)
+         import :: wp
          character, intent(in) :: jobz, uplo
-         real(wp), intent(inout) :: a(lda, *), b(ldb, *)
-         real(wp), intent(out) :: w(*), work(*)
+         integer, intent(in) :: n, kd, ldab, ldz, lwork, liwork
+         real(wp), intent(inout) :: ab(ldab, *)
+         real(wp), intent(out) :: w(*), z(ldz, *), work(*)
          integer, intent(out) :: iwork(*), info
-      end subroutine dsygvd
+      end subroutine dsbevd
+      subroutine dtrsm(side, uplo, transa, diag, m, n, alpha, a, lda, b, ldb)
+         import :: wp
+         character, intent(in) :: side, uplo, transa, diag
+         integer, intent(in) :: m, n, lda, ldb
+         real(wp), intent(in) :: alpha, a(lda, *)
+         real(wp), intent(inout) :: b(ldb, *)
+      end subroutine dtrsm
    end interface
 
 contains
@@ -174,16 +196,26 @@ contains
       end associate
    end subroutine slow_roots
 
-   !> K x = lambda M x by LAPACK; the vectors, x'M x = 1, stand in K afterwards.
+   !> K x = lambda M x by LAPACK; the vectors, x'M x = 1, stand in K afterwards. Not by DSYGVD:
+   !> OpenBLAS shares the work of its DSYMV among threads however little there is, and where others
+   !> want the processors too it waits for them, a hundred times as long as it works. A band matrix
+   !> is made tridiagonal without.
    subroutine solve_symmetric(K, M, lambda, error)
       real(wp), intent(inout) :: K(:, :), M(:, :)
       real(wp), intent(out) :: lambda(:)
       type(error_t), allocatable, intent(out) :: error
-      real(wp) :: work(1 + 6*size(lambda) + 2*size(lambda)**2)
-      integer :: iwork(3 + 5*size(lambda)), info, n
+      real(wp) :: work(1 + 5*size(lambda) + 2*size(lambda)**2), band(size(lambda), size(lambda))
+      integer :: iwork(3 + 5*size(lambda)), info, j, n
 
       n = size(lambda)
-      call dsygvd(1, 'V', 'L', n, K, n, M, n, lambda, work, size(work), iwork, size(iwork), info)
+      call dpotrf('L', n, M, n, info)
+      if (info == 0) call dsygs2(1, 'L', n, K, n, M, n, info)
+      do j = 1, n
+         band(:n - j + 1, j) = K(j:, j)
+      end do
+      if (info == 0) call dsbevd('V', 'L', n, n - 1, band, n, lambda, K, n, work, size(work), &
+         iwork, size(iwork), info)
+      if (info == 0) call dtrsm('L', 'L', 'T', 'N', n, n, 1.0_wp, M, n, K, n)
       if (info /= 0) call failure(error, 'modal: mass matrix is not positive definite')
    end subroutine solve_symmetric
 

@@ -11,7 +11,7 @@ module beamid_stages
    use beamid_statistics, only: new_statistics, statistics_t
    use beamid_strings, only: to_text
    use beamid_structure, only: structure_t
-   use beamid_unknowns, only: name_of, quantity_t, stage_t, variables_of, world_t
+   use beamid_unknowns, only: name_length, name_of, quantity_t, stage_t, variables_of, world_t
    use beamid_variables, only: unbounded, variable_t
    use beamid_verification, only: verify_integrator
    use beamid_whiteness, only: check_residuals, residual_check_t
@@ -57,6 +57,7 @@ contains
       type(error_t), allocatable, intent(out) :: error
       class(monitor_t), intent(inout), optional :: monitor
       type(variable_t), allocatable :: variables(:)
+      character(len=name_length) :: names(size(stage%free))
       real(wp) :: moderate
       integer :: k, n, r
 
@@ -69,14 +70,13 @@ contains
       if (allocated(error)) return
       call variables_of(stage, problem%world, variables, found%quantities, error)
       if (allocated(error)) return
-      associate (names => found%quantities%name)
-         call fit(problem, problem%samples(), variables, options, found%fit, error, monitor, &
-            label, names)
-         if (allocated(error)) return
-         if (.not. problem%exact) call verify_integrator(problem, exact, variables, names, &
-            found%fit, found%moved, found%reference, error)
-         if (allocated(error)) return
-      end associate
+      names = found%quantities%name
+      call fit(problem, problem%samples(), variables, options, found%fit, error, monitor, label, &
+         names)
+      if (allocated(error)) return
+      if (.not. problem%exact) call verify_integrator(problem, exact, variables, names, &
+         found%fit, found%moved, found%reference, error)
+      if (allocated(error)) return
       found%free = stage%free
       do k = 1, n
          associate (q => found%quantities(k))
