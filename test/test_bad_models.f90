@@ -255,14 +255,15 @@ contains
          'modes: found ''1.5''|expected an integer')
       ! Two cubic elements have three functions, and there is the hose.
       call refused_case('more modes than the mesh has', replaced(freed('modes=5'), 't_step=0.1', &
-         't_step=0.01'), 'case.nml|found 5 modes that move at the start|expected at most 4', &
+         't_step=0.01'), 'case.nml: &excitation modes: found 5|expected at most 4', &
          record=long_record())
       call refused_case('free start with a force', freed('modes=1, force=1'), place// &
          'force: found a value|expected none')
       call refused_case('free start with an amplitude', freed('modes=1, amplitude=1'), place// &
          'amplitude: found a value|expected none')
       call refused_case('free start by cvode', replaced(freed(one), '''modal''', '''cvode'''), &
-         'case.nml|found a start that is not known|expected the modal response')
+         'case.nml: &integrator method: found ''cvode'' beside a start that is not known'// &
+         '|expected ''modal''')
       call refused_case('free start', freed(one), &
          'case.nml|&excitation kind: found ''free''|expected a start that is known', 'simulate')
       call refused_case('amplitude of a free start', replaced(freed(one), 'free=''m_H''', &

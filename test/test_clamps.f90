@@ -145,6 +145,7 @@ contains
       type(error_t), allocatable :: error
       real(wp) :: times(400), ends(3), sd
       integer :: i, k, right, infinite, failed
+      character(len=:), allocatable :: why
       type(mesh_t), parameter :: mesh = mesh_t(3, 4, 4, 1)
 
       times = [(0.02_wp + 0.005_wp*i, i=1, 400)]
@@ -154,6 +155,7 @@ contains
       call check('a record', .not. allocated(error))
       if (allocated(error)) return
       sd = 0.1_wp*norm2(clean%acceleration)/sqrt(real(size(times), wp))
+      why = ''
       right = 0
       infinite = 0
       failed = 0
@@ -162,6 +164,7 @@ contains
             clean%acceleration + sd*gaussian_noise(size(times), 1.0_wp, 100 + k), fits, error)
          if (allocated(error)) then
             failed = failed + 1
+            why = error%message
             cycle
          end if
          associate (f => fits(1))
@@ -173,7 +176,7 @@ contains
                ends(2) < f%quantities(2)%value .and. ends(3) >= f%quantities(2)%value)
          end associate
       end do
-      call check('fits: none failed', failed == 0, to_text(failed))
+      call check('fits: none failed', failed == 0, to_text(failed)//why)
       call check('fits: some end at infinity, most do not', infinite > 0 .and. infinite < 60, &
          to_text(infinite))
       call check('fits: intervals of E hold the truth', right > 50, to_text(right))

@@ -9,6 +9,7 @@ module beamid_case_checks
    use beamid_numbers, only: shown
    use beamid_parameters, only: check_structure, parameters
    use beamid_refusals, only: refuse
+   use beamid_responses, only: is_exact
    use beamid_strings, only: lower, to_text
    use beamid_structure, only: of_x_F, structure_t
    implicit none
@@ -104,7 +105,7 @@ contains
       type(case_t), intent(in) :: case
       integer, intent(in) :: needs
       type(error_t), allocatable, intent(out) :: error
-      integer :: k
+      integer :: k, most
 
       if (needs == needs_nothing) return
       if (size(case%excitations) == 0) call refuse(case%path, 0, 'excitation', 'no such group', &
@@ -122,6 +123,17 @@ contains
       end do
       if (size(case%stages) == 0) call refuse(case%path, 0, 'stage', 'no such group', &
          'one or more', error)
+      if (any(case%excitations%modes > 0) .and. .not. is_exact(case%model%solver)) call refuse( &
+         case%path, 0, 'integrator method', '''cvode'' beside a start that is not known', &
+         '''modal'', which knows the modes', error)
+      if (allocated(error)) return
+      associate (s => case%model%structure, mesh => case%meshes(minloc(case%meshes%elements, 1)))
+         most = mesh%elements + mesh%degree - 2 + count([s%has_root_spring(), s%has_hose()]) &
+            - s%rigid_supports()
+      end associate
+      if (any(case%excitations%modes > most)) call refuse(case%path, 0, 'excitation modes', &
+         to_text(maxval(case%excitations%modes)), 'at most '//to_text(most)// &
+         ', as many as the mesh has', error)
       if (.not. allocated(case%score)) return
       if (size(case%recordings) > 1 .or. any(case%excitations%modes > 0) .or. &
          any(case%stages%offset)) call refuse(case%path, case%score_line, 'score', &

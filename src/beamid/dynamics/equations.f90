@@ -174,6 +174,11 @@ contains
       held = held_operators(self)
       if (size(held) == 0) return
       factor = self%stiffness
+      ! Springs where nothing moves change nothing, and hold a beam that only its supports hold.
+      do k = 1, size(held)
+         call factor%add_rank_one(self%structure%tip_stiffness()*self%galerkin%space%length &
+            **(2*operators(held(k))%derivative), self%point(:, held(k)))
+      end do
       ! A hose that no spring holds takes no part in the static shape.
       if (self%structure%has_hose() .and. .not. self%structure%k_H > 0) call factor%add( &
          size(shape), size(shape), self%structure%tip_stiffness())

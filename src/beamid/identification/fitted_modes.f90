@@ -71,7 +71,6 @@ contains
       type(stage_fit_t), intent(in) :: fit
       integer, intent(in) :: record
       complex(wp), intent(in) :: s, ds(:)
-      complex(wp) :: by_name(size(ds))
       logical, intent(in) :: together
       type(fitted_mode_t) :: mode
       real(wp), dimension(size(ds)) :: of_frequency, of_damping   ! sensitivities
@@ -100,11 +99,8 @@ contains
          associate (owner => fit%quantities(:n)%record)
             mine = (owner == 0 .or. owner == record) .and. fit%free /= amplitude
          end associate
-         ! As the sign of the Jacobian has it.
-         by_name = merge(-ds, ds, fit%quantities(:n)%is_reciprocal())
-         of_frequency = merge(real(conjg(s)*by_name)/abs(s), 0.0_wp, mine)
-         of_damping = merge(-real(by_name)/abs(s), 0.0_wp, mine) &
-            + real(s)*of_frequency/abs(s)**2
+         of_frequency = merge(real(conjg(s)*ds)/abs(s), 0.0_wp, mine)
+         of_damping = merge(-real(ds)/abs(s), 0.0_wp, mine) + real(s)*of_frequency/abs(s)**2
          mode%frequency_half_width = t*deviation(of_frequency/two_pi)
          if (abs(aimag(s)) > 0) mode%damping_half_width = t*deviation(of_damping)
       end associate

@@ -7,7 +7,7 @@ module beamid_multistart
    use beamid_kinds, only: wp
    use beamid_least_squares, only: monitor_t
    use beamid_noise, only: uniform_noise
-   use beamid_parameters, only: as_named, free_magnitude, get_free
+   use beamid_parameters, only: as_named, free_magnitude, get_free, parameters
    use beamid_unknowns, only: stage_t
    use beamid_variables, only: unbounded
    implicit none
@@ -97,6 +97,9 @@ contains
                free_magnitude(model%structure, model%excitation, first%free(p)))
             if (first%upper(p) < unbounded .and. first%lower(p) > -unbounded) then
                value = first%lower(p) + u(p)*(first%upper(p) - first%lower(p))
+               ! What may be infinite has no midpoint.
+               if (parameters(first%free(p))%is_reciprocal .and. first%lower(p) > 0) value = &
+                  first%lower(p)*(first%upper(p)/first%lower(p))**u(p)
             else
                value = value*plan%spread**(2*u(p) - 1)
             end if

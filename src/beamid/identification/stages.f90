@@ -28,9 +28,7 @@ module beamid_stages
       type(fit_t) :: fit                 !< of these alone
       !> (n + k) the parameters, then what was eliminated; statistics are of all of them
       type(quantity_t), allocatable :: quantities(:)
-      !> (m, n + k) by what was searched for, a reciprocal with its sign changed: it falls as the
-      !> parameter grows
-      real(wp), allocatable :: jacobian(:, :)
+      real(wp), allocatable :: jacobian(:, :)   !< (m, n + k) by what was searched for
       type(structure_t) :: structure     !< of the first record, with the estimates in place
       type(excitation_t) :: excitation   !< likewise
       type(world_t) :: world             !< of every record
@@ -41,9 +39,21 @@ module beamid_stages
       character(len=:), allocatable :: reference   !< seen from where
       real(wp) :: score = -1             !< squared residuals over another window; -1: not asked for
       type(work_t) :: work
+   contains
+      procedure :: correlation
    end type stage_fit_t
 
 contains
+
+   !> Correlation of two quantities by their names: a stiffness grows as its reciprocal falls.
+   pure real(wp) function correlation(self, j, k)
+      class(stage_fit_t), intent(in) :: self
+      integer, intent(in) :: j, k
+
+      correlation = self%statistics%correlation(j, k)
+      if (self%quantities(j)%is_reciprocal() .neqv. self%quantities(k)%is_reciprocal()) &
+         correlation = -correlation
+   end function correlation
 
    !> One search and what it says; the estimates stay in the problem's world.
    !>
@@ -70,7 +80,7 @@ contains
       if (allocated(error)) return
       call variables_of(stage, problem%world, variables, found%quantities, error)
       if (allocated(error)) return
-      names = found%quantities%name
+      names = found%quantities%searched_name()
       call fit(problem, problem%samples(), variables, options, found%fit, error, monitor, label, &
          names)
       if (allocated(error)) return
@@ -95,9 +105,6 @@ contains
       found%excitation = found%world%excitations(1)
       call add_linear(problem, found, error)
       if (allocated(error)) return
-      do k = 1, n
-         if (found%quantities(k)%is_reciprocal()) found%jacobian(:, k) = -found%jacobian(:, k)
-      end do
       found%work = problem%work
       found%check = check_residuals(found%fit%residual, found%jacobian)
       ! What was eliminated counts, but no one asks whether an offset of nothing differs from it.

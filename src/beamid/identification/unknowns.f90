@@ -16,7 +16,7 @@ module beamid_unknowns
    public :: stage_t, world_t, quantity_t, name_of, variables_of, name_length
 
    !> Of the name of a quantity.
-   integer, parameter :: name_length = parameter_name_length + 6
+   integer, parameter :: name_length = parameter_name_length + 8
 
    !> One search: which parameters are free and from where. Each array has one entry per parameter.
    type :: stage_t
@@ -58,6 +58,7 @@ module beamid_unknowns
    contains
       procedure :: limits
       procedure :: is_reciprocal
+      procedure :: searched_name
    end type quantity_t
 
 contains
@@ -175,6 +176,15 @@ contains
       if (self%parameter > 0) is_reciprocal = parameters(self%parameter)%is_reciprocal
    end function is_reciprocal
 
+   !> The name of what the search looks for.
+   elemental function searched_name(self) result(name)
+      class(quantity_t), intent(in) :: self
+      character(len=name_length) :: name
+
+      name = self%name
+      if (self%is_reciprocal()) name = '1/'//self%name
+   end function searched_name
+
    !> Standard error and both ends of an interval, the ends within the bounds of the search. Of a
    !> reciprocal they follow from those of what was searched for, and may be infinite.
    !>
@@ -203,7 +213,7 @@ contains
       type(error_t), allocatable, intent(out) :: error
       type(stage_t) :: bounded
       type(world_t) :: placed
-      real(wp) :: start(size(stage%free)), range(2)
+      real(wp) :: start(size(stage%free)), range(2), moderate
       integer :: owners(size(stage%free)), k, r
 
       bounded = stage
@@ -243,8 +253,11 @@ contains
                return
             end if
             r = max(owners(k), 1)
+            moderate = free_magnitude(world%structures(r), world%excitations(r), stage%free(k))
+            ! A search does not start from a bound, but near it where that is a rigid spring.
+            if (q%is_reciprocal()) start(k) = max(start(k), 1e-3_wp*moderate)
             variables(k) = new_variable(min(max(start(k), q%lower), q%upper), q%lower, q%upper, &
-               free_magnitude(world%structures(r), world%excitations(r), stage%free(k)))
+               moderate)
             q%start = as_named(stage%free(k), variables(k)%start)
             if (parameters(stage%free(k))%is_reciprocal) then
                range = [q%lower, q%upper]

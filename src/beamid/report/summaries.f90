@@ -98,7 +98,7 @@ contains
       character(len=:), allocatable :: condition, line
       character(len=name_length) :: names(size(fit%quantities))
       character(len=512), allocatable :: sentences(:)
-      integer :: k
+      integer :: j, k
 
       if (fit%statistics%samples == 0) then
          call text%line('No degree of freedom is left for standard errors.')
@@ -118,13 +118,14 @@ contains
                s%std_error(k), s%half_width(k))
             if (.not. fit%check%white) line = line//interval(fit, k, &
                s%corrected_error(k), s%corrected_half_width(k))
-            call text%line(line//columns(s%correlation(k, :k - 1), 9, '#.4'))
+            call text%line(line//columns([(fit%correlation(k, j), j=1, k - 1)], 9, '#.4'))
          end do
          condition = 'unlimited'
          if (s%condition < unlimited) condition = to_text(s%condition)
          call text%line('singular values of the Jacobian per relative change:'// &
             columns(s%singular, 1)//'; condition number '//condition)
-         sentences = undetermined(s, names, [fit%quantities%scale], fit%jacobian)
+         sentences = undetermined(s, [fit%quantities%searched_name()], &
+            [fit%quantities%scale], fit%jacobian)
          do k = 1, size(sentences)
             call text%line(sentences(k))
          end do

@@ -50,7 +50,7 @@ contains
                   do k = 1, size(names)
                      call correlations%line(csv_row(to_text(fit%stage)//','// &
                         to_text(fit%elements)//','//trim(names(j))//','//trim(names(k)), &
-                        [fit%statistics%correlation(j, k)]))
+                        [fit%correlation(j, k)]))
                   end do
                end do
             end associate
@@ -221,7 +221,7 @@ contains
             do j = 1, size(fit%free)
                call text%line(to_text(elements)//','//to_text(k)//','//to_text(minima(k)%count)// &
                   ','//full(fit%fit%J)//','//trim(fit%quantities(j)%name)//','// &
-                  full(fit%quantities(j)%value))
+                  limit(fit%quantities(j)%value))
             end do
          end associate
       end do
