@@ -68,6 +68,7 @@ contains
       class(monitor_t), intent(inout), optional :: monitor
       type(variable_t), allocatable :: variables(:)
       character(len=name_length) :: names(size(stage%free))
+      real(wp), allocatable :: scales(:)
       real(wp) :: moderate
       integer :: k, n, r
 
@@ -109,8 +110,9 @@ contains
       found%check = check_residuals(found%fit%residual, found%jacobian)
       ! What was eliminated counts, but no one asks whether an offset of nothing differs from it.
       associate (q => found%quantities)
+         scales = q%scale
          if (problem%samples() > size(q)) call new_statistics(found%jacobian, found%fit%residual, &
-            [q(:n)%searched, q(n + 1:)%scale], q%scale, found%statistics, error)
+            [q(:n)%searched, q(n + 1:)%scale], scales, found%statistics, error)
       end associate
    end subroutine run_stage
 
