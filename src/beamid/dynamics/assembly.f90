@@ -119,13 +119,6 @@ contains
          end do
       end do
       call set_load(self, modes, slopes, applied)
-      self%rest = self%load(:, 1, 1) - matmul(self%push(:, 1), self%v)
-      allocate (self%rest_slope(self%n, size(parameters)))
-      do p = 1, size(parameters)
-         self%rest_slope(:, p) = self%load_slope(:, 1, 1, p) &
-            - matmul(self%push_slope(:, 1, p), self%v) &
-            - matmul(self%push(:, 1)*self%moves(:, p), self%v_slope)
-      end do
       allocate (self%pole(self%n, 2))
       do i = 1, self%n
          self%pole(i, :) = quadratic(self%pencil(1)%m(i), self%pencil(1)%c(i), &
@@ -255,81 +248,77 @@ contains
             end do
             ! Of a spring so stiff only the root that it sends away would know.
             alone = sum(self%v(row, :)**2/self%pencil(1)%m)
-            self%held(row) = .not. self%compliance(row) > 0
-            if (.not. self%held(row)) self%held(row) = &
-               alone/s(of_compliance) > (far_away*maxval(abs(self%pole)))**2
+            self%held(row) = alone >= s(of_compliance)*(far_away*maxval(abs(self%pole)))**2
          end associate
       end do
    end subroutine set_springs
 
-   !> F and its derivatives.
+   !> F and its derivatives: what acts along the rows of V, and the rest. Of a base that moves -M r
+   !> and, with 1/s, -C r, r the displacement of the whole by one; supports are `lift`.
    subroutine set_load(self, modes, slopes, applied)
       type(assembly_t), intent(inout) :: self
       type(beam_modes_t), intent(in) :: modes
       real(wp), intent(in) :: slopes(:, :, :)
       type(load_t), intent(in) :: applied
-      real(wp) :: point(self%n), moving(self%n), distributed(self%n), moves(size(self%parameters))
-      integer :: k, p
+      real(wp), dimension(self%n) :: point, moving, spread_out
+      real(wp) :: moves(size(self%parameters))
+      integer :: form, k, p
 
       allocate (self%load(self%n, 2, 2), self%load_slope(self%n, 2, 2, size(self%parameters)), &
          self%lift(size(self%v, 1)), source=0.0_wp)
       self%push = row_load(self, self%strength, applied%base)
-      allocate (self%push_slope(size(self%v, 1), 2, size(self%parameters)))
+      allocate (self%push_slope(size(self%v, 1), 2, size(self%parameters)), &
+         self%rest_slope(self%n, size(self%parameters)))
+      spread_out = 0
+      if (applied%base) spread_out(:self%beam) = -modes%total
+      if (allocated(applied%shape)) spread_out(:self%beam) = applied%shape
+      point = 0
+      moving = 0
+      moves = 0
+      if (.not. (applied%base .or. stays_at_tip(self, operators(force_value)%place))) then
+         point = at_point(self, modes, force_value, 0)
+         moving = at_point(self, modes, force_value, 1)
+         moves = moves_of(self, modes, force_value)
+      end if
+      self%rest = rest_load(self%strength)
       do p = 1, size(self%parameters)
          self%push_slope(:, :, p) = row_load(self, slopes(:, :, p), applied%base)
+         self%rest_slope(:, p) = rest_load(slopes(:, :, p)) &
+            + self%strength(force_value, of_load)*moves(p)*moving
       end do
-      if (applied%base) then
-         self%load = base_load(self, modes, self%strength, self%push)
-         do p = 1, size(self%parameters)
-            self%load_slope(:, :, :, p) = base_load(self, modes, slopes(:, :, p), &
-               self%push_slope(:, :, p))
-            do k = 1, size(operators)
-               if (self%row(k) == 0 .or. .not. operators(k)%carried) cycle
-               associate (row => self%row(k))
-                  self%load_slope(:, 1, :, p) = self%load_slope(:, 1, :, p) - spread( &
-                     self%strength(k, of_mass)*self%moves(row, p)*self%v_slope(row, :), 2, 2)
-               end associate
-            end do
-         end do
-         do k = support_value(1), size(operators)
-            if (self%row(k) > 0) self%lift(self%row(k)) = 1
-         end do
-         self%is_carried = any(self%lift > 0) .or. any(abs(self%load(:, 2, :)) > 0)
-         return
-      end if
-      distributed = 0
-      if (allocated(applied%shape)) distributed(:self%beam) = applied%shape
-      point = at_point(self, modes, force_value, 0)
-      moving = at_point(self, modes, force_value, 1)
-      moves = moves_of(self, modes, force_value)
-      self%load(:, 1, :) = spread(self%strength(force_value, of_load)*point &
-         + self%strength(load_shape, of_load)*distributed, 2, 2)
-      do p = 1, size(self%parameters)
-         self%load_slope(:, 1, :, p) = spread(slopes(force_value, of_load, p)*point &
-            + slopes(load_shape, of_load, p)*distributed &
-            + self%strength(force_value, of_load)*moves(p)*moving, 2, 2)
-      end do
-   end subroutine set_load
-
-   !> What masses and the air do as the base moves, or a derivative of it: -M r and, with 1/s, -C r,
-   !> r the displacement of the whole by one. Supports are `lift`.
-   !>
-   !> s     (operators, matrices), or a derivative
-   !> push  (r, 2) of the masses at points
-   function base_load(self, modes, s, push) result(load)
-      type(assembly_t), intent(in) :: self
-      type(beam_modes_t), intent(in) :: modes
-      real(wp), intent(in) :: s(:, :), push(:, :)
-      real(wp) :: load(self%n, 2, 2)
-      integer :: form
-
-      load = 0
       do form = 1, 2
-         load(:self%beam, 1, form) = -s(inertia, of_mass)*modes%total
-         load(:self%beam, 2, form) = -s(inertia, of_damping)*modes%total
-         load(:, 1, form) = load(:, 1, form) + matmul(push(:, form), self%v)
+         self%load(:, 1, form) = self%rest + matmul(self%push(:, form), self%v)
+         do p = 1, size(self%parameters)
+            self%load_slope(:, 1, form, p) = self%rest_slope(:, p) &
+               + matmul(self%push_slope(:, form, p), self%v) &
+               + matmul(self%push(:, form)*self%moves(:, p), self%v_slope)
+         end do
       end do
-   end function base_load
+      if (.not. applied%base) return
+      self%load(:, 2, :) = spread(self%strength(inertia, of_damping)*spread_out, 2, 2)
+      do p = 1, size(self%parameters)
+         self%load_slope(:, 2, :, p) = spread(slopes(inertia, of_damping, p)*spread_out, 2, 2)
+      end do
+      do k = support_value(1), size(operators)
+         if (self%row(k) > 0) self%lift(self%row(k)) = 1
+      end do
+      self%is_carried = any(self%lift > 0) .or. any(abs(self%load(:, 2, :)) > 0)
+
+   contains
+
+      !> What acts along no row, or a derivative of it.
+      pure function rest_load(s) result(rest)
+         real(wp), intent(in) :: s(:, :)   !< (operators, matrices), or a derivative
+         real(wp) :: rest(self%n)
+
+         if (applied%base) then
+            rest = s(inertia, of_mass)*spread_out
+         else
+            rest = s(force_value, of_load)*point + s(load_shape, of_load)*spread_out
+         end if
+      end function rest_load
+
+   end subroutine set_load
 
    !> What of F, or of a derivative, acts along the rows of V.
    !>

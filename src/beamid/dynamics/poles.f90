@@ -172,10 +172,9 @@ contains
       type(vector_t), intent(in) :: vector
       complex(wp), intent(in) :: s
 
-      associate (r => size(assembly%push, 1))
-         driven = sum(assembly%rest*vector%x) &
-            + sum(assembly%push(:, vector%form)*assembly%compliance*vector%y(:r))
-      end associate
+      ! Nothing is pushed along the row of a spring: y is the motion where it counts.
+      driven = sum(assembly%rest*vector%x) &
+         + sum(assembly%push(:, vector%form)*vector%y(:size(assembly%push, 1)))
       if (assembly%is_carried) driven = driven + (sum(assembly%load(:, 2, vector%form)*vector%x) &
          - sum(assembly%lift*vector%f(:size(assembly%lift)))/s)/s
    end function driven_by
@@ -292,8 +291,8 @@ contains
                + 2*vector%dD(i)*x(i)*x_all(i)
          end do
          dr = sum(assembly%rest*x_all) + sum(assembly%rest_slope(:, p)*x) &
-            + sum(assembly%push(:, vector%form)*(A*y_all(:r, 1) + A_p*y(:r))) &
-            + sum(assembly%push_slope(:, vector%form, p)*A*y(:r))
+            + sum(assembly%push(:, vector%form)*y_all(:r, 1)) &
+            + sum(assembly%push_slope(:, vector%form, p)*y(:r))
          do l = 1, r
             do k = 1, r
                A_all = A_all + A(k)*y(k)*((2*pencil%hm(k, l)*ds + H_sp(k, l))*y(l) &
