@@ -6,7 +6,7 @@
 module beamid_equations
    use beamid_bands, only: band_t, new_band
    use beamid_excitation, only: excitation_t
-   use beamid_galerkin, only: galerkin_t
+   use beamid_galerkin, only: galerkin_t, mesh_t
    use beamid_kinds, only: wp
    use beamid_constraints, only: constraints_t
    use beamid_structure, only: structure_t
@@ -16,7 +16,7 @@ module beamid_equations
    implicit none
    private
 
-   public :: equations_t, new_equations
+   public :: equations_t, new_equations, unknowns_of
 
    type :: equations_t
       integer :: n = 0                       !< number of unknowns
@@ -97,6 +97,15 @@ contains
       if (excitation%is_base) self%displacement = self%displacement*(structure%m_T &
          + structure%rho*structure%length)
    end function new_equations
+
+   !> How many unknowns there are on a mesh, less those that rigid supports take away.
+   pure integer function unknowns_of(mesh, structure)
+      type(mesh_t), intent(in) :: mesh
+      type(structure_t), intent(in) :: structure
+
+      unknowns_of = mesh%elements + mesh%degree - 2 + count([structure%has_root_spring(), &
+         structure%has_hose()]) - structure%rigid_supports()
+   end function unknowns_of
 
    !> The vectors of the operators at points.
    !>

@@ -1,0 +1,191 @@
+!> Where the search for the roots of the characteristic equation begins: from the undamped modes of
+!> the whole, by LAPACK.
+module beamid_starting_roots
+   use beamid_assembly, only: assembly_t, quadratic
+   use beamid_errors, only: error_t, failure
+   use beamid_kinds, only: wp
+   use beamid_terms, only: bending, of_damping, of_stiffness
+   use beamid_vectors, only: nearest_pole, root_t
+   implicit none
+   private
+
+   public :: starting_points
+
+   interface
+      subroutine dpotrf(uplo, n, a, lda, info)
+         import :: wp
+         character, intent(in) :: uplo
+         integer, intent(in) :: n, lda
+         real(wp), intent(inout) :: a(lda, *)
+         integer, intent(out) :: info
+      end subroutine dpotrf
+      subroutine dsygs2(itype, uplo, n, a, lda, b, ldb, info)
+         import :: wp
+         integer, intent(in) :: itype, n, lda, ldb
+         character, intent(in) :: uplo
+         real(wp), intent(inout) :: a(lda, *)
+         real(wp), intent(in) :: b(ldb, *)
+         integer, intent(out) :: info
+      end subroutine dsygs2
+      subroutine dsbevd(jobz, uplo, n, kd, ab, ldab, w, z, ldz, work, lwork, iwork, liwork, info)
+         import :: wp
+         character, intent(in) :: jobz, uplo
+         integer, intent(in) :: n, kd, ldab, ldz, lwork, liwork
+         real(wp), intent(inout) :: ab(ldab, *)
+         real(wp), intent(out) :: w(*), z(ldz, *), work(*)
+         integer, intent(out) :: iwork(*), info
+      end subroutine dsbevd
+      subroutine dtrsm(side, uplo, transa, diag, m, n, alpha, a, lda, b, ldb)
+         import :: wp
+         character, intent(in) :: side, uplo, transa, diag
+         integer, intent(in) :: m, n, lda, ldb
+         real(wp), intent(in) :: alpha, a(lda, *)
+         real(wp), intent(inout) :: b(ldb, *)
+      end subroutine dtrsm
+   end interface
+
+contains
+
+   !> Undamped modes of the whole, each with the damping that it sees; the slow roots of overdamped
+   !> ones where they pile up. Off the real axis, since two real roots may have to become a pair.
+   subroutine starting_points(assembly, roots, error)
+      type(assembly_t), intent(in) :: assembly
+      type(root_t), allocatable, intent(out) :: roots(:)
+      type(error_t), allocatable, intent(out) :: error
+      real(wp), dimension(assembly%n, assembly%n) :: M, C, K
+      real(wp) :: lambda(assembly%n), piled(assembly%n)
+      complex(wp) :: pair(2)
+      integer :: half, j, next, side
+
+      call full_matrices(assembly, M, C, K)
+      call slow_roots(assembly, M, C, K, piled)
+      call solve_symmetric(K, M, lambda, error)
+      if (allocated(error)) return
+      half = assembly%roots()/2
+      next = size(piled)
+      allocate (roots(2*half))
+      do j = half, 1, -1
+         pair = quadratic(1.0_wp, dot_product(K(:, j), matmul(C, K(:, j))), max(lambda(j), 0.0_wp))
+         if (abs(aimag(pair(1))) <= 0 .and. piled(next) < 0 .and. &
+            abs(real(pair(1)) - piled(next)) < -0.1_wp*piled(next)) then
+            pair(1) = piled(next)
+            next = next - 1
+         end if
+         do side = 1, 2
+            associate (root => roots(j + (side - 1)*half))
+               root%s = pair(side)
+               if (.not. abs(aimag(root%s)) > 0) root%s = root%s &
+                  + (0.0_wp, 1e-3_wp)*(3 - 2*side)*room(assembly, root%s)
+               root%origin = 0
+               call nearest_pole(assembly, root)
+            end associate
+         end do
+      end do
+   end subroutine starting_points
+
+   !> Slow roots of overdamped modes, near -E/c_D: there the inertia is that at -E/c_D, and with
+   !> s = -E/c_D + epsilon/c_D and B the bending stiffness per unit of E the vectors are those of
+   !> (s**2 M + K_rest) x = -epsilon B x, K_rest the stiffness but for bending.
+   !>
+   !> slow  (n) the nearest to -E/c_D last; 0: no Kelvin-Voigt damping
+   subroutine slow_roots(assembly, M, C, K, slow)
+      type(assembly_t), intent(in) :: assembly
+      real(wp), intent(in) :: M(:, :), C(:, :), K(:, :)
+      real(wp), intent(out) :: slow(:)
+      real(wp), dimension(size(slow), size(slow)) :: x, rest
+      real(wp) :: theta(size(slow))
+      complex(wp) :: pair(2)
+      type(error_t), allocatable :: error
+      integer :: i
+
+      slow = 0
+      associate (c_D => assembly%strength(bending, of_damping), p => assembly%pencil(1), &
+         E => assembly%strength(bending, of_stiffness))
+         if (.not. c_D > 0) return
+         x = 0
+         rest = (E/c_D)**2*M + K
+         do i = 1, assembly%beam
+            x(i, i) = p%k(i)/E
+            rest(i, i) = rest(i, i) - p%k(i)
+         end do
+         call solve_symmetric(x, rest, theta, error)
+         if (allocated(error)) return
+         do i = 1, size(slow)
+            pair = quadratic(dot_product(x(:, i), matmul(M, x(:, i))), &
+               dot_product(x(:, i), matmul(C, x(:, i))), &
+               max(dot_product(x(:, i), matmul(K, x(:, i))), 0.0_wp))
+            if (abs(aimag(pair(1))) <= 0) slow(i) = real(pair(1))
+         end do
+      end associate
+   end subroutine slow_roots
+
+   !> K x = lambda M x by LAPACK; the vectors, x'M x = 1, stand in K afterwards. Not by DSYGVD:
+   !> OpenBLAS shares the work of its DSYMV among threads however little there is, and where others
+   !> want the processors too it waits for them, a hundred times as long as it works. A band matrix
+   !> is made tridiagonal without.
+   subroutine solve_symmetric(K, M, lambda, error)
+      real(wp), intent(inout) :: K(:, :), M(:, :)
+      real(wp), intent(out) :: lambda(:)
+      type(error_t), allocatable, intent(out) :: error
+      real(wp) :: work(1 + 5*size(lambda) + 2*size(lambda)**2), band(size(lambda), size(lambda))
+      integer :: iwork(3 + 5*size(lambda)), info, j, n
+
+      n = size(lambda)
+      call dpotrf('L', n, M, n, info)
+      if (info == 0) call dsygs2(1, 'L', n, K, n, M, n, info)
+      do j = 1, n
+         band(:n - j + 1, j) = K(j:, j)
+      end do
+      if (info == 0) call dsbevd('V', 'L', n, n - 1, band, n, lambda, K, n, work, size(work), &
+         iwork, size(iwork), info)
+      if (info == 0) call dtrsm('L', 'L', 'T', 'N', n, n, 1.0_wp, M, n, K, n)
+      if (info /= 0) call failure(error, 'modal: mass matrix is not positive definite')
+   end subroutine solve_symmetric
+
+   !> How far a slow real root may be moved: those of overdamped modes lie the more densely the
+   !> nearer they are to -E/c_D.
+   pure real(wp) function room(assembly, s)
+      type(assembly_t), intent(in) :: assembly
+      complex(wp), intent(in) :: s
+
+      room = abs(s)
+      associate (k => assembly%strength(bending, of_stiffness), &
+         c => assembly%strength(bending, of_damping))
+         if (c > 0) room = min(room, abs(s + k/c))
+      end associate
+   end function room
+
+   !> M, C and K in the oscillators, to a few digits: a spring that is rigid is a very stiff one.
+   pure subroutine full_matrices(assembly, M, C, K)
+      type(assembly_t), intent(in) :: assembly
+      real(wp), dimension(:, :), intent(out) :: M, C, K
+      real(wp), parameter :: stiffest = 1e4_wp
+      real(wp) :: least
+      integer :: i, r
+
+      associate (p => assembly%pencil(1), v => assembly%v, A => assembly%compliance)
+         r = size(v, 1)
+         M = matmul(matmul(transpose(v), p%hm), v)
+         C = 0
+         K = 0
+         do i = 1, r
+            least = sum(v(i, :)**2)*p%hk(i, i)/(stiffest*maxval(p%k))
+            C = C + outer(matmul(p%hc(i, :), v)/max(A(i), merge(least, 1.0_wp, A(i) < 1)), v(i, :))
+            K = K + outer(matmul(p%hk(i, :), v)/max(A(i), merge(least, 1.0_wp, A(i) < 1)), v(i, :))
+         end do
+         do i = 1, assembly%n
+            M(i, i) = M(i, i) + p%m(i)
+            C(i, i) = C(i, i) + p%c(i)
+            K(i, i) = K(i, i) + p%k(i)
+         end do
+      end associate
+   end subroutine full_matrices
+
+   pure function outer(x, y)
+      real(wp), intent(in) :: x(:), y(:)
+      real(wp) :: outer(size(x), size(y))
+
+      outer = spread(x, 2, size(y))*spread(y, 1, size(x))
+   end function outer
+
+end module beamid_starting_roots
