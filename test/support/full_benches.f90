@@ -6,7 +6,7 @@ module full_benches
    use beamid_kinds, only: wp
    use beamid_structure, only: of_x_F, structure_t, x_P_at, x_S_at
    use dense_matrices, only: dense_of
-   use full_matrices, only: exponential, qp, solve_real
+   use full_matrices, only: exponential, qp, solve_real, square
    implicit none
    private
 
@@ -166,13 +166,5 @@ contains
       end function at
 
    end subroutine assemble
-
-   !> x x'
-   pure function square(x)
-      real(qp), intent(in) :: x(:)
-      real(qp) :: square(size(x), size(x))
-
-      square = spread(x, 1, size(x))*spread(x, 2, size(x))
-   end function square
 
 end module full_benches

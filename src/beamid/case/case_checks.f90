@@ -3,6 +3,7 @@
 module beamid_case_checks
    use beamid_blocks, only: block_t
    use beamid_case_files, only: case_t
+   use beamid_equations, only: unknowns_of
    use beamid_errors, only: error_t
    use beamid_experiments, only: experiment_t
    use beamid_kinds, only: wp
@@ -90,7 +91,7 @@ contains
       associate (structure => case%model%structure, mesh => case%meshes( &
          minloc(case%meshes%elements, dim=1)))
          held = structure%rigid_supports()
-         least = mesh%elements + mesh%degree - 2 + merge(1, 0, structure%has_root_spring())
+         least = unknowns_of(mesh, structure) + held - merge(1, 0, structure%has_hose())
          if (held < least) return
          k = place_of(blocks, 'support', structure%supports)
          if (k > 0) call blocks(k)%refuse('', to_text(held)//' rigid ones', 'at most '// &
@@ -127,10 +128,7 @@ contains
          case%path, 0, 'integrator method', '''cvode'' beside a start that is not known', &
          '''modal'', which knows the modes', error)
       if (allocated(error)) return
-      associate (s => case%model%structure, mesh => case%meshes(minloc(case%meshes%elements, 1)))
-         most = mesh%elements + mesh%degree - 2 + count([s%has_root_spring(), s%has_hose()]) &
-            - s%rigid_supports()
-      end associate
+      most = unknowns_of(case%meshes(minloc(case%meshes%elements, dim=1)), case%model%structure)
       if (any(case%excitations%modes > most)) call refuse(case%path, 0, 'excitation modes', &
          to_text(maxval(case%excitations%modes)), 'at most '//to_text(most)// &
          ', as many as the mesh has', error)

@@ -3,7 +3,7 @@
 !> The model's acceleration is f(p) + Phi(p) c: what a known force causes, and what enters linearly,
 !> the motion of some modes from an unknown start and the offset of the sensor.
 module beamid_experiments
-   use beamid_equations, only: equations_t, new_equations
+   use beamid_equations, only: equations_t, new_equations, unknowns_of
    use beamid_errors, only: error_t, bad_input, failure
    use beamid_excitation, only: excitation_t
    use beamid_free_motion, only: free_mode_t
@@ -78,8 +78,7 @@ contains
          return
       end if
       apparatus%galerkin = new_galerkin(mesh, structure%length, structure%has_root_spring())
-      most = apparatus%galerkin%space%n + merge(1, 0, structure%has_hose()) &
-         - structure%rigid_supports()
+      most = unknowns_of(mesh, structure)
       if (experiment%excitation%modes > most) then
          call bad_input(error, 'found '//to_text(experiment%excitation%modes)//' modes that '// &
             'move at the start, expected at most '//to_text(most)//', as many as the mesh has')

@@ -202,6 +202,16 @@ contains
       if (self%upper < unbounded) limits(3) = min(limits(3), self%upper)
    end function limits
 
+   !> The range of the reciprocals of positive values.
+   pure function reciprocals(range)
+      real(wp), intent(in) :: range(2)
+      real(wp) :: reciprocals(2)
+
+      reciprocals = [0.0_wp, unbounded]
+      if (range(2) < unbounded) reciprocals(1) = 1/range(2)
+      if (range(1) > 0) reciprocals(2) = 1/range(1)
+   end function reciprocals
+
    !> Starts, bounds and scales of a stage's parameters, and the quantities they are.
    !>
    !> error  the bounds of a parameter leave it nothing that keeps everything on the beam
@@ -228,9 +238,7 @@ contains
             if (.not. start(k) <= unbounded) call bad_input(error, trim(parameters( &
                stage%free(k))%name)//': found a start of 0, expected a value above 0')
             if (allocated(error)) return
-            range = [0.0_wp, unbounded]
-            if (bounded%upper(k) < unbounded) range(1) = 1/bounded%upper(k)
-            if (bounded%lower(k) > 0) range(2) = 1/bounded%lower(k)
+            range = reciprocals([bounded%lower(k), bounded%upper(k)])
             bounded%lower(k) = range(1)
             bounded%upper(k) = range(2)
          end if
@@ -259,13 +267,10 @@ contains
             variables(k) = new_variable(min(max(start(k), q%lower), q%upper), q%lower, q%upper, &
                moderate)
             q%start = as_named(stage%free(k), variables(k)%start)
-            if (parameters(stage%free(k))%is_reciprocal) then
-               range = [q%lower, q%upper]
-               q%lower = 0
-               if (range(2) < unbounded) q%lower = 1/range(2)
-               q%upper = unbounded
-               if (range(1) > 0) q%upper = 1/range(1)
-            end if
+            range = [q%lower, q%upper]
+            if (q%is_reciprocal()) range = reciprocals(range)
+            q%lower = range(1)
+            q%upper = range(2)
          end associate
       end do
    end subroutine variables_of
