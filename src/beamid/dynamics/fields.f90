@@ -17,7 +17,7 @@ module beamid_fields
    use beamid_quadrature, only: gauss_legendre, rule_t
    use beamid_responses, only: response_t
    use beamid_splines, only: spline_space_t
-   use beamid_synthesis, only: advance, at_rest, states_t
+   use beamid_synthesis, only: at_rest, states_t
    use beamid_transfer, only: transfer_at, transfer_t
    use beamid_vectors, only: root_t, solve_mass
    implicit none
@@ -185,22 +185,20 @@ contains
       real(wp), intent(in) :: times(:)
       complex(wp), intent(out) :: z(:, :)
       type(states_t) :: states
-      real(wp) :: t, next
-      integer :: j, k, node
+      real(wp), allocatable :: x(:, :)
+      integer :: at, from, i, m
 
-      states = at_rest(poles, .false.)
-      node = 1
-      t = excitation%t(1)
-      do k = 1, size(times)
-         do while (times(k) > t)
-            next = times(k)
-            if (node < size(excitation%t)) next = min(next, excitation%t(node + 1))
-            call advance(states, poles, excitation, node, t, next, with_slopes=.false.)
-            t = next
-            if (node >= size(excitation%t)) cycle
-            if (t >= excitation%t(node + 1)) node = node + 1
-         end do
-         z(k, :) = [states%z, (states%cluster(j)%x, j=1, size(states%cluster))]
+      states = at_rest(poles, excitation, .false.)
+      allocate (x(size(times), states%columns()))
+      call states%through(poles, excitation, times, x)
+      at = 0
+      from = 0
+      do i = 0, size(states%cluster)
+         m = size(states%z, 1)
+         if (i > 0) m = size(states%cluster(i)%x)
+         z(:, at + 1:at + m) = cmplx(x(:, from + 1:from + m), x(:, from + m + 1:from + 2*m), wp)
+         at = at + m
+         from = from + 2*m
       end do
    end subroutine march
 

@@ -11,7 +11,7 @@ module beamid_modal
    use beamid_kinds, only: wp
    use beamid_modes, only: bare_beam_modes, beam_modes_t
    use beamid_poles, only: differentiate_poles, find_poles, poles_t
-   use beamid_responses, only: exact_solver_t, response_t, work_t
+   use beamid_responses, only: exact_solver_t, work_t
    use beamid_structure, only: same_structure, structure_t
    use beamid_synthesis, only: synthesize
    implicit none
@@ -29,7 +29,7 @@ module beamid_modal
       integer, allocatable, private :: layout(:)          !< rows of the assembly they belong to
    contains
       procedure :: prepare
-      procedure :: differentiate
+      procedure :: motions
       procedure :: free_modes
       procedure :: lowest_roots
       procedure, private :: solve
@@ -50,24 +50,22 @@ contains
       if (allocated(self%structure)) deallocate (self%structure)
    end subroutine prepare
 
-   subroutine differentiate(self, equations, excitation, times, parameters, response, slopes, &
-      work, error)
+   subroutine motions(self, equations, excitation, times, which, parameters, motion, work, error)
       class(modal_t), intent(inout) :: self
       type(equations_t), intent(in), target :: equations
       type(excitation_t), intent(in) :: excitation
       real(wp), intent(in) :: times(:)
-      integer, intent(in) :: parameters(:)
-      type(response_t), intent(out) :: response
-      type(response_t), allocatable, intent(out) :: slopes(:)
+      integer, intent(in) :: which(:), parameters(:)
+      real(wp), intent(out) :: motion(:, 0:, :)
       type(work_t), intent(inout) :: work
       type(error_t), allocatable, intent(out) :: error
 
       call self%solve(equations, excitation, parameters, work, error)
       if (allocated(error)) return
-      call synthesize(self%poles, excitation, times, response, slopes)
-      if (.not. all(ieee_is_finite(response%acceleration + response%displacement))) &
+      call synthesize(self%poles, excitation, times, which, motion)
+      if (.not. all(ieee_is_finite(motion(:, 0, :)))) &
          call failure(error, 'modal: the response is not finite')
-   end subroutine differentiate
+   end subroutine motions
 
    !> Poles of the structure and their derivatives; those of the last structure are kept.
    subroutine solve(self, equations, excitation, parameters, work, error)

@@ -39,8 +39,9 @@ module beamid_responses
    type, abstract, extends(solver_t) :: exact_solver_t
    contains
       procedure(prepare), deferred :: prepare
-      procedure(differentiate), deferred :: differentiate
+      procedure(motions), deferred :: motions
       procedure(free_modes), deferred :: free_modes
+      procedure :: differentiate
       procedure :: respond => respond_alone
       procedure :: relative_error => no_error
       procedure :: free_motion
@@ -74,23 +75,22 @@ module beamid_responses
          type(galerkin_t), intent(in) :: galerkin
          type(error_t), allocatable, intent(out) :: error
       end subroutine prepare
-      !> Response together with its derivatives.
+      !> Motions of the observed point together with their derivatives.
       !>
+      !> which       1 displacement, 2 velocity, 3 acceleration
       !> parameters  places among the `parameters`
-      !> slopes      (size(parameters)) derivatives of each motion
-      subroutine differentiate(self, equations, excitation, times, parameters, response, slopes, &
-         work, error)
-         import :: equations_t, error_t, exact_solver_t, excitation_t, response_t, work_t, wp
+      !> motion      (times, 0:parameters, which), 0 the motion itself
+      subroutine motions(self, equations, excitation, times, which, parameters, motion, work, error)
+         import :: equations_t, error_t, exact_solver_t, excitation_t, work_t, wp
          class(exact_solver_t), intent(inout) :: self
          type(equations_t), intent(in), target :: equations
          type(excitation_t), intent(in) :: excitation
          real(wp), intent(in) :: times(:)
-         integer, intent(in) :: parameters(:)
-         type(response_t), intent(out) :: response
-         type(response_t), allocatable, intent(out) :: slopes(:)
+         integer, intent(in) :: which(:), parameters(:)
+         real(wp), intent(out) :: motion(:, 0:, :)
          type(work_t), intent(inout) :: work
          type(error_t), allocatable, intent(out) :: error
-      end subroutine differentiate
+      end subroutine motions
       !> The lowest modes that oscillate, or nearly do.
       !>
       !> modes  (wanted) ascending |s|
@@ -131,6 +131,34 @@ contains
          call solver%prepare(galerkin, error)
       end select
    end subroutine prepare_for
+
+   !> Response together with its derivatives.
+   !>
+   !> parameters  places among the `parameters`
+   !> slopes      (size(parameters)) derivatives of each motion
+   subroutine differentiate(self, equations, excitation, times, parameters, response, slopes, &
+      work, error)
+      class(exact_solver_t), intent(inout) :: self
+      type(equations_t), intent(in), target :: equations
+      type(excitation_t), intent(in) :: excitation
+      real(wp), intent(in) :: times(:)
+      integer, intent(in) :: parameters(:)
+      type(response_t), intent(out) :: response
+      type(response_t), allocatable, intent(out) :: slopes(:)
+      type(work_t), intent(inout) :: work
+      type(error_t), allocatable, intent(out) :: error
+      real(wp), allocatable :: motion(:, :, :)
+      integer :: p
+
+      allocate (motion(size(times), 0:size(parameters), 3))
+      call self%motions(equations, excitation, times, [1, 2, 3], parameters, motion, work, error)
+      if (allocated(error)) return
+      response = response_t(times, motion(:, 0, 1), motion(:, 0, 2), motion(:, 0, 3))
+      allocate (slopes(size(parameters)))
+      do p = 1, size(parameters)
+         slopes(p) = response_t(times, motion(:, p, 1), motion(:, p, 2), motion(:, p, 3))
+      end do
+   end subroutine differentiate
 
    !> A response without derivatives.
    subroutine respond_alone(self, equations, excitation, times, response, work, error)

@@ -111,9 +111,8 @@ contains
       type(work_t), intent(inout) :: work
       type(error_t), allocatable, intent(out) :: error
       type(equations_t), target :: equations
-      type(response_t) :: response
-      type(response_t), allocatable :: sensitivities(:)
       type(excitation_t) :: applied
+      real(wp) :: none(size(y), 0)
       integer :: p
 
       applied = excitation
@@ -123,34 +122,53 @@ contains
       y = 0
       dy = 0
       if (excitation%modes == 0) then
-         select type (solver => self%solver)
-         class is (exact_solver_t)
-            call solver%differentiate(equations, applied, self%sampling%times, parameters, &
-               response, sensitivities, work, error)
-         class default
-            call solver%respond(equations, applied, self%sampling%times, response, work, error)
-            if (size(parameters) > 0) call failure(error, 'this method has no exact derivatives')
-         end select
+         call driven(applied, parameters, y, dy)
          if (allocated(error)) return
-         y = self%sampling%acceleration(response, applied)
-         do p = 1, size(parameters)
-            dy(:, p) = self%sampling%acceleration(sensitivities(p))
-            if (applied%by_displacement) dy(:, p) = dy(:, p) &
-               + structure%stiffening(parameters(p))*y
-         end do
          p = findloc(parameters, amplitude, dim=1)
          if (p > 0) then
             ! Linear in the amplitude: the derivative is the response to a unit one.
             call applied%set_amplitude(1.0_wp)
             call applied%fit_to(structure%stiffness())
-            call self%solver%respond(equations, applied, self%sampling%times, response, work, &
-               error)
+            call driven(applied, [integer ::], dy(:, p), none)
             if (allocated(error)) return
-            dy(:, p) = self%sampling%acceleration(response, applied)
          end if
       end if
       y = y - self%experiment%measured
       call self%free_columns(equations, applied%modes, parameters, offset, phi, dphi, work, error)
+
+   contains
+
+      !> What the force causes, and its derivatives.
+      subroutine driven(force, parameters, y, dy)
+         type(excitation_t), intent(in) :: force
+         integer, intent(in) :: parameters(:)
+         real(wp), intent(out) :: y(:), dy(:, :)
+         type(response_t) :: response
+         real(wp), allocatable :: motion(:, :, :)
+         integer :: p
+
+         associate (sampling => self%sampling)
+            select type (solver => self%solver)
+            class is (exact_solver_t)
+               allocate (motion(size(sampling%times), 0:size(parameters), 1))
+               call solver%motions(equations, force, sampling%times, &
+                  [sampling%observation%formula], parameters, motion, work, error)
+               if (allocated(error)) return
+               y = sampling%of_motion(motion(:, 0, 1)) + sampling%of_base(force)
+               do p = 1, size(parameters)
+                  dy(:, p) = sampling%of_motion(motion(:, p, 1))
+                  if (force%by_displacement) dy(:, p) = dy(:, p) &
+                     + structure%stiffening(parameters(p))*y
+               end do
+            class default
+               call solver%respond(equations, force, sampling%times, response, work, error)
+               if (allocated(error)) return
+               y = sampling%acceleration(response, force)
+               if (size(parameters) > 0) call failure(error, 'this method has no exact derivatives')
+            end select
+         end associate
+      end subroutine driven
+
    end subroutine evaluate
 
    !> Columns of what enters linearly: the two motions of each mode, of which the unknowns are

@@ -27,6 +27,7 @@ module beamid_observation
    contains
       procedure :: acceleration
       procedure :: seen
+      procedure :: of_base
       procedure :: of_motion
       procedure :: at_samples
    end type sampling_t
@@ -87,19 +88,29 @@ contains
       type(response_t), intent(in) :: response
       type(excitation_t), intent(in), optional :: excitation
       real(wp) :: a(size(self%samples))
-      type(response_t) :: absolute
 
-      absolute = response
-      if (present(excitation)) absolute = self%seen(response, excitation)
       select case (self%observation%formula)
       case (from_displacement)
-         a = self%of_motion(absolute%displacement)
+         a = self%of_motion(response%displacement)
       case (from_velocity)
-         a = self%of_motion(absolute%velocity)
+         a = self%of_motion(response%velocity)
       case default
-         a = self%of_motion(absolute%acceleration)
+         a = self%of_motion(response%acceleration)
       end select
+      if (present(excitation)) a = a + self%of_base(excitation)
    end function acceleration
+
+   !> What a base that moves adds at the samples (m); nothing to a motion relative to it.
+   pure function of_base(self, excitation) result(a)
+      class(sampling_t), intent(in) :: self
+      type(excitation_t), intent(in) :: excitation
+      real(wp) :: a(size(self%samples)), base(size(self%times), 3)
+
+      a = 0
+      if (self%observation%relative .or. .not. excitation%is_base) return
+      base = excitation%base(self%times)
+      a = self%of_motion(base(:, self%observation%formula))
+   end function of_base
 
    !> The response as the sensor sees it, with the motion of the base where it is absolute.
    pure function seen(self, response, excitation) result(absolute)
