@@ -147,7 +147,7 @@ contains
             is_there(s, parameters%place)) == 1)
          call check(name//': does something', any(abs(strength_slopes(s, s%length, k)) > 0) &
             .or. any(abs(assembly%moves(:, k)) > 0) &
-            .or. any(abs(assembly%load_slope(:, :, :, k)) > 0))
+            .or. any(abs(assembly%rest_slope(:, k)) > 0))
          wrong = s
          call wrong%set(k, -1.5_wp)
          call check_structure(wrong, error)

@@ -54,15 +54,19 @@ module beamid_assembly
       !> (r, 2) what of F acts along the rows of V, by the two forms, and (r, 2, parameters) its
       !> derivatives: where little moves, V'x tells more than a sum over the oscillators
       real(wp), allocatable :: push(:, :), push_slope(:, :, :)
-      real(wp), allocatable :: rest(:), rest_slope(:, :)   !< the rest of F, (n), (n, parameters)
+      !> the rest of F, (n), (n, parameters), and of what goes with 1/s the derivatives
+      real(wp), allocatable :: rest(:), rest_slope(:, :), carried_slope(:, :)
       !> (r) by which a row is longer as the base moves: support to ground, over s**2
       real(wp), allocatable :: lift(:)
       !> Whether velocity or displacement of the base drive the structure too.
       logical :: is_carried = .false.
       complex(wp), allocatable :: pole(:, :)   !< (n, 2) roots of D_i [1/time]
       integer, allocatable :: parameters(:)    !< places of those to differentiate with respect to
-      type(pencil_t), allocatable :: slope(:, :)        !< (2, parameters) d pencil/d parameter
-      real(wp), allocatable :: load_slope(:, :, :, :)   !< (n, 2, 2, parameters) d load/d parameter
+      !> operators in M, C and K that a parameter changes, and (3, operators, parameters) the
+      !> derivatives of what stands before them in M, C and K
+      integer, allocatable :: changing(:)
+      real(wp), allocatable :: change(:, :, :)
+      real(wp), allocatable :: mu(:)           !< (beam) bending of the modes, of which inertia is 1
       !> (r, n) how a row of v changes as its place moves along the beam of the mesh, and
       !> (r, parameters) how a parameter moves that place; such a row has no entry of H but that on
       !> the diagonal
@@ -79,6 +83,12 @@ module beamid_assembly
       procedure :: roots
       procedure :: load_at
       procedure :: mass_couplings
+      procedure :: products
+      procedure, private :: acts_at_tip
+      procedure :: traces
+      procedure :: varied
+      procedure :: grown
+      procedure :: load_change
    end type assembly_t
 
    !> A root this many times beyond all poles of the oscillators moves nothing that is observed.
@@ -111,12 +121,16 @@ contains
       end do
       call lay_out(self, modes, needed=[(any(abs(self%strength(i, :)) > 0) .or. &
          any(abs(slopes(i, :, :)) > 0) .or. is_spring(i, structure), i=1, size(self%strength, 1))])
-      allocate (self%slope(2, size(parameters)))
+      self%mu = modes%mu
       do form = 1, 2
          self%pencil(form) = new_pencil(self, modes, self%strength, form)
-         do p = 1, size(parameters)
-            self%slope(form, p) = new_pencil(self, modes, slopes(:, :, p), form)
-         end do
+      end do
+      self%changing = pack([(i, i=1, size(operators))], [(operators(i)%derivative < 0 .or. &
+         self%row(i) > 0, i=1, size(operators))] .and. any(any(abs(slopes(:, :, :)) > 0, dim=3), &
+         dim=2))
+      allocate (self%change(3, size(self%changing), size(parameters)))
+      do p = 1, size(parameters)
+         self%change(:, :, p) = transpose(slopes(self%changing, of_mass:of_stiffness, p))
       end do
       call set_load(self, modes, slopes, applied)
       allocate (self%pole(self%n, 2))
@@ -226,7 +240,7 @@ contains
       type(beam_modes_t), intent(in) :: modes
       real(wp), intent(in) :: slopes(:, :, :)
       real(wp) :: unit, alone
-      integer :: form, k, p
+      integer :: form, i, k
 
       allocate (self%compliance(size(self%v, 1)), source=1.0_wp)
       allocate (self%compliance_slope(size(self%v, 1), size(self%parameters)), source=0.0_wp)
@@ -241,11 +255,13 @@ contains
             do form = 1, 2
                self%pencil(form)%hk(row, row) = unit
                self%pencil(form)%hc(row, row) = unit*s(of_compliance)*s(of_damping)
-               do p = 1, size(self%parameters)
-                  self%slope(form, p)%hc(row, row) = unit*(slopes(k, of_compliance, p) &
-                     *s(of_damping) + s(of_compliance)*slopes(k, of_damping, p))
-               end do
             end do
+            if (any(self%changing == k)) then
+               i = findloc(self%changing, k, dim=1)
+               self%change(2, i, :) = unit*(slopes(k, of_compliance, :)*s(of_damping) &
+                  + s(of_compliance)*slopes(k, of_damping, :))
+               self%change(3, i, :) = 0
+            end if
             ! Of a spring so stiff only the root that it sends away would know.
             alone = sum(self%v(row, :)**2/self%pencil(1)%m)
             self%held(row) = alone >= s(of_compliance)*(far_away*maxval(abs(self%pole)))**2
@@ -264,8 +280,7 @@ contains
       real(wp) :: moves(size(self%parameters))
       integer :: form, k, p
 
-      allocate (self%load(self%n, 2, 2), self%load_slope(self%n, 2, 2, size(self%parameters)), &
-         self%lift(size(self%v, 1)), source=0.0_wp)
+      allocate (self%load(self%n, 2, 2), self%lift(size(self%v, 1)), source=0.0_wp)
       self%push = row_load(self, self%strength, applied%base)
       allocate (self%push_slope(size(self%v, 1), 2, size(self%parameters)), &
          self%rest_slope(self%n, size(self%parameters)))
@@ -288,16 +303,12 @@ contains
       end do
       do form = 1, 2
          self%load(:, 1, form) = self%rest + matmul(self%push(:, form), self%v)
-         do p = 1, size(self%parameters)
-            self%load_slope(:, 1, form, p) = self%rest_slope(:, p) &
-               + matmul(self%push_slope(:, form, p), self%v) &
-               + matmul(self%push(:, form)*self%moves(:, p), self%v_slope)
-         end do
       end do
       if (.not. applied%base) return
       self%load(:, 2, :) = spread(self%strength(inertia, of_damping)*spread_out, 2, 2)
+      allocate (self%carried_slope(self%n, size(self%parameters)))
       do p = 1, size(self%parameters)
-         self%load_slope(:, 2, :, p) = spread(slopes(inertia, of_damping, p)*spread_out, 2, 2)
+         self%carried_slope(:, p) = slopes(inertia, of_damping, p)*spread_out
       end do
       do k = support_value(1), size(operators)
          if (self%row(k) > 0) self%lift(self%row(k)) = 1
@@ -349,6 +360,128 @@ contains
          push(self%tip, :) = push(self%tip, :) - s(hose, of_mass)
       end if
    end function row_load
+
+   !> What each operator that changes makes of two motions, z'Op x: of a spring to the ground the
+   !> product of what holds, A y w.
+   !>
+   !> form  of the pencil
+   !> x, y  (n), (r) one motion; z, w the other
+   pure function products(self, form, x, y, z, w) result(q)
+      class(assembly_t), intent(in) :: self
+      integer, intent(in) :: form
+      complex(wp), intent(in) :: x(:), y(:), z(:), w(:)
+      complex(wp) :: q(size(self%changing))
+      integer :: i
+
+      associate (b => self%beam, tip => self%tip, A => self%compliance)
+         do i = 1, size(self%changing)
+            associate (k => self%changing(i), row => self%row(self%changing(i)))
+               q(i) = 0
+               if (row > 0) then
+                  q(i) = A(row)*y(row)*w(row)
+               else if (k == inertia) then
+                  q(i) = sum(x(:b)*z(:b))
+               else if (k == bending) then
+                  q(i) = sum(self%mu*x(:b)*z(:b))
+               else if (self%hose == 0) then
+                  if (self%acts_at_tip(k)) q(i) = y(tip)*w(tip)
+               else if (form == 1 .and. k == stretch) then
+                  q(i) = (x(b + 1) - y(tip))*(z(b + 1) - w(tip))
+               else if (form == 2 .and. k == hose) then
+                  q(i) = (x(b + 1) + y(tip))*(z(b + 1) + w(tip))
+               else if (k == hose .or. k == stretch) then
+                  q(i) = x(b + 1)*z(b + 1)
+               end if
+            end associate
+         end do
+      end associate
+   end function products
+
+   !> The same of the trace of Op Q**-1.
+   !>
+   !> diagonal, T  of Q**-1 (n), and A**-1 V'Q**-1 V (r, r)
+   pure function traces(self, form, diagonal, T) result(q)
+      class(assembly_t), intent(in) :: self
+      integer, intent(in) :: form
+      complex(wp), intent(in) :: diagonal(:), T(:, :)
+      complex(wp) :: q(size(self%changing))
+      integer :: i
+
+      associate (b => self%beam, tip => self%tip, h => self%hose)
+         do i = 1, size(self%changing)
+            associate (k => self%changing(i), row => self%row(self%changing(i)))
+               q(i) = 0
+               if (row > 0) then
+                  q(i) = T(row, row)
+               else if (k == inertia) then
+                  q(i) = sum(diagonal(:b))
+               else if (k == bending) then
+                  q(i) = sum(self%mu*diagonal(:b))
+               else if (h == 0) then
+                  if (self%acts_at_tip(k)) q(i) = T(tip, tip)
+               else if (form == 1 .and. k == stretch) then
+                  q(i) = diagonal(b + 1) + T(tip, tip) - T(tip, h) - T(h, tip)
+               else if (form == 2 .and. k == hose) then
+                  q(i) = diagonal(b + 1) + T(tip, tip) + T(tip, h) + T(h, tip)
+               else if (k == hose .or. k == stretch) then
+                  q(i) = diagonal(b + 1)
+               end if
+            end associate
+         end do
+      end associate
+   end function traces
+
+   !> Whether an operator of a hose that is no oscillator acts at the tip: one that nothing holds
+   !> yet stays where it is, one without mass moves with the tip once it has any.
+   pure logical function acts_at_tip(self, k)
+      class(assembly_t), intent(in) :: self
+      integer, intent(in) :: k
+
+      acts_at_tip = merge(stretch, hose, self%structure%has_hose()) == k .and. &
+         (self%structure%has_hose() .or. any(self%strength(stretch, :) > 0))
+   end function acts_at_tip
+
+   !> Sum of s**2 M_p + s C_p + K_p over the operators.
+   !>
+   !> q  (operators that change) `products` or `traces`
+   !> p  place among the parameters
+   pure complex(wp) function varied(self, q, s, p)
+      class(assembly_t), intent(in) :: self
+      complex(wp), intent(in) :: q(:), s
+      integer, intent(in) :: p
+      integer :: i
+
+      varied = 0
+      do i = 1, size(q)
+         varied = varied + ((self%change(1, i, p)*s + self%change(2, i, p))*s &
+            + self%change(3, i, p))*q(i)
+      end do
+   end function varied
+
+   !> Sum of 2 s M_p + C_p over the operators.
+   pure complex(wp) function grown(self, q, s, p)
+      class(assembly_t), intent(in) :: self
+      complex(wp), intent(in) :: q(:), s
+      integer, intent(in) :: p
+      integer :: i
+
+      grown = 0
+      do i = 1, size(q)
+         grown = grown + (2*self%change(1, i, p)*s + self%change(2, i, p))*q(i)
+      end do
+   end function grown
+
+   !> x'F_p at s, but for rows whose place moves.
+   !>
+   !> x, y  (n), (r) a motion
+   pure complex(wp) function load_change(self, form, x, y, s, p) result(change)
+      class(assembly_t), intent(in) :: self
+      integer, intent(in) :: form, p
+      complex(wp), intent(in) :: x(:), y(:), s
+
+      change = sum(self%rest_slope(:, p)*x) + sum(self%push_slope(:, form, p)*y)
+      if (allocated(self%carried_slope)) change = change + sum(self%carried_slope(:, p)*x)/s
+   end function load_change
 
    !> F at s.
    pure function load_at(self, s, form) result(load)

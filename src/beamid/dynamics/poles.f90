@@ -15,7 +15,7 @@ module beamid_poles
    use beamid_kinds, only: wp
    use beamid_roots, only: find_roots
    use beamid_strings, only: to_text
-   use beamid_vectors, only: find_vector, most, root_t, solve_coupled, solve_mass, vector_t
+   use beamid_vectors, only: find_vector, root_t, solve_coupled, solve_mass, vector_t
    implicit none
    private
 
@@ -183,7 +183,6 @@ contains
    subroutine differentiate_poles(assembly, poles)
       type(assembly_t), intent(in) :: assembly
       type(poles_t), intent(inout) :: poles
-      complex(wp) :: D_all(assembly%n), x_all(assembly%n)
       integer :: k, p, n
 
       n = size(assembly%parameters)
@@ -196,11 +195,9 @@ contains
       if (n == 0) return
       do k = 1, size(poles%s)
          if (any(poles%cluster%holds(poles%s(k)))) cycle
-         do p = 1, n
-            call differentiate_root(assembly, poles%root(k), poles%vector(k), p, D_all, x_all, &
-               poles%ds(k, p), poles%dr(k, p))
-            poles%dr(k, p) = weight(poles%s(k))*poles%dr(k, p)
-         end do
+         call differentiate_root(assembly, poles%root(k), poles%vector(k), poles%ds(k, :), &
+            poles%dr(k, :))
+         poles%dr(k, :) = weight(poles%s(k))*poles%dr(k, :)
       end do
       do k = 1, size(poles%cluster)
          associate (cluster => poles%cluster(k))
@@ -215,109 +212,99 @@ contains
       call differentiate_impulse(assembly, poles%dimpulse)
    end subroutine differentiate_poles
 
-   !> ds/dp and dr/dp of one root: every quantity of `beamid_vectors` differentiated in turn, with
-   !> the root as a function of p. Loops rather than matrix products: the matrices are tiny, and a
-   !> search comes here hundreds of times.
+   !> ds/dp and dr/dp of one root.
    !>
-   !> D_all, x_all  (n) room to work in
-   pure subroutine differentiate_root(assembly, root, vector, p, D_all, x_all, ds, dr)
+   !> With Q = s**2 M + s C + K and the total derivative Q' = Q_p + (2 s M + C) ds/dp the vector's
+   !> own is x' = -Q**-1 Q'x with x_j' = 0. It is not needed by itself: the derivative of
+   !> r = (o'x)(x'F)/A is g'x', and with Q z = g, z_j = 0, that is -z'Q'x. z is as many oscillators
+   !> and rows w as x and y are, whatever the number of parameters.
+   pure subroutine differentiate_root(assembly, root, vector, ds, dr)
       type(assembly_t), intent(in) :: assembly
       type(root_t), intent(in) :: root
       type(vector_t), intent(in) :: vector
-      integer, intent(in) :: p
-      complex(wp), intent(out) :: D_all(:), x_all(:), ds, dr
-      complex(wp), dimension(most, most) :: H_p, H_sp, H_all
-      complex(wp) :: y_all(most, 1), f_all(most), A_all, force, driven, turned(most)
-      integer :: i, k, l, r
+      complex(wp), intent(out) :: ds(:), dr(:)
+      complex(wp), dimension(assembly%n) :: z
+      complex(wp), dimension(size(assembly%v, 1)) :: w, mu, turned
+      complex(wp), dimension(size(assembly%changing)) :: xx, xz
+      complex(wp) :: seen, driven, r, along, x_x, x_z
+      integer :: p, l
 
-      r = size(assembly%v, 1)
-      associate (pencil => assembly%pencil(vector%form), x => vector%x, y => vector%y, &
-         slope => assembly%slope(vector%form, p), f => vector%f, D => vector%D, &
-         v => assembly%v, j => root%j, s => root%s, sensor => assembly%sensor, &
-         moves => assembly%moves(:, p), A => assembly%compliance, &
-         A_p => assembly%compliance_slope(:, p))
-         ds = 0
-         do i = 1, assembly%n
-            D_all(i) = (slope%m(i)*s + slope%c(i))*s + slope%k(i)
-            ds = ds + D_all(i)*x(i)**2
-         end do
-         do l = 1, r
-            do k = 1, r
-               H_p(k, l) = (slope%hm(k, l)*s + slope%hc(k, l))*s + slope%hk(k, l)
-               H_sp(k, l) = 2*slope%hm(k, l)*s + slope%hc(k, l)
-               ds = ds + A(k)*y(k)*H_p(k, l)*y(l)
-            end do
-            ds = ds - A_p(l)*f(l)*y(l)
-         end do
-         turned = 0
-         do l = 1, r
-            if (.not. abs(moves(l)) > 0) cycle
-            turned(l) = moves(l)*sum(assembly%v_slope(l, :)*x)
-            ds = ds + 2*turned(l)*f(l)
-         end do
-         ds = -ds/vector%A
-
-         do l = 1, r
-            H_all(:r, l) = vector%dH(:r, l)*ds + H_p(:r, l)
-         end do
-         do k = 1, r
-            f_all(k) = sum(H_all(k, :r)*y(:r))
-         end do
-         do k = 1, r
-            y_all(k, 1) = -sum(vector%G(k, :r)*f_all(:r)) - A_p(k)*y(k)
-         end do
-         do i = 1, assembly%n
-            D_all(i) = vector%dD(i)*ds + D_all(i)
-            x_all(i) = 0
-            if (i == j) cycle
-            x_all(i) = x(i)*D_all(i)
-            do l = 1, r
-               if (abs(moves(l)) > 0) x_all(i) = x_all(i) + moves(l)*assembly%v_slope(l, i)*f(l)
-            end do
-            x_all(i) = -x_all(i)/D(i)
-            y_all(:r, 1) = y_all(:r, 1) + v(:, i)*x_all(i)
-         end do
-         y_all(:r, 1) = y_all(:r, 1) + turned(:r)
-         call solve_coupled(assembly, vector, y_all(:r, :))
-         do k = 1, r
-            f_all(k) = f_all(k) + sum(vector%H(k, :r)*y_all(:r, 1))
-         end do
-         A_all = 0
+      associate (x => vector%x, y => vector%y(:size(w)), f => vector%f(:size(w)), s => root%s, &
+         form => vector%form, hm => assembly%pencil(vector%form)%hm, A => assembly%compliance, &
+         dH => vector%dH(:size(w), :size(w)), pencil => assembly%pencil(1))
          driven = driven_by(assembly, vector, s)
-         do i = 1, assembly%n
-            force = sum(v(:, i)*f_all(:r))
-            if (i /= j) x_all(i) = x_all(i) - force/D(i)
-            A_all = A_all + (2*(pencil%m(i)*ds + slope%m(i)*s) + slope%c(i))*x(i)**2 &
-               + 2*vector%dD(i)*x(i)*x_all(i)
+         seen = y(assembly%sensor)/vector%A
+         r = seen*driven/vector%A
+         call adjoint(assembly, root, vector, seen, driven/vector%A, z, w, mu)
+         xx = assembly%products(form, x, y, x, y)
+         xz = assembly%products(form, x, y, z, w)
+         ! What goes with ds/dp, from Q' and from A and F, which know s by themselves.
+         along = -sum(z*vector%dD*x) - sum(A*w*matmul(dH, y)) &
+            - 2*r*(sum(pencil%m*x**2) + sum(A*y*matmul(hm, y)))
+         if (assembly%is_carried) along = along - seen*(sum(assembly%load(:, 2, form)*x) &
+            - 2*sum(assembly%lift*f)/s)/s**2
+         do p = 1, size(ds)
+            associate (A_p => assembly%compliance_slope(:, p), moves => assembly%moves(:, p))
+               x_x = assembly%varied(xx, s, p) - sum(A_p*f*y)
+               x_z = assembly%varied(xz, s, p) - sum(A_p*f*w)
+               if (any(abs(moves) > 0)) then
+                  turned = 0
+                  do l = 1, size(w)
+                     if (abs(moves(l)) > 0) turned(l) = moves(l)*sum(assembly%v_slope(l, :)*x)
+                  end do
+                  x_x = x_x + 2*sum(turned*f)
+                  x_z = x_z + sum(turned*mu) + sum(moves*matmul(assembly%v_slope, z)*f)
+               end if
+               ds(p) = -x_x/vector%A
+               dr(p) = along*ds(p) - x_z + seen*assembly%load_change(form, x, y, s, p) &
+                  - r*(assembly%grown(xx, s, p) - sum(A_p*y*matmul(dH, y)))
+            end associate
          end do
-         dr = sum(assembly%rest*x_all) + sum(assembly%rest_slope(:, p)*x) &
-            + sum(assembly%push(:, vector%form)*y_all(:r, 1)) &
-            + sum(assembly%push_slope(:, vector%form, p)*y(:r))
-         do l = 1, r
-            do k = 1, r
-               A_all = A_all + A(k)*y(k)*((2*pencil%hm(k, l)*ds + H_sp(k, l))*y(l) &
-                  + 2*vector%dH(k, l)*y_all(l, 1))
-            end do
-            A_all = A_all + A_p(l)*y(l)**2*vector%dH(l, l)
-         end do
-         if (assembly%is_carried) dr = dr + carried(assembly, vector, p, s, ds, x_all, f_all)
-         dr = (y_all(sensor, 1)*driven + y(sensor)*dr - y(sensor)*driven/vector%A*A_all)/vector%A
       end associate
    end subroutine differentiate_root
 
-   !> The derivative of x'F that velocity and displacement of the base add.
-   pure complex(wp) function carried(assembly, vector, p, s, ds, x_all, f_all)
+   !> What x'(2 s M + C) x, o'x and x'F make of a change of the vector, through Q**-1.
+   !>
+   !> seen, driven  o'x/A and x'F/A
+   !> z, w          as x and y of a vector, z_j = 0
+   !> mu            the force along the rows, as f of a vector
+   pure subroutine adjoint(assembly, root, vector, seen, driven, z, w, mu)
       type(assembly_t), intent(in) :: assembly
+      type(root_t), intent(in) :: root
       type(vector_t), intent(in) :: vector
-      integer, intent(in) :: p
-      complex(wp), intent(in) :: s, ds, x_all(:), f_all(:)
+      complex(wp), intent(in) :: seen, driven
+      complex(wp), intent(out) :: z(:), w(:), mu(:)
+      complex(wp) :: along(size(w)), b(size(w), 1)
+      integer :: i, l, r
 
-      associate (load => assembly%load(:, 2, vector%form), r => size(assembly%lift), &
-         load_p => assembly%load_slope(:, 2, vector%form, p))
-         carried = (sum(load_p*vector%x) + sum(load*(x_all - vector%x*ds/s)) &
-            - sum(assembly%lift*(f_all(:r) - 2*vector%f(:r)*ds/s))/s)/s
+      r = size(w)
+      associate (v => assembly%v, y => vector%y(:r), H => vector%H(:r, :r), &
+         dH => vector%dH(:r, :r), G => vector%G(:r, :r))
+         along = seen*(assembly%push(:, vector%form) - 2*driven*matmul(dH, y))
+         along(assembly%sensor) = along(assembly%sensor) + driven
+         z = seen*(assembly%rest - 2*driven*vector%dD*vector%x)
+         b = 0
+         if (assembly%is_carried) then
+            z = z + seen*assembly%load(:, 2, vector%form)/root%s
+            b(:, 1) = seen*assembly%lift/root%s**2
+         end if
+         z(root%j) = 0
+         do i = 1, assembly%n
+            if (i == root%j) cycle
+            z(i) = z(i)/vector%D(i)
+            do l = 1, r
+               b(l, 1) = b(l, 1) + v(l, i)*z(i)
+            end do
+         end do
+         b(:, 1) = b(:, 1) + matmul(G, along)
+         call solve_coupled(assembly, vector, b)
+         w = b(:, 1)
+         mu = matmul(H, w) - along
+         do i = 1, assembly%n
+            if (i /= root%j) z(i) = z(i) - sum(v(:, i)*mu)/vector%D(i)
+         end do
       end associate
-   end function carried
+   end subroutine adjoint
 
    !> Derivatives of o' M**-1 F: -(M**-1 o)' M_p (M**-1 F), with what moves and a load that changes.
    subroutine differentiate_impulse(assembly, slopes)
@@ -326,20 +313,22 @@ contains
       real(wp), dimension(assembly%n) :: o, x
       real(wp), dimension(size(assembly%v, 1)) :: yo, yx, seen
       real(wp) :: hm(size(assembly%v, 1), size(assembly%v, 1))
+      complex(wp) :: moved(size(assembly%changing))
       integer :: p
 
       hm = assembly%mass_couplings()
       call solve_mass(assembly, assembly%v(assembly%sensor, :), o, yo)
       call solve_mass(assembly, assembly%load(:, 1, 1), x, yx, -assembly%lift)
+      moved = assembly%products(1, cmplx(x, kind=wp), cmplx(yx, kind=wp), cmplx(o, kind=wp), &
+         cmplx(yo, kind=wp))
       do p = 1, size(slopes)
-         associate (slope => assembly%slope(1, p), moves => assembly%moves(:, p), &
-            d => assembly%v_slope)
-            slopes(p) = -sum(o*slope%m*x) - dot_product(yo, matmul(slope%hm, yx)) &
-               + dot_product(o, assembly%load_slope(:, 1, 1, p))
+         associate (moves => assembly%moves(:, p), d => assembly%v_slope)
+            slopes(p) = -sum(assembly%change(1, :, p)*real(moved)) &
+               + sum(assembly%rest_slope(:, p)*o) + sum(assembly%push_slope(:, 1, p)*yo)
             if (.not. any(abs(moves) > 0)) cycle
             seen = moves*matmul(d, x)
             slopes(p) = slopes(p) + seen(assembly%sensor) - dot_product(yo, matmul(hm, seen)) &
-               - dot_product(moves*matmul(d, o), matmul(hm, yx))
+               - dot_product(moves*matmul(d, o), matmul(hm, yx) - assembly%push(:, 1))
          end associate
       end do
    end subroutine differentiate_impulse

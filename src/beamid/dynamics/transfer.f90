@@ -104,25 +104,24 @@ contains
       type(assembly_t), intent(in) :: assembly
       complex(wp), intent(in) :: s, o(:), u_o(:), diagonal(:), T(:, :), H(:, :), turned(:), given(:)
       type(transfer_t), intent(inout) :: value
-      complex(wp) :: D_p(size(o)), H_p(size(u_o), size(u_o)), seen(size(u_o))
+      complex(wp), dimension(size(assembly%changing)) :: moved, trace
+      complex(wp) :: seen(size(u_o))
       integer :: p
 
       if (.not. allocated(value%dh)) allocate (value%dh(size(assembly%parameters)), &
          value%dlog_p(size(assembly%parameters)))
-      associate (u => value%u(:size(u_o)), d => assembly%v_slope)
+      associate (u => value%u(:size(u_o)), d => assembly%v_slope, form => value%form)
+         moved = assembly%products(form, value%q, u, o, u_o)
+         trace = assembly%traces(form, diagonal, T)
          do p = 1, size(assembly%parameters)
-            associate (slope => assembly%slope(value%form, p), moves => assembly%moves(:, p), &
-               A => assembly%compliance, A_p => assembly%compliance_slope(:, p))
-               D_p = (slope%m*s + slope%c)*s + slope%k
-               H_p = (slope%hm*s + slope%hc)*s + slope%hk
-               value%dh(p) = -sum(o*D_p*value%q) - sum(u_o*(A*matmul(H_p, u) - A_p*matmul(H, u))) &
-                  + sum(o*(assembly%load_slope(:, 1, value%form, p) &
-                  + assembly%load_slope(:, 2, value%form, p)/s))
-               value%dlog_p(p) = sum(D_p*diagonal) + sum(H_p*T) + sum(A_p*given)
+            associate (moves => assembly%moves(:, p), A_p => assembly%compliance_slope(:, p))
+               value%dh(p) = -assembly%varied(moved, s, p) + sum(A_p*u_o*matmul(H, u)) &
+                  + assembly%load_change(form, o, u_o, s, p)
+               value%dlog_p(p) = assembly%varied(trace, s, p) + sum(A_p*given)
                if (.not. any(abs(moves) > 0)) cycle
                seen = moves*matmul(d, value%q)
                value%dh(p) = value%dh(p) + seen(assembly%sensor) - sum(u_o*matmul(H, seen)) &
-                  - sum(moves*matmul(d, o)*matmul(H, u))
+                  - sum(moves*matmul(d, o)*(matmul(H, u) - assembly%push(:, form)))
                value%dlog_p(p) = value%dlog_p(p) + sum(moves*turned)
             end associate
          end do
