@@ -11,6 +11,7 @@ module beamid_poles
    use beamid_assembly, only: assembly_t
    use beamid_clusters, only: base_cluster, cluster_t, find_clusters
    use beamid_contours, only: measure
+   use beamid_continuation, only: all_of, follow_roots
    use beamid_errors, only: error_t, failure
    use beamid_kinds, only: wp
    use beamid_roots, only: find_roots
@@ -37,6 +38,8 @@ module beamid_poles
       complex(wp), allocatable :: dr(:, :)        !< (poles, parameters) d residue/d parameter
       real(wp), allocatable :: dimpulse(:)        !< (parameters)
       type(vector_t), allocatable :: vector(:)    !< of each root
+      integer, allocatable :: parameters(:)       !< of the derivatives
+      real(wp), allocatable :: values(:)          !< of these parameters
    end type poles_t
 
    !> Residues add up to nothing, and r s to o' M**-1 F: what is left over is the error of the
@@ -60,18 +63,64 @@ contains
       type(assembly_t), intent(in) :: assembly
       type(poles_t), intent(inout) :: poles
       type(error_t), allocatable, intent(out) :: error
-      logical :: warm
+      type(root_t), allocatable :: moved(:)
+      logical :: warm, followed
 
       warm = allocated(poles%all)
+      if (warm) then
+         moved = poles%root
+         moved%s = predicted(assembly, poles)
+         call follow_roots(assembly, moved, poles%vector, followed)
+         if (followed) then
+            poles%root = moved
+            poles%all = all_of(assembly, moved)
+            call residues(assembly, poles, error)
+            if (.not. allocated(error)) return
+            deallocate (error)
+         end if
+      end if
       call find_roots(assembly, poles%all, poles%root, error)
+      if (.not. allocated(error)) call find_vectors(assembly, poles)
       if (.not. allocated(error)) call residues(assembly, poles, error)
       if (.not. (allocated(error) .and. warm)) return
       ! The roots of the other structure were no good start.
       deallocate (poles%all, error)
       call find_roots(assembly, poles%all, poles%root, error)
+      if (.not. allocated(error)) call find_vectors(assembly, poles)
       if (.not. allocated(error)) call residues(assembly, poles, error)
       if (allocated(error) .and. allocated(poles%all)) deallocate (poles%all)
    end subroutine find_poles
+
+   !> Where the derivatives of the last structure's roots say that they are now.
+   pure function predicted(assembly, poles) result(s)
+      type(assembly_t), intent(in) :: assembly
+      type(poles_t), intent(in) :: poles
+      complex(wp) :: s(size(poles%root))
+      integer :: p
+
+      s = poles%root%s
+      if (.not. allocated(poles%values)) return
+      if (size(poles%values) /= size(assembly%parameters)) return
+      if (any(poles%parameters /= assembly%parameters)) return
+      do p = 1, size(poles%values)
+         s = s + poles%ds(:, p)*(assembly%structure%get(assembly%parameters(p)) - poles%values(p))
+      end do
+      where (.not. abs(aimag(poles%root%s)) > 0) s = real(s)
+   end function predicted
+
+   subroutine find_vectors(assembly, poles)
+      type(assembly_t), intent(in) :: assembly
+      type(poles_t), intent(inout) :: poles
+      integer :: k
+
+      if (allocated(poles%vector)) then
+         if (size(poles%vector) /= size(poles%root)) deallocate (poles%vector)
+      end if
+      if (.not. allocated(poles%vector)) allocate (poles%vector(size(poles%root)))
+      do k = 1, size(poles%root)
+         call find_vector(assembly, poles%root(k), poles%vector(k))
+      end do
+   end subroutine find_vectors
 
    !> Residues of the roots that stand by themselves, and the clusters.
    subroutine residues(assembly, poles, error)
@@ -83,13 +132,8 @@ contains
       integer :: k
 
       poles%s = poles%root%s
-      if (allocated(poles%residue)) then
-         if (size(poles%residue) /= size(poles%s)) deallocate (poles%vector, poles%residue)
-      end if
-      if (.not. allocated(poles%residue)) allocate (poles%vector(size(poles%s)), &
-         poles%residue(size(poles%s)))
+      poles%residue = poles%s
       do k = 1, size(poles%s)
-         call find_vector(assembly, poles%root(k), poles%vector(k))
          call take_part(assembly, poles%root(k), poles%vector(k))
          associate (vector => poles%vector(k))
             ! |A| of an undamped mode.
@@ -192,6 +236,8 @@ contains
          if (.not. poles%cluster(k)%knows(assembly%parameters)) &
             call measure(assembly, poles%cluster(k))
       end do
+      poles%parameters = assembly%parameters
+      poles%values = [(assembly%structure%get(assembly%parameters(p)), p=1, n)]
       if (n == 0) return
       do k = 1, size(poles%s)
          if (any(poles%cluster%holds(poles%s(k)))) cycle

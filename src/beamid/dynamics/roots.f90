@@ -12,7 +12,7 @@ module beamid_roots
    implicit none
    private
 
-   public :: find_roots, damped_roots
+   public :: find_roots, damped_roots, mirrored
 
    !> Sweeps at most, and those within which a root that has not arrived must come nearer.
    integer, parameter :: max_sweeps = 1000, patience = 20

@@ -30,13 +30,12 @@ module beamid_vectors
       complex(wp) :: s = 0
    end type root_t
 
-   !> The vector x of a root, and what derivatives of it need; of the small arrays the first r rows
-   !> and columns count.
+   !> The vector x of a root, and what derivatives of it need; of y and f the first r count.
    type :: vector_t
       complex(wp), allocatable :: x(:)                        !< (n)
       complex(wp), allocatable :: D(:), dD(:)                 !< (n) D(s) and D'(s)
       complex(wp) :: y(most), f(most)                         !< A**-1 V'x and H y
-      complex(wp), dimension(most, most) :: G, H, dH
+      complex(wp), allocatable, dimension(:, :) :: G, H, dH   !< (r, r)
       integer :: form = 1                    !< of the pencil
       complex(wp) :: A = 0                   !< x'(2 s M + C) x
       real(wp) :: inertia = 0                !< M on x and its conjugate, real and positive
@@ -252,10 +251,11 @@ contains
 
       r = size(self%v, 1)
       if (allocated(vector%x)) then
-         if (size(vector%x) /= self%n) deallocate (vector%x, vector%D, vector%dD)
+         if (size(vector%x) /= self%n .or. size(vector%H, 1) /= r) deallocate (vector%x, &
+            vector%D, vector%dD, vector%G, vector%H, vector%dH)
       end if
       if (.not. allocated(vector%x)) allocate (vector%x(self%n), vector%D(self%n), &
-         vector%dD(self%n))
+         vector%dD(self%n), vector%G(r, r), vector%H(r, r), vector%dH(r, r))
       vector%form = self%form_at(root%s)
       call couplings(self%pencil(vector%form), root%s, vector%H(:r, :r), vector%dH(:r, :r))
       origin = self%pole(root%origin, root%side)

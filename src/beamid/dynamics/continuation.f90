@@ -1,0 +1,110 @@
+!> Roots of a structure that differs little from the last one: each by Newton's method from where
+!> its derivatives say that it has gone.
+!>
+!> With x_j = 1 and all equations but that of oscillator j met, what is left of that one is
+!> w = x'(s**2 M + s C + K) x, and dw/ds = x'(2 s M + C) x: the vector that a residue needs anyway
+!> gives the step.
+module beamid_continuation
+   use beamid_assembly, only: assembly_t
+   use beamid_kinds, only: wp
+   use beamid_roots, only: mirrored
+   use beamid_vectors, only: find_vector, nearest_pole, root_t, vector_t
+   implicit none
+   private
+
+   public :: follow_roots, all_of
+
+   !> Steps at most; quadratic convergence from a fair prediction takes three or four.
+   integer, parameter :: most_steps = 8
+   !> The last step, relative to the distance from the nearest pole of an oscillator.
+   real(wp), parameter :: arrived = 1e-12_wp
+   !> Roots that are nearer to each other, relatively, are not told apart in this way.
+   real(wp), parameter :: apart = 1e-6_wp
+
+contains
+
+   !> root      in: one of each pair and the real ones, where they are expected; out: where they are
+   !> vector    of each
+   !> followed  .false.: some have not been found, or have met, or left the axis or come to it; both
+   !>           are of no use then
+   subroutine follow_roots(assembly, root, vector, followed)
+      type(assembly_t), intent(in) :: assembly
+      type(root_t), intent(inout) :: root(:)
+      type(vector_t), intent(inout) :: vector(:)
+      logical, intent(out) :: followed
+      integer :: i, k
+
+      followed = 2*size(root) - count(.not. abs(aimag(root%s)) > 0) == assembly%roots() .and. &
+         .not. assembly%is_bare()
+      do k = 1, size(root)
+         if (.not. followed) return
+         call follow(assembly, root(k), vector(k), followed)
+         do i = 1, k - 1
+            associate (gap => root(k)%s - root(i)%s)
+               followed = followed .and. real(gap)**2 + aimag(gap)**2 > apart**2 &
+                  *(real(root(k)%s)**2 + aimag(root(k)%s)**2)
+            end associate
+         end do
+      end do
+   end subroutine follow_roots
+
+   subroutine follow(assembly, root, vector, followed)
+      type(assembly_t), intent(in) :: assembly
+      type(root_t), intent(inout) :: root
+      type(vector_t), intent(inout) :: vector
+      logical, intent(out) :: followed
+      complex(wp) :: step
+      real(wp) :: length, before
+      logical :: is_real
+      integer :: k, pass
+
+      followed = .false.
+      is_real = .not. abs(aimag(root%s)) > 0
+      root%origin = 0
+      call nearest_pole(assembly, root)
+      before = huge(before)
+      do pass = 1, most_steps
+         call find_vector(assembly, root, vector)
+         step = vector%D(root%j)
+         do k = 1, size(assembly%v, 1)
+            step = step + assembly%v(k, root%j)*vector%f(k)
+         end do
+         if (.not. abs(vector%A) > 0) return
+         step = -step/vector%A
+         if (assembly%is_undamped()) step = cmplx(0.0_wp, aimag(step), wp)
+         length = abs(step)
+         if (.not. length < before) return
+         before = length
+         root%offset = root%offset + step
+         root%s = root%s + step
+         if (length <= arrived*abs(root%offset) .or. length <= epsilon(length)**2*abs(root%s)) then
+            followed = is_real .or. aimag(root%s) > 1e-3_wp*abs(root%s)
+            return
+         end if
+      end do
+   end subroutine follow
+
+   !> All roots, those of one half and then the others: conjugates, and every second real one.
+   pure function all_of(assembly, half) result(all)
+      type(assembly_t), intent(in) :: assembly
+      type(root_t), intent(in) :: half(:)
+      type(root_t), allocatable :: all(:)
+      integer :: k, n, pairs, reals
+
+      n = assembly%roots()/2
+      allocate (all(2*n))
+      pairs = 0
+      reals = 2*n - size(half)       ! pairs, until the real ones are counted after them
+      do k = 1, size(half)
+         if (abs(aimag(half(k)%s)) > 0) then
+            pairs = pairs + 1
+            all(pairs) = half(k)
+            all(n + pairs) = mirrored(assembly, half(k))
+         else
+            reals = reals + 1
+            all(reals + merge(0, 2*n - size(half), reals <= n)) = half(k)
+         end if
+      end do
+   end function all_of
+
+end module beamid_continuation
