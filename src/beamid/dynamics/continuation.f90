@@ -7,12 +7,11 @@
 module beamid_continuation
    use beamid_assembly, only: assembly_t
    use beamid_kinds, only: wp
-   use beamid_roots, only: mirrored
    use beamid_vectors, only: find_vector, nearest_pole, root_t, vector_t
    implicit none
    private
 
-   public :: follow_roots, all_of
+   public :: follow_roots, follow, meets, all_of, mirrored
 
    !> Steps at most; quadratic convergence from a fair prediction takes three or four.
    integer, parameter :: most_steps = 8
@@ -32,22 +31,34 @@ contains
       type(root_t), intent(inout) :: root(:)
       type(vector_t), intent(inout) :: vector(:)
       logical, intent(out) :: followed
-      integer :: i, k
+      integer :: k
 
       followed = 2*size(root) - count(.not. abs(aimag(root%s)) > 0) == assembly%roots() .and. &
          .not. assembly%is_bare()
       do k = 1, size(root)
          if (.not. followed) return
          call follow(assembly, root(k), vector(k), followed)
-         do i = 1, k - 1
-            associate (gap => root(k)%s - root(i)%s)
-               followed = followed .and. real(gap)**2 + aimag(gap)**2 > apart**2 &
-                  *(real(root(k)%s)**2 + aimag(root(k)%s)**2)
-            end associate
-         end do
+         if (followed) followed = .not. meets(root(k), root(:k - 1))
       end do
    end subroutine follow_roots
 
+   !> Whether a root is one of others.
+   pure logical function meets(root, others)
+      type(root_t), intent(in) :: root, others(:)
+      integer :: i
+
+      meets = .true.
+      do i = 1, size(others)
+         associate (gap => root%s - others(i)%s, s => root%s)
+            if (real(gap)**2 + aimag(gap)**2 <= apart**2*(real(s)**2 + aimag(s)**2)) return
+         end associate
+      end do
+      meets = .false.
+   end function meets
+
+   !> One root, on the axis where it starts there.
+   !>
+   !> followed  .false.: it does not converge, or comes to the axis
    subroutine follow(assembly, root, vector, followed)
       type(assembly_t), intent(in) :: assembly
       type(root_t), intent(inout) :: root
@@ -71,6 +82,7 @@ contains
          end do
          if (.not. abs(vector%A) > 0) return
          step = -step/vector%A
+         if (is_real) step = real(step)
          if (assembly%is_undamped()) step = cmplx(0.0_wp, aimag(step), wp)
          length = abs(step)
          if (.not. length < before) return
@@ -83,6 +95,15 @@ contains
          end if
       end do
    end subroutine follow
+
+   !> The conjugate root, from the conjugate pole.
+   pure type(root_t) function mirrored(assembly, root)
+      type(assembly_t), intent(in) :: assembly
+      type(root_t), intent(in) :: root
+
+      mirrored = root_t(root%j, root%origin, root%side, conjg(root%offset), conjg(root%s))
+      if (abs(aimag(assembly%pole(root%origin, root%side))) > 0) mirrored%side = 3 - root%side
+   end function mirrored
 
    !> All roots, those of one half and then the others: conjugates, and every second real one.
    pure function all_of(assembly, half) result(all)

@@ -64,10 +64,9 @@ contains
       type(poles_t), intent(inout) :: poles
       type(error_t), allocatable, intent(out) :: error
       type(root_t), allocatable :: moved(:)
-      logical :: warm, followed
+      logical :: followed
 
-      warm = allocated(poles%all)
-      if (warm) then
+      if (allocated(poles%all)) then
          moved = poles%root
          moved%s = predicted(assembly, poles)
          call follow_roots(assembly, moved, poles%vector, followed)
@@ -79,12 +78,6 @@ contains
             deallocate (error)
          end if
       end if
-      call find_roots(assembly, poles%all, poles%root, error)
-      if (.not. allocated(error)) call find_vectors(assembly, poles)
-      if (.not. allocated(error)) call residues(assembly, poles, error)
-      if (.not. (allocated(error) .and. warm)) return
-      ! The roots of the other structure were no good start.
-      deallocate (poles%all, error)
       call find_roots(assembly, poles%all, poles%root, error)
       if (.not. allocated(error)) call find_vectors(assembly, poles)
       if (.not. allocated(error)) call residues(assembly, poles, error)

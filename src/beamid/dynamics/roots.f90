@@ -1,18 +1,20 @@
-!> Roots of the characteristic equation of the damped structure, all at once by the Ehrlich-Aberth
-!> iteration (Aberth, Math. Comp. 27, 1973, 339).
+!> Roots of the characteristic equation of the damped structure: each by Newton's method where that
+!> is enough, those that are left all at once by the Ehrlich-Aberth iteration (Aberth, Math. Comp.
+!> 27, 1973, 339).
 module beamid_roots
    use beamid_assembly, only: assembly_t, new_assembly
+   use beamid_continuation, only: follow, meets, mirrored
    use beamid_equations, only: equations_t
    use beamid_errors, only: error_t, failure
    use beamid_kinds, only: wp
    use beamid_modes, only: bare_beam_modes, beam_modes_t
-   use beamid_starting_roots, only: starting_points
+   use beamid_starting_roots, only: nudge, starting_points
    use beamid_strings, only: to_text
-   use beamid_vectors, only: logarithmic_derivative, nearest_pole, root_t
+   use beamid_vectors, only: logarithmic_derivative, nearest_pole, root_t, vector_t
    implicit none
    private
 
-   public :: find_roots, damped_roots, mirrored
+   public :: find_roots, damped_roots
 
    !> Sweeps at most, and those within which a root that has not arrived must come nearer.
    integer, parameter :: max_sweeps = 1000, patience = 20
@@ -62,41 +64,61 @@ contains
    end subroutine sort_by_modulus
 
    !> All roots, and one of each complex pair with the real ones.
-   !>
-   !> all    in and out: roots of a structure much like this one, where there are as many; else not
-   !>        allocated or of another size, and the search starts anew
    subroutine find_roots(assembly, all, half, error)
       type(assembly_t), intent(in) :: assembly
-      type(root_t), allocatable, intent(inout) :: all(:)
-      type(root_t), allocatable, intent(out) :: half(:)
+      type(root_t), allocatable, intent(out) :: all(:), half(:)
       type(error_t), allocatable, intent(out) :: error
-      integer :: k
+      logical, allocatable :: done(:)
 
-      if (allocated(all)) then
-         if (size(all) /= assembly%roots()) deallocate (all)
-      end if
-      if (allocated(all)) then
-         do k = 1, size(all)
-            all(k)%origin = 0
-            call nearest_pole(assembly, all(k))
-         end do
-      else
-         call starting_points(assembly, all, error)
-         if (allocated(error)) return
-      end if
-      call iterate(assembly, all, error)
+      call starting_points(assembly, all, error)
+      if (allocated(error)) return
+      call approach(assembly, all, done)
+      call iterate(assembly, all, done, error)
       if (allocated(error)) return
       half = all
       call select_half(assembly, half)
    end subroutine find_roots
 
-   !> Ehrlich-Aberth: corrections in turn until none moves. A multiple root is known to a root of
-   !> the round-off only: there the corrections shrink first and then no longer.
-   subroutine iterate(assembly, roots, error)
+   !> Newton's method for each by itself: those that arrive, and where no other has, are done. A
+   !> point near the axis is taken for a real root; one that does not arrive stays where it is.
+   subroutine approach(assembly, roots, done)
       type(assembly_t), intent(in) :: assembly
       type(root_t), intent(inout) :: roots(:)
+      logical, allocatable, intent(out) :: done(:)
+      type(root_t) :: root
+      type(vector_t) :: vector
+      logical :: arrived, is_real
+      integer :: half, k
+
+      allocate (done(size(roots)), source=.false.)
+      if (assembly%is_bare()) return
+      half = size(roots)/2
+      do k = 1, size(roots)
+         root = roots(k)
+         is_real = abs(aimag(root%s)) <= nudge*abs(root%s)
+         if (is_real) root%s = real(root%s)
+         if (.not. is_real .and. k > half) cycle
+         call follow(assembly, root, vector, arrived)
+         if (arrived) arrived = .not. meets(root, pack(roots, done))
+         if (.not. arrived) cycle
+         roots(k) = root
+         done(k) = .true.
+         if (is_real) cycle
+         roots(k + half) = mirrored(assembly, root)
+         done(k + half) = .true.
+      end do
+   end subroutine approach
+
+   !> Ehrlich-Aberth: corrections in turn until none moves. A multiple root is known to a root of
+   !> the round-off only: there the corrections shrink first and then no longer.
+   !>
+   !> done  those that are in place already
+   subroutine iterate(assembly, roots, done, error)
+      type(assembly_t), intent(in) :: assembly
+      type(root_t), intent(inout) :: roots(:)
+      logical, allocatable, intent(inout) :: done(:)
       type(error_t), allocatable, intent(out) :: error
-      logical :: done(size(roots)), settled(size(roots))
+      logical :: settled(size(roots))
       real(wp) :: moved(size(roots)), before(size(roots)), least
       integer :: half, k, sweep
 
@@ -111,7 +133,8 @@ contains
          end do
          return
       end if
-      done = .false.
+      settled = done
+      moved = 0
       before = huge(before)
       least = nothing*maxval(abs(roots%s))
       do sweep = 1, max_sweeps
@@ -185,15 +208,6 @@ contains
       if (abs(step) > 1e-2_wp*abs(roots(k)%offset)) call nearest_pole(assembly, roots(k))
       if (settled) roots(partner) = mirrored(assembly, roots(k))
    end subroutine correct
-
-   !> The conjugate root, from the conjugate pole.
-   pure type(root_t) function mirrored(assembly, root)
-      type(assembly_t), intent(in) :: assembly
-      type(root_t), intent(in) :: root
-
-      mirrored = root_t(root%j, root%origin, root%side, conjg(root%offset), conjg(root%s))
-      if (abs(aimag(assembly%pole(root%origin, root%side))) > 0) mirrored%side = 3 - root%side
-   end function mirrored
 
    !> Whether two roots are conjugate and not real.
    pure logical function is_pair(a, b)

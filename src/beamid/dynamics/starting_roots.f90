@@ -11,6 +11,9 @@ module beamid_starting_roots
 
    public :: starting_points
 
+   !> How far from the axis a root that may be real starts, relatively at most.
+   real(wp), parameter, public :: nudge = 1e-3_wp
+
    interface
       subroutine dpotrf(uplo, n, a, lda, info)
          import :: wp
@@ -75,7 +78,7 @@ contains
             associate (root => roots(j + (side - 1)*half))
                root%s = pair(side)
                if (.not. abs(aimag(root%s)) > 0) root%s = root%s &
-                  + (0.0_wp, 1e-3_wp)*(3 - 2*side)*room(assembly, root%s)
+                  + (0.0_wp, 1.0_wp)*nudge*(3 - 2*side)*room(assembly, root%s)
                root%origin = 0
                call nearest_pole(assembly, root)
             end associate
