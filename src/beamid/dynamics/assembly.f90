@@ -18,8 +18,7 @@ module beamid_assembly
    use beamid_structure, only: of_length, of_x_F, structure_t
    use beamid_terms, only: bending, force_value, hose, inertia, is_spring, load_shape, &
       of_compliance, of_damping, of_load, of_mass, of_stiffness, operators, place_on_mesh, &
-      root_slope, sensor_value, strength_slopes, strengths, stretch, support_value, tip_slope, &
-      tip_value
+      root_slope, sensor_value, strengths_and_slopes, stretch, support_value, tip_slope, tip_value
    implicit none
    private
 
@@ -44,6 +43,8 @@ module beamid_assembly
       integer :: beam = 0                      !< the first of them: modes of the bare beam
       type(pencil_t) :: pencil(2)              !< hose by y, by y - u(l)
       real(wp), allocatable :: v(:, :)         !< (r, n) column i is v_i
+      !> (n, r), and (n, r (r + 1)/2) products of rows k <= l at k + l (l - 1)/2
+      real(wp), allocatable :: vt(:, :), vv(:, :)
       real(wp), allocatable :: compliance(:)   !< (r) diagonal of A
       real(wp), allocatable :: compliance_slope(:, :)   !< (r, parameters)
       !> (r) which rows are held so fast that the two roots they take away are nowhere near
@@ -108,26 +109,27 @@ contains
       type(assembly_t) :: self
       type(load_t) :: applied
       real(wp), allocatable :: slopes(:, :, :)
+      logical :: used(size(operators))
       integer :: form, p, i
 
       if (present(load)) applied = load
       self%structure = structure
       self%parameters = parameters
       self%beam = size(modes%mu)
-      self%strength = strengths(structure, modes%space%length)
-      allocate (slopes(size(self%strength, 1), size(self%strength, 2), size(parameters)))
-      do p = 1, size(parameters)
-         slopes(:, :, p) = strength_slopes(structure, modes%space%length, parameters(p))
-      end do
+      allocate (self%strength(size(operators), of_compliance), &
+         slopes(size(operators), of_compliance, size(parameters)))
+      call strengths_and_slopes(structure, modes%space%length, parameters, self%strength, slopes)
       call lay_out(self, modes, needed=[(any(abs(self%strength(i, :)) > 0) .or. &
          any(abs(slopes(i, :, :)) > 0) .or. is_spring(i, structure), i=1, size(self%strength, 1))])
       self%mu = modes%mu
       do form = 1, 2
          self%pencil(form) = new_pencil(self, modes, self%strength, form)
       end do
-      self%changing = pack([(i, i=1, size(operators))], [(operators(i)%derivative < 0 .or. &
-         self%row(i) > 0, i=1, size(operators))] .and. any(any(abs(slopes(:, :, :)) > 0, dim=3), &
-         dim=2))
+      do i = 1, size(operators)
+         used(i) = operators(i)%derivative < 0 .or. self%row(i) > 0
+         if (used(i)) used(i) = any(abs(slopes(i, :, :)) > 0)
+      end do
+      self%changing = pack([(i, i=1, size(operators))], used)
       allocate (self%change(3, size(self%changing), size(parameters)))
       do p = 1, size(parameters)
          self%change(:, :, p) = transpose(slopes(self%changing, of_mass:of_stiffness, p))
@@ -148,7 +150,7 @@ contains
       type(assembly_t), intent(inout) :: self
       type(beam_modes_t), intent(in) :: modes
       logical, intent(in) :: needed(:)
-      integer :: k, r
+      integer :: k, l, r
 
       associate (s => self%structure)
          allocate (self%row(size(operators)), source=0)
@@ -190,6 +192,13 @@ contains
             self%moves(row, :) = moves_of(self, modes, k)
             if (any(abs(self%moves(row, :)) > 0)) self%v_slope(row, :) = at_point(self, modes, k, 1)
          end associate
+      end do
+      self%vt = transpose(self%v)
+      allocate (self%vv(self%n, (r*(r + 1))/2))
+      do l = 1, r
+         do k = 1, l
+            self%vv(:, k + (l*(l - 1))/2) = self%vt(:, k)*self%vt(:, l)
+         end do
       end do
    end subroutine lay_out
 

@@ -15,8 +15,9 @@ module beamid_continuation
 
    !> Steps at most; quadratic convergence from a fair prediction takes three or four.
    integer, parameter :: most_steps = 8
-   !> The last step, relative to the distance from the nearest pole of an oscillator.
-   real(wp), parameter :: arrived = 1e-12_wp
+   !> The last step, relative to the distance from the nearest pole of an oscillator; and one that
+   !> is round-off where the next is no shorter.
+   real(wp), parameter :: arrived = 1e-14_wp, noise = 1e-11_wp
    !> Roots that are nearer to each other, relatively, are not told apart in this way.
    real(wp), parameter :: apart = 1e-6_wp
 
@@ -85,15 +86,17 @@ contains
          if (is_real) step = real(step)
          if (assembly%is_undamped()) step = cmplx(0.0_wp, aimag(step), wp)
          length = abs(step)
-         if (.not. length < before) return
+         if (.not. length < before/2) then
+            followed = before <= noise*abs(root%offset)
+            exit
+         end if
          before = length
          root%offset = root%offset + step
          root%s = root%s + step
-         if (length <= arrived*abs(root%offset) .or. length <= epsilon(length)**2*abs(root%s)) then
-            followed = is_real .or. aimag(root%s) > 1e-3_wp*abs(root%s)
-            return
-         end if
+         followed = length <= arrived*abs(root%offset)
+         if (followed) exit
       end do
+      if (.not. is_real) followed = followed .and. aimag(root%s) > 1e-3_wp*abs(root%s)
    end subroutine follow
 
    !> The conjugate root, from the conjugate pole.

@@ -16,7 +16,7 @@ module beamid_poles
    use beamid_kinds, only: wp
    use beamid_roots, only: find_roots
    use beamid_strings, only: to_text
-   use beamid_vectors, only: find_vector, root_t, solve_coupled, solve_mass, vector_t
+   use beamid_vectors, only: answer, find_vector, root_t, solve_coupled, solve_mass, vector_t
    implicit none
    private
 
@@ -84,20 +84,32 @@ contains
       if (allocated(error) .and. allocated(poles%all)) deallocate (poles%all)
    end subroutine find_poles
 
-   !> Where the derivatives of the last structure's roots say that they are now.
+   !> Where the derivatives of the last structure's roots say that they are now, as if powers of
+   !> the parameters: undamped frequencies and the real roots of overdamped modes nearly are.
    pure function predicted(assembly, poles) result(s)
       type(assembly_t), intent(in) :: assembly
       type(poles_t), intent(in) :: poles
-      complex(wp) :: s(size(poles%root))
+      complex(wp) :: s(size(poles%root)), change(size(poles%root))
+      real(wp) :: step
       integer :: p
 
       s = poles%root%s
       if (.not. allocated(poles%values)) return
       if (size(poles%values) /= size(assembly%parameters)) return
       if (any(poles%parameters /= assembly%parameters)) return
+      change = 0
       do p = 1, size(poles%values)
-         s = s + poles%ds(:, p)*(assembly%structure%get(assembly%parameters(p)) - poles%values(p))
+         associate (new => assembly%structure%get(assembly%parameters(p)), old => poles%values(p))
+            step = new - old
+            if (min(new, old) > 0) step = old*log(new/old)
+            change = change + poles%ds(:, p)*step
+         end associate
       end do
+      where (abs(real(s)) + abs(aimag(s)) > 0)
+         s = s*exp(change/s)
+      elsewhere
+         s = s + change
+      end where
       where (.not. abs(aimag(poles%root%s)) > 0) s = real(s)
    end function predicted
 
@@ -313,37 +325,53 @@ contains
       type(vector_t), intent(in) :: vector
       complex(wp), intent(in) :: seen, driven
       complex(wp), intent(out) :: z(:), w(:), mu(:)
-      complex(wp) :: along(size(w)), b(size(w), 1)
-      integer :: i, l, r
+      complex(wp) :: force, held(size(z))
+      integer :: i, l
 
-      r = size(w)
-      associate (v => assembly%v, y => vector%y(:r), H => vector%H(:r, :r), &
-         dH => vector%dH(:r, :r), G => vector%G(:r, :r))
-         along = seen*(assembly%push(:, vector%form) - 2*driven*matmul(dH, y))
-         along(assembly%sensor) = along(assembly%sensor) + driven
-         z = seen*(assembly%rest - 2*driven*vector%dD*vector%x)
-         b = 0
+      associate (v => assembly%v, y => vector%y, G => vector%G, H => vector%H, dH => vector%dH)
+         w = 0
+         if (assembly%is_carried) w = seen*assembly%lift/root%s**2
+         do l = 1, size(w)
+            mu(l) = seen*(assembly%push(l, vector%form) - 2*driven*sum(dH(:, l)*y(:size(w))))
+         end do
+         mu(assembly%sensor) = mu(assembly%sensor) + driven
+         call unloaded(assembly%n, size(w), seen, 2*seen*driven, assembly%rest, vector%dD, &
+            vector%x, vector%inverse, assembly%v, z, w)
          if (assembly%is_carried) then
-            z = z + seen*assembly%load(:, 2, vector%form)/root%s
-            b(:, 1) = seen*assembly%lift/root%s**2
-         end if
-         z(root%j) = 0
-         do i = 1, assembly%n
-            if (i == root%j) cycle
-            z(i) = z(i)/vector%D(i)
-            do l = 1, r
-               b(l, 1) = b(l, 1) + v(l, i)*z(i)
+            do i = 1, assembly%n
+               force = seen*assembly%load(i, 2, vector%form)/root%s*vector%inverse(i)
+               z(i) = z(i) + force
+               w = w + v(:, i)*force
             end do
+         end if
+         do l = 1, size(w)
+            w(l) = w(l) + sum(G(:, l)*mu)
          end do
-         b(:, 1) = b(:, 1) + matmul(G, along)
-         call solve_coupled(assembly, vector, b)
-         w = b(:, 1)
-         mu = matmul(H, w) - along
-         do i = 1, assembly%n
-            if (i /= root%j) z(i) = z(i) - sum(v(:, i)*mu)/vector%D(i)
+         call solve_coupled(assembly, vector, w)
+         do l = 1, size(w)
+            mu(l) = sum(H(:, l)*w) - mu(l)
          end do
+         call answer(assembly%n, size(w), assembly%vt, mu, vector%inverse, held)
+         z = z + held
       end associate
    end subroutine adjoint
+
+   !> z = D**-1 (a load - b D'x), and V'z added to w.
+   pure subroutine unloaded(n, r, a, b, load, dD, x, inverse, v, z, w)
+      integer, intent(in) :: n, r
+      complex(wp), intent(in) :: a, b, dD(n), x(n), inverse(n)
+      real(wp), intent(in) :: load(n), v(r, n)
+      complex(wp), intent(out) :: z(n)
+      complex(wp), intent(inout) :: w(r)
+      integer :: i, l
+
+      do i = 1, n
+         z(i) = (a*load(i) - b*dD(i)*x(i))*inverse(i)
+         do l = 1, r
+            w(l) = w(l) + v(l, i)*z(i)
+         end do
+      end do
+   end subroutine unloaded
 
    !> Derivatives of o' M**-1 F: -(M**-1 o)' M_p (M**-1 F), with what moves and a load that changes.
    subroutine differentiate_impulse(assembly, slopes)

@@ -53,8 +53,8 @@ contains
       E = 0
       do i = 1, r
          E(i, i) = 1
+         call solve_coupled(assembly, vector, E(:, i))
       end do
-      call solve_coupled(assembly, vector, E)
       value%form = vector%form
       if (.not. allocated(value%q)) allocate (value%q(assembly%n))
       load = assembly%load_at(place%s, vector%form)

@@ -15,7 +15,7 @@ module beamid_vectors
    implicit none
    private
 
-   public :: root_t, vector_t, find_vector, logarithmic_derivative, nearest_pole, &
+   public :: root_t, vector_t, answer, find_vector, logarithmic_derivative, nearest_pole, &
       solve_coupled, solve_mass
 
    !> The highest order of H: every coupling that `beamid_assembly` knows.
@@ -34,6 +34,7 @@ module beamid_vectors
    type :: vector_t
       complex(wp), allocatable :: x(:)                        !< (n)
       complex(wp), allocatable :: D(:), dD(:)                 !< (n) D(s) and D'(s)
+      complex(wp), allocatable :: inverse(:)                  !< (n) 1/D(s), 0 for oscillator j
       complex(wp) :: y(most), f(most)                         !< A**-1 V'x and H y
       complex(wp), allocatable, dimension(:, :) :: G, H, dH   !< (r, r)
       integer :: form = 1                    !< of the pencil
@@ -246,78 +247,126 @@ contains
       type(assembly_t), intent(in) :: self
       type(root_t), intent(in) :: root
       type(vector_t), intent(inout) :: vector
-      complex(wp) :: b(size(self%v, 1), 1), origin, left, right, D, force
       integer :: i, k, l, r
 
       r = size(self%v, 1)
       if (allocated(vector%x)) then
          if (size(vector%x) /= self%n .or. size(vector%H, 1) /= r) deallocate (vector%x, &
-            vector%D, vector%dD, vector%G, vector%H, vector%dH)
+            vector%D, vector%dD, vector%inverse, vector%G, vector%H, vector%dH)
       end if
       if (.not. allocated(vector%x)) allocate (vector%x(self%n), vector%D(self%n), &
-         vector%dD(self%n), vector%G(r, r), vector%H(r, r), vector%dH(r, r))
+         vector%dD(self%n), vector%inverse(self%n), vector%G(r, r), vector%H(r, r), &
+         vector%dH(r, r))
       vector%form = self%form_at(root%s)
-      call couplings(self%pencil(vector%form), root%s, vector%H(:r, :r), vector%dH(:r, :r))
-      origin = self%pole(root%origin, root%side)
-      vector%G(:r, :r) = 0
-      do i = 1, self%n
-         ! The distances from other poles by way of the nearest one, which leaves each its digits.
-         left = (origin - self%pole(i, 1)) + root%offset
-         right = (origin - self%pole(i, 2)) + root%offset
-         vector%D(i) = self%pencil(1)%m(i)*left*right
-         vector%dD(i) = self%pencil(1)%m(i)*(left + right)
-         if (i == root%j) cycle
-         D = 1/vector%D(i)
+      associate (v => self%v, m => self%pencil(1)%m, G => vector%G, pencil => &
+         self%pencil(vector%form))
+         call couplings(pencil, root%s, vector%H, vector%dH)
+         call denominators(self%n, m, self%pole, root, vector%D, vector%dD, vector%inverse)
          do l = 1, r
             do k = 1, l
-               vector%G(k, l) = vector%G(k, l) + self%v(k, i)*self%v(l, i)*D
+               G(k, l) = real_sum(self%n, self%vv(:, k + l*(l - 1)/2), vector%inverse)
+               G(l, k) = G(k, l)
+            end do
+            vector%y(l) = v(l, root%j)
+         end do
+         call solve_coupled(self, vector, vector%y(:r))
+         vector%A = 0
+         vector%inertia = 0
+         do k = 1, r
+            vector%f(k) = 0
+            do l = 1, r
+               vector%f(k) = vector%f(k) + vector%H(k, l)*vector%y(l)
+               vector%A = vector%A + self%compliance(k)*vector%y(k)*vector%dH(k, l)*vector%y(l)
+               vector%inertia = vector%inertia + pencil%hm(k, l)*real(conjg(vector%y(k)) &
+                  *vector%y(l))
             end do
          end do
-      end do
-      do l = 1, r
-         vector%G(l, :l - 1) = vector%G(:l - 1, l)
-      end do
-      b(:, 1) = self%v(:, root%j)
-      call solve_coupled(self, vector, b)
-      vector%y(:r) = b(:, 1)
-      vector%A = 0
-      vector%inertia = 0
-      do k = 1, r
-         vector%f(k) = sum(vector%H(k, :r)*b(:, 1))
-         vector%A = vector%A + self%compliance(k)*b(k, 1)*sum(vector%dH(k, :r)*b(:, 1))
-         vector%inertia = vector%inertia + real(conjg(b(k, 1)) &
-            *sum(self%pencil(vector%form)%hm(k, :)*b(:, 1)))
-      end do
-      do i = 1, self%n
-         vector%x(i) = 1
-         if (i /= root%j) then
-            force = sum(self%v(:, i)*vector%f(:r))
-            vector%x(i) = -force/vector%D(i)
-         end if
-         vector%A = vector%A + vector%dD(i)*vector%x(i)**2
-         vector%inertia = vector%inertia + self%pencil(1)%m(i)*(real(vector%x(i))**2 &
-            + aimag(vector%x(i))**2)
-      end do
+         call answer(self%n, r, self%vt, vector%f, vector%inverse, vector%x)
+         vector%x(root%j) = 1
+         do i = 1, self%n
+            vector%A = vector%A + vector%dD(i)*vector%x(i)**2
+            vector%inertia = vector%inertia + m(i)*(real(vector%x(i))**2 + aimag(vector%x(i))**2)
+         end do
+      end associate
    end subroutine find_vector
+
+   !> D, D' and 1/D at a point, but 0 in the place of 1/D_j; the distances from other poles by way
+   !> of the nearest one, which leaves each its digits.
+   pure subroutine denominators(n, m, pole, root, D, dD, inverse)
+      integer, intent(in) :: n
+      real(wp), intent(in) :: m(n)
+      complex(wp), intent(in) :: pole(n, 2)
+      type(root_t), intent(in) :: root
+      complex(wp), intent(out) :: D(n), dD(n), inverse(n)
+      complex(wp) :: origin, left, right
+      integer :: i
+
+      origin = pole(root%origin, root%side)
+      do i = 1, n
+         left = (origin - pole(i, 1)) + root%offset
+         right = (origin - pole(i, 2)) + root%offset
+         D(i) = m(i)*(left*right)
+         dD(i) = m(i)*(left + right)
+         inverse(i) = conjg(D(i))/(real(D(i))**2 + aimag(D(i))**2)
+      end do
+      inverse(root%j) = 0
+   end subroutine denominators
+
+   !> sum a z
+   pure complex(wp) function real_sum(n, a, z)
+      integer, intent(in) :: n
+      real(wp), intent(in) :: a(n)
+      complex(wp), intent(in) :: z(n)
+      integer :: i
+
+      real_sum = 0
+      do i = 1, n
+         real_sum = real_sum + a(i)*z(i)
+      end do
+   end function real_sum
+
+   !> x = -D**-1 V f
+   pure subroutine answer(n, r, vt, f, inverse, x)
+      integer, intent(in) :: n, r
+      real(wp), intent(in) :: vt(n, r)
+      complex(wp), intent(in) :: f(r), inverse(n)
+      complex(wp), intent(out) :: x(n)
+      integer :: i, k
+
+      x = 0
+      do k = 1, r
+         do i = 1, n
+            x(i) = x(i) - vt(i, k)*f(k)
+         end do
+      end do
+      do i = 1, n
+         x(i) = x(i)*inverse(i)
+      end do
+   end subroutine answer
 
    !> b := (A + G H)**-1 b; zero where there is no inverse.
    pure subroutine solve_coupled(self, vector, b)
       type(assembly_t), intent(in) :: self
       type(vector_t), intent(in) :: vector
-      complex(wp), intent(inout) :: b(:, :)
-      complex(wp) :: a(most, most)
+      complex(wp), intent(inout) :: b(:)
+      complex(wp) :: a(most, most), columns(most, 1)
       logical :: regular
-      integer :: k, l, r
+      integer :: k, l, m, r
 
-      r = size(b, 1)
+      r = size(b)
       do l = 1, r
          do k = 1, r
-            a(k, l) = sum(vector%G(k, :r)*vector%H(:r, l))
+            a(k, l) = 0
+            do m = 1, r
+               a(k, l) = a(k, l) + vector%G(k, m)*vector%H(m, l)
+            end do
          end do
          a(l, l) = a(l, l) + self%compliance(l)
+         columns(l, 1) = b(l)
       end do
-      call eliminate(r, size(b, 2), a, b, regular)
-      if (.not. regular) b = 0
+      call eliminate(r, 1, a, columns, regular)
+      b = 0
+      if (regular) b = columns(:r, 1)
    end subroutine solve_coupled
 
    !> x = M**-1 b and y = V'x, the latter without the cancellation of a sum over x; of a row that is

@@ -23,7 +23,12 @@ contains
 
       value = self%constant
       do i = 1, size(self%place)
-         if (self%place(i) > 0) value = value*q(self%place(i))**self%power(i)
+         if (self%place(i) == 0) cycle
+         if (self%power(i) == 1) then
+            value = value*q(self%place(i))
+         else
+            value = value*q(self%place(i))**self%power(i)
+         end if
       end do
    end function value_of
 
@@ -36,6 +41,7 @@ contains
       integer :: i
 
       slope = 0
+      if (.not. any(self%place == k)) return
       do i = 1, size(self%place)
          if (self%place(i) /= k) cycle
          rest = monomial_t(self%constant*self%power(i), self%place, self%power)

@@ -13,7 +13,7 @@ module beamid_terms
    implicit none
    private
 
-   public :: term_t, terms, strengths, strength_slopes, is_spring, operators, operator_t, &
+   public :: term_t, terms, strengths, strengths_and_slopes, is_spring, operators, operator_t, &
       place_on_mesh
    public :: of_mass, of_damping, of_stiffness, of_load, of_compliance
    public :: inertia, bending, tip_value, tip_slope, root_slope, hose, stretch, load_shape, &
@@ -86,47 +86,47 @@ contains
    pure function strengths(structure, mesh_length) result(s)
       type(structure_t), intent(in) :: structure
       real(wp), intent(in) :: mesh_length
-      real(wp) :: s(size(operators), of_compliance)
-      real(wp) :: q(n_parameters)
-      integer :: t
+      real(wp) :: s(size(operators), of_compliance), none(size(operators), of_compliance, 0)
+
+      call strengths_and_slopes(structure, mesh_length, [integer ::], s, none)
+   end function strengths
+
+   !> The same, and their derivatives with respect to parameters.
+   !>
+   !> slopes  (operators, 5, parameters)
+   pure subroutine strengths_and_slopes(structure, mesh_length, parameters, s, slopes)
+      type(structure_t), intent(in) :: structure
+      real(wp), intent(in) :: mesh_length
+      integer, intent(in) :: parameters(:)
+      real(wp), intent(out) :: s(:, :), slopes(:, :, :)
+      real(wp) :: q(n_parameters), value, scale
+      integer :: p, power, t
 
       q = values_of(structure)
       s = 0
+      slopes = 0
       do t = 1, size(terms)
-         associate (k => terms(t)%operator, matrix => terms(t)%matrix)
-            if (is_there(k, structure)) s(k, matrix) = s(k, matrix) &
-               + value_of(terms(t)%factor, q) &
-               *(structure%length/mesh_length)**growth(k, matrix)
+         associate (k => terms(t)%operator, matrix => terms(t)%matrix, factor => terms(t)%factor)
+            if (.not. is_there(k, structure)) cycle
+            power = growth(k, matrix)
+            scale = 1
+            if (power /= 0) scale = (structure%length/mesh_length)**power
+            value = scale*value_of(factor, q)
+            s(k, matrix) = s(k, matrix) + value
+            do p = 1, size(parameters)
+               slopes(k, matrix, p) = slopes(k, matrix, p) + scale*slope_of(factor, q, &
+                  parameters(p))
+               if (parameters(p) == of_length) slopes(k, matrix, p) = slopes(k, matrix, p) &
+                  + value*power/structure%length
+            end do
          end associate
       end do
       where (s(:, of_compliance) > 0) s(:, of_stiffness) = 1/s(:, of_compliance)
-   end function strengths
-
-   !> Their derivatives with respect to a parameter.
-   pure function strength_slopes(structure, mesh_length, parameter) result(slopes)
-      type(structure_t), intent(in) :: structure
-      real(wp), intent(in) :: mesh_length
-      integer, intent(in) :: parameter
-      real(wp), dimension(size(operators), of_compliance) :: slopes, s
-      real(wp) :: q(n_parameters)
-      integer :: t
-
-      q = values_of(structure)
-      slopes = 0
-      do t = 1, size(terms)
-         associate (k => terms(t)%operator, matrix => terms(t)%matrix)
-            if (.not. is_there(k, structure)) cycle
-            slopes(k, matrix) = slopes(k, matrix) + slope_of(terms(t)%factor, q, parameter) &
-               *(structure%length/mesh_length)**growth(k, matrix)
-            if (parameter == of_length) slopes(k, matrix) = slopes(k, matrix) &
-               + value_of(terms(t)%factor, q)*growth(k, matrix)/structure%length &
-               *(structure%length/mesh_length)**growth(k, matrix)
-         end associate
+      do p = 1, size(parameters)
+         where (s(:, of_compliance) > 0) slopes(:, of_stiffness, p) = &
+            -slopes(:, of_compliance, p)*s(:, of_stiffness)**2
       end do
-      s = strengths(structure, mesh_length)
-      where (s(:, of_compliance) > 0) slopes(:, of_stiffness) = -slopes(:, of_compliance) &
-         *s(:, of_stiffness)**2
-   end function strength_slopes
+   end subroutine strengths_and_slopes
 
    !> The power of the length by which an operator in a matrix grows.
    pure integer function growth(operator, matrix)
