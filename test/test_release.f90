@@ -5,7 +5,7 @@ program test_release
    use beamid_cvode, only: cvode_t
    use beamid_errors, only: error_t
    use beamid_excitation, only: excitation_t, new_force_table, new_release
-   use beamid_experiments, only: apparatus_t, experiment_t, new_apparatus
+   use beamid_experiments, only: apparatus_t, experiment_t, linear_t, new_apparatus
    use beamid_galerkin, only: mesh_t
    use beamid_identification, only: identify, model_t, simulate, simulation_t, stage_fit_t, stage_t
    use beamid_kinds, only: wp
@@ -304,7 +304,8 @@ contains
       type(excitation_t) :: excitation, moved_excitation
       type(structure_t) :: moved
       type(error_t), allocatable :: error
-      real(wp), allocatable :: phi(:, :), dphi(:, :, :), exact(:, :)
+      type(linear_t) :: linear
+      real(wp), allocatable :: exact(:, :)
       real(wp) :: y(size(times)), difference(size(times)), none(size(times), 0), value, h
       type(work_t) :: work
       integer, allocatable :: places(:)
@@ -320,8 +321,8 @@ contains
          excitation = new_release(0.02_wp, 0.1_wp, kind == 2)
          experiment%excitation = excitation
          call new_apparatus(experiment, structure, mesh, by_equation, modal_t(), apparatus, error)
-         call apparatus%evaluate(structure, excitation, .false., places, y, exact, phi, dphi, &
-            work, error)
+         call apparatus%evaluate(structure, excitation, .false., places, y, exact, linear, work, &
+            error)
          call check(what//', by '//trim(way)//': derivatives', .not. allocated(error))
          if (allocated(error)) return
          do p = 1, size(places)
@@ -334,7 +335,7 @@ contains
                moved_excitation = excitation
                call set_free(moved, moved_excitation, places(p), value + steps(j)*h)
                call apparatus%evaluate(moved, moved_excitation, .false., [integer ::], y, none, &
-                  phi, dphi, work, error)
+                  linear, work, error)
                if (allocated(error)) y = huge(1.0_wp)
                difference = difference + weights(j)/h*y
             end do

@@ -61,7 +61,7 @@ program test_terms
    use beamid_strings, only: to_text
    use beamid_structure, only: at_tip, n_parameters, n_single, of_c_R, of_kappa_R, of_length, &
       of_x_F, structure_t, x_S_at
-   use beamid_terms, only: of_compliance, root_slope, strength_slopes, strengths
+   use beamid_terms, only: of_compliance, operators, root_slope, strengths, strengths_and_slopes
    use beamid_units, only: units_t
    use beamid_variables, only: new_variable, unbounded, variable_t
    use checks, only: check, check_close, finish, in_long_run
@@ -189,6 +189,18 @@ contains
          .and. count(abs(exact) > 0) == 1)
       call check('length matters', any(abs(strength_slopes(s, s%length, of_length)) > 0))
    end subroutine test_derivatives
+
+   !> Derivatives of the strengths by one parameter.
+   function strength_slopes(s, mesh_length, k) result(slopes)
+      type(structure_t), intent(in) :: s
+      real(wp), intent(in) :: mesh_length
+      integer, intent(in) :: k
+      real(wp), dimension(size(operators), of_compliance) :: slopes, strength
+      real(wp) :: all_slopes(size(operators), of_compliance, 1)
+
+      call strengths_and_slopes(s, mesh_length, [k], strength, all_slopes)
+      slopes = all_slopes(:, :, 1)
+   end function strength_slopes
 
    !> Random structures, parameters over four decades, every one of them free: no right derivative
    !> is found to be mistaken, and every one that is 0, or off by 1 %, is, unless it hardly counts:

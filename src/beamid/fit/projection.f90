@@ -16,6 +16,7 @@ module beamid_projection
    contains
       procedure :: coefficients
       procedure :: derivative
+      procedure :: derivatives
    end type projection_t
 
    interface
@@ -104,14 +105,28 @@ contains
       class(projection_t), intent(in) :: self
       real(wp), intent(in) :: dphi(:, :), r(:)
       real(wp), intent(inout) :: slope(:)
-      real(wp) :: b(size(dphi, 2), 1)
+      real(wp) :: slopes(size(slope), 1)
+
+      slopes(:, 1) = slope
+      call self%derivatives(reshape(matmul(r, dphi), [size(dphi, 2), 1]), slopes)
+      slope = slopes(:, 1)
+   end subroutine derivative
+
+   !> The same by several parameters at once.
+   !>
+   !> along   (k, parameters) (dPhi/dp)'r
+   !> slopes  (m, parameters)
+   subroutine derivatives(self, along, slopes)
+      class(projection_t), intent(in) :: self
+      real(wp), intent(in) :: along(:, :)
+      real(wp), intent(inout) :: slopes(:, :)
+      real(wp) :: b(size(along, 1), size(along, 2))
       integer :: info, k
 
-      k = size(dphi, 2)
-      slope = slope - matmul(self%q, matmul(slope, self%q))
-      b(:, 1) = matmul(r, dphi)
-      call dtrtrs('U', 'T', 'N', k, 1, self%r, max(1, k), b, max(1, k), info)
-      slope = slope - matmul(self%q, b(:, 1))
-   end subroutine derivative
+      k = size(b, 1)
+      b = along
+      call dtrtrs('U', 'T', 'N', k, size(b, 2), self%r, max(1, k), b, max(1, k), info)
+      slopes = slopes - matmul(self%q, matmul(transpose(self%q), slopes) + b)
+   end subroutine derivatives
 
 end module beamid_projection

@@ -18,7 +18,7 @@ module beamid_experiments
    implicit none
    private
 
-   public :: experiment_t, apparatus_t, new_apparatus
+   public :: experiment_t, apparatus_t, linear_t, new_apparatus
 
    !> A record and how it came about.
    type :: experiment_t
@@ -42,8 +42,17 @@ module beamid_experiments
       type(sampling_t) :: sampling
    contains
       procedure :: evaluate
-      procedure, private :: free_columns
+      procedure, private :: free_motion
    end type apparatus_t
+
+   !> What enters linearly: Phi = basis*weights(:, :, 0), and its derivatives in the same basis.
+   type :: linear_t
+      real(wp), allocatable :: basis(:, :)        !< (m, b)
+      real(wp), allocatable :: weights(:, :, :)   !< (b, k, 0:parameters)
+   contains
+      procedure :: columns
+      procedure :: add_change
+   end type linear_t
 
 contains
 
@@ -96,18 +105,16 @@ contains
    !> parameters  by which it is differentiated, places among the `parameters`; none: by any method
    !> y           (m) f - measured
    !> dy          (m, parameters)
-   !> phi         (m, k) columns: cosine and sine of each mode, then the offset
-   !> dphi        (m, k, parameters)
+   !> linear      k columns: cosine and sine of each mode, then the offset
    !> work        counters to which this call adds
-   subroutine evaluate(self, structure, excitation, offset, parameters, y, dy, phi, dphi, work, &
-      error)
+   subroutine evaluate(self, structure, excitation, offset, parameters, y, dy, linear, work, error)
       class(apparatus_t), intent(inout), target :: self
       type(structure_t), intent(in) :: structure
       type(excitation_t), intent(in) :: excitation
       logical, intent(in) :: offset
       integer, intent(in) :: parameters(:)
       real(wp), intent(out) :: y(:), dy(:, :)
-      real(wp), allocatable, intent(out) :: phi(:, :), dphi(:, :, :)
+      type(linear_t), intent(out) :: linear
       type(work_t), intent(inout) :: work
       type(error_t), allocatable, intent(out) :: error
       type(equations_t), target :: equations
@@ -134,7 +141,7 @@ contains
          end if
       end if
       y = y - self%experiment%measured
-      call self%free_columns(equations, applied%modes, parameters, offset, phi, dphi, work, error)
+      call self%free_motion(equations, applied%modes, parameters, offset, linear, work, error)
 
    contains
 
@@ -171,55 +178,90 @@ contains
 
    end subroutine evaluate
 
-   !> Columns of what enters linearly: the two motions of each mode, of which the unknowns are
-   !> accelerations at the first sample, and the offset.
-   subroutine free_columns(self, equations, count, parameters, offset, phi, dphi, work, error)
+   !> What enters linearly: the two motions of each mode, of which the unknowns are accelerations at
+   !> the first sample, and the offset.
+   subroutine free_motion(self, equations, count, parameters, offset, linear, work, error)
       class(apparatus_t), intent(inout) :: self
       type(equations_t), intent(in), target :: equations
       integer, intent(in) :: count, parameters(:)
       logical, intent(in) :: offset
-      real(wp), allocatable, intent(out) :: phi(:, :), dphi(:, :, :)
+      type(linear_t), intent(out) :: linear
       type(work_t), intent(inout) :: work
       type(error_t), allocatable, intent(out) :: error
       type(free_mode_t), allocatable :: modes(:)
       complex(wp), allocatable :: states(:, :)
-      integer :: m, k, p
+      integer :: b, i, k, n, p
 
-      m = size(self%experiment%samples)
-      allocate (phi(m, 2*count + merge(1, 0, offset)))
-      allocate (dphi(m, size(phi, 2), size(parameters)), source=0.0_wp)
-      if (offset) phi(:, size(phi, 2)) = self%experiment%scale
-      if (count == 0) return
+      allocate (modes(0))
       select type (solver => self%solver)
       class is (exact_solver_t)
-         call solver%free_modes(equations, parameters, count, modes, work, error)
+         if (count > 0) call solver%free_modes(equations, parameters, count, modes, work, error)
       class default
-         call failure(error, 'this method has no modes')
+         if (count > 0) call failure(error, 'this method has no modes')
       end select
       if (allocated(error)) return
-      do k = 1, size(modes)
-         states = modes(k)%states(self%sampling%times - self%experiment%samples(1))
-         call columns(modes(k)%row, phi(:, 2*k - 1:2*k))
-         do p = 1, size(parameters)
-            associate (row => modes(k)%drow(:, :, p))
-               if (any(abs(row) > 0)) call columns(row, dphi(:, 2*k - 1:2*k, p))
-            end associate
+      n = 2*sum([(size(modes(k)%row, 1), k=1, count)]) + merge(1, 0, offset)
+      allocate (linear%basis(size(self%experiment%samples), n))
+      allocate (linear%weights(n, 2*count + merge(1, 0, offset), 0:size(parameters)), &
+         source=0.0_wp)
+      b = 0
+      associate (formula => self%sampling%observation%formula)
+         do k = 1, count
+            states = modes(k)%states(self%sampling%times - self%experiment%samples(1))
+            n = size(states, 2)
+            do i = 1, n
+               linear%basis(:, b + i) = self%sampling%of_motion(real(states(:, i)))
+               linear%basis(:, b + n + i) = self%sampling%of_motion(aimag(states(:, i)))
+            end do
+            linear%weights(b + 1:b + 2*n, 2*k - 1:2*k, 0) = pair(modes(k)%row(:, formula))
+            do p = 1, size(parameters)
+               linear%weights(b + 1:b + 2*n, 2*k - 1:2*k, p) = pair(modes(k)%drow(:, formula, p))
+            end do
+            b = b + 2*n
          end do
+      end associate
+      if (.not. offset) return
+      linear%basis(:, b + 1) = self%experiment%scale
+      linear%weights(b + 1, 2*count + 1, 0) = 1
+   end subroutine free_motion
+
+   !> The real part of row*states, and minus its imaginary part, by real and imaginary parts of the
+   !> states.
+   pure function pair(row) result(weights)
+      complex(wp), intent(in) :: row(:)
+      real(wp) :: weights(2*size(row), 2)
+
+      weights(:, 1) = [real(row), -aimag(row)]
+      weights(:, 2) = [-aimag(row), -real(row)]
+   end function pair
+
+   !> (m, k) Phi, or with a place among the parameters its derivative.
+   pure function columns(self, p)
+      class(linear_t), intent(in) :: self
+      integer, intent(in) :: p
+      real(wp), allocatable :: columns(:, :)
+
+      columns = matmul(self%basis, self%weights(:, :, p))
+   end function columns
+
+   !> Adds to each column of dy what changes with its parameter at coefficients c, (dPhi/dp) c.
+   !>
+   !> r      (m)
+   !> along  (k, parameters) (dPhi/dp)'r
+   pure subroutine add_change(self, c, r, dy, along)
+      class(linear_t), intent(in) :: self
+      real(wp), intent(in) :: c(:), r(:)
+      real(wp), intent(inout) :: dy(:, :)
+      real(wp), intent(out) :: along(:, :)
+      real(wp) :: seen(size(self%basis, 2)), change(size(self%basis, 2), size(dy, 2))
+      integer :: p
+
+      seen = matmul(r, self%basis)
+      do p = 1, size(dy, 2)
+         change(:, p) = matmul(self%weights(:, :, p), c)
+         along(:, p) = matmul(seen, self%weights(:, :, p))
       end do
-
-   contains
-
-      !> What the sensor sees of a complex motion: its real part, and minus its imaginary part.
-      subroutine columns(row, pair)
-         complex(wp), intent(in) :: row(:, :)
-         real(wp), intent(out) :: pair(:, :)
-         complex(wp) :: motion(size(states, 1))
-
-         motion = matmul(states, row(:, self%sampling%observation%formula))
-         pair(:, 1) = self%sampling%of_motion(real(motion))
-         pair(:, 2) = self%sampling%of_motion(-aimag(motion))
-      end subroutine columns
-
-   end subroutine free_columns
+      dy = dy + matmul(self%basis, change)
+   end subroutine add_change
 
 end module beamid_experiments

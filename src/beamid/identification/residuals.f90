@@ -2,7 +2,7 @@
 !> search moves. What enters linearly is eliminated at every evaluation.
 module beamid_residuals
    use beamid_errors, only: error_t
-   use beamid_experiments, only: apparatus_t, experiment_t, new_apparatus
+   use beamid_experiments, only: apparatus_t, experiment_t, linear_t, new_apparatus
    use beamid_galerkin, only: mesh_t
    use beamid_kinds, only: wp
    use beamid_problems, only: smooth_problem_t
@@ -113,7 +113,8 @@ contains
       real(wp), intent(out), optional :: coefficients(:)
       type(projection_t) :: projection
       type(world_t) :: world
-      real(wp), allocatable :: dy(:, :), phi(:, :), dphi(:, :, :), c(:)
+      type(linear_t) :: linear
+      real(wp), allocatable :: dy(:, :), phi(:, :), along(:, :), c(:)
       integer, allocatable :: mine(:)
       integer :: i, k, n, m, row, column
 
@@ -130,20 +131,22 @@ contains
          allocate (dy(m, size(mine)))
          associate (y => r(row + 1:row + m), by => jac(row + 1:row + m, :))
             call self%parts(i)%evaluate(world%structures(i), world%excitations(i), self%offset, &
-               self%free(mine), y, dy, phi, dphi, self%work, error)
-            if (allocated(error)) return
-            if (size(phi, 2) > 0) call new_projection(phi, projection, error)
+               self%free(mine), y, dy, linear, self%work, error)
             if (allocated(error)) return
             if (allocated(c)) deallocate (c)
-            allocate (c(size(phi, 2)))
-            if (size(c) > 0) call projection%coefficients(y, c)
-            do k = 1, merge(size(mine), 0, size(c) > 0)
-               dy(:, k) = dy(:, k) + matmul(dphi(:, :, k), c)
-               if (.not. present(coefficients)) &
-                  call projection%derivative(dphi(:, :, k), y, dy(:, k))
-            end do
+            allocate (c(size(linear%weights, 2)))
+            if (size(c) > 0) then
+               phi = linear%columns(0)
+               call new_projection(phi, projection, error)
+               if (allocated(error)) return
+               call projection%coefficients(y, c)
+               if (allocated(along)) deallocate (along)
+               allocate (along(size(c), size(mine)))
+               call linear%add_change(c, y, dy, along)
+               if (.not. present(coefficients)) call projection%derivatives(along, dy)
+            end if
             by(:, mine) = dy
-            if (present(coefficients)) then
+            if (present(coefficients) .and. size(c) > 0) then
                by(:, column + 1:column + size(c)) = phi
                coefficients(column - n + 1:column - n + size(c)) = c
                column = column + size(c)
