@@ -33,6 +33,7 @@ module beamid_poles
       type(cluster_t), allocatable :: cluster(:)
       !> sum r s = o' M**-1 F: the acceleration at unit force
       real(wp) :: impulse = 0
+      real(wp), allocatable :: pushed(:, :)   !< (n + r, 2) M**-1 F and M**-1 o, by x and y
       !> (poles, parameters) d s/d parameter; in a cluster that of the mean of its roots
       complex(wp), allocatable :: ds(:, :)
       complex(wp), allocatable :: dr(:, :)        !< (poles, parameters) d residue/d parameter
@@ -188,19 +189,24 @@ contains
       type(assembly_t), intent(in) :: assembly
       type(poles_t), intent(inout) :: poles
       type(error_t), allocatable, intent(out) :: error
-      real(wp) :: x(assembly%n), y(size(assembly%v, 1)), rest(2), ordinary, at_once
-      integer :: k
+      real(wp) :: rest(2), ordinary, at_once
+      integer :: k, n
 
-      call solve_mass(assembly, assembly%load(:, 1, 1), x, y, -assembly%lift)
-      poles%impulse = y(assembly%sensor)
-      ordinary = abs(dot_product(assembly%load(:, 1, 1), x))
-      call solve_mass(assembly, assembly%v(assembly%sensor, :), x, y)
+      n = assembly%n
+      if (allocated(poles%pushed)) deallocate (poles%pushed)
+      allocate (poles%pushed(n + size(assembly%v, 1), 2))
+      associate (x => poles%pushed(:n, :), y => poles%pushed(n + 1:, :))
+         call solve_mass(assembly, assembly%load(:, 1, 1), x(:, 1), y(:, 1), -assembly%lift)
+         call solve_mass(assembly, assembly%v(assembly%sensor, :), x(:, 2), y(:, 2))
+         poles%impulse = y(assembly%sensor, 1)
+         ordinary = abs(dot_product(assembly%load(:, 1, 1), x(:, 1)))*abs(y(assembly%sensor, 2))
+      end associate
       ! At a rigid support there is no answer: what the beam by itself would do is the measure then.
       associate (mass => assembly%pencil(1)%m, o => assembly%v(assembly%sensor, :), &
          load => assembly%load(:, 1, 1))
          at_once = 1e-6_wp*sqrt(sum(load**2/mass)*sum(o**2/mass))
       end associate
-      ordinary = max(sqrt(ordinary*abs(y(assembly%sensor))), at_once) &
+      ordinary = max(sqrt(ordinary), at_once) &
          /minval(abs(poles%s), mask=abs(poles%s) > 0)
       associate (r => poles%residue, s => poles%s, cluster => poles%cluster)
          rest(1) = sum(real(r)) + sum([(real(cluster(k)%moments(1)), k=1, size(cluster))])
@@ -260,7 +266,7 @@ contains
             end do
          end associate
       end do
-      call differentiate_impulse(assembly, poles%dimpulse)
+      call differentiate_impulse(assembly, poles%pushed, poles%dimpulse)
    end subroutine differentiate_poles
 
    !> ds/dp and dr/dp of one root.
@@ -374,30 +380,35 @@ contains
    end subroutine unloaded
 
    !> Derivatives of o' M**-1 F: -(M**-1 o)' M_p (M**-1 F), with what moves and a load that changes.
-   subroutine differentiate_impulse(assembly, slopes)
+   !>
+   !> pushed  (n + r, 2) M**-1 F and M**-1 o
+   subroutine differentiate_impulse(assembly, pushed, slopes)
       type(assembly_t), intent(in) :: assembly
+      real(wp), intent(in) :: pushed(:, :)
       real(wp), intent(out) :: slopes(:)
-      real(wp), dimension(assembly%n) :: o, x
-      real(wp), dimension(size(assembly%v, 1)) :: yo, yx, seen
+      real(wp), dimension(size(assembly%v, 1)) :: seen, loaded
       real(wp) :: hm(size(assembly%v, 1), size(assembly%v, 1))
       complex(wp) :: moved(size(assembly%changing))
-      integer :: p
+      integer :: n, p
 
-      hm = assembly%mass_couplings()
-      call solve_mass(assembly, assembly%v(assembly%sensor, :), o, yo)
-      call solve_mass(assembly, assembly%load(:, 1, 1), x, yx, -assembly%lift)
-      moved = assembly%products(1, cmplx(x, kind=wp), cmplx(yx, kind=wp), cmplx(o, kind=wp), &
-         cmplx(yo, kind=wp))
-      do p = 1, size(slopes)
-         associate (moves => assembly%moves(:, p), d => assembly%v_slope)
-            slopes(p) = -sum(assembly%change(1, :, p)*real(moved)) &
-               + sum(assembly%rest_slope(:, p)*o) + sum(assembly%push_slope(:, 1, p)*yo)
-            if (.not. any(abs(moves) > 0)) cycle
-            seen = moves*matmul(d, x)
-            slopes(p) = slopes(p) + seen(assembly%sensor) - dot_product(yo, matmul(hm, seen)) &
-               - dot_product(moves*matmul(d, o), matmul(hm, yx) - assembly%push(:, 1))
-         end associate
-      end do
+      n = assembly%n
+      associate (x => pushed(:n, 1), yx => pushed(n + 1:, 1), o => pushed(:n, 2), &
+         yo => pushed(n + 1:, 2), d => assembly%v_slope)
+         moved = assembly%products(1, cmplx(x, kind=wp), cmplx(yx, kind=wp), cmplx(o, kind=wp), &
+            cmplx(yo, kind=wp))
+         do p = 1, size(slopes)
+            associate (moves => assembly%moves(:, p))
+               slopes(p) = -sum(assembly%change(1, :, p)*real(moved)) &
+                  + sum(assembly%rest_slope(:, p)*o) + sum(assembly%push_slope(:, 1, p)*yo)
+               if (.not. any(abs(moves) > 0)) cycle
+               hm = assembly%mass_couplings()
+               loaded = matmul(hm, yx) - assembly%push(:, 1)
+               seen = moves*matmul(d, x)
+               slopes(p) = slopes(p) + seen(assembly%sensor) - dot_product(yo, matmul(hm, seen)) &
+                  - dot_product(moves*matmul(d, o), loaded)
+            end associate
+         end do
+      end associate
    end subroutine differentiate_impulse
 
    !> 2 for one of a pair, 1 for a real root.

@@ -194,7 +194,7 @@ contains
       step = finish - self%t
       ! On a uniform grid the exponentials serve again; now and then they are computed afresh, so
       ! that differences in the last digit of the step do not add up.
-      same = abs(step - self%step) <= 4*spacing(finish) .and. self%repeated < 64
+      same = abs(step - self%step) <= 4*epsilon(finish)*abs(finish) .and. self%repeated < 64
       if (.not. same) then
          do k = 1, size(poles%s)
             associate (growth => exp(poles%s(k)*step))
