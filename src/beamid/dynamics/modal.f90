@@ -9,11 +9,12 @@ module beamid_modal
    use beamid_free_motion, only: find_free_modes, free_mode_t
    use beamid_galerkin, only: galerkin_t, mesh_t, same_mesh
    use beamid_kinds, only: wp
-   use beamid_modes, only: bare_beam_modes, beam_modes_t
+   use beamid_modes, only: bare_beam_modes, beam_modes_t, buckled
    use beamid_poles, only: differentiate_poles, find_poles, poles_t
    use beamid_responses, only: exact_solver_t, response_t, work_t
-   use beamid_structure, only: same_structure, structure_t
+   use beamid_structure, only: of_g, of_length, same_structure, structure_t
    use beamid_synthesis, only: synthesize
+   use beamid_terms, only: tilting
    implicit none
    private
 
@@ -23,6 +24,7 @@ module beamid_modal
       type(beam_modes_t), allocatable, private :: modes   !< of the bare beam
       type(mesh_t), private :: mesh                       !< what it was prepared for
       type(poles_t), private :: poles                     !< of the last structure
+      type(poles_t), private :: turns   !< the same, of the sensor's slope, where there is gravity
       type(structure_t), allocatable, private :: structure   !< that structure
       logical, private :: distributed = .false., base = .false.   !< its load
       real(wp), private :: power = 0
@@ -65,9 +67,40 @@ contains
       call self%solve(equations, excitation, parameters, work, error)
       if (allocated(error)) return
       call synthesize(self%poles, excitation, times, response, slopes)
+      if (equations%structure%g > 0 .or. any(parameters == of_g)) &
+         call add_tilt(self, equations, excitation, parameters, response, slopes)
       if (.not. all(ieee_is_finite(response%acceleration + response%displacement))) &
          call failure(error, 'modal: the response is not finite')
    end subroutine differentiate
+
+   !> What the sensor reads of gravity as it turns.
+   subroutine add_tilt(self, equations, excitation, parameters, response, slopes)
+      type(modal_t), intent(in) :: self
+      type(equations_t), intent(in) :: equations
+      type(excitation_t), intent(in) :: excitation
+      integer, intent(in) :: parameters(:)
+      type(response_t), intent(inout) :: response, slopes(:)
+      type(response_t) :: turn
+      type(response_t), allocatable :: turns(:)
+      type(structure_t) :: unit
+      real(wp) :: shorter
+      integer :: p
+
+      call synthesize(self%turns, excitation, response%t, turn, turns)
+      associate (s => equations%structure)
+         unit = s
+         unit%g = 1
+         shorter = equations%galerkin%space%length/s%length
+         response%tilt = tilting(s)*shorter*turn%displacement
+         do p = 1, size(slopes)
+            slopes(p)%tilt = tilting(s)*shorter*turns(p)%displacement
+            if (parameters(p) == of_g) slopes(p)%tilt = slopes(p)%tilt &
+               + tilting(unit)*shorter*turn%displacement
+            if (parameters(p) == of_length) slopes(p)%tilt = slopes(p)%tilt &
+               - response%tilt/s%length
+         end do
+      end associate
+   end subroutine add_tilt
 
    !> Poles of the structure and their derivatives; those of the last structure are kept.
    subroutine solve(self, equations, excitation, parameters, work, error)
@@ -77,7 +110,7 @@ contains
       integer, intent(in) :: parameters(:)
       type(work_t), intent(inout) :: work
       type(error_t), allocatable, intent(out) :: error
-      type(assembly_t) :: assembly
+      type(assembly_t) :: assembly, turned
 
       work%solves = work%solves + 1
       if (.not. allocated(self%modes)) then
@@ -99,8 +132,23 @@ contains
          self%base = excitation%is_base
          self%power = excitation%power
          self%layout = assembly%row
+         if (any(real(self%poles%s) > 0 .and. .not. abs(aimag(self%poles%s)) > 0)) then
+            call failure(error, 'modal: '//buckled)
+            deallocate (self%structure)
+            return
+         end if
+         if (assembly%turn > 0) then
+            turned = assembly
+            turned%sensor = assembly%turn
+            self%turns%all = self%poles%all
+            call find_poles(turned, self%turns, error)
+            if (allocated(error)) return
+         end if
       end if
       call differentiate_poles(assembly, self%poles)
+      if (assembly%turn == 0) return
+      assembly%sensor = assembly%turn
+      call differentiate_poles(assembly, self%turns)
    end subroutine solve
 
    !> Whether the poles that are kept are those of a structure under a load.

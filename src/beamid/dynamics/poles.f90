@@ -15,6 +15,7 @@ module beamid_poles
    use beamid_kinds, only: wp
    use beamid_roots, only: find_roots
    use beamid_strings, only: to_text
+   use beamid_systems, only: differentiate_vector, find_whole_vector, vector_slope_t
    use beamid_vectors, only: find_vector, most, root_t, solve_coupled, solve_mass, vector_t
    implicit none
    private
@@ -60,17 +61,15 @@ contains
       type(assembly_t), intent(in) :: assembly
       type(poles_t), intent(inout) :: poles
       type(error_t), allocatable, intent(out) :: error
-      logical :: warm
+      integer :: way
 
-      warm = allocated(poles%all)
-      call find_roots(assembly, poles%all, poles%root, error)
-      if (.not. allocated(error)) call residues(assembly, poles, error)
-      if (.not. (allocated(error) .and. warm)) return
-      ! The roots of the other structure were no good start.
-      deallocate (poles%all, error)
-      call find_roots(assembly, poles%all, poles%root, error)
-      if (.not. allocated(error)) call residues(assembly, poles, error)
-      if (allocated(error) .and. allocated(poles%all)) deallocate (poles%all)
+      ! From the roots of the other structure, anew, or from eigenvalues of the matrices.
+      do way = merge(1, 2, allocated(poles%all)), 3
+         call find_roots(assembly, poles%all, poles%root, error, from_matrix=way == 3)
+         if (.not. allocated(error)) call residues(assembly, poles, error)
+         if (.not. allocated(error)) return
+         if (allocated(poles%all)) deallocate (poles%all)
+      end do
    end subroutine find_poles
 
    !> Residues of the roots that stand by themselves, and the clusters.
@@ -89,8 +88,12 @@ contains
       if (.not. allocated(poles%residue)) allocate (poles%vector(size(poles%s)), &
          poles%residue(size(poles%s)))
       do k = 1, size(poles%s)
-         call find_vector(assembly, poles%root(k), poles%vector(k))
-         call take_part(assembly, poles%root(k), poles%vector(k))
+         if (assembly%is_dense()) then
+            call find_whole_vector(assembly, poles%root(k), poles%vector(k))
+         else
+            call find_vector(assembly, poles%root(k), poles%vector(k))
+            call take_part(assembly, poles%root(k), poles%vector(k))
+         end if
          associate (vector => poles%vector(k))
             ! |A| of an undamped mode.
             undamped(k) = 2*abs(poles%s(k))*vector%inertia
@@ -196,6 +199,10 @@ contains
       if (n == 0) return
       do k = 1, size(poles%s)
          if (any(poles%cluster%holds(poles%s(k)))) cycle
+         if (assembly%is_dense()) then
+            call differentiate_whole(assembly, poles, k)
+            cycle
+         end if
          do p = 1, n
             call differentiate_root(assembly, poles%root(k), poles%vector(k), p, D_all, x_all, &
                poles%ds(k, p), poles%dr(k, p))
@@ -304,6 +311,34 @@ contains
          dr = (y_all(sensor, 1)*driven + y(sensor)*dr - y(sensor)*driven/vector%A*A_all)/vector%A
       end associate
    end subroutine differentiate_root
+
+   !> ds/dp and dr/dp of root k where something acts between all oscillators.
+   subroutine differentiate_whole(assembly, poles, k)
+      type(assembly_t), intent(in) :: assembly
+      type(poles_t), intent(inout) :: poles
+      integer, intent(in) :: k
+      type(vector_slope_t) :: slopes(size(assembly%parameters))
+      complex(wp) :: driven, driven_p
+      integer :: p, r
+
+      r = size(assembly%v, 1)
+      call differentiate_vector(assembly, poles%root(k), poles%vector(k), slopes)
+      associate (vector => poles%vector(k), s => poles%s(k))
+         driven = driven_by(assembly, vector, s)
+         do p = 1, size(slopes)
+            associate (by => slopes(p))
+               driven_p = sum(assembly%rest*by%x) + sum(assembly%rest_slope(:, p)*vector%x) &
+                  + sum(assembly%push(:, vector%form)*by%y) &
+                  + sum(assembly%push_slope(:, vector%form, p)*vector%y(:r))
+               if (assembly%is_carried) driven_p = driven_p + carried(assembly, vector, p, s, &
+                  by%s, by%x, by%f)
+               poles%ds(k, p) = by%s
+               poles%dr(k, p) = weight(s)*(by%y(assembly%sensor)*driven &
+                  + vector%y(assembly%sensor)*(driven_p - driven*by%A/vector%A))/vector%A
+            end associate
+         end do
+      end associate
+   end subroutine differentiate_whole
 
    !> The derivative of x'F that velocity and displacement of the base add.
    pure complex(wp) function carried(assembly, vector, p, s, ds, x_all, f_all)

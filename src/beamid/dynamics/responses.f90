@@ -25,6 +25,9 @@ module beamid_responses
       real(wp), allocatable :: displacement(:)   !< [length]
       real(wp), allocatable :: velocity(:)       !< [length/time]
       real(wp), allocatable :: acceleration(:)   !< (3.13) [length/time**2]
+      !> What a sensor that turns with the beam reads of gravity; not allocated: nothing
+      !> [length/time**2]
+      real(wp), allocatable :: tilt(:)
    end type response_t
 
    !> What computes responses.

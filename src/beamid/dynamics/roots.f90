@@ -3,11 +3,13 @@
 module beamid_roots
    use beamid_assembly, only: assembly_t, new_assembly
    use beamid_equations, only: equations_t
+   use beamid_eigenvalues, only: roots_of_matrix
    use beamid_errors, only: error_t, failure
    use beamid_kinds, only: wp
    use beamid_modes, only: bare_beam_modes, beam_modes_t
    use beamid_starting_roots, only: starting_points
    use beamid_strings, only: to_text
+   use beamid_systems, only: improve_root
    use beamid_vectors, only: logarithmic_derivative, nearest_pole, root_t
    implicit none
    private
@@ -65,13 +67,19 @@ contains
    !>
    !> all    in and out: roots of a structure much like this one, where there are as many; else not
    !>        allocated or of another size, and the search starts anew
-   subroutine find_roots(assembly, all, half, error)
+   !> from_matrix  whether it starts anew from eigenvalues of the equations of motion; default
+   !>              .false., but where something acts between all oscillators
+   subroutine find_roots(assembly, all, half, error, from_matrix)
       type(assembly_t), intent(in) :: assembly
       type(root_t), allocatable, intent(inout) :: all(:)
       type(root_t), allocatable, intent(out) :: half(:)
       type(error_t), allocatable, intent(out) :: error
+      logical, intent(in), optional :: from_matrix
+      logical :: by_matrix
       integer :: k
 
+      by_matrix = assembly%is_dense()
+      if (present(from_matrix)) by_matrix = by_matrix .or. from_matrix
       if (allocated(all)) then
          if (size(all) /= assembly%roots()) deallocate (all)
       end if
@@ -80,15 +88,38 @@ contains
             all(k)%origin = 0
             call nearest_pole(assembly, all(k))
          end do
+      else if (by_matrix) then
+         call roots_of_matrix(assembly, all, error)
       else
          call starting_points(assembly, all, error)
-         if (allocated(error)) return
       end if
-      call iterate(assembly, all, error)
+      if (allocated(error)) return
+      if (assembly%is_dense()) then
+         call improve(assembly, all)
+      else
+         call iterate(assembly, all, error)
+      end if
       if (allocated(error)) return
       half = all
       call select_half(assembly, half)
    end subroutine find_roots
+
+   !> Each root by itself, the second of a complex pair from the first.
+   subroutine improve(assembly, roots)
+      type(assembly_t), intent(in) :: assembly
+      type(root_t), intent(inout) :: roots(:)
+      integer :: half, k
+
+      half = size(roots)/2
+      do k = 1, half
+         call improve_root(assembly, roots(k))
+         if (abs(aimag(roots(k)%s)) > 0) then
+            roots(k + half) = mirrored(assembly, roots(k))
+         else
+            call improve_root(assembly, roots(k + half))
+         end if
+      end do
+   end subroutine improve
 
    !> Ehrlich-Aberth: corrections in turn until none moves. A multiple root is known to a root of
    !> the round-off only: there the corrections shrink first and then no longer.
