@@ -200,7 +200,8 @@ contains
             + equations%lifted*base(1, 2)
          response%acceleration(k) = dot_product(equations%observer, a) &
             + equations%lifted*base(1, 3)
-         if (allocated(equations%tilt)) response%tilt(k) = dot_product(equations%tilt, y(:n))
+         if (allocated(equations%tilt)) response%tilt(k) = dot_product(equations%tilt, y(:n)) &
+            + equations%tilted*base(1, 1)
       end associate
    end subroutine observe
 

@@ -28,6 +28,7 @@ module beamid_equations
       !> (n, 2) per unit velocity and displacement of the base; not allocated: none
       real(wp), allocatable :: carried(:, :)
       real(wp) :: lifted = 0                 !< displacement of the sensor that goes with the base's
+      real(wp) :: tilted = 0                 !< what it reads of gravity thereby
       real(wp), allocatable :: shape(:)      !< of a distributed load; not allocated: none
       real(wp), allocatable :: tip(:)        !< (n) tip displacement = tip . w
       real(wp), allocatable :: observer(:)   !< (n) displacement of the sensor = observer . w
@@ -210,6 +211,7 @@ contains
       end associate
       call bend(self, bent)
       self%lifted = dot_product(self%observer, bent)
+      if (allocated(self%tilt)) self%tilted = dot_product(self%tilt, bent)
       self%load = loads(:, 1) - self%mass%times(bent)
       ! K times that shape is a force at the supports, which move nothing there.
       self%carried = loads(:, 2:)

@@ -10,7 +10,7 @@ module beamid_modal
    use beamid_galerkin, only: galerkin_t, mesh_t, same_mesh
    use beamid_kinds, only: wp
    use beamid_modes, only: bare_beam_modes, beam_modes_t, buckled
-   use beamid_poles, only: differentiate_poles, find_poles, poles_t
+   use beamid_poles, only: differentiate_poles, find_poles, observe_also, poles_t
    use beamid_responses, only: exact_solver_t, response_t, work_t
    use beamid_structure, only: of_g, of_length, same_structure, structure_t
    use beamid_synthesis, only: synthesize
@@ -140,15 +140,14 @@ contains
          if (assembly%turn > 0) then
             turned = assembly
             turned%sensor = assembly%turn
-            self%turns%all = self%poles%all
-            call find_poles(turned, self%turns, error)
+            call observe_also(turned, self%poles, self%turns, error)
             if (allocated(error)) return
          end if
       end if
       call differentiate_poles(assembly, self%poles)
       if (assembly%turn == 0) return
       assembly%sensor = assembly%turn
-      call differentiate_poles(assembly, self%turns)
+      call differentiate_poles(assembly, self%turns, also=self%poles)
    end subroutine solve
 
    !> Whether the poles that are kept are those of a structure under a load.

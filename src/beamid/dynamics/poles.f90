@@ -20,7 +20,7 @@ module beamid_poles
    implicit none
    private
 
-   public :: poles_t, find_poles, differentiate_poles
+   public :: poles_t, find_poles, observe_also, differentiate_poles
 
    type :: poles_t
       !> one of each complex pair, Im s > 0, and the real ones
@@ -38,6 +38,8 @@ module beamid_poles
       complex(wp), allocatable :: dr(:, :)        !< (poles, parameters) d residue/d parameter
       real(wp), allocatable :: dimpulse(:)        !< (parameters)
       type(vector_t), allocatable :: vector(:)    !< of each root
+      !> (parameters, poles) their derivatives, where something acts between all oscillators
+      type(vector_slope_t), allocatable :: slope(:, :)
    end type poles_t
 
    !> Residues add up to nothing, and r s to o' M**-1 F: what is left over is the error of the
@@ -72,11 +74,31 @@ contains
       end do
    end subroutine find_poles
 
+   !> The same poles as another sensor sees them, where something acts between all oscillators.
+   !>
+   !> assembly  with that sensor
+   subroutine observe_also(assembly, seen, poles, error)
+      type(assembly_t), intent(in) :: assembly
+      type(poles_t), intent(in) :: seen
+      type(poles_t), intent(inout) :: poles
+      type(error_t), allocatable, intent(out) :: error
+
+      poles%root = seen%root
+      poles%all = seen%all
+      poles%vector = seen%vector
+      if (allocated(poles%residue)) deallocate (poles%residue)
+      allocate (poles%residue(size(poles%root)))
+      call residues(assembly, poles, error, known=.true.)
+   end subroutine observe_also
+
    !> Residues of the roots that stand by themselves, and the clusters.
-   subroutine residues(assembly, poles, error)
+   !>
+   !> known  whether the vectors are; default .false.
+   subroutine residues(assembly, poles, error, known)
       type(assembly_t), intent(in) :: assembly
       type(poles_t), intent(inout) :: poles
       type(error_t), allocatable, intent(out) :: error
+      logical, intent(in), optional :: known
       real(wp) :: undamped(size(poles%root))
       logical :: near(size(poles%root))
       integer :: k
@@ -88,7 +110,9 @@ contains
       if (.not. allocated(poles%residue)) allocate (poles%vector(size(poles%s)), &
          poles%residue(size(poles%s)))
       do k = 1, size(poles%s)
-         if (assembly%is_dense()) then
+         if (present(known)) then
+            continue
+         else if (assembly%is_dense()) then
             call find_whole_vector(assembly, poles%root(k), poles%vector(k))
          else
             call find_vector(assembly, poles%root(k), poles%vector(k))
@@ -183,9 +207,12 @@ contains
    end function driven_by
 
    !> Derivatives of poles and residues with respect to the parameters of the assembly.
-   subroutine differentiate_poles(assembly, poles)
+   !>
+   !> also  of the same roots, differentiated before; left out: none
+   subroutine differentiate_poles(assembly, poles, also)
       type(assembly_t), intent(in) :: assembly
       type(poles_t), intent(inout) :: poles
+      type(poles_t), intent(in), optional :: also
       complex(wp) :: D_all(assembly%n), x_all(assembly%n)
       integer :: k, p, n
 
@@ -197,10 +224,20 @@ contains
             call measure(assembly, poles%cluster(k))
       end do
       if (n == 0) return
+      if (assembly%is_dense() .and. .not. present(also)) then
+         if (allocated(poles%slope)) deallocate (poles%slope)
+         allocate (poles%slope(n, size(poles%s)))
+      end if
       do k = 1, size(poles%s)
          if (any(poles%cluster%holds(poles%s(k)))) cycle
          if (assembly%is_dense()) then
-            call differentiate_whole(assembly, poles, k)
+            if (present(also)) then
+               call differentiate_residue(assembly, poles, k, also%slope(:, k))
+            else
+               call differentiate_vector(assembly, poles%root(k), poles%vector(k), &
+                  poles%slope(:, k))
+               call differentiate_residue(assembly, poles, k, poles%slope(:, k))
+            end if
             cycle
          end if
          do p = 1, n
@@ -312,17 +349,16 @@ contains
       end associate
    end subroutine differentiate_root
 
-   !> ds/dp and dr/dp of root k where something acts between all oscillators.
-   subroutine differentiate_whole(assembly, poles, k)
+   !> dr/dp of root k from the derivatives of its vector.
+   subroutine differentiate_residue(assembly, poles, k, slopes)
       type(assembly_t), intent(in) :: assembly
       type(poles_t), intent(inout) :: poles
       integer, intent(in) :: k
-      type(vector_slope_t) :: slopes(size(assembly%parameters))
+      type(vector_slope_t), intent(in) :: slopes(:)
       complex(wp) :: driven, driven_p
       integer :: p, r
 
       r = size(assembly%v, 1)
-      call differentiate_vector(assembly, poles%root(k), poles%vector(k), slopes)
       associate (vector => poles%vector(k), s => poles%s(k))
          driven = driven_by(assembly, vector, s)
          do p = 1, size(slopes)
@@ -338,7 +374,7 @@ contains
             end associate
          end do
       end associate
-   end subroutine differentiate_whole
+   end subroutine differentiate_residue
 
    !> The derivative of x'F that velocity and displacement of the base add.
    pure complex(wp) function carried(assembly, vector, p, s, ds, x_all, f_all)

@@ -84,13 +84,12 @@ contains
    subroutine factor(P, pivots)
       complex(wp), intent(inout) :: P(:, :)
       integer, intent(out) :: pivots(:)
-      real(wp) :: column(size(pivots))
       integer :: info, k
 
-      column = maxval(abs(P), dim=1)
       call zgetrf(size(pivots), size(pivots), P, size(pivots), pivots, info)
       do k = 1, size(pivots)
-         if (.not. abs(P(k, k)) > 0) P(k, k) = epsilon(1.0_wp)*column(k) + tiny(1.0_wp)
+         if (.not. abs(real(P(k, k))) + abs(aimag(P(k, k))) > 0) &
+            P(k, k) = epsilon(1.0_wp)*maxval(abs(P(:k, k))) + tiny(1.0_wp)
       end do
    end subroutine factor
 
@@ -195,7 +194,8 @@ contains
       type(vector_slope_t), intent(out) :: slopes(:)
       complex(wp), dimension(assembly%n + size(assembly%v, 1), assembly%n &
          + size(assembly%v, 1)) :: P, dP
-      complex(wp) :: bordered(size(P, 1) + 1, size(P, 1) + 1), b(size(P, 1) + 1, size(slopes))
+      complex(wp) :: bordered(size(P, 1) + 1, size(P, 1) + 1), b(size(P, 1) + 1, size(slopes)), &
+         pushed(assembly%n)
       complex(wp), dimension(size(assembly%v, 1), size(assembly%v, 1)) :: H, dH, H_p, dH_p
       integer :: pivots(size(P, 1) + 1), k, n, m, r
 
@@ -217,6 +217,7 @@ contains
          end do
          call factor(bordered, pivots)
          call solve(bordered, pivots, b, 'N')
+         pushed = 2*matmul(dP(:n, :n), x)
          do k = 1, size(slopes)
             associate (by => slopes(k), slope => assembly%slope(vector%form, k), &
                A_p => assembly%compliance_slope(:, k))
@@ -226,11 +227,12 @@ contains
                H_p = (slope%hm*s + slope%hc)*s + slope%hk + dH*by%s
                dH_p = 2*(slope%hm*s + pencil%hm*by%s) + slope%hc
                by%f = matmul(H, by%y) + matmul(H_p, y)
-               by%A = 2*sum(by%x*matmul(dP(:n, :n), x)) &
+               by%A = sum(by%x*pushed) &
                   + sum((2*(slope%m*s + pencil%m*by%s) + slope%c)*x**2) &
                   + sum((A_p*y + A*by%y)*matmul(dH, y)) &
                   + sum(A*y*(matmul(dH_p, y) + matmul(dH, by%y)))
-               by%A = by%A + sum(x(:assembly%beam)*matmul(assembly%dense_slope(:, :, 1, k), &
+               if (any(abs(assembly%dense_slope(:, :, 1, k)) > 0)) by%A = by%A + &
+                  sum(x(:assembly%beam)*matmul(assembly%dense_slope(:, :, 1, k), &
                   x(:assembly%beam)))
             end associate
          end do
@@ -251,7 +253,8 @@ contains
          n => assembly%n, beam => assembly%beam, dense => assembly%dense_slope(:, :, :, p))
          b(:n) = ((slope%m*s + slope%c)*s + slope%k)*x + matmul(moves*f, v_p) &
             + matmul(matmul((slope%hm*s + slope%hc)*s + slope%hk, y), v)
-         b(:beam) = b(:beam) + matmul(dense(:, :, 1)*s + dense(:, :, 2), x(:beam))
+         if (any(abs(dense) > 0)) b(:beam) = b(:beam) + matmul(dense(:, :, 1)*s &
+            + dense(:, :, 2), x(:beam))
          b(n + 1:) = moves*matmul(v_p, x) - assembly%compliance_slope(:, p)*y
       end associate
    end function changed
