@@ -52,8 +52,9 @@ module beamid_poles
    !> |A| relative to that of an undamped mode, below which a root is not taken by itself: its
    !> residue has lost two digits there, and its derivative four.
    real(wp), parameter :: small_A = 5e-2_wp
-   !> And below which it must not be: a derivative would keep six digits.
-   real(wp), parameter :: tiny_A = 1e-5_wp
+   !> And below which it is rather taken with others in a wide disc than by itself: a derivative
+   !> would keep ten digits; below which it must not be: six.
+   real(wp), parameter :: smaller_A = 1e-3_wp, tiny_A = 1e-5_wp
 
 contains
 
@@ -100,7 +101,7 @@ contains
       type(error_t), allocatable, intent(out) :: error
       logical, intent(in), optional :: known
       real(wp) :: undamped(size(poles%root))
-      logical :: near(size(poles%root))
+      logical, dimension(size(poles%root)) :: near, alone
       integer :: k
 
       poles%s = poles%root%s
@@ -122,12 +123,14 @@ contains
             ! |A| of an undamped mode.
             undamped(k) = 2*abs(poles%s(k))*vector%inertia
             near(k) = abs(vector%A) < small_A*undamped(k)
+            alone(k) = abs(vector%A) > smaller_A*undamped(k)
             poles%residue(k) = 0
             if (abs(vector%A) > 0) poles%residue(k) = weight(poles%s(k)) &
                *vector%y(assembly%sensor)*driven_by(assembly, vector, poles%s(k))/vector%A
          end associate
       end do
-      call find_clusters(assembly, poles%all, pack(poles%root, near), poles%cluster)
+      call find_clusters(assembly, poles%all, pack(poles%root, near), pack(alone, near), &
+         poles%cluster)
       if (assembly%is_carried .and. minval(abs(poles%s)) <= 1e-12_wp*maxval(abs(poles%s))) then
          call failure(error, 'modal: a hose that drifts on a base that moves; expected k_H > 0')
          return
