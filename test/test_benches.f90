@@ -1,6 +1,6 @@
 !> What stands on a beam or under it, and a base that moves: sensors with rotary inertia, supports
-!> that give way or not, a force anywhere, the length. Against full matrices in quadruple precision,
-!> CVODE, and finite elements of another kind.
+!> that give way or not, a force anywhere, the length, axial force and weight. Against full matrices
+!> in quadruple precision, CVODE, and finite elements of another kind.
 program test_benches
    use beamid_cvode, only: cvode_t
    use beamid_equations, only: equations_t, new_equations
@@ -22,14 +22,17 @@ program test_benches
    implicit none
 
    integer, parameter :: samples = 24, nodes = 9
-   character(len=*), parameter :: motions(3) = [character(len=12) :: 'displacement', 'velocity', &
-      'acceleration']
+   character(len=*), parameter :: motions(4) = [character(len=12) :: 'displacement', 'velocity', &
+      'acceleration', 'tilt']
    type(galerkin_t), target :: galerkin
    integer :: number
 
    call start_random(20260211)
    do number = 1, 24
-      call test_motions(number)
+      call test_motions(number, heavy=.false.)
+   end do
+   do number = 1, 24
+      call test_motions(number, heavy=.true.)
    end do
    call test_frequencies()
    call finish('benches')
@@ -86,6 +89,17 @@ contains
       s%c_R = 0
    end function bench
 
+   !> Weight, one in two upside down, and an axial force of either sign: at most .3 and .2 of what
+   !> buckles a clamped beam by itself.
+   subroutine load_axially(number, s)
+      integer, intent(in) :: number
+      type(structure_t), intent(inout) :: s
+
+      s%stands = modulo(number, 4) > 1
+      s%g = decades(-1.0_wp, -0.5_wp)*s%E*s%I/s%length**2/(s%m_T + s%rho*s%length)
+      s%T = between(-0.5_wp, 1.0_wp)*s%E*s%I/s%length**2
+   end subroutine load_axially
+
    !> A force, or a base, of random nodes on the grid of the samples.
    subroutine drive(number, step, f, excitation)
       integer, intent(in) :: number
@@ -106,8 +120,11 @@ contains
    !> Motions and their derivatives by every parameter that there is, on three cubics. The reference
    !> is right to 1e-12 or so: central differences over 1e-8 in quadruple precision, of splines in
    !> double precision.
-   subroutine test_motions(number)
+   !>
+   !> heavy  with weight and axial force
+   subroutine test_motions(number, heavy)
       integer, intent(in) :: number
+      logical, intent(in) :: heavy
       type(structure_t) :: s, above, below
       type(excitation_t) :: excitation
       type(equations_t), target :: equations
@@ -117,19 +134,21 @@ contains
       type(response_t), allocatable :: slopes(:)
       type(work_t) :: work
       type(error_t), allocatable :: error
-      real(wp) :: f(nodes), times(samples), step, h, wrong(3), size_of(3)
-      real(qp), dimension(samples, 3) :: known, plus, minus
+      real(wp) :: f(nodes), times(samples), step, h, wrong(4), size_of(4)
+      real(qp), dimension(samples, 4) :: known, plus, minus
       integer, allocatable :: places(:)
       character(len=:), allocatable :: name
       integer :: k, p
 
       s = bench(number)
       name = 'bench '//achar(iachar('a') + number - 1)//', '
+      if (heavy) call load_axially(number, s)
+      if (heavy) name = 'heavy '//name
       step = 0.25_wp/s%omega()
       times = [(k*step, k=1, samples)]
       call drive(number, step, f, excitation)
       places = pack(parameters(:n_parameters)%place, is_there(s, parameters(:n_parameters)%place))
-      places = pack(places, [(s%get(places(k)) > 0, &
+      places = pack(places, [(abs(s%get(places(k))) > 0, &
          k=1, size(places))])
       ! On a mesh of another length: the structure's changes, the mesh stays.
       galerkin = new_galerkin(mesh_t(3, 3, 4, 1), 1.3_wp*s%length, s%has_root_spring())
@@ -144,7 +163,8 @@ contains
       call bench_motion(galerkin, s, s, excitation%is_base, step, f, known)
       size_of = real(maxval(abs(known), dim=1), wp)
       call differ(response, known, wrong)
-      do k = 1, 3
+      if (.not. heavy) size_of(4) = 1
+      do k = 1, 4
          call check_close(name//trim(motions(k)), wrong(k)/size_of(k), 0.0_wp, 1e-9_wp)
       end do
       do p = 1, size(places)
@@ -159,7 +179,7 @@ contains
             - below%get(places(p))), wrong)
          ! Of what the motion becomes when the parameter doubles.
          call check_close(name//'by '//trim(name_of_parameter(s, places(p))), &
-            maxval(wrong*s%get(places(p))/size_of), 0.0_wp, 1e-8_wp)
+            maxval(wrong*abs(s%get(places(p)))/size_of), 0.0_wp, 1e-8_wp)
       end do
       ! CVODE leaves some hundred times its tolerance.
       integrator = cvode_t(rtol=1e-11_wp, max_steps=1000000_ip)
@@ -168,17 +188,20 @@ contains
       if (allocated(error)) return
       call differ(integrated, known, wrong)
       call check_close(name//'by cvode', wrong(1)/size_of(1), 0.0_wp, 1e-8_wp)
+      if (heavy) call check_close(name//'tilt by cvode', wrong(4)/size_of(4), 0.0_wp, 1e-8_wp)
    end subroutine test_motions
 
    !> The largest difference of each motion.
    subroutine differ(response, known, wrong)
       type(response_t), intent(in) :: response
       real(qp), intent(in) :: known(:, :)
-      real(wp), intent(out) :: wrong(3)
+      real(wp), intent(out) :: wrong(4)
 
       wrong(1) = real(maxval(abs(response%displacement - known(:, 1))), wp)
       wrong(2) = real(maxval(abs(response%velocity - known(:, 2))), wp)
       wrong(3) = real(maxval(abs(response%acceleration - known(:, 3))), wp)
+      wrong(4) = real(maxval(abs(known(:, 4))), wp)
+      if (allocated(response%tilt)) wrong(4) = real(maxval(abs(response%tilt - known(:, 4))), wp)
    end subroutine differ
 
    !> The lowest three frequencies of undamped beams by splines, from M and K and from the roots,
@@ -197,8 +220,9 @@ contains
       character(len=:), allocatable :: name
       integer :: i, k
 
-      do i = 0, 5
+      do i = 0, 11
          s = bench(6*4 + i)
+         if (i > 5) call load_axially(i, s)
          name = 'frequencies '//achar(iachar('a') + i)//', '
          s%m_H = 0
          s%c_D = 0

@@ -1,9 +1,10 @@
 !> A beam with all that can stand on it or under it, in quadruple precision and as full matrices:
-!> sensors with rotary inertia, supports, a force anywhere, a base that moves. A rigid support is a
-!> force that leaves no acceleration there, or minus that of the base.
+!> sensors with rotary inertia, supports, a force anywhere, a base that moves, weight. A rigid
+!> support is a force that leaves no acceleration there, or minus that of the base.
 module full_benches
    use beamid_galerkin, only: galerkin_t
    use beamid_kinds, only: wp
+   use beamid_quadrature, only: gauss_legendre, rule_t
    use beamid_structure, only: of_x_F, structure_t, x_P_at, x_S_at
    use dense_matrices, only: dense_of
    use full_matrices, only: exponential, qp, solve_real, square
@@ -21,7 +22,8 @@ contains
    !> is_base    f is the acceleration of the base, else a force
    !> step       [time]
    !> f          on the grid, which begins at 0, linear in between; zero afterwards
-   !> values     (:, 3) displacement, velocity, acceleration at step, 2 step, ...
+   !> values     (:, 4) displacement, velocity, acceleration at step, 2 step, ..., and what the
+   !>            sensor reads of gravity
    subroutine bench_motion(galerkin, structure, near, is_base, step, f, values)
       type(galerkin_t), intent(in) :: galerkin
       type(structure_t), intent(in) :: structure, near
@@ -29,13 +31,13 @@ contains
       real(wp), intent(in) :: step, f(:)
       real(qp), intent(out) :: values(:, :)
       real(qp), allocatable :: M(:, :), C(:, :), K(:, :), loads(:, :), o(:), a(:, :), &
-         growth(:, :), x(:), held(:, :)
+         growth(:, :), x(:), held(:, :), tilt(:)
       integer :: i, n
 
       n = galerkin%space%n + merge(1, 0, structure%has_hose())
       allocate (M(n, n), C(n, n), K(n, n), loads(n, 3), a(2*n + 4, 2*n + 4), x(2*n + 4), &
          source=0.0_qp)
-      call assemble(galerkin, structure, near, is_base, M, C, K, loads, o, held)
+      call assemble(galerkin, structure, near, is_base, M, C, K, loads, o, tilt, held)
       do i = 1, n
          a(i, n + i) = 1
          a(n + 1:2*n, i) = accelerations(M, held, -K(:, i), 0)
@@ -56,7 +58,7 @@ contains
          x(2*n + 1) = 0
          if (i < size(f)) x(2*n + 1) = f(i + 1)
          values(i, :) = [dot_product(o, x(:n)), dot_product(o, x(n + 1:2*n)), &
-            dot_product(o, matmul(a(n + 1:2*n, :), x))]
+            dot_product(o, matmul(a(n + 1:2*n, :), x)), dot_product(tilt, x(:n))]
       end do
    end subroutine bench_motion
 
@@ -81,14 +83,14 @@ contains
    end function accelerations
 
    !> M, C, K, the loads by f and by velocity and displacement of the base, and the sensor.
-   subroutine assemble(galerkin, s, near, is_base, M, C, K, loads, o, held)
+   subroutine assemble(galerkin, s, near, is_base, M, C, K, loads, o, tilt, held)
       type(galerkin_t), intent(in) :: galerkin
       type(structure_t), intent(in) :: s, near
       logical, intent(in) :: is_base
       real(qp), intent(out) :: M(:, :), C(:, :), K(:, :), loads(:, :)
-      real(qp), allocatable, intent(out) :: o(:), held(:, :)
+      real(qp), allocatable, intent(out) :: o(:), tilt(:), held(:, :)
       real(qp), dimension(size(M, 1)) :: tip, v, whole, y
-      real(qp) :: longer
+      real(qp) :: g, longer
       integer :: i, n
 
       n = galerkin%space%n
@@ -115,7 +117,12 @@ contains
          K = K + s%k_H*square(y - tip)
          v = v + s%m_H*y
       end if
+      g = merge(-s%g, s%g, s%stands)
+      call pull(galerkin%space%length, galerkin%space%length + 0.0_qp, (s%T + g*s%m_T)/longer, &
+         g*s%rho)
       do i = 1, s%sensors
+         call pull(near%place(x_S_at(i))*(galerkin%space%length/near%length), &
+            s%place(x_S_at(i))/longer, g*s%sensor(i)%m_S/longer, 0.0_qp)
          M = M + s%sensor(i)%m_S*square(point(x_S_at(i), 0)) &
             + s%sensor(i)%J_S*square(point(x_S_at(i), 1)/longer)
          v = v + s%sensor(i)%m_S*point(x_S_at(i), 0)
@@ -138,8 +145,35 @@ contains
             *spread(real([s%support(i)%c_P, 1/s%support(i)%kappa_P], qp), 1, size(v))
       end do
       o = point(x_S_at(s%observer), 0)
+      tilt = g*point(x_S_at(s%observer), 1)/longer
 
    contains
+
+      !> Adds the integral of (a + b (l - x)) b_i' b_j' from the root to x, by way of x0 near by.
+      subroutine pull(x0, x, a, b)
+         real(wp), intent(in) :: x0
+         real(qp), intent(in) :: x, a, b
+         type(rule_t) :: rule
+         real(wp) :: h, first, last
+         integer :: e, q
+
+         rule = gauss_legendre(galerkin%space%degree)
+         h = galerkin%space%length/galerkin%space%elements
+         do e = 0, galerkin%space%elements - 1
+            first = e*h
+            last = min(x0, first + h)
+            if (e == galerkin%space%elements - 1) last = x0
+            if (last <= first) exit
+            do q = 1, size(rule%points)
+               associate (at_q => first + (last - first)*rule%points(q))
+                  K = K + rule%weights(q)*(last - first)*(a + b*(galerkin%space%length - at_q)) &
+                     *square(at(real(at_q, qp), at_q, 1))
+               end associate
+            end do
+         end do
+         ! From x0 to x, which are next to each other.
+         K = K + (x - x0)*a*square(at((x + x0)/2, x0, 1))
+      end subroutine pull
 
       !> Splines at the place that a parameter is.
       function point(place, derivative) result(b)

@@ -1,6 +1,8 @@
-!> Natural frequencies of a beam by Hermite's cubic elements with nodes wherever something is.
+!> Natural frequencies of a beam by Hermite's cubic elements with nodes wherever something is; axial
+!> force and weight by Gauss points inside them.
 module hermite_beams
    use beamid_kinds, only: wp
+   use beamid_quadrature, only: gauss_legendre, rule_t
    use beamid_structure, only: structure_t
    implicit none
    private
@@ -46,6 +48,7 @@ contains
                156.0_wp, 22*h, 54.0_wp, -13*h, 22*h, 4*h**2, 13*h, -3*h**2, &
                54.0_wp, 13*h, 156.0_wp, -22*h, -13*h, -3*h**2, -22*h, 4*h**2], [4, 4])
          end associate
+         call add_tension(s, e*h, h, K(2*e + 1:2*e + 4, 2*e + 1:2*e + 4))
       end do
       held = .false.
       held(1) = .true.
@@ -70,5 +73,28 @@ contains
       call dsygv(1, 'N', 'L', size(free), a, size(free), b, size(free), w, work, size(work), info)
       omega = sqrt(w(:wanted))
    end function hermite_frequencies
+
+   !> What the tension in one element adds: N b_i' b_j', a polynomial of degree 5.
+   !>
+   !> x, h  where it begins, its length
+   subroutine add_tension(s, x, h, K)
+      type(structure_t), intent(in) :: s
+      real(wp), intent(in) :: x, h
+      real(wp), intent(inout) :: K(:, :)
+      type(rule_t) :: rule
+      real(wp) :: slope(4), carried, N
+      integer :: q
+
+      rule = gauss_legendre(3)
+      do q = 1, 3
+         associate (xi => rule%points(q))
+            slope = [(6*xi**2 - 6*xi)/h, 3*xi**2 - 4*xi + 1, (6*xi - 6*xi**2)/h, 3*xi**2 - 2*xi]
+            carried = s%m_T + s%rho*(s%length - x - xi*h) + sum(s%sensor%m_S, &
+               mask=s%sensor%x_S > x + h/2 .or. s%sensor%x_S < 0)
+         end associate
+         N = s%T + merge(-1, 1, s%stands)*s%g*carried
+         K = K + rule%weights(q)*h*N*spread(slope, 1, 4)*spread(slope, 2, 4)
+      end do
+   end subroutine add_tension
 
 end module hermite_beams

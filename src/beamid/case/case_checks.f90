@@ -8,7 +8,7 @@ module beamid_case_checks
    use beamid_experiments, only: experiment_t
    use beamid_kinds, only: wp
    use beamid_numbers, only: shown
-   use beamid_parameters, only: check_structure, parameters
+   use beamid_parameters, only: check_structure, key_of, parameters
    use beamid_refusals, only: refuse
    use beamid_responses, only: is_exact
    use beamid_strings, only: lower, to_text
@@ -35,7 +35,7 @@ contains
       if (allocated(error)) then
          associate (row => parameters(place))
             k = place_of(blocks, row%group, max(1, row%item))
-            if (k > 0) call blocks(k)%refusals%add(blocks(k)%line_of(trim(row%name)), '&'// &
+            if (k > 0) call blocks(k)%refusals%add(blocks(k)%line_of(key_of(place)), '&'// &
                trim(row%group)//' '//error%message)
          end associate
          return

@@ -24,6 +24,7 @@ module beamid_case_files
    type(group_t), parameter, public :: groups(*) = [ &
       group_t('beam', required=.true.), group_t('tip'), group_t('hose'), &
       group_t('sensor', may_repeat=.true.), group_t('support', may_repeat=.true.), &
+      group_t('gravity'), group_t('axial'), &
       group_t('excitation', may_repeat=.true.), group_t('discretization'), group_t('integrator'), &
       group_t('observation'), group_t('record', may_repeat=.true.), group_t('score'), &
       group_t('stage', may_repeat=.true.), group_t('multistart'), group_t('noise'), &
@@ -96,7 +97,7 @@ contains
 
       associate (model => case%model)
          select case (block%name)
-         case ('beam', 'tip', 'hose', 'sensor', 'support')
+         case ('beam', 'tip', 'hose', 'sensor', 'support', 'gravity', 'axial')
             call read_structure(block, model%structure)
          case ('discretization'); call read_discretization(block, case%meshes)
          case ('integrator'); call read_integrator(block, model%solver)

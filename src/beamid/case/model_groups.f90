@@ -8,7 +8,8 @@ module beamid_model_groups
    use beamid_paths, only: directory_of, join_path
    use beamid_kinds, only: wp
    use beamid_numbers, only: shown
-   use beamid_parameters, only: as_named, parameters, zero_or_more => not_negative
+   use beamid_parameters, only: any_value, as_named, key_of, parameters, &
+      zero_or_more => not_negative
    use beamid_strings, only: lower, to_text
    use beamid_structure, only: item_name_length, n_parameters, of_x_F, structure_t
    use beamid_tokens, only: digits, letters
@@ -27,6 +28,7 @@ contains
       type(block_t), intent(inout) :: block
       type(structure_t), intent(inout) :: structure
       real(wp), allocatable :: value, width, height
+      character(len=:), allocatable :: direction
       integer :: item, k
 
       item = 0
@@ -39,6 +41,12 @@ contains
          call read_parameter(block, k, value)
          if (allocated(value)) call structure%set(k, as_named(k, value))
       end do
+      if (block%name == 'gravity') then
+         direction = 'hanging'
+         call block%get('direction', direction, 'whether the root is above or below', &
+            [character(len=8) :: 'hanging', 'standing'])
+         structure%stands = direction == 'standing'
+      end if
       if (block%name == 'beam') then
          call block%get('width', width, 'give I', 'b of a rectangle', positive)
          call block%get('height', height, 'give I', 'h of a rectangle', positive)
@@ -60,10 +68,12 @@ contains
       type(block_t), intent(inout) :: block
       integer, intent(in) :: k
       real(wp), allocatable, intent(inout) :: value
+      type(range_t) :: range
 
       if (allocated(value)) deallocate (value)
-      call block%get(trim(parameters(k)%name), value, trim(parameters(k)%default), &
-         trim(parameters(k)%help), range_t(0, open=parameters(k)%range /= zero_or_more), &
+      range = range_t(0, open=parameters(k)%range /= zero_or_more)
+      if (parameters(k)%range == any_value) range = range_t()
+      call block%get(key_of(k), value, trim(parameters(k)%default), trim(parameters(k)%help), range, &
          required=parameters(k)%default == '', infinite=parameters(k)%is_reciprocal)
    end subroutine read_parameter
 

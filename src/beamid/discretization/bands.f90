@@ -14,6 +14,7 @@ module beamid_bands
    contains
       procedure :: add
       procedure :: add_rank_one
+      procedure :: add_block
       procedure :: element
       procedure :: times
       procedure :: add_product
@@ -85,6 +86,22 @@ contains
          end if
       end do
    end subroutine add_rank_one
+
+   !> The same of an x that is zero but for some consecutive places.
+   !>
+   !> first  the first of them
+   pure subroutine add_block(self, first, alpha, x)
+      class(band_t), intent(inout) :: self
+      integer, intent(in) :: first
+      real(wp), intent(in) :: alpha, x(:)
+      integer :: i, j
+
+      do j = 1, size(x)
+         do i = j, size(x)
+            call self%add(first + i - 1, first + j - 1, alpha*x(i)*x(j))
+         end do
+      end do
+   end subroutine add_block
 
    !> A(i, j), zero outside the band.
    pure real(wp) function element(self, i, j)

@@ -12,7 +12,7 @@ module beamid_splines
    implicit none
    private
 
-   public :: spline_space_t, new_spline_space
+   public :: spline_space_t, new_spline_space, cardinal
 
    !> Functions that may be nonzero on one element: at most degree + 1, consecutive.
    type :: spline_space_t

@@ -9,16 +9,20 @@
 !> tip, the sensors and supports; H holds what acts between them, a small matrix. A is diagonal: 1,
 !> but of a spring to the ground its compliance, with 1 + s c/k in H, so that it may be rigid.
 !>
+!> What acts between all oscillators of the beam, by axial force and weight or where properties vary
+!> along it, stands beside: E(s), a full matrix (`dense`).
+!>
 !> The hose has the same D(s) whether its coordinate is y, with c_H s + k_H between it and the tip,
 !> or y - u(l), with m_H s**2 instead. The smaller of the two loses no digits: both forms are kept,
 !> and `form_at` says which one serves at s.
 module beamid_assembly
    use beamid_kinds, only: wp
    use beamid_modes, only: beam_modes_t
-   use beamid_structure, only: of_length, of_x_F, structure_t
+   use beamid_structure, only: of_g, of_length, of_x_F, structure_t
    use beamid_terms, only: bending, force_value, hose, inertia, is_spring, load_shape, &
-      of_compliance, of_damping, of_load, of_mass, of_stiffness, operators, place_on_mesh, &
-      root_slope, sensor_value, strengths_and_slopes, stretch, support_value, tip_slope, tip_value
+      of_compliance, of_damping, of_load, of_mass, of_stiffness, operators, place_on_mesh, pulls, &
+      root_slope, sensor_slope, sensor_value, strengths_and_slopes, stretch, support_value, &
+      tip_slope, tip_value, weight
    implicit none
    private
 
@@ -42,6 +46,9 @@ module beamid_assembly
       integer :: n = 0                         !< oscillators
       integer :: beam = 0                      !< the first of them: modes of the bare beam
       type(pencil_t) :: pencil(2)              !< hose by y, by y - u(l)
+      !> (beam, beam, 2) E of C and K, and (beam, beam, 2, parameters) its derivatives; not
+      !> allocated: nothing acts so
+      real(wp), allocatable :: dense(:, :, :), dense_slope(:, :, :, :)
       real(wp), allocatable :: v(:, :)         !< (r, n) column i is v_i
       !> (n, r), and (n, r (r + 1)/2) products of rows k <= l at k + l (l - 1)/2
       real(wp), allocatable :: vt(:, :), vv(:, :)
@@ -67,6 +74,8 @@ module beamid_assembly
       !> derivatives of what stands before them in M, C and K
       integer, allocatable :: changing(:)
       real(wp), allocatable :: change(:, :, :)
+      !> (2, parameters) d pencil/d parameter, where something acts between all oscillators
+      type(pencil_t), allocatable :: slope(:, :)
       real(wp), allocatable :: mu(:)           !< (beam) bending of the modes, of which inertia is 1
       !> (r, n) how a row of v changes as its place moves along the beam of the mesh, and
       !> (r, parameters) how a parameter moves that place; such a row has no entry of H but that on
@@ -77,7 +86,10 @@ module beamid_assembly
       integer, allocatable :: row(:)
       !> Rows of v; 0: not there. The sensor's may be that of the tip.
       integer :: tip = 0, hose = 0, sensor = 0
+      !> That of the sensor's slope, where it reads gravity.
+      integer :: turn = 0
    contains
+      procedure :: is_dense
       procedure :: form_at
       procedure :: is_bare
       procedure :: is_undamped
@@ -141,6 +153,7 @@ contains
             self%pencil(1)%k(i))
       end do
       call set_springs(self, modes, slopes)
+      call set_dense(self, modes, slopes)
    end function new_assembly
 
    !> Which oscillators and couplings there are, and V.
@@ -151,8 +164,10 @@ contains
       type(beam_modes_t), intent(in) :: modes
       logical, intent(in) :: needed(:)
       integer :: k, l, r
+      logical :: turns
 
       associate (s => self%structure)
+         turns = s%g > 0 .or. any(self%parameters == of_g)
          allocate (self%row(size(operators)), source=0)
          self%n = self%beam
          self%tip = 1
@@ -166,7 +181,8 @@ contains
          do k = 1, size(operators)
             if (k == force_value .or. operators(k)%derivative < 0 .or. self%row(k) > 0 .or. &
                k == root_slope .and. modes%space%turning == 0) cycle
-            if (.not. (needed(k) .or. k == sensor_value(s%observer))) cycle
+            if (.not. (needed(k) .or. k == sensor_value(s%observer) .or. turns .and. &
+               k == sensor_slope(s%observer))) cycle
             if (k == root_slope .or. .not. stays_at_tip(self, operators(k)%place)) then
                r = r + 1
                self%row(k) = r
@@ -181,6 +197,7 @@ contains
             end if
          end do
          self%sensor = self%row(sensor_value(s%observer))
+         if (turns) self%turn = self%row(sensor_slope(s%observer))
       end associate
       allocate (self%v(r, self%n), self%v_slope(r, self%n), &
          self%moves(r, size(self%parameters)), source=0.0_wp)
@@ -278,6 +295,82 @@ contains
       end do
    end subroutine set_springs
 
+   !> Derivatives of the pencil.
+   subroutine set_pencil_slopes(self, modes, slopes)
+      type(assembly_t), intent(inout) :: self
+      type(beam_modes_t), intent(in) :: modes
+      real(wp), intent(in) :: slopes(:, :, :)
+      integer :: form, i, p
+
+      allocate (self%slope(2, size(self%parameters)))
+      do p = 1, size(self%parameters)
+         do form = 1, 2
+            self%slope(form, p) = new_pencil(self, modes, slopes(:, :, p), form)
+            do i = 1, size(self%changing)
+               associate (row => self%row(self%changing(i)))
+                  if (is_spring(self%changing(i), self%structure) .and. row > 0) &
+                     self%slope(form, p)%hc(row, row) = self%change(2, i, p)
+               end associate
+            end do
+         end do
+      end do
+   end subroutine set_pencil_slopes
+
+   !> E and its derivatives.
+   subroutine set_dense(self, modes, slopes)
+      type(assembly_t), intent(inout) :: self
+      type(beam_modes_t), intent(in) :: modes
+      real(wp), intent(in) :: slopes(:, :, :)
+      type(beam_modes_t) :: own
+      real(wp), allocatable :: whole(:, :), turning(:), moves(:)
+      integer :: j, k, p
+
+      k = of_stiffness
+      if (.not. (allocated(modes%rest) .or. any(pulls([(j, j=1, size(operators))]) .and. &
+         (abs(self%strength(:, k)) > 0 .or. any(abs(slopes(:, k, :)) > 0, dim=2))))) return
+      call set_pencil_slopes(self, modes, slopes)
+      own = modes
+      call own%tabulate_slopes()
+      allocate (self%dense(self%beam, self%beam, 2), &
+         self%dense_slope(self%beam, self%beam, 2, size(self%parameters)), source=0.0_wp)
+      if (allocated(modes%rest)) then
+         do j = 1, 2
+            associate (operator => merge(inertia, bending, j == 1))
+               self%dense(:, :, 1) = self%dense(:, :, 1) &
+                  + self%strength(operator, of_damping)*modes%rest(:, :, j)
+               do p = 1, size(self%parameters)
+                  self%dense_slope(:, :, 1, p) = self%dense_slope(:, :, 1, p) &
+                     + slopes(operator, of_damping, p)*modes%rest(:, :, j)
+               end do
+            end associate
+         end do
+      end if
+      do k = 1, size(operators)
+         associate (s => self%strength(k, of_stiffness), s_p => slopes(k, of_stiffness, :), &
+            x => place_on_mesh(k, self%structure, modes%space%length))
+            if (.not. (pulls(k) .and. (abs(s) > 0 .or. any(abs(s_p) > 0)))) cycle
+            whole = own%tension(x, merge(0.0_wp, 1.0_wp, k == weight), &
+               merge(1.0_wp, 0.0_wp, k == weight))
+            self%dense(:, :, 2) = self%dense(:, :, 2) + s*whole
+            turning = modes%at(x, 1)
+            moves = moves_of(self, modes, k)
+            do p = 1, size(self%parameters)
+               self%dense_slope(:, :, 2, p) = self%dense_slope(:, :, 2, p) + s_p(p)*whole
+               if (abs(s*moves(p)) > 0) self%dense_slope(:, :, 2, p) = &
+                  self%dense_slope(:, :, 2, p) + s*moves(p)*spread(turning, 1, self%beam) &
+                  *spread(turning, 2, self%beam)
+            end do
+         end associate
+      end do
+   end subroutine set_dense
+
+   !> Whether something acts between all oscillators of the beam.
+   pure logical function is_dense(self)
+      class(assembly_t), intent(in) :: self
+
+      is_dense = allocated(self%dense)
+   end function is_dense
+
    !> F and its derivatives: what acts along the rows of V, and the rest. Of a base that moves -M r
    !> and, with 1/s, -C r, r the displacement of the whole by one; supports are `lift`.
    subroutine set_load(self, modes, slopes, applied)
@@ -294,7 +387,7 @@ contains
       allocate (self%push_slope(size(self%v, 1), 2, size(self%parameters)), &
          self%rest_slope(self%n, size(self%parameters)))
       spread_out = 0
-      if (applied%base) spread_out(:self%beam) = -modes%total
+      if (applied%base) spread_out(:self%beam) = -modes%total(:, 1)
       if (allocated(applied%shape)) spread_out(:self%beam) = applied%shape
       point = 0
       moving = 0
@@ -314,6 +407,7 @@ contains
          self%load(:, 1, form) = self%rest + matmul(self%push(:, form), self%v)
       end do
       if (.not. applied%base) return
+      spread_out(:self%beam) = -modes%total(:, 2)
       self%load(:, 2, :) = spread(self%strength(inertia, of_damping)*spread_out, 2, 2)
       allocate (self%carried_slope(self%n, size(self%parameters)))
       do p = 1, size(self%parameters)
@@ -629,6 +723,7 @@ contains
       class(assembly_t), intent(in) :: self
 
       is_undamped = .not. (any(abs(self%pencil(1)%c) > 0) .or. any(abs(self%pencil(1)%hc) > 0))
+      if (self%is_dense()) is_undamped = is_undamped .and. .not. any(abs(self%dense(:, :, 1)) > 0)
    end function is_undamped
 
 end module beamid_assembly

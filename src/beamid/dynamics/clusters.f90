@@ -54,9 +54,12 @@ contains
    !>
    !> all      every root, 2 n of them
    !> flagged  those, Im s >= 0, that another one is near
-   subroutine find_clusters(assembly, all, flagged, clusters)
+   !> alone    which of them may be taken by themselves where no compact disc holds them: a wide one
+   !>          costs more digits
+   subroutine find_clusters(assembly, all, flagged, alone, clusters)
       type(assembly_t), intent(in) :: assembly
       type(root_t), intent(in) :: all(:), flagged(:)
+      logical, intent(in) :: alone(:)
       type(cluster_t), allocatable, intent(out) :: clusters(:)
       type(cluster_t) :: cluster
       integer :: k
@@ -64,7 +67,7 @@ contains
       allocate (clusters(0))
       do k = 1, size(flagged)
          if (any(clusters%holds(flagged(k)%s))) cycle
-         call gather(assembly, all, flagged(k), clusters, cluster)
+         call gather(assembly, all, flagged(k), clusters, alone(k), cluster)
          if (cluster%m == 0) cycle
          clusters = [clusters(places(.not. cluster%holds(clusters%centre%s))), cluster]
       end do
@@ -99,11 +102,14 @@ contains
    !> touches the real axis is moved onto it.
    !>
    !> others   found before: each is inside or outside as a whole
+   !> compact  whether no other disc will do than one well apart, and small against its distance
+   !>          from 0
    !> cluster  m = 0: there is no such disc
-   subroutine gather(assembly, all, flagged, others, cluster)
+   subroutine gather(assembly, all, flagged, others, compact, cluster)
       type(assembly_t), intent(in) :: assembly
       type(root_t), intent(in) :: all(:), flagged
       type(cluster_t), intent(in) :: others(:)
+      logical, intent(in) :: compact
       type(cluster_t), intent(out) :: cluster
       complex(wp) :: from(size(all)), centre
       logical :: inside(size(all)), on_axis
@@ -116,7 +122,7 @@ contains
       end do
       centre = 0
       on_axis = .false.
-      least = barely_apart
+      least = merge(well_apart, barely_apart, compact)
       m = 1
       do while (m < min(most_roots, size(all) - 1))
          m = m + 1
@@ -131,11 +137,12 @@ contains
          radius = max(sqrt(g*o), 0.4_wp*o)
          if (.not. on_axis .and. abs(aimag(flagged%s + centre)) <= radius) then
             on_axis = .true.
-            least = barely_apart
+            least = merge(well_apart, barely_apart, compact)
             m = 1
             cycle
          end if
          if (.not. g < least*o .or. splits(others)) cycle
+         if (compact .and. .not. g < well_apart*abs(flagged%s + centre)) cycle
          least = g/o
          cluster%m = m
          cluster%centre = flagged

@@ -7,6 +7,7 @@
 module beamid_continuation
    use beamid_assembly, only: assembly_t
    use beamid_kinds, only: wp
+   use beamid_systems, only: find_whole_vector, improve_root
    use beamid_vectors, only: find_vector, nearest_pole, root_t, vector_t
    implicit none
    private
@@ -74,6 +75,12 @@ contains
       is_real = .not. abs(aimag(root%s)) > 0
       root%origin = 0
       call nearest_pole(assembly, root)
+      if (assembly%is_dense()) then
+         call improve_root(assembly, root)
+         call find_whole_vector(assembly, root, vector)
+         followed = is_real .or. aimag(root%s) > 1e-3_wp*abs(root%s)
+         return
+      end if
       before = huge(before)
       do pass = 1, most_steps
          call find_vector(assembly, root, vector)

@@ -12,6 +12,7 @@ module beamid_cvode
    use beamid_errors, only: error_t, failure
    use beamid_excitation, only: excitation_t, same_time
    use beamid_kinds, only: wp, ip
+   use beamid_modes, only: buckled
    use beamid_newton, only: motion_t, new_motion
    use beamid_responses, only: response_t, solver_t, work_t
    use beamid_strings, only: to_text
@@ -82,6 +83,7 @@ contains
       response%t = times
       allocate (response%displacement(size(times)), response%velocity(size(times)), &
          response%acceleration(size(times)), source=0.0_wp)
+      if (allocated(equations%tilt)) allocate (response%tilt(size(times)), source=0.0_wp)
       work%solves = work%solves + 1
       if (size(times) == 0) return
       call open_session(self, equations, excitation, session, error)
@@ -198,6 +200,8 @@ contains
             + equations%lifted*base(1, 2)
          response%acceleration(k) = dot_product(equations%observer, a) &
             + equations%lifted*base(1, 3)
+         if (allocated(equations%tilt)) response%tilt(k) = dot_product(equations%tilt, y(:n)) &
+            + equations%tilted*base(1, 1)
       end associate
    end subroutine observe
 
@@ -216,6 +220,10 @@ contains
       if (equations%constraints%too_many) then
          call failure(error, 'the rigid supports stand so close together that the mesh has no '// &
             'motion left between them, expected more elements')
+         return
+      end if
+      if (equations%buckles()) then
+         call failure(error, 'CVODE: '//buckled)
          return
       end if
       call new_motion(equations, session%motion, error)

@@ -11,8 +11,8 @@ module beamid_equations
    use beamid_constraints, only: constraints_t
    use beamid_structure, only: structure_t
    use beamid_terms, only: bending, force_value, hose, inertia, is_spring, load_shape, &
-      of_compliance, of_damping, of_load, of_mass, of_stiffness, operators, place_on_mesh, &
-      root_slope, sensor_value, strengths, stretch, tip_value
+      of_compliance, of_damping, of_load, of_mass, of_stiffness, operators, place_on_mesh, pulls, &
+      root_slope, sensor_slope, sensor_value, strengths, stretch, tilting, tip_value, weight
    implicit none
    private
 
@@ -28,9 +28,13 @@ module beamid_equations
       !> (n, 2) per unit velocity and displacement of the base; not allocated: none
       real(wp), allocatable :: carried(:, :)
       real(wp) :: lifted = 0                 !< displacement of the sensor that goes with the base's
+      real(wp) :: tilted = 0                 !< what it reads of gravity thereby
       real(wp), allocatable :: shape(:)      !< of a distributed load; not allocated: none
       real(wp), allocatable :: tip(:)        !< (n) tip displacement = tip . w
       real(wp), allocatable :: observer(:)   !< (n) displacement of the sensor = observer . w
+      !> (n) what a sensor that turns reads of gravity = tilt . w; not allocated: none
+      real(wp), allocatable :: tilt(:)
+      type(band_t) :: pull                   !< of axial force and weight; not allocated: none
       !> (n, operators) vectors whose squares the operators at points are; 0: the others
       real(wp), allocatable :: point(:, :)
       !> (n) displacement that one unit of each unknown stands for
@@ -44,6 +48,7 @@ module beamid_equations
    contains
       procedure :: subtract_internal_force
       procedure :: strain_energy
+      procedure :: buckles
    end type equations_t
 
 contains
@@ -60,7 +65,7 @@ contains
       type(excitation_t), intent(in) :: excitation
       logical, intent(in), optional :: matrices
       type(equations_t) :: self
-      integer :: n
+      integer :: k, n
 
       self%galerkin => galerkin
       self%structure = structure
@@ -76,10 +81,14 @@ contains
       ! The B-splines add up to degree!, the hose moves by y itself.
       allocate (self%unit(n), source=1.0_wp)
       self%unit(:galerkin%space%n) = gamma(galerkin%mesh%degree + 1.0_wp)
+      if (any(pulls([(k, k=1, size(operators))]) .and. abs(self%strength(:, of_stiffness)) > 0)) &
+         call find_pull(self)
       self%mass = sum_of_terms(self, of_mass)
       self%damping = sum_of_terms(self, of_damping)
       self%stiffness = sum_of_terms(self, of_stiffness)
       self%observer = self%point(:, sensor_value(structure%observer))
+      if (structure%g > 0) self%tilt = tilting(structure)*galerkin%space%length/structure%length &
+         *self%point(:, sensor_slope(structure%observer))
       if (excitation%is_base) then
          call carry(self)
       else
@@ -137,25 +146,64 @@ contains
 
       associate (g => self%galerkin, s => self%strength(:, matrix))
          band = new_band(size(self%point, 1), g%inertia%kd)
-         band%a(:, :g%space%n) = s(inertia)*g%inertia%a + s(bending)*g%bending%a
+         if (matrix == of_damping .and. g%varies) then
+            band%a(:, :g%space%n) = s(inertia)*g%air%a + s(bending)*g%viscous%a
+         else
+            band%a(:, :g%space%n) = s(inertia)*g%inertia%a + s(bending)*g%bending%a
+         end if
+         if (matrix == of_stiffness .and. allocated(self%pull%a)) &
+            band%a(:, :g%space%n) = band%a(:, :g%space%n) + self%pull%a
          do k = 1, size(s)
             if (abs(s(k)) > 0) call band%add_rank_one(s(k), self%point(:, k))
          end do
       end associate
    end function sum_of_terms
 
+   !> Axial force and weight.
+   subroutine find_pull(self)
+      type(equations_t), intent(inout) :: self
+      type(band_t) :: part
+      integer :: k
+
+      associate (g => self%galerkin, s => self%strength(:, of_stiffness))
+         self%pull = new_band(g%space%n, g%inertia%kd)
+         do k = 1, size(operators)
+            if (.not. (pulls(k) .and. abs(s(k)) > 0)) cycle
+            part = g%slope_band(place_on_mesh(k, self%structure, g%space%length), &
+               merge(0.0_wp, s(k), k == weight), merge(s(k), 0.0_wp, k == weight))
+            self%pull%a = self%pull%a + part%a
+         end do
+      end associate
+   end subroutine find_pull
+
+   !> Whether axial force or weight take the last stiffness away.
+   logical function buckles(self)
+      class(equations_t), intent(in) :: self
+      type(band_t) :: factor
+      logical :: positive
+
+      buckles = .false.
+      if (.not. allocated(self%pull%a)) return
+      factor = self%stiffness
+      ! A hose that no spring holds is no matter of stiffness.
+      if (self%structure%has_hose() .and. .not. self%structure%k_H > 0) &
+         call factor%add(self%n, self%n, self%structure%tip_stiffness())
+      call factor%factor(positive)
+      buckles = .not. positive
+   end function buckles
+
    !> The loads of a base that moves: -M r, -C r and -K r, r the displacement of the whole by one.
    !> Where rigid supports stay behind, the beam is bent by the static shape that they leave.
    subroutine carry(self)
       type(equations_t), intent(inout) :: self
-      real(wp) :: loads(size(self%point, 1), 3), whole(self%galerkin%space%n)
+      real(wp) :: loads(size(self%point, 1), 3)
       real(wp), allocatable :: bent(:)
       integer :: k
 
       loads = 0
-      whole = self%galerkin%moments(0.0_wp)
       associate (n => self%galerkin%space%n, s => self%strength(:, :of_stiffness))
-         loads(:n, :) = -spread(whole, 2, 3)*spread(s(inertia, :), 1, n)
+         loads(:n, 1) = -s(inertia, of_mass)*self%galerkin%moments(0.0_wp, mass=.true.)
+         loads(:n, 2) = -s(inertia, of_damping)*self%galerkin%moments(0.0_wp)
          do k = bending + 1, size(operators)
             if (operators(k)%carried) loads = loads - spread(self%point(:, k), 2, 3) &
                *spread(s(k, :), 1, size(loads, 1))
@@ -163,6 +211,7 @@ contains
       end associate
       call bend(self, bent)
       self%lifted = dot_product(self%observer, bent)
+      if (allocated(self%tilt)) self%tilted = dot_product(self%tilt, bent)
       self%load = loads(:, 1) - self%mass%times(bent)
       ! K times that shape is a force at the supports, which move nothing there.
       self%carried = loads(:, 2:)
@@ -238,6 +287,7 @@ contains
       self%stiffness = self%constraints%of_matrix(self%stiffness)
       self%load = self%constraints%of_vector(self%load)
       self%observer = self%constraints%of_vector(self%observer)
+      if (allocated(self%tilt)) self%tilt = self%constraints%of_vector(self%tilt)
       self%unit = self%unit(1 + self%constraints%number():)
       allocate (reduced(self%mass%n, size(operators)))
       do k = 1, size(operators)
@@ -289,16 +339,24 @@ contains
 
       associate (n => self%galerkin%space%n, c => self%strength(:, of_damping), &
          s => self%strength(:, of_stiffness))
-         call self%galerkin%add_bending_force(-1.0_wp, s(bending)*w(:n) + c(bending)*v(:n), &
-            force(:n))
-         if (c(inertia) > 0) call self%galerkin%inertia%add_product(-c(inertia), v(:n), force(:n))
+         if (self%galerkin%varies) then
+            call self%galerkin%add_bending_force(-s(bending), w(:n), force(:n), viscous=.false.)
+            call self%galerkin%add_bending_force(-c(bending), v(:n), force(:n), viscous=.true.)
+            call self%galerkin%air%add_product(-c(inertia), v(:n), force(:n))
+         else
+            call self%galerkin%add_bending_force(-1.0_wp, s(bending)*w(:n) + c(bending)*v(:n), &
+               force(:n), viscous=.false.)
+            if (c(inertia) > 0) call self%galerkin%inertia%add_product(-c(inertia), v(:n), &
+               force(:n))
+         end if
+         if (allocated(self%pull%a)) call self%pull%add_product(-1.0_wp, w(:n), force(:n))
       end associate
    end subroutine subtract_beam_force
 
    !> x' K x without the cancellation that the band matrix K suffers on fine meshes.
    !>
    !> x  (n)
-   pure real(wp) function strain_energy(self, x)
+   real(wp) function strain_energy(self, x)
       class(equations_t), intent(in) :: self
       real(wp), intent(in) :: x(:)
       real(wp), allocatable :: bent(:)
@@ -307,6 +365,8 @@ contains
       bent = self%constraints%expanded(x)
       associate (n => self%galerkin%space%n, s => self%strength(:, of_stiffness))
          strain_energy = s(bending)*self%galerkin%bending_energy(bent(:n))
+         if (allocated(self%pull%a)) strain_energy = strain_energy &
+            + dot_product(bent(:n), self%pull%times(bent(:n)))
          do k = bending + 1, size(s)
             if (abs(s(k)) > 0) strain_energy = strain_energy &
                + s(k)*dot_product(self%point(:, k), x)**2

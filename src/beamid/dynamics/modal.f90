@@ -9,11 +9,12 @@ module beamid_modal
    use beamid_free_motion, only: find_free_modes, free_mode_t
    use beamid_galerkin, only: galerkin_t, mesh_t, same_mesh
    use beamid_kinds, only: wp
-   use beamid_modes, only: bare_beam_modes, beam_modes_t
-   use beamid_poles, only: differentiate_poles, find_poles, poles_t
-   use beamid_responses, only: exact_solver_t, work_t
-   use beamid_structure, only: same_structure, structure_t
+   use beamid_modes, only: bare_beam_modes, beam_modes_t, buckled
+   use beamid_poles, only: differentiate_poles, find_poles, observe_also, poles_t
+   use beamid_responses, only: exact_solver_t, of_tilt, work_t
+   use beamid_structure, only: of_g, of_length, same_structure, structure_t
    use beamid_synthesis, only: synthesize
+   use beamid_terms, only: tilting
    implicit none
    private
 
@@ -23,6 +24,7 @@ module beamid_modal
       type(beam_modes_t), allocatable, private :: modes   !< of the bare beam
       type(mesh_t), private :: mesh                       !< what it was prepared for
       type(poles_t), private :: poles                     !< of the last structure
+      type(poles_t), private :: turns   !< the same, of the sensor's slope, where there is gravity
       type(structure_t), allocatable, private :: structure   !< that structure
       logical, private :: distributed = .false., base = .false.   !< its load
       real(wp), private :: power = 0
@@ -59,13 +61,47 @@ contains
       real(wp), intent(out) :: motion(:, 0:, :)
       type(work_t), intent(inout) :: work
       type(error_t), allocatable, intent(out) :: error
+      integer :: n
 
       call self%solve(equations, excitation, parameters, work, error)
       if (allocated(error)) return
-      call synthesize(self%poles, excitation, times, which, motion)
+      n = count(which /= of_tilt)
+      call synthesize(self%poles, excitation, times, which(:n), motion(:, :, :n))
+      if (n < size(which)) call turn(self, equations, excitation, times, parameters, &
+         motion(:, :, n + 1))
       if (.not. all(ieee_is_finite(motion(:, 0, :)))) &
          call failure(error, 'modal: the response is not finite')
    end subroutine motions
+
+   !> What the sensor reads of gravity as it turns.
+   subroutine turn(self, equations, excitation, times, parameters, motion)
+      type(modal_t), intent(in) :: self
+      type(equations_t), intent(in) :: equations
+      type(excitation_t), intent(in) :: excitation
+      real(wp), intent(in) :: times(:)
+      integer, intent(in) :: parameters(:)
+      real(wp), intent(out) :: motion(:, 0:)
+      real(wp), allocatable :: turns(:, :, :)
+      type(structure_t) :: unit
+      real(wp) :: shorter
+      integer :: p
+
+      motion = 0
+      if (.not. (equations%structure%g > 0 .or. any(parameters == of_g))) return
+      allocate (turns(size(times), 0:size(parameters), 1))
+      call synthesize(self%turns, excitation, times, [1], turns)
+      associate (s => equations%structure)
+         unit = s
+         unit%g = 1
+         shorter = equations%galerkin%space%length/s%length
+         motion = tilting(s)*shorter*turns(:, :, 1)
+         do p = 1, size(parameters)
+            if (parameters(p) == of_g) motion(:, p) = motion(:, p) &
+               + tilting(unit)*shorter*turns(:, 0, 1)
+            if (parameters(p) == of_length) motion(:, p) = motion(:, p) - motion(:, 0)/s%length
+         end do
+      end associate
+   end subroutine turn
 
    !> Poles of the structure and their derivatives; those of the last structure are kept.
    subroutine solve(self, equations, excitation, parameters, work, error)
@@ -75,7 +111,7 @@ contains
       integer, intent(in) :: parameters(:)
       type(work_t), intent(inout) :: work
       type(error_t), allocatable, intent(out) :: error
-      type(assembly_t) :: assembly
+      type(assembly_t) :: assembly, turned
 
       work%solves = work%solves + 1
       if (.not. allocated(self%modes)) then
@@ -97,8 +133,22 @@ contains
          self%base = excitation%is_base
          self%power = excitation%power
          self%layout = assembly%row
+         if (any(real(self%poles%s) > 0 .and. .not. abs(aimag(self%poles%s)) > 0)) then
+            call failure(error, 'modal: '//buckled)
+            deallocate (self%structure)
+            return
+         end if
+         if (assembly%turn > 0) then
+            turned = assembly
+            turned%sensor = assembly%turn
+            call observe_also(turned, self%poles, self%turns, error)
+            if (allocated(error)) return
+         end if
       end if
       call differentiate_poles(assembly, self%poles)
+      if (assembly%turn == 0) return
+      assembly%sensor = assembly%turn
+      call differentiate_poles(assembly, self%turns, also=self%poles)
    end subroutine solve
 
    !> Whether the poles that are kept are those of a structure under a load.

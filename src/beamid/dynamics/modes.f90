@@ -3,13 +3,17 @@ module beamid_modes
    use beamid_bands, only: band_t
    use beamid_equations, only: equations_t
    use beamid_errors, only: error_t, failure
-   use beamid_galerkin, only: galerkin_t
+   use beamid_galerkin, only: galerkin_t, slope_points
    use beamid_kinds, only: wp
    use beamid_splines, only: spline_space_t
    implicit none
    private
 
    public :: undamped_modes, beam_modes_t, bare_beam_modes
+
+   !> What is wrong with a structure that cannot carry its load.
+   character(len=*), parameter, public :: buckled = 'axial force and weight buckle the beam, '// &
+      'expected a stiffness above 0'
 
    !> The modes of the bare beam, clamped or pinned at the root: B phi = mu G phi with the integrals
    !> of the mesh alone; E I mu/rho are the squares of its angular frequencies. The first of the
@@ -18,12 +22,21 @@ module beamid_modes
       real(wp), allocatable :: mu(:)           !< (n) ascending [1/length**4]
       real(wp), allocatable :: shapes(:, :)    !< (n, n) columns phi with phi' G phi = 1
       real(wp), allocatable :: tip(:)          !< (n) phi(l)
-      real(wp), allocatable :: total(:)        !< (n) integral of phi
+      !> (n, 2) integral of phi by the mass per length, and by itself
+      real(wp), allocatable :: total(:, :)
       !> The first mode is turn*x where the beam is pinned; 0 where it is clamped [length**(-3/2)].
       real(wp) :: turn = 0
       type(spline_space_t) :: space
+      !> Gauss points along the beam, their weights, and (points, n) slopes of the modes there, as
+      !> `tabulate_slopes` leaves them, for `tension`.
+      real(wp), allocatable :: points(:), weights(:), slopes(:, :)
+      !> (n, n, 2) phi' A phi and phi' B phi of air and viscosity where something varies along the
+      !> beam, less those of mass and stiffness; not allocated: nothing does
+      real(wp), allocatable :: rest(:, :, :)
    contains
       procedure :: at
+      procedure :: tabulate_slopes
+      procedure :: tension
    end type beam_modes_t
 
    interface
@@ -55,6 +68,10 @@ contains
       type(error_t), allocatable, intent(out) :: error
       integer :: k
 
+      if (equations%buckles()) then
+         call failure(error, 'modes: '//buckled)
+         return
+      end if
       call shapes_of(equations%stiffness, equations%mass, equations%omega**2, shapes, error)
       if (allocated(error)) return
       omega = [(sqrt(equations%strain_energy(shapes(:, k))), k=1, equations%n)]
@@ -72,11 +89,14 @@ contains
          ! The first eigenvalue of a cantilever is 12.36/length**4.
          call shapes_of(galerkin%bending, galerkin%inertia, 12/length**4, modes%shapes, error)
          if (allocated(error)) return
-         modes%total = matmul(galerkin%moments(0.0_wp), modes%shapes)
+         allocate (modes%total(size(modes%shapes, 2), 2))
+         modes%total(:, 1) = matmul(galerkin%moments(0.0_wp, mass=.true.), modes%shapes)
+         modes%total(:, 2) = matmul(galerkin%moments(0.0_wp), modes%shapes)
          if (galerkin%space%turning > 0) call make_turn(galerkin, modes)
          modes%mu = [(galerkin%bending_energy(modes%shapes(:, k)), k=1, size(modes%shapes, 2))]
          if (galerkin%space%turning > 0) modes%mu(1) = 0
          modes%tip = modes%at(length, 0)
+         if (galerkin%varies) call find_rest(galerkin, modes)
       end associate
    end subroutine bare_beam_modes
 
@@ -91,9 +111,10 @@ contains
       integer :: k
 
       associate (length => galerkin%space%length)
-         modes%turn = 1/(length*sqrt(galerkin%integral(2.0_wp)))
-         moment = modes%turn*length*galerkin%moments(1.0_wp)
-         modes%total(1) = modes%turn*length*galerkin%integral(1.0_wp)
+         modes%turn = 1/(length*sqrt(galerkin%integral(2.0_wp, mass=.true.)))
+         moment = modes%turn*length*galerkin%moments(1.0_wp, mass=.true.)
+         modes%total(1, :) = modes%turn*length*[galerkin%integral(1.0_wp, mass=.true.), &
+            galerkin%integral(1.0_wp)]
       end associate
       factor = galerkin%inertia
       call factor%factor(positive)
@@ -103,10 +124,76 @@ contains
       do k = 2, size(modes%shapes, 2)
          associate (share => dot_product(moment, modes%shapes(:, k)))
             modes%shapes(:, k) = modes%shapes(:, k) - share*turned
-            modes%total(k) = modes%total(k) - share*modes%total(1)
+            modes%total(k, :) = modes%total(k, :) - share*modes%total(1, :)
          end associate
       end do
    end subroutine make_turn
+
+   !> What air and viscosity do between the modes of a beam whose properties vary.
+   subroutine find_rest(galerkin, modes)
+      type(galerkin_t), intent(in) :: galerkin
+      type(beam_modes_t), intent(inout) :: modes
+      integer :: i, j
+
+      associate (n => size(modes%mu), shapes => modes%shapes)
+         allocate (modes%rest(n, n, 2))
+         do j = 1, n
+            modes%rest(:, j, 1) = matmul(galerkin%air%times(shapes(:, j)), shapes)
+            modes%rest(:, j, 2) = matmul(galerkin%viscous%times(shapes(:, j)), shapes)
+         end do
+         do i = 1, n
+            modes%rest(i, i, :) = modes%rest(i, i, :) - [1.0_wp, modes%mu(i)]
+         end do
+      end associate
+   end subroutine find_rest
+
+   !> Once per mesh, where anything pulls.
+   subroutine tabulate_slopes(self)
+      class(beam_modes_t), intent(inout) :: self
+      integer :: k
+
+      if (allocated(self%slopes)) return
+      call slope_points(self%space, self%space%length, self%points, self%weights)
+      allocate (self%slopes(size(self%points), size(self%mu)))
+      do k = 1, size(self%points)
+         self%slopes(k, :) = self%at(self%points(k), 1)
+      end do
+   end subroutine tabulate_slopes
+
+   !> The integral of (a + b (l - x)) phi_i' phi_j' from the root to a place.
+   !>
+   !> x     0 .. l [length]
+   !> a, b  [1], [1/length]
+   function tension(self, x, a, b) result(values)
+      class(beam_modes_t), intent(in) :: self
+      real(wp), intent(in) :: x, a, b
+      real(wp) :: values(size(self%mu), size(self%mu))
+      real(wp), allocatable :: points(:), weights(:), slopes(:, :)
+      real(wp) :: h
+      integer :: per_element, q, whole
+
+      associate (l => self%space%length)
+         per_element = size(self%points)/self%space%elements
+         h = l/self%space%elements
+         whole = self%space%elements
+         if (x < l) whole = min(whole - 1, int(x/h))
+         points = self%points(:whole*per_element)
+         weights = self%weights(:whole*per_element)
+         slopes = self%slopes(:whole*per_element, :)
+         if (x < l) then
+            ! Of the element that is cut the part in front.
+            associate (inside => (self%points(:per_element))*(x/h - whole), first => whole*h)
+               points = [points, first + inside]
+               weights = [weights, self%weights(:per_element)*(x/h - whole)]
+               slopes = reshape([transpose(slopes), [(self%at(first + inside(q), 1), &
+                  q=1, per_element)]], [size(points), size(self%mu)], order=[2, 1])
+            end associate
+         end if
+         do q = 1, size(self%mu)
+            values(:, q) = matmul(weights*(a + b*(l - points))*slopes(:, q), slopes)
+         end do
+      end associate
+   end function tension
 
    !> Values of the modes, or of a derivative, at one place.
    !>

@@ -16,11 +16,12 @@ module beamid_poles
    use beamid_kinds, only: wp
    use beamid_roots, only: find_roots
    use beamid_strings, only: to_text
+   use beamid_systems, only: differentiate_vector, find_whole_vector, vector_slope_t
    use beamid_vectors, only: answer, find_vector, root_t, solve_coupled, solve_mass, vector_t
    implicit none
    private
 
-   public :: poles_t, find_poles, differentiate_poles
+   public :: poles_t, find_poles, observe_also, differentiate_poles
 
    type :: poles_t
       !> one of each complex pair, Im s > 0, and the real ones
@@ -41,6 +42,8 @@ module beamid_poles
       type(vector_t), allocatable :: vector(:)    !< of each root
       integer, allocatable :: parameters(:)       !< of the derivatives
       real(wp), allocatable :: values(:)          !< of these parameters
+      !> (parameters, poles) their derivatives, where something acts between all oscillators
+      type(vector_slope_t), allocatable :: slope(:, :)
    end type poles_t
 
    !> Residues add up to nothing, and r s to o' M**-1 F: what is left over is the error of the
@@ -53,8 +56,9 @@ module beamid_poles
    !> |A| relative to that of an undamped mode, below which a root is not taken by itself: its
    !> residue has lost two digits there, and its derivative four.
    real(wp), parameter :: small_A = 5e-2_wp
-   !> And below which it must not be: a derivative would keep six digits.
-   real(wp), parameter :: tiny_A = 1e-5_wp
+   !> And below which it is rather taken with others in a wide disc than by itself: a derivative
+   !> would keep ten digits; below which it must not be: six.
+   real(wp), parameter :: smaller_A = 1e-3_wp, tiny_A = 1e-5_wp
 
 contains
 
@@ -66,6 +70,7 @@ contains
       type(error_t), allocatable, intent(out) :: error
       type(root_t), allocatable :: moved(:)
       logical :: followed
+      integer :: way
 
       if (allocated(poles%all)) then
          moved = poles%root
@@ -79,10 +84,14 @@ contains
             deallocate (error)
          end if
       end if
-      call find_roots(assembly, poles%all, poles%root, error)
-      if (.not. allocated(error)) call find_vectors(assembly, poles)
-      if (.not. allocated(error)) call residues(assembly, poles, error)
-      if (allocated(error) .and. allocated(poles%all)) deallocate (poles%all)
+      ! By the characteristic equation, or from eigenvalues of the matrices.
+      do way = 1, 2
+         call find_roots(assembly, poles%all, poles%root, error, from_matrix=way == 2)
+         if (.not. allocated(error)) call find_vectors(assembly, poles)
+         if (.not. allocated(error)) call residues(assembly, poles, error)
+         if (.not. allocated(error)) return
+         if (allocated(poles%all)) deallocate (poles%all)
+      end do
    end subroutine find_poles
 
    !> Where the derivatives of the last structure's roots say that they are now, as if powers of
@@ -124,9 +133,28 @@ contains
       end if
       if (.not. allocated(poles%vector)) allocate (poles%vector(size(poles%root)))
       do k = 1, size(poles%root)
-         call find_vector(assembly, poles%root(k), poles%vector(k))
+         if (assembly%is_dense()) then
+            call find_whole_vector(assembly, poles%root(k), poles%vector(k))
+         else
+            call find_vector(assembly, poles%root(k), poles%vector(k))
+         end if
       end do
    end subroutine find_vectors
+
+   !> The same poles as another sensor sees them, where something acts between all oscillators.
+   !>
+   !> assembly  with that sensor
+   subroutine observe_also(assembly, seen, poles, error)
+      type(assembly_t), intent(in) :: assembly
+      type(poles_t), intent(in) :: seen
+      type(poles_t), intent(inout) :: poles
+      type(error_t), allocatable, intent(out) :: error
+
+      poles%root = seen%root
+      poles%all = seen%all
+      poles%vector = seen%vector
+      call residues(assembly, poles, error)
+   end subroutine observe_also
 
    !> Residues of the roots that stand by themselves, and the clusters.
    subroutine residues(assembly, poles, error)
@@ -134,23 +162,25 @@ contains
       type(poles_t), intent(inout) :: poles
       type(error_t), allocatable, intent(out) :: error
       real(wp) :: undamped(size(poles%root))
-      logical :: near(size(poles%root))
+      logical, dimension(size(poles%root)) :: near, alone
       integer :: k
 
       poles%s = poles%root%s
       poles%residue = poles%s
       do k = 1, size(poles%s)
-         call take_part(assembly, poles%root(k), poles%vector(k))
+         if (.not. assembly%is_dense()) call take_part(assembly, poles%root(k), poles%vector(k))
          associate (vector => poles%vector(k))
             ! |A| of an undamped mode.
             undamped(k) = 2*abs(poles%s(k))*vector%inertia
             near(k) = abs(vector%A) < small_A*undamped(k)
+            alone(k) = abs(vector%A) > smaller_A*undamped(k)
             poles%residue(k) = 0
             if (abs(vector%A) > 0) poles%residue(k) = weight(poles%s(k)) &
                *vector%y(assembly%sensor)*driven_by(assembly, vector, poles%s(k))/vector%A
          end associate
       end do
-      call find_clusters(assembly, poles%all, pack(poles%root, near), poles%cluster)
+      call find_clusters(assembly, poles%all, pack(poles%root, near), pack(alone, near), &
+         poles%cluster)
       if (assembly%is_carried .and. minval(abs(poles%s)) <= 1e-12_wp*maxval(abs(poles%s))) then
          call failure(error, 'modal: a hose that drifts on a base that moves; expected k_H > 0')
          return
@@ -235,9 +265,12 @@ contains
    end function driven_by
 
    !> Derivatives of poles and residues with respect to the parameters of the assembly.
-   subroutine differentiate_poles(assembly, poles)
+   !>
+   !> also  of the same roots, differentiated before; left out: none
+   subroutine differentiate_poles(assembly, poles, also)
       type(assembly_t), intent(in) :: assembly
       type(poles_t), intent(inout) :: poles
+      type(poles_t), intent(in), optional :: also
       integer :: k, p, n
 
       n = size(assembly%parameters)
@@ -250,8 +283,22 @@ contains
       poles%parameters = assembly%parameters
       poles%values = [(assembly%structure%get(assembly%parameters(p)), p=1, n)]
       if (n == 0) return
+      if (assembly%is_dense() .and. .not. present(also)) then
+         if (allocated(poles%slope)) deallocate (poles%slope)
+         allocate (poles%slope(n, size(poles%s)))
+      end if
       do k = 1, size(poles%s)
          if (any(poles%cluster%holds(poles%s(k)))) cycle
+         if (assembly%is_dense()) then
+            if (present(also)) then
+               call differentiate_residue(assembly, poles, k, also%slope(:, k))
+            else
+               call differentiate_vector(assembly, poles%root(k), poles%vector(k), &
+                  poles%slope(:, k))
+               call differentiate_residue(assembly, poles, k, poles%slope(:, k))
+            end if
+            cycle
+         end if
          call differentiate_root(assembly, poles%root(k), poles%vector(k), poles%ds(k, :), &
             poles%dr(k, :))
          poles%dr(k, :) = weight(poles%s(k))*poles%dr(k, :)
@@ -319,6 +366,47 @@ contains
          end do
       end associate
    end subroutine differentiate_root
+
+   !> dr/dp of root k from the derivatives of its vector.
+   subroutine differentiate_residue(assembly, poles, k, slopes)
+      type(assembly_t), intent(in) :: assembly
+      type(poles_t), intent(inout) :: poles
+      integer, intent(in) :: k
+      type(vector_slope_t), intent(in) :: slopes(:)
+      complex(wp) :: driven, driven_p
+      integer :: p, r
+
+      r = size(assembly%v, 1)
+      associate (vector => poles%vector(k), s => poles%s(k))
+         driven = driven_by(assembly, vector, s)
+         do p = 1, size(slopes)
+            associate (by => slopes(p))
+               driven_p = sum(assembly%rest*by%x) + sum(assembly%rest_slope(:, p)*vector%x) &
+                  + sum(assembly%push(:, vector%form)*by%y) &
+                  + sum(assembly%push_slope(:, vector%form, p)*vector%y(:r))
+               if (assembly%is_carried) driven_p = driven_p + carried(assembly, vector, p, s, &
+                  by%s, by%x, by%f)
+               poles%ds(k, p) = by%s
+               poles%dr(k, p) = weight(s)*(by%y(assembly%sensor)*driven &
+                  + vector%y(assembly%sensor)*(driven_p - driven*by%A/vector%A))/vector%A
+            end associate
+         end do
+      end associate
+   end subroutine differentiate_residue
+
+   !> The derivative of x'F that velocity and displacement of the base add.
+   pure complex(wp) function carried(assembly, vector, p, s, ds, x_all, f_all)
+      type(assembly_t), intent(in) :: assembly
+      type(vector_t), intent(in) :: vector
+      integer, intent(in) :: p
+      complex(wp), intent(in) :: s, ds, x_all(:), f_all(:)
+
+      associate (load => assembly%load(:, 2, vector%form), r => size(assembly%lift))
+         carried = (sum(assembly%carried_slope(:, p)*vector%x) &
+            + sum(load*(x_all - vector%x*ds/s)) &
+            - sum(assembly%lift*(f_all(:r) - 2*vector%f(:r)*ds/s))/s)/s
+      end associate
+   end function carried
 
    !> What x'(2 s M + C) x, o'x and x'F make of a change of the vector, through Q**-1.
    !>

@@ -9,7 +9,11 @@ module beamid_responses
    implicit none
    private
 
-   public :: response_t, solver_t, exact_solver_t, is_exact, prepare_for, work_t
+   public :: of_tilt, response_t, solver_t, exact_solver_t, is_exact, prepare_for, work_t
+
+   !> What gravity adds to the reading of a sensor that turns, after displacement, velocity and
+   !> acceleration.
+   integer, parameter :: of_tilt = 4
 
    !> What a solver did, summed over the calls that were given the same counter.
    type :: work_t
@@ -25,6 +29,9 @@ module beamid_responses
       real(wp), allocatable :: displacement(:)   !< [length]
       real(wp), allocatable :: velocity(:)       !< [length/time]
       real(wp), allocatable :: acceleration(:)   !< (3.13) [length/time**2]
+      !> What a sensor that turns with the beam reads of gravity; not allocated: nothing
+      !> [length/time**2]
+      real(wp), allocatable :: tilt(:)
    end type response_t
 
    !> What computes responses.
@@ -77,7 +84,7 @@ module beamid_responses
       end subroutine prepare
       !> Motions of the observed point together with their derivatives.
       !>
-      !> which       1 displacement, 2 velocity, 3 acceleration
+      !> which       1 displacement, 2 velocity, 3 acceleration; at the end `of_tilt`
       !> parameters  places among the `parameters`
       !> motion      (times, 0:parameters, which), 0 the motion itself
       subroutine motions(self, equations, excitation, times, which, parameters, motion, work, error)
@@ -150,13 +157,16 @@ contains
       real(wp), allocatable :: motion(:, :, :)
       integer :: p
 
-      allocate (motion(size(times), 0:size(parameters), 3))
-      call self%motions(equations, excitation, times, [1, 2, 3], parameters, motion, work, error)
+      allocate (motion(size(times), 0:size(parameters), of_tilt))
+      call self%motions(equations, excitation, times, [1, 2, 3, of_tilt], parameters, motion, &
+         work, error)
       if (allocated(error)) return
-      response = response_t(times, motion(:, 0, 1), motion(:, 0, 2), motion(:, 0, 3))
+      response = response_t(times, motion(:, 0, 1), motion(:, 0, 2), motion(:, 0, 3), &
+         motion(:, 0, of_tilt))
       allocate (slopes(size(parameters)))
       do p = 1, size(parameters)
-         slopes(p) = response_t(times, motion(:, p, 1), motion(:, p, 2), motion(:, p, 3))
+         slopes(p) = response_t(times, motion(:, p, 1), motion(:, p, 2), motion(:, p, 3), &
+            motion(:, p, of_tilt))
       end do
    end subroutine differentiate
 

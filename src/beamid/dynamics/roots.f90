@@ -5,11 +5,13 @@ module beamid_roots
    use beamid_assembly, only: assembly_t, new_assembly
    use beamid_continuation, only: follow, meets, mirrored
    use beamid_equations, only: equations_t
+   use beamid_eigenvalues, only: roots_of_matrix
    use beamid_errors, only: error_t, failure
    use beamid_kinds, only: wp
    use beamid_modes, only: bare_beam_modes, beam_modes_t
    use beamid_starting_roots, only: nudge, starting_points
    use beamid_strings, only: to_text
+   use beamid_systems, only: improve_root
    use beamid_vectors, only: logarithmic_derivative, nearest_pole, root_t, vector_t
    implicit none
    private
@@ -64,20 +66,52 @@ contains
    end subroutine sort_by_modulus
 
    !> All roots, and one of each complex pair with the real ones.
-   subroutine find_roots(assembly, all, half, error)
+   !>
+   !> from_matrix  whether it begins at eigenvalues of the equations of motion, as it does where
+   !>              something acts between all oscillators
+   subroutine find_roots(assembly, all, half, error, from_matrix)
       type(assembly_t), intent(in) :: assembly
       type(root_t), allocatable, intent(out) :: all(:), half(:)
       type(error_t), allocatable, intent(out) :: error
+      logical, intent(in), optional :: from_matrix
       logical, allocatable :: done(:)
+      logical :: by_matrix
 
-      call starting_points(assembly, all, error)
+      by_matrix = assembly%is_dense()
+      if (present(from_matrix)) by_matrix = by_matrix .or. from_matrix
+      if (by_matrix) then
+         call roots_of_matrix(assembly, all, error)
+      else
+         call starting_points(assembly, all, error)
+      end if
       if (allocated(error)) return
-      call approach(assembly, all, done)
-      call iterate(assembly, all, done, error)
+      if (assembly%is_dense()) then
+         call improve(assembly, all)
+      else
+         call approach(assembly, all, done)
+         call iterate(assembly, all, done, error)
+      end if
       if (allocated(error)) return
       half = all
       call select_half(assembly, half)
    end subroutine find_roots
+
+   !> Each root by itself, the second of a complex pair from the first.
+   subroutine improve(assembly, roots)
+      type(assembly_t), intent(in) :: assembly
+      type(root_t), intent(inout) :: roots(:)
+      integer :: half, k
+
+      half = size(roots)/2
+      do k = 1, half
+         call improve_root(assembly, roots(k))
+         if (abs(aimag(roots(k)%s)) > 0) then
+            roots(k + half) = mirrored(assembly, roots(k))
+         else
+            call improve_root(assembly, roots(k + half))
+         end if
+      end do
+   end subroutine improve
 
    !> Newton's method for each by itself: those that arrive, and where no other has, are done. A
    !> point near the axis is taken for a real root; one that does not arrive stays where it is.

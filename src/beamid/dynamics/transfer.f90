@@ -11,6 +11,7 @@
 module beamid_transfer
    use beamid_assembly, only: assembly_t
    use beamid_kinds, only: wp
+   use beamid_systems, only: factor, solve_system => solve, system_at
    use beamid_vectors, only: find_vector, most, nearest_pole, root_t, solve_coupled, vector_t
    implicit none
    private
@@ -44,6 +45,10 @@ contains
       complex(wp) :: w
       integer :: i, r
 
+      if (assembly%is_dense()) then
+         call whole_transfer(assembly, point, with_slopes, value)
+         return
+      end if
       r = size(assembly%v, 1)
       place = point
       call nearest_pole(assembly, place)
@@ -92,6 +97,63 @@ contains
       call differentiate(assembly, place%s, o, u_o, diagonal, T, vector%H(:r, :r), turned, given, &
          value)
    end subroutine transfer_at
+
+   !> The same from P(s) of `beamid_systems` and its inverse.
+   subroutine whole_transfer(assembly, point, with_slopes, value)
+      type(assembly_t), intent(in) :: assembly
+      type(root_t), intent(in) :: point
+      logical, intent(in) :: with_slopes
+      type(transfer_t), intent(inout) :: value
+      complex(wp), dimension(assembly%n + size(assembly%v, 1), assembly%n &
+         + size(assembly%v, 1)) :: P, dP, inverse, P_p
+      complex(wp) :: load(size(P, 1))
+      integer :: pivots(size(P, 1)), i, k, n
+
+      n = assembly%n
+      associate (s => point%s, v => assembly%v, v_p => assembly%v_slope)
+         value%form = assembly%form_at(s)
+         call system_at(assembly, point, P, dP)
+         call factor(P, pivots)
+         inverse = 0
+         do i = 1, size(P, 1)
+            inverse(i, i) = 1
+         end do
+         call solve_system(P, pivots, inverse, 'N')
+         load(:n) = assembly%load_at(s, value%form)
+         load(n + 1:) = -assembly%lift/s**2
+         load = matmul(inverse, load)
+         value%q = load(:n)
+         value%u(:size(v, 1)) = load(n + 1:)
+         value%h = value%u(assembly%sensor)
+         value%dlog = sum(transpose(inverse)*dP)
+         if (.not. with_slopes) return
+         if (.not. allocated(value%dh)) allocate (value%dh(size(assembly%parameters)), &
+            value%dlog_p(size(assembly%parameters)))
+         associate (o => inverse(n + assembly%sensor, :), pencil => assembly%pencil(value%form), &
+            b => assembly%beam)
+            do k = 1, size(assembly%parameters)
+               associate (slope => assembly%slope(value%form, k), moves => assembly%moves(:, k))
+                  P_p = 0
+                  P_p(:b, :b) = assembly%dense_slope(:, :, 1, k)*s + assembly%dense_slope(:, :, 2, k)
+                  do i = 1, n
+                     P_p(i, i) = P_p(i, i) + (slope%m(i)*s + slope%c(i))*s + slope%k(i)
+                  end do
+                  P_p(n + 1:, :n) = spread(moves, 2, n)*v_p
+                  P_p(:n, n + 1:) = matmul(transpose(v), (slope%hm*s + slope%hc)*s + slope%hk) &
+                     + matmul(transpose(real(P_p(n + 1:, :n))), (pencil%hm*s + pencil%hc)*s &
+                     + pencil%hk)
+                  do i = 1, size(v, 1)
+                     P_p(n + i, n + i) = -assembly%compliance_slope(i, k)
+                  end do
+                  value%dlog_p(k) = sum(transpose(inverse)*P_p)
+                  value%dh(k) = -sum(o*matmul(P_p, load)) &
+                     + assembly%load_change(value%form, o(:n), matmul(v, o(:n)), s, k) &
+                     + sum(assembly%push(:, value%form)*moves*matmul(v_p, o(:n)))
+               end associate
+            end do
+         end associate
+      end associate
+   end subroutine whole_transfer
 
    !> Derivatives with respect to the parameters: -o'Q**-1 Q_p Q**-1 F, tr Q**-1 Q_p, and what a
    !> place that moves or a load that changes adds to them.

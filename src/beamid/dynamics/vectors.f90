@@ -250,13 +250,15 @@ contains
       integer :: i, k, l, r
 
       r = size(self%v, 1)
-      if (allocated(vector%x)) then
-         if (size(vector%x) /= self%n .or. size(vector%H, 1) /= r) deallocate (vector%x, &
-            vector%D, vector%dD, vector%inverse, vector%G, vector%H, vector%dH)
+      if (allocated(vector%H)) then
+         if (size(vector%x) /= self%n .or. size(vector%H, 1) /= r) deallocate (vector%H)
       end if
-      if (.not. allocated(vector%x)) allocate (vector%x(self%n), vector%D(self%n), &
-         vector%dD(self%n), vector%inverse(self%n), vector%G(r, r), vector%H(r, r), &
-         vector%dH(r, r))
+      if (.not. allocated(vector%H)) then
+         if (allocated(vector%x)) deallocate (vector%x, vector%D, vector%dD)
+         if (allocated(vector%G)) deallocate (vector%inverse, vector%G, vector%dH)
+         allocate (vector%x(self%n), vector%D(self%n), vector%dD(self%n), &
+            vector%inverse(self%n), vector%G(r, r), vector%H(r, r), vector%dH(r, r))
+      end if
       vector%form = self%form_at(root%s)
       associate (v => self%v, m => self%pencil(1)%m, G => vector%G, pencil => &
          self%pencil(vector%form))

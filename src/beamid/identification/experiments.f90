@@ -11,10 +11,10 @@ module beamid_experiments
    use beamid_kinds, only: wp
    use beamid_observation, only: observation_t, sampling_t, new_sampling
    use beamid_parameters, only: amplitude
-   use beamid_responses, only: exact_solver_t, is_exact, prepare_for, response_t, solver_t, &
-      work_t
+   use beamid_responses, only: exact_solver_t, is_exact, of_tilt, prepare_for, response_t, &
+      solver_t, work_t
    use beamid_strings, only: to_text
-   use beamid_structure, only: structure_t
+   use beamid_structure, only: of_g, structure_t
    implicit none
    private
 
@@ -152,18 +152,23 @@ contains
          real(wp), intent(out) :: y(:), dy(:, :)
          type(response_t) :: response
          real(wp), allocatable :: motion(:, :, :)
+         integer, allocatable :: which(:)
          integer :: p
 
+         which = [self%sampling%observation%formula]
+         if (structure%g > 0 .or. any(parameters == of_g)) which = [which, of_tilt]
          associate (sampling => self%sampling)
             select type (solver => self%solver)
             class is (exact_solver_t)
-               allocate (motion(size(sampling%times), 0:size(parameters), 1))
-               call solver%motions(equations, force, sampling%times, &
-                  [sampling%observation%formula], parameters, motion, work, error)
+               allocate (motion(size(sampling%times), 0:size(parameters), size(which)))
+               call solver%motions(equations, force, sampling%times, which, parameters, motion, &
+                  work, error)
                if (allocated(error)) return
                y = sampling%of_motion(motion(:, 0, 1)) + sampling%of_base(force)
+               if (size(which) > 1) y = y + motion(sampling%middle(), 0, 2)
                do p = 1, size(parameters)
                   dy(:, p) = sampling%of_motion(motion(:, p, 1))
+                  if (size(which) > 1) dy(:, p) = dy(:, p) + motion(sampling%middle(), p, 2)
                   if (force%by_displacement) dy(:, p) = dy(:, p) &
                      + structure%stiffening(parameters(p))*y
                end do

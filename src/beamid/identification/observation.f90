@@ -30,6 +30,7 @@ module beamid_observation
       procedure :: of_base
       procedure :: of_motion
       procedure :: at_samples
+      procedure :: middle
    end type sampling_t
 
 contains
@@ -80,7 +81,8 @@ contains
       self%times = times(:total)
    end function new_sampling
 
-   !> Acceleration at the samples (m) from the response at `times` [length/time**2].
+   !> Acceleration at the samples (m) from the response at `times` [length/time**2]; whatever the
+   !> formula, a sensor that turns reads a share of gravity.
    !>
    !> excitation  of a base whose motion is seen too; left out: of the response alone
    pure function acceleration(self, response, excitation) result(a)
@@ -97,6 +99,7 @@ contains
       case default
          a = self%of_motion(response%acceleration)
       end select
+      if (allocated(response%tilt)) a = a + response%tilt(self%middle())
       if (present(excitation)) a = a + self%of_base(excitation)
    end function acceleration
 
@@ -146,13 +149,21 @@ contains
       end associate
    end function of_motion
 
+   !> Where in `times` the samples themselves are.
+   pure function middle(self)
+      class(sampling_t), intent(in) :: self
+      integer :: middle(size(self%samples))
+
+      middle = self%place((size(self%place, 1) + 1)/2, :)
+   end function middle
+
    !> The response at the samples alone.
    pure function at_samples(self, response) result(narrow)
       class(sampling_t), intent(in) :: self
       type(response_t), intent(in) :: response
       type(response_t) :: narrow
 
-      associate (middle => self%place((size(self%place, 1) + 1)/2, :))
+      associate (middle => self%middle())
          narrow%t = self%samples
          narrow%displacement = response%displacement(middle)
          narrow%velocity = response%velocity(middle)

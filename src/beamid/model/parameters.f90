@@ -8,13 +8,13 @@ module beamid_parameters
    use beamid_strings, only: lower, to_text
    use beamid_structure, only: item_name_length, most_sensors, most_supports, n_parameters, &
       of_c_D, &
-      of_c_H, c_P_at, of_c_R, of_E, of_gamma, of_I, J_S_at, of_J_T, of_k_H, kappa_P_at, &
-      of_kappa_R, of_length, of_m_H, m_S_at, of_m_T, of_rho, of_x_F, x_P_at, x_S_at, structure_t, &
+      of_c_H, c_P_at, of_c_R, of_E, of_g, of_gamma, of_I, J_S_at, of_J_T, of_k_H, kappa_P_at, &
+      of_kappa_R, of_length, of_m_H, m_S_at, of_m_T, of_rho, of_T, of_x_F, x_P_at, x_S_at, structure_t, &
       values_of
    implicit none
    private
 
-   public :: parameter_t, parameters, as_named, free_names, free_index, name_of_parameter, &
+   public :: parameter_t, parameters, key_of, as_named, free_names, free_index, name_of_parameter, &
       place_of_name, is_there, get_free, set_free, free_magnitude, magnitude, may_be_negative, &
       belongs_to_hose, check_structure
    public :: amplitude, offset, positive, not_negative, on_beam, any_value
@@ -48,6 +48,7 @@ module beamid_parameters
       logical :: is_reciprocal = .false.
       character(len=60) :: help
       integer :: item = 0             !< which of the sensors or supports; 0: none
+      character(len=9) :: key = ''    !< in the case file, where that is not its name
    end type parameter_t
 
    type(monomial_t), parameter :: tenth_of_mass = monomial_t(0.1_wp, [the_mass, 0, 0])
@@ -94,6 +95,12 @@ module beamid_parameters
          help='second moment of the cross section'), &
       parameter_t(of_x_F, 'x_F', 'excitation', [0, 1, 0], on_beam, 'the tip', &
          monomial_t(place=[of_length, 0, 0]), help='where a force acts'), &
+      parameter_t(of_g, 'g', 'gravity', [0, 1, -2], not_negative, '', &
+         monomial_t(5e-2_wp, [the_stiffness, of_length, the_mass], [1, 1, -1]), &
+         help='gravity, along the beam'), &
+      parameter_t(of_T, 'T', 'axial', [1, 1, -2], any_value, '', &
+         monomial_t(5e-2_wp, [the_stiffness, of_length, 0]), key='force', &
+         help='in the beam, tension above 0; free as T'), &
       (parameter_t(m_S_at(i), 'm_S', 'sensor', [1, 0, 0], not_negative, '0', tenth_of_mass, &
          help='mass of the sensor', item=nth(i)), &
       parameter_t(J_S_at(i), 'J_S', 'sensor', [1, 2, 0], not_negative, '0', &
@@ -123,6 +130,15 @@ module beamid_parameters
    character(len=*), parameter :: free_names(size(parameters)) = parameters%name
 
 contains
+
+   !> How the case file calls parameter k.
+   pure function key_of(k) result(key)
+      integer, intent(in) :: k
+      character(len=:), allocatable :: key
+
+      key = trim(parameters(k)%name)
+      if (parameters(k)%key /= '') key = trim(parameters(k)%key)
+   end function key_of
 
    !> Place of the first row with a key.
    pure integer function free_index(key)

@@ -1,7 +1,7 @@
 !> The structure of Figure 2.3: a clamped beam with Kelvin-Voigt damping, a tip mass, and a hose
 !> that acts as a mass on a dashpot and a spring at the tip; q = (m_T, E, c_D, m_H, c_H, k_H) of
 !> Section 2. What a beam on a bench has besides: air damping, rotary inertia of the tip mass, a
-!> clamp that gives way, sensors with a mass anywhere, supports.
+!> clamp that gives way, sensors with a mass anywhere, supports, its own weight, an axial force.
 !>
 !> A structure is its parameters and little else. What is known of each of them is in
 !> `beamid_parameters`, what they do to the beam in `beamid_terms`.
@@ -50,6 +50,8 @@ module beamid_structure
       real(wp) :: length = 0         !< l
       real(wp) :: I = 0              !< second moment of the cross section
       real(wp) :: x_F = at_tip       !< where a force acts
+      real(wp) :: g = 0              !< gravity, along the beam
+      real(wp) :: T = 0              !< axial force, tension > 0
       type(sensor_t) :: sensor(most_sensors)
       type(support_t) :: support(most_supports)
    end type values_t
@@ -58,6 +60,7 @@ module beamid_structure
       integer :: sensors = 0         !< how many there are
       integer :: supports = 0
       integer :: observer = 1        !< the sensor whose motion is observed
+      logical :: stands = .false.    !< gravity presses, the root is below; else the beam hangs
       logical :: root_is_free = .false.   !< a fit looks for the compliance of the clamp, 0 included
       character(len=item_name_length) :: sensor_name(most_sensors) = '', &
          support_name(most_supports) = ''
@@ -90,7 +93,8 @@ module beamid_structure
       of_c_D = nint(of%c_D), of_m_H = nint(of%m_H), of_c_H = nint(of%c_H), &
       of_k_H = nint(of%k_H), of_rho = nint(of%rho), of_gamma = nint(of%gamma), &
       of_J_T = nint(of%J_T), of_kappa_R = nint(of%kappa_R), of_c_R = nint(of%c_R), &
-      of_length = nint(of%length), of_I = nint(of%I), of_x_F = nint(of%x_F)
+      of_length = nint(of%length), of_I = nint(of%I), of_x_F = nint(of%x_F), &
+      of_g = nint(of%g), of_T = nint(of%T)
    !> Those of each sensor and of each support.
    integer, parameter, public :: &
       m_S_at(most_sensors) = [(n_single + 3*i - 2, i=1, most_sensors)], &
@@ -194,7 +198,7 @@ contains
       type(structure_t), intent(in) :: a, b
 
       same_structure = all(abs(values_of(a) - values_of(b)) <= 0) .and. &
-         a%supports == b%supports .and. a%observer == b%observer
+         a%supports == b%supports .and. a%observer == b%observer .and. (a%stands .eqv. b%stands)
    end function same_structure
 
    !> Static stiffness where the force acts [force/length].

@@ -8,47 +8,51 @@ module beamid_terms
    use beamid_kinds, only: wp
    use beamid_monomials, only: monomial_t, slope_of, value_of
    use beamid_structure, only: most_sensors, most_supports, n_parameters, of_c_D, of_c_H, c_P_at, &
-      of_c_R, of_E, of_gamma, of_I, J_S_at, of_J_T, of_k_H, kappa_P_at, of_kappa_R, of_length, &
-      of_m_H, m_S_at, of_m_T, of_rho, of_x_F, x_P_at, x_S_at, structure_t, values_of
+      of_c_R, of_E, of_g, of_gamma, of_I, J_S_at, of_J_T, of_k_H, kappa_P_at, of_kappa_R, of_length, &
+      of_m_H, m_S_at, of_m_T, of_rho, of_T, of_x_F, x_P_at, x_S_at, structure_t, values_of
    implicit none
    private
 
-   public :: term_t, terms, strengths, strengths_and_slopes, is_spring, operators, operator_t, &
-      place_on_mesh
+   public :: term_t, terms, strengths, strengths_and_slopes, is_spring, pulls, tilting, operators, &
+      operator_t, place_on_mesh
    public :: of_mass, of_damping, of_stiffness, of_load, of_compliance
    public :: inertia, bending, tip_value, tip_slope, root_slope, hose, stretch, load_shape, &
-      force_value, sensor_value, sensor_slope, support_value
+      force_value, tension, weight, sensor_value, sensor_slope, support_value, sensor_weight
 
    !> Matrices, the vector of the load, and the reciprocal of what goes into the stiffness.
    integer, parameter :: of_mass = 1, of_damping = 2, of_stiffness = 3, of_load = 4, &
       of_compliance = 5
 
    !> Operators: <b, b>; <b'', b''>; the square of value or slope at a place (for the load the
-   !> vector itself); the hose's coordinate y, and y - u(l); <theta, b> of a distributed load.
+   !> vector itself); the hose's coordinate y, and y - u(l); <theta, b> of a distributed load;
+   !> <b', b'> and <(l - x) b', b'>, l - x the beam that is beyond.
    integer, parameter :: inertia = 1, bending = 2, tip_value = 3, tip_slope = 4, root_slope = 5, &
-      hose = 6, stretch = 7, load_shape = 8, force_value = 9
-   !> Those of each sensor and each support.
+      hose = 6, stretch = 7, load_shape = 8, force_value = 9, tension = 10, weight = 11
+   !> Those of each sensor and each support; <b', b'> between the root and the sensor.
    integer :: i
-   integer, parameter :: sensor_value(most_sensors) = [(9 + i, i=1, most_sensors)], &
+   integer, parameter :: sensor_value(most_sensors) = [(11 + i, i=1, most_sensors)], &
       sensor_slope(most_sensors) = sensor_value + most_sensors, &
-      support_value(most_supports) = [(9 + 2*most_sensors + i, i=1, most_supports)]
+      support_value(most_supports) = [(11 + 2*most_sensors + i, i=1, most_supports)], &
+      sensor_weight(most_sensors) = sensor_value + 2*most_sensors + most_supports
 
    !> What is known of an operator.
    type :: operator_t
       integer :: growth = 0          !< power of the length by which it grows
       !> -1: not at a point; else the derivative with respect to x that counts at the point
       integer :: derivative = -1
-      integer :: place = 0           !< parameter that says where the point is; 0: root or tip
+      !> parameter that says where the point is, or where it ends; 0: root or tip
+      integer :: place = 0
       logical :: carried = .false.   !< whether it feels the whole structure being displaced
    end type operator_t
 
    type(operator_t), parameter :: operators(*) = [ &
       operator_t(1, carried=.true.), operator_t(-3), operator_t(0, 0, carried=.true.), &
       operator_t(-2, 1), operator_t(-2, 1), operator_t(carried=.true.), operator_t(0), &
-      operator_t(1), operator_t(0, 0, of_x_F), &
+      operator_t(1), operator_t(0, 0, of_x_F), operator_t(-1), operator_t(0), &
       (operator_t(0, 0, x_S_at(i), .true.), i=1, most_sensors), &
       (operator_t(-2, 1, x_S_at(i)), i=1, most_sensors), &
-      (operator_t(0, 0, x_P_at(i), .true.), i=1, most_supports)]
+      (operator_t(0, 0, x_P_at(i), .true.), i=1, most_supports), &
+      (operator_t(-1, place=x_S_at(i)), i=1, most_sensors)]
 
    type :: term_t
       integer :: matrix
@@ -70,6 +74,11 @@ module beamid_terms
       term_t(of_damping, root_slope, monomial_t(place=[of_c_R, 0, 0])), &
       term_t(of_load, force_value), &
       term_t(of_load, load_shape), &
+      term_t(of_stiffness, tension, monomial_t(place=[of_T, 0, 0])), &
+      term_t(of_stiffness, tension, monomial_t(place=[of_g, of_m_T, 0])), &
+      term_t(of_stiffness, weight, monomial_t(place=[of_g, of_rho, 0])), &
+      (term_t(of_stiffness, sensor_weight(i), monomial_t(place=[of_g, m_S_at(i), 0])), &
+      i=1, most_sensors), &
       (term_t(of_mass, sensor_value(i), monomial_t(place=[m_S_at(i), 0, 0])), i=1, most_sensors), &
       (term_t(of_mass, sensor_slope(i), monomial_t(place=[J_S_at(i), 0, 0])), i=1, most_sensors), &
       (term_t(of_compliance, support_value(i), monomial_t(place=[kappa_P_at(i), 0, 0])), &
@@ -109,8 +118,8 @@ contains
          associate (k => terms(t)%operator, matrix => terms(t)%matrix, factor => terms(t)%factor)
             if (.not. is_there(k, structure)) cycle
             power = growth(k, matrix)
-            scale = 1
-            if (power /= 0) scale = (structure%length/mesh_length)**power
+            scale = side(t, structure)
+            if (power /= 0) scale = scale*(structure%length/mesh_length)**power
             value = scale*value_of(factor, q)
             s(k, matrix) = s(k, matrix) + value
             do p = 1, size(parameters)
@@ -127,6 +136,14 @@ contains
             -slopes(:, of_compliance, p)*s(:, of_stiffness)**2
       end do
    end subroutine strengths_and_slopes
+
+   !> -1: weight on a beam that stands.
+   pure integer function side(t, structure)
+      integer, intent(in) :: t
+      type(structure_t), intent(in) :: structure
+
+      side = merge(-1, 1, structure%stands .and. any(terms(t)%factor%place == of_g))
+   end function side
 
    !> The power of the length by which an operator in a matrix grows.
    pure integer function growth(operator, matrix)
@@ -160,6 +177,8 @@ contains
       if (operator >= sensor_value(1)) is_there = operator < support_value(1) .and. &
          modulo(operator - sensor_value(1), most_sensors) < max(1, structure%sensors)
       if (operator >= support_value(1)) is_there = operator < support_value(1) + structure%supports
+      if (operator >= sensor_weight(1)) is_there = operator - sensor_weight(1) &
+         < max(1, structure%sensors)
    end function is_there
 
    !> Whether an operator is a spring to the ground, and may be rigid: that of the clamp or of a
@@ -169,7 +188,23 @@ contains
       type(structure_t), intent(in) :: structure
 
       is_spring = operator == root_slope .or. &
-         operator >= support_value(1) .and. is_there(operator, structure)
+         operator >= support_value(1) .and. operator < sensor_weight(1) .and. &
+         is_there(operator, structure)
    end function is_spring
+
+   !> Whether an operator is a tension, along the whole beam or a part of it.
+   elemental logical function pulls(operator)
+      integer, intent(in) :: operator
+
+      pulls = operator == tension .or. operator == weight .or. operator >= sensor_weight(1)
+   end function pulls
+
+   !> What a sensor reads per unit of its slope: with the axis it turns into the direction of
+   !> gravity. A pendulum that swings by itself reads nothing, its acceleration is -g times the slope.
+   pure real(wp) function tilting(structure)
+      type(structure_t), intent(in) :: structure
+
+      tilting = merge(-structure%g, structure%g, structure%stands)
+   end function tilting
 
 end module beamid_terms

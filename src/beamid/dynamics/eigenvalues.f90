@@ -1,0 +1,229 @@
+!> All roots at once as eigenvalues of the linearised equations, by LAPACK: to be improved, but each
+!> of them is there.
+!>
+!> LAPACK's error is relative to the largest eigenvalue. s' = s/(...) as it stands favours the large
+!> roots, 1/(s - sigma) those near a shift: 0 for the low modes, -E/c_D for slow roots of overdamped
+!> modes, which lie the more densely the nearer they are to it.
+module beamid_eigenvalues
+   use beamid_assembly, only: assembly_t
+   use beamid_errors, only: error_t, failure
+   use beamid_kinds, only: wp
+   use beamid_terms, only: bending, of_damping, of_stiffness
+   use beamid_vectors, only: nearest_pole, root_t
+   implicit none
+   private
+
+   public :: roots_of_matrix
+
+   interface
+      subroutine dgesv(n, nrhs, a, lda, ipiv, b, ldb, info)
+         import :: wp
+         integer, intent(in) :: n, nrhs, lda, ldb
+         real(wp), intent(inout) :: a(lda, *), b(ldb, *)
+         integer, intent(out) :: ipiv(*), info
+      end subroutine dgesv
+      subroutine dgeev(jobvl, jobvr, n, a, lda, wr, wi, vl, ldvl, vr, ldvr, work, lwork, info)
+         import :: wp
+         character, intent(in) :: jobvl, jobvr
+         integer, intent(in) :: n, lda, ldvl, ldvr, lwork
+         real(wp), intent(inout) :: a(lda, *)
+         real(wp), intent(out) :: wr(*), wi(*), vl(ldvl, *), vr(ldvr, *), work(*)
+         integer, intent(out) :: info
+      end subroutine dgeev
+   end interface
+
+contains
+
+   !> roots  as many as there are: one of each complex pair and of every two real ones in the first
+   !>        half, the other as far behind
+   subroutine roots_of_matrix(assembly, roots, error)
+      type(assembly_t), intent(in) :: assembly
+      type(root_t), allocatable, intent(out) :: roots(:)
+      type(error_t), allocatable, intent(out) :: error
+      complex(wp), allocatable :: s(:), near(:)
+      real(wp) :: fastest, shift
+
+      call large_roots(assembly, s)
+      if (size(s) == 0) then
+         call failure(error, 'modal: LAPACK finds no eigenvalues of the equations of motion')
+         return
+      end if
+      fastest = maxval(abs(s))
+      ! To the right of all roots, next to the lowest.
+      shift = 1e-3_wp*minval(abs(assembly%pole), mask=abs(assembly%pole) > 0)
+      call roots_near(assembly, shift, near)
+      if (size(near) > 0) call take_over(s, near, (0.0_wp, 0.0_wp), &
+         sqrt(minval(abs(near - shift))*fastest))
+      associate (E => assembly%strength(bending, of_stiffness), &
+         c_D => assembly%strength(bending, of_damping))
+         if (c_D*fastest > E) then
+            shift = -E/c_D
+            call roots_near(assembly, shift, near)
+            if (size(near) > 0) call take_over(s, near, cmplx(shift, 0, wp), &
+               min(abs(shift)/2, sqrt(minval(abs(near - shift))*fastest)))
+         end if
+      end associate
+      call arrange(assembly, s, roots)
+   end subroutine roots_of_matrix
+
+   !> Eigenvalues of x'' = -M**-1 (C x' + K x), what is held by forces that leave it no
+   !> acceleration; nothing where LAPACK fails.
+   subroutine large_roots(assembly, s)
+      type(assembly_t), intent(in) :: assembly
+      complex(wp), allocatable, intent(out) :: s(:)
+      real(wp), allocatable :: held(:, :), mass(:, :), b(:, :), a(:, :), given(:, :)
+      integer, allocatable :: pivots(:)
+      integer :: i, info, k, n, m, r
+
+      n = assembly%n
+      r = size(assembly%v, 1)
+      associate (p => assembly%pencil(1), v => assembly%v)
+         held = v(pack([(k, k=1, r)], assembly%held), :)
+         m = n + size(held, 1)
+         allocate (mass(m, m), b(m, 2*n), a(2*n, 2*n), source=0.0_wp)
+         allocate (pivots(m))
+         given = v/spread(merge(huge(1.0_wp), assembly%compliance, assembly%held), 2, n)
+         mass(:n, :n) = matmul(transpose(v), matmul(p%hm, v))
+         b(:n, :n) = matmul(transpose(given), matmul(p%hk, v))
+         b(:n, n + 1:) = matmul(transpose(given), matmul(p%hc, v))
+         do i = 1, n
+            mass(i, i) = mass(i, i) + p%m(i)
+            b(i, i) = b(i, i) + p%k(i)
+            b(i, n + i) = b(i, n + i) + p%c(i)
+         end do
+         if (assembly%is_dense()) then
+            associate (e => assembly%beam)
+               b(:e, :e) = b(:e, :e) + assembly%dense(:, :, 2)
+               b(:e, n + 1:n + e) = b(:e, n + 1:n + e) + assembly%dense(:, :, 1)
+            end associate
+         end if
+         mass(n + 1:, :n) = held
+         mass(:n, n + 1:) = transpose(held)
+      end associate
+      call dgesv(m, 2*n, mass, m, pivots, b, m, info)
+      allocate (s(0))
+      if (info /= 0) return
+      a(n + 1:, :) = -b(:n, :)
+      do i = 1, n
+         a(i, n + i) = 1
+      end do
+      call largest_eigenvalues(a, assembly%roots(), s)
+   end subroutine large_roots
+
+   !> Roots by way of 1/(s - shift), from P(s) of `beamid_systems`.
+   subroutine roots_near(assembly, shift, s)
+      type(assembly_t), intent(in) :: assembly
+      real(wp), intent(in) :: shift
+      complex(wp), allocatable, intent(out) :: s(:)
+      real(wp), allocatable :: P(:, :), b(:, :), a(:, :)
+      integer, allocatable :: pivots(:)
+      integer :: i, info, m, n
+
+      n = assembly%n
+      m = n + size(assembly%v, 1)
+      allocate (P(m, m), b(m, 2*m), a(2*m, 2*m), source=0.0_wp)
+      allocate (pivots(m))
+      associate (pencil => assembly%pencil(1), v => assembly%v)
+         P(:n, n + 1:) = matmul(transpose(v), (pencil%hm*shift + pencil%hc)*shift + pencil%hk)
+         b(:n, n + 1:m) = matmul(transpose(v), 2*pencil%hm*shift + pencil%hc)
+         b(:n, m + n + 1:) = matmul(transpose(v), pencil%hm)
+         P(n + 1:, :n) = v
+         do i = 1, m - n
+            P(n + i, n + i) = -assembly%compliance(i)
+         end do
+         do i = 1, n
+            P(i, i) = pencil%m(i)*product(shift - real(assembly%pole(i, :)))
+            if (abs(aimag(assembly%pole(i, 1))) > 0) P(i, i) = pencil%m(i) &
+               *abs(shift - assembly%pole(i, 1))**2
+            b(i, i) = 2*pencil%m(i)*shift + pencil%c(i)
+            b(i, m + i) = pencil%m(i)
+         end do
+      end associate
+      if (assembly%is_dense()) then
+         associate (e => assembly%beam)
+            P(:e, :e) = P(:e, :e) + assembly%dense(:, :, 1)*shift + assembly%dense(:, :, 2)
+            b(:e, :e) = b(:e, :e) + assembly%dense(:, :, 1)
+         end associate
+      end if
+      call dgesv(m, 2*m, P, m, pivots, b, m, info)
+      allocate (s(0))
+      if (info /= 0) return
+      a(:m, :) = -b
+      do i = 1, m
+         a(m + i, i) = 1
+      end do
+      call largest_eigenvalues(a, assembly%roots(), s)
+      s = shift + 1/s
+   end subroutine roots_near
+
+   !> Eigenvalues of the largest moduli; a is destroyed.
+   !>
+   !> n  how many
+   subroutine largest_eigenvalues(a, n, values)
+      real(wp), intent(inout) :: a(:, :)
+      integer, intent(in) :: n
+      complex(wp), allocatable, intent(inout) :: values(:)
+      real(wp) :: re(size(a, 1)), im(size(a, 1)), none(1, 1)
+      real(wp), allocatable :: work(:)
+      complex(wp) :: all(size(a, 1))
+      logical :: taken(size(a, 1))
+      integer :: info, k
+
+      allocate (work(34*size(a, 1)))
+      call dgeev('N', 'N', size(a, 1), a, size(a, 1), re, im, none, 1, none, 1, work, size(work), &
+         info)
+      if (info /= 0) return
+      all = cmplx(re, im, wp)
+      taken = .false.
+      do k = 1, n
+         taken(maxloc(abs(all), dim=1, mask=.not. taken)) = .true.
+      end do
+      values = pack(all, taken)
+   end subroutine largest_eigenvalues
+
+   !> Puts better values, those within a radius of a centre, in the place of the nearest; the
+   !> outermost first. Nothing happens where a pair would lose its image.
+   subroutine take_over(s, better, centre, radius)
+      complex(wp), intent(inout) :: s(:)
+      complex(wp), intent(in) :: better(:), centre
+      real(wp), intent(in) :: radius
+      complex(wp) :: new(size(s))
+      logical :: waiting(size(better)), free(size(s))
+      integer :: k, place
+
+      new = s
+      free = .true.
+      waiting = abs(better - centre) <= radius
+      do while (any(waiting))
+         k = maxloc(abs(better - centre), dim=1, mask=waiting)
+         waiting(k) = .false.
+         place = minloc(abs(s - better(k)), dim=1, mask=free)
+         free(place) = .false.
+         new(place) = better(k)
+      end do
+      if (count(aimag(new) > 0) == count(aimag(new) < 0)) s = new
+   end subroutine take_over
+
+   !> One of each pair in the first half.
+   subroutine arrange(assembly, s, roots)
+      type(assembly_t), intent(in) :: assembly
+      complex(wp), intent(in) :: s(:)
+      type(root_t), allocatable, intent(out) :: roots(:)
+      complex(wp) :: pairs(size(s)/2), others(size(s)/2)
+      complex(wp), allocatable :: upper(:), real_ones(:)
+      integer :: k, n
+
+      upper = pack(s, aimag(s) > 0)
+      real_ones = pack(s, .not. abs(aimag(s)) > 0)
+      n = size(upper)
+      pairs = [upper, real_ones(1::2)]
+      others = [conjg(upper), real_ones(2::2)]
+      allocate (roots(size(s)))
+      roots%s = [pairs, others]
+      do k = 1, size(roots)
+         roots(k)%origin = 0
+         call nearest_pole(assembly, roots(k))
+      end do
+   end subroutine arrange
+
+end module beamid_eigenvalues
