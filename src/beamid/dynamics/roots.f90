@@ -1,5 +1,6 @@
 !> Roots of the characteristic equation of the damped structure, all at once by the Ehrlich-Aberth
-!> iteration (Aberth, Math. Comp. 27, 1973, 339).
+!> iteration (Aberth, Math. Comp. 27, 1973, 339). Where that does not get there, or something acts
+!> between all oscillators, from eigenvalues by LAPACK.
 module beamid_roots
    use beamid_assembly, only: assembly_t, new_assembly
    use beamid_equations, only: equations_t
@@ -75,7 +76,7 @@ contains
       type(root_t), allocatable, intent(out) :: half(:)
       type(error_t), allocatable, intent(out) :: error
       logical, intent(in), optional :: from_matrix
-      logical :: by_matrix
+      logical :: by_matrix, doubtful
       integer :: k
 
       by_matrix = assembly%is_dense()
@@ -97,7 +98,11 @@ contains
       if (assembly%is_dense()) then
          call improve(assembly, all)
       else
-         call iterate(assembly, all, error)
+         call iterate(assembly, all, doubtful, error)
+         if (doubtful .and. .not. by_matrix) then
+            call roots_of_matrix(assembly, all, error)
+            if (.not. allocated(error)) call iterate(assembly, all, doubtful, error)
+         end if
       end if
       if (allocated(error)) return
       half = all
@@ -123,15 +128,20 @@ contains
 
    !> Ehrlich-Aberth: corrections in turn until none moves. A multiple root is known to a root of
    !> the round-off only: there the corrections shrink first and then no longer.
-   subroutine iterate(assembly, roots, error)
+   !>
+   !> doubtful  whether some were still moving more than round-off at a double root explains, as
+   !>           they do in a dense row of real roots from poor starting points, or did not converge
+   subroutine iterate(assembly, roots, doubtful, error)
       type(assembly_t), intent(in) :: assembly
       type(root_t), intent(inout) :: roots(:)
+      logical, intent(out) :: doubtful
       type(error_t), allocatable, intent(out) :: error
       logical :: done(size(roots)), settled(size(roots))
       real(wp) :: moved(size(roots)), before(size(roots)), least
       integer :: half, k, sweep
 
       half = size(roots)/2
+      doubtful = .false.
       if (assembly%is_bare()) then
          do k = 1, size(roots)
             roots(k)%j = modulo(k - 1, assembly%n) + 1
@@ -157,6 +167,8 @@ contains
             if (k <= half .and. .not. done(k)) done(k + half) = .false.
          end do
          if (modulo(sweep, patience) == 0) then
+            doubtful = doubtful .or. any(.not. done .and. moved > before/2 .and. &
+               moved <= 1e-3_wp*abs(roots%s) .and. moved > 1e-6_wp*abs(roots%s))
             done = done .or. moved > before/2 .and. moved <= 1e-3_wp*abs(roots%s)
             before = moved
          end if
@@ -167,6 +179,7 @@ contains
          end do
          return
       end do
+      doubtful = .true.
       call failure(error, 'modal: '//to_text(count(.not. done))//' of '//to_text(size(roots))// &
          ' roots of the characteristic equation did not converge')
    end subroutine iterate
