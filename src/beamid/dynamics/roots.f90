@@ -1,6 +1,7 @@
 !> Roots of the characteristic equation of the damped structure: each by Newton's method where that
 !> is enough, those that are left all at once by the Ehrlich-Aberth iteration (Aberth, Math. Comp.
-!> 27, 1973, 339).
+!> 27, 1973, 339). Where that does not get there, or something acts between all oscillators, from
+!> eigenvalues by LAPACK.
 module beamid_roots
    use beamid_assembly, only: assembly_t, new_assembly
    use beamid_continuation, only: follow, meets, mirrored
@@ -75,7 +76,7 @@ contains
       type(error_t), allocatable, intent(out) :: error
       logical, intent(in), optional :: from_matrix
       logical, allocatable :: done(:)
-      logical :: by_matrix
+      logical :: by_matrix, doubtful
 
       by_matrix = assembly%is_dense()
       if (present(from_matrix)) by_matrix = by_matrix .or. from_matrix
@@ -89,7 +90,13 @@ contains
          call improve(assembly, all)
       else
          call approach(assembly, all, done)
-         call iterate(assembly, all, done, error)
+         call iterate(assembly, all, done, doubtful, error)
+         if (doubtful .and. .not. by_matrix) then
+            call roots_of_matrix(assembly, all, error)
+            if (allocated(error)) return
+            call approach(assembly, all, done)
+            call iterate(assembly, all, done, doubtful, error)
+         end if
       end if
       if (allocated(error)) return
       half = all
@@ -146,17 +153,21 @@ contains
    !> Ehrlich-Aberth: corrections in turn until none moves. A multiple root is known to a root of
    !> the round-off only: there the corrections shrink first and then no longer.
    !>
-   !> done  those that are in place already
-   subroutine iterate(assembly, roots, done, error)
+   !> done      those that are in place already
+   !> doubtful  whether some were still moving more than round-off at a double root explains, as
+   !>           they do in a dense row of real roots from poor starting points, or did not converge
+   subroutine iterate(assembly, roots, done, doubtful, error)
       type(assembly_t), intent(in) :: assembly
       type(root_t), intent(inout) :: roots(:)
       logical, allocatable, intent(inout) :: done(:)
+      logical, intent(out) :: doubtful
       type(error_t), allocatable, intent(out) :: error
       logical :: settled(size(roots))
       real(wp) :: moved(size(roots)), before(size(roots)), least
       integer :: half, k, sweep
 
       half = size(roots)/2
+      doubtful = .false.
       if (assembly%is_bare()) then
          do k = 1, size(roots)
             roots(k)%j = modulo(k - 1, assembly%n) + 1
@@ -183,6 +194,8 @@ contains
             if (k <= half .and. .not. done(k)) done(k + half) = .false.
          end do
          if (modulo(sweep, patience) == 0) then
+            doubtful = doubtful .or. any(.not. done .and. moved > before/2 .and. &
+               moved <= 1e-3_wp*abs(roots%s) .and. moved > 1e-6_wp*abs(roots%s))
             done = done .or. moved > before/2 .and. moved <= 1e-3_wp*abs(roots%s)
             before = moved
          end if
@@ -193,6 +206,7 @@ contains
          end do
          return
       end do
+      doubtful = .true.
       call failure(error, 'modal: '//to_text(count(.not. done))//' of '//to_text(size(roots))// &
          ' roots of the characteristic equation did not converge')
    end subroutine iterate

@@ -298,6 +298,13 @@ contains
          if (.not. allocated(error)) call check_company(structure, k, error)
          if (allocated(error)) return
       end do
+      if (structure%supports == 0 .and. structure%buckles()) then
+         if (present(place)) place = merge(of_T, of_g, structure%T < 0)
+         call bad_input(error, merge('force', 'g    ', structure%T < 0)//': found '// &
+            to_text(merge(structure%T, structure%g, structure%T < 0))//', which buckles the '// &
+            'beam, expected less compression')
+         return
+      end if
       if (present(place)) place = of_E
       ! Each is in range, but the whole may be out of what numbers can hold.
       if (.not. (structure%omega() > 0 .and. structure%omega() < huge(1.0_wp))) call bad_input( &

@@ -6,6 +6,7 @@
 !> A structure is its parameters and little else. What is known of each of them is in
 !> `beamid_parameters`, what they do to the beam in `beamid_terms`.
 module beamid_structure
+   use beamid_columns, only: column_buckles, column_deflection, column_t
    use beamid_kinds, only: wp
    implicit none
    private
@@ -79,6 +80,7 @@ module beamid_structure
       procedure :: static_deflection
       procedure :: tip_stiffness
       procedure :: omega
+      procedure :: buckles
    end type structure_t
 
    !> How many parameters there are, and how many of them do not repeat.
@@ -259,7 +261,12 @@ contains
 
       places = [x, xi, q(x_P_at(:self%supports))]
       do j = 1, size(places)
-         a(:, j) = [(bare_influence(q, places(i), places(j)), i=1, size(places))]
+         if (abs(q(of_g)) + abs(q(of_T)) > 0) then
+            a(:, j) = [(column_deflection(column_of(self, q, places), places(i), places(j)), &
+               i=1, size(places))]
+         else
+            a(:, j) = [(bare_influence(q, places(i), places(j)), i=1, size(places))]
+         end if
       end do
       do k = 1, self%supports
          i = k + 2
@@ -268,6 +275,72 @@ contains
       end do
       influence = a(1, 2)
    end function influence
+
+   !> The beam under its axial force, in pieces that end at given places too, short against the
+   !> length in which the force bends it.
+   pure function column_of(self, q, places) result(column)
+      type(structure_t), intent(in) :: self
+      complex(wp), intent(in) :: q(:), places(:)
+      type(column_t) :: column
+      complex(wp) :: ends(size(places) + most_sensors + 2), force(2)
+      complex(wp) :: carried(most_sensors), at(most_sensors), weight
+      integer :: i, k, last(most_sensors), parts
+
+      weight = merge(-q(of_g), q(of_g), self%stands)
+      column%stiffness = q(of_E)*q(of_I)
+      column%compliance = q(of_kappa_R)
+      at = [(merge(q(of_length), q(x_S_at(i)), self%follows_tip(x_S_at(i))), i=1, most_sensors)]
+      carried = q(m_S_at)
+      ends = [(0.0_wp, 0.0_wp), places, at, q(of_length)]
+      call sort_by_place(ends)
+      ! Complex places: which ends they are, not on which side of them.
+      last = [(minloc(abs(ends - at(i)), dim=1), i=1, most_sensors)]
+      column%ends = ends(:1)
+      allocate (column%N(0), column%slope(0))
+      do i = 2, size(ends)
+         associate (begin => ends(i - 1), h => ends(i) - ends(i - 1))
+            if (.not. abs(h) > 0) cycle
+            force(1) = q(of_T) + weight*(q(of_m_T) + q(of_rho)*(q(of_length) - begin) &
+               + sum(carried, mask=last >= i))
+            force(2) = -weight*q(of_rho)
+            parts = 1 + ceiling(abs(h)*sqrt(maxval(abs([force(1), force(1) + force(2)*h]) &
+               /abs(column%stiffness))))
+            do k = 1, parts
+               column%N = [column%N, force(1) + force(2)*h*(k - 1)/parts]
+               column%slope = [column%slope, force(2)]
+               column%ends = [column%ends, begin + h*k/parts]
+            end do
+            column%ends(size(column%ends)) = ends(i)
+         end associate
+      end do
+   end function column_of
+
+   !> Ascending, by insertion.
+   pure subroutine sort_by_place(x)
+      complex(wp), intent(inout) :: x(:)
+      complex(wp) :: next
+      integer :: i, j
+
+      do i = 2, size(x)
+         next = x(i)
+         do j = i - 1, 1, -1
+            if (real(x(j)) <= real(next)) exit
+            x(j + 1) = x(j)
+         end do
+         x(j + 1) = next
+      end do
+   end subroutine sort_by_place
+
+   !> Whether axial force and weight buckle the beam; supports are not counted.
+   pure logical function buckles(self)
+      class(structure_t), intent(in) :: self
+      complex(wp) :: q(n_parameters)
+
+      buckles = .false.
+      if (.not. (self%T < 0 .or. self%stands .and. self%g > 0)) return
+      q = values_of(self)
+      buckles = column_buckles(column_of(self, q, q(of_length:of_length)))
+   end function buckles
 
    !> The same without supports.
    pure complex(wp) function bare_influence(q, x, xi)
