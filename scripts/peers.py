@@ -29,7 +29,7 @@ else:
 # Table 4.1's model in the units of its case file; `check_model` compares the two.
 LENGTH, RHO, E, I, TIP_MASS, PULSE, DELTA = 4.0, 0.03, 80.0, 1.0, 0.15, 0.05, 0.1
 START = (0.0035, 0.035, 0.0035, 0.4)
-TOLERANCE = 1e-4       # of a search over 49 samples, on J and on the parameters; SciPy's own is 1e-8
+TOLERANCE = 1e-4    # of a search over 49 samples, on J and on the parameters; SciPy's own is 1e-8
 
 
 class Model:
