@@ -1,5 +1,16 @@
 #!/usr/bin/env python3
-"""Times the fit of Table 4.1 by beamid and by SciPy, side by side, one thread each."""
+"""Times beamid against SciPy, JAX and LAPACK in one run, one thread each, and prints the results as
+Markdown. Parts, all of them by default:
+
+  table         the fit of Table 4.1 against SciPy's expm and integrators and a jitted fit in JAX
+  decay         the fit of a free decay against variable projection in SciPy, and one evaluation of
+                it against LAPACK's QR and as many complex exponentials
+  elements      the time of a fit of Table 4.1 against the number of elements
+  samples       the time of one evaluation against the number of samples, and the memory
+  instructions  of a fit and of an evaluation, counted by valgrind's callgrind
+
+What is measured against is installed into build/peers, for this script alone.
+"""
 
 import argparse
 import csv
@@ -15,72 +26,162 @@ import sys
 import tempfile
 import time
 import warnings
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 
 from program import CHECKOUT, PYTHON, fail, new_parser, output_of, release, tell
 
-os.environ.update(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1")    # before NumPy reads them
 try:
+    import peers
     import numpy as np
     import scipy
-    from scipy.integrate import solve_ivp
-    from scipy.interpolate import BSpline
-    from scipy.linalg import expm
-    from scipy.optimize import least_squares
 except ImportError:
-    np = None
+    peers = None
 
+PEERS = CHECKOUT / "build" / "peers"
 CASE = CHECKOUT / "data" / "table_4_1_fit.nml"
 RECORD = CHECKOUT / "data" / "table_4_1_record.csv"
-
-# The model of the case file, in its units; `check_model` compares the two.
-LENGTH, RHO, E, I, TIP_MASS, PULSE, DELTA = 4.0, 0.03, 80.0, 1.0, 0.15, 0.05, 0.1
-NAMES, START = ("c_D", "m_H", "c_H", "k_H"), (0.0035, 0.035, 0.0035, 0.4)
+PARTS = ("table", "decay", "elements", "samples", "instructions")
+NAMES = ("c_D", "m_H", "c_H", "k_H")    # free in Table 4.1
 
 TOLERANCES = (1e-4, 1e-6, 1e-8, 1e-10)
 AT_MINIMUM = 1e-3      # J within this of the least one, relatively: the fit is at the minimum
 SAME_MODEL = 1e-6      # J of beamid and of SciPy for the same parameters, relatively
-ROUNDS = 7             # of a fit shorter than a second; of a longer one by beamid 3
+SAME_MINIMUM = 1e-8    # J of both at their own estimates of the free decay, relatively
+
+# A strip of aluminium with a sensor, of which a free decay is recorded; the search starts at START,
+# in E, m_S, c_D and gamma.
+DECAY = """&beam       length=0.5, rho=0.27, E={}, width=0.05, height=0.002, c_D={}, gamma={} /
+&sensor     m_S={}, x_S=0.44 /
+&excitation kind='free', modes=2 /
+&discretization elements=8 /
+&record     file='decay.csv' /
+&stage      free='E','m_S','c_D','gamma','offset' /
+"""
+TRUTH, START = (6.8e10, 4e6, 0.08, 0.0045), (6.83e10, 5e6, 0.06, 0.0047)
+AMPLITUDES, OFFSET, NOISE, SECONDS = (20 + 5j, 4 - 3j), 0.4, 0.07, 5.0    # m/s^2, s
+SAMPLES, UNKNOWNS, LINEAR = 20000, 9, 5
+SIZES = (1000, 4000, SAMPLES, 100000, 300000, 10**6)
+EXPONENTIALS, FLOOR = "two complex exponentials a sample", "QR and exponentials"
 
 NOTES = """
-s per fit  without start-up: wall clock for beamid, lowest of three; CPU time for SciPy; of a fit
-           shorter than a second the median of many, and of that the lowest of seven rounds
-process    CPU time of the whole process: start, one fit, results written
-ratio      s per fit over that of beamid modal
-J          sum of squares at the estimates of the row, by the exact response
-rtol       of 1e-4, 1e-6, 1e-8, 1e-10 the fastest whose J is within 0.001 of the least
-beamid     a fit includes the spline integrals, full convergence and the statistics, but not the
-           comparison of derivatives with differences, which SciPy does not make
-SciPy      a fit is least_squares alone, ftol = xtol = 1e-4; logarithms of the parameters, forward
-           differences; what was fastest: 'lm' and step 1e-6 with expm, 'trf' and step 3 sqrt(rtol)
-           with solve_ivp, which has the analytic Jacobian of the equations of motion
-expm       stepped: one for the pulse, one for 0.1 s; doubled: one for both, repeated squaring
-both       four Gauss points per element, exact for cubic splines"""
+Times are the processor's, of one thread, without start-up and without JAX' compilation: in each
+round the median of repeated fits or evaluations, of the rounds the lowest; what is compared takes
+turns in each round, and a ratio is the median of those within the rounds. Fits of more than a
+second are done once.
+
+- beamid: a fit includes the mesh (spline integrals, modes of the bare beam; not with "mesh apart"),
+  full convergence (1e-10) and the statistics, but not the comparison of derivatives with
+  differences, which the others do not make. `process` is the whole program, start to files.
+- SciPy, table: `least_squares` alone, ftol = xtol = 1e-4, logarithms of the parameters, forward
+  differences; what was fastest: 'lm' and step 1e-6 with expm, 'trf' and step 3 sqrt(rtol) with
+  solve_ivp, which has the analytic Jacobian of the equations of motion; rtol: of 1e-4, 1e-6, 1e-8,
+  1e-10 the fastest whose J is within 0.001 of the least.
+- JAX: `jax.scipy.linalg.expm` in double precision, Jacobian by jacfwd, Levenberg and Marquardt's
+  search with the same tolerances, compiled as a whole.
+- expm, stepped: one for the pulse, one for 0.1 s, then step by step (JAX: lax.scan); doubled: one
+  for both, repeated squaring (JAX: in the modes at the start, which saves squarings).
+- All: four Gauss points per element, exact for cubic splines. J is the sum of squares at the
+  estimates of the row, by the exact response.
+- Free decay: beamid looks for E, m_S, c_D and gamma of a beam, by its poles and the derivative of
+  Golub and Pereyra, with statistics; SciPy for two frequencies and two dampings, with Kaufman's
+  Jacobian and SciPy's own tolerances (1e-8), without statistics. Both eliminate two amplitudes, two
+  phases and the offset, start at the same motion and must reach the same J: one model, in two sets
+  of four parameters.
+- QR: LAPACK's dgeqrf of samples x 9, the number of unknowns (or x 5, of the linear ones): Netlib's
+  where Debian has it (liblapack3), and SciPy's OpenBLAS. The floor is Netlib's QR of samples x 9
+  and two complex exponentials (NumPy) for each sample."""
 
 
-def restart_with_scipy():
-    """Restarts this script with the Python of the environment, with SciPy installed into it."""
-    if subprocess.run([CHECKOUT / "scripts" / "setup.sh"], stdout=sys.stderr).returncode:
+def restart_with_peers():
+    """Restarts this script with an environment of its own; JAX may be missing there."""
+    python = PEERS / "bin" / "python"
+    if subprocess.run([CHECKOUT / "scripts" / "setup.sh", "pictures"],
+                      stdout=sys.stderr).returncode:
         fail("setup.sh failed", 1)
-    works = [PYTHON, "-c", "import numpy, scipy.optimize"]
-    if subprocess.run(works, stderr=subprocess.DEVNULL).returncode:
-        tell("SciPy is missing: installing it into .venv with pip")
-        subprocess.run([PYTHON, "-m", "pip", "-q", "--disable-pip-version-check", "install",
-                        "scipy"], stdout=sys.stderr)
+    if not python.exists():
+        subprocess.run([PYTHON, "-m", "venv", PEERS], stdout=sys.stderr)
+    for packages in (["numpy", "scipy", "matplotlib"], ["jax"]):
+        works = [python, "-c", "import " + ", ".join(packages)]
         if subprocess.run(works, stderr=subprocess.DEVNULL).returncode:
-            fail("could not install SciPy into .venv", 1)
-    os.execv(PYTHON, [str(PYTHON), *sys.argv])
+            tell(f"installing {', '.join(packages)} into {PEERS.relative_to(CHECKOUT)}")
+            subprocess.run([python, "-m", "pip", "-q", "--disable-pip-version-check", "install",
+                            *packages], stdout=sys.stderr)
+            if subprocess.run(works, stderr=subprocess.DEVNULL).returncode:
+                if packages != ["jax"]:
+                    fail(f"could not install {', '.join(packages)} into {PEERS}", 1)
+                tell("JAX cannot be installed: its rows are left out")
+    os.execv(python, [str(python), *sys.argv])
 
 
 def machine(version):
     """One line: processor and versions."""
     model = re.search(r"model name\s*: (.*)", Path("/proc/cpuinfo").read_text())
     compiler = output_of("gfortran", "-dumpfullversion")
+    jax = f"JAX {peers.jax.__version__}" if peers.jax else "no JAX"
     return (f"{os.cpu_count()} cores, {model[1] if model else platform.machine()}, load "
             f"{os.getloadavg()[0]:.1f}; {version}, gfortran {compiler}; "
             f"Python {platform.python_version()}, NumPy {np.__version__}, SciPy "
-            f"{scipy.__version__}")
+            f"{scipy.__version__}, {jax}")
+
+
+def table(header, rows):
+    """Prints a table in Markdown, its columns aligned."""
+    cells = [[str(cell) for cell in row] for row in (header, *rows)]
+    widths = [max(2, *map(len, column)) for column in zip(*cells)]
+    cells.insert(1, ["-" * (width - (k > 0)) + ":" * (k > 0) for k, width in enumerate(widths)])
+    print()
+    for row in cells:
+        print("| " + " | ".join(cell.rjust(width) if k else cell.ljust(width)
+                                for k, (cell, width) in enumerate(zip(row, widths))) + " |")
+    sys.stdout.flush()
+
+
+def ms(seconds):
+    """Milliseconds with three digits."""
+    return f"{1000 * seconds:.3g}" if seconds < 1 else f"{1000 * seconds:.0f}"
+
+
+def times(ratio):
+    """A ratio with as many digits as say something."""
+    return f"{ratio:.{0 if ratio >= 100 else 1 if ratio >= 2 else 2}f}"
+
+
+@dataclass
+class Effort:
+    """How much is repeated: --quick or not."""
+    rounds: int = 7
+    seconds: float = 0.3        # of one competitor in one round
+    largest: int = 10**6        # number of samples
+    meshes: tuple = (4, 8, 16, 32, 64)
+    slow: bool = True           # integrators
+
+
+def repeat(call, seconds, prepare=None):
+    """Median of the processor's time of a call that is repeated for so long; what `prepare` gives
+    is handed to the call, and its time does not count."""
+    spent = []
+    while sum(spent) < seconds and len(spent) < 301:
+        arguments = (prepare(),) if prepare else ()
+        begin = time.process_time()
+        call(*arguments)
+        spent.append(time.process_time() - begin)
+    return float(np.median(spent))
+
+
+def in_turns(competitors, effort):
+    """The times of every round for each of some functions of how long they may take."""
+    spent = {name: [] for name in competitors}
+    for _ in range(effort.rounds):
+        for name, run in competitors.items():
+            spent[name].append(run(effort.seconds))
+    return spent
+
+
+def ratio(spent, name, reference):
+    """Median of the ratios within the rounds."""
+    return float(np.median(np.divide(spent[name], spent[reference])))
 
 
 @dataclass
@@ -92,134 +193,87 @@ class Row:
     estimates: tuple = None     # None: cut short, or not at the minimum
     process: float = None       # CPU time of the whole process
     capped: bool = False
+    ratio: float = None         # to beamid modal, where both took turns
 
 
+@dataclass
 class Beamid:
-    """Runs the program on variants of the case file, in a folder of its own."""
+    """Runs the program, and the one that times it, on cases in a folder of its own."""
+    program: Path
+    timer: Path
+    folder: Path
+    text: str = CASE.read_text()
+    counts: dict = field(default_factory=dict)
 
-    def __init__(self, program, folder):
-        self.program, self.folder, self.text = program, Path(folder), CASE.read_text()
-        self.rtol = float(re.search(r"rtol=([^ ,/]+)", self.text)[1])
-        shutil.copy(RECORD, folder)
+    def __post_init__(self):
+        shutil.copy(RECORD, self.folder)
 
-    def write_case(self, elements, integrator):
-        """The case for one mesh, one integrator and exact quadrature."""
+    def write_table_case(self, elements, integrator="method='modal'"):
+        """Table 4.1 for one mesh, one integrator and exact quadrature; its path."""
         mesh = f"&discretization degree=3, elements={elements}, gauss_points=4, panels=1 /"
         text = re.sub(r"(?m)^&discretization\b.*", mesh, self.text)
         text = re.sub(r"(?m)^&integrator\b.*", f"&integrator {integrator} /", text)
-        (self.folder / "case.nml").write_text(text)
+        return self.write_case(f"table_{elements}.nml", text)
 
-    def identify(self, *options, limit=None):
-        """One run: CPU time and standard error."""
+    def write_case(self, name, text):
+        """A case file in the folder; its path."""
+        (self.folder / name).write_text(text)
+        return self.folder / name
+
+    def run(self, command, case, limit=None, failed=fail):
+        """One run of the program: its CPU time. Outputs are in `out`; `failed` gets a failure."""
         before = resource.getrusage(resource.RUSAGE_CHILDREN)
-        done = subprocess.run([self.program, "identify", self.folder / "case.nml", "--quiet",
-                               "--out", self.folder / "out", *options],
-                              capture_output=True, text=True, timeout=limit)
+        done = subprocess.run([self.program, command, case, "--quiet", "--out",
+                               self.folder / "out"], capture_output=True, text=True, timeout=limit)
         if done.returncode:
-            fail(f"beamid: {done.stderr.strip()}", 1)
+            failed(f"beamid: {done.stderr.strip()}", 1)
         after = resource.getrusage(resource.RUSAGE_CHILDREN)
-        return after.ru_utime - before.ru_utime + after.ru_stime - before.ru_stime, done.stderr
+        return after.ru_utime - before.ru_utime + after.ru_stime - before.ru_stime
 
-    def estimates(self):
+    def output(self, name):
+        """The rows of one of the last run's outputs."""
+        with open(self.folder / "out" / name, newline="") as file:
+            return list(csv.DictReader(file))
+
+    def estimates(self, names=NAMES):
         """Estimates and J of the last run."""
-        with open(self.folder / "out" / "estimates.csv", newline="") as file:
-            values = {row["parameter"]: float(row["estimate"]) for row in csv.DictReader(file)}
-        return tuple(values[name] for name in NAMES), values["J"]
+        values = {row["parameter"]: float(row["estimate"]) for row in self.output("estimates.csv")}
+        return tuple(values[name] for name in names), values["J"]
 
-    def row(self, label, elements, integrator, cap):
-        """The whole process and the fit inside it, timed."""
+    def clock(self, case, fits, evaluations, *wrapper):
+        """What `time_fits` prints, as numbers, and standard error."""
+        done = subprocess.run([*wrapper, self.timer, case, str(fits), str(evaluations)],
+                              capture_output=True, text=True)
+        if done.returncode:
+            fail(f"time_fits: {done.stderr.strip()}", 1)
+        lines = [line.split() for line in done.stdout.splitlines()]
+        return {name: float(value) for name, value in lines}, done.stderr
+
+    def seconds(self, case, what, target):
+        """Median time of what is repeated for so long: fit, set_up or evaluation."""
+        fits = what != "evaluation"
+        if (case, fits) not in self.counts:
+            first = self.clock(case, 3 * fits, 3 * (not fits))[0]
+            self.counts[case, fits] = first["fit" if fits else what]
+        count = max(1, min(301, int(target / self.counts[case, fits])))
+        return self.clock(case, count * fits, count * (not fits))[0][what]
+
+    def slow_row(self, label, elements, integrator, cap):
+        """A fit by an integrator: the whole process, and the fit inside it."""
         tell(f"N = {elements}, {label}")
-        self.write_case(elements, integrator)
+        case = self.write_table_case(elements, integrator)
+
+        def gave_up(*_):    # rtol too large: the integrator has moved the estimates
+            raise RuntimeError
+
         try:
-            process = [self.identify(limit=cap)[0]]
+            process = self.run("identify", case, cap, gave_up)
         except subprocess.TimeoutExpired:
             return Row(label, elements, cap, capped=True)
-        short = process[0] < 1
-        if short:
-            process += [self.identify()[0] for _ in range(8)]
-        inside = [float(re.search(r"fits: (\S+) s", self.identify("--time")[1])[1])
-                  for _ in range(ROUNDS if short else 3)]
-        return Row(label, elements, min(inside), self.estimates()[0], float(np.median(process)))
-
-
-class Model:
-    """The beam by cubic B-splines and Galerkin's method, independent of beamid's."""
-
-    def __init__(self, elements, measured):
-        h = LENGTH / elements
-        spline = BSpline(h * np.arange(-3, elements + 4), np.eye(elements + 3), 3)
-        points, weights = np.polynomial.legendre.leggauss(4)    # exact up to degree 7
-        x = (h * (np.arange(elements)[:, None] + (points + 1) / 2)).ravel()
-        weights = np.tile(weights * h / 2, elements)
-        clamp = np.vstack([np.zeros((2, elements + 1)), np.eye(elements + 1)])
-        clamp[:2, 0] = 1, -0.5    # w(0) = w'(0) = 0
-        basis, curvature, tip = (np.pad(np.atleast_2d(values) @ clamp, [(0, 0), (0, 1)]) for values
-                                 in (spline(x), spline.derivative(2)(x), spline(LENGTH)))
-        self.n, self.tip, self.measured = elements + 2, tip[0], measured
-        hose = np.eye(self.n)[-1]    # the last unknown
-        self.hose = np.outer(hose, hose)
-        self.stretch = np.outer(hose - self.tip, hose - self.tip)
-        self.mass = RHO * (basis.T * weights) @ basis + TIP_MASS * np.outer(self.tip, self.tip)
-        self.bending = I * (curvature.T * weights) @ curvature
-
-    def state(self, q):
-        """A of (w, v, f)' = A (w, v, f) with a constant force f."""
-        c_D, m_H, c_H, k_H = q
-        n, inverse = self.n, np.linalg.inv(self.mass + m_H * self.hose)
-        A = np.zeros((2 * n + 1, 2 * n + 1))
-        A[:n, n:-1] = np.eye(n)
-        A[n:-1, :n] = -inverse @ (E * self.bending + k_H * self.stretch)
-        A[n:-1, n:-1] = -inverse @ (c_D * self.bending + c_H * self.stretch)
-        A[n:-1, -1] = inverse @ self.tip
-        return A
-
-    def stepped(self, q):
-        """Tip displacement at Delta, 2 Delta, ...: exact, two exponentials, step by step."""
-        A = self.state(q)
-        pulse, step = expm(PULSE * A), expm(DELTA * A[:-1, :-1])
-        states = np.empty((len(self.measured) + 2, 2 * self.n))
-        states[0] = pulse[:-1, :-1] @ pulse[:-1, -1]    # DELTA is twice PULSE
-        for k in range(len(states) - 1):
-            states[k + 1] = step @ states[k]
-        return states[:, :self.n] @ self.tip
-
-    def doubled(self, q):
-        """The same by one exponential and repeated squaring."""
-        pulse = expm(PULSE * self.state(q))
-        half = pulse[:-1, :-1]
-        step, states = half @ half, (half @ pulse[:-1, -1])[:, None]
-        while states.shape[1] < len(self.measured) + 2:
-            states = np.hstack([states, step @ states])
-            step = step @ step
-        return self.tip @ states[:self.n, :len(self.measured) + 2]
-
-    def integrated(self, q, method, rtol):
-        """The same by an integrator that restarts where the pulse ends."""
-        A = self.state(q)
-        F, load = A[:-1, :-1].copy(), A[:-1, -1].copy()
-        times = DELTA * np.arange(1, len(self.measured) + 3)
-        options = {"method": method, "rtol": rtol, "atol": 0.1 * rtol,    # 0.1: size of w and v
-                   "jac": (lambda t, y: F) if method == "LSODA" else F}
-        pulse = solve_ivp(lambda t, y: F @ y + load, (0, PULSE), np.zeros(2 * self.n), **options)
-        free = solve_ivp(lambda t, y: F @ y, (PULSE, times[-1]), pulse.y[:, -1], t_eval=times,
-                         **options)
-        if not (pulse.success and free.success):
-            raise RuntimeError(free.message)
-        return self.tip @ free.y[:self.n]
-
-    def residuals(self, u):
-        """(4.1) minus the record."""
-        return (u[2:] - 2 * u[1:-1] + u[:-2]) / DELTA**2 - self.measured
-
-    def J(self, q):
-        """Sum of squares by the exact response."""
-        return float(np.sum(self.residuals(self.doubled(q))**2))
-
-    def fit(self, response, method, step):
-        """Least squares over the logarithms of the parameters; the estimates."""
-        found = least_squares(lambda x: self.residuals(response(START * np.exp(x))), np.zeros(4),
-                              method=method, diff_step=step, ftol=1e-4, xtol=1e-4)
-        return tuple(map(float, START * np.exp(found.x)))
+        except RuntimeError:
+            return Row(label, elements, cap)
+        estimates = self.estimates()[0]
+        return Row(label, elements, self.clock(case, 1, 0)[0]["fit"], estimates, process)
 
 
 def cut_short(*_):
@@ -227,41 +281,28 @@ def cut_short(*_):
     raise TimeoutError
 
 
-def cpu_time(fit, cap):
-    """CPU time of one fit, its estimates or None, and whether it was cut short.
+def scipy_row(label, model, cap, *fit):
+    """One fit by SciPy that may take long; without estimates where it is cut short or fails.
 
-    The clock of the thread: that of the process moves in ticks of 4 ms while the timer is set.
+    The clock is the thread's: that of the process moves in ticks of 4 ms while the timer is set.
     """
+    tell(f"N = {model.n - 2}, {label}")
+    row = Row(label, model.n - 2, cap)
     signal.signal(signal.SIGPROF, cut_short)
     signal.setitimer(signal.ITIMER_PROF, cap)
     begin = time.thread_time()
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            estimates = fit()
-        return time.thread_time() - begin, estimates, False
+            row.estimates = model.fit(*fit)
+        row.seconds = time.thread_time() - begin
     except TimeoutError:
-        return cap, None, True
+        row.capped = True
     except (ArithmeticError, RuntimeError, ValueError):    # the integrator or the fit gave up
-        return time.thread_time() - begin, None, False
+        row.seconds = time.thread_time() - begin
     finally:
         signal.setitimer(signal.ITIMER_PROF, 0)
-
-
-def scipy_row(label, model, cap, *fit):
-    """One fit by SciPy, or the lowest median of many short ones."""
-    elements = model.n - 2
-    tell(f"N = {elements}, {label}")
-    medians = []
-    for _ in range(ROUNDS):
-        times = []
-        while sum(times) < 1 and len(times) < 101:
-            seconds, estimates, capped = cpu_time(lambda: model.fit(*fit), cap)
-            if capped or seconds > 1 or not estimates:
-                return Row(label, elements, seconds, estimates, capped=capped)
-            times.append(seconds)
-        medians.append(float(np.median(times)))
-    return Row(label, elements, min(medians), estimates)
+    return row
 
 
 def fastest(method, row_at, model, least):
@@ -286,60 +327,288 @@ def check_model(model, estimates, J):
     if not difference < SAME_MODEL:
         fail(f"N = {elements}: J of beamid is {J:.9g}, of the model in SciPy "
              f"{model.J(estimates):.9g} for the same parameters: two models, nothing to compare", 1)
-    print(f"N = {elements}: J of beamid and of the model in SciPy, for the same parameters, "
-          f"differ by {difference:.0e} of J", flush=True)
+    tell(f"N = {elements}: J of beamid and of the model in SciPy, for the same parameters, "
+         f"differ by {difference:.0e} of J")
 
 
-def compare(beamid, elements, measured, cap):
-    """All rows of one mesh: beamid modal, cvode twice, SciPy's."""
-    model = Model(elements, measured)
-    modal = beamid.row("beamid modal", elements, "method='modal'", cap)
-    if modal.capped:
-        fail(f"N = {elements}: beamid modal takes more than {cap:g} s", 1)
-    check_model(model, *beamid.estimates())
-    least = model.J(modal.estimates)
+def quick_fits(beamid, case, model, *wanted):
+    """Fits of Table 4.1 that take turns: by label a function that gives the estimates, and by label
+    one that gives the time, which includes beamid's."""
+    fits = {"SciPy expm, stepped": partial(model.fit, model.stepped, "lm", 1e-6),
+            "SciPy expm, doubled": partial(model.fit, model.doubled, "lm", 1e-6)}
+    if peers.jax:
+        fits["JAX expm, stepped"] = peers.JaxModel(model, False).fit
+        fits["JAX expm, doubled"] = peers.JaxModel(model, True).fit
+    fits = {label: fit for label, fit in fits.items() if not wanted or label in wanted}
+    clocks = {"beamid modal": partial(beamid.seconds, case, "fit")}
+    clocks.update((label, partial(repeat, fit)) for label, fit in fits.items())
+    return fits, clocks
+
+
+def fast_rows(beamid, model, effort):
+    """Rows of one mesh for beamid modal and what takes turns with it."""
+    elements = model.n - 2
+    case = beamid.write_table_case(elements)
+    process = min(beamid.run("identify", case) for _ in range(effort.rounds))
+    estimates, J = beamid.estimates()
+    check_model(model, estimates, J)
+    fits, clocks = quick_fits(beamid, case, model)
+    tell(f"N = {elements}, {', '.join(clocks)}: {effort.rounds} rounds")
+    found = {label: fit() for label, fit in fits.items()}    # JAX compiles here
+    spent = in_turns(clocks, effort)
+    rows = [Row(label, elements, min(spent[label]), found.get(label, estimates),
+                ratio=ratio(spent, label, "beamid modal")) for label in spent]
+    rows[0].process = process
+    return rows
+
+
+def slow_rows(beamid, model, cap, least):
+    """Rows of one mesh for integrators: cvode twice, SciPy's."""
+    elements = model.n - 2
+    rtol_of_case = float(re.search(r"rtol=([^ ,/]+)", beamid.text)[1])
 
     def cvode(label, rtol):
-        return beamid.row(label, elements, f"method='cvode', rtol={rtol}", cap)
+        return beamid.slow_row(label, elements, f"method='cvode', rtol={rtol}", cap)
 
-    rows = [modal, cvode(f"beamid cvode, case's rtol {beamid.rtol:.0e}", beamid.rtol),
-            fastest("beamid cvode", cvode, model, least),
-            scipy_row("SciPy expm, stepped", model, cap, model.stepped, "lm", 1e-6),
-            scipy_row("SciPy expm, doubled", model, cap, model.doubled, "lm", 1e-6)]
+    rows = [cvode(f"beamid cvode, case's rtol {rtol_of_case:.0e}", rtol_of_case),
+            fastest("beamid cvode", cvode, model, least)]
     for method in ("LSODA", "BDF", "Radau"):
         def integrator(label, rtol):
             return scipy_row(label, model, cap, lambda q: model.integrated(q, method, rtol), "trf",
                              3 * math.sqrt(rtol))
         rows.append(fastest(f"SciPy {method}", integrator, model, least))
-    return [(row, model.J(row.estimates) if row.estimates else None) for row in rows]
+    return rows
 
 
-def print_line(*cells):
-    """One line of the table."""
-    widths = (33, 3, 13, 9, 9, 13, *[11] * 4)
-    print(f"{cells[0]:<{widths[0]}}" + "".join(
-        f"{cell:>{width}}" for cell, width in zip(cells[1:], widths[1:])))
-
-
-def print_rows(rows):
-    """The rows of one mesh; the first is beamid modal."""
-    for row, J in rows:
-        bound, ratio = "> " * row.capped, row.seconds / rows[0][0].seconds
-        times = [f"{bound}{row.seconds:.4g}", f"{row.process:.3g}" if row.process else "-",
-                 f"{bound}{ratio:.{0 if ratio >= 100 else 1}f}"]
-        if not (row.estimates or row.capped):
-            times = ["no minimum", "-", "-"]
-        values = [f"{J:.5e}", *(f"{value:.6g}" for value in row.estimates)] if J else ["-"] * 5
-        print_line(row.method, row.elements, *times, *values)
+def cells_of(row, model, reference):
+    """A line of the table; reference: seconds of beamid modal."""
+    bound, factor = "> " * row.capped, row.ratio or row.seconds / reference
+    spent = [bound + ms(row.seconds), bound + times(factor),
+             f"{1000 * row.process:.3g}" if row.process else "-"]
+    if not (row.estimates or row.capped):
+        spent = ["no minimum", "-", "-"]
+    values = ["-"] * 5
+    if row.estimates:
+        values = [f"{value:.6g}" for value in (model.J(row.estimates), *row.estimates)]
+    return [row.method, row.elements, *spent, *values]
 
 
 def integrator_ratio(rows):
     """SciPy BDF against beamid cvode, each the fastest at the minimum."""
-    cvode, bdf = rows[2][0], rows[6][0]
+    cvode, bdf = rows[1], rows[3]
     if not cvode.estimates or not (bdf.estimates or bdf.capped):
         return f"N = {cvode.elements}: no ratio of SciPy BDF to beamid cvode, one finds no minimum"
     return (f"N = {cvode.elements}: one fit by {bdf.method} takes {'more than ' * bdf.capped}"
             f"{bdf.seconds / cvode.seconds:.1f} times as long as one by {cvode.method}")
+
+
+def measured():
+    """The record of Table 4.1."""
+    return np.loadtxt(RECORD, delimiter=",", skiprows=1)[:, 1]
+
+
+def part_table(beamid, arguments, effort):
+    """Table 4.1 by everything, a table for each mesh."""
+    for elements in arguments.elements:
+        model = peers.Model(elements, measured())
+        rows = fast_rows(beamid, model, effort)
+        slow = []
+        if effort.slow:
+            slow = slow_rows(beamid, model, arguments.cap, model.J(rows[0].estimates))
+        table(["One fit of Table 4.1", "N", "ms", "ratio", "process, ms", "J", *NAMES],
+              [cells_of(row, model, rows[0].seconds) for row in rows + slow])
+        if slow:
+            print("", integrator_ratio(slow), sep="\n", flush=True)
+
+
+def write_decay(beamid, samples, seed=1):
+    """A simulated free decay with uneven stamps and its case; its path, times and values."""
+    roots = [roots_of(beamid, TRUTH), roots_of(beamid, START)]
+    rng = np.random.default_rng(seed)
+    t = SECONDS * (np.arange(samples) + 0.6 * rng.random(samples)) / samples
+    y = OFFSET + NOISE * rng.standard_normal(samples)
+    for amplitude, root in zip(AMPLITUDES, roots[0]):
+        y += (amplitude * np.exp(root * t)).real
+    np.savetxt(beamid.folder / "decay.csv", np.column_stack([t, y]), "%.9f,%.6f",
+               header="t,acceleration", comments="")
+    t, y = np.round(t, 9), np.round(y, 6)
+    return beamid.write_case("decay.nml", decay_case(START)), t, y, roots[1]
+
+
+def decay_case(values):
+    """The strip's case, with E, c_D, gamma and m_S."""
+    return DECAY.format(*values)
+
+
+def roots_of(beamid, values):
+    """Roots of the strip's two lowest modes."""
+    beamid.run("modes", beamid.write_case("modes.nml", decay_case(values)))
+    return [complex(float(row["real"]), float(row["imag"]))
+            for row in beamid.output("modes.csv")[:2]]
+
+
+def floor_of(samples):
+    """By label a function of seconds that times a part of the floor."""
+    rng = np.random.default_rng(1)
+    exponents = (-0.5 + 40j) * rng.random(2 * samples)
+    matrix = rng.standard_normal((UNKNOWNS, samples))
+    reference = peers.reference_dgeqrf()
+    if not reference:
+        tell("Netlib's LAPACK is not installed (liblapack3, libblas3): its rows are left out")
+
+    def qr(call, columns, seconds):
+        return repeat(call, seconds, lambda: matrix[:columns].copy().T)
+
+    parts = {EXPONENTIALS: partial(repeat, lambda: np.exp(exponents))}
+    for columns in (UNKNOWNS, LINEAR):
+        if reference:
+            parts[f"Netlib's QR, {columns} columns"] = partial(
+                qr, partial(peers.qr_by_reference, reference), columns)
+        parts[f"OpenBLAS' QR, {columns} columns"] = partial(qr, peers.qr_by_scipy, columns)
+    return parts
+
+
+def floor(spent):
+    """The floor in each round: QR with as many columns as unknowns, and the exponentials."""
+    name = f"Netlib's QR, {UNKNOWNS} columns"
+    return np.add(spent[EXPONENTIALS], spent.get(name, spent[f"OpenBLAS'{name[8:]}"]))
+
+
+def part_decay(beamid, _, effort):
+    """A free decay: whole fits, then one evaluation and what it cannot do without."""
+    case, t, y, roots = write_decay(beamid, SAMPLES)
+    beamid.run("identify", case)
+    J = beamid.estimates(("E", "m_S"))[1]
+    decay = peers.FreeDecay(t, y)
+    start = [value for root in roots for value in (-root.real, root.imag)]
+    J_there = decay.fit(start)[0]
+    if not abs(J_there / J - 1) < SAME_MINIMUM:
+        fail(f"free decay: J of beamid is {J:.9g}, of SciPy {J_there:.9g}: two minima", 1)
+    tell(f"free decay: J of beamid and of SciPy differ by {abs(J_there / J - 1):.0e} of J; "
+         f"{effort.rounds} rounds")
+    values, plain = np.array(start), peers.PlainDecay(t, y)
+    fits = ("beamid, fit", "SciPy, variable projection, Kaufman's Jacobian",
+            "SciPy, variable projection, lstsq and differences")
+    evaluations = ("beamid, residuals and Jacobian", "SciPy, residuals and Kaufman's Jacobian")
+    spent = in_turns({
+        fits[0]: partial(beamid.seconds, case, "fit"),
+        fits[1]: partial(repeat, lambda: decay.fit(start)),
+        fits[2]: partial(repeat, lambda: plain.fit(start)),
+        evaluations[0]: partial(beamid.seconds, case, "evaluation"),
+        evaluations[1]: partial(repeat, lambda: decay.project(values)),
+        **floor_of(SAMPLES)}, effort)
+    spent[FLOOR] = floor(spent)
+    rows = [[name, ms(min(spent[name])),
+             times(ratio(spent, name, reference))]
+            for name in spent for reference in [fits[0] if name in fits else evaluations[0]]]
+    table([f"Free decay, {SAMPLES} samples", "ms", "ratio"], rows)
+    print(f"\nOne evaluation of beamid takes {ratio(spent, evaluations[0], FLOOR):.2f} times as "
+          "long as the floor.")
+
+
+def part_elements(beamid, arguments, effort):
+    """Table 4.1 by finer and finer meshes; what is drawn."""
+    rows, lines, remarks = [], {}, []
+    for elements in effort.meshes:
+        model = peers.Model(elements, measured())
+        case = beamid.write_table_case(elements)
+        fits, clocks = quick_fits(beamid, case, model, "SciPy expm, stepped",
+                                  "JAX expm, doubled")
+        clocks["mesh"] = partial(beamid.seconds, case, "set_up")
+        tell(f"N = {elements}, {', '.join(clocks)}")
+        beamid.run("identify", case)
+        estimates = beamid.estimates()[0]
+        for label, fit in fits.items():
+            off = np.max(np.abs(np.divide(fit(), estimates) - 1))    # JAX compiles here
+            if not off <= AT_MINIMUM:
+                remarks.append(f"N = {elements}: {label}, ends {100 * off:.2g} % away from the "
+                               "minimum, by round-off; its time is no fit's.")
+        spent = in_turns(clocks, effort)
+        apart = np.subtract(spent["beamid modal"], spent.pop("mesh"))
+        spent = {"beamid modal": spent["beamid modal"], "beamid, mesh apart": apart, **spent}
+        for label, values in spent.items():
+            lines.setdefault(label, []).append(min(values))
+        rows.append([elements, *(ms(min(values)) for values in spent.values()),
+                     *(times(ratio(spent, label, "beamid modal")) for label in fits)])
+    table(["N", *(f"{label}, ms" for label in lines), *(f"{label}, ratio" for label in fits)], rows)
+    if {8, 64} <= set(effort.meshes):
+        apart = dict(zip(effort.meshes, lines["beamid, mesh apart"]))
+        remarks.append(f"The fit with N = 64, mesh apart, takes {apart[64] / apart[8]:.1f} times "
+                       "as long as that with N = 8.")
+    if remarks:
+        print("", *remarks, sep="\n", flush=True)
+    return effort.meshes, lines
+
+
+def part_samples(beamid, _, effort):
+    """One evaluation of longer and longer free decays; what is drawn."""
+    sizes = [size for size in SIZES if size <= effort.largest]
+    rows, lines = [], {"beamid": [], FLOOR: []}
+    for samples in sizes:
+        tell(f"{samples} samples")
+        case = write_decay(beamid, samples)[0]
+        spent = in_turns({"beamid": partial(beamid.seconds, case, "evaluation"),
+                          **floor_of(samples)}, effort)
+        memory = beamid.clock(case, 0, 1)[0].get("peak_kB", math.nan) / 1024
+        beamid.counts.clear()    # the next case has the same name
+        spent[FLOOR] = floor(spent)
+        for label in lines:
+            lines[label].append(min(spent[label]))
+        rows.append([samples, *(ms(min(spent[label])) for label in lines),
+                     times(ratio(spent, "beamid", FLOOR)), f"{memory:.0f}"])
+    table(["samples", "beamid, one evaluation, ms", f"{FLOOR}, ms", "ratio", "memory, MB"], rows)
+    if {SAMPLES, 10**6} <= set(sizes):
+        seconds = dict(zip(sizes, lines["beamid"]))
+        print(f"\nOne evaluation of 1000000 samples takes {seconds[10**6] / seconds[SAMPLES]:.1f} "
+              f"times as long as one of {SAMPLES}.")
+    return sizes, lines
+
+
+def part_instructions(beamid, *_):
+    """Instructions of one fit and one evaluation: the difference of a run with many and one with
+    one."""
+    if not shutil.which("valgrind"):
+        tell("valgrind is not installed: instructions are not counted")
+        return
+
+    def count(case, fits, number):
+        told = beamid.clock(case, number * fits, number * (not fits), "valgrind",
+                            "--tool=callgrind", "--callgrind-out-file=/dev/null")[1]
+        return int(re.search(r"Collected : (\d+)", told)[1])
+
+    def difference(case, fits, more=2):
+        tell(f"counting instructions: {case.stem}, {'fit' if fits else 'evaluation'}")
+        return (count(case, fits, 1 + more) - count(case, fits, 1)) / more / 1e6
+
+    rows = [["fit of Table 4.1, N = 4", f"{difference(beamid.write_table_case(4), True, 10):.3f}"]]
+    decay = write_decay(beamid, SAMPLES)[0]
+    rows += [[f"{'fit' if fits else 'evaluation'} of the free decay, {SAMPLES} samples",
+              f"{difference(decay, fits):.1f}"] for fits in (True, False)]
+    table(["beamid, instructions", "millions"], rows)
+
+
+def draw(path, elements, samples):
+    """Times against the number of elements and against that of samples."""
+    import plotting as p    # asks for matplotlib
+
+    panels = [(elements, "One fit of Table 4.1", "number of elements $N$"),
+              (samples, "Free decay: one evaluation of residuals and Jacobian",
+               "number of samples")]
+    panels = [panel for panel in panels if panel[0]]
+    figure, several = p.plt.subplots(1, len(panels), figsize=(5.25 * len(panels), 4.2),
+                                     squeeze=False)
+    for axes, ((sizes, lines), title, what) in zip(several[0], panels):
+        for k, (label, seconds) in enumerate(lines.items()):
+            axes.plot(sizes, 1000 * np.array(seconds), color=p.COLOURS[k], marker=p.MARKERS[k],
+                      markersize=5, label=label)
+        axes.set(title=title, xlabel=what, ylabel="ms", xscale="log", yscale="log")
+        p.plain_logarithmic(axes.yaxis)
+        if sizes[-1] < 1000:
+            axes.set_xticks(sizes, labels=sizes)
+            axes.set_xticks([], minor=True)
+        axes.legend()
+    Path(path).parent.mkdir(parents=True, exist_ok=True)
+    p.save(figure, path)
 
 
 def meshes(text):
@@ -359,32 +628,44 @@ def duration(text):
     raise argparse.ArgumentTypeError(f"found '{text}', expected seconds from above 0 to 1e6")
 
 
+def part(text):
+    """A part's name."""
+    if text in PARTS:
+        return text
+    raise argparse.ArgumentTypeError(f"found '{text}', expected {', '.join(PARTS)}")
+
+
 def parse():
     """The command line; what is not understood is one line and exit status 2."""
     parser = new_parser(__doc__, epilog=NOTES, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("parts", metavar="PART", type=part, nargs="*", help="what to measure")
     parser.add_argument("--elements", metavar="N,N", type=meshes, default=[4, 6],
-                        help="meshes (default: 4,6)")
+                        help="meshes of the table (default: 4,6)")
     parser.add_argument("--cap", metavar="SECONDS", type=duration, default=120.0,
-                        help="longest time of one fit (default: 120)")
+                        help="longest time of one fit in the table (default: 120)")
+    parser.add_argument("--quick", action="store_true",
+                        help="fewer rounds, no integrators, N <= 16, 100000 samples at most")
+    parser.add_argument("--plot", metavar="FILE", default=CHECKOUT / "out" / "benchmark.png",
+                        help="picture of elements and samples (default: out/benchmark.png)")
     return parser.parse_args()
 
 
 def main():
     arguments = parse()
-    if np is None:
-        restart_with_scipy()
-    program = release()
+    if peers is None or Path(sys.prefix).resolve() != PEERS.resolve():
+        restart_with_peers()
+    effort = Effort(3, 0.1, 10**5, (4, 8, 16), False) if arguments.quick else Effort()
+    program, timer = release(), release("--example time_fits")
     print(machine(output_of(program, "version")), flush=True)
-    measured = np.loadtxt(RECORD, delimiter=",", skiprows=1)[:, 1]
+    drawn = {}
     with tempfile.TemporaryDirectory() as folder:
-        beamid = Beamid(program, folder)
-        results = [compare(beamid, n, measured, arguments.cap) for n in arguments.elements]
-    print()
-    print_line("method", "N", "s per fit", "process", "ratio", "J", *NAMES)
-    for rows in results:
-        print_rows(rows)
-    print("", *map(integrator_ratio, results), sep="\n")
+        beamid = Beamid(program, timer, Path(folder))
+        for name in PARTS:
+            if name in (arguments.parts or PARTS):
+                drawn[name] = globals()[f"part_{name}"](beamid, arguments, effort)
     print(NOTES)
+    if drawn.get("elements") or drawn.get("samples"):
+        draw(arguments.plot, drawn.get("elements"), drawn.get("samples"))
 
 
 if __name__ == "__main__":

@@ -64,11 +64,11 @@ def run(*arguments):
         fail(f"scripts/run.sh {arguments[0]} failed", 1)
 
 
-def release():
-    """The executable of the release build, made if need be."""
+def release(target="beamid"):
+    """An executable of the release build, made if need be: the program or '--example NAME'."""
     run("version")
     listed = output_of("bash", "-c", "checkout=$PWD; . scripts/fpm.sh && find_fpm && "
-                       "paths run beamid --profile release")
+                       f"paths run {target} --profile release")
     return CHECKOUT / listed.splitlines()[-1]
 
 

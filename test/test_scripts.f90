@@ -45,6 +45,8 @@ contains
       outcome = run('python3 check_outputs.py out/case')
       call check('outputs of a run', outcome%status == 0 .and. outcome%out == 'out/case'//nl, &
          outcome%err)
+      call judge('benchmark.py', scripts//'benchmark.py table tables', &
+         'found ''tables''|expected table, decay')
       call refused('rm copy/manifest.txt', 'copy: no manifest.txt')
       call refused('echo >>copy/fit.csv', 'copy/fit.csv: not as manifest.txt has it')
       call refused('sed -i s/m/M/ copy/fit.csv', 'copy/fit.csv: not as manifest.txt has it')
