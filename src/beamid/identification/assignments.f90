@@ -73,10 +73,11 @@ contains
                   if (tried%price > best(kept)%cost) cycle
                end if
                call meet(problem, beliefs, lines(:r), tried, error)
-               if (allocated(error)) return
-               call insert(best, tried)
+               if (.not. allocated(error)) call insert(best, tried)
             end do
          end do
+         if (size(best) == 0) return
+         if (allocated(error)) deallocate (error)
       end do
       best = best(:min(most, size(best)))
       do k = 1, size(best)
@@ -149,7 +150,7 @@ contains
       end do
    end function price_of
 
-   !> The parameters that bring the model's frequencies nearest to the lines while they stay near
+   !> The parameters but for damping that bring the model's frequencies nearest to the lines while they stay near
    !> what is believed, by Gauss-Newton steps.
    subroutine meet(problem, beliefs, lines, found, error)
       type(residual_t), intent(inout) :: problem
@@ -200,6 +201,9 @@ contains
       do i = 1, size(lines)
          call model_roots(problem, world, i, s, ds, error)
          if (allocated(error)) return
+         do k = 1, size(u)
+            if (damps(ds(:, k))) ds(:, k) = 0
+         end do
          do k = 1, size(s)
             if (found%place(k, i) == 0) cycle
             associate (row => (i - 1)*size(s) + k, line => lines(i)%line(found%place(k, i)))

@@ -12,7 +12,7 @@ module beamid_starts
    use beamid_residuals, only: residual_t
    use beamid_spectra, only: strongest_peak
    use beamid_strings, only: to_text
-   use beamid_trials, only: is_multiple, least_gain, objection_to, resting, trial_t, try_start
+   use beamid_trials, only: gain_of_mode, is_multiple, least_gain, objection_to, resting, trial_t, try_start
    use beamid_unknowns, only: quantity_t, stage_t, variables_of
    use beamid_variables, only: variable_t
    implicit none
@@ -83,14 +83,15 @@ contains
       if (.not. allocated(error)) call new_choice(problem, stage, modes, full, error)
       if (.not. allocated(error)) call needed_modes(problem, full, needed, lost, error)
       if (.not. allocated(error)) call choose(problem, full, lines, needed, options, error)
-      if (.not. allocated(error) .and. is_free .and. needed > 1) then
+      if (allocated(lost) .and. is_free) then
          call choose_with_fewer(problem, full, lines, needed, lost, options, fewer)
-         call compare(problem, full, fewer)
+         call compare(problem, full, fewer, lines, needed)
       end if
-      if (allocated(error)) then
+      if (allocated(error) .and. .not. fewer%best > 0) then
          error%message = 'start values: '//error%message
          return
       end if
+      if (allocated(error)) deallocate (error)
       if (full%best == 0 .and. fewer%best > 0) then
          stage = fewer%stage
          problem%world = fewer%trials(fewer%best)%start
@@ -217,7 +218,6 @@ contains
          if (allocated(reason)) cycle
          trial%objection = objection_to(trial, choice%beliefs, choice%quantities%name, &
             variation(problem), needed)
-         if (trial%objection == '') trial%objection = multiples(problem, trial, lines, needed)
          choice%trials = [choice%trials, trial]
       end do
       if (size(choice%trials) == 0) call move_alloc(reason, error)
@@ -252,26 +252,6 @@ contains
       end do
    end function variation
 
-   !> Which mode that is needed sits on a multiple; ''.
-   pure function multiples(problem, trial, lines, needed) result(objection)
-      type(residual_t), intent(in) :: problem
-      type(trial_t), intent(in) :: trial
-      type(lines_t), intent(in) :: lines(:)
-      integer, intent(in) :: needed
-      character(len=:), allocatable :: objection
-      integer :: k, r
-
-      objection = ''
-      do r = 1, size(lines)
-         associate (t => problem%parts(r)%experiment%samples)
-            do k = 2, min(needed, size(trial%s, 1))
-               if (is_multiple(trial%s(:, r), k, lines(r)%line, t(size(t)) - t(1))) objection = &
-                  'mode '//to_text(k)//' is on a multiple of mode 1, or of the mains'
-            end do
-         end associate
-      end do
-   end function multiples
-
    !> The fits with one mode fewer than needed. What that leaves undetermined is held: damping at
    !> what goes with the lines, everything else where it is.
    subroutine choose_with_fewer(problem, full, lines, needed, lost, options, fewer)
@@ -288,9 +268,10 @@ contains
       complex(wp) :: s(needed - 1), ds(needed - 1, size(lost))
       integer :: k
 
+      allocate (fewer%trials(0))
+      if (needed == 1) return
       smaller = problem
       smaller%world%excitations%modes = needed - 1
-      allocate (fewer%trials(0))
       call best_assignments(smaller, full%beliefs, lines, needed - 1, 1, found, error)
       if (.not. allocated(error)) call model_roots(smaller, smaller%world, 1, s, ds, error)
       if (allocated(error)) return
@@ -318,22 +299,35 @@ contains
       rest%upper = pack(rest%upper, .not. lost)
    end function without
 
-   !> A fit with a mode that gains nothing beside the one without it does not count.
-   subroutine compare(problem, full, fewer)
+   !> A fit does not count where the mode that is needed gains nothing beside the best one without
+   !> it, or is a multiple of another.
+   subroutine compare(problem, full, fewer, lines, needed)
       type(residual_t), intent(in) :: problem
       type(choice_t), intent(inout) :: full
       type(choice_t), intent(in) :: fewer
-      real(wp) :: J
-      integer :: k
+      type(lines_t), intent(in) :: lines(:)
+      integer, intent(in) :: needed
+      real(wp) :: gain(size(lines))
+      logical :: multiple(size(lines))
+      integer :: k, least, r
 
-      J = variation(problem)
-      do k = 1, size(fewer%trials)
-         J = min(J, fewer%trials(k)%fit%J)
-      end do
+      if (size(fewer%trials) == 0) return
+      least = minloc([(fewer%trials(k)%fit%J, k=1, size(fewer%trials))], dim=1)
       do k = 1, size(full%trials)
          associate (trial => full%trials(k))
-            if (trial%objection == '' .and. trial%effective*log(J/trial%fit%J) < least_gain) &
-               trial%objection = 'the highest mode that is needed gains nothing'
+            if (trial%objection /= '') cycle
+            do r = 1, size(lines)
+               gain(r) = gain_of_mode(problem, trial, needed, r, fewer%trials(least)%fit%residual)
+               associate (t => problem%parts(r)%experiment%samples)
+                  multiple(r) = is_multiple(trial%s(:, r), needed, gain(r), lines(r)%line, &
+                     t(size(t)) - t(1))
+               end associate
+            end do
+            if (.not. sum(gain) > least_gain) then
+               trial%objection = 'mode '//to_text(needed)//' gains nothing'
+            else if (any(multiple)) then
+               trial%objection = 'mode '//to_text(needed)//' sits on a multiple of another line'
+            end if
          end associate
       end do
       call pick(full)

@@ -5,15 +5,14 @@ module beamid_trials
    use beamid_least_squares, only: fit, fit_t, options_t
    use beamid_model_roots, only: belief_t, damps, model_roots
    use beamid_residuals, only: residual_t
-   use beamid_spectra, only: line_t
+   use beamid_spectra, only: line_t, noise_near
    use beamid_strings, only: to_text
    use beamid_unknowns, only: quantity_t, stage_t, variables_of, world_t
    use beamid_variables, only: variable_t
-   use beamid_whiteness, only: effective_samples
    implicit none
    private
 
-   public :: trial_t, try_start, objection_to, is_multiple, resting
+   public :: trial_t, try_start, objection_to, is_multiple, resting, gain_of_mode
 
    !> A fit from one start.
    type :: trial_t
@@ -21,13 +20,15 @@ module beamid_trials
       type(fit_t) :: fit
       complex(wp), allocatable :: s(:, :)        !< (modes, records) roots of what was found
       complex(wp), allocatable :: ds(:, :, :)    !< (modes, records, free)
-      real(wp) :: effective = 0                  !< samples
       !> what speaks against it; '': nothing
       character(len=:), allocatable :: objection
    end type trial_t
 
-   !> So much of a gain, in effective samples times the logarithm of J, is none.
-   real(wp), parameter, public :: least_gain = 12
+   !> A mode gains what J falls by with it over the variance of the noise around its frequency. By
+   !> chance that is below this but for one time in some hundreds.
+   real(wp), parameter, public :: least_gain = 20
+
+   real(wp), parameter :: two_pi = 2*acos(-1.0_wp)
 
 contains
 
@@ -57,10 +58,9 @@ contains
       if (allocated(error)) return
       quick = options
       quick%check = .false.
-      quick%max_evaluations = 60
+      quick%max_evaluations = 100
       call fit(problem, problem%samples(), variables, quick, trial%fit, error)
       if (allocated(error)) return
-      trial%effective = effective_samples(trial%fit%residual)
       found = problem%with(trial%fit%estimate)
       associate (records => size(problem%parts))
          allocate (trial%s(modes, records), trial%ds(modes, records, size(values)))
@@ -72,6 +72,28 @@ contains
          end do
       end associate
    end subroutine try_start
+
+   !> What mode k gains, beside a fit without it, in record r.
+   !>
+   !> without  (m) the residuals of that fit
+   function gain_of_mode(problem, trial, k, r, without) result(gain)
+      type(residual_t), intent(in) :: problem
+      type(trial_t), intent(in) :: trial
+      integer, intent(in) :: k, r
+      real(wp), intent(in) :: without(:)
+      real(wp) :: gain
+      integer :: i, first, last
+
+      associate (m => [(size(problem%parts(i)%experiment%samples), i=1, r)])
+         last = sum(m)
+         first = last - m(r) + 1
+      end associate
+      associate (rest => trial%fit%residual(first:last))
+         gain = (sum(without(first:last)**2) - sum(rest**2))/noise_near( &
+            problem%parts(r)%experiment%samples, rest, aimag(trial%s(k, r))/two_pi, &
+            -real(trial%s(k, r)))
+      end associate
+   end function gain_of_mode
 
    !> What speaks against a fit: a large J, much damping, or parameters far from what was believed.
    !>
@@ -110,36 +132,34 @@ contains
       end do
    end function objection_to
 
-   !> Whether a mode sits on a multiple of a stronger one, or of the mains, where there is no line
-   !> that is neither.
+   !> Whether a mode sits on a multiple of the lowest one, or on the mains, as nearly as its
+   !> frequency can be told, where there is no line that is neither.
    !>
    !> s      (modes) roots [1/time]
    !> k      which mode
+   !> gain   of it
    !> lines  of the record, span its length
-   pure logical function is_multiple(s, k, lines, span)
+   pure logical function is_multiple(s, k, gain, lines, span)
       complex(wp), intent(in) :: s(:)
       integer, intent(in) :: k
+      real(wp), intent(in) :: gain, span
       type(line_t), intent(in) :: lines(:)
-      real(wp), intent(in) :: span
-      real(wp), parameter :: two_pi = 2*acos(-1.0_wp), tolerance = 1.3e-3_wp, weak = 0.02_wp
-      real(wp) :: frequency, ratio, share
-      integer :: n, near(1)
+      real(wp), parameter :: tolerance = 1.3e-3_wp, weak = 0.02_wp
+      real(wp) :: frequency, ratio, error
+      integer :: n
 
       is_multiple = .false.
       if (k < 2) return
       frequency = aimag(s(k))/two_pi
+      do n = 1, size(lines)
+         if (abs(lines(n)%frequency - frequency) > max(1/span, 2e-3_wp*frequency)) cycle
+         is_multiple = is_multiple .or. lines(n)%mains .or. lines(n)%harmonic > 0
+         if (lines(n)%energy > weak*maxval(lines%energy)) return
+      end do
+      ! Three standard deviations of the frequency of a decaying oscillation in white noise.
+      error = 3*hypot(2*real(s(k)), sqrt(12.0_wp)/span)/sqrt(max(gain, 1.0_wp))
       ratio = aimag(s(k))/aimag(s(1))
-      share = 0
-      if (size(lines) > 0) then
-         near = minloc(abs(lines%frequency - frequency))
-         n = near(1)
-         if (abs(lines(n)%frequency - frequency) < max(1/span, 2e-3_wp*frequency)) then
-            is_multiple = lines(n)%mains .or. lines(n)%harmonic > 0
-            share = lines(n)%energy/maxval(lines%energy)
-         end if
-      end if
-      if (share > weak) return
-      is_multiple = is_multiple .or. abs(ratio - nint(ratio)) < tolerance*ratio
+      is_multiple = is_multiple .or. abs(ratio - nint(ratio)) < tolerance*ratio + error/aimag(s(1))
    end function is_multiple
 
    !> The parameters that modes do not determine: each in turn, that with the largest effect on

@@ -5,7 +5,7 @@ module beamid_spectra
    implicit none
    private
 
-   public :: line_t, condense, strongest_line, strongest_peak, too_near
+   public :: line_t, condense, strongest_line, strongest_peak, too_near, noise_near
 
    !> A decaying oscillation that a record holds.
    type :: line_t
@@ -101,6 +101,25 @@ contains
       too_near = abs(frequency - line%frequency) < max(3/span, line%decay/2, &
          1e-2_wp*line%frequency)
    end function too_near
+
+   !> Variance of white noise that would be as strong as a record is around a frequency.
+   !>
+   !> t, z   (m) ascending [time], a record without its lines
+   !> decay  of the line that would be seen there [1/time]
+   function noise_near(t, z, frequency, decay) result(variance)
+      real(wp), intent(in) :: t(:), z(:), frequency, decay
+      real(wp) :: variance
+      real(wp), allocatable :: times(:), values(:)
+      real(wp) :: span, reach
+
+      call condense(t, z, 2*frequency, times, values)
+      span = times(size(times)) - times(1)
+      reach = 25/span + decay
+      ! Of a variable that is distributed exponentially the median is ln 2 times the mean; means of
+      ! so many samples have as much less variance.
+      variance = median(matched(times, values, decay, [max(0.2_wp*frequency, frequency - reach), &
+         frequency + reach], 1/(2*span)))/log(2.0_wp)*count(t <= times(size(times)))/size(times)
+   end function noise_near
 
    !> What an oscillation with each frequency of a grid explains of the sum of squares, about half
    !> of it: a phasor for each sample, turned on from one frequency to the next.
