@@ -59,6 +59,10 @@ contains
          print '(f10.4,f9.3,es11.2,i4,l2,f9.4)', lines(k)%frequency, lines(k)%decay, lines(k)%energy, lines(k)%harmonic, &
             lines(k)%mains, lines(k)%frequency/strange%frequency(1)
       end do
+      open (77, file='/tmp/dump.txt')
+      write (77, '(2es25.16)') (strange%experiment%samples(k), &
+      strange%experiment%measured(k), k=1, size(strange%experiment%samples))
+      close (77)
       print *, 'guess', strange%model%structure%E/strange%truth%E, strange%model%structure%sensor(1)%m_S/strange%truth%sensor(1)%m_S
       if (.not. allocated(found)) return
       call fitted_modes(mesh_t(elements=8), found(1), 2, modes, error)

@@ -279,25 +279,11 @@ contains
          if (lost(k) .and. damps(ds(:, k))) call smaller%world%set(smaller%free(k), &
             smaller%record(k), found(1)%value(k))
       end do
-      fewer%stage = without(full%stage, lost)
+      fewer%stage = full%stage%without(lost)
       call set_free(smaller, fewer%stage)
-      call new_choice(smaller, without(full%stage, lost), needed - 1, fewer, error)
+      call new_choice(smaller, full%stage%without(lost), needed - 1, fewer, error)
       if (.not. allocated(error)) call choose(smaller, fewer, lines, needed - 1, options, error)
    end subroutine choose_with_fewer
-
-   !> A stage that leaves some of its parameters alone.
-   pure function without(stage, lost) result(rest)
-      type(stage_t), intent(in) :: stage
-      logical, intent(in) :: lost(:)
-      type(stage_t) :: rest
-
-      rest = stage
-      call rest%set_bounds()
-      rest%record = pack(stage%owners(), .not. lost)
-      rest%free = pack(stage%free, .not. lost)
-      rest%lower = pack(rest%lower, .not. lost)
-      rest%upper = pack(rest%upper, .not. lost)
-   end function without
 
    !> A fit does not count where the mode that is needed gains nothing beside the best one without
    !> it, or is a multiple of another.

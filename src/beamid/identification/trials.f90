@@ -5,7 +5,7 @@ module beamid_trials
    use beamid_least_squares, only: fit, fit_t, options_t
    use beamid_model_roots, only: belief_t, damps, model_roots
    use beamid_residuals, only: residual_t
-   use beamid_spectra, only: line_t, noise_near
+   use beamid_spectra, only: line_t, noise_near, standing_out
    use beamid_strings, only: to_text
    use beamid_unknowns, only: quantity_t, stage_t, variables_of, world_t
    use beamid_variables, only: variable_t
@@ -24,9 +24,9 @@ module beamid_trials
       character(len=:), allocatable :: objection
    end type trial_t
 
-   !> A mode gains what J falls by with it over the variance of the noise around its frequency. By
-   !> chance that is below this but for one time in some hundreds.
-   real(wp), parameter, public :: least_gain = 20
+   !> A mode gains what J falls by with it over the variance of the noise around its frequency; as
+   !> much as a line that stands out, of whose power the median is ln 2 times half of that variance.
+   real(wp), parameter, public :: least_gain = 2*log(2.0_wp)*standing_out
 
    real(wp), parameter :: two_pi = 2*acos(-1.0_wp)
 

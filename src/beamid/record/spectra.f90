@@ -22,7 +22,7 @@ module beamid_spectra
    real(wp), parameter :: decays(4) = [0.0_wp, 3.0_wp, 12.0_wp, 40.0_wp]
 
    !> How far above the median of its surroundings the power of a line lies.
-   real(wp), parameter :: standing_out = 25
+   real(wp), parameter, public :: standing_out = 25
 
 contains
 
@@ -114,7 +114,7 @@ contains
 
       call condense(t, z, 2*frequency, times, values)
       span = times(size(times)) - times(1)
-      reach = 25/span + decay
+      reach = 60/span + 3*decay
       ! Of a variable that is distributed exponentially the median is ln 2 times the mean; means of
       ! so many samples have as much less variance.
       variance = median(matched(times, values, decay, [max(0.2_wp*frequency, frequency - reach), &
