@@ -24,7 +24,7 @@ module strange_records
    public :: right, declared, failed, wrong, vague
 
    !> What became of a record: the second mode and E are right; the program says that the second
-   !> mode is not there; no result; a wrong result, with an interval that holds the truth or without.
+   !> mode is not there; no result; a wrong one whose interval holds the truth, or does not.
    integer, parameter :: right = 1, declared = 2, failed = 3, vague = 4, wrong = 5
 
    type :: strange_t

@@ -138,7 +138,7 @@ contains
       call block%get('free', free, '', 'parameters to estimate', size(parameters), required=.true.)
       call block%get('shared', shared, 'all', 'those that all records have in common', &
          size(parameters))
-      call block%get('start', found%start, 'where the stage before ended; first, kind=''free'': ''auto''', &
+      call block%get('start', found%start, 'where the stage before ended, free: ''auto''', &
          'start values, one for each of free', size(parameters), ['auto', 'case'], word)
       found%automatic = word == 'auto'
       found%declared = word == 'case'

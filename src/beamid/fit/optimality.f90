@@ -56,6 +56,9 @@ contains
       visible = max(visible**2, options%tolerance*J)
       if (search%failures_in_a_row > 0) then
          objection = ', but only for steps at which the model cannot be computed'
+      else if (ahead%distance > merge(near, near_by_integrator, options%relative_error <= 0) .and. &
+         all(abs(estimate - start) <= 1e-12_wp*scales)) then
+         objection = ', but every step was refused'
       else if (.not. (ahead%distance <= merge(near, near_by_integrator, &
          options%relative_error <= 0) .or. gain <= visible)) then
          objection = ', but the derivatives promise a J that is '//to_text(100*gain/J)//' % smaller'

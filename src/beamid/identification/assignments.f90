@@ -150,8 +150,8 @@ contains
       end do
    end function price_of
 
-   !> The parameters but for damping that bring the model's frequencies nearest to the lines while they stay near
-   !> what is believed, by Gauss-Newton steps.
+   !> The parameters but for damping that bring the model's frequencies nearest to the lines while
+   !> they stay near what is believed, by Gauss-Newton steps.
    subroutine meet(problem, beliefs, lines, found, error)
       type(residual_t), intent(inout) :: problem
       type(belief_t), intent(in) :: beliefs(:)

@@ -11,7 +11,7 @@ module beamid_model_roots
    implicit none
    private
 
-   public :: model_roots, damps, belief_t, beliefs_of
+   public :: model_roots, damps, belief_t, beliefs_about
 
    !> What is thought of a parameter before its record is seen: x has a standard deviation about the
    !> x of the start, the logarithm of the parameter where that has one and is no place.
@@ -62,19 +62,22 @@ contains
       damps = all(abs(real(ds)) >= abs(aimag(ds))) .and. any(abs(ds) > 0)
    end function damps
 
-   !> The beliefs about what is free in a problem, about the values in its world: a modulus to 30 %,
+   !> What is believed of parameters that have some values: a modulus to 30 %,
    !> a mass per length to 10 %, lengths and places to some per cent of the beam, everything else to
    !> a factor e.
-   function beliefs_of(problem, starts) result(beliefs)
-      type(residual_t), intent(in) :: problem
-      real(wp), intent(in) :: starts(:)   !< (free)
+   !>
+   !> free, records, starts  (n) parameters, the record of each, or 0, and values
+   pure function beliefs_about(world, free, records, starts) result(beliefs)
+      type(world_t), intent(in) :: world
+      integer, intent(in) :: free(:), records(:)
+      real(wp), intent(in) :: starts(:)
       type(belief_t) :: beliefs(size(starts))
       integer :: k, r
 
       beliefs%centre = starts
       do k = 1, size(starts)
-         r = max(1, problem%record(k))
-         associate (b => beliefs(k), p => problem%free(k), s => problem%world%structures(r))
+         r = max(1, records(k))
+         associate (b => beliefs(k), p => free(k), s => world%structures(r))
             b%logarithmic = starts(k) > 0 .and. parameters(p)%range /= on_beam .and. &
                .not. parameters(p)%is_reciprocal
             if (p == of_E) then
@@ -86,11 +89,11 @@ contains
             else if (parameters(p)%range == on_beam) then
                b%width = 0.03_wp*s%length
             else if (.not. b%logarithmic) then
-               b%width = max(starts(k), free_magnitude(s, problem%world%excitations(r), p))
+               b%width = max(starts(k), free_magnitude(s, world%excitations(r), p))
             end if
          end associate
       end do
-   end function beliefs_of
+   end function beliefs_about
 
    elemental real(wp) function x_of(self, value)
       class(belief_t), intent(in) :: self

@@ -39,9 +39,9 @@ module beamid_stages
       character(len=:), allocatable :: reference   !< seen from where
       real(wp) :: score = -1             !< squared residuals over another window; -1: not asked for
       type(work_t) :: work
-      !> Which parameters are held because a mode is not in the record, ''; why no fit is to be
-      !> trusted, ''
-      character(len=:), allocatable :: note, doubt
+      !> Which parameters are held because a mode is not in the record, '';
+      !> why no fit is to be trusted, ''; another minimum of nearly the same J, ''
+      character(len=:), allocatable :: note, doubt, other
    contains
       procedure :: correlation
    end type stage_fit_t
@@ -78,11 +78,12 @@ contains
 
       found%note = ''
       found%doubt = ''
+      found%other = ''
       tried = stage
       call set_free(problem, stage)
       problem%work = work_t()
       if (stage%automatic) call automatic_start(problem, tried, options, found%note, found%doubt, &
-         error)
+         found%other, error)
       if (allocated(error)) return
       n = size(tried%free)
       call variables_of(tried, problem%world, variables, found%quantities, error)

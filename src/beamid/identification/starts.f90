@@ -7,12 +7,13 @@ module beamid_starts
    use beamid_errors, only: bad_input, error_t, failure
    use beamid_kinds, only: wp
    use beamid_least_squares, only: options_t
-   use beamid_model_roots, only: belief_t, beliefs_of, damps, model_roots
+   use beamid_model_roots, only: belief_t, beliefs_about, damps, model_roots
    use beamid_parameters, only: as_named, get_free
    use beamid_residuals, only: residual_t
    use beamid_spectra, only: strongest_peak
    use beamid_strings, only: to_text
-   use beamid_trials, only: gain_of_mode, is_multiple, least_gain, objection_to, resting, trial_t, try_start
+   use beamid_trials, only: gain_of_mode, is_multiple, least_gain, objection_to, resting, &
+      trial_t, try_start
    use beamid_unknowns, only: quantity_t, stage_t, variables_of
    use beamid_variables, only: variable_t
    implicit none
@@ -57,12 +58,13 @@ contains
    !> stage    on return without the parameters that have to be held
    !> note     says which; '': none
    !> doubt    why no fit is to be trusted; ''
+   !> other    another minimum of nearly the same J; ''
    !> error    no line stands out, the model has too few modes, no fit converges
-   subroutine automatic_start(problem, stage, options, note, doubt, error)
+   subroutine automatic_start(problem, stage, options, note, doubt, other, error)
       type(residual_t), intent(inout) :: problem
       type(stage_t), intent(inout) :: stage
       type(options_t), intent(in) :: options
-      character(len=:), allocatable, intent(out) :: note, doubt
+      character(len=:), allocatable, intent(out) :: note, doubt, other
       type(error_t), allocatable, intent(out) :: error
       type(choice_t) :: full, fewer
       type(lines_t), allocatable :: lines(:)
@@ -72,6 +74,7 @@ contains
 
       note = ''
       doubt = ''
+      other = ''
       if (.not. problem%exact) then
          call failure(error, 'start values: from a record only the modal response finds them')
          return
@@ -104,6 +107,7 @@ contains
             if (is_free) doubt = full%trials(k)%objection
          end if
          problem%world = full%trials(k)%start
+         if (doubt == '') other = rival_of(full, k)
       end if
       call set_free(problem, stage)
    end subroutine automatic_start
@@ -152,7 +156,8 @@ contains
       choice%modes = modes
       allocate (choice%trials(0))
       call variables_of(stage, problem%world, variables, choice%quantities, error)
-      if (.not. allocated(error)) choice%beliefs = beliefs_of(problem, variables%start)
+      if (.not. allocated(error)) choice%beliefs = beliefs_about(problem%world, &
+         problem%free, problem%record, variables%start)
    end subroutine new_choice
 
    !> How many modes it takes to determine what can be determined, and what one mode fewer leaves
@@ -238,6 +243,30 @@ contains
          choice%best = k
       end do
    end subroutine pick
+
+   !> Another fit against which nothing speaks, with other parameters and nearly the same J.
+   function rival_of(choice, best) result(text)
+      type(choice_t), intent(in) :: choice
+      integer, intent(in) :: best
+      character(len=:), allocatable :: text
+      real(wp), parameter :: nearly = 1.02_wp, apart = 0.01_wp
+      integer :: j, k
+
+      text = ''
+      associate (mine => choice%trials(best)%fit)
+         do k = 1, size(choice%trials)
+            associate (its => choice%trials(k)%fit)
+               if (choice%trials(k)%objection /= '' .or. its%J > nearly*mine%J) cycle
+               j = maxloc(abs(its%estimate - mine%estimate)/max(abs(mine%estimate), &
+                  tiny(1.0_wp)), dim=1)
+               if (abs(its%estimate(j) - mine%estimate(j)) <= apart*abs(mine%estimate(j))) cycle
+               text = 'another minimum: J = '//to_text(its%J)//' with '// &
+                  trim(choice%quantities(j)%name)//' = '//to_text(as_named( &
+                  choice%quantities(j)%parameter, its%estimate(j)))
+            end associate
+         end do
+      end associate
+   end function rival_of
 
    !> Sum of squares of the records about their means.
    pure real(wp) function variation(problem)

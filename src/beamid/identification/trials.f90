@@ -145,6 +145,7 @@ contains
       real(wp), intent(in) :: gain, span
       type(line_t), intent(in) :: lines(:)
       real(wp), parameter :: tolerance = 1.3e-3_wp, weak = 0.02_wp
+      integer, parameter :: highest = 12
       real(wp) :: frequency, ratio, error
       integer :: n
 
@@ -159,7 +160,8 @@ contains
       ! Three standard deviations of the frequency of a decaying oscillation in white noise.
       error = 3*hypot(2*real(s(k)), sqrt(12.0_wp)/span)/sqrt(max(gain, 1.0_wp))
       ratio = aimag(s(k))/aimag(s(1))
-      is_multiple = is_multiple .or. abs(ratio - nint(ratio)) < tolerance*ratio + error/aimag(s(1))
+      is_multiple = is_multiple .or. nint(ratio) <= highest .and. &
+         abs(ratio - nint(ratio)) < tolerance*ratio + error/aimag(s(1))
    end function is_multiple
 
    !> The parameters that modes do not determine: each in turn, that with the largest effect on

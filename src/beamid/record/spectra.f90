@@ -35,15 +35,17 @@ contains
       real(wp), intent(in) :: t(:), z(:), highest
       real(wp), allocatable, intent(out) :: times(:), values(:)
       real(wp), parameter :: longest = 800     ! periods of the highest
-      real(wp) :: width
+      real(wp) :: width, last
       integer :: count, k, n
 
       allocate (times(size(t)), values(size(t)))
       width = 1/(6*highest)
+      ! No frequency above half the mean rate is seen.
+      last = t(1) + longest*max(1/highest, 2*(t(size(t)) - t(1))/size(t))
       n = 0
       count = 0
       do k = 1, size(t)
-         if (t(k) - t(1) > longest/highest) exit
+         if (t(k) > last) exit
          if (count > 0) then
             if (int((t(k) - t(1))/width) == int((t(k - 1) - t(1))/width)) then
                count = count + 1
@@ -81,7 +83,8 @@ contains
       do d = 1, size(decays)
          step = 1/(2*span*max(1.0_wp, decays(d)/12))
          power = matched(t, z, decays(d)/span, range, step)
-         floor = surroundings(power, nint((25 + decays(d))/span/step))
+         ! So wide that the line itself, (decay/pi)^2 of its power at that distance, is below.
+         floor = surroundings(power, nint((25 + 4*decays(d))/span/step))
          do k = 2, size(power) - 1
             if (power(k) <= max(most, standing_out*floor(k), power(k - 1), power(k + 1))) cycle
             if (any(too_near(range(1) + (k - 1)*step, known, span))) cycle
@@ -91,7 +94,7 @@ contains
       end do
    end subroutine strongest_line
 
-   !> Whether a frequency is within three widths, 3/T, half a rate of decay or one per cent of lines.
+   !> Whether a frequency is within 3/T, half a rate of decay or one per cent of a line's.
    !>
    !> span  T, of the record [time]
    elemental logical function too_near(frequency, line, span)
