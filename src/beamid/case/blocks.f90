@@ -68,7 +68,7 @@ contains
       integer, intent(in) :: most
       character(len=*), intent(in), optional :: words(:)
       !> The one that was given; ''.
-      character(len=:), allocatable, intent(out), optional :: word
+      character(len=*), intent(out), optional :: word
       type(key_t) :: key
       real(wp), allocatable :: x(:)
 

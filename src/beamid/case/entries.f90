@@ -61,7 +61,7 @@ contains
       real(wp), allocatable, intent(out), optional :: numbers(:)
       character(len=:), allocatable, intent(out), optional :: texts(:)
       !> Which of the key's words stands for the numbers; ''.
-      character(len=:), allocatable, intent(out), optional :: word
+      character(len=*), intent(out), optional :: word
       real(wp), allocatable :: x(:)
       character(len=:), allocatable :: name, message
       integer :: first, k, n

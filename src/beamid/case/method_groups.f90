@@ -131,7 +131,8 @@ contains
       integer, intent(in) :: records
       logical, intent(in) :: sound
       type(stage_t), intent(out) :: found
-      character(len=:), allocatable :: free(:), shared(:), word
+      character(len=:), allocatable :: free(:), shared(:)
+      character(len=4) :: word
       integer, allocatable :: places(:)
       integer :: k
 

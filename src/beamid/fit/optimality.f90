@@ -49,6 +49,8 @@ contains
       end associate
       scales = scales_of(search%variables, estimate)
       share = 1/max(1.0_wp, maxval(abs(ahead%step)/scales(search%moving)))
+      ! Where every step was refused a minimum far away is no less of an objection.
+      if (all(abs(estimate - start) <= 1e-12_wp*scales)) share = 1
       J = sum(residual**2)
       gain = share*(2 - share)*(J - sum(ahead%residual**2))
       visible = max(options%tolerance, 1000*options%relative_error) &
@@ -56,9 +58,6 @@ contains
       visible = max(visible**2, options%tolerance*J)
       if (search%failures_in_a_row > 0) then
          objection = ', but only for steps at which the model cannot be computed'
-      else if (ahead%distance > merge(near, near_by_integrator, options%relative_error <= 0) .and. &
-         all(abs(estimate - start) <= 1e-12_wp*scales)) then
-         objection = ', but every step was refused'
       else if (.not. (ahead%distance <= merge(near, near_by_integrator, &
          options%relative_error <= 0) .or. gain <= visible)) then
          objection = ', but the derivatives promise a J that is '//to_text(100*gain/J)//' % smaller'

@@ -82,7 +82,7 @@ contains
       tried = stage
       call set_free(problem, stage)
       problem%work = work_t()
-      if (stage%automatic) call automatic_start(problem, tried, options, found%note, found%doubt, &
+      if (stage%automatic .and. size(stage%free) > 0) call automatic_start(problem, tried, options, found%note, found%doubt, &
          found%other, error)
       if (allocated(error)) return
       n = size(tried%free)

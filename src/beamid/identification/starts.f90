@@ -59,7 +59,8 @@ contains
    !> note     says which; '': none
    !> doubt    why no fit is to be trusted; ''
    !> other    another minimum of nearly the same J; ''
-   !> error    no line stands out, the model has too few modes, no fit converges
+   !> error    no line stands out where the force is known, the model has too few modes, no fit
+   !>          converges
    subroutine automatic_start(problem, stage, options, note, doubt, other, error)
       type(residual_t), intent(inout) :: problem
       type(stage_t), intent(inout) :: stage
@@ -130,7 +131,9 @@ contains
          associate (t => problem%parts(r)%experiment%samples)
             call find_lines(t, problem%parts(r)%experiment%measured, highest, most_lines, &
                lines(r)%line)
-            if (.not. (t(size(t)) - t(1))*highest > 1) then
+            if (all(problem%world%excitations%modes > 0)) then
+               cycle   ! Fits without any line tell by themselves what they are worth.
+            else if (.not. (t(size(t)) - t(1))*highest > 1) then
                call failure(error, 'record '//to_text(r)//' holds no period of '// &
                   to_text(highest)//', twice the frequency of the model''s mode '// &
                   to_text(modes)//': it lasts '//to_text(t(size(t)) - t(1))// &
