@@ -14,6 +14,8 @@ module beamid_commands
       fitted_modes_header, labels_table, minima_header, modes_header, record_table, response_table
    use beamid_terminal, only: new_progress, print_text, progress_t, tell
    use beamid_texts, only: text_t
+   use beamid_verdict_reports, only: add_verdict_tables
+   use beamid_verdicts, only: new_verdict, verdict_t
    implicit none
    private
 
@@ -48,6 +50,7 @@ contains
       type(text_t) :: found, table
       real(wp), allocatable :: scored(:), expected(:)
       character(len=note_length), allocatable :: notes(:)
+      type(verdict_t) :: verdict
 
       call read_case(settings%subject, needs_fit, case, error)
       if (allocated(error)) return
@@ -65,13 +68,18 @@ contains
       if (.not. allocated(error) .and. size(scored) > 0) call score_fits(case%model, case%meshes, &
          scored, expected, fits, error)
       if (.not. allocated(error)) call add_modes_of_fits(case, fits, found, table, error)
+      if (.not. allocated(error)) call new_verdict(experiments, case%meshes(size(case%meshes)), &
+         fits(size(fits, 1), size(fits, 2)), verdict, error)
       call locate(error, case%path)
       if (allocated(error)) return
       if (settings%time) call time_fits(case, experiments)
       call add_fit_tables(output, case%units, fits, experiments)
+      call add_verdict_tables(output, verdict)
       call output%add('modes.csv', table%content())
-      call deliver(output, fit_summary(case, experiments, fits, notes)//found%content(), &
-         settings, case%name, error, case%recordings)
+      call deliver(output, fit_summary(case, experiments, fits, notes, verdict)// &
+         found%content(), settings, case%name, error, case%recordings)
+      if (.not. allocated(error) .and. verdict%no_fit /= '') call failure(error, case%path// &
+         ': no fit: '//verdict%no_fit)
    end subroutine run_identify
 
    !> Several starts on each mesh; the fits of the lowest minimum count.

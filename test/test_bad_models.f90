@@ -234,7 +234,7 @@ contains
          'method=''cvode'', rtol=1e-8, atol=1e-11, max_order=5, max_steps=20000', &
          'method=''modal''')
       text = replaced(text, 'free=''m_H'',''k_H'', start=0.035,0.4, lower=0,0.1, upper=1,10', &
-         'free=''m_H''')
+         'free=''m_H'', start=''case''')
    end function freed
 
    subroutine test_free_start()

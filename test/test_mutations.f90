@@ -246,16 +246,18 @@ contains
       if (failed /= 0) status = -1
       message = read_file(folder//'stderr')
       select case (status)
-      case (0)
-         if (message /= '') fault = fault//' success with a message;'
-         if (read_file(folder//'result/summary.txt') /= read_file(folder//'stdout')) &
-            fault = fault//' summary.txt is not standard output;'
-         if (not_finite(folder)) fault = fault//' a number that is not finite;'
-      case (1, 2)
-         if (index(message, 'beamid: ') /= 1) fault = fault//' no message;'
+      case (0:2)
+         if (status == 0 .neqv. message == '') fault = fault//' a message and success, or neither;'
+         if (status > 0 .and. index(message, 'beamid: ') /= 1) fault = fault//' no message;'
          if (line_count(message) > merge(1, 20, status == 1)) fault = fault//' too many lines;'
-         if (read_file(folder//'stdout') /= '') fault = fault//' standard output used;'
-         if (exists(folder//'result')) fault = fault//' output written;'
+         if (status == 0 .or. status == 1 .and. index(message, ': no fit: ') > 0) then
+            if (read_file(folder//'result/summary.txt') /= read_file(folder//'stdout')) &
+               fault = fault//' summary.txt is not standard output;'
+            if (not_finite(folder)) fault = fault//' a number that is not finite;'
+         else
+            if (read_file(folder//'stdout') /= '') fault = fault//' standard output used;'
+            if (exists(folder//'result')) fault = fault//' output written;'
+         end if
       case (124)
          fault = ' hangs;'
       case default

@@ -30,7 +30,7 @@ program test_namelist
       integer :: degree = 0, stages = 0
       integer, allocatable :: elements(:)
       character(len=:), allocatable :: file, free(:)
-      logical :: automatic = .false.
+      character(len=4) :: word = ''
    end type case_t
 
    type(group_t), parameter :: groups(*) = [group_t('beam', required=.true.), group_t('tip'), &
@@ -129,7 +129,7 @@ contains
       call read_text('case.nml', '&beam /&record t_last=Inf /&stage start=''auto'' /', blocks, &
          got, error)
       call check('infinity', got%t_last > huge(1.0_wp))
-      call check('a word for numbers', got%automatic .and. .not. allocated(got%start))
+      call check('a word for numbers', got%word == 'auto' .and. .not. allocated(got%start), got%word)
    end subroutine test_extremes
 
    subroutine test_group_mistakes()
@@ -356,7 +356,7 @@ contains
                   infinite=.true.)
             case ('stage')
                call block%get('free', got%free, 'none', 'parameters', 3)
-               call block%get('start', got%start, 'none', 'values', 3, 'auto', got%automatic)
+               call block%get('start', got%start, 'none', 'values', 3, ['auto'], got%word)
                got%stages = got%stages + 1
             end select
             call block%close()

@@ -11,7 +11,7 @@ program test_scripts
       '&discretization elements=2,3 /'//nl// &
       '&excitation kind=''pulse'', amplitude=1.0, duration=0.05 /'//nl// &
       '&record file=''out/truth/record.csv'', t_first=0.1, t_last=2.0, t_step=0.05 /'//nl, &
-      stage = '&stage free=''E'', start=70 /'//nl
+      stage = '&stage free=''E'', start=79 /'//nl
    !> What all of them share needs nothing but Python itself.
    character(len=*), parameter :: check_outputs = 'import sys'//nl// &
       'sys.path.insert(0, "'//scripts//'")'//nl//'import program'//nl// &

@@ -59,22 +59,22 @@ contains
       if (size(x) > 0) value = x(1)
    end subroutine get_real_or_none
 
-   !> Several real numbers, or a word in their place.
-   subroutine get_reals(self, name, values, default, help, most, word, is_word)
+   !> Several real numbers, or one of some words in their place.
+   subroutine get_reals(self, name, values, default, help, most, words, word)
       class(block_t), intent(inout) :: self
       character(len=*), intent(in) :: name
       real(wp), allocatable, intent(inout) :: values(:)
       character(len=*), intent(in) :: default, help
       integer, intent(in) :: most
-      character(len=*), intent(in), optional :: word
-      !> Whether the word was given.
-      logical, intent(out), optional :: is_word
+      character(len=*), intent(in), optional :: words(:)
+      !> The one that was given; ''.
+      character(len=*), intent(out), optional :: word
       type(key_t) :: key
       real(wp), allocatable :: x(:)
 
       key = new_key(name, kind_real, default, help, most)
-      if (present(word)) key%word = word
-      call self%take(key, x, is_word=is_word)
+      if (present(words)) key%words = words
+      call self%take(key, x, word=word)
       if (size(x) > 0) values = x
    end subroutine get_reals
 

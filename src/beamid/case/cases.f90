@@ -14,6 +14,7 @@ module beamid_cases
    use beamid_refusals, only: refusals_t, refuse
    use beamid_strings, only: to_text
    use beamid_structure, only: n_parameters, of_length, structure_t
+   use beamid_unknowns, only: stage_t
    implicit none
    private
 
@@ -77,10 +78,23 @@ contains
       call all_of_them%tell(case%path, error)
       if (allocated(error)) return
       if (size(case%excitations) > 0) case%model%excitation = case%excitations(1)
+      if (size(case%stages) > 0) call set_default_start(case%stages(1))
       if (size(case%excitations) > 1 .and. size(case%excitations) /= size(case%recordings)) &
          call refuse(case%path, 0, 'excitation', to_text(size(case%excitations))// &
          ' such groups for '//to_text(size(case%recordings))//' of &record', &
          'one, or one for each record', error)
+
+   contains
+
+      !> Of a motion from an unknown start the record itself tells where to begin.
+      subroutine set_default_start(first)
+         type(stage_t), intent(inout) :: first
+
+         first%automatic = first%automatic .or. .not. (allocated(first%start) .or. first%declared) &
+            .and. size(case%excitations) > 0 .and. all(case%excitations%modes > 0) &
+            .and. case%multistart%n == 0
+      end subroutine set_default_start
+
    end subroutine read_groups
 
    !> The grid of sample times of &record, for a response without a record.

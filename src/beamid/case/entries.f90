@@ -54,14 +54,14 @@ contains
    end subroutine append
 
    !> Notes what a key is, and reads its values.
-   subroutine take(self, key, numbers, texts, is_word)
+   subroutine take(self, key, numbers, texts, word)
       class(entries_t), intent(inout) :: self
       type(key_t), intent(in) :: key
       !> (values) of a key that takes numbers, or texts; none where it is not given or refused
       real(wp), allocatable, intent(out), optional :: numbers(:)
       character(len=:), allocatable, intent(out), optional :: texts(:)
-      !> Whether the key's word stands for the numbers.
-      logical, intent(out), optional :: is_word
+      !> Which of the key's words stands for the numbers; ''.
+      character(len=*), intent(out), optional :: word
       real(wp), allocatable :: x(:)
       character(len=:), allocatable :: name, message
       integer :: first, k, n
@@ -69,15 +69,15 @@ contains
       call append_key(self%keys, key)
       if (present(numbers)) allocate (numbers(0))
       if (present(texts)) allocate (character(len=longest) :: texts(0))
-      if (present(is_word)) is_word = .false.
+      if (present(word)) word = ''
       name = trim(key%name)
       call self%find(name, first, n)
       if (first == 0) return
-      if (allocated(key%word) .and. n == 1) then
+      if (allocated(key%words) .and. n == 1) then
          associate (only => self%tokens(first + 1))
-            is_word = only%kind == token_string .and. only%text == key%word
+            if (only%kind == token_string .and. any(key%words == only%text)) word = only%text
          end associate
-         if (is_word) return
+         if (word /= '') return
       end if
       allocate (x(n))
       do k = 1, n

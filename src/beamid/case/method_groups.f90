@@ -132,15 +132,17 @@ contains
       logical, intent(in) :: sound
       type(stage_t), intent(out) :: found
       character(len=:), allocatable :: free(:), shared(:)
+      character(len=4) :: word
       integer, allocatable :: places(:)
       integer :: k
 
       call block%get('free', free, '', 'parameters to estimate', size(parameters), required=.true.)
       call block%get('shared', shared, 'all', 'those that all records have in common', &
          size(parameters))
-      call block%get('start', found%start, 'where the stage before ended', &
-         'start values, one for each of free', size(parameters), word='auto', &
-         is_word=found%automatic)
+      call block%get('start', found%start, 'where the stage before ended, free: ''auto''', &
+         'start values, one for each of free', size(parameters), ['auto', 'case'], word)
+      found%automatic = word == 'auto'
+      found%declared = word == 'case'
       call block%get('lower', found%lower, '0; of amplitude and offset none', 'lower bounds', &
          size(parameters))
       call block%get('upper', found%upper, 'none', 'upper bounds', size(parameters))

@@ -37,7 +37,7 @@ module beamid_values
       character(len=:), allocatable :: default    !< what holds without it
       type(range_t) :: range
       logical :: infinite = .false.        !< `inf` is a value
-      character(len=:), allocatable :: word       !< that may stand for the numbers, in quotes
+      character(len=:), allocatable :: words(:)   !< that may stand for the numbers, in quotes
    contains
       procedure :: noun
    end type key_t
@@ -124,10 +124,14 @@ contains
       character(len=:), allocatable :: text
       character(len=*), parameter :: nouns(kind_real:kind_text) = &
          [character(len=14) :: 'a number', 'an integer', 'text in quotes']
+      integer :: k
 
       text = trim(nouns(self%kind))
       if (self%infinite) text = text//' or inf'
-      if (allocated(self%word)) text = text//' or '''//self%word//''''
+      if (.not. allocated(self%words)) return
+      do k = 1, size(self%words)
+         text = text//' or '''//trim(self%words(k))//''''
+      end do
    end function noun
 
    !> Reads one value.

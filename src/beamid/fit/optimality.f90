@@ -49,6 +49,8 @@ contains
       end associate
       scales = scales_of(search%variables, estimate)
       share = 1/max(1.0_wp, maxval(abs(ahead%step)/scales(search%moving)))
+      ! Where every step was refused a minimum far away is no less of an objection.
+      if (all(abs(estimate - start) <= 1e-12_wp*scales)) share = 1
       J = sum(residual**2)
       gain = share*(2 - share)*(J - sum(ahead%residual**2))
       visible = max(options%tolerance, 1000*options%relative_error) &

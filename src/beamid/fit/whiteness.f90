@@ -8,7 +8,7 @@ module beamid_whiteness
    implicit none
    private
 
-   public :: residual_check_t, check_residuals
+   public :: residual_check_t, check_residuals, effective_samples
 
    !> Are the residuals white?
    type :: residual_check_t
@@ -57,6 +57,32 @@ contains
       found%probability = chi_square_tail(found%ljung_box, real(found%lags, wp))
       found%white = found%probability >= 0.05_wp
    end function check_residuals
+
+   !> Number of white samples whose sum of squares would scatter as much, m/(1 + 2 sum of squared
+   !> autocorrelations): the time times the bandwidth of the residuals. Of long lags some stand for
+   !> their neighbours.
+   !>
+   !> residual  (m) in the order of time
+   pure real(wp) function effective_samples(residual) result(effective)
+      real(wp), intent(in) :: residual(:)
+      real(wp) :: total, lagged
+      integer :: k, m, pace
+
+      m = size(residual)
+      effective = m
+      total = sum(residual**2)
+      if (.not. total > 0) return
+      lagged = 0
+      k = 1
+      do while (k <= m/4)
+         pace = 1 + k/20
+         ! White residuals have 1/m by chance.
+         lagged = lagged + pace*((dot_product(residual(:m - k), residual(k + 1:))/total)**2 &
+            - 1.0_wp/m)
+         k = k + pace
+      end do
+      effective = m/(1 + 2*max(0.0_wp, lagged))
+   end function effective_samples
 
    !> Autocorrelation of the residuals of a fit to white noise; 0 where the columns of the Jacobian
    !> are dependent, or take every degree of freedom.

@@ -56,8 +56,9 @@ contains
       logical, intent(in), optional :: check
       type(residual_t) :: problem, exact
       type(options_t) :: options
+      type(stage_t) :: stage
       logical :: turning
-      integer :: k
+      integer :: k, p
 
       turning = any([(any(stages(k)%free == of_kappa_R), k=1, size(stages))])
       call new_residuals(model, mesh, experiments, problem, error, turning)
@@ -69,7 +70,11 @@ contains
       if (present(check)) options%check = check
       allocate (fits(size(stages)))
       do k = 1, size(stages)
-         call run_stage(problem, exact, stages(k), options, 'N = '//to_text(mesh%elements)// &
+         stage = stages(k)
+         ! What rests on a mode that is not in the record stays held.
+         if (k > 1) stage = stage%without([(any(stages(1)%free == stage%free(p)) .and. &
+            .not. any(fits(1)%free == stage%free(p)), p=1, size(stage%free))])
+         call run_stage(problem, exact, stage, options, 'N = '//to_text(mesh%elements)// &
             ', stage '//to_text(k), fits(k), error, monitor)
          if (allocated(error)) then
             error%message = 'elements = '//to_text(mesh%elements)//', stage '//to_text(k)//': '// &

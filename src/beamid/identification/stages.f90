@@ -7,7 +7,7 @@ module beamid_stages
    use beamid_parameters, only: as_named, free_magnitude, offset
    use beamid_residuals, only: residual_t
    use beamid_responses, only: work_t
-   use beamid_starts, only: automatic_start
+   use beamid_starts, only: automatic_start, set_free
    use beamid_statistics, only: new_statistics, statistics_t
    use beamid_strings, only: to_text
    use beamid_structure, only: structure_t
@@ -39,6 +39,9 @@ module beamid_stages
       character(len=:), allocatable :: reference   !< seen from where
       real(wp) :: score = -1             !< squared residuals over another window; -1: not asked for
       type(work_t) :: work
+      !> Which parameters are held because a mode is not in the record, '';
+      !> why no fit is to be trusted, ''; another minimum of nearly the same J, ''
+      character(len=:), allocatable :: note, doubt, other
    contains
       procedure :: correlation
    end type stage_fit_t
@@ -67,19 +70,23 @@ contains
       type(error_t), allocatable, intent(out) :: error
       class(monitor_t), intent(inout), optional :: monitor
       type(variable_t), allocatable :: variables(:)
-      character(len=name_length) :: names(size(stage%free))
+      character(len=name_length), allocatable :: names(:)
+      type(stage_t) :: tried
       real(wp), allocatable :: scales(:)
       real(wp) :: moderate
       integer :: k, n, r
 
-      n = size(stage%free)
-      problem%free = stage%free
-      problem%record = stage%owners()
-      problem%offset = stage%offset
+      found%note = ''
+      found%doubt = ''
+      found%other = ''
+      tried = stage
+      call set_free(problem, stage)
       problem%work = work_t()
-      if (stage%automatic) call automatic_start(problem, stage, error)
+      if (stage%automatic .and. size(stage%free) > 0) call automatic_start(problem, tried, options, found%note, found%doubt, &
+         found%other, error)
       if (allocated(error)) return
-      call variables_of(stage, problem%world, variables, found%quantities, error)
+      n = size(tried%free)
+      call variables_of(tried, problem%world, variables, found%quantities, error)
       if (allocated(error)) return
       names = found%quantities%searched_name()
       call fit(problem, problem%samples(), variables, options, found%fit, error, monitor, label, &
@@ -88,7 +95,7 @@ contains
       if (.not. problem%exact) call verify_integrator(problem, exact, variables, names, &
          found%fit, found%moved, found%reference, error)
       if (allocated(error)) return
-      found%free = stage%free
+      found%free = tried%free
       do k = 1, n
          associate (q => found%quantities(k))
             q%searched = found%fit%estimate(k)

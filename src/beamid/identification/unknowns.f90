@@ -31,7 +31,9 @@ module beamid_unknowns
       real(wp), allocatable :: upper(:)   !< not allocated: no bounds
       logical :: offset = .false.         !< the sensor's offset is unknown, in each record
       logical :: automatic = .false.      !< start values come from the record
+      logical :: declared = .false.       !< they are those of the case, whatever the default is
    contains
+      procedure :: without
       procedure :: owners
       procedure :: set_bounds
       procedure :: distribute
@@ -101,6 +103,20 @@ contains
       self%upper = self%upper(from)
       if (allocated(self%start)) self%start = self%start(from)
    end subroutine distribute
+
+   !> A stage that leaves some of its parameters alone.
+   pure type(stage_t) function without(self, lost) result(rest)
+      class(stage_t), intent(in) :: self
+      logical, intent(in) :: lost(:)
+
+      rest = self
+      call rest%set_bounds()
+      if (allocated(self%start)) rest%start = pack(self%start, .not. lost)
+      rest%record = pack(self%owners(), .not. lost)
+      rest%free = pack(self%free, .not. lost)
+      rest%lower = pack(rest%lower, .not. lost)
+      rest%upper = pack(rest%upper, .not. lost)
+   end function without
 
    !> The record of each parameter.
    pure function owners(self)

@@ -1,173 +1,213 @@
-!> Lines in the spectrum of a record, from which start values of a search are taken.
+!> Lines in the spectrum of a record: where a decaying oscillation stands out of what is around it.
 module beamid_spectra
    use beamid_kinds, only: wp
    use beamid_sorting, only: median
    implicit none
    private
 
-   public :: line_t, find_lines, decay_of
+   public :: line_t, condense, strongest_line, strongest_peak, too_near, noise_near
 
-   !> A peak of the amplitude spectrum.
+   !> A decaying oscillation that a record holds.
    type :: line_t
       real(wp) :: frequency = 0    !< [1/time]
-      real(wp) :: amplitude = 0    !< of a sine, in the unit of the record
+      real(wp) :: decay = 0        !< rate at which it dies out [1/time]
+      real(wp) :: energy = 0       !< share of the variance of the record
+      integer :: harmonic = 0      !< so many times the frequency of a stronger line; 0: of none
+      logical :: mains = .false.   !< a multiple of 50 or 60 that does not die out
    end type line_t
 
    real(wp), parameter :: two_pi = 2*acos(-1.0_wp)
 
+   !> Rates of decay that are tried, times the length of the record.
+   real(wp), parameter :: decays(4) = [0.0_wp, 3.0_wp, 12.0_wp, 40.0_wp]
+
+   !> How far above the median of its surroundings the power of a line lies.
+   real(wp), parameter, public :: standing_out = 25
+
 contains
 
-   !> The strongest lines, in the order of frequency. The record is multiplied by Hann's window; its
-   !> stamps may be uneven.
+   !> A record shortened for scans, which cost samples times frequencies: means over equal spans of
+   !> time, none of which reaches over a gap, and the beginning of what is left.
    !>
-   !> t, z     (m) [time] and any unit
-   !> highest  frequency up to which lines are looked for [1/time]; half the mean rate at most
-   !> most     how many lines at most
-   !> lines    peaks that stand out of the median of the spectrum five times or more and are no
-   !>          weaker than a hundredth of the strongest; none where the record is shorter than one
-   !>          period of the highest frequency
-   !> share    of the record's variance that the frequencies up to the highest hold, 0 .. 1
-   subroutine find_lines(t, z, highest, most, lines, share)
+   !> t, z     (m) ascending [time] and any unit
+   !> highest  frequency of interest [1/time]; its samples are left six to a period at least
+   pure subroutine condense(t, z, highest, times, values)
       real(wp), intent(in) :: t(:), z(:), highest
-      integer, intent(in) :: most
-      type(line_t), allocatable, intent(out) :: lines(:)
-      real(wp), intent(out) :: share
-      real(wp), allocatable :: times(:), values(:), spectrum(:)
-      logical, allocatable :: peak(:), chosen(:)
-      real(wp) :: step, threshold
-      integer :: k, n, strongest
+      real(wp), allocatable, intent(out) :: times(:), values(:)
+      real(wp), parameter :: longest = 800     ! periods of the highest
+      real(wp) :: width, last
+      integer :: count, k, n
 
-      allocate (lines(0))
+      allocate (times(size(t)), values(size(t)))
+      width = 1/(6*highest)
+      ! No frequency above half the mean rate is seen.
+      last = t(1) + longest*max(1/highest, 2*(t(size(t)) - t(1))/size(t))
+      n = 0
+      count = 0
+      do k = 1, size(t)
+         if (t(k) > last) exit
+         if (count > 0) then
+            if (int((t(k) - t(1))/width) == int((t(k - 1) - t(1))/width)) then
+               count = count + 1
+               times(n) = times(n) + (t(k) - times(n))/count
+               values(n) = values(n) + (z(k) - values(n))/count
+               cycle
+            end if
+         end if
+         n = n + 1
+         count = 1
+         times(n) = t(k)
+         values(n) = z(k)
+      end do
+      times = times(:n)
+      values = values(:n)
+   end subroutine condense
+
+   !> The decaying oscillation that explains most of a record, of those that stand out: a filter
+   !> matched to each frequency of a grid and to some rates of decay.
+   !>
+   !> t, z      (m) ascending [time], without the lines that are known and without a mean
+   !> range     (2) of the frequencies that are looked at [1/time]
+   !> known     lines near which none is looked for
+   !> line      frequency 0: none stands out
+   subroutine strongest_line(t, z, range, known, line)
+      real(wp), intent(in) :: t(:), z(:), range(2)
+      type(line_t), intent(in) :: known(:)
+      type(line_t), intent(out) :: line
+      real(wp), allocatable :: power(:), floor(:)
+      real(wp) :: span, step, most
+      integer :: d, k
+
+      span = t(size(t)) - t(1)
+      most = 0
+      do d = 1, size(decays)
+         step = 1/(2*span*max(1.0_wp, decays(d)/12))
+         power = matched(t, z, decays(d)/span, range, step)
+         ! So wide that the line itself, (decay/pi)^2 of its power at that distance, is below.
+         floor = surroundings(power, nint((25 + 4*decays(d))/span/step))
+         do k = 2, size(power) - 1
+            if (power(k) <= max(most, standing_out*floor(k), power(k - 1), power(k + 1))) cycle
+            if (any(too_near(range(1) + (k - 1)*step, known, span))) cycle
+            most = power(k)
+            line = line_t(range(1) + (k - 1)*step, decays(d)/span)
+         end do
+      end do
+   end subroutine strongest_line
+
+   !> Whether a frequency is within 3/T, half a rate of decay or one per cent of a line's.
+   !>
+   !> span  T, of the record [time]
+   elemental logical function too_near(frequency, line, span)
+      real(wp), intent(in) :: frequency, span
+      type(line_t), intent(in) :: line
+
+      too_near = abs(frequency - line%frequency) < max(3/span, line%decay/2, &
+         1e-2_wp*line%frequency)
+   end function too_near
+
+   !> Variance of white noise that would be as strong as a record is around a frequency.
+   !>
+   !> t, z   (m) ascending [time], a record without its lines
+   !> decay  of the line that would be seen there [1/time]
+   function noise_near(t, z, frequency, decay) result(variance)
+      real(wp), intent(in) :: t(:), z(:), frequency, decay
+      real(wp) :: variance
+      real(wp), allocatable :: times(:), values(:)
+      real(wp) :: span, reach
+
+      call condense(t, z, 2*frequency, times, values)
+      span = times(size(times)) - times(1)
+      reach = 60/span + 3*decay
+      ! Of a variable that is distributed exponentially the median is ln 2 times the mean; means of
+      ! so many samples have as much less variance.
+      variance = median(matched(times, values, decay, [max(0.2_wp*frequency, frequency - reach), &
+         frequency + reach], 1/(2*span)))/log(2.0_wp)*count(t <= times(size(times)))/size(times)
+   end function noise_near
+
+   !> What an oscillation with each frequency of a grid explains of the sum of squares, about half
+   !> of it: a phasor x + i y for each sample, turned on from one frequency to the next.
+   function matched(t, z, decay, range, step) result(power)
+      real(wp), intent(in) :: t(:), z(:), decay, range(2), step
+      real(wp), allocatable :: power(:)
+      integer, parameter :: lanes = 8     ! sums side by side, which a processor adds at once
+      real(wp), dimension(lanes, size(t)/lanes + 1) :: x, y, c, s
+      real(wp) :: envelope(size(t)), phase(size(t)), next(lanes), total(lanes, 2)
+      integer :: j, k
+
+      envelope = exp(-decay*(t - t(1)))
+      phase = two_pi*(t - t(1))
+      x = spread_out(z*envelope*cos(range(1)*phase))
+      y = spread_out(z*envelope*sin(range(1)*phase))
+      c = spread_out(cos(step*phase))
+      s = spread_out(sin(step*phase))
+      allocate (power(max(0, int((range(2) - range(1))/step) + 1)))
+      do k = 1, size(power)
+         total = 0
+         do j = 1, size(x, 2)
+            total(:, 1) = total(:, 1) + x(:, j)
+            total(:, 2) = total(:, 2) + y(:, j)
+            next = x(:, j)*c(:, j) - y(:, j)*s(:, j)
+            y(:, j) = x(:, j)*s(:, j) + y(:, j)*c(:, j)
+            x(:, j) = next
+         end do
+         power(k) = sum(sum(total, dim=1)**2)/sum(envelope**2)
+      end do
+
+   contains
+
+      !> In lanes, filled up with zeros.
+      pure function spread_out(values) result(table)
+         real(wp), intent(in) :: values(:)
+         real(wp) :: table(lanes, size(t)/lanes + 1)
+
+         table = reshape(values, shape(table), pad=[0.0_wp])
+      end function spread_out
+
+   end function matched
+
+   !> The median of so many neighbours on either side, at every quarter of that distance.
+   function surroundings(power, reach) result(floor)
+      real(wp), intent(in) :: power(:)
+      integer, intent(in) :: reach
+      real(wp) :: floor(size(power))
+      integer :: first, last, middle, n, pace
+
+      n = size(power)
+      pace = max(1, reach/4)
+      do first = 1, n, pace
+         last = min(n, first + pace - 1)
+         middle = (first + last)/2
+         floor(first:last) = median(power(max(1, middle - reach):min(n, middle + reach)))
+      end do
+   end function surroundings
+
+   !> The strongest peak under Hann's window, and the share of the variance below a frequency.
+   !>
+   !> t, z       (m) as they were recorded
+   !> frequency  0: the record is shorter than one period of the highest
+   !> share      0 .. 1
+   subroutine strongest_peak(t, z, highest, frequency, share)
+      real(wp), intent(in) :: t(:), z(:), highest
+      real(wp), intent(out) :: frequency, share
+      real(wp), allocatable :: times(:), values(:), power(:)
+      real(wp) :: w(size(t)), step, span
+      integer :: m
+
+      frequency = 0
       share = 0
       if (size(t) < 8) return
       if (.not. (t(size(t)) - t(1))*highest > 1) return
       call condense(t, z, highest, times, values)
-      call scan(times, values, highest, spectrum, step, share)
-      n = size(spectrum)
-      if (n < 8) return
-      threshold = max(5*median(spectrum), 1e-2_wp*maxval(spectrum(6:)))
-      allocate (peak(n), chosen(n), source=.false.)
-      ! The first lines are those of the window and of a trend of the record, not of a motion.
-      peak(6:n - 1) = spectrum(6:n - 1) > threshold .and. spectrum(6:n - 1) >= spectrum(5:n - 2) &
-         .and. spectrum(6:n - 1) > spectrum(7:)
-      do while (count(chosen) < most .and. any(peak))
-         strongest = maxloc(spectrum, dim=1, mask=peak)
-         chosen(strongest) = .true.
-         ! Side lobes of the window: within four of its widths, below a twentieth of the peak.
-         do k = max(1, strongest - 16), min(n, strongest + 16)
-            if (spectrum(k) < 0.05_wp*spectrum(strongest)) peak(k) = .false.
-         end do
-         peak(strongest) = .false.
-      end do
-      do k = 1, n
-         if (chosen(k)) lines = [lines, summit(spectrum, k, step)]
-      end do
-   end subroutine find_lines
-
-   !> A long record is shortened before it is scanned, which costs samples times frequencies: means
-   !> of neighbours where the rate is far above what is looked for, and the beginning of what is
-   !> left.
-   pure subroutine condense(t, z, highest, times, values)
-      real(wp), intent(in) :: t(:), z(:), highest
-      real(wp), allocatable, intent(out) :: times(:), values(:)
-      real(wp), parameter :: affordable = 2e8_wp
-      real(wp) :: span
-      integer :: block, k, m
-
-      span = t(size(t)) - t(1)
-      block = 1
-      if (span > 0) block = max(1, int(min(size(t)/(16*highest*span), 1e6_wp)))
-      m = size(t)/block
-      times = [(sum(t((k - 1)*block + 1:k*block))/block, k=1, m)]
-      values = [(sum(z((k - 1)*block + 1:k*block))/block, k=1, m)]
-      if (m*4*span*highest <= affordable) return
-      m = max(min(m, 1000), int(m*sqrt(affordable/(m*4*span*highest))))
-      times = times(:m)
-      values = values(:m)
-   end subroutine condense
-
-   !> Amplitudes at 0, step, 2 step, ...: a phasor per sample, turned on from one frequency to the
-   !> next.
-   subroutine scan(t, z, highest, spectrum, step, share)
-      real(wp), intent(in) :: t(:), z(:), highest
-      real(wp), allocatable, intent(out) :: spectrum(:)
-      real(wp), intent(out) :: step, share
-      real(wp) :: w(size(t)), phase(size(t)), span, kept
-      complex(wp) :: phasor(size(t)), turn(size(t))
-      integer :: k, n, m
-
-      m = size(t)
-      span = t(m) - t(1)
+      m = size(times)
+      span = times(m) - times(1)
       step = 1/(4*span)
-      n = int(min(highest, (m - 1)/(2*span))/step)
-      w = sin(two_pi/2*(t - t(1))/span)**2
-      phasor = w*(z - sum(w*z)/sum(w))
-      phase = two_pi*step*(t - t(1))
-      turn = cmplx(cos(phase), sin(phase), wp)
-      kept = sum(real(phasor)**2)
-      allocate (spectrum(n + 1))
-      do k = 1, n + 1
-         spectrum(k) = 2*abs(sum(phasor))/sum(w)
-         phasor = phasor*turn
-      end do
+      w(:m) = sin(two_pi/2*(times - times(1))/span)**2
+      values = w(:m)*(values - sum(w(:m)*values)/sum(w(:m)))
+      power = matched(times, values, 0.0_wp, [0.0_wp, min(highest, (m - 1)/(2*span))], step)
+      ! The first points are those of the window and of a trend of the record, not of a motion.
+      if (size(power) > 8) frequency = (maxloc(power(6:), dim=1) + 4)*step
       ! Parseval: four steps are one independent frequency.
-      share = min(1.0_wp, sum(spectrum**2)*sum(w)**2/(2*4*m*max(kept, tiny(kept))))
-   end subroutine scan
-
-   !> Frequency and amplitude of a peak, by the parabola through three logarithms.
-   pure type(line_t) function summit(spectrum, k, step)
-      real(wp), intent(in) :: spectrum(:), step
-      integer, intent(in) :: k
-      real(wp) :: a, b, c, shift
-
-      a = log(max(spectrum(k - 1), tiny(a)))
-      b = log(max(spectrum(k), tiny(b)))
-      c = log(max(spectrum(k + 1), tiny(c)))
-      shift = 0
-      if (abs(a - 2*b + c) > 0) shift = max(-0.5_wp, min(0.5_wp, (a - c)/(2*(a - 2*b + c))))
-      summit%frequency = (k - 1 + shift)*step
-      summit%amplitude = exp(b - (a - c)*shift/4)
-   end function summit
-
-   !> Rate at which a line dies out, from its amplitude in six parts of the record [1/time]; 0 where
-   !> it does not.
-   pure real(wp) function decay_of(t, z, frequency) result(rate)
-      real(wp), intent(in) :: t(:), z(:), frequency
-      integer, parameter :: parts = 6
-      real(wp) :: time(parts), size_of(parts), weight(parts), mean
-      integer :: k, first, last
-
-      do k = 1, parts
-         first = 1 + (k - 1)*size(t)/parts
-         last = k*size(t)/parts
-         time(k) = (t(first) + t(last))/2
-         size_of(k) = amplitude(t(first:last), z(first:last), frequency)
-      end do
-      weight = size_of**2
-      rate = 0
-      if (.not. all(size_of > 0)) return
-      mean = sum(weight*time)/sum(weight)
-      rate = -sum(weight*(time - mean)*log(size_of))/sum(weight*(time - mean)**2)
-      rate = max(rate, 0.0_wp)
-   end function decay_of
-
-   !> Amplitude of a sine in a piece of the record, by least squares with a constant.
-   pure real(wp) function amplitude(t, z, frequency)
-      real(wp), intent(in) :: t(:), z(:), frequency
-      real(wp) :: c(size(t)), s(size(t)), y(size(t)), cc, cs, ss, determinant
-
-      c = cos(two_pi*frequency*(t - t(1)))
-      s = sin(two_pi*frequency*(t - t(1)))
-      c = c - sum(c)/size(t)
-      s = s - sum(s)/size(t)
-      y = z - sum(z)/size(t)
-      cc = sum(c**2)
-      cs = sum(c*s)
-      ss = sum(s**2)
-      determinant = cc*ss - cs**2
-      amplitude = 0
-      if (determinant > 1e-6_wp*cc*ss) amplitude = hypot(ss*sum(c*y) - cs*sum(s*y), &
-         cc*sum(s*y) - cs*sum(c*y))/determinant
-   end function amplitude
+      share = min(1.0_wp, sum(power)/2/max(sum(values**2), tiny(share)))
+   end subroutine strongest_peak
 
 end module beamid_spectra

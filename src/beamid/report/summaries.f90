@@ -12,6 +12,8 @@ module beamid_summaries
    use beamid_texts, only: left, right, text_t
    use beamid_unknowns, only: name_length
    use beamid_values, only: listed
+   use beamid_verdict_reports, only: determination, verdict_summary
+   use beamid_verdicts, only: verdict_t
    implicit none
    private
 
@@ -22,11 +24,12 @@ contains
    !> The estimates, a table for each stage with a row for each mesh.
    !>
    !> fits  (stages, meshes)
-   function fit_summary(case, experiments, fits, notes) result(content)
+   function fit_summary(case, experiments, fits, notes, verdict) result(content)
       type(case_t), intent(in) :: case
       type(experiment_t), intent(in) :: experiments(:)
       type(stage_fit_t), intent(in) :: fits(:, :)
       character(len=*), intent(in) :: notes(:)   !< on the records
+      type(verdict_t), intent(in) :: verdict     !< on the last stage on the finest mesh
       character(len=:), allocatable :: content
       type(text_t) :: text
       integer :: k
@@ -44,9 +47,10 @@ contains
       do k = 1, size(fits, 1)
          call text%line()
          call add_stage(text, case, fits(k, :))
-         call add_statistics(text, case, fits(k, size(fits, 2)))
+         call add_statistics(text, case, fits(k, size(fits, 2)), verdict)
       end do
-      content = text%content()
+      content = verdict_summary(case, fits(size(fits, 1), size(fits, 2)), verdict)// &
+         text%content()
    end function fit_summary
 
    !> One stage: starts, then estimates, J and effort for each mesh.
@@ -91,10 +95,11 @@ contains
    end subroutine add_stage
 
    !> Errors, correlations, what is not determined and what the residuals say, on one mesh.
-   subroutine add_statistics(text, case, fit)
+   subroutine add_statistics(text, case, fit, verdict)
       type(text_t), intent(inout) :: text
       type(case_t), intent(in) :: case
       type(stage_fit_t), intent(in) :: fit
+      type(verdict_t), intent(in) :: verdict
       character(len=:), allocatable :: condition, line
       character(len=name_length) :: names(size(fit%quantities))
       character(len=512), allocatable :: sentences(:)
@@ -130,7 +135,8 @@ contains
             call text%line(sentences(k))
          end do
          if (all(s%determined)) then
-            call text%line('every parameter is determined by this record')
+            line = determination(fit, verdict)
+            if (line /= '') call text%line(line)
          else if (size(sentences) == 0) then
             call text%line('the interval is wider than the value of: '// &
                listed(pack(names, .not. s%determined), ' '))

@@ -1,0 +1,202 @@
+!> The decaying oscillations that a record consists of: found one after the other by a matched
+!> filter on its own stamps, and refined all at once after each.
+module beamid_decaying_lines
+   use beamid_errors, only: error_t
+   use beamid_kinds, only: wp
+   use beamid_projection, only: new_projection, projection_t
+   use beamid_spectra, only: condense, line_t, strongest_line, too_near
+   implicit none
+   private
+
+   public :: find_lines
+
+   real(wp), parameter :: two_pi = 2*acos(-1.0_wp)
+
+contains
+
+   !> The lines of a record, the strongest first in energy; what they are multiples of is said.
+   !>
+   !> t, z     (m) ascending [time] and any unit
+   !> highest  frequency up to which lines are looked for [1/time]; half the mean rate at most
+   !> most     how many lines at most
+   subroutine find_lines(t, z, highest, most, lines)
+      real(wp), intent(in) :: t(:), z(:), highest
+      integer, intent(in) :: most
+      type(line_t), allocatable, intent(out) :: lines(:)
+      real(wp), allocatable :: times(:), values(:), rest(:)
+      type(line_t), allocatable :: barred(:), tried(:)
+      type(line_t) :: line
+      real(wp) :: range(2), span
+      integer :: k
+
+      allocate (lines(0), barred(0))
+      if (size(t) < 8) return
+      call condense(t, z, highest, times, values)
+      span = times(size(times)) - times(1)
+      range = [1.5_wp/span, min(highest, (size(times) - 1)/(2*span))]
+      if (.not. range(1) < range(2) .or. size(times) < 8) return
+      times = times - times(1)
+      values = values - sum(values)/size(values)
+      rest = values
+      do k = 1, 2*most
+         call strongest_line(times, rest, range, [lines, barred], line)
+         if (.not. line%frequency > 0 .or. size(lines) == most) exit
+         tried = [lines, line]
+         call refine(times, values, range, tried, rest)
+         if (.not. apart(tried, span)) then
+            barred = [barred, line]
+            call refine(times, values, range, lines, rest)
+            cycle
+         end if
+         lines = tried
+      end do
+      call sort_by_energy(lines)
+      call name_multiples(lines, span)
+   end subroutine find_lines
+
+   !> Whether the last line is none of the others once they are refined.
+   pure logical function apart(lines, span)
+      type(line_t), intent(in) :: lines(:)
+      real(wp), intent(in) :: span
+      integer :: n
+
+      n = size(lines)
+      apart = .not. any(too_near(lines(n)%frequency, lines(:n - 1), span)) .and. &
+         lines(n)%energy > 0
+   end function apart
+
+   !> Gauss-Newton steps for all frequencies and rates of decay, amplitudes and a mean eliminated; a
+   !> step that does not pay is halved.
+   !>
+   !> z      (m) its sum is 0
+   !> lines  on return with their energies
+   !> rest   (m) z without the lines
+   subroutine refine(t, z, range, lines, rest)
+      real(wp), intent(in) :: t(:), z(:), range(2)
+      type(line_t), intent(inout) :: lines(:)
+      real(wp), intent(out) :: rest(:)
+      integer, parameter :: steps = 6
+      type(line_t) :: moved(size(lines))
+      real(wp) :: ahead(2*size(lines)), J, span, share
+      integer :: k
+
+      span = t(size(t))
+      share = 1
+      call separate(t, z, lines, rest, ahead)
+      J = sum(rest**2)
+      do k = 1, steps
+         moved = lines
+         associate (n => size(lines), limit => 1/span)
+            moved%frequency = min(max(lines%frequency + share*max(-limit, min(limit, &
+               ahead(:n)/two_pi)), range(1)), range(2))
+            moved%decay = max(0.0_wp, lines%decay + share*max(-10*limit - lines%decay/2, &
+               min(10*limit + lines%decay, ahead(n + 1:))))
+         end associate
+         call try()
+      end do
+
+   contains
+
+      subroutine try()
+         real(wp) :: next(size(ahead)), left(size(rest))
+
+         call separate(t, z, moved, left, next)
+         if (.not. sum(left**2) < J) then
+            share = share/4
+            return
+         end if
+         lines = moved
+         rest = left
+         ahead = next
+         share = min(1.0_wp, 2*share)
+         J = sum(rest**2)
+      end subroutine try
+
+   end subroutine refine
+
+   !> Amplitudes of lines by least squares, and the step that linear theory proposes from there.
+   !>
+   !> rest   (m) z without the lines and a mean
+   !> ahead  (2n) changes of the angular frequencies, then of the rates of decay
+   subroutine separate(t, z, lines, rest, ahead)
+      real(wp), intent(in) :: t(:), z(:)
+      type(line_t), intent(inout) :: lines(:)
+      real(wp), intent(out) :: rest(:), ahead(:)
+      complex(wp) :: motion(size(t), size(lines))
+      real(wp) :: phi(size(t), 2*size(lines) + 1), slope(size(t), 2*size(lines))
+      real(wp) :: c(2*size(lines) + 1), y(size(t)), length(2*size(lines))
+      type(projection_t) :: projection
+      type(error_t), allocatable :: error
+      integer :: k, n
+
+      n = size(lines)
+      ahead = 0
+      do k = 1, n
+         motion(:, k) = exp(cmplx(-lines(k)%decay, two_pi*lines(k)%frequency, wp)*t)
+      end do
+      phi(:, :n) = real(motion)
+      phi(:, n + 1:2*n) = aimag(motion)
+      phi(:, 2*n + 1) = 1
+      rest = z
+      call new_projection(phi, projection, error)
+      if (allocated(error)) then
+         lines(n)%energy = 0
+         return
+      end if
+      call projection%coefficients(rest, c)
+      do k = 1, n
+         ! Of -z + Phi c, as the coefficients minimise |z + Phi c|.
+         motion(:, k) = motion(:, k)*cmplx(-c(k), c(n + k), wp)
+         lines(k)%energy = sum(real(motion(:, k))**2)/max(sum(z**2), tiny(1.0_wp))
+         slope(:, k) = t*aimag(motion(:, k))
+         slope(:, n + k) = t*real(motion(:, k))
+      end do
+      slope = slope - matmul(projection%q, matmul(transpose(projection%q), slope))
+      length = norm2(slope, dim=1)
+      if (n == 0 .or. .not. all(length > 0)) return
+      slope = slope/spread(length, 1, size(t))
+      call new_projection(slope, projection, error)
+      if (allocated(error)) return
+      y = rest
+      call projection%coefficients(y, ahead)
+      ahead = ahead/length
+   end subroutine separate
+
+   pure subroutine sort_by_energy(lines)
+      type(line_t), intent(inout) :: lines(:)
+      integer :: k, strongest
+
+      do k = 1, size(lines) - 1
+         strongest = k - 1 + maxloc(lines(k:)%energy, dim=1)
+         lines([k, strongest]) = lines([strongest, k])
+      end do
+   end subroutine sort_by_energy
+
+   !> Multiples of a stronger line with less than a fiftieth of its energy, and of 50 and 60 where
+   !> they do not die out.
+   !>
+   !> lines  the strongest first
+   !> span   of the record [time]
+   pure subroutine name_multiples(lines, span)
+      type(line_t), intent(inout) :: lines(:)
+      real(wp), intent(in) :: span
+      real(wp), parameter :: weak = 0.02_wp, tolerance = 1.3e-3_wp
+      real(wp) :: ratio
+      integer :: j, k, base
+
+      do k = 1, size(lines)
+         do j = 1, k - 1
+            ratio = lines(k)%frequency/lines(j)%frequency
+            if (lines(j)%harmonic > 0 .or. lines(k)%energy > weak*lines(j)%energy) cycle
+            if (nint(ratio) >= 2 .and. nint(ratio) <= 12 .and. &
+               abs(ratio - nint(ratio)) < tolerance*ratio) lines(k)%harmonic = nint(ratio)
+         end do
+         do base = 50, 60, 10
+            ratio = lines(k)%frequency/base
+            if (nint(ratio) >= 1 .and. abs(ratio - nint(ratio))*base < max(0.1_wp, 0.3_wp/span) &
+               .and. lines(k)%decay*span < 0.7_wp) lines(k)%mains = .true.
+         end do
+      end do
+   end subroutine name_multiples
+
+end module beamid_decaying_lines

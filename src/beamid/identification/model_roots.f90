@@ -1,0 +1,122 @@
+!> The lowest roots of the model of a record, and where start values may lie.
+module beamid_model_roots
+   use beamid_equations, only: equations_t, new_equations
+   use beamid_errors, only: error_t, failure
+   use beamid_kinds, only: wp
+   use beamid_parameters, only: free_magnitude, on_beam, parameters
+   use beamid_residuals, only: residual_t
+   use beamid_responses, only: exact_solver_t
+   use beamid_structure, only: of_E, of_length, of_rho
+   use beamid_unknowns, only: world_t
+   implicit none
+   private
+
+   public :: model_roots, damps, belief_t, beliefs_about
+
+   !> What is thought of a parameter before its record is seen: x has a standard deviation about the
+   !> x of the start, the logarithm of the parameter where that has one and is no place.
+   type :: belief_t
+      logical :: logarithmic = .false.
+      real(wp) :: centre = 0      !< the start
+      real(wp) :: width = 1       !< standard deviation of x
+   contains
+      procedure :: x_of
+      procedure :: value_of
+      procedure :: slope
+   end type belief_t
+
+contains
+
+   !> The lowest oscillating roots of the model of record r in a world, and their derivatives by
+   !> what is free, 0 by what belongs to another record.
+   !>
+   !> s   (modes) [1/time]
+   !> ds  (modes, free)
+   subroutine model_roots(problem, world, r, s, ds, error)
+      type(residual_t), intent(inout), target :: problem
+      type(world_t), intent(in) :: world
+      integer, intent(in) :: r
+      complex(wp), intent(out) :: s(:), ds(:, :)
+      type(error_t), allocatable, intent(out) :: error
+      type(equations_t), target :: equations
+      integer :: p
+
+      equations = new_equations(problem%parts(r)%galerkin, world%structures(r), &
+         world%excitations(r))
+      select type (solver => problem%parts(r)%solver)
+      class is (exact_solver_t)
+         call solver%free_motion(equations, problem%free, s, ds, problem%work, error)
+      class default
+         call failure(error, 'start values: from a record only the modal response finds them')
+      end select
+      if (allocated(error)) return
+      do p = 1, size(problem%free)
+         if (all(problem%record(p) /= [0, r])) ds(:, p) = 0
+      end do
+   end subroutine model_roots
+
+   !> Whether a parameter moves roots along the real axis.
+   pure logical function damps(ds)
+      complex(wp), intent(in) :: ds(:)
+
+      damps = all(abs(real(ds)) >= abs(aimag(ds))) .and. any(abs(ds) > 0)
+   end function damps
+
+   !> What is believed of parameters that have some values: a modulus to 30 %,
+   !> a mass per length to 10 %, lengths and places to some per cent of the beam, everything else to
+   !> a factor e.
+   !>
+   !> free, records, starts  (n) parameters, the record of each, or 0, and values
+   pure function beliefs_about(world, free, records, starts) result(beliefs)
+      type(world_t), intent(in) :: world
+      integer, intent(in) :: free(:), records(:)
+      real(wp), intent(in) :: starts(:)
+      type(belief_t) :: beliefs(size(starts))
+      integer :: k, r
+
+      beliefs%centre = starts
+      do k = 1, size(starts)
+         r = max(1, records(k))
+         associate (b => beliefs(k), p => free(k), s => world%structures(r))
+            b%logarithmic = starts(k) > 0 .and. parameters(p)%range /= on_beam .and. &
+               .not. parameters(p)%is_reciprocal
+            if (p == of_E) then
+               b%width = 0.3_wp
+            else if (p == of_rho) then
+               b%width = 0.1_wp
+            else if (p == of_length) then
+               b%width = 0.02_wp
+            else if (parameters(p)%range == on_beam) then
+               b%width = 0.03_wp*s%length
+            else if (.not. b%logarithmic) then
+               b%width = max(starts(k), free_magnitude(s, world%excitations(r), p))
+            end if
+         end associate
+      end do
+   end function beliefs_about
+
+   elemental real(wp) function x_of(self, value)
+      class(belief_t), intent(in) :: self
+      real(wp), intent(in) :: value
+
+      x_of = value
+      if (self%logarithmic) x_of = log(max(value, 1e-30_wp*self%centre))
+   end function x_of
+
+   elemental real(wp) function value_of(self, x)
+      class(belief_t), intent(in) :: self
+      real(wp), intent(in) :: x
+
+      value_of = x
+      if (self%logarithmic) value_of = exp(x)
+   end function value_of
+
+   !> d value/d x
+   elemental real(wp) function slope(self, value)
+      class(belief_t), intent(in) :: self
+      real(wp), intent(in) :: value
+
+      slope = merge(value, 1.0_wp, self%logarithmic)
+   end function slope
+
+end module beamid_model_roots

@@ -1,0 +1,291 @@
+!> Whether a fit is one: how much of each record it explains, which modes are there, and whether a
+!> parameter rests on modes that are not.
+module beamid_verdicts
+   use beamid_decaying_lines, only: find_lines
+   use beamid_equations, only: new_equations, equations_t
+   use beamid_errors, only: error_t
+   use beamid_excitation, only: new_pulse
+   use beamid_experiments, only: experiment_t
+   use beamid_galerkin, only: galerkin_t, mesh_t, new_galerkin
+   use beamid_kinds, only: wp
+   use beamid_modal, only: modal_t
+   use beamid_model_roots, only: belief_t, beliefs_about
+   use beamid_responses, only: work_t
+   use beamid_spectra, only: line_t, noise_near
+   use beamid_stages, only: stage_fit_t
+   use beamid_strings, only: to_text
+   use beamid_trials, only: is_multiple, least_gain, resting
+   use beamid_whiteness, only: effective_samples
+   implicit none
+   private
+
+   public :: verdict_t, quality_t, sighting_t, new_verdict
+
+   !> How much of one record is explained.
+   type :: quality_t
+      integer :: samples = 0
+      real(wp) :: rms_signal = 0      !< about its mean
+      real(wp) :: rms_residual = 0
+      real(wp) :: fit_percent = 0     !< 100 (1 - rms_residual/rms_signal)
+      real(wp) :: noise_sd = 0        !< from the residuals and their degrees of freedom
+      real(wp) :: effective = 0       !< samples
+   end type quality_t
+
+   !> One mode in one record.
+   type :: sighting_t
+      integer :: record = 1, mode = 1
+      real(wp) :: model = 0           !< frequency [1/time]
+      real(wp) :: peak = 0            !< of the record beside it; 0: none
+      real(wp) :: share = 0           !< of the record's energy
+      character(len=8) :: verdict = 'unseen'   !< or seen, harmonic, mains
+   end type sighting_t
+
+   type :: verdict_t
+      type(quality_t), allocatable :: qualities(:)    !< (records)
+      type(sighting_t), allocatable :: sightings(:)
+      character(len=:), allocatable :: no_fit         !< why the fit is none; ''
+   end type verdict_t
+
+   !> Less than this is no fit where the residuals are not white.
+   real(wp), parameter :: least_percent = 50
+
+   integer, parameter :: most_lines = 12, usual_modes = 2
+   real(wp), parameter :: two_pi = 2*acos(-1.0_wp)
+
+contains
+
+   !> The verdict on the fit of one stage.
+   !>
+   !> error  the structure's roots cannot be found
+   subroutine new_verdict(experiments, mesh, fit, verdict, error)
+      type(experiment_t), intent(in) :: experiments(:)
+      type(mesh_t), intent(in) :: mesh
+      type(stage_fit_t), intent(in) :: fit
+      type(verdict_t), intent(out) :: verdict
+      type(error_t), allocatable, intent(out) :: error
+      complex(wp), allocatable :: s(:, :), ds(:, :, :)
+      integer :: first, r
+
+      call roots_of_fit(mesh, fit, s, ds, error)
+      if (allocated(error)) return
+      allocate (verdict%qualities(size(experiments)), verdict%sightings(0))
+      first = 0
+      do r = 1, size(experiments)
+         associate (experiment => experiments(r), m => size(experiments(r)%samples))
+            associate (rest => fit%fit%residual(first + 1:first + m))
+               verdict%qualities(r) = quality(experiment%measured, rest, fit)
+               verdict%sightings = [verdict%sightings, sightings(experiment, r, first, &
+                  rest, fit, s(:, r))]
+            end associate
+            first = first + m
+         end associate
+      end do
+      verdict%no_fit = fit%doubt
+      if (verdict%no_fit == '') verdict%no_fit = misfit(verdict%qualities, fit)
+      if (verdict%no_fit == '' .and. all(experiments%excitation%modes > 0)) &
+         verdict%no_fit = without_hold(verdict%sightings, fit, s, ds)
+   end subroutine new_verdict
+
+   !> Oscillating roots of the fitted structures: as many as were fitted, or two.
+   !>
+   !> s   (modes, records) [1/time]
+   !> ds  (modes, records, free), 0 by what belongs to another record
+   subroutine roots_of_fit(mesh, fit, s, ds, error)
+      type(mesh_t), intent(in) :: mesh
+      type(stage_fit_t), intent(in) :: fit
+      complex(wp), allocatable, intent(out) :: s(:, :), ds(:, :, :)
+      type(error_t), allocatable, intent(out) :: error
+      type(galerkin_t), target :: galerkin
+      type(equations_t), target :: equations
+      type(modal_t) :: solver
+      type(work_t) :: work
+      complex(wp), allocatable :: found(:), slopes(:, :)
+      logical, allocatable :: together(:)
+      integer :: modes, n, p, r
+
+      associate (structures => fit%world%structures)
+         modes = max(usual_modes, maxval(fit%world%excitations%modes))
+         allocate (s(modes, size(structures)), ds(modes, size(structures), size(fit%free)))
+         s = 0
+         ds = 0
+         do r = 1, size(structures)
+            galerkin = new_galerkin(mesh, structures(r)%length, structures(r)%has_root_spring())
+            call solver%prepare(galerkin, error)
+            if (allocated(error)) return
+            equations = new_equations(galerkin, structures(r), new_pulse(0.0_wp, 1.0_wp))
+            n = min(modes, galerkin%space%n)
+            call solver%lowest_roots(equations, fit%free, n, found, slopes, together, work, error)
+            if (allocated(error)) return
+            s(:size(found), r) = found
+            do p = 1, size(fit%free)
+               if (any(fit%quantities(p)%record == [0, r])) ds(:size(found), r, p) = slopes(:, p)
+            end do
+         end do
+      end associate
+   end subroutine roots_of_fit
+
+   !> measured, rest  (m) of one record
+   function quality(measured, rest, fit)
+      real(wp), intent(in) :: measured(:), rest(:)
+      type(stage_fit_t), intent(in) :: fit
+      type(quality_t) :: quality
+      integer :: m
+
+      m = size(measured)
+      quality%samples = m
+      quality%rms_signal = sqrt(sum((measured - sum(measured)/m)**2)/m)
+      quality%rms_residual = sqrt(sum(rest**2)/m)
+      if (quality%rms_signal > 0) quality%fit_percent = 100*(1 - quality%rms_residual &
+         /quality%rms_signal)
+      quality%noise_sd = quality%rms_residual
+      if (fit%statistics%samples > fit%statistics%parameters) quality%noise_sd = &
+         quality%rms_residual/sqrt(1 - fit%statistics%parameters/real(fit%statistics%samples, wp))
+      quality%effective = effective_samples(rest)
+   end function quality
+
+   !> What one record shows of each mode.
+   !>
+   !> row   of all residuals behind which its own begin
+   !> rest  (m) these
+   !> s     (modes) roots
+   function sightings(experiment, r, row, rest, fit, s) result(found)
+      type(experiment_t), intent(in) :: experiment
+      integer, intent(in) :: r, row
+      real(wp), intent(in) :: rest(:)
+      type(stage_fit_t), intent(in) :: fit
+      complex(wp), intent(in) :: s(:)
+      type(sighting_t), allocatable :: found(:)
+      type(line_t), allocatable :: lines(:)
+      type(sighting_t) :: one
+      real(wp) :: gain, span
+      integer :: k
+
+      allocate (found(0))
+      associate (t => experiment%samples, z => experiment%measured)
+         span = t(size(t)) - t(1)
+         call find_lines(t, z, 2*maxval(aimag(s))/two_pi, most_lines, lines)
+         do k = 1, size(s)
+            if (.not. aimag(s(k)) > 0) cycle
+            one = sighting_t(record=r, mode=k, model=aimag(s(k))/two_pi)
+            associate (modes => fit%world%excitations(r)%modes)
+               if (k <= modes .or. fit%note == '') call look_for(lines, span, one)
+               gain = 0
+               if (k <= modes) call look_into(fit, r, k, row, experiment, rest, s(k), one%share, &
+                  gain)
+            end associate
+            if (gain > least_gain .and. one%verdict == 'unseen') one%verdict = 'seen'
+            if (one%verdict == 'seen' .and. is_multiple(s, k, gain, lines, span)) &
+               one%verdict = 'harmonic'
+            found = [found, one]
+         end do
+      end associate
+   end function sightings
+
+   !> The line beside a mode.
+   pure subroutine look_for(lines, span, one)
+      type(line_t), intent(in) :: lines(:)
+      real(wp), intent(in) :: span
+      type(sighting_t), intent(inout) :: one
+      integer :: n
+
+      if (size(lines) == 0) return
+      n = minloc(abs(lines%frequency - one%model), dim=1)
+      if (abs(lines(n)%frequency - one%model) > max(1/span, 1e-2_wp*one%model)) return
+      one%peak = lines(n)%frequency
+      one%share = min(1.0_wp, lines(n)%energy)
+      one%verdict = 'seen'
+      if (lines(n)%harmonic > 0) one%verdict = 'harmonic'
+      if (lines(n)%mains) one%verdict = 'mains'
+   end subroutine look_for
+
+   !> What a free mode has in a fit: its share of the energy, and what J falls by with it over the
+   !> noise around its frequency.
+   subroutine look_into(fit, r, k, row, experiment, rest, s, share, gain)
+      type(stage_fit_t), intent(in) :: fit
+      integer, intent(in) :: r, k, row
+      type(experiment_t), intent(in) :: experiment
+      real(wp), intent(in) :: rest(:)
+      complex(wp), intent(in) :: s
+      real(wp), intent(inout) :: share
+      real(wp), intent(out) :: gain
+      real(wp) :: c(2), covariance(2, 2), determinant, all_of_it
+      integer :: first
+
+      gain = 0
+      if (fit%statistics%samples == 0) return
+      first = place_of_mode(fit, r, k)
+      c = fit%quantities(first:first + 1)%value
+      associate (z => experiment%measured, m => size(experiment%measured), &
+         cosine => fit%jacobian(row + 1:row + size(rest), first), &
+         sine => fit%jacobian(row + 1:row + size(rest), first + 1))
+         all_of_it = sum((z - sum(z)/m)**2)
+         if (all_of_it > 0) share = sum((c(1)*cosine + c(2)*sine)**2)/all_of_it
+      end associate
+      covariance = fit%statistics%covariance(first:first + 1, first:first + 1)
+      determinant = covariance(1, 1)*covariance(2, 2) - covariance(1, 2)**2
+      if (.not. (determinant > 0 .and. determinant < huge(1.0_wp))) return
+      gain = fit%statistics%variance*(c(1)**2*covariance(2, 2) - 2*c(1)*c(2)*covariance(1, 2) &
+         + c(2)**2*covariance(1, 1))/determinant/noise_near(experiment%samples, rest, &
+         aimag(s)/two_pi, -real(s))
+   end subroutine look_into
+
+   !> Where the first of the two amplitudes of mode k in record r is among the quantities.
+   pure integer function place_of_mode(fit, r, k) result(first)
+      type(stage_fit_t), intent(in) :: fit
+      integer, intent(in) :: r, k
+      integer :: offsets
+
+      associate (modes => fit%world%excitations%modes)
+         offsets = (size(fit%quantities) - size(fit%free) - 2*sum(modes))/size(modes)
+         first = size(fit%free) + 2*sum(modes(:r - 1)) + offsets*(r - 1) + 2*k - 1
+      end associate
+   end function place_of_mode
+
+   !> Records of which too little is explained.
+   function misfit(qualities, fit) result(text)
+      type(quality_t), intent(in) :: qualities(:)
+      type(stage_fit_t), intent(in) :: fit
+      character(len=:), allocatable :: text
+      integer :: r
+
+      text = ''
+      r = minloc(qualities%fit_percent, dim=1)
+      if (fit%check%white .or. .not. qualities(r)%fit_percent < least_percent) return
+      text = 'the model explains '//to_text(nint(qualities(r)%fit_percent))// &
+         ' % of record '//to_text(r)//', and what is left is not noise'
+   end function misfit
+
+   !> Parameters that are determined by all modes, and not by those that were seen.
+   function without_hold(sightings, fit, s, ds) result(text)
+      type(sighting_t), intent(in) :: sightings(:)
+      type(stage_fit_t), intent(in) :: fit
+      complex(wp), intent(in) :: s(:, :), ds(:, :, :)
+      character(len=:), allocatable :: text
+      type(belief_t) :: beliefs(size(fit%free))
+      real(wp) :: values(size(fit%free))
+      logical, dimension(size(s, 1), size(s, 2)) :: visible, there
+      logical :: lost(size(fit%free))
+      integer :: k
+
+      text = ''
+      there = .false.
+      visible = .false.
+      do k = 1, size(sightings)
+         associate (one => sightings(k))
+            there(one%mode, one%record) = .true.
+            visible(one%mode, one%record) = one%verdict == 'seen'
+         end associate
+      end do
+      values = fit%fit%estimate
+      beliefs = beliefs_about(fit%world, fit%free, fit%quantities(:size(values))%record, values)
+      lost = resting(s, ds, visible, beliefs, values) .and. &
+         .not. resting(s, ds, there, beliefs, values)
+      do k = 1, size(lost)
+         if (.not. lost(k)) cycle
+         text = text//trim(merge('  ', ', ', text == ''))//' '//trim(fit%quantities(k)%name)
+      end do
+      if (text == '') return
+      text = text(2:)//': determined by modes alone that are not in the record'
+   end function without_hold
+
+end module beamid_verdicts

@@ -1,0 +1,112 @@
+!> The verdict on a fit, for the reader and for other programs.
+module beamid_verdict_reports
+   use beamid_case_files, only: case_t
+   use beamid_identification, only: stage_fit_t
+   use beamid_kinds, only: wp
+   use beamid_lines, only: csv_row, filled
+   use beamid_outputs, only: output_t
+   use beamid_strings, only: full, to_text
+   use beamid_texts, only: text_t
+   use beamid_verdicts, only: verdict_t
+   implicit none
+   private
+
+   public :: verdict_summary, add_verdict_tables, determination
+
+   !> Correlations above this say that two parameters cannot be told apart, and a fit that explains
+   !> less of a record than so many per cent, with residuals that are not white, is a poor one.
+   real(wp), parameter :: too_close = 0.999_wp, good_percent = 90
+
+contains
+
+   !> What comes first: that there is no fit, or what is held; how much of each record is explained;
+   !> which modes are there.
+   function verdict_summary(case, fit, verdict) result(content)
+      type(case_t), intent(in) :: case
+      type(stage_fit_t), intent(in) :: fit
+      type(verdict_t), intent(in) :: verdict
+      character(len=:), allocatable :: content, line, unit
+      type(text_t) :: text
+      integer :: k
+
+      if (verdict%no_fit /= '') call text%line('no fit: '//verdict%no_fit)
+      if (fit%note /= '') call text%line(fit%note)
+      unit = case%units%acceleration()
+      if (unit /= '') unit = ' '//unit
+      do k = 1, size(verdict%qualities)
+         associate (q => verdict%qualities(k))
+            call text%line('record '//to_text(k)//': '//to_text(q%samples)//' samples, signal '// &
+               to_text(q%rms_signal)//' rms, residual '//to_text(q%rms_residual)//' rms'//unit// &
+               filled(': fit #.2 %', [q%fit_percent]))
+         end associate
+      end do
+      do k = 1, size(verdict%sightings)
+         associate (s => verdict%sightings(k))
+            line = '  mode '//to_text(s%mode)
+            if (size(verdict%qualities) > 1) line = line//' in record '//to_text(s%record)
+            line = line//filled(': model #.4, ', [s%model])
+            if (s%peak > 0) line = line//filled('peak #.4, ', [s%peak])
+            if (.not. s%peak > 0) line = line//'no peak, '
+            call text%line(line//to_text(100*s%share)//' % of the energy: '//trim(s%verdict))
+         end associate
+      end do
+      if (fit%other /= '') call text%line(fit%other)
+      content = text%content()
+   end function verdict_summary
+
+   !> quality.csv and modes_seen.csv
+   subroutine add_verdict_tables(output, verdict)
+      type(output_t), intent(inout) :: output
+      type(verdict_t), intent(in) :: verdict
+      type(text_t) :: quality, seen
+      character(len=:), allocatable :: peak
+      integer :: k
+
+      call quality%line('record,samples,rms_signal,rms_residual,fit_percent,noise_sd,'// &
+         'effective_samples')
+      do k = 1, size(verdict%qualities)
+         associate (q => verdict%qualities(k))
+            call quality%line(csv_row(to_text(k)//','//to_text(q%samples), [q%rms_signal, &
+               q%rms_residual, q%fit_percent, q%noise_sd, q%effective]))
+         end associate
+      end do
+      call seen%line('record,mode,model_hz,peak_hz,energy_share,verdict')
+      do k = 1, size(verdict%sightings)
+         associate (s => verdict%sightings(k))
+            peak = ''
+            if (s%peak > 0) peak = full(s%peak)
+            call seen%line(csv_row(to_text(s%record)//','//to_text(s%mode), [s%model])//','// &
+               peak//','//full(s%share)//','//trim(s%verdict))
+         end associate
+      end do
+      call output%add('quality.csv', quality%content())
+      call output%add('modes_seen.csv', seen%content())
+   end subroutine add_verdict_tables
+
+   !> What a fit may say of its parameters all together; '' where it can say nothing.
+   function determination(fit, verdict) result(line)
+      type(stage_fit_t), intent(in) :: fit
+      type(verdict_t), intent(in) :: verdict
+      character(len=:), allocatable :: line
+      integer :: j, k, n
+
+      n = size(fit%free)
+      line = ''
+      if (verdict%no_fit /= '') return
+      do j = 1, n
+         do k = j + 1, n
+            if (abs(fit%statistics%correlation(j, k)) > too_close) line = &
+               trim(fit%quantities(j)%name)//' and '//trim(fit%quantities(k)%name)// &
+               ' cannot be told apart: their correlation is '//to_text(fit%correlation(j, k))
+         end do
+      end do
+      if (line /= '') return
+      if (any(fit%statistics%corrected_half_width(:n) > abs(fit%quantities(:n)%searched))) return
+      if (.not. fit%check%white .and. any(verdict%qualities%fit_percent < good_percent)) then
+         line = 'every interval is narrow, but the model leaves much of a record unexplained'
+      else
+         line = 'every parameter is determined by this record'
+      end if
+   end function determination
+
+end module beamid_verdict_reports
