@@ -300,7 +300,7 @@ contains
       end do
       if (structure%supports == 0 .and. structure%buckles()) then
          if (present(place)) place = merge(of_T, of_g, structure%T < 0)
-         call bad_input(error, merge('force', 'g    ', structure%T < 0)//': found '// &
+         call bad_input(error, trim(merge('force', 'g    ', structure%T < 0))//': found '// &
             to_text(merge(structure%T, structure%g, structure%T < 0))//', which buckles the '// &
             'beam, expected less compression')
          return
