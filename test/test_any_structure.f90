@@ -124,7 +124,8 @@ contains
          free = [(places(1 + int(size(places)*uniform())), i=1, 3)]
          equations = new_equations(galerkin, s, excitation, matrices=.false.)
          call solver%prepare(galerkin, error)
-         call solver%differentiate(equations, excitation, times, free, response, slopes, work, error)
+         call solver%differentiate(equations, excitation, times, free, response, slopes, work, &
+            error)
          call check('a response', .not. allocated(error))
          if (allocated(error)) cycle
          full = new_full(galerkin, s, excitation)
@@ -149,7 +150,8 @@ contains
                end do
             end associate
          end do
-         if (any(off > [1e-8_wp, 1e-6_wp])) print '(a,i0,a,2es9.1)', '      structure ', number, ':', off
+         if (any(off > [1e-8_wp, 1e-6_wp])) print '(a,i0,a,2es9.1)', &
+            '      structure ', number, ':', off
          where (off > [1e-8_wp, 1e-6_wp]) beyond = beyond + 1
          worst = max(worst, off)
          where (.not. off >= 0) worst = huge(worst)
