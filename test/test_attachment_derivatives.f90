@@ -7,8 +7,8 @@ program test_attachment_derivatives
    use beamid_kinds, only: wp
    use beamid_parameters, only: free_names
    use beamid_strings, only: to_text
-   use beamid_structure, only: at_tip, of_c_R, of_g, of_gamma, of_J_T, of_kappa_R, of_length, of_m_S, &
-      of_m_T, of_T, of_x_S
+   use beamid_structure, only: at_tip, of_c_R, of_g, of_gamma, of_J_T, of_kappa_R, of_length, &
+      of_m_S, of_m_T, of_T, of_x_S
    use checks, only: check, check_close, finish
    use exact_motions, only: exact, galerkin, kinds, prepare, relative
    use random_experiments, only: experiment_t, random_structure

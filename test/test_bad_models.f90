@@ -25,6 +25,7 @@ program test_bad_models
       call test_several_sensors()
       call test_supports()
       call test_several_supports()
+      call test_weight()
       call test_place_of_force()
       call test_moved_base()
       call test_free_length()
@@ -413,6 +414,41 @@ contains
       call refused_case('free x_P from beyond the tip', freeing(roller, '''x_P'', start=5'), &
          '13: &stage start: found 5 for x_P|expected at most the length 4 of the beam')
    end subroutine test_supports
+
+   subroutine test_weight()
+      character(len=:), allocatable :: hanging
+
+      hanging = carrying(group('gravity', 'g=32.2'))
+      call accepted('hanging', 'identify', hanging)
+      call accepted('hanging, in words', 'modes', carrying(group('gravity', &
+         'direction=''hanging'', g=32.2')))
+      call accepted('no gravity, standing', 'simulate', carrying(group('gravity', &
+         'g=0, direction=''standing''')))
+      call accepted('free gravity', 'identify', freeing(hanging, '''g'''))
+      call accepted('stretched', 'identify', carrying(group('axial', 'force=10')))
+      call accepted('pressed', 'simulate', carrying(group('axial', 'force=-10')))
+      call accepted('free axial force', 'identify', freeing(carrying(group('axial', 'force=1')), &
+         '''T'', lower=-5'))
+      call refused_case('gravity of nothing', carrying(group('gravity', '')), &
+         '5: &gravity g: found nothing|expected a value')
+      call refused_case('negative gravity', carrying(group('gravity', 'g=-9.81')), &
+         '5: &gravity g: found -9.81|expected 0 or more')
+      call refused_case('gravity sideways', carrying(group('gravity', &
+         'g=9.81, direction=''lying''')), '5: &gravity direction: found ''lying''|'// &
+         'expected ''hanging'' or ''standing''')
+      call refused_case('gravity twice', carrying(group('gravity', 'g=1')//group('gravity', &
+         'g=1')), '6: found &gravity again|expected it once')
+      call refused_case('axial force of nothing', carrying(group('axial', '')), &
+         '5: &axial force: found nothing|expected a value')
+      call refused_case('axial force by its short name', carrying(group('axial', 'T=1')), &
+         '5: &axial T: found an unknown key|expected force')
+      ! -pi**2/4 E I/l**2 is -12.34; 7.84 E I/(rho l**3) is 327, less with m_T.
+      call refused_case('pressed too hard', carrying(group('axial', 'force=-12.4')), &
+         '5: &axial force: found -12.4|buckles the beam|expected less compression')
+      call refused_case('too heavy to stand', carrying(group('gravity', &
+         'g=100, direction=''standing''')), &
+         '5: &gravity g: found 100|buckles the beam|expected less compression')
+   end subroutine test_weight
 
    !> One support that is refused.
    subroutine misplaced(what, keys, words)

@@ -10,12 +10,12 @@ program test_many_roots
    use beamid_kinds, only: wp
    use beamid_poles, only: poles_t
    use beamid_strings, only: to_text
-   use beamid_structure, only: at_tip, structure_t
+   use beamid_structure, only: structure_t
    use checks, only: check, check_close, finish
    use exact_motions, only: galerkin, mesh_of
    use full_matrices, only: full_t, new_full, qp
-   use random_experiments, only: random_beam
-   use random_numbers, only: decades, start_random, uniform
+   use random_experiments, only: wide_structure
+   use random_numbers, only: start_random, uniform
    implicit none
 
    call start_random(745739799)
@@ -23,35 +23,6 @@ program test_many_roots
    call finish('many_roots')
 
 contains
-
-   !> Every parameter over six decades about the beam's own; each left out in one of ten.
-   function wide_structure() result(s)
-      type(structure_t) :: s
-      real(wp) :: mass
-
-      s = random_beam()
-      mass = s%rho*s%length
-      s%m_T = mass*decades(-3.0_wp, 3.0_wp)
-      s%J_T = mass*s%length**2*decades(-5.0_wp, 1.0_wp)
-      s%kappa_R = s%length/(s%E*s%I*decades(-3.0_wp, 3.0_wp))
-      s%c_R = 0.1_wp/(s%kappa_R*s%omega())
-      s%sensor(1)%m_S = mass*decades(-4.0_wp, 2.0_wp)
-      s%sensor(1)%x_S = s%length*decades(-2.0_wp, 0.0_wp)
-      s%c_D = 2*s%E/s%omega()*decades(-5.0_wp, 1.0_wp)
-      s%gamma = 2*s%rho*s%omega()*decades(-4.0_wp, 2.0_wp)
-      s%m_H = mass*decades(-4.0_wp, 2.0_wp)
-      s%k_H = s%m_H*(s%omega()*decades(-3.0_wp, 3.0_wp))**2
-      s%c_H = 2*sqrt(s%k_H*s%m_H)*decades(-4.0_wp, 2.0_wp)
-      if (uniform() < 0.1_wp) s%m_T = 0
-      if (uniform() < 0.1_wp) s%J_T = 0
-      if (uniform() < 0.1_wp) s%kappa_R = 0
-      if (uniform() < 0.1_wp) s%sensor(1)%m_S = 0
-      if (uniform() < 0.1_wp) s%sensor(1)%x_S = at_tip
-      if (uniform() < 0.1_wp) s%c_D = 0
-      if (uniform() < 0.1_wp) s%gamma = 0
-      if (uniform() < 0.1_wp) s%m_H = 0
-      if (uniform() < 0.1_wp) s%c_H = 0
-   end function wide_structure
 
    !> 2000 structures: 2 n roots each, sum log |s| = log det K - log det M, sum s =
    !> -trace(M**-1 C), sum 1/s = -trace(K**-1 C), the last two relative to the sums of moduli. In

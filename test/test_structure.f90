@@ -300,6 +300,8 @@ contains
          case ('x_S'); direct = s%sensor(1)%x_S
          case ('length'); direct = s%length
          case ('I'); direct = s%I
+         case ('g'); direct = s%g
+         case ('T'); direct = s%T
          case default; direct = -1
          end select
          before(k) = 123.5_wp + k

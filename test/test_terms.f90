@@ -54,8 +54,8 @@ program test_terms
    use beamid_galerkin, only: galerkin_t, mesh_t, new_galerkin
    use beamid_kinds, only: wp
    use beamid_modes, only: bare_beam_modes, beam_modes_t
-   use beamid_parameters, only: amplitude, any_value, check_structure, is_there, key_of, magnitude, &
-      name_of_parameter, not_negative, on_beam, parameters, positive
+   use beamid_parameters, only: amplitude, any_value, check_structure, is_there, key_of, &
+      magnitude, name_of_parameter, not_negative, on_beam, parameters, positive
    use beamid_problems, only: compare_derivatives
    use beamid_residuals, only: new_residuals
    use beamid_strings, only: to_text
@@ -203,8 +203,8 @@ contains
 
    !> Random structures, parameters over four decades, every one of them free: no right derivative
    !> is found to be mistaken, and every one that is 0, or off by 1 %, is, unless it hardly counts:
-   !> a motion changes by less than 1e-5 when the parameter doubles. The first few have weight and an
-   !> axial force, which takes ten times as long.
+   !> a motion changes by less than 1e-5 when the parameter doubles. The first few have weight and
+   !> an axial force, which takes ten times as long.
    subroutine test_mistakes(structures)
       integer, intent(in) :: structures
       type(mistaken_t) :: problem

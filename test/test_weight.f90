@@ -65,8 +65,8 @@ contains
       if (.not. allocated(error)) by_roots = abs(roots(1))
    end subroutine first_frequency
 
-   !> A strip that hangs or stands, against 40 Hermite elements, which err by (beta h)**4/1440 in f1,
-   !> 3e-9, and round-off.
+   !> A strip that hangs or stands, against 40 Hermite elements, which err by (beta h)**4/1440 in
+   !> f1, 3e-9, and round-off.
    subroutine test_strip()
       character(len=*), parameter :: names(3) = [character(len=8) :: 'bare', 'hanging', 'standing']
       !> f1 [Hz] without weight; by how much weight changes it.
@@ -153,12 +153,12 @@ contains
          galerkin = new_galerkin(mesh_t(5, 8, 6, 1), 1.0_wp)
          equations = new_equations(galerkin, s, new_pulse(1.0_wp, 0.1_wp))
          call modal%prepare(galerkin, error)
-         call modal%respond(equations, new_pulse(1.0_wp, 0.1_wp), [0.5_wp, 1.0_wp], response, work, &
-            error)
+         call modal%respond(equations, new_pulse(1.0_wp, 0.1_wp), [0.5_wp, 1.0_wp], response, &
+            work, error)
          call check('buckling: modal', allocated(error) .eqv. modulo(k, 2) == 0)
          if (k == 2) call check('buckling: in words', index(error%message, 'buckle') > 0)
-         call cvode%respond(equations, new_pulse(1.0_wp, 0.1_wp), [0.5_wp, 1.0_wp], response, work, &
-            error)
+         call cvode%respond(equations, new_pulse(1.0_wp, 0.1_wp), [0.5_wp, 1.0_wp], response, &
+            work, error)
          call check('buckling: cvode', allocated(error) .eqv. modulo(k, 2) == 0)
       end do
    end subroutine test_buckling
@@ -226,8 +226,7 @@ contains
          call check('both ways: by few couplings', .not. allocated(error))
          if (allocated(error)) cycle
          call differentiate_poles(assembly, sparse)
-         allocate (assembly%dense(assembly%beam, assembly%beam, 2), &
-            assembly%dense_slope(assembly%beam, assembly%beam, 2, 3), source=0.0_wp)
+         assembly = new_assembly(s, modes, [of_E, of_c_D, of_length], whole=.true.)
          call find_poles(assembly, whole, error)
          call check('both ways: by whole matrices', .not. allocated(error))
          if (allocated(error)) cycle

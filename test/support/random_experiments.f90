@@ -5,12 +5,12 @@ module random_experiments
    use beamid_galerkin, only: mesh_t
    use beamid_kinds, only: wp
    use beamid_observation, only: observation_t, new_sampling, sampling_t
-   use beamid_structure, only: structure_t
+   use beamid_structure, only: at_tip, structure_t
    use random_numbers, only: between, decades, uniform
    implicit none
    private
 
-   public :: experiment_t, random_beam, random_structure, random_experiment, samples
+   public :: experiment_t, random_beam, random_structure, wide_structure, random_experiment, samples
 
    integer, parameter :: samples = 12
 
@@ -56,6 +56,35 @@ contains
       s%k_H = s%m_H*(s%omega()*decades(-1.0_wp, 1.5_wp))**2
       s%c_H = 2*sqrt(s%k_H*s%m_H)*decades(-3.0_wp, 1.5_wp)
    end function random_structure
+
+   !> Every parameter over six decades about the beam's own; each left out in one of ten.
+   function wide_structure() result(s)
+      type(structure_t) :: s
+      real(wp) :: mass
+
+      s = random_beam()
+      mass = s%rho*s%length
+      s%m_T = mass*decades(-3.0_wp, 3.0_wp)
+      s%J_T = mass*s%length**2*decades(-5.0_wp, 1.0_wp)
+      s%kappa_R = s%length/(s%E*s%I*decades(-3.0_wp, 3.0_wp))
+      s%c_R = 0.1_wp/(s%kappa_R*s%omega())
+      s%sensor(1)%m_S = mass*decades(-4.0_wp, 2.0_wp)
+      s%sensor(1)%x_S = s%length*decades(-2.0_wp, 0.0_wp)
+      s%c_D = 2*s%E/s%omega()*decades(-5.0_wp, 1.0_wp)
+      s%gamma = 2*s%rho*s%omega()*decades(-4.0_wp, 2.0_wp)
+      s%m_H = mass*decades(-4.0_wp, 2.0_wp)
+      s%k_H = s%m_H*(s%omega()*decades(-3.0_wp, 3.0_wp))**2
+      s%c_H = 2*sqrt(s%k_H*s%m_H)*decades(-4.0_wp, 2.0_wp)
+      if (uniform() < 0.1_wp) s%m_T = 0
+      if (uniform() < 0.1_wp) s%J_T = 0
+      if (uniform() < 0.1_wp) s%kappa_R = 0
+      if (uniform() < 0.1_wp) s%sensor(1)%m_S = 0
+      if (uniform() < 0.1_wp) s%sensor(1)%x_S = at_tip
+      if (uniform() < 0.1_wp) s%c_D = 0
+      if (uniform() < 0.1_wp) s%gamma = 0
+      if (uniform() < 0.1_wp) s%m_H = 0
+      if (uniform() < 0.1_wp) s%c_H = 0
+   end function wide_structure
 
    !> Two to six elements of degree 3 or some of degree 5; a pulse or a table, at the tip or
    !> distributed; some samples in the first few periods.

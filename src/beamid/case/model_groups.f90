@@ -73,8 +73,8 @@ contains
       if (allocated(value)) deallocate (value)
       range = range_t(0, open=parameters(k)%range /= zero_or_more)
       if (parameters(k)%range == any_value) range = range_t()
-      call block%get(key_of(k), value, trim(parameters(k)%default), trim(parameters(k)%help), range, &
-         required=parameters(k)%default == '', infinite=parameters(k)%is_reciprocal)
+      call block%get(key_of(k), value, trim(parameters(k)%default), trim(parameters(k)%help), &
+         range, required=parameters(k)%default == '', infinite=parameters(k)%is_reciprocal)
    end subroutine read_parameter
 
    !> The name of one more sensor or support; of several each has its own.

@@ -209,7 +209,8 @@ contains
 
       associate (mesh => self%mesh)
          rule = self%rule
-         if (mesh%gauss_points >= mesh%degree - 1 .and. .not. self%varies) rule = composite(mesh%degree - 1, 1)
+         if (mesh%gauss_points >= mesh%degree - 1 .and. .not. self%varies) &
+            rule = composite(mesh%degree - 1, 1)
          allocate (self%curvature(mesh%degree + 1, size(rule%points), &
             min(mesh%elements, mesh%degree + 1)))
          do e = 0, size(self%curvature, 3) - 1

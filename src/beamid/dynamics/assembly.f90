@@ -113,11 +113,13 @@ contains
    !> modes       of the bare beam
    !> parameters  places in the table to differentiate with respect to
    !> load        left out: a force at a point
-   function new_assembly(structure, modes, parameters, load) result(self)
+   !> whole       whether everything goes by whole matrices, whatever acts; default .false.
+   function new_assembly(structure, modes, parameters, load, whole) result(self)
       type(structure_t), intent(in) :: structure
       type(beam_modes_t), intent(in) :: modes
       integer, intent(in) :: parameters(:)
       type(load_t), intent(in), optional :: load
+      logical, intent(in), optional :: whole
       type(assembly_t) :: self
       type(load_t) :: applied
       real(wp), allocatable :: slopes(:, :, :)
@@ -153,7 +155,7 @@ contains
             self%pencil(1)%k(i))
       end do
       call set_springs(self, modes, slopes)
-      call set_dense(self, modes, slopes)
+      call set_dense(self, modes, slopes, whole)
    end function new_assembly
 
    !> Which oscillators and couplings there are, and V.
@@ -317,17 +319,21 @@ contains
    end subroutine set_pencil_slopes
 
    !> E and its derivatives.
-   subroutine set_dense(self, modes, slopes)
+   subroutine set_dense(self, modes, slopes, whole)
       type(assembly_t), intent(inout) :: self
       type(beam_modes_t), intent(in) :: modes
       real(wp), intent(in) :: slopes(:, :, :)
+      logical, intent(in), optional :: whole
       type(beam_modes_t) :: own
-      real(wp), allocatable :: whole(:, :), turning(:), moves(:)
+      real(wp), allocatable :: tension(:, :), turning(:), moves(:)
+      logical :: needed
       integer :: j, k, p
 
       k = of_stiffness
-      if (.not. (allocated(modes%rest) .or. any(pulls([(j, j=1, size(operators))]) .and. &
-         (abs(self%strength(:, k)) > 0 .or. any(abs(slopes(:, k, :)) > 0, dim=2))))) return
+      needed = allocated(modes%rest) .or. any(pulls([(j, j=1, size(operators))]) .and. &
+         (abs(self%strength(:, k)) > 0 .or. any(abs(slopes(:, k, :)) > 0, dim=2)))
+      if (present(whole)) needed = needed .or. whole
+      if (.not. needed) return
       call set_pencil_slopes(self, modes, slopes)
       own = modes
       call own%tabulate_slopes()
@@ -349,13 +355,13 @@ contains
          associate (s => self%strength(k, of_stiffness), s_p => slopes(k, of_stiffness, :), &
             x => place_on_mesh(k, self%structure, modes%space%length))
             if (.not. (pulls(k) .and. (abs(s) > 0 .or. any(abs(s_p) > 0)))) cycle
-            whole = own%tension(x, merge(0.0_wp, 1.0_wp, k == weight), &
+            tension = own%tension(x, merge(0.0_wp, 1.0_wp, k == weight), &
                merge(1.0_wp, 0.0_wp, k == weight))
-            self%dense(:, :, 2) = self%dense(:, :, 2) + s*whole
+            self%dense(:, :, 2) = self%dense(:, :, 2) + s*tension
             turning = modes%at(x, 1)
             moves = moves_of(self, modes, k)
             do p = 1, size(self%parameters)
-               self%dense_slope(:, :, 2, p) = self%dense_slope(:, :, 2, p) + s_p(p)*whole
+               self%dense_slope(:, :, 2, p) = self%dense_slope(:, :, 2, p) + s_p(p)*tension
                if (abs(s*moves(p)) > 0) self%dense_slope(:, :, 2, p) = &
                   self%dense_slope(:, :, 2, p) + s*moves(p)*spread(turning, 1, self%beam) &
                   *spread(turning, 2, self%beam)

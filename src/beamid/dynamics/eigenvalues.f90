@@ -1,9 +1,9 @@
 !> All roots at once as eigenvalues of the linearised equations, by LAPACK: to be improved, but each
 !> of them is there.
 !>
-!> LAPACK's error is relative to the largest eigenvalue. s' = s/(...) as it stands favours the large
-!> roots, 1/(s - sigma) those near a shift: 0 for the low modes, -E/c_D for slow roots of overdamped
-!> modes, which lie the more densely the nearer they are to it.
+!> LAPACK's error is relative to the largest eigenvalue. s as it stands favours the large roots,
+!> 1/(s - shift) those near a shift: 0 for the low modes, -E/c_D for slow roots of overdamped modes,
+!> which lie the more densely the nearer they are to it.
 module beamid_eigenvalues
    use beamid_assembly, only: assembly_t
    use beamid_errors, only: error_t, failure

@@ -133,7 +133,8 @@ contains
          self%base = excitation%is_base
          self%power = excitation%power
          self%layout = assembly%row
-         if (any(real(self%poles%s) > 0 .and. .not. abs(aimag(self%poles%s)) > 0)) then
+         if (assembly%is_dense() .and. any(real(self%poles%s) > 1e-10_wp*maxval(abs( &
+            self%poles%s)) .and. .not. abs(aimag(self%poles%s)) > 0)) then
             call failure(error, 'modal: '//buckled)
             deallocate (self%structure)
             return

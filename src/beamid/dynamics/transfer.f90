@@ -134,7 +134,8 @@ contains
             do k = 1, size(assembly%parameters)
                associate (slope => assembly%slope(value%form, k), moves => assembly%moves(:, k))
                   P_p = 0
-                  P_p(:b, :b) = assembly%dense_slope(:, :, 1, k)*s + assembly%dense_slope(:, :, 2, k)
+                  P_p(:b, :b) = assembly%dense_slope(:, :, 1, k)*s &
+                     + assembly%dense_slope(:, :, 2, k)
                   do i = 1, n
                      P_p(i, i) = P_p(i, i) + (slope%m(i)*s + slope%c(i))*s + slope%k(i)
                   end do

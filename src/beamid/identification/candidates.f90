@@ -133,7 +133,7 @@ contains
       end associate
       associate (beam => a%model%structure, other => b%model%structure)
          same = same .and. beam%supports == other%supports .and. &
-            max(1, beam%sensors) == max(1, other%sensors)
+            (beam%stands .eqv. other%stands) .and. max(1, beam%sensors) == max(1, other%sensors)
       end associate
       same = same .and. size(a%experiments) == size(b%experiments)
       do r = 1, size(a%experiments)

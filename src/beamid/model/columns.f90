@@ -1,9 +1,10 @@
 !> Statics of a cantilever with an axial force that changes along it, E I w'''' - (N w')' = f.
 !>
 !> For a unit force at xi the slope theta = w' satisfies E I theta'' - N theta = -1 between the root
-!> and xi and = 0 beyond, theta = kappa E I theta' at the root, theta' = 0 at the tip. N is linear in
-!> pieces, in each of which theta is a power series. From the tip on theta' = p theta + r is known
-!> at the end of each piece; from the root on theta follows. All is analytic in the parameters.
+!> and xi and = 0 beyond, theta = kappa E I theta' at the root, theta' = 0 at the tip. N is linear
+!> in pieces, in each of which theta is a power series. From the tip on theta' = p theta + r is
+!> known at the end of each piece; from the root on theta follows. All is analytic in the
+!> parameters.
 module beamid_columns
    use beamid_kinds, only: wp
    implicit none

@@ -9,8 +9,8 @@ module beamid_parameters
    use beamid_structure, only: item_name_length, most_sensors, most_supports, n_parameters, &
       of_c_D, &
       of_c_H, c_P_at, of_c_R, of_E, of_g, of_gamma, of_I, J_S_at, of_J_T, of_k_H, kappa_P_at, &
-      of_kappa_R, of_length, of_m_H, m_S_at, of_m_T, of_rho, of_T, of_x_F, x_P_at, x_S_at, structure_t, &
-      values_of
+      of_kappa_R, of_length, of_m_H, m_S_at, of_m_T, of_rho, of_T, of_x_F, x_P_at, x_S_at, &
+      structure_t, values_of
    implicit none
    private
 
@@ -300,7 +300,7 @@ contains
       end do
       if (structure%supports == 0 .and. structure%buckles()) then
          if (present(place)) place = merge(of_T, of_g, structure%T < 0)
-         call bad_input(error, merge('force', 'g    ', structure%T < 0)//': found '// &
+         call bad_input(error, trim(merge('force', 'g    ', structure%T < 0))//': found '// &
             to_text(merge(structure%T, structure%g, structure%T < 0))//', which buckles the '// &
             'beam, expected less compression')
          return

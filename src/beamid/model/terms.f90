@@ -8,8 +8,9 @@ module beamid_terms
    use beamid_kinds, only: wp
    use beamid_monomials, only: monomial_t, slope_of, value_of
    use beamid_structure, only: most_sensors, most_supports, n_parameters, of_c_D, of_c_H, c_P_at, &
-      of_c_R, of_E, of_g, of_gamma, of_I, J_S_at, of_J_T, of_k_H, kappa_P_at, of_kappa_R, of_length, &
-      of_m_H, m_S_at, of_m_T, of_rho, of_T, of_x_F, x_P_at, x_S_at, structure_t, values_of
+      of_c_R, of_E, of_g, of_gamma, of_I, J_S_at, of_J_T, of_k_H, kappa_P_at, of_kappa_R, &
+      of_length, of_m_H, m_S_at, of_m_T, of_rho, of_T, of_x_F, x_P_at, x_S_at, structure_t, &
+      values_of
    implicit none
    private
 
@@ -199,8 +200,8 @@ contains
       pulls = operator == tension .or. operator == weight .or. operator >= sensor_weight(1)
    end function pulls
 
-   !> What a sensor reads per unit of its slope: with the axis it turns into the direction of
-   !> gravity. A pendulum that swings by itself reads nothing, its acceleration is -g times the slope.
+   !> What a sensor reads per unit of its slope, whose axis turns into the direction of gravity: at
+   !> the end of a plain pendulum nothing is read, where the acceleration is -g times the slope.
    pure real(wp) function tilting(structure)
       type(structure_t), intent(in) :: structure
 
