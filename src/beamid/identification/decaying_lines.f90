@@ -32,9 +32,10 @@ contains
       allocate (lines(0), barred(0))
       if (size(t) < 8) return
       call condense(t, z, highest, times, values)
+      if (size(times) < 8) return
       span = times(size(times)) - times(1)
       range = [1.5_wp/span, min(highest, (size(times) - 1)/(2*span))]
-      if (.not. range(1) < range(2) .or. size(times) < 8) return
+      if (.not. range(1) < range(2)) return
       times = times - times(1)
       values = values - sum(values)/size(values)
       rest = values

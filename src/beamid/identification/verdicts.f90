@@ -265,6 +265,7 @@ contains
       real(wp) :: values(size(fit%free))
       logical, dimension(size(s, 1), size(s, 2)) :: visible, there
       logical :: lost(size(fit%free))
+      integer :: owners(size(fit%free))
       integer :: k
 
       text = ''
@@ -277,7 +278,8 @@ contains
          end associate
       end do
       values = fit%fit%estimate
-      beliefs = beliefs_about(fit%world, fit%free, fit%quantities(:size(values))%record, values)
+      owners = fit%quantities(:size(values))%record
+      beliefs = beliefs_about(fit%world, fit%free, owners, values)
       lost = resting(s, ds, visible, beliefs, values) .and. &
          .not. resting(s, ds, there, beliefs, values)
       do k = 1, size(lost)
