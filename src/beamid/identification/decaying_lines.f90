@@ -4,7 +4,7 @@ module beamid_decaying_lines
    use beamid_errors, only: error_t
    use beamid_kinds, only: wp
    use beamid_projection, only: new_projection, projection_t
-   use beamid_spectra, only: condense, line_t, strongest_line, too_near
+   use beamid_spectra, only: condense, line_t, near_mains, strongest_line, too_near
    implicit none
    private
 
@@ -183,7 +183,7 @@ contains
       real(wp), intent(in) :: span
       real(wp), parameter :: weak = 0.02_wp, tolerance = 1.3e-3_wp
       real(wp) :: ratio
-      integer :: j, k, base
+      integer :: j, k
 
       do k = 1, size(lines)
          do j = 1, k - 1
@@ -192,11 +192,8 @@ contains
             if (nint(ratio) >= 2 .and. nint(ratio) <= 12 .and. &
                abs(ratio - nint(ratio)) < tolerance*ratio) lines(k)%harmonic = nint(ratio)
          end do
-         do base = 50, 60, 10
-            ratio = lines(k)%frequency/base
-            if (nint(ratio) >= 1 .and. abs(ratio - nint(ratio))*base < max(0.1_wp, 0.3_wp/span) &
-               .and. lines(k)%decay*span < 0.7_wp) lines(k)%mains = .true.
-         end do
+         lines(k)%mains = lines(k)%decay*span < 0.7_wp .and. &
+            near_mains(lines(k)%frequency, span, 0.0_wp)
       end do
    end subroutine name_multiples
 
