@@ -414,8 +414,8 @@ contains
       end do
    end subroutine test_formulas
 
-   !> What was done to the record stands below the verdict, a line for the record and one for each of
-   !> two modes, and the line that says what was identified.
+   !> What was done to the record stands below the verdict, a line for the record and one for each
+   !> of two modes, and the line that says what was identified.
    subroutine test_notes()
       type(outcome_t) :: outcome
       character(len=:), allocatable :: fifth, table

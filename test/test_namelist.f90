@@ -129,7 +129,8 @@ contains
       call read_text('case.nml', '&beam /&record t_last=Inf /&stage start=''auto'' /', blocks, &
          got, error)
       call check('infinity', got%t_last > huge(1.0_wp))
-      call check('a word for numbers', got%word == 'auto' .and. .not. allocated(got%start), got%word)
+      call check('a word for numbers', got%word == 'auto' .and. .not. allocated(got%start), &
+         got%word)
    end subroutine test_extremes
 
    subroutine test_group_mistakes()

@@ -4,7 +4,7 @@ module beamid_decaying_lines
    use beamid_errors, only: error_t
    use beamid_kinds, only: wp
    use beamid_projection, only: new_projection, projection_t
-   use beamid_spectra, only: condense, line_t, strongest_line, too_near
+   use beamid_spectra, only: condense, line_t, near_mains, strongest_line, too_near
    implicit none
    private
 
@@ -32,9 +32,10 @@ contains
       allocate (lines(0), barred(0))
       if (size(t) < 8) return
       call condense(t, z, highest, times, values)
+      if (size(times) < 8) return
       span = times(size(times)) - times(1)
       range = [1.5_wp/span, min(highest, (size(times) - 1)/(2*span))]
-      if (.not. range(1) < range(2) .or. size(times) < 8) return
+      if (.not. range(1) < range(2)) return
       times = times - times(1)
       values = values - sum(values)/size(values)
       rest = values
@@ -182,7 +183,7 @@ contains
       real(wp), intent(in) :: span
       real(wp), parameter :: weak = 0.02_wp, tolerance = 1.3e-3_wp
       real(wp) :: ratio
-      integer :: j, k, base
+      integer :: j, k
 
       do k = 1, size(lines)
          do j = 1, k - 1
@@ -191,11 +192,8 @@ contains
             if (nint(ratio) >= 2 .and. nint(ratio) <= 12 .and. &
                abs(ratio - nint(ratio)) < tolerance*ratio) lines(k)%harmonic = nint(ratio)
          end do
-         do base = 50, 60, 10
-            ratio = lines(k)%frequency/base
-            if (nint(ratio) >= 1 .and. abs(ratio - nint(ratio))*base < max(0.1_wp, 0.3_wp/span) &
-               .and. lines(k)%decay*span < 0.7_wp) lines(k)%mains = .true.
-         end do
+         lines(k)%mains = lines(k)%decay*span < 0.7_wp .and. &
+            near_mains(lines(k)%frequency, span, 0.0_wp)
       end do
    end subroutine name_multiples
 

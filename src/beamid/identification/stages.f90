@@ -82,8 +82,8 @@ contains
       tried = stage
       call set_free(problem, stage)
       problem%work = work_t()
-      if (stage%automatic .and. size(stage%free) > 0) call automatic_start(problem, tried, options, found%note, found%doubt, &
-         found%other, error)
+      if (stage%automatic .and. size(stage%free) > 0) call automatic_start(problem, &
+         tried, options, found%note, found%doubt, found%other, error)
       if (allocated(error)) return
       n = size(tried%free)
       call variables_of(tried, problem%world, variables, found%quantities, error)

@@ -160,7 +160,7 @@ contains
       allocate (choice%trials(0))
       call variables_of(stage, problem%world, variables, choice%quantities, error)
       if (.not. allocated(error)) choice%beliefs = beliefs_about(problem%world, &
-         problem%free, problem%record, variables%start)
+         problem%free, problem%record, [variables%start])
    end subroutine new_choice
 
    !> How many modes it takes to determine what can be determined, and what one mode fewer leaves
@@ -173,12 +173,15 @@ contains
       type(error_t), allocatable, intent(out) :: error
       complex(wp) :: s(choice%modes, size(problem%parts))
       complex(wp) :: ds(choice%modes, size(problem%parts), size(choice%beliefs))
+      complex(wp) :: slopes(choice%modes, size(choice%beliefs))
+      real(wp) :: values(size(choice%beliefs))
       integer :: r
 
+      values = choice%beliefs%centre
       do r = 1, size(problem%parts)
-         call model_roots(problem, problem%with(choice%beliefs%centre), r, s(:, r), ds(:, r, :), &
-            error)
+         call model_roots(problem, problem%with(values), r, s(:, r), slopes, error)
          if (allocated(error)) return
+         ds(:, r, :) = slopes
       end do
       needed = choice%modes
       do
@@ -196,7 +199,7 @@ contains
 
          visible = .false.
          visible(:lowest, :) = .true.
-         left_by = resting(s, ds, visible, choice%beliefs, choice%beliefs%centre)
+         left_by = resting(s, ds, visible, choice%beliefs, values)
       end function left_by
 
    end subroutine needed_modes
@@ -224,7 +227,7 @@ contains
          if (k <= size(found)) values = found(k)%value
          call try_start(problem, choice%stage, values, choice%modes, options, trial, reason)
          if (allocated(reason)) cycle
-         trial%objection = objection_to(trial, choice%beliefs, choice%quantities%name, &
+         trial%objection = objection_to(trial, choice%beliefs, [choice%quantities%name], &
             variation(problem), needed)
          choice%trials = [choice%trials, trial]
       end do
@@ -343,7 +346,7 @@ contains
             end do
             if (.not. sum(gain) > least_gain) then
                trial%objection = 'mode '//to_text(needed)//' gains nothing'
-            else if (any(multiple)) then
+            else if (any(multiple .and. gain >= min(least_gain, maxval(gain)))) then
                trial%objection = 'mode '//to_text(needed)//' sits on a multiple of another line'
             end if
          end associate
@@ -384,7 +387,7 @@ contains
       real(wp) :: share, strongest, low, high
       integer :: r
 
-      if (.not. allocated(problem%free)) call set_free(problem, stage_t(free=[integer ::]))
+      if (.not. allocated(problem%free)) allocate (problem%free(0), problem%record(0))
       do r = 1, size(problem%parts)
          associate (experiment => problem%parts(r)%experiment)
             if (experiment%excitation%modes == 0 .or. size(experiment%samples) < 50) cycle

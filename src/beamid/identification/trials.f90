@@ -5,7 +5,7 @@ module beamid_trials
    use beamid_least_squares, only: fit, fit_t, options_t
    use beamid_model_roots, only: belief_t, damps, model_roots
    use beamid_residuals, only: residual_t
-   use beamid_spectra, only: line_t, noise_near, standing_out
+   use beamid_spectra, only: line_t, near_mains, noise_near, standing_out
    use beamid_strings, only: to_text
    use beamid_unknowns, only: quantity_t, stage_t, variables_of, world_t
    use beamid_variables, only: variable_t
@@ -160,7 +160,8 @@ contains
       ! Three standard deviations of the frequency of a decaying oscillation in white noise.
       error = 3*hypot(2*real(s(k)), sqrt(12.0_wp)/span)/sqrt(max(gain, 1.0_wp))
       ratio = aimag(s(k))/aimag(s(1))
-      is_multiple = is_multiple .or. nint(ratio) <= highest .and. &
+      is_multiple = is_multiple .or. near_mains(frequency, span, error/two_pi) .or. &
+         nint(ratio) <= highest .and. &
          abs(ratio - nint(ratio)) < tolerance*ratio + error/aimag(s(1))
    end function is_multiple
 

@@ -11,7 +11,7 @@ module beamid_verdicts
    use beamid_modal, only: modal_t
    use beamid_model_roots, only: belief_t, beliefs_about
    use beamid_responses, only: work_t
-   use beamid_spectra, only: line_t, noise_near
+   use beamid_spectra, only: line_t, near_mains, noise_near
    use beamid_stages, only: stage_fit_t
    use beamid_strings, only: to_text
    use beamid_trials, only: is_multiple, least_gain, resting
@@ -175,7 +175,7 @@ contains
             end associate
             if (gain > least_gain .and. one%verdict == 'unseen') one%verdict = 'seen'
             if (one%verdict == 'seen' .and. is_multiple(s, k, gain, lines, span)) &
-               one%verdict = 'harmonic'
+               one%verdict = merge('mains   ', 'harmonic', near_mains(one%model, span, 0.0_wp))
             found = [found, one]
          end do
       end associate
@@ -265,6 +265,7 @@ contains
       real(wp) :: values(size(fit%free))
       logical, dimension(size(s, 1), size(s, 2)) :: visible, there
       logical :: lost(size(fit%free))
+      integer :: owners(size(fit%free))
       integer :: k
 
       text = ''
@@ -277,7 +278,8 @@ contains
          end associate
       end do
       values = fit%fit%estimate
-      beliefs = beliefs_about(fit%world, fit%free, fit%quantities(:size(values))%record, values)
+      owners = fit%quantities(:size(values))%record
+      beliefs = beliefs_about(fit%world, fit%free, owners, values)
       lost = resting(s, ds, visible, beliefs, values) .and. &
          .not. resting(s, ds, there, beliefs, values)
       do k = 1, size(lost)

@@ -5,7 +5,8 @@ module beamid_spectra
    implicit none
    private
 
-   public :: line_t, condense, strongest_line, strongest_peak, too_near, noise_near
+   public :: line_t, condense, strongest_line, strongest_peak, too_near, noise_near, &
+      near_mains
 
    !> A decaying oscillation that a record holds.
    type :: line_t
@@ -123,6 +124,17 @@ contains
       variance = median(matched(times, values, decay, [max(0.2_wp*frequency, frequency - reach), &
          frequency + reach], 1/(2*span)))/log(2.0_wp)*count(t <= times(size(times)))/size(times)
    end function noise_near
+
+   !> Whether a frequency is a multiple of 50 or 60, to a tenth or a third of a width.
+   !>
+   !> error  by which the frequency may be off
+   pure logical function near_mains(frequency, span, error)
+      real(wp), intent(in) :: frequency, span, error
+      real(wp) :: distance(2)
+
+      distance = frequency - [50, 60]*max([1, 1], nint(frequency/[50, 60]))
+      near_mains = any(abs(distance) < max(0.1_wp, 0.3_wp/span) + error)
+   end function near_mains
 
    !> What an oscillation with each frequency of a grid explains of the sum of squares, about half
    !> of it: a phasor x + i y for each sample, turned on from one frequency to the next.
