@@ -16,6 +16,7 @@ module beamid_poles
    use beamid_kinds, only: wp
    use beamid_roots, only: find_roots
    use beamid_strings, only: to_text
+   use beamid_structure, only: n_parameters
    use beamid_systems, only: differentiate_vector, find_whole_vector, vector_slope_t
    use beamid_vectors, only: answer, find_vector, root_t, solve_coupled, solve_mass, vector_t
    implicit none
@@ -109,7 +110,7 @@ contains
       if (any(poles%parameters /= assembly%parameters)) return
       change = 0
       do p = 1, size(poles%values)
-         associate (new => assembly%structure%get(assembly%parameters(p)), old => poles%values(p))
+         associate (new => value_of(assembly, p), old => poles%values(p))
             step = new - old
             if (min(new, old) > 0) step = old*log(new/old)
             change = change + poles%ds(:, p)*step
@@ -122,6 +123,16 @@ contains
       end where
       where (.not. abs(aimag(poles%root%s)) > 0) s = real(s)
    end function predicted
+
+   !> Value of the p-th parameter of an assembly; of one that is none of the structure 0.
+   pure real(wp) function value_of(assembly, p)
+      type(assembly_t), intent(in) :: assembly
+      integer, intent(in) :: p
+
+      value_of = 0
+      if (assembly%parameters(p) <= n_parameters) value_of = &
+         assembly%structure%get(assembly%parameters(p))
+   end function value_of
 
    subroutine find_vectors(assembly, poles)
       type(assembly_t), intent(in) :: assembly
@@ -281,7 +292,7 @@ contains
             call measure(assembly, poles%cluster(k))
       end do
       poles%parameters = assembly%parameters
-      poles%values = [(assembly%structure%get(assembly%parameters(p)), p=1, n)]
+      poles%values = [(value_of(assembly, p), p=1, n)]
       if (n == 0) return
       if (assembly%is_dense() .and. .not. present(also)) then
          if (allocated(poles%slope)) deallocate (poles%slope)

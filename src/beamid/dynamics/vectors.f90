@@ -301,6 +301,7 @@ contains
       type(root_t), intent(in) :: root
       complex(wp), intent(out) :: D(n), dD(n), inverse(n)
       complex(wp) :: origin, left, right
+      real(wp) :: square
       integer :: i
 
       origin = pole(root%origin, root%side)
@@ -309,7 +310,9 @@ contains
          right = (origin - pole(i, 2)) + root%offset
          D(i) = m(i)*(left*right)
          dD(i) = m(i)*(left + right)
-         inverse(i) = conjg(D(i))/(real(D(i))**2 + aimag(D(i))**2)
+         square = real(D(i))**2 + aimag(D(i))**2
+         inverse(i) = 0
+         if (square > 0) inverse(i) = conjg(D(i))/square
       end do
       inverse(root%j) = 0
    end subroutine denominators

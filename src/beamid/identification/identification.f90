@@ -12,7 +12,7 @@ module beamid_identification
    use beamid_starts, only: check_frequencies
    use beamid_strings, only: to_text
    use beamid_structure, only: of_kappa_R
-   use beamid_unknowns, only: quantity_t, stage_t
+   use beamid_unknowns, only: quantity_t, stage_t, world_t
    use beamid_verification, only: exact_counterpart
    implicit none
    private
@@ -57,13 +57,15 @@ contains
       type(residual_t) :: problem, exact
       type(options_t) :: options
       type(stage_t) :: stage
+      type(world_t) :: as_given
+      type(error_t), allocatable :: objection
       logical :: turning
       integer :: k, p
 
       turning = any([(any(stages(k)%free == of_kappa_R), k=1, size(stages))])
       call new_residuals(model, mesh, experiments, problem, error, turning)
-      if (.not. allocated(error)) call check_frequencies(problem, error)
       if (allocated(error)) return
+      as_given = problem%world
       if (.not. problem%exact) call exact_counterpart(model, mesh, experiments, turning, &
          exact)
       options%relative_error = model%solver%relative_error()
@@ -76,6 +78,18 @@ contains
             .not. any(fits(1)%free == stage%free(p)), p=1, size(stage%free))])
          call run_stage(problem, exact, stage, options, 'N = '//to_text(mesh%elements)// &
             ', stage '//to_text(k), fits(k), error, monitor)
+         if (k == 1) then
+            if (is_poor(problem, fits(1)%fit%residual, failed=allocated(error))) then
+               ! Perhaps because the model is given in other units than the record.
+               problem%world = as_given
+               call check_frequencies(problem, objection)
+               if (allocated(objection)) then
+                  call move_alloc(objection, error)
+                  return
+               end if
+               if (.not. allocated(error)) problem%world = fits(1)%world
+            end if
+         end if
          if (allocated(error)) then
             error%message = 'elements = '//to_text(mesh%elements)//', stage '//to_text(k)//': '// &
                error%message
@@ -85,6 +99,26 @@ contains
          fits(k)%elements = mesh%elements
       end do
    end subroutine identify_experiments
+
+   !> Whether a search failed, or left half of what the records vary.
+   pure logical function is_poor(problem, residual, failed)
+      type(residual_t), intent(in) :: problem
+      real(wp), allocatable, intent(in) :: residual(:)
+      logical, intent(in) :: failed
+      real(wp) :: left, varied
+      integer :: i
+
+      is_poor = failed
+      if (is_poor) return
+      left = sum(residual**2)
+      varied = 0
+      do i = 1, size(problem%parts)
+         associate (z => problem%parts(i)%experiment%measured)
+            varied = varied + sum((z - sum(z)/size(z))**2)
+         end associate
+      end do
+      is_poor = .not. left <= varied/2
+   end function is_poor
 
    !> One record from its samples.
    !>
