@@ -19,8 +19,9 @@ module beamid_continuation
    !> The last step, relative to the distance from the nearest pole of an oscillator; and one that
    !> is round-off where the next is no shorter.
    real(wp), parameter :: arrived = 1e-14_wp, noise = 1e-11_wp
-   !> Roots that are nearer to each other, relatively, are not told apart in this way.
-   real(wp), parameter :: apart = 1e-6_wp
+   !> Roots that are nearer to each other, relatively, are not told apart in this way; and what A of
+   !> a vector is at least, relative to that of an undamped mode, where no other root is near.
+   real(wp), parameter :: apart = 1e-6_wp, least_A = 1e-3_wp
 
 contains
 
@@ -103,6 +104,7 @@ contains
          followed = length <= arrived*abs(root%offset)
          if (followed) exit
       end do
+      followed = followed .and. abs(vector%A) > 2*least_A*abs(root%s)*vector%inertia
       if (.not. is_real) followed = followed .and. aimag(root%s) > 1e-3_wp*abs(root%s)
    end subroutine follow
 
