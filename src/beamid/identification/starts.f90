@@ -387,7 +387,8 @@ contains
       real(wp) :: share, strongest, low, high
       integer :: r
 
-      if (.not. allocated(problem%free)) allocate (problem%free(0), problem%record(0))
+      problem%free = [integer ::]
+      problem%record = [integer ::]
       do r = 1, size(problem%parts)
          associate (experiment => problem%parts(r)%experiment)
             if (experiment%excitation%modes == 0 .or. size(experiment%samples) < 50) cycle
