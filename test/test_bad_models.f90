@@ -419,7 +419,7 @@ contains
       character(len=:), allocatable :: hanging
 
       hanging = carrying(group('gravity', 'g=32.2'))
-      call accepted('hanging', 'identify', hanging)
+      call accepted('hanging', 'identify', carrying(group('gravity', 'g=0.1')))
       call accepted('hanging, in words', 'modes', carrying(group('gravity', &
          'direction=''hanging'', g=32.2')))
       call accepted('no gravity, standing', 'simulate', carrying(group('gravity', &

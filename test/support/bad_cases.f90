@@ -183,7 +183,7 @@ contains
       outcome = beamid(command//' case.nml --quiet --out result', 'bad')
       call check(command//': '//what//' is accepted', outcome%status == 0 .and. &
          outcome%err == '' .and. &
-         outcome%out /= '' .and. exists(folder//'result/summary.txt'), outcome%err)
+         outcome%out /= '' .and. exists(folder//'result/summary.txt'), outcome%out//'//'//outcome%err)
       call remove_tree(folder//'result')
    end subroutine accepted
 

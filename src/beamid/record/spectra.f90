@@ -118,6 +118,8 @@ contains
 
       call condense(t, z, 2*frequency, times, values)
       span = times(size(times)) - times(1)
+      variance = sum(z**2)/size(z)
+      if (.not. span > 0) return       ! too few samples for anything else
       reach = 60/span + 3*decay
       ! Of a variable that is distributed exponentially the median is ln 2 times the mean; means of
       ! so many samples have as much less variance.
