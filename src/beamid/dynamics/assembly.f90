@@ -91,7 +91,7 @@ module beamid_assembly
    end type assembly_t
 
    !> A root this many times beyond all poles of the oscillators moves nothing that is observed.
-   real(wp), parameter :: far_away = 1e4_wp
+   real(wp), parameter :: far_away = 1e5_wp
 
 contains
 

@@ -16,11 +16,12 @@ module beamid_poles
    use beamid_roots, only: find_roots
    use beamid_strings, only: to_text
    use beamid_systems, only: differentiate_vector, find_whole_vector, vector_slope_t
+   use beamid_terms, only: bending, of_damping, of_stiffness
    use beamid_vectors, only: find_vector, most, root_t, solve_coupled, solve_mass, vector_t
    implicit none
    private
 
-   public :: poles_t, find_poles, observe_also, differentiate_poles
+   public :: poles_t, find_poles, residues, observe_also, differentiate_poles
 
    type :: poles_t
       !> one of each complex pair, Im s > 0, and the real ones
@@ -122,11 +123,13 @@ contains
          associate (vector => poles%vector(k))
             ! |A| of an undamped mode.
             undamped(k) = 2*abs(poles%s(k))*vector%inertia
-            near(k) = abs(vector%A) < small_A*undamped(k)
+            near(k) = abs(vector%A) < small_A*undamped(k) .and. &
+               .not. is_lost(assembly, vector, poles%s(k))
             alone(k) = abs(vector%A) > smaller_A*undamped(k)
             poles%residue(k) = 0
-            if (abs(vector%A) > 0) poles%residue(k) = weight(poles%s(k)) &
-               *vector%y(assembly%sensor)*driven_by(assembly, vector, poles%s(k))/vector%A
+            if (.not. is_lost(assembly, vector, poles%s(k))) poles%residue(k) = &
+               weight(poles%s(k))*vector%y(assembly%sensor) &
+               *driven_by(assembly, vector, poles%s(k))/vector%A
          end associate
       end do
       call find_clusters(assembly, poles%all, pack(poles%root, near), pack(alone, near), &
@@ -139,6 +142,7 @@ contains
       do k = 1, size(poles%s)
          if (abs(poles%vector(k)%A) > tiny_A*undamped(k)) cycle
          if (any(poles%cluster%holds(poles%s(k)))) cycle
+         if (is_lost(assembly, poles%vector(k), poles%s(k))) cycle
          call failure(error, 'modal: too many roots of the characteristic equation come '// &
             'together near s = '//to_text(real(poles%s(k)))//' + i '//to_text(aimag(poles%s(k))))
          return
@@ -150,6 +154,20 @@ contains
       call check_sums(assembly, poles, error)
    end subroutine residues
 
+   !> Whether a root is one of those slow ones that round-off no longer keeps apart, at -E/c_D: of a
+   !> mode so overdamped that its residue is 1e-10 of what it would be without.
+   pure logical function is_lost(assembly, vector, s)
+      type(assembly_t), intent(in) :: assembly
+      type(vector_t), intent(in) :: vector
+      complex(wp), intent(in) :: s
+
+      ! Its vector may not even be a number.
+      is_lost = .not. abs(vector%A) > 2*tiny_A*abs(s)*vector%inertia
+      if (is_lost) is_lost = .not. abs(vector%A) > 0 .or. &
+         abs(assembly%strength(bending, of_damping)*s + assembly%strength(bending, of_stiffness)) &
+         <= 1e-10_wp*assembly%strength(bending, of_stiffness)
+   end function is_lost
+
    !> Makes the oscillator with x_j = 1 one that has its share of the motion, after all.
    pure subroutine take_part(assembly, root, vector)
       type(assembly_t), intent(in) :: assembly
@@ -158,7 +176,7 @@ contains
       real(wp) :: share(assembly%n)
 
       share = assembly%pencil(1)%m*(real(vector%x)**2 + aimag(vector%x)**2)
-      if (maxval(share) <= 16*share(root%j)) return
+      if (.not. maxval(share) > 16*share(root%j)) return
       root%j = maxloc(share, dim=1)
       call find_vector(assembly, root, vector)
    end subroutine take_part
@@ -233,6 +251,11 @@ contains
       end if
       do k = 1, size(poles%s)
          if (any(poles%cluster%holds(poles%s(k)))) cycle
+         if (is_lost(assembly, poles%vector(k), poles%s(k))) then
+            poles%ds(k, :) = 0
+            poles%dr(k, :) = 0
+            cycle
+         end if
          if (assembly%is_dense()) then
             if (present(also)) then
                call differentiate_residue(assembly, poles, k, also%slope(:, k))
