@@ -102,7 +102,7 @@ contains
       real(wp), intent(in) :: t, finish
       logical, intent(in) :: with_slopes
       real(wp) :: step, force, slope
-      complex(wp) :: phi(3), x
+      complex(wp) :: phi(4), x
       logical :: same
       integer :: k
 
@@ -137,35 +137,38 @@ contains
       end do
       if (node >= size(excitation%t)) return
       do k = 1, size(poles%s)
-         ! z: force step phi_1 + slope step**2 phi_2; its derivative by (x phi_j)' = phi_(j-1) - ...
+         ! z: force step phi_1 + slope step**2 phi_2.
          x = poles%s(k)*step
          phi = phi_functions(x, states%growth(k))
          states%z(k) = states%z(k) + step*(force*phi(1) + slope*step*phi(2))
-         states%y(k) = states%y(k) + step**2*(force*(phi(1) - phi(2)) &
-            + slope*step*(phi(2) - 2*phi(3)))
+         states%y(k) = states%y(k) + step**2*(force*phi(3) + slope*step*phi(4))
       end do
    end subroutine advance
 
-   !> phi_1 = (e**x - 1)/x, phi_2 = (phi_1 - 1)/x, phi_3 = (phi_2 - 1/2)/x; by their series for
-   !> small x. Their derivatives are phi_1' = phi_1 - phi_2 and phi_2' = phi_2 - 2 phi_3.
+   !> phi_1 = (e**x - 1)/x, phi_2 = (phi_1 - 1)/x, and their derivatives phi_1' = phi_1 - phi_2 and
+   !> phi_2' = phi_2 - 2 phi_3, phi_3 = (phi_2 - 1/2)/x. By the series of phi_3 for small x; for
+   !> large x, a root much faster than the samples, these differences would cancel.
    pure function phi_functions(x, exponential) result(phi)
       complex(wp), intent(in) :: x, exponential
-      complex(wp) :: phi(3)
+      complex(wp) :: phi(4), phi_3
       integer :: k
 
       if (abs(x) > 2) then
          phi(1) = (exponential - 1)/x
          phi(2) = (phi(1) - 1)/x
-         phi(3) = (phi(2) - 0.5_wp)/x
+         phi(3) = (exponential*(x - 1) + 1)/x**2
+         phi(4) = (exponential*(x - 2) + (x + 2))/x**3
       else
          ! phi_3 = sum x**k/(k + 3)!, to 2**24/27! < 1e-20
-         phi(3) = 1
+         phi_3 = 1
          do k = 24, 1, -1
-            phi(3) = 1 + phi(3)*x/(k + 3)
+            phi_3 = 1 + phi_3*x/(k + 3)
          end do
-         phi(3) = phi(3)/6
-         phi(2) = 0.5_wp + x*phi(3)
+         phi_3 = phi_3/6
+         phi(2) = 0.5_wp + x*phi_3
          phi(1) = 1 + x*phi(2)
+         phi(3) = phi(1) - phi(2)
+         phi(4) = phi(2) - 2*phi_3
       end if
    end function phi_functions
 
