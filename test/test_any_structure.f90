@@ -98,8 +98,8 @@ contains
    !> Motions to 1e-8 of their largest, and what they change by when a parameter doubles to 1e-6:
    !> three parameters of each structure, on up to 12 elements, whose system has an exponential in
    !> quadruple precision within a second. The roots themselves are good to 1e-12 or so, less the
-   !> condition of M and K, 1e4 with masses and springs of a thousand beams. Central
-   !> differences of 1e-6 err by 1e-12 times the phase cubed, 1e4; the exponential of a system with a
+   !> condition of M and K, 1e4 with masses and springs of a thousand beams. Central differences
+   !> of 1e-6 err by 1e-12 times the phase cubed, 1e4; the exponential of a system with a
    !> clamp that is next to rigid has some 15 digits left of 34.
    subroutine test_some(structures)
       integer, intent(in) :: structures
