@@ -16,7 +16,6 @@ module beamid_poles
    use beamid_roots, only: find_roots
    use beamid_strings, only: to_text
    use beamid_systems, only: differentiate_vector, find_whole_vector, vector_slope_t
-   use beamid_terms, only: bending, of_damping, of_stiffness
    use beamid_vectors, only: find_vector, most, root_t, solve_coupled, solve_mass, vector_t
    implicit none
    private
@@ -163,9 +162,7 @@ contains
 
       ! Its vector may not even be a number.
       is_lost = .not. abs(vector%A) > 2*tiny_A*abs(s)*vector%inertia
-      if (is_lost) is_lost = .not. abs(vector%A) > 0 .or. &
-         abs(assembly%strength(bending, of_damping)*s + assembly%strength(bending, of_stiffness)) &
-         <= 1e-10_wp*assembly%strength(bending, of_stiffness)
+      if (is_lost) is_lost = .not. abs(vector%A) > 0 .or. assembly%from_pile(s) <= 1e-10_wp
    end function is_lost
 
    !> Makes the oscillator with x_j = 1 one that has its share of the motion, after all.

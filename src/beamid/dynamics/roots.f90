@@ -225,6 +225,9 @@ contains
          ! The slope cannot be told, or two points have met: a little aside, and no convergence.
          step = max(1e-8_wp*abs(roots(k)%offset), epsilon(near)*abs(roots(k)%s))
          moved = huge(moved)
+         ! Where several poles are one to all digits that is as near as it gets.
+         if (assembly%from_pile(roots(k)%s) <= 100*epsilon(near)) moved = 0
+         if (.not. moved > 0) step = 0
       end if
       settled = moved <= 1e-2_wp*abs(aimag(roots(k)%s)) .and. k <= half .and. &
          abs(roots(partner)%s - conjg(roots(k)%s)) <= 1e-1_wp*abs(aimag(roots(k)%s))
