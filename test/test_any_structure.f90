@@ -99,8 +99,8 @@ contains
    !> three parameters of each structure, on up to 12 elements, whose system has an exponential in
    !> quadruple precision within a second. The roots themselves are good to 1e-12 or so, less the
    !> condition of M and K, 1e4 with masses and springs of a thousand beams. Central differences
-   !> of 1e-12; the exponential of a system with a clamp that is next to rigid has some 15 digits left
-   !> of 34, and 1e-8 has to do there.
+   !> of 1e-12; the exponential of a system with a clamp that is next to rigid has some 15 digits
+   !> left of 34, and 1e-8 has to do there.
    subroutine test_some(structures)
       integer, intent(in) :: structures
       type(structure_t) :: s
