@@ -91,6 +91,7 @@ module beamid_assembly
    contains
       procedure :: is_dense
       procedure :: form_at
+      procedure :: from_pile
       procedure :: is_bare
       procedure :: is_undamped
       procedure :: roots
@@ -105,7 +106,7 @@ module beamid_assembly
    end type assembly_t
 
    !> A root this many times beyond all poles of the oscillators moves nothing that is observed.
-   real(wp), parameter :: far_away = 1e4_wp
+   real(wp), parameter :: far_away = 1e5_wp
 
 contains
 
@@ -715,6 +716,17 @@ contains
          form = merge(1, 2, abs(st%c_H*s + st%k_H) <= abs(st%m_H*s**2))
       end associate
    end function form_at
+
+   !> Relative distance of s from -E/c_D, next to which the slow roots of overdamped modes lie: in a
+   !> mode overdamped so far the slow root's residue is that small too.
+   pure real(wp) function from_pile(self, s)
+      class(assembly_t), intent(in) :: self
+      complex(wp), intent(in) :: s
+
+      associate (E => self%strength(bending, of_stiffness))
+         from_pile = abs(self%strength(bending, of_damping)*s + E)/E
+      end associate
+   end function from_pile
 
    !> Whether nothing hangs on the beam.
    pure logical function is_bare(self)

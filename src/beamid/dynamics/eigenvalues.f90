@@ -41,7 +41,7 @@ contains
       type(root_t), allocatable, intent(out) :: roots(:)
       type(error_t), allocatable, intent(out) :: error
       complex(wp), allocatable :: s(:), near(:)
-      real(wp) :: fastest, shift
+      real(wp) :: error_of_s, fastest, shift
 
       call large_roots(assembly, s)
       if (size(s) == 0) then
@@ -52,15 +52,19 @@ contains
       ! To the right of all roots, next to the lowest.
       shift = 1e-3_wp*minval(abs(assembly%pole), mask=abs(assembly%pole) > 0)
       call roots_near(assembly, shift, near)
+      ! Of s by itself the error is that of the largest; of 1/(s - shift) it is |s - shift|**2 over
+      ! that of the nearest root: each list serves where its error is the smaller.
+      error_of_s = fastest
       if (size(near) > 0) call take_over(s, near, (0.0_wp, 0.0_wp), &
          sqrt(minval(abs(near - shift))*fastest))
       associate (E => assembly%strength(bending, of_stiffness), &
          c_D => assembly%strength(bending, of_damping))
          if (c_D*fastest > E) then
             shift = -E/c_D
+            if (size(near) > 0) error_of_s = min(fastest, shift**2/minval(abs(near)))
             call roots_near(assembly, shift, near)
             if (size(near) > 0) call take_over(s, near, cmplx(shift, 0, wp), &
-               min(abs(shift)/2, sqrt(minval(abs(near - shift))*fastest)))
+               min(abs(shift)/2, sqrt(minval(abs(near - shift))*error_of_s)))
          end if
       end associate
       call arrange(assembly, s, roots)

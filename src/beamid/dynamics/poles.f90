@@ -183,11 +183,13 @@ contains
          associate (vector => poles%vector(k))
             ! |A| of an undamped mode.
             undamped(k) = 2*abs(poles%s(k))*vector%inertia
-            near(k) = abs(vector%A) < small_A*undamped(k)
+            near(k) = abs(vector%A) < small_A*undamped(k) .and. &
+               .not. is_lost(assembly, vector, poles%s(k))
             alone(k) = abs(vector%A) > smaller_A*undamped(k)
             poles%residue(k) = 0
-            if (abs(vector%A) > 0) poles%residue(k) = weight(poles%s(k)) &
-               *vector%y(assembly%sensor)*driven_by(assembly, vector, poles%s(k))/vector%A
+            if (.not. is_lost(assembly, vector, poles%s(k))) poles%residue(k) = &
+               weight(poles%s(k))*vector%y(assembly%sensor) &
+               *driven_by(assembly, vector, poles%s(k))/vector%A
          end associate
       end do
       call find_clusters(assembly, poles%all, pack(poles%root, near), pack(alone, near), &
@@ -200,6 +202,7 @@ contains
       do k = 1, size(poles%s)
          if (abs(poles%vector(k)%A) > tiny_A*undamped(k)) cycle
          if (any(poles%cluster%holds(poles%s(k)))) cycle
+         if (is_lost(assembly, poles%vector(k), poles%s(k))) cycle
          call failure(error, 'modal: too many roots of the characteristic equation come '// &
             'together near s = '//to_text(real(poles%s(k)))//' + i '//to_text(aimag(poles%s(k))))
          return
@@ -211,6 +214,18 @@ contains
       call check_sums(assembly, poles, error)
    end subroutine residues
 
+   !> Whether a root is one of those slow ones that round-off no longer keeps apart, at -E/c_D: of a
+   !> mode so overdamped that its residue is 1e-10 of what it would be without.
+   pure logical function is_lost(assembly, vector, s)
+      type(assembly_t), intent(in) :: assembly
+      type(vector_t), intent(in) :: vector
+      complex(wp), intent(in) :: s
+
+      ! Its vector may not even be a number.
+      is_lost = .not. abs(vector%A) > 2*tiny_A*abs(s)*vector%inertia
+      if (is_lost) is_lost = .not. abs(vector%A) > 0 .or. assembly%from_pile(s) <= 1e-10_wp
+   end function is_lost
+
    !> Makes the oscillator with x_j = 1 one that has its share of the motion, after all.
    pure subroutine take_part(assembly, root, vector)
       type(assembly_t), intent(in) :: assembly
@@ -219,7 +234,7 @@ contains
       real(wp) :: share(assembly%n)
 
       share = assembly%pencil(1)%m*(real(vector%x)**2 + aimag(vector%x)**2)
-      if (maxval(share) <= 16*share(root%j)) return
+      if (.not. maxval(share) > 16*share(root%j)) return
       root%j = maxloc(share, dim=1)
       call find_vector(assembly, root, vector)
    end subroutine take_part
@@ -300,6 +315,11 @@ contains
       end if
       do k = 1, size(poles%s)
          if (any(poles%cluster%holds(poles%s(k)))) cycle
+         if (is_lost(assembly, poles%vector(k), poles%s(k))) then
+            poles%ds(k, :) = 0
+            poles%dr(k, :) = 0
+            cycle
+         end if
          if (assembly%is_dense()) then
             if (present(also)) then
                call differentiate_residue(assembly, poles, k, also%slope(:, k))

@@ -195,7 +195,8 @@ contains
          end do
          if (modulo(sweep, patience) == 0) then
             doubtful = doubtful .or. any(.not. done .and. moved > before/2 .and. &
-               moved <= 1e-3_wp*abs(roots%s) .and. moved > 1e-6_wp*abs(roots%s))
+               moved <= 1e-3_wp*abs(roots%s) .and. moved > &
+               max(1e-4_wp*abs(roots%offset), 1e-13_wp*abs(roots%s)))
             done = done .or. moved > before/2 .and. moved <= 1e-3_wp*abs(roots%s)
             before = moved
          end if
@@ -222,6 +223,7 @@ contains
       integer, intent(in) :: k
       real(wp), intent(out) :: moved
       complex(wp) :: slope, step, gap
+      real(wp) :: near
       integer :: half, i, partner
       logical :: told, settled
 
@@ -235,9 +237,11 @@ contains
       end if
       slope = logarithmic_derivative(assembly, roots(k))
       told = abs(slope) > 0
+      near = 1e-6_wp*abs(roots(k)%s)
       do i = 1, size(roots)
          if (i == k) cycle
          gap = roots(k)%s - roots(i)%s
+         if (abs(real(gap)) + abs(aimag(gap)) <= near) gap = distance(assembly, roots(k), roots(i))
          told = told .and. abs(gap) > 0
          if (told) slope = slope - conjg(gap)/(real(gap)**2 + aimag(gap)**2)
       end do
@@ -246,8 +250,11 @@ contains
          moved = abs(step)
       else
          ! The slope cannot be told, or two points have met: a little aside, and no convergence.
-         step = 1e-8_wp*abs(roots(k)%s)
+         step = max(1e-8_wp*abs(roots(k)%offset), epsilon(near)*abs(roots(k)%s))
          moved = huge(moved)
+         ! Where several poles are one to all digits that is as near as it gets.
+         if (assembly%from_pile(roots(k)%s) <= 100*epsilon(near)) moved = 0
+         if (.not. moved > 0) step = 0
       end if
       settled = moved <= 1e-2_wp*abs(aimag(roots(k)%s)) .and. k <= half .and. &
          abs(roots(partner)%s - conjg(roots(k)%s)) <= 1e-1_wp*abs(aimag(roots(k)%s))
@@ -256,6 +263,15 @@ contains
       if (abs(step) > 1e-2_wp*abs(roots(k)%offset)) call nearest_pole(assembly, roots(k))
       if (settled) roots(partner) = mirrored(assembly, roots(k))
    end subroutine correct
+
+   !> Of two roots next to each other, with the digits that their offsets have.
+   pure complex(wp) function distance(assembly, a, b)
+      type(assembly_t), intent(in) :: assembly
+      type(root_t), intent(in) :: a, b
+
+      distance = (assembly%pole(a%origin, a%side) - assembly%pole(b%origin, b%side)) &
+         + (a%offset - b%offset)
+   end function distance
 
    !> Whether two roots are conjugate and not real.
    pure logical function is_pair(a, b)

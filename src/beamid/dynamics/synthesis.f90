@@ -235,12 +235,12 @@ contains
    end subroutine advance
 
    !> What the force adds within a step: to z force step phi_1 + slope step**2 phi_2, to y its
-   !> derivative by (x phi_j)' = phi_(j-1) - ...
+   !> derivative.
    pure subroutine drive(self, poles, force, slope)
       type(states_t), intent(inout) :: self
       type(poles_t), intent(in) :: poles
       real(wp), intent(in) :: force, slope
-      complex(wp) :: phi(3), more
+      complex(wp) :: phi(4), more
       integer :: k
 
       associate (step => self%step)
@@ -249,32 +249,36 @@ contains
             more = step*(force*phi(1) + slope*step*phi(2))
             self%z(k, :) = self%z(k, :) + [real(more), aimag(more)]
             if (size(self%y) == 0) cycle
-            more = step**2*(force*(phi(1) - phi(2)) + slope*step*(phi(2) - 2*phi(3)))
+            more = step**2*(force*phi(3) + slope*step*phi(4))
             self%y(k, :) = self%y(k, :) + [real(more), aimag(more)]
          end do
       end associate
    end subroutine drive
 
-   !> phi_1 = (e**x - 1)/x, phi_2 = (phi_1 - 1)/x, phi_3 = (phi_2 - 1/2)/x; by their series for
-   !> small x. Their derivatives are phi_1' = phi_1 - phi_2 and phi_2' = phi_2 - 2 phi_3.
+   !> phi_1 = (e**x - 1)/x, phi_2 = (phi_1 - 1)/x, and their derivatives phi_1' = phi_1 - phi_2 and
+   !> phi_2' = phi_2 - 2 phi_3, phi_3 = (phi_2 - 1/2)/x. By the series of phi_3 for small x; for
+   !> large x, a root much faster than the samples, these differences would cancel.
    pure function phi_functions(x, exponential) result(phi)
       complex(wp), intent(in) :: x, exponential
-      complex(wp) :: phi(3)
+      complex(wp) :: phi(4), phi_3
       integer :: k
 
       if (real(x)**2 + aimag(x)**2 > 4) then
          phi(1) = (exponential - 1)/x
          phi(2) = (phi(1) - 1)/x
-         phi(3) = (phi(2) - 0.5_wp)/x
+         phi(3) = (exponential*(x - 1) + 1)/x**2
+         phi(4) = (exponential*(x - 2) + (x + 2))/x**3
       else
          ! phi_3 = sum x**k/(k + 3)!, to 2**24/27! < 1e-20
-         phi(3) = 1
+         phi_3 = 1
          do k = 24, 1, -1
-            phi(3) = 1 + phi(3)*x*(1.0_wp/(k + 3))
+            phi_3 = 1 + phi_3*x*(1.0_wp/(k + 3))
          end do
-         phi(3) = phi(3)/6
-         phi(2) = 0.5_wp + x*phi(3)
+         phi_3 = phi_3/6
+         phi(2) = 0.5_wp + x*phi_3
          phi(1) = 1 + x*phi(2)
+         phi(3) = phi(1) - phi(2)
+         phi(4) = phi(2) - 2*phi_3
       end if
    end function phi_functions
 
