@@ -17,6 +17,8 @@ module beamid_commands
    use beamid_texts, only: text_t
    use beamid_verdict_reports, only: add_verdict_tables
    use beamid_verdicts, only: new_verdict, verdict_t
+   use beamid_window_fits, only: fit_windows, window_fit_t
+   use beamid_window_reports, only: add_window_table, window_summary
    implicit none
    private
 
@@ -53,6 +55,7 @@ contains
       character(len=note_length), allocatable :: notes(:)
       type(verdict_t) :: verdict
       type(stage_fit_t), allocatable :: refined(:)
+      type(window_fit_t), allocatable :: windows(:)
       integer :: k
 
       call read_case(settings%subject, needs_fit, case, error)
@@ -94,6 +97,14 @@ contains
       call add_fit_tables(output, case%units, fits, experiments)
       call add_verdict_tables(output, verdict)
       call output%add('modes.csv', table%content())
+      if (case%windows > 0) then
+         associate (last => fits(size(fits, 1), size(fits, 2)))
+            call fit_windows(case%model, case%meshes(size(case%meshes)), experiments, last, &
+               case%windows, windows)
+            call found%add(window_summary(last, windows))
+            call add_window_table(output, last, windows)
+         end associate
+      end if
       call deliver(output, fit_summary(case, experiments, fits, notes, verdict)// &
          found%content(), settings, case%name, error, case%recordings)
       if (.not. allocated(error) .and. verdict%no_fit /= '') call failure(error, case%path// &

@@ -33,6 +33,8 @@ program test_bad_models
       call test_noise()
       call close_shell()
    end if
+   call test_priors()
+   call test_channels()
    call finish('bad_models')
 
 contains
@@ -59,7 +61,7 @@ contains
          '5: &hose k_H: found -0.3|0 or more')
       call refused('no length', 'length=4.0,', '', &
          '2: &beam length: found nothing|expected a value')
-      call refused('no density', 'rho=0.03,', '', '2: &beam rho: found nothing|expected a value')
+      call refused('no density', 'rho=0.03,', '', '2: &beam rho: found no mass|expected either')
       call refused('no modulus', 'E=80.0,', '', '2: &beam E: found nothing|expected a value')
       call refused('no hose mass', 'm_H=0.04,', '', '5: &hose m_H: found nothing|expected a value')
       call refused('hose without mass', 'm_H=0.04', 'm_H=0', &
@@ -639,5 +641,73 @@ contains
       call refused('seed', units, '&noise sd=1, seed=1.5 /'//nl//units, &
          line//'seed: found ''1.5''|expected an integer', command='simulate')
    end subroutine test_noise
+
+   !> What is known beside the record, and of the section.
+   subroutine test_priors()
+      character(len=:), allocatable :: rectangle, dense
+
+      rectangle = replaced(case_text, 'I=1.0', 'width=12, height=1')
+      dense = replaced(rectangle, 'rho=0.03', 'density=0.0025')
+      call accepted('prior of a held one', 'identify', carrying(group('prior', &
+         'parameter=''length'', sd=0.1')))
+      call accepted('prior of a free one', 'identify', carrying(group('prior', &
+         'parameter=''M_H'', sd=0.01, value=0.05')))
+      call accepted('prior of I', 'identify', carrying(group('prior', 'parameter=''I'', sd=0.1')))
+      call accepted('prior of a height', 'identify', rectangle//group('prior', &
+         'parameter=''height'', sd=0.01')//nl)
+      call accepted('density', 'identify', dense//group('prior', &
+         'parameter=''density'', sd=0.0001')//group('prior', 'parameter=''width'', sd=0.1')//nl)
+      call accepted('windows need samples', 'identify', carrying(group('windows', 'n=2')))
+      call accepted('noise of the record', 'identify', replaced(case_text, 't_step=0.1', &
+         't_step=0.1, sd=0.2'))
+      call refused_case('prior of nothing', carrying(group('prior', 'sd=0.1')), &
+         '5: &prior parameter: found nothing|expected')
+      call refused_case('prior without sd', carrying(group('prior', 'parameter=''length''')), &
+         '5: &prior sd: found nothing|expected')
+      call refused_case('prior of sd 0', carrying(group('prior', 'parameter=''length'', sd=0')), &
+         '5: &prior sd: found 0|expected a value above 0')
+      call refused_case('prior of an unknown one', carrying(group('prior', &
+         'parameter=''lenght'', sd=0.1')), '5: &prior parameter: found ''lenght''|expected one of')
+      call refused_case('prior of a height that is not there', carrying(group('prior', &
+         'parameter=''height'', sd=0.1')), '5: &prior parameter: found ''height''|expected one of')
+      call refused_case('prior of the offset', carrying(group('prior', &
+         'parameter=''offset'', sd=0.1')), '5: &prior parameter: found ''offset''|expected one of')
+      call refused_case('prior of another record', carrying(group('prior', &
+         'parameter=''length'', sd=0.1, record=2')), '5: &prior record: found 2|expected')
+      call refused_case('prior twice', carrying(group('prior', 'parameter=''E'', sd=1')// &
+         group('prior', 'parameter=''e'', sd=2')), '6: &prior parameter: found ''e'' twice|expected')
+      call refused_case('prior of a damper of no clamp', carrying(group('prior', &
+         'parameter=''c_R'', sd=1')), '5: &prior parameter: found ''c_R''|expected a value of k_R')
+      call refused_case('value of a height', rectangle//group('prior', &
+         'parameter=''height'', sd=0.01, value=2')//nl, '&prior value: found 2|expected none')
+      call refused_case('rho and density', replaced(dense, 'c_D=0.005', 'c_D=0.005, rho=1'), &
+         '&beam rho: found both rho and density|expected either')
+      call refused_case('density without a section', replaced(dense, 'width=12, height=1', &
+         'I=1'), '&beam density: found 0.0025|expected it beside width and height')
+      call refused_case('no mass', replaced(case_text, ' rho=0.03,', ''), &
+         '&beam rho: found no mass|expected either rho or')
+      call refused_case('one window', carrying(group('windows', 'n=1')), &
+         '5: &windows n: found 1|expected')
+      call refused_case('elements in words', replaced(case_text, 'elements=2', &
+         'elements=''many'''), '&discretization elements: found the text ''many''|expected')
+   end subroutine test_priors
+
+   !> Channels of one motion.
+   subroutine test_channels()
+      character(len=*), parameter :: line = 'file=''record.csv'', t_first=0.1, t_last=0.6, t_step=0.1'
+      character(len=:), allocatable :: two, again
+
+      again = nl//'&record '//line//', experiment=1'
+      two = replaced(case_text, line//' /', line//', experiment=1 /'//again//' /')
+      call accepted('channels', 'identify', two)
+      call refused_case('channel of number 0', replaced(case_text, line, line//', experiment=0'), &
+         '&record experiment: found 0|expected')
+      call refused_case('channels of two beams', replaced(two, again, again//', length=5'), &
+         '&record experiment: found 1 with another beam than record 1|expected the same beam')
+      call refused_case('channels far apart', replaced(two, again, nl//'&record '//line//' /'// &
+         again), '&record experiment: found 1 again|expected records of one experiment')
+      call refused_case('channels that share not all', replaced(two, 'free=''m_H'',''k_H''', &
+         'free=''m_H'',''k_H'', shared=''k_H'''), '&stage shared: found parameters that are not')
+   end subroutine test_channels
 
 end program test_bad_models

@@ -414,19 +414,19 @@ contains
       end do
    end subroutine test_formulas
 
-   !> What was done to the record stands below the verdict, a line for the record and one for each
-   !> of two modes, and the line that says what was identified.
+   !> What was done to the record stands below the verdict, a line for the record, one for each of
+   !> two modes and one for the mesh, and the line that says what was identified.
    subroutine test_notes()
       type(outcome_t) :: outcome
-      character(len=:), allocatable :: fifth, table
+      character(len=:), allocatable :: sixth, table
 
       call write_file('case.nml', replaced(case_text, 't_step=0.1', 't_step=0.1, clip_low=-1.2'))
       call write_file('record.csv', record_text)
       outcome = beamid('identify case.nml --quiet --out notes')
       call check_success('notes', outcome, 'notes/')
-      fifth = line(outcome%out, 5)
-      call check('notes: samples left out', fifth == &
-         '2 of 6 samples left out: at the sensor''s limit (-1.2)', fifth)
+      sixth = line(outcome%out, 6)
+      call check('notes: samples left out', sixth == &
+         '2 of 6 samples left out: at the sensor''s limit (-1.2)', sixth)
       call check('notes: the others are fitted', index(outcome%out, 'from 4 samples') > 0)
       table = read_file('notes/fit.csv')
       call check_table('fit.csv without them', table, fit_header, rows=4)

@@ -37,6 +37,8 @@ contains
       type(experiment_t) :: two(2)
 
       call make_two(two)
+      two(1)%sd = 1
+      two(2)%sd = 1
       call count_inside('two records', two, stage_for([character(len=5) :: 'E', 'c_D', &
          'gamma'], 2), [truth%E, 0.004_wp, 0.005_wp, truth%c_D, truth%gamma], 400)
    end subroutine test_two

@@ -5,7 +5,7 @@ program test_release
    use beamid_cvode, only: cvode_t
    use beamid_errors, only: error_t
    use beamid_excitation, only: excitation_t, new_force_table, new_release
-   use beamid_experiments, only: apparatus_t, experiment_t, linear_t, new_apparatus
+   use beamid_experiments, only: apparatus_t, experiment_t, linear_t, new_apparatus, seen_modes_t
    use beamid_galerkin, only: mesh_t
    use beamid_identification, only: identify, model_t, simulate, simulation_t, stage_fit_t, stage_t
    use beamid_kinds, only: wp
@@ -305,6 +305,7 @@ contains
       type(structure_t) :: moved
       type(error_t), allocatable :: error
       type(linear_t) :: linear
+      type(seen_modes_t) :: alone
       real(wp), allocatable :: exact(:, :)
       real(wp) :: y(size(times)), difference(size(times)), none(size(times), 0), value, h
       type(work_t) :: work
@@ -322,7 +323,7 @@ contains
          experiment%excitation = excitation
          call new_apparatus(experiment, structure, mesh, by_equation, modal_t(), apparatus, error)
          call apparatus%evaluate(structure, excitation, .false., places, y, exact, linear, work, &
-            error)
+            error, alone)
          call check(what//', by '//trim(way)//': derivatives', .not. allocated(error))
          if (allocated(error)) return
          do p = 1, size(places)
@@ -335,7 +336,7 @@ contains
                moved_excitation = excitation
                call set_free(moved, moved_excitation, places(p), value + steps(j)*h)
                call apparatus%evaluate(moved, moved_excitation, .false., [integer ::], y, none, &
-                  linear, work, error)
+                  linear, work, error, alone)
                if (allocated(error)) y = huge(1.0_wp)
                difference = difference + weights(j)/h*y
             end do

@@ -8,7 +8,7 @@ module beamid_case_files
    use beamid_identification, only: model_t, stage_t
    use beamid_kinds, only: wp
    use beamid_method_groups, only: read_discretization, read_integrator, read_multistart, &
-      read_observation, read_stage
+      read_observation, read_stage, read_windows
    use beamid_modal, only: modal_t
    use beamid_model_groups, only: read_excitation, read_noise, read_structure, read_units, section_t
    use beamid_multistart, only: multistart_t
@@ -30,7 +30,7 @@ module beamid_case_files
       group_t('excitation', may_repeat=.true.), group_t('discretization'), group_t('integrator'), &
       group_t('observation'), group_t('record', may_repeat=.true.), group_t('score'), &
       group_t('stage', may_repeat=.true.), group_t('prior', may_repeat=.true.), &
-      group_t('multistart'), group_t('noise'), group_t('units')]
+      group_t('multistart'), group_t('windows'), group_t('noise'), group_t('units')]
 
    type :: case_t
       character(len=:), allocatable :: path     !< as given
@@ -48,6 +48,7 @@ module beamid_case_files
       type(stage_t), allocatable :: stages(:)
       integer, allocatable :: stage_lines(:)    !< of the groups &stage
       type(multistart_t) :: multistart
+      integer :: windows = 0                    !< in which the fit is repeated
       type(units_t) :: units
       !> of the noise that `simulate` adds to a record [acceleration]
       real(wp) :: noise_sd = 0
@@ -109,6 +110,7 @@ contains
          case ('integrator'); call read_integrator(block, model%solver)
          case ('observation'); call read_observation(block, model%observation)
          case ('multistart'); call read_multistart(block, case%multistart)
+         case ('windows'); call read_windows(block, case%windows)
          case ('noise'); call read_noise(block, case%noise_sd, case%noise_seed)
          case ('units'); call read_units(block, case%units)
          case ('score')

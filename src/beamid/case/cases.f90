@@ -13,7 +13,7 @@ module beamid_cases
    use beamid_records, only: grid, load_recording, note_length, recording_t
    use beamid_refusals, only: refusals_t, refuse
    use beamid_strings, only: to_text
-   use beamid_structure, only: n_parameters, of_length, structure_t
+   use beamid_structure, only: n_parameters, of_length, same_structure, structure_t
    use beamid_unknowns, only: stage_t
    implicit none
    private
@@ -149,12 +149,15 @@ contains
             experiment%scale = recording%scale
             experiment%offset = recording%offset
             if (allocated(recording%sd)) experiment%sd = recording%sd
+            experiment%motion = recording%experiment
             call place_experiment(case, k, experiment, error)
             if (allocated(error)) return
          end associate
       end do
       total = sum([(size(experiments(k)%samples), k=1, size(experiments))])
-      linear = 2*sum(experiments%excitation%modes)
+      call check_channels(case, experiments, error)
+      if (allocated(error)) return
+      linear = 2*sum(experiments%excitation%modes, mask=is_first(experiments%motion))
       do k = 1, size(case%stages)
          unknowns = size(case%stages(k)%free) + linear &
             + merge(size(experiments), 0, case%stages(k)%offset)
@@ -164,6 +167,53 @@ contains
       end do
       if (.not. allocated(error)) call check_free_places(case, experiments, error)
    end subroutine load_experiments
+
+   !> Whether a record is the first channel of its motion.
+   pure function is_first(motions)
+      integer, intent(in) :: motions(:)
+      logical :: is_first(size(motions))
+      integer :: k
+
+      is_first = [(motions(k) == 0 .or. .not. any(motions(:k - 1) == motions(k)), &
+         k=1, size(motions))]
+   end function is_first
+
+   !> Channels of one motion stand one behind the other and are of the same beam, with the same start
+   !> and the same parameters.
+   subroutine check_channels(case, experiments, error)
+      type(case_t), intent(in) :: case
+      type(experiment_t), intent(in) :: experiments(:)
+      type(error_t), allocatable, intent(out) :: error
+      type(structure_t) :: first, other
+      integer :: j, k, p
+
+      do k = 2, size(experiments)
+         associate (number => experiments(k)%motion, line => case%recordings(k)%line)
+            j = findloc(experiments(:k - 1)%motion, number, dim=1)
+            if (number == 0 .or. j == 0) cycle
+            first = experiments(j)%structure_of(case%model%structure)
+            other = experiments(k)%structure_of(case%model%structure)
+            other%observer = first%observer
+            if (experiments(k - 1)%motion /= number) then
+               call refuse(case%path, line, 'record experiment', to_text(number)//' again', &
+                  'records of one experiment one behind the other', error)
+            else if (.not. same_structure(first, other)) then
+               call refuse(case%path, line, 'record experiment', to_text(number)// &
+                  ' with another beam than record '//to_text(j), 'the same beam', error)
+            else if (experiments(k)%excitation%modes /= experiments(j)%excitation%modes) then
+               call refuse(case%path, line, 'record experiment', to_text(number)// &
+                  ' with another start than record '//to_text(j), 'the same', error)
+            end if
+         end associate
+         do p = 1, size(case%stages)
+            if (allocated(error)) return
+            if (any(case%stages(p)%owners() > 0)) call refuse(case%path, case%stage_lines(p), &
+               'stage shared', 'parameters that are not shared, beside channels of one '// &
+               'experiment', 'all of them', error)
+         end do
+         if (allocated(error)) return
+      end do
+   end subroutine check_channels
 
    !> What has a free place must find one on every beam, and a beam must reach what sits on it.
    subroutine check_free_places(case, experiments, error)

@@ -21,7 +21,7 @@ module beamid_method_groups
    private
 
    public :: read_discretization, read_integrator, read_multistart, read_observation, read_stage, &
-      check_free
+      check_free, read_windows
 
    !> Names of the formulas, by their numbers: (4.1), (4.2) and (3.13).
    character(len=*), parameter, public :: formula_names(3) = &
@@ -102,6 +102,17 @@ contains
          'by this and times this', range_t(1, 1e6_wp, open=.true.))
       call block%close()
    end subroutine read_multistart
+
+   !> n  how many; 0 without the group
+   subroutine read_windows(block, n)
+      type(block_t), intent(inout) :: block
+      integer, intent(inout) :: n
+
+      n = 4
+      call block%get('n', n, 'consecutive windows in which the last stage is repeated', &
+         range_t(2, 100))
+      call block%close()
+   end subroutine read_windows
 
    subroutine read_observation(block, observed)
       type(block_t), intent(inout) :: block

@@ -72,9 +72,11 @@ contains
          call block%refuse('rho', trim(merge('both rho and density', 'no mass             ', &
             block%has('rho'))), 'either rho or width, height and density')
       else if (allocated(density)) then
-         call block%require('width')
-         call block%require('height')
-         if (.not. block%failed()) structure%rho = density*width*height
+         if (.not. (allocated(width) .and. allocated(height))) then
+            call block%refuse('density', to_text(density), 'it beside width and height')
+         else if (.not. block%failed()) then
+            structure%rho = density*width*height
+         end if
       end if
       if (block%failed()) return
       if (allocated(width)) section%width = width

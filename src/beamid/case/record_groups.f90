@@ -41,6 +41,9 @@ contains
       call block%get('x_P', found%x_P, 'that of &support', 'place of the support then', positive)
       call block%get('sensor', found%sensor, 'its name; of several sensors one must be named', &
          default='the only one')
+      call block%get('experiment', found%experiment, &
+         'a number that channels of one motion have in common', range_t(1, huge(1)), &
+         default='a motion of its own')
       call block%close()
       if (.not. abs(found%scale) > 0) call block%refuse('scale', to_text(found%scale), &
          'a value other than 0')

@@ -22,12 +22,17 @@ module beamid_free_motion
       complex(wp) :: s = 0                          !< root [1/time]
       !> (parameters) its derivatives; those of the mean of the roots where some nearly meet
       complex(wp), allocatable :: ds(:)
+      !> What the sensor sees of the mode, up to a factor that does not depend on the sensor, and
+      !> (parameters) its derivatives; 0 of one that nearly meets another
+      complex(wp) :: seen = 0
+      complex(wp), allocatable :: dseen(:)
       !> (states, 3) displacement, velocity and acceleration by states
       complex(wp), allocatable :: row(:, :)
       complex(wp), allocatable :: drow(:, :, :)     !< (states, 3, parameters) their derivatives
       type(cluster_t), allocatable :: cluster       !< to which the mode belongs
    contains
       procedure :: states
+      procedure :: as_seen_beside
    end type free_mode_t
 
 contains
@@ -66,6 +71,8 @@ contains
          if (next <= n) then
             found = found + 1
             modes(found) = mode_of_root(poles%s(next), poles%ds(next, :))
+            modes(found)%seen = poles%residue(next)
+            modes(found)%dseen = poles%dr(next, :)
          else
             do k = 1, min(poles%cluster(next - n)%modes(), wanted - found)
                found = found + 1
@@ -118,6 +125,22 @@ contains
       mode%row(:cluster%m, :) = row
       mode%drow = drow
    end function mode_of_cluster
+
+   !> The motion at this sensor of the mode whose motion at another one is given: times the ratio of
+   !> what the two see of it.
+   pure subroutine as_seen_beside(self, other)
+      class(free_mode_t), intent(inout) :: self
+      type(free_mode_t), intent(in) :: other
+      complex(wp) :: ratio, change
+      integer :: p
+
+      ratio = self%seen/other%seen
+      do p = 1, size(self%drow, 3)
+         change = (self%dseen(p) - ratio*other%dseen(p))/other%seen
+         self%drow(:, :, p) = ratio*self%drow(:, :, p) + change*self%row
+      end do
+      self%row = ratio*self%row
+   end subroutine as_seen_beside
 
    !> (times, states) States at the times after the beginning.
    pure function states(self, tau)

@@ -18,7 +18,7 @@ module beamid_experiments
    implicit none
    private
 
-   public :: experiment_t, apparatus_t, linear_t, new_apparatus
+   public :: experiment_t, apparatus_t, linear_t, seen_modes_t, new_apparatus
 
    !> A record and how it came about.
    type :: experiment_t
@@ -28,6 +28,8 @@ module beamid_experiments
       !> Of the beam, of the sensor and of the support [length]; not allocated: the structure's
       real(wp), allocatable :: length, x_S, x_P
       integer :: sensor = 1                  !< the record comes from
+      !> Records of equal numbers are channels of one motion; 0: a motion of its own
+      integer :: motion = 0
       !> Of the noise [length/time**2]; not allocated: not known
       real(wp), allocatable :: sd
       !> acceleration = scale*(value - offset), the offset in the record's own unit
@@ -46,6 +48,12 @@ module beamid_experiments
       procedure :: evaluate
       procedure, private :: free_motion
    end type apparatus_t
+
+   !> Free modes as the first channel of a motion sees them.
+   type :: seen_modes_t
+      real(wp) :: begin = 0                       !< of that channel [time]
+      type(free_mode_t), allocatable :: modes(:)
+   end type seen_modes_t
 
    !> What enters linearly: Phi = basis*weights(:, :, 0), and its derivatives in the same basis.
    type :: linear_t
@@ -109,7 +117,10 @@ contains
    !> dy          (m, parameters)
    !> linear      k columns: cosine and sine of each mode, then the offset
    !> work        counters to which this call adds
-   subroutine evaluate(self, structure, excitation, offset, parameters, y, dy, linear, work, error)
+   !> first       of the same motion where this is a further channel: the modes as its sensor sees
+   !>             them; not allocated where this is the first, and then set
+   subroutine evaluate(self, structure, excitation, offset, parameters, y, dy, linear, work, &
+      error, first)
       class(apparatus_t), intent(inout), target :: self
       type(structure_t), intent(in) :: structure
       type(excitation_t), intent(in) :: excitation
@@ -119,6 +130,7 @@ contains
       type(linear_t), intent(out) :: linear
       type(work_t), intent(inout) :: work
       type(error_t), allocatable, intent(out) :: error
+      type(seen_modes_t), intent(inout) :: first
       type(equations_t), target :: equations
       type(excitation_t) :: applied
       real(wp) :: none(size(y), 0)
@@ -143,7 +155,8 @@ contains
          end if
       end if
       y = y - self%experiment%measured
-      call self%free_motion(equations, applied%modes, parameters, offset, linear, work, error)
+      call self%free_motion(equations, applied%modes, parameters, offset, first, linear, work, &
+         error)
 
    contains
 
@@ -187,11 +200,12 @@ contains
 
    !> What enters linearly: the two motions of each mode, of which the unknowns are accelerations at
    !> the first sample, and the offset.
-   subroutine free_motion(self, equations, count, parameters, offset, linear, work, error)
+   subroutine free_motion(self, equations, count, parameters, offset, first, linear, work, error)
       class(apparatus_t), intent(inout) :: self
       type(equations_t), intent(in), target :: equations
       integer, intent(in) :: count, parameters(:)
       logical, intent(in) :: offset
+      type(seen_modes_t), intent(inout) :: first
       type(linear_t), intent(out) :: linear
       type(work_t), intent(inout) :: work
       type(error_t), allocatable, intent(out) :: error
@@ -207,6 +221,19 @@ contains
          if (count > 0) call failure(error, 'this method has no modes')
       end select
       if (allocated(error)) return
+      if (.not. allocated(first%modes)) then
+         first%begin = self%experiment%samples(1)
+         first%modes = modes
+      else
+         do k = 1, count
+            if (.not. abs(first%modes(k)%seen) > 0 .or. .not. abs(modes(k)%seen) > 0) then
+               call failure(error, 'mode '//to_text(k)//' nearly meets another one: what two '// &
+                  'channels see of it cannot be compared')
+               return
+            end if
+            call modes(k)%as_seen_beside(first%modes(k))
+         end do
+      end if
       n = 2*sum([(size(modes(k)%row, 1), k=1, count)]) + merge(1, 0, offset)
       allocate (linear%basis(size(self%experiment%samples), n))
       allocate (linear%weights(n, 2*count + merge(1, 0, offset), 0:size(parameters)), &
@@ -214,7 +241,7 @@ contains
       b = 0
       associate (formula => self%sampling%observation%formula)
          do k = 1, count
-            states = modes(k)%states(self%sampling%times - self%experiment%samples(1))
+            states = modes(k)%states(self%sampling%times - first%begin)
             n = size(states, 2)
             do i = 1, n
                linear%basis(:, b + i) = self%sampling%of_motion(real(states(:, i)))

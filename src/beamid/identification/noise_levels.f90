@@ -17,6 +17,10 @@ module beamid_noise_levels
    !> A smaller relative change of the noise is none.
    real(wp), parameter :: settled = 1e-4_wp
 
+   !> No sensor is better than this part of what it records: without it a record that happens to be
+   !> fitted without rest would count for all.
+   real(wp), parameter :: least_noise = 1e-4_wp
+
 contains
 
    !> As `fit`, J that of the records alone.
@@ -83,7 +87,7 @@ contains
       do i = 1, size(sd)
          associate (z => problem%parts(i)%experiment%measured)
             sd(i) = sqrt(sum(r(row + 1:row + size(z))**2)/(size(z)*free))
-            sd(i) = max(sd(i), 1e-9_wp*norm2(z)/sqrt(real(size(z), wp)), tiny(free))
+            sd(i) = max(sd(i), least_noise*norm2(z)/sqrt(real(size(z), wp)), tiny(free))
             row = row + size(z)
          end associate
       end do

@@ -7,8 +7,8 @@ module beamid_refinement
    use beamid_identification, only: identify, model_t, stage_fit_t, stage_t
    use beamid_kinds, only: wp
    use beamid_least_squares, only: fit, fit_t, monitor_t, options_t
-   use beamid_parameters, only: offset
    use beamid_residuals, only: residual_t
+   use beamid_starts, only: set_free
    use beamid_structure, only: of_kappa_R
    use beamid_unknowns, only: quantity_t, variables_of
    use beamid_variables, only: variable_t
@@ -89,17 +89,10 @@ contains
          call exact_counterpart(model, finer, experiments, any(found%free == of_kappa_R), problem)
          failed = .not. allocated(problem%parts)
          if (failed) return
-         associate (q => found%quantities, n => size(found%free))
-            stage%free = found%free
-            stage%record = q(:n)%record
-            stage%lower = q(:n)%lower
-            stage%upper = q(:n)%upper
-            problem%offset = any(q(n + 1:)%parameter == offset)
-         end associate
+         stage = found%again()
+         call set_free(problem, stage)
          problem%world = found%world
          problem%given = found%given
-         problem%free = stage%free
-         problem%record = stage%record
          problem%weight = found%weight
          problem%noise = found%noise
          call variables_of(stage, found%world, variables, quantities, error)

@@ -2,7 +2,8 @@
 !> search moves. What enters linearly is eliminated at every evaluation.
 module beamid_residuals
    use beamid_errors, only: error_t
-   use beamid_experiments, only: apparatus_t, experiment_t, linear_t, new_apparatus
+   use beamid_experiments, only: apparatus_t, experiment_t, linear_t, new_apparatus, &
+      seen_modes_t
    use beamid_galerkin, only: mesh_t
    use beamid_kinds, only: wp
    use beamid_priors, only: prior_t, priors_of
@@ -41,6 +42,8 @@ module beamid_residuals
       procedure :: guess_noise
       procedure :: without_weights
       procedure :: evaluate
+      procedure :: last_channel
+      procedure, private :: motion
       procedure, private :: add_priors
       procedure :: with
    end type residual_t
@@ -97,8 +100,14 @@ contains
    !> How many unknowns enter linearly.
    pure integer function linear_unknowns(self)
       class(residual_t), intent(in) :: self
+      integer :: i
 
-      linear_unknowns = sum(2*self%world%excitations%modes + merge(1, 0, self%offset))
+      linear_unknowns = merge(size(self%parts), 0, self%offset)
+      i = 1
+      do while (i <= size(self%parts))
+         linear_unknowns = linear_unknowns + 2*self%world%excitations(i)%modes
+         i = self%last_channel(i) + 1
+      end do
    end function linear_unknowns
 
    !> Whether residuals are in units of the noise: of several records, or where it is stated.
@@ -194,7 +203,7 @@ contains
    !> jac           (m, 0); (m, n) of the residuals; (m, n + k) with respect to every unknown, the
    !>               linear ones included, each with all the others held
    !> coefficients  (k) the linear unknowns, where the derivatives are with respect to all: of each
-   !>               record in turn cosine and sine of each mode, then the offset
+   !>               motion in turn cosine and sine of each mode, then the offset of each channel
    subroutine evaluate(self, parameters, r, jac, error, coefficients)
       class(residual_t), intent(inout) :: self
       real(wp), intent(in) :: parameters(:)
@@ -206,22 +215,23 @@ contains
       type(linear_t) :: linear
       real(wp), allocatable :: dy(:, :), phi(:, :), along(:, :), c(:)
       integer, allocatable :: mine(:)
-      integer :: i, k, n, m, row, column
+      integer :: i, k, last, n, m, row, column
 
       world = self%with(parameters)
       n = size(parameters)
       jac = 0
       row = 0
       column = n
-      do i = 1, size(self%parts)
-         m = size(self%parts(i)%experiment%samples)
+      i = 1
+      do while (i <= size(self%parts))
+         last = self%last_channel(i)
+         m = sum([(size(self%parts(k)%experiment%samples), k=i, last)])
          mine = pack([(k, k=1, n)], size(jac, 2) > 0 .and. &
             (self%record == 0 .or. self%record == i))
          if (allocated(dy)) deallocate (dy)
          allocate (dy(m, size(mine)))
          associate (y => r(row + 1:row + m), by => jac(row + 1:row + m, :))
-            call self%parts(i)%evaluate(world%structures(i), world%excitations(i), self%offset, &
-               self%free(mine), y, dy, linear, self%work, error)
+            call self%motion(world, i, last, self%free(mine), y, dy, linear, error)
             if (allocated(error)) return
             if (allocated(c)) deallocate (c)
             allocate (c(size(linear%weights, 2)))
@@ -241,13 +251,79 @@ contains
                coefficients(column - n + 1:column - n + size(c)) = c
                column = column + size(c)
             end if
-            y = self%weight(i)*y
-            by = self%weight(i)*by
          end associate
          row = row + m
+         i = last + 1
       end do
       if (size(r) > row) call self%add_priors(parameters, r(row + 1:), jac(row + 1:, :))
    end subroutine evaluate
+
+   !> The last record of the motion of which record i is the first channel.
+   pure integer function last_channel(self, i) result(last)
+      class(residual_t), intent(in) :: self
+      integer, intent(in) :: i
+
+      last = i
+      if (self%parts(i)%experiment%motion == 0) return
+      do while (last < size(self%parts))
+         if (self%parts(last + 1)%experiment%motion /= self%parts(i)%experiment%motion) exit
+         last = last + 1
+      end do
+   end function last_channel
+
+   !> Weighted residuals of one motion by its channels, one below the other; its modes are common to
+   !> them, the offset of each is its own.
+   !>
+   !> y, dy, linear  as of `apparatus_t`, rows in the order of the channels
+   subroutine motion(self, world, first, last, parameters, y, dy, linear, error)
+      class(residual_t), intent(inout) :: self
+      type(world_t), intent(in) :: world
+      integer, intent(in) :: first, last, parameters(:)
+      real(wp), intent(out) :: y(:), dy(:, :)
+      type(linear_t), intent(out) :: linear
+      type(error_t), allocatable, intent(out) :: error
+      type(linear_t) :: channel(first:last)
+      type(seen_modes_t) :: seen
+      integer :: i, k, m, modes, place, row
+
+      row = 0
+      do i = first, last
+         m = size(self%parts(i)%experiment%samples)
+         call self%parts(i)%evaluate(world%structures(i), world%excitations(i), self%offset, &
+            parameters, y(row + 1:row + m), dy(row + 1:row + m, :), channel(i), self%work, error, &
+            seen)
+         if (allocated(error)) return
+         associate (w => self%weight(i), rows => dy(row + 1:row + m, :))
+            y(row + 1:row + m) = w*y(row + 1:row + m)
+            rows = w*rows
+            channel(i)%basis = w*channel(i)%basis
+         end associate
+         row = row + m
+      end do
+      if (first == last) then
+         linear = channel(first)
+         return
+      end if
+      modes = 2*world%excitations(first)%modes
+      k = sum([(size(channel(i)%basis, 2), i=first, last)])
+      allocate (linear%basis(size(y), k), source=0.0_wp)
+      allocate (linear%weights(k, modes + merge(last - first + 1, 0, self%offset), &
+         0:size(parameters)), source=0.0_wp)
+      row = 0
+      place = 0
+      do i = first, last
+         associate (basis => channel(i)%basis, weights => channel(i)%weights)
+            m = size(basis, 1)
+            k = size(basis, 2)
+            linear%basis(row + 1:row + m, place + 1:place + k) = basis
+            linear%weights(place + 1:place + k, :modes, :) = weights(:, :modes, :)
+            if (self%offset) linear%weights(place + 1:place + k, modes + i - first + 1, :) = &
+               weights(:, modes + 1, :)
+            row = row + m
+            place = place + k
+         end associate
+      end do
+   end subroutine motion
 
    !> The rows of what is known of free parameters.
    pure subroutine add_priors(self, parameters, r, jac)

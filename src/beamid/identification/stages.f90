@@ -57,6 +57,7 @@ module beamid_stages
       character(len=:), allocatable :: note, doubt, other
    contains
       procedure :: correlation
+      procedure :: again
       procedure :: from_held
       procedure :: half_width
       procedure :: total
@@ -78,6 +79,19 @@ contains
       if (self%quantities(j)%is_reciprocal() .neqv. self%quantities(k)%is_reciprocal()) &
          correlation = -correlation
    end function correlation
+
+   !> The stage that goes on from its estimates.
+   pure type(stage_t) function again(self)
+      class(stage_fit_t), intent(in) :: self
+
+      associate (q => self%quantities, n => size(self%free))
+         again%free = self%free
+         again%record = q(:n)%record
+         again%lower = q(:n)%lower
+         again%upper = q(:n)%upper
+         again%offset = any(q(n + 1:)%parameter == offset)
+      end associate
+   end function again
 
    !> Standard deviation of quantity k by the errors of what is held.
    pure real(wp) function from_held(self, k)
@@ -223,7 +237,7 @@ contains
       type(error_t), allocatable, intent(out) :: error
       real(wp), allocatable :: c(:)
       real(wp) :: r(problem%rows())
-      integer :: i, k, n, modes(size(problem%parts))
+      integer :: first, i, k, n, modes(size(problem%parts))
 
       modes = problem%world%excitations%modes
       n = problem%linear_unknowns()
@@ -235,12 +249,17 @@ contains
       call problem%evaluate(found%fit%estimate, r, found%jacobian, error, c)
       if (allocated(error)) return
       n = 0
-      do i = 1, size(modes)
+      first = 1
+      do while (first <= size(modes))
+         i = first
          do k = 1, modes(i)
             call add('cos_'//to_text(k), 0)
             call add('sin_'//to_text(k), 0)
          end do
-         if (problem%offset) call add('offset', offset)
+         do i = first, problem%last_channel(first)
+            if (problem%offset) call add('offset', offset)
+         end do
+         first = i
       end do
 
    contains

@@ -15,6 +15,7 @@ module beamid_verdicts
    use beamid_stages, only: stage_fit_t
    use beamid_strings, only: to_text
    use beamid_trials, only: is_multiple, least_gain, resting
+   use beamid_unknowns, only: name_of
    use beamid_whiteness, only: effective_samples
    implicit none
    private
@@ -233,12 +234,18 @@ contains
    pure integer function place_of_mode(fit, r, k) result(first)
       type(stage_fit_t), intent(in) :: fit
       integer, intent(in) :: r, k
-      integer :: offsets
+      integer :: i
 
-      associate (modes => fit%world%excitations%modes)
-         offsets = (size(fit%quantities) - size(fit%free) - 2*sum(modes))/size(modes)
-         first = size(fit%free) + 2*sum(modes(:r - 1)) + offsets*(r - 1) + 2*k - 1
-      end associate
+      ! Of a further channel they are those of the first.
+      first = 0
+      do i = r, 1, -1
+         if (size(fit%world%structures) == 1) then
+            first = findloc(fit%quantities%name, name_of('cos_'//to_text(k), 0), dim=1)
+         else
+            first = findloc(fit%quantities%name, name_of('cos_'//to_text(k), i), dim=1)
+         end if
+         if (first > 0) return
+      end do
    end function place_of_mode
 
    !> Records of which too little is explained.

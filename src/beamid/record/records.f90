@@ -34,6 +34,7 @@ module beamid_records
       real(wp), allocatable :: sd             !< of the noise [acceleration]
       real(wp), allocatable :: x_S, x_P       !< places of sensor and support then [length]
       character(len=:), allocatable :: sensor   !< its name
+      integer :: experiment = 0               !< of which motion it is a channel; 0: of its own
       integer :: line = 0                     !< of its group in the case file; 0: there is none
    end type recording_t
 

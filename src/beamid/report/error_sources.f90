@@ -69,7 +69,7 @@ contains
                effect = held%effect(k)
                if (q%is_reciprocal()) effect = -effect
                line = line//trim(q%name)//' by '
-               if (abs(q%searched) > 0) then
+               if (abs(effect) < 1e6_wp*abs(q%searched)) then
                   line = line//filled('#.2 %', [100*effect/abs(q%searched)])
                else
                   line = line//to_text(effect)
@@ -95,13 +95,13 @@ contains
       do k = 1, size(fit%mesh_shift)
          if (.not. fit%shifts(k)) cycle
          associate (q => fit%quantities(k))
-            shift = 100*fit%mesh_shift(k)/fit%half_width(k)
+            shift = fit%mesh_shift(k)/fit%half_width(k)
             if (q%is_reciprocal()) shift = -shift
-            line = line//', '//trim(q%name)//filled(' by #.0 %', [shift])
+            line = line//', '//trim(q%name)//' by '//to_text(shift)
          end associate
       end do
       call text%line('warning: mesh: a finer one than N = '//to_text(fit%elements)//' shifts '// &
-         line(3:)//' of the half width of its interval')
+         line(3:)//' times the half width of its interval')
    end subroutine add_mesh_warning
 
 end module beamid_error_sources

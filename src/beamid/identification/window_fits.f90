@@ -1,0 +1,132 @@
+!> The same fit in consecutive windows of the records: what drifts from one to the next is not what
+!> the model has for a constant.
+module beamid_window_fits
+   use beamid_distributions, only: chi_square_tail
+   use beamid_errors, only: error_t, failure
+   use beamid_experiments, only: experiment_t
+   use beamid_galerkin, only: mesh_t
+   use beamid_identification, only: model_t, stage_fit_t
+   use beamid_kinds, only: wp
+   use beamid_least_squares, only: options_t
+   use beamid_residuals, only: new_residuals, residual_t
+   use beamid_stages, only: run_stage
+   use beamid_statistics, only: unlimited
+   use beamid_strings, only: to_text
+   use beamid_structure, only: of_kappa_R
+   use beamid_verification, only: exact_counterpart
+   implicit none
+   private
+
+   public :: window_fit_t, fit_windows, scatter
+
+   !> One window, or what went wrong in it.
+   type :: window_fit_t
+      real(wp), allocatable :: first(:), last(:)   !< (records) times of its first and last samples
+      real(wp), allocatable :: estimate(:)         !< (n) of what was searched for
+      real(wp), allocatable :: std_error(:)        !< (n) corrected for residuals that are not white
+      type(error_t), allocatable :: error
+   end type window_fit_t
+
+contains
+
+   !> Fits each window from where the whole fit has ended, with the same parameters free.
+   !>
+   !> fit  of one stage
+   !> n    windows of equal time in each record
+   subroutine fit_windows(model, mesh, experiments, fit, n, windows)
+      type(model_t), intent(in) :: model
+      type(mesh_t), intent(in) :: mesh
+      type(experiment_t), intent(in) :: experiments(:)
+      type(stage_fit_t), intent(in) :: fit
+      integer, intent(in) :: n
+      type(window_fit_t), allocatable, intent(out) :: windows(:)
+      integer :: k
+
+      allocate (windows(n))
+      !$omp parallel do schedule(dynamic, 1)
+      do k = 1, n
+         call fit_one(model, mesh, experiments, fit, k, n, windows(k))
+      end do
+      !$omp end parallel do
+   end subroutine fit_windows
+
+   !> Window k of n.
+   subroutine fit_one(model, mesh, experiments, fit, k, n, window)
+      type(model_t), intent(in) :: model
+      type(mesh_t), intent(in) :: mesh
+      type(experiment_t), intent(in) :: experiments(:)
+      type(stage_fit_t), intent(in) :: fit
+      integer, intent(in) :: k, n
+      type(window_fit_t), intent(out) :: window
+      type(experiment_t) :: parts(size(experiments))
+      type(residual_t) :: problem, exact
+      type(stage_fit_t) :: found
+      type(options_t) :: options
+      logical, allocatable :: inside(:)
+      logical :: turning
+      integer :: i
+
+      allocate (window%first(size(parts)), window%last(size(parts)))
+      do i = 1, size(parts)
+         associate (t => experiments(i)%samples)
+            window%first(i) = t(1) + (t(size(t)) - t(1))*(k - 1)/n
+            window%last(i) = t(1) + (t(size(t)) - t(1))*k/n
+            inside = t >= window%first(i) .and. (t < window%last(i) .or. k == n)
+            parts(i) = experiments(i)
+            parts(i)%samples = pack(t, inside)
+            parts(i)%measured = pack(experiments(i)%measured, inside)
+         end associate
+         if (size(parts(i)%samples) <= size(fit%quantities)) then
+            call failure(window%error, to_text(size(parts(i)%samples))//' samples for '// &
+               to_text(size(fit%quantities))//' unknowns')
+            return
+         end if
+         window%first(i) = parts(i)%samples(1)
+         window%last(i) = parts(i)%samples(size(parts(i)%samples))
+      end do
+      turning = any(fit%free == of_kappa_R)
+      call new_residuals(model, mesh, parts, problem, window%error, turning)
+      if (allocated(window%error)) return
+      if (.not. problem%exact) call exact_counterpart(model, mesh, parts, turning, exact)
+      problem%world = fit%world
+      problem%given = fit%given
+      options%relative_error = model%solver%relative_error()
+      options%check = .false.
+      call run_stage(problem, exact, fit%again(), options, '', found, window%error)
+      if (allocated(window%error)) return
+      window%estimate = found%fit%estimate
+      window%std_error = found%statistics%corrected_error(:size(found%free))
+   end subroutine fit_one
+
+   !> How far the estimates of quantity k lie apart, and whether their errors explain that.
+   !>
+   !> spread       standard deviation over the windows
+   !> expected     root mean square of their standard errors
+   !> probability  of so large a spread by these errors
+   pure subroutine scatter(windows, k, spread, expected, probability)
+      type(window_fit_t), intent(in) :: windows(:)
+      integer, intent(in) :: k
+      real(wp), intent(out) :: spread, expected, probability
+      real(wp) :: x(size(windows)), sd(size(windows)), mean
+      integer :: i, n
+
+      n = 0
+      spread = 0
+      expected = 0
+      probability = 1
+      do i = 1, size(windows)
+         if (allocated(windows(i)%error)) cycle
+         if (.not. (windows(i)%std_error(k) > 0 .and. windows(i)%std_error(k) < sqrt(unlimited))) &
+            cycle
+         n = n + 1
+         x(n) = windows(i)%estimate(k)
+         sd(n) = windows(i)%std_error(k)
+      end do
+      if (n < 2) return
+      spread = sqrt(sum((x(:n) - sum(x(:n))/n)**2)/(n - 1))
+      expected = sqrt(sum(sd(:n)**2)/n)
+      mean = sum(x(:n)/sd(:n)**2)/sum(1/sd(:n)**2)
+      probability = chi_square_tail(sum(((x(:n) - mean)/sd(:n))**2), real(n - 1, wp))
+   end subroutine scatter
+
+end module beamid_window_fits

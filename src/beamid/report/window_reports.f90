@@ -1,0 +1,98 @@
+!> Fits in consecutive windows, for the reader and for other programs.
+module beamid_window_reports
+   use beamid_identification, only: stage_fit_t
+   use beamid_kinds, only: wp
+   use beamid_lines, only: columns
+   use beamid_outputs, only: output_t
+   use beamid_parameters, only: as_named
+   use beamid_strings, only: full, to_text
+   use beamid_texts, only: left, right, text_t
+   use beamid_window_fits, only: scatter, window_fit_t
+   implicit none
+   private
+
+   public :: window_summary, add_window_table
+
+   !> Estimates that lie so far apart by chance alone are that improbable.
+   real(wp), parameter :: improbable = 0.05_wp
+
+contains
+
+   !> Every parameter in every window, how far the estimates lie apart, and what their errors say.
+   function window_summary(fit, windows) result(content)
+      type(stage_fit_t), intent(in) :: fit
+      type(window_fit_t), intent(in) :: windows(:)
+      character(len=:), allocatable :: content, line, drifting
+      type(text_t) :: text
+      real(wp) :: spread, expected, probability
+      integer :: i, k
+
+      call text%line()
+      line = left('window', 10)
+      do i = 1, size(windows)
+         line = line//right(to_text(i))
+      end do
+      call text%line(line//right('scatter')//right('expected'))
+      line = left('from t =', 10)
+      do i = 1, size(windows)
+         line = line//columns(windows(i)%first(:1), 14)
+      end do
+      call text%line(line)
+      drifting = ''
+      do k = 1, size(fit%free)
+         associate (q => fit%quantities(k))
+            line = left(trim(q%searched_name()), 10)
+            do i = 1, size(windows)
+               if (allocated(windows(i)%error)) then
+                  line = line//right('-')
+               else
+                  line = line//columns(windows(i)%estimate(k:k), 14)
+               end if
+            end do
+            call scatter(windows, k, spread, expected, probability)
+            call text%line(line//columns([spread, expected], 14))
+            if (probability < improbable) drifting = drifting//', '//trim(q%name)
+         end associate
+      end do
+      do i = 1, size(windows)
+         if (allocated(windows(i)%error)) call text%line('no fit in window '//to_text(i)//': '// &
+            windows(i)%error%message)
+      end do
+      if (drifting == '') then
+         call text%line('nothing drifts from window to window beyond its errors')
+      else
+         call text%line('the scatter is more than the errors explain of: '//drifting(3:)// &
+            '; they are no constants of this motion, and their intervals are too narrow')
+      end if
+      content = text%content()
+   end function window_summary
+
+   !> windows.csv; what records share stands beside the times of each.
+   subroutine add_window_table(output, fit, windows)
+      type(output_t), intent(inout) :: output
+      type(stage_fit_t), intent(in) :: fit
+      type(window_fit_t), intent(in) :: windows(:)
+      type(text_t) :: table
+      real(wp) :: ends(3)
+      integer :: i, k, r
+
+      call table%line('record,window,t_first,t_last,parameter,estimate,std_error')
+      do r = 1, size(fit%world%structures)
+         do i = 1, size(windows)
+            if (allocated(windows(i)%error)) cycle
+            do k = 1, size(fit%free)
+               associate (q => fit%quantities(k), w => windows(i))
+                  if (all(q%record /= [0, r])) cycle
+                  ends = w%std_error(k)
+                  if (q%is_reciprocal()) ends = w%std_error(k)/w%estimate(k)**2
+                  call table%line(to_text(r)//','//to_text(i)//','//full(w%first(r))//','// &
+                     full(w%last(r))//','//trim(q%name)//','// &
+                     full(as_named(q%parameter, w%estimate(k)))//','//full(ends(1)))
+               end associate
+            end do
+         end do
+      end do
+      call output%add('windows.csv', table%content())
+   end subroutine add_window_table
+
+end module beamid_window_reports
