@@ -94,13 +94,19 @@ contains
       call table('semicolons', 't;a'//lf//'0;1'//lf//'0.5;-2'//lf, 2)
       call table('semicolons, no names', '0;1'//lf//'0.5;-2'//lf, 0)
       call table('semicolons, more columns', 't;a;b'//lf//'0;1;x,y'//lf//'0.5;-2;'//lf, 3)
+      call table('semicolons, decimal commas', 't;a'//lf//'0;1'//lf//'0,5;-2'//lf, 2)
+      call table('tabs, decimal commas', '0,0'//tab//'1,0'//lf//'0,5'//tab//'-2,0'//lf, 0)
+      call table('tabs, names with commas', 't, s'//tab//'a, g'//lf//'0'//tab//'1'//lf//'0.5'// &
+         tab//'-2'//lf, 2, named=.false.)
       call table('blanks around', ' 0 , 1 '//lf//tab//'0.5 ,'//tab//'-2'//lf, 0)
       call table('a long line', '0,1,'//repeat('x', 100000)//lf//'0.5,-2'//lf, 0)
    end subroutine test_tables
 
-   subroutine table(name, text, n_names)
+   subroutine table(name, text, n_names, named)
       character(len=*), intent(in) :: name, text
       integer, intent(in) :: n_names
+      !> Whether the first two are t and a; default .true.
+      logical, intent(in), optional :: named
       real(wp), allocatable :: values(:, :)
       character(len=column_length), allocatable :: header(:)
       type(error_t), allocatable :: error
@@ -112,6 +118,7 @@ contains
       if (ok) ok = maxval(abs(values - reshape([0.0_wp, 1.0_wp, 0.5_wp, -2.0_wp], [2, 2]))) <= 0
       call check('table: '//name, ok)
       call check('  names', size(header) == n_names)
+      if (present(named)) return
       if (n_names > 1 .and. size(header) > 1) &
          call check('  named t and a', header(1) == 't' .and. header(2) == 'a')
    end subroutine table
@@ -126,11 +133,13 @@ contains
       call bad('t,a'//lf//'0,'//lf, ':2: column 2', 'empty field')
       call bad('t,a'//lf//'0;1'//lf, ':2: ', 'separated by '';''')
       call bad('0,1'//lf//'1;1'//lf, ':2: ', 'separated by '';'', expected '',''')
-      call bad('0;1'//lf//'1,1'//lf, ':2: column 1', 'a decimal point is ''.''')
-      call bad('0,5;1,5'//lf//'0,6;1,5'//lf, ':1: ', 'found both '';'' and '',''')
-      call bad('t;a'//lf//'0,5;1,5'//lf, ':2: column 1 (''t'')', 'a decimal point is ''.''')
+      call bad('0;1'//lf//'1,1'//lf, ':2: column 2', 'end of the line')
+      call bad('0.5;1'//lf//'1,5;1'//lf, ':2: column 1', 'a decimal point is ''.''')
+      call bad('0,5;1'//lf//'1.5;1'//lf, ':2: column 1', 'a decimal sign is '','' as in the lines')
+      call bad('0,5;1'//lf//'1.000,5;1'//lf, ':2: column 1', 'found ''1.000,5''')
+      call bad('0;1'//lf//'1,000,5;1'//lf, ':2: column 1', 'found ''1,000,5''')
+      call bad('0,1'//lf//'1,5;1'//lf, ':2: ', 'found both '';'' and '',''')
       call bad('t,a'//lf//'0,5,1,5'//lf, ':2: ', 'a decimal point is ''.''')
-      call bad('0,5'//tab//'1,5'//lf, ':1: ', 'a decimal point is ''.''')
       call bad('0 1'//lf//'1 2'//lf, ':1: column 1', 'found ''0 1''')
       call bad('time accel'//lf//'1 2'//lf, ':1: ', 'expected 2 columns')
       call bad('0,1'//lf//'1/2,1'//lf, ':2: column 1', 'found ''1/2''')
