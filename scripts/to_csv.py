@@ -103,7 +103,7 @@ def uff_channel(path, number, data, words):
     notes = [words[f"id{k}"] for k in range(1, 6) if words.get(f"id{k}") not in ("NONE", "")]
     if data["abscissa_spacing"] == 1:
         notes.append(f"from {words['abscissa_min']} by {words['abscissa_inc']}")
-    entity = words["rsp_ent_name"] if words["rsp_ent_name"] != "NONE" else ""
+    entity = words["rsp_ent_name"].replace("NONE", "") or "node"
     return Channel(f"{entity} {data['rsp_node']}{DIRECTIONS[data['rsp_dir']]}", data["data"][:n],
                    words["ordinate_axis_units_lab"].replace("NONE", ""), data["x"][:n],
                    words["abscissa_axis_units_lab"].replace("NONE", ""), notes)

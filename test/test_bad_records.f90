@@ -290,7 +290,8 @@ contains
    subroutine test_force_column()
       character(len=*), parameter :: both = 't,acceleration,trigger,force,note'//nl// &
          '0,0.1,1,0,begin'//nl//'0.1,0.29,1,1.5,'//nl//'0.2,-0.97,1,0.5,'//nl// &
-         '0.3,-1.28,1,0,'//nl//'0.4,-1.27,1,0,'//nl//'0.5,-0.95,1,0,'//nl//'0.6,-0.43,1,0,end'//nl, &
+         '0.3,-1.28,1,0,'//nl//'0.4,-1.27,1,0,'//nl//'0.5,-0.95,1,0,'//nl// &
+         '0.6,-0.43,1,0,end'//nl, &
          keys = 'kind=''table'', file=''record.csv'', '
       character(len=*), parameter :: place = '6: &excitation '
       character(len=:), allocatable :: text

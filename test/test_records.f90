@@ -180,6 +180,7 @@ contains
          'UTC'//nl//'Rates,2000,2000'//nl//three, '3 lines of a header skipped')
       call headed('a rate behind each channel', 'Channels'//tab//'2'//tab//nl//'Samples'//tab// &
          '3'//tab//'3'//nl//changed(three, ',', tab), '2 lines of a header skipped')
+      call headed('lines of numbers', '1024'//nl//'0.5'//nl//three, '2 lines of a header skipped')
       call headed('a line below the names', three(:14)//'in SI units'//nl//three(15:), &
          '1 line of a header skipped')
       call headed('another separator in the header', 'Recorder; model 5; made, 2020'//nl// &

@@ -31,8 +31,10 @@ program test_to_csv
    else
       call test_arguments()
       if (has('numpy')) call test_numpy()
-      if (has('scipy')) call test_mat()
-      if (has('scipy')) call test_wav()
+      if (has('scipy')) then
+         call test_mat()
+         call test_wav()
+      end if
       if (has('pyuff')) call test_uff()
       if (has('nptdms')) call test_tdms()
    end if

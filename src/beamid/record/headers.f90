@@ -142,7 +142,7 @@ contains
       type(header_t), intent(inout) :: header
       integer(ip) :: row, wrong
       integer :: above, lines
-      logical :: wide
+      logical :: names, wide
 
       row = header%row
       wrong = 0
@@ -153,8 +153,11 @@ contains
          if (reader%line == row) exit
          call reader%split_at(header%separator)
          wide = is_as_wide(reader, header)
-         if (is_header(reader, n_columns) .and. reader%count_fields() >= n_columns .and. &
-            (wide .or. header%lines == 1)) then
+         ! A single line of words are names, and those above a row of twice as many fields: decimal
+         ! commas between commas, which are refused with the row.
+         names = wide .or. header%lines == 1 .or. lines + 1 == header%lines .and. &
+            header%separator == ',' .and. header%fields == 2*reader%count_fields()
+         if (names .and. is_header(reader, n_columns) .and. reader%count_fields() >= n_columns) then
             header%names = reader%line
             wrong = 0
          else if (wrong == 0 .and. (begins_like_number(reader) .and. (header%names > 0 .or. wide) &
@@ -177,15 +180,14 @@ contains
    end subroutine find_names
 
    !> Whether the current line has as many fields as the first row, in which the last may be left
-   !> out when it is blank, or half as many: decimal commas between commas.
+   !> out when it is blank.
    logical function is_as_wide(reader, header) result(yes)
       type(reader_t), intent(inout) :: reader
       type(header_t), intent(in) :: header
       integer :: n
 
       n = reader%count_filled()
-      yes = any(n == [header%filled, header%filled + 1, header%fields]) .or. &
-         2*n == header%fields .and. header%separator == ','
+      yes = any(n == [header%filled, header%filled + 1, header%fields])
    end function is_as_wide
 
    !> Whether the first field of the current line begins like a number.
