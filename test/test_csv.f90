@@ -21,7 +21,11 @@ program test_csv
    call test_not_numbers()
    call test_tables()
    call test_bad_tables()
-   call test_mutations()
+   call test_mutations('a table', '# record'//lf//'t,a'//lf//'0.0,1.5e-3'//lf//'0.1,-2.25'//lf// &
+      '0.2,3.125'//lf//'0.3,4d0'//lf)
+   call test_mutations('a header', 'Recorder'//tab//'5'//lf//'Rate'//tab//'10'//tab//lf// &
+      't'//tab//'a'//tab//'Comment'//lf//'0,0'//tab//'1,5e-3'//tab//lf//'0,1'//tab//'-2,25'//lf// &
+      '0,2'//tab//'3,125'//tab//'end'//lf)
    call test_size()
    call execute_command_line('rm -r '//scratch)
    call finish('csv')
@@ -167,11 +171,10 @@ contains
          scan(error%message, lf//cr//achar(0)) == 0 .and. len(error%message) < 250, error%message)
    end subroutine bad
 
-   !> Damaged tables end in one line or in finite, increasing numbers; 3000 of them, the same ones
+   !> Damaged tables end in one line or in finite, increasing numbers; 3000 of each, the same ones
    !> in every run.
-   subroutine test_mutations()
-      character(len=*), parameter :: valid = '# record'//lf//'t,a'//lf//'0.0,1.5e-3'//lf// &
-         '0.1,-2.25'//lf//'0.2,3.125'//lf//'0.3,4d0'//lf
+   subroutine test_mutations(what, valid)
+      character(len=*), intent(in) :: what, valid
       character(len=:), allocatable :: text
       character(len=column_length), allocatable :: header(:)
       real(wp), allocatable :: values(:, :)
@@ -195,10 +198,11 @@ contains
          end if
          if (.not. ok) exit
       end do
-      call check('mutations: an error or sound numbers', ok)
+      call check('mutations of '//what//': an error or sound numbers', ok)
       if (.not. ok) call check('  the text', .false., text)
       ! Neither everything nor nothing passes, or the test would show little.
-      call check('mutations: some pass, some do not', n_read > 100 .and. n_read < 2900)
+      call check('mutations of '//what//': some pass, some do not', n_read > 100 .and. &
+         n_read < 2900)
    end subroutine test_mutations
 
    !> A byte dropped, doubled, replaced, exchanged with its neighbour, or all behind it cut off.
