@@ -1,9 +1,9 @@
 !> Bad records and force tables, one row each, and what a case says of a record.
 program test_bad_records
-   use bad_cases, only: accepted, case_text, force_text, freeing, nl, pulse, record_text, refused, &
-      refused_case, refused_force, refused_record
-   use checks, only: finish, skip
-   use shell, only: close_shell, open_shell, replaced
+   use bad_cases, only: accepted, case_text, folder, force_text, freeing, nl, pulse, record_text, &
+      refused, refused_case, refused_force, refused_record, table
+   use checks, only: check, finish, skip
+   use shell, only: beamid, close_shell, open_shell, outcome_t, read_file, replaced, write_file
    implicit none
 
    character(len=:), allocatable :: reason
@@ -296,6 +296,11 @@ contains
       character(len=*), parameter :: place = '6: &excitation '
       character(len=:), allocatable :: text
 
+      call write_file(folder//'record.csv', both)
+      call write_file(folder//'force.csv', 't,f'//nl//'0,0'//nl//'0.1,1.5'//nl//'0.2,0.5'//nl// &
+         '0.3,0'//nl//'0.4,0'//nl//'0.5,0'//nl//'0.6,0'//nl)
+      call check('a force column is the table of it', response(keys//'value_column=''force''') == &
+         response(table) .and. response(table) /= '')
       text = replaced(case_text, pulse, keys//'value_column=''force''')
       call accepted('a force column', 'identify', text, both)
       call accepted('a force column by number, and the time', 'identify', replaced(text, &
@@ -321,5 +326,16 @@ contains
          'time_column=''t'', rate=10', place// &
          'time_column: found a value|expected none beside rate')
    end subroutine test_force_column
+
+   !> The response to another excitation than the pulse.
+   function response(excitation) result(text)
+      character(len=*), intent(in) :: excitation
+      character(len=:), allocatable :: text
+      type(outcome_t) :: outcome
+
+      call write_file(folder//'response.nml', replaced(case_text, pulse, excitation))
+      outcome = beamid('simulate response.nml --quiet --out response', 'bad')
+      text = read_file(folder//'response/response.csv')
+   end function response
 
 end program test_bad_records
