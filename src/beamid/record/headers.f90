@@ -59,37 +59,23 @@ contains
          ': found names of columns only, expected numbers below')
    end subroutine find_rows
 
-   !> Finds the first line of numbers. Below a line of words with as many fields it may hold stamps
-   !> and remarks, if it begins like a number and one of its fields is one.
+   !> Finds the first line of numbers.
    subroutine find_numbers(reader, n_columns, header)
       type(reader_t), intent(inout) :: reader
       integer, intent(in) :: n_columns
       type(header_t), intent(out) :: header
       !> Fields of the line above where it is one of words, by each separator; else 0.
       integer :: above(len(separators))
-      integer :: k, pass
-      logical :: found
+      integer :: k
 
       above = 0
       call reader%rewind()
       do while (reader%next_row())
-         do pass = 1, 3
-            do k = 1, len(separators)
-               call reader%split_at(separators(k:k))
-               if (reader%count_fields() < max(2, n_columns) .and. &
-                  .not. (n_columns == 1 .and. k == 1)) cycle
-               if (pass < 3) then
-                  found = holds_numbers(reader, n_columns, pass == 2)
-               else
-                  found = above(k) == reader%count_fields() .and. above(k) > 1 .and. &
-                     begins_like_number(reader) .and. holds_a_number(reader)
-               end if
-               if (.not. found) cycle
-               header = header_t(reader%separator, reader%line, reader%count_fields(), &
-                  reader%count_filled(), header%lines)
-               return
-            end do
-         end do
+         if (is_row(reader, n_columns, above)) then
+            header = header_t(reader%separator, reader%line, reader%count_fields(), &
+               reader%count_filled(), header%lines)
+            return
+         end if
          do k = 1, len(separators)
             call reader%split_at(separators(k:k))
             above(k) = merge(reader%count_fields(), 0, is_header(reader, n_columns))
@@ -97,6 +83,29 @@ contains
          header%lines = header%lines + 1
       end do
    end subroutine find_numbers
+
+   !> Whether the current line is one of numbers; it is split at the separator with which it is:
+   !> with decimal points rather than with commas. Below a line of words with as many fields it may
+   !> hold stamps and remarks, if it begins like a number and one of its fields is one.
+   logical function is_row(reader, n_columns, above) result(yes)
+      type(reader_t), intent(inout) :: reader
+      integer, intent(in) :: n_columns, above(:)
+      integer :: k, pass
+
+      do pass = 1, 3
+         do k = 1, len(separators)
+            call reader%split_at(separators(k:k))
+            yes = reader%count_fields() >= max(2, n_columns) .or. n_columns == 1 .and. k == 1
+            if (yes .and. pass < 3) then
+               yes = holds_numbers(reader, n_columns, comma=pass == 2)
+            else if (yes) then
+               yes = above(k) == reader%count_fields() .and. above(k) > 1 .and. &
+                  begins_like_number(reader) .and. holds_a_number(reader)
+            end if
+            if (yes) return
+         end do
+      end do
+   end function is_row
 
    !> Whether the first fields of the current line that are not blank are numbers: as many as are
    !> wanted, and two where there are two.
