@@ -59,11 +59,6 @@ def real(keys, key, default):
     return float(values[0].lower().replace("d", "e")) if values else default
 
 
-def separator_of(line):
-    """A comma where there is one, else a semicolon, else a tab."""
-    return next((mark for mark in ",;\t" if mark in line), ",")
-
-
 def is_number(text):
     """Whether a field holds a number."""
     try:
@@ -96,14 +91,33 @@ def data_lines(path):
         fail(f"{path}: {reason(error)}")
 
 
+def fields_of(line, mark):
+    """The fields of a line; between semicolons and tabs a comma is a decimal sign."""
+    return (line if mark == "," else line.replace(",", ".")).rstrip("\r\n").split(mark)
+
+
+def find_rows(lines, least):
+    """What separates the columns, the place of the first line of numbers, and the names above."""
+    for k, line in enumerate(lines):
+        for mark in ",;\t":
+            filled = [field for field in fields_of(line, mark) if field.strip()]
+            if len(filled) >= least and all(map(is_number, filled[:max(2, least)])):
+                wide = len(line.rstrip().split(mark))
+                names = [above.rstrip("\r\n").split(mark) for above in lines[:k]
+                         if len(above.rstrip().split(mark)) in (wide, wide + 1) or k == 1]
+                return mark, k, names[-1] if names else line.split(mark)
+    mark = next((mark for mark in ",;\t" if mark in lines[0]), ",")
+    return mark, 1, lines[0].rstrip("\r\n").split(mark)
+
+
 def complain(path, skipped, mark, places):
     """Ends the script with the first line that lacks its two numbers."""
     for n, line in list(data_lines(path))[skipped:]:
-        fields = line.rstrip("\r\n").split(mark)
+        fields = fields_of(line, mark)
         if len(fields) <= max(places) or not all(is_number(fields[k]) for k in places):
             fail(f"{path}:{n}: found {ascii(line.strip()[:40])}, expected numbers in columns "
-                 f"{places[0] + 1} and {places[1] + 1}")
-    fail(f"{path}: found no numbers, expected two columns of them")
+                 + " and ".join(str(k + 1) for k in places))
+    fail(f"{path}: found no numbers, expected columns of them")
 
 
 def read_samples(case, keys):
@@ -114,16 +128,17 @@ def read_samples(case, keys):
     lines = [line for _, line in data_lines(path)]
     if not lines:
         fail(f"{path}: no data")
-    mark = separator_of(lines[0])
-    first = lines[0].rstrip("\r\n").split(mark)
-    places = [column_of(unquoted(keys.get(key)), k, first, path)
-              for k, key in enumerate(("time_column", "value_column"))]
-    skipped = int(not all(map(is_number, first[:2])))    # a line of names
+    rate = real(keys, "rate", 0)
+    columns = ("value_column",) if rate else ("time_column", "value_column")
+    mark, skipped, names = find_rows(lines, len(columns))
+    places = [column_of(unquoted(keys.get(key)), k, names, path)
+              for k, key in enumerate(columns)]
+    rows = lines[skipped:] if mark == "," else [line.replace(",", ".") for line in lines[skipped:]]
     try:
-        t, z = np.loadtxt(lines[skipped:], delimiter=mark, usecols=places, ndmin=2,
-                          comments=None).T
+        *t, z = np.loadtxt(rows, delimiter=mark, usecols=places, ndmin=2, comments=None).T
     except ValueError:
         complain(path, skipped, mark, places)
+    t = t[0] if t else np.arange(len(z)) / rate
     if len(t) < 8 or not (np.isfinite(t).all() and np.isfinite(z).all()):
         fail(f"{path}: {len(t)} samples, expected 8 or more, all of them numbers")
     if not (np.diff(t) > 0).all():

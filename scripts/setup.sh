@@ -4,6 +4,7 @@
 #     scripts/setup.sh             what the program and the tests need
 #     scripts/setup.sh pictures    that, and numpy and matplotlib for the plotting scripts
 #     scripts/setup.sh files       lists the files of the system that a build uses
+#     scripts/setup.sh packages NAME...    what the program needs, and these Python packages in .venv
 #
 # Needed are gfortran, SUNDIALS 6.4 to 7 with its Fortran modules, MINPACK, LAPACK, BLAS and fpm 0.12.
 # SUNDIALS_ROOT names a prefix whose libraries come first, and is remembered until it names /usr;
@@ -136,8 +137,8 @@ install_fpm() {
 }
 
 wanted=${1:-}
-[[ $wanted =~ ^(pictures|files|)$ ]] || {
-   say "found '$wanted', expected nothing, 'pictures' or 'files'"
+[[ $wanted =~ ^(pictures|files|packages|)$ ]] || {
+   say "found '$wanted', expected nothing, 'pictures', 'files' or 'packages'"
    exit 2
 }
 
@@ -175,4 +176,7 @@ fi
 
 if [[ $wanted == pictures ]] && ! "$venv/bin/python" -c 'import numpy, matplotlib' 2>/dev/null; then
    pip_install "${plotting[@]}" || fail "pictures need Python 3 with venv and ${plotting[*]}"
+fi
+if [[ $wanted == packages ]]; then
+   pip_install "${@:2}" || fail "expected Python 3 with venv, and ${*:2} from pip"
 fi

@@ -1,9 +1,9 @@
 !> Bad records and force tables, one row each, and what a case says of a record.
 program test_bad_records
-   use bad_cases, only: accepted, case_text, force_text, freeing, nl, pulse, record_text, refused, &
-      refused_case, refused_force, refused_record
-   use checks, only: finish, skip
-   use shell, only: close_shell, open_shell, replaced
+   use bad_cases, only: accepted, case_text, folder, force_text, freeing, nl, pulse, record_text, &
+      refused, refused_case, refused_force, refused_record, table
+   use checks, only: check, finish, skip
+   use shell, only: beamid, close_shell, open_shell, outcome_t, read_file, replaced, write_file
    implicit none
 
    character(len=:), allocatable :: reason
@@ -20,6 +20,7 @@ program test_bad_records
       call test_record_rows()
       call test_record_files()
       call test_force_table()
+      call test_force_column()
       call close_shell()
    end if
    call finish('bad_records')
@@ -84,6 +85,12 @@ contains
          repeat('x', 101)//'''', place//'value_column: found|of at most 100 characters')
       call refused('a column without quotes', file, file//', value_column=2', place// &
          'value_column: found ''2''|expected text in quotes')
+      call refused('rate 0', file, file//', rate=0', place//'rate: found 0|above 0')
+      call refused('rate negative', file, file//', rate=-10', place//'rate: found -10|above 0')
+      call refused('rate beside a time column', file, file//', rate=10, time_column=''t''', &
+         place//'time_column: found a value|expected none beside rate')
+      call refused('rate and two columns', file, file//', rate=10', &
+         'record.csv: found 2 columns|expected value_column to name one of them', file='')
       call refused('thin 1', step, ', thin=1', place//'thin: found 1|expected 2 to')
       call refused('thin 0', step, ', thin=0', place//'thin: found 0|expected 2 to')
       call refused('thin 2.5', step, ', thin=2.5', place//'thin: found ''2.5''|expected an integer')
@@ -245,8 +252,12 @@ contains
          'record.csv:1: found ''t''|expected 2 columns')
       call refused_record('one column, no names', record_text, '0.1'//nl//'0.2'//nl, &
          'record.csv:1: column 2: found the end of the line|expected a number')
-      call refused_record('semicolons and decimal commas', record_text, &
-         '0,1;0,29'//nl//'0,2;-0,97'//nl, 'record.csv:1: found both '';'' and '',''|decimal point')
+      call refused_record('text through and through', record_text, 'Dear reader,'//nl// &
+         'this is no record, it is a letter.'//nl, &
+         'record.csv:2: column 1 (''Dear reader''): found ''this is no record''|expected a number')
+      call refused_record('decimal commas, then a point', record_text, &
+         '0,1;0,29'//nl//'0,2;-0.97'//nl, &
+         'record.csv:2: column 2: found ''-0.97''|expected a number (a decimal sign is '',''')
       call refused_record('constant signal', record_text, '0.1,2'//nl//'0.2,2'//nl//'0.3,2'//nl// &
          '0.4,2'//nl//'0.5,2'//nl//'0.6,2'//nl, &
          '11: &record: |record.csv: found a constant signal (2 in all 6|expected')
@@ -269,6 +280,62 @@ contains
          'found no line of data|expected columns of numbers')
       call refused_force('NaN', '1.2', 'NaN', &
          'force.csv:3: column 2 (''force''): found ''NaN''|expected a number')
+      call refused_force('no force', force_text, '0,0'//nl//'1,0'//nl, &
+         'found the same force (0) in all 2 rows|expected one that changes')
+      call refused_force('a constant', force_text, '0,2'//nl//'1,2'//nl//'2,2'//nl, &
+         'found the same force (2) in all 3 rows|expected one that changes')
    end subroutine test_force_table
+
+   !> The force in a recorder's file, beside the acceleration.
+   subroutine test_force_column()
+      character(len=*), parameter :: both = 't,acceleration,trigger,force,note'//nl// &
+         '0,0.1,1,0,begin'//nl//'0.1,0.29,1,1.5,'//nl//'0.2,-0.97,1,0.5,'//nl// &
+         '0.3,-1.28,1,0,'//nl//'0.4,-1.27,1,0,'//nl//'0.5,-0.95,1,0,'//nl// &
+         '0.6,-0.43,1,0,end'//nl, &
+         keys = 'kind=''table'', file=''record.csv'', '
+      character(len=*), parameter :: place = '6: &excitation '
+      character(len=:), allocatable :: text
+
+      call write_file(folder//'record.csv', both)
+      call write_file(folder//'force.csv', 't,f'//nl//'0,0'//nl//'0.1,1.5'//nl//'0.2,0.5'//nl// &
+         '0.3,0'//nl//'0.4,0'//nl//'0.5,0'//nl//'0.6,0'//nl)
+      call check('a force column is the table of it', response(keys//'value_column=''force''') == &
+         response(table) .and. response(table) /= '')
+      text = replaced(case_text, pulse, keys//'value_column=''force''')
+      call accepted('a force column', 'identify', text, both)
+      call accepted('a force column by number, and the time', 'identify', replaced(text, &
+         '''force''', '''4'', time_column=''T'''), both)
+      call accepted('a force column at a rate', 'identify', replaced(text, '''force''', &
+         '''force'', rate=10'), both)
+      call refused_case('a force column that is none', replaced(text, '''force''', '''forces'''), &
+         'record.csv: found the columns|''force''|expected value_column = ''forces''', record=both)
+      call refused_case('a constant force column', replaced(text, '''force''', '''trigger'''), &
+         'record.csv: found the same force (1) in all 7 rows|expected one', record=both)
+      call refused_case('a column of text', replaced(text, '''force''', '''note'''), &
+         'record.csv:2: column 5 (''note''): found ''begin''|expected a number', record=both)
+      call refused_case('a force of NaN', text, &
+         'record.csv:3: column 4 (''force''): found ''nan''|expected', &
+         record=replaced(both, '0.29,1,1.5', '0.29,1,nan'))
+      call refused_case('the time as force', replaced(text, '''force''', '''t'''), &
+         'record.csv: found column 1 as time_column and as value_column|expected two', record=both)
+      call refused('a column of a pulse', pulse, pulse//', value_column=''force''', place// &
+         'value_column: found a value|expected none with kind = ''pulse''')
+      call refused('a rate of a pulse', pulse, pulse//', rate=10', place// &
+         'rate: found a value|expected none with kind = ''pulse''')
+      call refused('a force''s rate beside a time column', pulse, keys// &
+         'time_column=''t'', rate=10', place// &
+         'time_column: found a value|expected none beside rate')
+   end subroutine test_force_column
+
+   !> The response to another excitation than the pulse.
+   function response(excitation) result(text)
+      character(len=*), intent(in) :: excitation
+      character(len=:), allocatable :: text
+      type(outcome_t) :: outcome
+
+      call write_file(folder//'response.nml', replaced(case_text, pulse, excitation))
+      outcome = beamid('simulate response.nml --quiet --out response', 'bad')
+      text = read_file(folder//'response/response.csv')
+   end function response
 
 end program test_bad_records

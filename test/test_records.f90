@@ -24,6 +24,9 @@ program test_records
    scratch = own_path('records')
    call test_columns()
    call test_separators()
+   call test_headers()
+   call test_labview()
+   call test_rate()
    call test_bad_columns()
    call test_windows()
    call test_long_record()
@@ -80,20 +83,124 @@ contains
    end subroutine in_form
 
    !> Exact: the numbers are.
-   subroutine columns(what, text, time_column, value_column, times, values)
+   subroutine columns(what, text, time_column, value_column, times, values, rate)
       character(len=*), intent(in) :: what, text, time_column, value_column
       real(wp), intent(in) :: times(:), values(:)
+      real(wp), intent(in), optional :: rate
       type(recording_t) :: recording
       logical :: ok
 
       recording%time_column = time_column
       recording%value_column = value_column
+      if (present(rate)) recording%rate = rate
       call load(text, recording)
       ok = message == ''
       if (ok) ok = size(t) == size(times) .and. size(z) == size(values)
       if (ok) ok = maxval(abs(t - times)) <= 0 .and. maxval(abs(z - values)) <= 0
       call check('columns: '//what, ok, message)
    end subroutine columns
+
+   !> What LabVIEW writes: two headers, tabs, a column of remarks that is empty but for the first
+   !> row, and in files without times a first column that is empty too.
+   subroutine test_labview()
+      character(len=*), parameter :: stop = '***End_of_Header***', first = &
+         'LabVIEW Measurement'//tab//nl//'Writer_Version'//tab//'2'//nl//'Separator'//tab//'Tab'// &
+         nl//'Decimal_Separator'//tab//'.'//nl//'Multi_Headings'//tab//'Yes'//nl//'X_Columns'// &
+         tab//'One'//nl//'Time_Pref'//tab//'Absolute'//nl//'Date'//tab//'2019/05/06'//nl// &
+         'Time'//tab//'12:00:00,1234567'//nl//stop//tab//nl//tab//nl, second = &
+         'Channels'//tab//'2'//tab//tab//nl//'Samples'//tab//'3'//tab//'3'//tab//nl// &
+         'Date'//tab//'2019/05/06'//tab//'2019/05/06'//tab//nl//'Time'//tab//'12:00:01,5'//tab// &
+         '12:00:01,5'//tab//nl//'Y_Unit_Label'//tab//'g'//tab//'g'//tab//nl// &
+         'X0'//tab//'0.0000000000000000E+0'//tab//'0.0000000000000000E+0'//tab//nl// &
+         'Delta_X'//tab//'0.500000'//tab//'0.500000'//tab//nl//stop//tab//tab//tab//nl, &
+         names = 'X_Value'//tab//'Temp'//tab//'Acc 0'//tab//'Comment'//nl, &
+         rows = '0.000000'//tab//'20.0'//tab//'1.0'//tab//'begun, by hand'//nl// &
+         '0.500000'//tab//'21.0'//tab//'-2.0'//tab//nl//'1.250000'//tab//'22.0'//tab//'4.0'//nl, &
+         no_times = tab//'20.0'//tab//'1.0'//tab//nl//tab//'21.0'//tab//'-2.0'//nl//tab//'22.0'// &
+         tab//'4.0'//nl, skipped = '18 lines of a header skipped'
+      real(wp), parameter :: times(3) = [0.0_wp, 0.5_wp, 1.25_wp], values(3) = [1, -2, 4]
+
+      call columns('.lvm', first//second//names//rows, 'x_value', 'acc 0', times, values)
+      call check('  said', all_notes() == skipped, all_notes())
+      call columns('.lvm, line ends of Windows', changed(first//second//names//rows, nl, cr//nl), &
+         'x_value', '3', times, values)
+      call columns('.lvm, decimal commas', first//second//names//changed(rows, '.', ','), &
+         'x_value', 'acc 0', times, values)
+      call columns('.lvm, without a remark in the first row', first//second//names// &
+         rows(index(rows, nl) + 1:), 'x_value', 'acc 0', times(2:), values(2:))
+      call columns('.lvm without times', first//second//names//no_times, '', 'acc 0', &
+         [0.0_wp, 0.5_wp, 1.0_wp], values, rate=2.0_wp)
+      call columns('.lvm without names', first//second//rows, '1', '3', times, values)
+      call check('  said', all_notes() == skipped, all_notes())
+      call columns('waveforms as text', 'waveform'//tab//'[0]'//tab//nl//'t0'//tab// &
+         '06/05/2019 12:00:00,5'//nl//'delta t'//tab//'0,500000'//nl//nl//'time[0]'//tab//'Y[0]'// &
+         nl//'06/05/2019 12:00:00,5'//tab//'1,0E+0'//nl//'06/05/2019 12:00:01,0'//tab//'-2,0E+0'// &
+         nl//'06/05/2019 12:00:01,5'//tab//'4,0E+0'//nl, '', 'Y[0]', [0.0_wp, 0.5_wp, 1.0_wp], &
+         values, rate=2.0_wp)
+      call bad_columns('.lvm without times or a rate', first//second//names//no_times, '', '3', &
+         'record.csv:21: column 1 (''X_Value''): found an empty field, expected a number')
+      call bad_columns('.lvm of two segments', first//second//names//rows//second//names//rows, &
+         '', '3', 'record.csv:24: column 1 (''X_Value''): found ''Channels'', expected a number')
+   end subroutine test_labview
+
+   !> Samples without times: the first at 0, the others by their number. Times are exact: the rate
+   !> is a power of two.
+   subroutine test_rate()
+      real(wp), parameter :: times(3) = [0.0_wp, 0.25_wp, 0.5_wp], values(3) = [1, -2, 4]
+
+      call columns('rate: one column', '1'//nl//'-2'//nl//'4'//nl, '', '', times, values, 4.0_wp)
+      call columns('rate: one column with a name', 'acc'//nl//'1'//nl//'-2'//nl//'4', '', 'ACC', &
+         times, values, 4.0_wp)
+      call columns('rate: behind a header', 'Recorder 5'//nl//'Rate,4'//nl//'acc'//nl//'1'//nl// &
+         '-2'//nl//'4', '', '', times, values, 4.0_wp)
+      call columns('rate: decimal commas and an empty column', &
+         '1,0;'//nl//'-2,0;'//nl//'4,0;'//nl, '', '', times, values, 4.0_wp)
+      call columns('rate: of three columns', three, '', 'acc', times, values, 4.0_wp)
+      call columns('rate: by number', three(15:), '', '3', times, values, 4.0_wp)
+      call bad_columns('rate: several columns', three, '', '', &
+         'record.csv: found 3 columns, expected value_column to name one of them', 4.0_wp)
+      call bad_columns('rate: decimal commas or two columns', '1,0'//nl//'2,0'//nl, '', '', &
+         'record.csv: found 2 columns, expected value_column to name one of them', 4.0_wp)
+      call bad_columns('rate: decimal commas below a name', 'acc'//nl//'1,0'//nl//'2,0'//nl, '', &
+         '', 'record.csv:2: found twice as many fields as names', 4.0_wp)
+      call bad_columns('rate: a line is empty', '1'//nl//'-2'//nl//nl//'4'//nl, '', '', &
+         'record.csv:4: found a line without numbers before this one, expected none', 4.0_wp)
+      call bad_columns('rate: a gap', 't,acc'//nl//'0,1'//nl//'1,'//nl//'2,1'//nl, '', 'acc', &
+         'record.csv:3: column 2 (''acc''): found an empty field, expected a number', 4.0_wp)
+   end subroutine test_rate
+
+   !> Lines of a header, as recorders write them; the numbers are those of `three`.
+   subroutine test_headers()
+      call headed('none', three, '')
+      call headed('one line', 'Recorder 5'//nl//three, '1 line of a header skipped')
+      call headed('lines with other numbers of fields', 'Recorder,5'//nl//'Started,2024-05-01,'// &
+         '10:00:00,UTC'//nl//nl//'# a remark'//nl//'2000 samples per second'//nl//three, &
+         '3 lines of a header skipped')
+      call headed('lines with as many fields', 'Recorder,AX-3,rev B'//nl//'2024-05-01,10:00:00,'// &
+         'UTC'//nl//'Rates,2000,2000'//nl//three, '3 lines of a header skipped')
+      call headed('a rate behind each channel', 'Channels'//tab//'2'//tab//nl//'Samples'//tab// &
+         '3'//tab//'3'//nl//changed(three, ',', tab), '2 lines of a header skipped')
+      call headed('lines of numbers', '1024'//nl//'0.5'//nl//three, '2 lines of a header skipped')
+      call headed('a line below the names', three(:14)//'in SI units'//nl//three(15:), &
+         '1 line of a header skipped')
+      call headed('another separator in the header', 'Recorder; model 5; made, 2020'//nl// &
+         'Rate, 2000'//nl//changed(three, ',', tab), '2 lines of a header skipped')
+      call columns('the last of the lines names the columns', 'time,Temp,acc'//nl//'s,C,g'//nl// &
+         three(15:), 's', 'G', [0.0_wp, 0.5_wp, 1.25_wp], [1.0_wp, -2.0_wp, 4.0_wp])
+      call columns('text beside the numbers', 'Recorder'//nl//'time,note,acc'//nl//'0,start,1'//nl &
+         //'0.5,,-2'//nl//'1.25,x,4'//nl, 'time', 'acc', [0.0_wp, 0.5_wp, 1.25_wp], &
+         [1.0_wp, -2.0_wp, 4.0_wp])
+      call columns('no names', 'Recorder, model 5, 2020'//nl//'by hand'//nl//three(15:), '1', '3', &
+         [0.0_wp, 0.5_wp, 1.25_wp], [1.0_wp, -2.0_wp, 4.0_wp])
+   end subroutine test_headers
+
+   !> The numbers of `three` behind a header, and the sentence about it.
+   subroutine headed(what, text, sentence)
+      character(len=*), intent(in) :: what, text, sentence
+
+      call in_form('header: '//what, text)
+      call check('  said', all_notes() == sentence, all_notes())
+   end subroutine headed
 
    subroutine test_bad_columns()
       call bad_columns('unknown name', three, 'time', 'accel', 'record.csv: found the columns '// &
@@ -115,12 +222,14 @@ contains
          'record.csv:3: column 3 (''acc''): found ''-2'' after ''1'', expected a larger')
    end subroutine test_bad_columns
 
-   subroutine bad_columns(what, text, time_column, value_column, words)
+   subroutine bad_columns(what, text, time_column, value_column, words, rate)
       character(len=*), intent(in) :: what, text, time_column, value_column, words
+      real(wp), intent(in), optional :: rate
       type(recording_t) :: recording
 
       recording%time_column = time_column
       recording%value_column = value_column
+      if (present(rate)) recording%rate = rate
       call load(text, recording)
       call check('refused: '//what, index(message, words) > 0 .and. &
          index(message, nl) == 0, message)
@@ -174,7 +283,7 @@ contains
          [20001*1e-3_wp, 25000*1e-3_wp])) <= 0 .and. &
          maxval(abs(z([1, 5000]) - [cos(0.1_wp*20001), cos(0.1_wp*25000)])) <= 0)
       recording%path = scratch//'/record.csv'
-      call read_series(recording%path, [' ', ' '], ['t', 'z'], part_t(20.0005_wp, 25.0_wp, 7), &
+      call read_series(recording%path, [' ', ' '], part_t(20.0005_wp, 25.0_wp, 7), &
          series, error)
       call check('read_series: no error', .not. allocated(error))
       rows = nint(1e3_wp*series%t)
@@ -269,12 +378,26 @@ contains
       call refused('a stamp that goes back', '0,1'//nl//'1,2'//nl//'0.5,3'//nl, recording, &
          'record.csv:3: column 1: found ''0.5'' after ''1''')
       call refused('not finite', '0,1'//nl//'1,Inf'//nl, recording, 'record.csv:2: column 2')
-      call refused('decimal commas between semicolons', 't;a'//nl//'0,5;1'//nl, recording, &
-         'record.csv:2: column 1 (''t''): found ''0,5'', expected a number (a decimal point is')
-      call refused('decimal commas, no header', '0,5;1,5'//nl, recording, &
-         'record.csv:1: found both '';'' and '','', expected one separator')
-      call refused('decimal commas between tabs', 't'//tab//'a'//nl//'0,5'//tab//'1'//nl, &
-         recording, 'record.csv:2: column 1 (''t''): found ''0,5'', expected a number (a decimal')
+      call refused('a decimal point behind decimal commas', 't;a'//nl//'0,5;1'//nl//'0.6;2'//nl, &
+         recording, 'record.csv:3: column 1 (''t''): found ''0.6'', expected a number (a decimal')
+      call refused('a decimal comma behind decimal points', 't'//tab//'a'//nl//'0.5'//tab//'1'//nl &
+         //'0,6'//tab//'2'//nl, recording, &
+         'record.csv:3: column 1 (''t''): found ''0,6'', expected a number (a decimal point is')
+      call refused('decimal commas between commas', 'x'//nl//'t,a'//nl//'0,5,1,5'//nl, recording, &
+         'record.csv:3: found twice as many fields as names')
+      call refused('a bad first row', 'x,y'//nl//'t,a'//nl//'0,z'//nl//'1,2'//nl, recording, &
+         'record.csv:3: column 2 (''a''): found ''z'', expected a number')
+      call refused('a short first row', 'x'//nl//'t,a'//nl//'0'//nl//'1,2'//nl, recording, &
+         'record.csv:3: column 2 (''a''): found the end of the line, expected a number')
+      call refused('a bad first row without names', '0,z'//nl//'1,2'//nl, recording, &
+         'record.csv:1: column 2: found ''z'', expected a number')
+      call refused('names between the rows', '0,1'//nl//'t,a'//nl//'1,2'//nl, recording, &
+         'record.csv:2: column 1: found ''t'', expected a number')
+      call refused('text through and through', 'Dear reader,'//nl//'this is no record, it is a'// &
+         ' letter.'//nl//'Yours, 7'//nl, recording, 'record.csv:2: column 1 (''Dear reader''): '// &
+         'found ''this is no record'', expected a number')
+      call refused('lines of words', 'one'//nl//'two'//nl//'three'//nl, recording, &
+         'record.csv:1: found ''one'', expected 2 columns separated by')
       call refused('another separator', '0,1'//nl//'1;2'//nl, recording, &
          'record.csv:2: fields are separated by '';'', expected '',''')
       call refused('blanks', '0 1'//nl//'1 2'//nl, recording, &

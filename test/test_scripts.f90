@@ -100,6 +100,36 @@ contains
       call judge('plot_paper.py', scripts//'plot_paper.py part/section-4', &
          'part/section-4: no manifest.txt')
       call judge('report.py', scripts//'report.py part', 'part/section-4: no manifest.txt')
+      call test_samples()
    end subroutine test_each
+
+   !> A picture of a record reads what the program reads: a header, decimal commas, a rate.
+   subroutine test_samples()
+      character(len=*), parameter :: tab = achar(9), head = 'Recorder, 5'//nl//'Rate'//tab//'4'// &
+         tab//nl//'X'//tab//'acc'//tab//'Comment'//nl, code = 'import sys'//nl// &
+         'sys.path.insert(0, "'//scripts//'")'//nl//'import cases'//nl// &
+         'a = {"file": ["''a.lvm''"], "value_column": ["''ACC''"]}'//nl// &
+         'b = {"file": ["''b.txt''"], "rate": ["4d0"]}'//nl// &
+         'for keys in a, dict(a, rate=["4"]), b:'//nl// &
+         '    t, z = cases.read_samples("case.nml", keys)'//nl// &
+         '    print(*(t - [k / 4 for k in range(9)]), *(z - [k + 0.5 for k in range(9)]))'//nl
+      character(len=:), allocatable :: rows
+      character(len=9) :: row
+      integer :: k
+
+      rows = ''
+      do k = 0, 8
+         write (row, '(i0,a,i2.2,a,i0,a)') k/4, ',', 25*mod(k, 4), tab, k, ',5'
+         rows = rows//trim(row)//nl
+      end do
+      call write_file('a.lvm', head//rows)
+      call write_file('b.txt', 'Recorder'//nl//'0.5'//nl//'1.5'//nl//'2.5'//nl//'3.5'//nl//'4.5'// &
+         nl//'5.5'//nl//'6.5'//nl//'7.5'//nl//'8.5'//nl)
+      call write_file('samples.py', code)
+      outcome = run('for p in python3 ../../.venv/bin/python; do '// &
+         '$p -c "import numpy" 2>/dev/null && exec $p samples.py; done')
+      call check('samples of a record', outcome%status == 0 .and. outcome%out == &
+         repeat(repeat('0.0 ', 17)//'0.0'//nl, 3), outcome%out//outcome%err)
+   end subroutine test_samples
 
 end program test_scripts

@@ -1,8 +1,7 @@
 !> The groups of a case file that describe the structure, its excitation, its units and the noise.
 module beamid_model_groups
    use beamid_blocks, only: block_t
-   use beamid_csv, only: column_length, read_columns
-   use beamid_errors, only: error_t, locate
+   use beamid_errors, only: bad_input, error_t, locate
    use beamid_excitation, only: excitation_t, new_base_motion, new_force_table, new_free, &
       new_pulse, new_release
    use beamid_paths, only: directory_of, join_path
@@ -10,6 +9,9 @@ module beamid_model_groups
    use beamid_numbers, only: shown
    use beamid_parameters, only: any_value, as_named, key_of, parameters, &
       zero_or_more => not_negative
+   use beamid_record_groups, only: get_columns
+   use beamid_records, only: column_length
+   use beamid_series, only: part_t, read_series, series_t
    use beamid_strings, only: lower, to_text
    use beamid_structure, only: item_name_length, n_parameters, of_x_F, structure_t
    use beamid_tokens, only: digits, letters
@@ -141,15 +143,18 @@ contains
       type(excitation_t), intent(out) :: found
       type(error_t), allocatable, intent(inout) :: error
       character(len=:), allocatable :: kind, file, load
-      character(len=column_length), allocatable :: header(:)
-      real(wp), allocatable :: amplitude, duration, force, displacement, x_F, values(:, :)
+      character(len=column_length) :: columns(2)
+      type(series_t) :: series
+      real(wp), allocatable :: amplitude, duration, force, displacement, x_F, rate
       real(wp) :: power, time
       integer :: modes, k
       !> Keys that only some kinds have, and these kinds.
-      character(len=*), parameter :: keys(10) = [character(len=12) :: 'amplitude', 'duration', &
-         'file', 'load', 'power', 'force', 'displacement', 'time', 'modes', 'x_F'], &
-         owners(10) = [character(len=19) :: 'pulse', 'pulse', 'table base', 'pulse table', &
-         'pulse table', 'release', 'release', 'release', 'free', 'pulse table release']
+      character(len=*), parameter :: keys(13) = [character(len=12) :: 'amplitude', 'duration', &
+         'file', 'time_column', 'value_column', 'rate', 'load', 'power', 'force', 'displacement', &
+         'time', 'modes', 'x_F'], &
+         owners(13) = [character(len=19) :: 'pulse', 'pulse', 'table base', 'table base', &
+         'table base', 'table base', 'pulse table', 'pulse table', 'release', 'release', &
+         'release', 'free', 'pulse table release']
 
       load = 'point'
       power = 2
@@ -161,6 +166,8 @@ contains
       call block%get('duration', duration, 'a pulse needs it', 'of a pulse, from t = 0', positive)
       call block%get('file', file, 'time and force of a table, time and acceleration of the '// &
          'base, linear between the rows', default='table and base need it')
+      columns = ''
+      call get_columns(block, columns(1), columns(2), rate)
       call block%get('load', load, 'where a pulse or a table acts', [character(len=11) :: 'point', &
          'distributed'])
       call block%get('power', power, 'p of a distributed load (x/l)^p', range_t(2))
@@ -189,10 +196,11 @@ contains
             return
          end if
          file = join_path(directory_of(path), file)
-         call read_columns(file, 2, values, header, error, increasing=.true.)
+         call read_series(file, columns, part_t(), series, error, rate)
          if (allocated(error)) return
-         if (kind == 'base') call new_base_motion(values(1, :), values(2, :), found, error)
-         if (kind == 'table') call new_force_table(values(1, :), values(2, :), found, error)
+         if (kind == 'base') call new_base_motion(series%t, series%z, found, error)
+         if (kind == 'table') call new_force_table(series%t, series%z, found, error)
+         if (.not. allocated(error) .and. kind == 'table') call refuse_constant(series%z, error)
          call locate(error, file)
       case ('release')
          if (allocated(force) .eqv. allocated(displacement)) then
@@ -212,6 +220,17 @@ contains
       if (found%distributed) call block%exclude('x_F', 'with load = ''distributed''')
       if (allocated(x_F)) found%x_F = x_F
    end subroutine read_excitation
+
+   !> Refuses what no force of a thruster or a hammer is. Two nodes alone may well be the same: a
+   !> pulse.
+   subroutine refuse_constant(force, error)
+      real(wp), intent(in) :: force(:)
+      type(error_t), allocatable, intent(inout) :: error
+
+      if (maxval(force) > minval(force) .or. size(force) == 2 .and. abs(force(1)) > 0) return
+      call bad_input(error, 'found the same force ('//to_text(force(1))//') in all '// &
+         to_text(size(force))//' rows, expected one that changes')
+   end subroutine refuse_constant
 
    subroutine read_units(block, labels)
       type(block_t), intent(inout) :: block

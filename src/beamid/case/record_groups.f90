@@ -3,6 +3,7 @@
 module beamid_record_groups
    use beamid_blocks, only: block_t
    use beamid_paths, only: directory_of, join_path
+   use beamid_kinds, only: wp
    use beamid_numbers, only: shown
    use beamid_records, only: recording_t, window_t
    use beamid_strings, only: to_text
@@ -10,7 +11,7 @@ module beamid_record_groups
    implicit none
    private
 
-   public :: read_recording, get_window
+   public :: read_recording, get_columns, get_window
 
 contains
 
@@ -26,8 +27,7 @@ contains
       call get_window(block, found%window)
       call block%get('scale', found%scale, 'acceleration = scale (value - offset)')
       call block%get('offset', found%offset, 'in the unit of the record')
-      call read_column('time_column', found%time_column, 'the first')
-      call read_column('value_column', found%value_column, 'the second')
+      call get_columns(block, found%time_column, found%value_column, found%rate)
       call block%get('clip_low', found%clip_low, 'flats are looked for', &
          'samples at or below are left out')
       call block%get('clip_high', found%clip_high, 'flats are looked for', &
@@ -56,6 +56,20 @@ contains
       if (file == '') call block%refuse('file', '''''', 'the path of a record')
       found%path = join_path(directory_of(path), file)
 
+   end subroutine read_recording
+
+   !> Which columns of a table are read, or how many samples there are per unit of time.
+   subroutine get_columns(block, time_column, value_column, rate)
+      type(block_t), intent(inout) :: block
+      character(len=*), intent(inout) :: time_column, value_column
+      real(wp), allocatable, intent(inout) :: rate
+
+      call read_column('time_column', time_column, 'the first')
+      call read_column('value_column', value_column, 'the second; beside rate the only one')
+      call block%get('rate', rate, 'there is a time column', &
+         'samples per unit of time, the first at t = 0', positive)
+      if (block%has('rate')) call block%exclude('time_column', 'beside rate')
+
    contains
 
       !> A column has a name, and one that is not cut.
@@ -72,7 +86,7 @@ contains
          column = adjustl(name)
       end subroutine read_column
 
-   end subroutine read_recording
+   end subroutine get_columns
 
    !> The keys of a window, whose ends must be in order.
    subroutine get_window(block, window)

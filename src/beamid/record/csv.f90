@@ -2,8 +2,9 @@
 module beamid_csv
    use beamid_errors, only: error_t, bad_input
    use beamid_files, only: read_text
+   use beamid_headers, only: find_rows
    use beamid_kinds, only: wp, ip
-   use beamid_numbers, only: is_decimal, parse_number, shown, trim_blanks
+   use beamid_numbers, only: is_decimal, parse_number, shown, trim_blanks, with_point
    use beamid_rows, only: column_length, reader_t, tab
    use beamid_strings, only: to_text
    implicit none
@@ -26,8 +27,8 @@ module beamid_csv
 contains
 
    !> Reads the first columns of a text file whose fields are separated by commas (or by semicolons
-   !> or tabs, throughout). A line of names may come first; blank lines and lines that begin with
-   !> '#' are skipped.
+   !> or tabs, throughout). A header and a line of names may come first; blank lines and lines that
+   !> begin with '#' are skipped.
    subroutine read_columns(path, n_columns, values, header, error, increasing)
       character(len=*), intent(in) :: path
       !> How many columns are wanted; the columns behind them are ignored.
@@ -56,7 +57,7 @@ contains
 
    !> Reads a file and the names of its columns, and goes to the first row of numbers.
    !>
-   !> error  no such file, no text, nothing in it, names of fewer than `n_columns` columns
+   !> error  no such file, no text, no rows in it, names of fewer than `n_columns` columns
    subroutine open_table(path, n_columns, reader, error)
       character(len=*), intent(in) :: path
       integer, intent(in) :: n_columns
@@ -87,72 +88,10 @@ contains
       end do
    end subroutine refuse_binary
 
-   !> Reads the names above the rows of numbers, and goes to the first row.
-   subroutine find_rows(reader, n_columns, error)
-      type(reader_t), intent(inout) :: reader
-      integer, intent(in) :: n_columns
-      type(error_t), allocatable, intent(out) :: error
-
-      call reader%rewind()
-      if (.not. reader%next_row()) then
-         call bad_input(error, reader%path//': found no line of data, expected columns of numbers')
-         return
-      end if
-      if (.not. is_header(reader, n_columns)) return
-      call read_header(reader, n_columns, error)
-      if (allocated(error)) return
-      if (.not. reader%next_row()) call bad_input(error, reader%path// &
-         ': found names of columns only, expected numbers below')
-   end subroutine find_rows
-
-   !> Whether the current line holds names: none of its first fields begins like a number.
-   logical function is_header(reader, n_columns) result(yes)
-      type(reader_t), intent(inout) :: reader
-      integer, intent(in) :: n_columns
-      character(len=2) :: start
-      integer :: k
-
-      yes = .false.
-      do k = 1, n_columns
-         if (.not. reader%next_field()) exit
-         start = trim_blanks(reader%text(reader%left:reader%right))
-         if (verify(start(:1), '+-.') == 0) start = start(2:)
-         if (verify(start(:1), '0123456789') == 0) then
-            yes = .false.
-            exit
-         end if
-         yes = yes .or. start /= ''
-      end do
-      call reader%restart_row()
-   end function is_header
-
-   !> Reads the names of all columns, without blanks and quotes around them.
-   subroutine read_header(reader, n_columns, error)
-      type(reader_t), intent(inout) :: reader
-      integer, intent(in) :: n_columns
-      type(error_t), allocatable, intent(out) :: error
-      character(len=:), allocatable :: name
-      integer :: k, n
-
-      n = reader%count_fields()
-      if (n < n_columns) then
-         call reader%problem(error, 'found '//shown(reader%row())//', expected '// &
-            to_text(n_columns)//' columns separated by '','', '';'' or a tab')
-         return
-      end if
-      deallocate (reader%header)
-      allocate (reader%header(n))
-      do k = 1, n
-         if (.not. reader%next_field()) exit
-         name = trim_blanks(reader%text(reader%left:reader%right))
-         if (len(name) >= 2 .and. index(name, '"') == 1) name = name(2:len(name) - 1)
-         reader%header(k) = name
-      end do
-   end subroutine read_header
-
    !> Reads the rows from the current one on, and keeps a part of them; all are checked.
    !>
-   !> columns  places of the wanted ones, in any order
+   !> columns  places of the wanted ones, in any order; the first may be 0: times that the reader's
+   !>          rate gives, from 0 on
    !> values   (columns, rows kept); no rows after an error
    subroutine read_rows(reader, columns, part, values, extent, error)
       type(reader_t), intent(inout) :: reader
@@ -195,7 +134,7 @@ contains
    !> Reads numbers of the current line.
    subroutine read_row(reader, columns, values, error)
       type(reader_t), intent(inout) :: reader
-      !> Which columns are wanted, in any order.
+      !> Which columns are wanted, in any order; 0: the time of the row.
       integer, intent(in) :: columns(:)
       !> The numbers, in the order of `columns`.
       real(wp), intent(out) :: values(:)
@@ -205,6 +144,16 @@ contains
       logical :: ok
 
       values = 0
+      if (columns(1) == 0) then
+         if (reader%rows > 0 .and. reader%line > reader%row_line + 1) then
+            call reader%problem(error, 'found a line without numbers before this one, expected '// &
+               'none, where rate counts the lines')
+            return
+         end if
+         values(1) = real(reader%rows, wp)/reader%rate
+         reader%rows = reader%rows + 1
+         reader%row_line = reader%line
+      end if
       do column = 1, maxval(columns)
          if (.not. reader%next_field()) then
             call reader%problem(error, 'found the end of the line, expected a number', column)
@@ -212,7 +161,7 @@ contains
          end if
          do k = 1, size(columns)
             if (columns(k) /= column) cycle
-            call parse_number(reader%text(reader%left:reader%right), values(k), ok)
+            call parse_field(reader, reader%text(reader%left:reader%right), values(k), ok)
             if (.not. ok) then
                call explain(reader, reader%text(reader%left:reader%right), column, error)
                return
@@ -232,6 +181,30 @@ contains
       if (reader%count_fields() == 2*size(reader%header)) call reader%problem(error, &
          'found twice as many fields as names, expected as many (a decimal point is ''.'')')
    end subroutine read_row
+
+   !> Reads a number, whose decimal sign must be that of the numbers before. A comma can be one only
+   !> where it does not separate fields.
+   subroutine parse_field(reader, field, value, ok)
+      type(reader_t), intent(inout) :: reader
+      character(len=*), intent(in) :: field
+      real(wp), intent(out) :: value
+      logical, intent(out) :: ok
+      integer :: comma
+      character(len=1) :: sign
+
+      comma = 0
+      if (reader%separator /= ',') comma = index(field, ',')
+      if (comma == 0) then
+         call parse_number(field, value, ok)
+         if (reader%separator == ',') return
+      else
+         call parse_number(with_point(field), value, ok)
+      end if
+      if (comma == 0 .and. index(field, '.') == 0) return
+      sign = merge('.', ',', comma == 0)
+      ok = ok .and. (reader%decimal == ' ' .or. reader%decimal == sign)
+      if (ok) reader%decimal = sign
+   end subroutine parse_field
 
    !> Says why a field is not a number.
    subroutine explain(reader, field, k, error)
@@ -258,7 +231,9 @@ contains
          call reader%problem(error, 'found an empty field, expected a number', k)
       else
          expected = ', expected a number'
-         if (index(bare, ',') > 0) then
+         if (reader%decimal == ',') then
+            expected = expected//' (a decimal sign is '','' as in the lines above)'
+         else if (index(bare, ',') > 0) then
             expected = expected//point
          else if (is_decimal(bare)) then
             expected = expected//' of at most 1.79e308'

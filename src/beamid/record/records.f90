@@ -25,6 +25,7 @@ module beamid_records
       real(wp) :: offset = 0
       !> names in the header, or numbers from '1'; '': the first and the second column
       character(len=column_length) :: time_column = '', value_column = ''
+      real(wp), allocatable :: rate           !< samples per unit of time; no time column then
       !> Samples at or beyond these are left out, in the record's own unit; not allocated:
       !> limits are looked for.
       real(wp), allocatable :: clip_low, clip_high
@@ -88,6 +89,8 @@ contains
          if (allocated(window%t_last)) part%last = window%t_last
          call read_part(recording, part, series, error)
          if (allocated(error)) return
+         if (series%skipped > 0) call add_note(notes, to_text(series%skipped)//' line'// &
+            trim(merge('s', ' ', series%skipped > 1))//' of a header skipped')
          call choose_rows(window, series, rows, error)
          if (.not. allocated(error)) call refuse_constant(series%z(rows), error)
          if (.not. allocated(error)) call leave_out_clipped(recording, series%z, rows, clipped, &
@@ -130,8 +133,8 @@ contains
       type(series_t), intent(out) :: series
       type(error_t), allocatable, intent(out) :: error
 
-      call read_series(recording%path, [recording%time_column, recording%value_column], &
-         [character(len=12) :: 'time_column', 'value_column'], part, series, error)
+      call read_series(recording%path, [recording%time_column, recording%value_column], part, &
+         series, error, recording%rate)
    end subroutine read_part
 
    subroutine refuse_constant(z, error)

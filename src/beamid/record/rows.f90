@@ -7,7 +7,7 @@ module beamid_rows
    implicit none
    private
 
-   public :: reader_t, column_length, tab
+   public :: reader_t, column_length, separators, tab
 
    character(len=*), parameter :: tab = achar(9), line_feed = achar(10), &
       carriage_return = achar(13), byte_order_mark = char(239)//char(187)//char(191)
@@ -23,6 +23,8 @@ module beamid_rows
       character(len=column_length), allocatable :: header(:)
       !> Number of the current line in the file.
       integer(ip) :: line = 0
+      !> How many lines before the rows neither name the columns nor are blank or comments.
+      integer :: skipped = 0
       !> First and last byte of the current field.
       integer(ip) :: left = 1, right = 0
       !> Whether the first of the columns that are read must grow from row to row; its last value,
@@ -32,18 +34,27 @@ module beamid_rows
       integer(ip) :: mark(2) = 0
       !> What separates the fields: set by the first line that is neither blank nor a comment.
       character(len=1) :: separator = ' '
+      !> '.' or ',' once a number showed it; a comma only between semicolons or tabs.
+      character(len=1) :: decimal = ' '
+      !> > 0: rows per unit of time of a table without times; how many rows were read, and the line
+      !> of the last.
+      real(wp) :: rate = 0
+      integer(ip) :: rows = 0, row_line = 0
       !> First and last byte of the current line without its end, and where the next one begins.
       integer(ip), private :: first = 1, last = 0, next = 1
       !> How often the current line holds each of the separators.
       integer, private :: counts(len(separators)) = 0
    contains
       procedure :: rewind => go_to_start
+      procedure :: go_to
       procedure :: next_row
       procedure :: row
       procedure :: restart_row
       procedure :: next_field
       procedure :: count_fields
+      procedure :: count_filled
       procedure :: count_of
+      procedure :: split_at
       procedure :: problem
    end type reader_t
 
@@ -59,6 +70,19 @@ contains
       if (len(self%text, ip) < 3) return
       if (self%text(:3) == byte_order_mark) self%next = 4
    end subroutine go_to_start
+
+   !> Goes to a line that is neither blank nor a comment, with this separator.
+   subroutine go_to(self, line, separator)
+      class(reader_t), intent(inout) :: self
+      integer(ip), intent(in) :: line
+      character(len=1), intent(in) :: separator
+
+      call self%rewind()
+      self%separator = separator
+      do while (self%line < line)
+         if (.not. self%next_row()) exit
+      end do
+   end subroutine go_to
 
    !> Goes to the next line that is neither blank nor a comment; .false. at the end.
    logical function next_row(self) result(found)
@@ -154,6 +178,29 @@ contains
 
       n = 1 + self%count_of(self%separator)
    end function count_fields
+
+   !> How many fields the current line has up to the last that is not blank.
+   integer function count_filled(self) result(n)
+      class(reader_t), intent(inout) :: self
+      integer :: k
+
+      n = 0
+      call self%restart_row()
+      do k = 1, self%count_fields()
+         if (.not. self%next_field()) exit
+         if (verify(self%text(self%left:self%right), ' '//tab) > 0) n = k
+      end do
+      call self%restart_row()
+   end function count_filled
+
+   !> Takes another separator, and goes before the first field of the line.
+   subroutine split_at(self, separator)
+      class(reader_t), intent(inout) :: self
+      character(len=1), intent(in) :: separator
+
+      self%separator = separator
+      call self%restart_row()
+   end subroutine split_at
 
    !> How often a separator stands in the current line.
    pure integer function count_of(self, separator) result(n)

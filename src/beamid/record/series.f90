@@ -15,6 +15,7 @@ module beamid_series
    type, extends(extent_t) :: series_t
       real(wp), allocatable :: t(:)       !< (rows) strictly increasing [time]
       real(wp), allocatable :: z(:)       !< (rows) as in the file
+      integer :: skipped = 0              !< lines of a header, without that of the names
    end type series_t
 
 contains
@@ -23,36 +24,50 @@ contains
    !>
    !> names  time and value column: a name of the header in any case, a number from '1', or '' for
    !>        the first and the second column
-   !> keys   what the case file calls the two, for messages
+   !> rate   > 0: rows per unit of time, the first at 0; there is no time column then, and a file of
+   !>        more columns than one needs the other's name
    !> error  `path:line: ...`
-   subroutine read_series(path, names, keys, part, series, error)
-      character(len=*), intent(in) :: path, names(2), keys(2)
+   subroutine read_series(path, names, part, series, error, rate)
+      character(len=*), intent(in) :: path, names(2)
       type(part_t), intent(in) :: part
       type(series_t), intent(out) :: series
       type(error_t), allocatable, intent(out) :: error
+      real(wp), intent(in), optional :: rate
       type(reader_t) :: reader
       real(wp), allocatable :: values(:, :)
       integer :: columns(2)
 
-      call open_table(path, 2, reader, error)
+      call open_table(path, merge(1, 2, present(rate)), reader, error)
       reader%ordered = .true.
-      if (.not. allocated(error)) call find_columns(reader, names, keys, columns, error)
+      if (present(rate)) reader%rate = rate
+      if (.not. allocated(error)) call find_columns(reader, names, columns, error)
       if (.not. allocated(error)) call read_rows(reader, columns, part, values, &
          series%extent_t, error)
       if (allocated(error)) return
+      series%skipped = reader%skipped
       series%t = values(1, :)
       series%z = values(2, :)
    end subroutine read_series
 
    !> The places of the two columns.
-   subroutine find_columns(reader, names, keys, columns, error)
-      type(reader_t), intent(in) :: reader
-      character(len=*), intent(in) :: names(2), keys(2)
+   subroutine find_columns(reader, names, columns, error)
+      type(reader_t), intent(inout) :: reader
+      character(len=*), intent(in) :: names(2)
       integer, intent(out) :: columns(2)
       type(error_t), allocatable, intent(out) :: error
-      integer :: k
+      !> What the case file calls the two.
+      character(len=*), parameter :: keys(2) = [character(len=12) :: 'time_column', 'value_column']
+      integer :: k, n
 
       columns = [1, 2]
+      if (reader%rate > 0) then
+         columns = [0, 1]
+         n = size(reader%header)
+         if (n == 0) n = reader%count_filled()
+         if (n > 1 .and. names(2) == '') call bad_input(error, reader%path//': found '// &
+            to_text(n)//' columns, expected value_column to name one of them beside rate')
+         if (allocated(error)) return
+      end if
       do k = 1, 2
          if (names(k) == '') cycle
          call find_column(reader, names(k), trim(keys(k)), columns(k), error)

@@ -11,7 +11,7 @@ module beamid_numbers
    implicit none
    private
 
-   public :: parse_number, is_decimal, trim_blanks, shown, shortened
+   public :: parse_number, is_decimal, with_point, trim_blanks, shown, shortened
 
    character(len=*), parameter :: blanks = ' '//achar(9)
 
@@ -177,6 +177,17 @@ contains
       call pass_digits(text, next, digits)
       yes = yes .and. digits > 0 .and. next > len(text)
    end function is_decimal
+
+   !> A text with a point in the place of its first comma.
+   pure function with_point(text) result(changed)
+      character(len=*), intent(in) :: text
+      character(len=len(text)) :: changed
+      integer :: comma
+
+      changed = text
+      comma = index(text, ',')
+      if (comma > 0) changed(comma:comma) = '.'
+   end function with_point
 
    !> Moves `next` past a sign.
    pure subroutine pass_sign(text, next)
