@@ -7,6 +7,7 @@ module beamid_commands
    use beamid_identification, only: score_fits
    use beamid_mode_summaries, only: fitted_modes_summary, minima_summary, modes_summary
    use beamid_outputs, only: output_t
+   use beamid_responses, only: is_exact
    use beamid_sorting, only: median
    use beamid_strings, only: to_text
    use beamid_summaries, only: fit_summary, response_summary
@@ -51,6 +52,8 @@ contains
       real(wp), allocatable :: scored(:), expected(:)
       character(len=note_length), allocatable :: notes(:)
       type(verdict_t) :: verdict
+      type(stage_fit_t), allocatable :: refined(:)
+      integer :: k
 
       call read_case(settings%subject, needs_fit, case, error)
       if (allocated(error)) return
@@ -60,11 +63,26 @@ contains
       progress = new_progress(settings%quiet)
       if (case%multistart%n > 0) then
          call search_from_many(case, experiments, fits, found, output, error, progress)
+      else if (case%refines .and. is_exact(case%model%solver)) then
+         call identify_refining(case%model, case%meshes(1), case%stages, experiments, refined, &
+            error, progress)
+         if (.not. allocated(error)) allocate (fits(size(refined), 1))
+         do k = 1, size(case%stages)
+            if (allocated(fits)) fits(k, 1) = refined(k)
+         end do
       else
          call identify_meshes(case%model, case%meshes, case%stages, experiments, fits, error, &
             progress)
       end if
       call progress%finish()
+      if (.not. allocated(error)) then
+         do k = 1, size(case%meshes)
+            associate (last => fits(size(fits, 1), k))
+               if (.not. allocated(last%mesh_shift)) call add_mesh_shift(case%model, &
+                  case%meshes(k), experiments, last)
+            end associate
+         end do
+      end if
       if (.not. allocated(error) .and. size(scored) > 0) call score_fits(case%model, case%meshes, &
          scored, expected, fits, error)
       if (.not. allocated(error)) call add_modes_of_fits(case, fits, found, table, error)

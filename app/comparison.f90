@@ -5,6 +5,7 @@ module beamid_comparison
    use beamid_errors, only: bad_input, locate
    use beamid_lines, only: columns, csv_row, filled
    use beamid_outputs, only: output_t
+   use beamid_responses, only: is_exact
    use beamid_statistics, only: akaike => aicc, bayes => bic, nested_test
    use beamid_strings, only: to_text
    use beamid_texts, only: left, right, text_t
@@ -29,7 +30,7 @@ contains
       type(output_t) :: output
       character(len=note_length), allocatable :: notes(:)
       logical, allocatable :: twice(:)
-      integer :: j, k
+      integer :: finest, j, k
 
       associate (paths => settings%subjects)
          allocate (models(size(paths)), labels(size(paths)))
@@ -45,6 +46,7 @@ contains
             end if
             models(k)%model = case%model
             models(k)%mesh = case%meshes(size(case%meshes))
+            models(k)%refines = case%refines .and. is_exact(case%model%solver)
             models(k)%stages = case%stages
             labels(k)%text = case%name
          end do
@@ -56,6 +58,20 @@ contains
          end do
          progress = new_progress(settings%quiet)
          do k = 1, size(models)
+            call fit_candidate(models(k), error, progress)
+            call progress%finish()
+            call locate(error, paths(k)%text)
+            if (allocated(error)) return
+         end do
+         ! What finds its own mesh is compared on the finest that any of them needs.
+         finest = 0
+         do k = 1, size(models)
+            if (models(k)%refines) finest = max(finest, models(k)%mesh%elements)
+         end do
+         do k = 1, size(models)
+            if (.not. models(k)%refines .or. models(k)%mesh%elements == finest) cycle
+            models(k)%refines = .false.
+            models(k)%mesh%elements = finest
             call fit_candidate(models(k), error, progress)
             call progress%finish()
             call locate(error, paths(k)%text)
@@ -78,10 +94,10 @@ contains
       character(len=:), allocatable :: elements, free
       integer :: k, m
 
-      m = size(models(1)%fit%fit%residual)
+      m = size(models(1)%fit%residual)
       do k = 1, size(models)
-         aicc(k) = akaike(models(k)%fit%fit%J, m, models(k)%unknowns())
-         bic(k) = bayes(models(k)%fit%fit%J, m, models(k)%unknowns())
+         aicc(k) = akaike(models(k)%sum_of_squares(), m, models(k)%unknowns())
+         bic(k) = bayes(models(k)%sum_of_squares(), m, models(k)%unknowns())
       end do
       call summary%line('Models of one record, m = '//to_text(m)//' samples')
       call summary%line( &
@@ -94,7 +110,7 @@ contains
       do k = 1, size(models)
          elements = to_text(models(k)%fit%elements)
          free = to_text(models(k)%unknowns())
-         associate (J => models(k)%fit%fit%J)
+         associate (J => models(k)%sum_of_squares())
             call summary%line(left(labels(k)%text, 28)//right(elements, 5)//right(free, 6)// &
                right(to_text(J))//columns([aicc(k), aicc(k) - minval(aicc), bic(k), &
                bic(k) - minval(bic)], 14, '#.2'))
@@ -122,12 +138,12 @@ contains
          do j = 1, size(models)
             if (.not. is_nested(models(i), models(j))) cycle
             restrictions = models(j)%unknowns() - models(i)%unknowns()
-            call nested_test(models(i)%fit%fit%J, models(j)%fit%fit%J, &
-               size(models(i)%fit%fit%residual), restrictions, U, probability)
+            call nested_test(models(i)%sum_of_squares(), models(j)%sum_of_squares(), &
+               size(models(i)%fit%residual), restrictions, U, probability)
             verdict = ': no reason to prefer the full model'
             if (probability < 0.05_wp) verdict = ': the full model is better'
             ! Equal sums differ by what the searches leave.
-            if (U < -1e-6_wp*size(models(i)%fit%fit%residual)) verdict = &
+            if (U < -1e-6_wp*size(models(i)%fit%residual)) verdict = &
                ': the fit of the full model did not reach its minimum'
             call summary%line('  '//labels(i)%text//' within '//labels(j)%text// &
                filled(': U = #, # '//merge('restriction, ', 'restrictions,', &

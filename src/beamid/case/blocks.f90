@@ -95,17 +95,22 @@ contains
       if (size(x) > 0) value = nint(x(1))
    end subroutine get_integer
 
-   !> Several integers.
-   subroutine get_integers(self, name, values, default, help, most, range)
+   !> Several integers, or one of some words in their place, as above.
+   subroutine get_integers(self, name, values, default, help, most, range, words, word)
       class(block_t), intent(inout) :: self
       character(len=*), intent(in) :: name
       integer, allocatable, intent(inout) :: values(:)
       character(len=*), intent(in) :: default, help
       integer, intent(in) :: most
       type(range_t), intent(in), optional :: range
+      character(len=*), intent(in), optional :: words(:)
+      character(len=*), intent(out), optional :: word
+      type(key_t) :: key
       real(wp), allocatable :: x(:)
 
-      call self%take(new_key(name, kind_integer, default, help, most, range), x)
+      key = new_key(name, kind_integer, default, help, most, range)
+      if (present(words)) key%words = words
+      call self%take(key, x, word=word)
       if (size(x) > 0) values = nint(x)
    end subroutine get_integers
 

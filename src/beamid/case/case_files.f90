@@ -10,9 +10,11 @@ module beamid_case_files
    use beamid_method_groups, only: read_discretization, read_integrator, read_multistart, &
       read_observation, read_stage
    use beamid_modal, only: modal_t
-   use beamid_model_groups, only: read_excitation, read_noise, read_structure, read_units
+   use beamid_model_groups, only: read_excitation, read_noise, read_structure, read_units, section_t
    use beamid_multistart, only: multistart_t
    use beamid_namelist, only: group_t
+   use beamid_prior_groups, only: read_prior
+   use beamid_priors, only: prior_t
    use beamid_record_groups, only: get_window, read_recording
    use beamid_records, only: append_recording, recording_t, window_t
    use beamid_units, only: units_t
@@ -27,14 +29,16 @@ module beamid_case_files
       group_t('gravity'), group_t('axial'), &
       group_t('excitation', may_repeat=.true.), group_t('discretization'), group_t('integrator'), &
       group_t('observation'), group_t('record', may_repeat=.true.), group_t('score'), &
-      group_t('stage', may_repeat=.true.), group_t('multistart'), group_t('noise'), &
-      group_t('units')]
+      group_t('stage', may_repeat=.true.), group_t('prior', may_repeat=.true.), &
+      group_t('multistart'), group_t('noise'), group_t('units')]
 
    type :: case_t
       character(len=:), allocatable :: path     !< as given
       character(len=:), allocatable :: name     !< file name without folder and ending
       type(model_t) :: model
       type(mesh_t), allocatable :: meshes(:)    !< one for each entry of `elements`
+      logical :: refines = .true.               !< a fit finds their number by itself
+      type(section_t) :: section                !< of the beam
       type(recording_t), allocatable :: recordings(:)
       !> one for each recording, or one for all
       type(excitation_t), allocatable :: excitations(:)
@@ -64,7 +68,8 @@ contains
       if (dot > 1) case%name = case%name(:dot - 1)
       case%meshes = [mesh_t()]
       allocate (modal_t :: case%model%solver)
-      allocate (case%stages(0), case%stage_lines(0), case%recordings(0), case%excitations(0))
+      allocate (case%stages(0), case%stage_lines(0), case%recordings(0), case%excitations(0), &
+         case%model%priors(0))
    end function new_case
 
    !> Every group with the keys that its reader asks for.
@@ -94,12 +99,13 @@ contains
       type(stage_t) :: stage
       type(recording_t) :: recording
       type(excitation_t) :: excitation
+      type(prior_t) :: prior
 
       associate (model => case%model)
          select case (block%name)
          case ('beam', 'tip', 'hose', 'sensor', 'support', 'gravity', 'axial')
-            call read_structure(block, model%structure)
-         case ('discretization'); call read_discretization(block, case%meshes)
+            call read_structure(block, model%structure, case%section)
+         case ('discretization'); call read_discretization(block, case%meshes, case%refines)
          case ('integrator'); call read_integrator(block, model%solver)
          case ('observation'); call read_observation(block, model%observation)
          case ('multistart'); call read_multistart(block, case%multistart)
@@ -122,6 +128,10 @@ contains
             if (block%failed()) return
             case%stages = [case%stages, stage]
             case%stage_lines = [case%stage_lines, block%line]
+         case ('prior')
+            call read_prior(block, model%structure, case%section, case%excitations, &
+               size(case%recordings), sound, model%priors, prior)
+            if (.not. block%failed() .and. sound) model%priors = [model%priors, prior]
          end select
       end associate
    end subroutine read_group

@@ -51,7 +51,7 @@ contains
          case%model%structure)
    end subroutine read_case
 
-   !> Every group in turn, the stages last, because they are checked against the others.
+   !> Every group in turn, stages and priors last, because they are checked against the others.
    !>
    !> refusals  problems outside of the groups
    subroutine read_groups(blocks, refusals, case, error)
@@ -59,19 +59,20 @@ contains
       type(refusals_t), intent(in) :: refusals
       type(case_t), intent(inout) :: case
       type(error_t), allocatable, intent(out) :: error
+      character(len=*), parameter :: last(2) = ['stage', 'prior']
       type(refusals_t) :: all_of_them
       integer :: k
       logical :: sound
 
       sound = refusals%n == 0
       do k = 1, size(blocks)
-         if (blocks(k)%name /= 'stage') call read_group(blocks(k), sound, case, error)
+         if (.not. any(blocks(k)%name == last)) call read_group(blocks(k), sound, case, error)
          sound = sound .and. .not. blocks(k)%failed()
       end do
       if (sound) call check_whole(blocks, case)
       sound = sound .and. .not. any([(blocks(k)%failed(), k=1, size(blocks))])
       do k = 1, size(blocks)
-         if (blocks(k)%name == 'stage') call read_group(blocks(k), sound, case, error)
+         if (any(blocks(k)%name == last)) call read_group(blocks(k), sound, case, error)
          call all_of_them%join(blocks(k)%refusals)
       end do
       call all_of_them%join(refusals)
@@ -147,6 +148,7 @@ contains
             notes = [character(len=note_length) :: notes, sentences]
             experiment%scale = recording%scale
             experiment%offset = recording%offset
+            if (allocated(recording%sd)) experiment%sd = recording%sd
             call place_experiment(case, k, experiment, error)
             if (allocated(error)) return
          end associate

@@ -20,7 +20,8 @@ module beamid_method_groups
    implicit none
    private
 
-   public :: read_discretization, read_integrator, read_multistart, read_observation, read_stage
+   public :: read_discretization, read_integrator, read_multistart, read_observation, read_stage, &
+      check_free
 
    !> Names of the formulas, by their numbers: (4.1), (4.2) and (3.13).
    character(len=*), parameter, public :: formula_names(3) = &
@@ -28,16 +29,20 @@ module beamid_method_groups
 
 contains
 
-   subroutine read_discretization(block, meshes)
+   !> refines  on return whether the elements are to be found
+   subroutine read_discretization(block, meshes, refines)
       type(block_t), intent(inout) :: block
       type(mesh_t), allocatable, intent(inout) :: meshes(:)
+      logical, intent(inout) :: refines
       type(mesh_t) :: mesh
+      character(len=4) :: word
       integer, allocatable :: elements(:)
       integer :: k
 
       call block%get('degree', mesh%degree, 'of the splines')
-      call block%get('elements', elements, to_text(mesh%elements), 'of the mesh; of several '// &
-         'numbers everything is done for each', 50, range_t(1, 10000))
+      call block%get('elements', elements, '''auto''', 'of the mesh; of several numbers everything '// &
+         'is done for each; ''auto'': as many as a fit needs, elsewhere 8', 50, range_t(1, 10000), &
+         ['auto'], word)
       call block%get('gauss_points', mesh%gauss_points, 'in each panel', range_t(1, 64), &
          default='degree + 1, exact')
       call block%get('panels', mesh%panels, 'in each element', range_t(1, 1000))
@@ -49,7 +54,8 @@ contains
       if (mesh%gauss_points*mesh%panels < mesh%degree - 1) call block%refuse('gauss_points', &
          to_text(mesh%gauss_points*mesh%panels)//' points per element', &
          'at least degree - 1 = '//to_text(mesh%degree - 1))
-      if (.not. allocated(elements)) elements = [mesh%elements]
+      refines = .not. allocated(elements)
+      if (refines) elements = [mesh%elements]
       do k = 2, size(elements)
          if (.not. any(elements(:k - 1) == elements(k))) cycle
          call block%refuse('elements', to_text(elements(k))//' twice', 'each number once')
@@ -169,7 +175,7 @@ contains
       end do
       if (.not. block%failed()) call check_bounds(block, structure, found)
       if (sound .and. .not. block%failed()) call check_free(block, found%free, structure, &
-         excitations)
+         excitations, 'free')
       if (block%failed()) return
       found%offset = any(found%free == offset)
       call found%distribute(places, records)
@@ -217,11 +223,14 @@ contains
    end subroutine check_bounds
 
    !> What is free must be there.
-   subroutine check_free(block, free, structure, excitations)
+   !>
+   !> key  that names it
+   subroutine check_free(block, free, structure, excitations, key)
       type(block_t), intent(inout) :: block
       integer, intent(in) :: free(:)
       type(structure_t), intent(in) :: structure
       type(excitation_t), intent(in) :: excitations(:)
+      character(len=*), intent(in) :: key
       character(len=:), allocatable :: lacking
       integer :: k, needs
 
@@ -240,7 +249,7 @@ contains
          if (belongs_to_hose(free(k)) .and. .not. structure%has_hose()) &
             lacking = 'a &hose group with m_H > 0 for it'
          if (lacking == '') cycle
-         call block%refuse('free', shown(name_of_parameter(structure, free(k))), lacking)
+         call block%refuse(key, shown(name_of_parameter(structure, free(k))), lacking)
          return
       end do
    end subroutine check_free

@@ -18,16 +18,22 @@ module beamid_model_groups
    implicit none
    private
 
-   public :: read_structure, read_excitation, read_units, read_noise
+   public :: section_t, read_structure, read_excitation, read_units, read_noise
+
+   !> A rectangle from which I, and with the density rho, are computed; 0: not given.
+   type :: section_t
+      real(wp) :: width = 0, height = 0, density = 0
+   end type section_t
 
 contains
 
    !> A group of parameters of the structure: the rows of the table that name it. Of sensors and
    !> supports there may be several, each with a name.
-   subroutine read_structure(block, structure)
+   subroutine read_structure(block, structure, section)
       type(block_t), intent(inout) :: block
       type(structure_t), intent(inout) :: structure
-      real(wp), allocatable :: value, width, height
+      type(section_t), intent(inout) :: section
+      real(wp), allocatable :: value, width, height, density
       character(len=:), allocatable :: direction
       integer :: item, k
 
@@ -50,6 +56,7 @@ contains
       if (block%name == 'beam') then
          call block%get('width', width, 'give I', 'b of a rectangle', positive)
          call block%get('height', height, 'give I', 'h of a rectangle', positive)
+         call block%get('density', density, 'give rho', 'mass per volume of a rectangle', positive)
       end if
       call block%close()
       if (block%failed() .or. block%name /= 'beam') return
@@ -61,6 +68,18 @@ contains
          call block%require('height')
          if (.not. block%failed()) structure%I = width*height**3/12
       end if
+      if (block%has('rho') .eqv. allocated(density)) then
+         call block%refuse('rho', trim(merge('both rho and density', 'no mass             ', &
+            block%has('rho'))), 'either rho or width, height and density')
+      else if (allocated(density)) then
+         call block%require('width')
+         call block%require('height')
+         if (.not. block%failed()) structure%rho = density*width*height
+      end if
+      if (block%failed()) return
+      if (allocated(width)) section%width = width
+      if (allocated(height)) section%height = height
+      if (allocated(density)) section%density = density
    end subroutine read_structure
 
    !> The value of parameter k, as its row has it; not allocated: none was given.

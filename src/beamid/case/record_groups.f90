@@ -34,6 +34,8 @@ contains
          'samples at or above are left out')
       call block%get('thin', found%thin, 'every so many samples, behind a low-pass filter', &
          range_t(2, 100000))
+      call block%get('sd', found%sd, 'of several records estimated', &
+         'of the noise of the acceleration', positive)
       call block%get('length', found%length, 'that of &beam', 'of the beam then', positive)
       call block%get('x_S', found%x_S, 'that of &sensor', 'place of the sensor then', positive)
       call block%get('x_P', found%x_P, 'that of &support', 'place of the support then', positive)

@@ -58,35 +58,41 @@ contains
    !> scale     (n) > 0, what a relative change of each parameter is relative to: its value, or
    !>           where that is zero something of its usual size
    !> error     no degrees of freedom left, or a singular value decomposition that fails
-   subroutine new_statistics(jacobian, residual, estimate, scale, statistics, error)
+   !> samples   so many rows are data, the first ones; default all. The others are what else is
+   !>           known, as uncertain as data of the standard deviation `noise`
+   subroutine new_statistics(jacobian, residual, estimate, scale, statistics, error, samples, noise)
       real(wp), intent(in) :: jacobian(:, :), residual(:), estimate(:), scale(:)
       type(statistics_t), intent(out) :: statistics
       type(error_t), allocatable, intent(out) :: error
+      integer, intent(in), optional :: samples
+      real(wp), intent(in), optional :: noise
       real(wp) :: t
-      integer :: m, n
+      integer :: freedom, m, n
 
       m = size(jacobian, 1)
+      if (present(samples)) m = samples
       n = size(jacobian, 2)
+      freedom = size(jacobian, 1) - n
       statistics%samples = m
       statistics%parameters = n
-      if (m <= n) then
+      if (freedom < 1) then
          call failure(error, 'statistics: '//to_text(m)// &
             ' residuals leave no degree of freedom for '//to_text(n)//' parameters')
          return
       end if
       call decompose(jacobian, scale, statistics%singular, statistics%direction, error)
       if (allocated(error)) return
-      statistics%variance = sum(residual**2)/(m - n)
+      statistics%variance = sum(residual(:m)**2)/freedom
       statistics%condition = unlimited
       if (statistics%singular(n) > statistics%singular(1)/unlimited) &
          statistics%condition = statistics%singular(1)/statistics%singular(n)
 
       call add_covariance(statistics, scale, epsilon(1.0_wp)*m*statistics%singular(1))
-      t = student_quantile(0.95_wp, real(m - n, wp))
+      t = student_quantile(0.95_wp, real(freedom, wp))
       statistics%half_width = merge(unlimited, t*min(statistics%std_error, unlimited/t), &
          statistics%std_error >= unlimited/t)
       statistics%determined = statistics%half_width < abs(estimate)
-      call correct_errors(jacobian, residual, statistics)
+      call correct_errors(jacobian, residual(:m), statistics, noise)
    end subroutine new_statistics
 
    !> Covariance sigma**2 V S**-2 V', undone for the scale. A parameter with a part in a direction
@@ -133,9 +139,12 @@ contains
    end subroutine add_covariance
 
    !> Errors with the autocovariances of the residuals up to `max_lags`, tapered linearly.
-   subroutine correct_errors(jacobian, residual, statistics)
+   !>
+   !> residual  of the data
+   subroutine correct_errors(jacobian, residual, statistics, noise)
       real(wp), intent(in) :: jacobian(:, :), residual(:)
       type(statistics_t), intent(inout) :: statistics
+      real(wp), intent(in), optional :: noise
       real(wp), allocatable :: influence(:, :)
       real(wp) :: variance, gamma
       integer :: j, k, m, lags
@@ -154,6 +163,8 @@ contains
       influence = matmul(jacobian, statistics%covariance)/statistics%variance
       do j = 1, statistics%parameters
          variance = statistics%covariance(j, j)
+         if (present(noise)) variance = variance &
+            + max(0.0_wp, noise**2 - statistics%variance)*sum(influence(m + 1:, j)**2)
          do k = 1, lags
             gamma = dot_product(residual(:m - k), residual(k + 1:))/(m - statistics%parameters)
             variance = variance + 2*(1 - k/(lags + 1.0_wp))*gamma &

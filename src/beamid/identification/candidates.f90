@@ -9,6 +9,7 @@ module beamid_candidates
    use beamid_kinds, only: wp
    use beamid_least_squares, only: monitor_t
    use beamid_parameters, only: get_free, offset, on_beam, parameters
+   use beamid_refinement, only: identify_refining
    use beamid_structure, only: structure_t
    implicit none
    private
@@ -22,6 +23,7 @@ module beamid_candidates
    type :: candidate_t
       type(model_t) :: model
       type(mesh_t) :: mesh
+      logical :: refines = .false.             !< the elements are to be found
       type(stage_t), allocatable :: stages(:)
       type(experiment_t), allocatable :: experiments(:)
       type(stage_fit_t) :: fit                 !< of the last stage
@@ -29,6 +31,7 @@ module beamid_candidates
       integer, allocatable :: owner(:, :)
    contains
       procedure :: unknowns
+      procedure :: sum_of_squares
    end type candidate_t
 
 contains
@@ -53,11 +56,16 @@ contains
       type(stage_fit_t), allocatable :: fits(:)
       integer :: j, k
 
-      call identify(candidate%model, candidate%mesh, candidate%stages, candidate%experiments, &
-         fits, error, monitor)
+      if (candidate%refines) then
+         call identify_refining(candidate%model, candidate%mesh, candidate%stages, &
+            candidate%experiments, fits, error, monitor)
+      else
+         call identify(candidate%model, candidate%mesh, candidate%stages, candidate%experiments, &
+            fits, error, monitor)
+      end if
       if (allocated(error)) return
       candidate%fit = fits(size(fits))
-      allocate (candidate%owner(size(parameters), size(candidate%experiments)), source=held)
+      candidate%owner = spread([(held, k=1, size(parameters))], 2, size(candidate%experiments))
       do j = 1, size(fits)
          do k = 1, size(fits(j)%free)
             associate (q => fits(j)%quantities(k))
@@ -80,6 +88,27 @@ contains
       unknowns = count(any(self%owner == shared, dim=2)) + count(self%owner > 0) &
          + size(self%fit%quantities) - size(self%fit%free)
    end function unknowns
+
+   !> J; where the noise of several records is estimated from the fit itself, and J with it says
+   !> nothing, m times the geometric mean of the variances of all m samples.
+   pure real(wp) function sum_of_squares(self) result(J)
+      class(candidate_t), intent(in) :: self
+      real(wp) :: likelihood
+      integer :: k, row
+
+      J = self%fit%fit%J
+      if (size(self%experiments) == 1 .or. &
+         all([(allocated(self%experiments(k)%sd), k=1, size(self%experiments))])) return
+      likelihood = 0
+      row = 0
+      do k = 1, size(self%experiments)
+         associate (m => size(self%experiments(k)%samples))
+            likelihood = likelihood + m*log(sum(self%fit%residual(row + 1:row + m)**2)/m)
+            row = row + m
+         end associate
+      end do
+      J = row*exp(likelihood/row)
+   end function sum_of_squares
 
    !> Whether `small` is `large` with some of its free parameters held: what `large` holds fixed is
    !> the same in both, in every record, and everything that `small` frees is free in `large`.

@@ -28,6 +28,8 @@ module beamid_experiments
       !> Of the beam, of the sensor and of the support [length]; not allocated: the structure's
       real(wp), allocatable :: length, x_S, x_P
       integer :: sensor = 1                  !< the record comes from
+      !> Of the noise [length/time**2]; not allocated: not known
+      real(wp), allocatable :: sd
       !> acceleration = scale*(value - offset), the offset in the record's own unit
       real(wp) :: scale = 1, offset = 0
    contains

@@ -79,7 +79,7 @@ contains
          call run_stage(problem, exact, stage, options, 'N = '//to_text(mesh%elements)// &
             ', stage '//to_text(k), fits(k), error, monitor)
          if (k == 1) then
-            if (is_poor(problem, fits(1)%fit%residual, failed=allocated(error))) then
+            if (is_poor(problem, fits(1)%residual, failed=allocated(error))) then
                ! Perhaps because the model is given in other units than the record.
                problem%world = as_given
                call check_frequencies(problem, objection)

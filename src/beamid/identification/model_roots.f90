@@ -4,6 +4,7 @@ module beamid_model_roots
    use beamid_errors, only: error_t, failure
    use beamid_kinds, only: wp
    use beamid_parameters, only: free_magnitude, on_beam, parameters
+   use beamid_priors, only: prior_t, priors_of
    use beamid_residuals, only: residual_t
    use beamid_responses, only: exact_solver_t
    use beamid_structure, only: of_E, of_length, of_rho
@@ -62,25 +63,35 @@ contains
       damps = all(abs(real(ds)) >= abs(aimag(ds))) .and. any(abs(ds) > 0)
    end function damps
 
-   !> What is believed of parameters that have some values: a modulus to 30 %,
-   !> a mass per length to 10 %, lengths and places to some per cent of the beam, everything else to
-   !> a factor e.
+   !> What is believed of parameters that have some values, where it is not stated: a modulus to
+   !> 30 %, a mass per length to 10 %, lengths and places to some per cent of the beam, everything
+   !> else to a factor e.
    !>
    !> free, records, starts  (n) parameters, the record of each, or 0, and values
-   pure function beliefs_about(world, free, records, starts) result(beliefs)
+   !> given                  the world as the case has it, to which the priors refer
+   pure function beliefs_about(world, free, records, starts, priors, given) result(beliefs)
       type(world_t), intent(in) :: world
       integer, intent(in) :: free(:), records(:)
       real(wp), intent(in) :: starts(:)
+      type(prior_t), intent(in) :: priors(:)
+      type(world_t), intent(in) :: given
       type(belief_t) :: beliefs(size(starts))
-      integer :: k, r
+      integer :: k, r, stated(size(starts))
 
+      stated = priors_of(priors, free, records)
       beliefs%centre = starts
+      do k = 1, size(starts)
+         if (stated(k) > 0) beliefs(k)%centre = priors(stated(k))%centre(given, records(k))
+      end do
       do k = 1, size(starts)
          r = max(1, records(k))
          associate (b => beliefs(k), p => free(k), s => world%structures(r))
-            b%logarithmic = starts(k) > 0 .and. parameters(p)%range /= on_beam .and. &
+            b%logarithmic = b%centre > 0 .and. parameters(p)%range /= on_beam .and. &
                .not. parameters(p)%is_reciprocal
-            if (p == of_E) then
+            if (stated(k) > 0) then
+               b%width = priors(stated(k))%width(b%centre)
+               if (b%logarithmic) b%width = b%width/b%centre
+            else if (p == of_E) then
                b%width = 0.3_wp
             else if (p == of_rho) then
                b%width = 0.1_wp
@@ -89,7 +100,7 @@ contains
             else if (parameters(p)%range == on_beam) then
                b%width = 0.03_wp*s%length
             else if (.not. b%logarithmic) then
-               b%width = max(starts(k), free_magnitude(s, world%excitations(r), p))
+               b%width = max(b%centre, free_magnitude(s, world%excitations(r), p))
             end if
          end associate
       end do

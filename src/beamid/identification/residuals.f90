@@ -5,6 +5,7 @@ module beamid_residuals
    use beamid_experiments, only: apparatus_t, experiment_t, linear_t, new_apparatus
    use beamid_galerkin, only: mesh_t
    use beamid_kinds, only: wp
+   use beamid_priors, only: prior_t, priors_of
    use beamid_problems, only: smooth_problem_t
    use beamid_projection, only: new_projection, projection_t
    use beamid_responses, only: is_exact, work_t
@@ -15,8 +16,15 @@ module beamid_residuals
 
    public :: residual_t, new_residuals
 
+   !> Rows are the samples of each record in turn, times its weight, then one for each free parameter
+   !> of which something is known: its distance from that value in standard deviations, times the
+   !> noise of the other rows.
    type, extends(smooth_problem_t) :: residual_t
       type(apparatus_t), allocatable :: parts(:)   !< one for each record
+      real(wp), allocatable :: weight(:)           !< (records) 1/noise; of one record 1
+      type(prior_t), allocatable :: priors(:)
+      type(world_t) :: given                       !< with the values of the case
+      real(wp) :: noise = 1                        !< of a weighted sample
       type(world_t) :: world
       integer, allocatable :: free(:)              !< (n) places in the `parameters`
       integer, allocatable :: record(:)            !< (n) the record of each; 0: all
@@ -26,7 +34,14 @@ module beamid_residuals
       procedure :: residuals
       procedure :: jacobian
       procedure :: samples
+      procedure :: rows
+      procedure :: linear_unknowns
+      procedure :: is_weighted
+      procedure :: is_estimated
+      procedure :: guess_noise
+      procedure :: without_weights
       procedure :: evaluate
+      procedure, private :: add_priors
       procedure :: with
    end type residual_t
 
@@ -58,6 +73,10 @@ contains
             model%observation, model%solver, problem%parts(i), error)
          if (allocated(error)) return
       end do
+      problem%given = problem%world
+      allocate (problem%priors(0))
+      if (allocated(model%priors)) problem%priors = model%priors
+      call problem%guess_noise()
    end subroutine new_residuals
 
    !> Number of residuals, all records together.
@@ -67,6 +86,76 @@ contains
 
       samples = sum([(size(self%parts(i)%experiment%samples), i=1, size(self%parts))])
    end function samples
+
+   !> The same, and what is known of free parameters.
+   pure integer function rows(self)
+      class(residual_t), intent(in) :: self
+
+      rows = self%samples() + count(priors_of(self%priors, self%free, self%record) > 0)
+   end function rows
+
+   !> How many unknowns enter linearly.
+   pure integer function linear_unknowns(self)
+      class(residual_t), intent(in) :: self
+
+      linear_unknowns = sum(2*self%world%excitations%modes + merge(1, 0, self%offset))
+   end function linear_unknowns
+
+   !> Whether residuals are in units of the noise: of several records, or where it is stated.
+   pure logical function is_weighted(self)
+      class(residual_t), intent(in) :: self
+
+      is_weighted = size(self%parts) > 1 .or. .not. all(self%is_estimated())
+   end function is_weighted
+
+   !> (records) whether the noise is not stated. Of one record none is needed, but beside priors.
+   pure function is_estimated(self)
+      class(residual_t), intent(in) :: self
+      logical :: is_estimated(size(self%parts))
+      integer :: i
+
+      is_estimated = [(.not. allocated(self%parts(i)%experiment%sd), i=1, size(self%parts))]
+   end function is_estimated
+
+   !> The noise as stated, or before any fit a twentieth of what a record varies.
+   subroutine guess_noise(self)
+      class(residual_t), intent(inout) :: self
+      real(wp) :: sd
+      integer :: i
+
+      self%weight = spread(1.0_wp, 1, size(self%parts))
+      self%noise = 1
+      do i = 1, size(self%parts)
+         associate (experiment => self%parts(i)%experiment, z => self%parts(i)%experiment%measured)
+            if (allocated(experiment%sd)) then
+               self%weight(i) = 1/experiment%sd
+               cycle
+            end if
+            sd = 0.05_wp*norm2(z - sum(z)/size(z))/sqrt(real(size(z), wp))
+            if (.not. sd > 0) sd = 1
+            if (self%is_weighted()) self%weight(i) = 1/sd
+            if (.not. self%is_weighted()) self%noise = sd
+         end associate
+      end do
+   end subroutine guess_noise
+
+   !> (samples) residuals as accelerations.
+   !>
+   !> r  (rows)
+   pure function without_weights(self, r) result(plain)
+      class(residual_t), intent(in) :: self
+      real(wp), intent(in) :: r(:)
+      real(wp), allocatable :: plain(:)
+      integer :: i, m, row
+
+      plain = r(:self%samples())
+      row = 0
+      do i = 1, size(self%parts)
+         m = size(self%parts(i)%experiment%samples)
+         plain(row + 1:row + m) = plain(row + 1:row + m)/self%weight(i)
+         row = row + m
+      end do
+   end function without_weights
 
    !> The world with trial values in place.
    pure type(world_t) function with(self, parameters)
@@ -101,6 +190,7 @@ contains
 
    !> Residuals with the linear unknowns eliminated, and derivatives as far as there is room.
    !>
+   !> r             (samples), or (rows) with those of the priors
    !> jac           (m, 0); (m, n) of the residuals; (m, n + k) with respect to every unknown, the
    !>               linear ones included, each with all the others held
    !> coefficients  (k) the linear unknowns, where the derivatives are with respect to all: of each
@@ -151,9 +241,34 @@ contains
                coefficients(column - n + 1:column - n + size(c)) = c
                column = column + size(c)
             end if
+            y = self%weight(i)*y
+            by = self%weight(i)*by
          end associate
          row = row + m
       end do
+      if (size(r) > row) call self%add_priors(parameters, r(row + 1:), jac(row + 1:, :))
    end subroutine evaluate
+
+   !> The rows of what is known of free parameters.
+   pure subroutine add_priors(self, parameters, r, jac)
+      class(residual_t), intent(in) :: self
+      real(wp), intent(in) :: parameters(:)
+      real(wp), intent(inout) :: r(:), jac(:, :)
+      real(wp) :: centre, slope
+      integer :: which(size(parameters)), k, row
+
+      which = priors_of(self%priors, self%free, self%record)
+      row = 0
+      do k = 1, size(parameters)
+         if (which(k) == 0) cycle
+         row = row + 1
+         associate (prior => self%priors(which(k)))
+            centre = prior%centre(self%given, self%record(k))
+            slope = self%noise/prior%width(centre)
+            r(row) = slope*(parameters(k) - centre)
+         end associate
+         if (size(jac, 2) > 0) jac(row, k) = slope
+      end do
+   end subroutine add_priors
 
 end module beamid_residuals

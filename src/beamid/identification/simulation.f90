@@ -6,6 +6,7 @@ module beamid_simulation
    use beamid_galerkin, only: galerkin_t, mesh_t, new_galerkin
    use beamid_kinds, only: wp
    use beamid_observation, only: new_sampling, observation_t, sampling_t
+   use beamid_priors, only: prior_t
    use beamid_responses, only: prepare_for, response_t, solver_t, work_t
    use beamid_structure, only: structure_t
    implicit none
@@ -19,6 +20,7 @@ module beamid_simulation
       type(excitation_t) :: excitation
       type(observation_t) :: observation
       class(solver_t), allocatable :: solver
+      type(prior_t), allocatable :: priors(:)    !< what else is known; not allocated: nothing
    end type model_t
 
    !> A computed experiment.

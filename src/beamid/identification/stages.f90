@@ -2,9 +2,12 @@
 module beamid_stages
    use beamid_errors, only: error_t
    use beamid_excitation, only: excitation_t
+   use beamid_held_errors, only: held_errors, held_t
    use beamid_kinds, only: wp
-   use beamid_least_squares, only: fit, fit_t, monitor_t, options_t
+   use beamid_least_squares, only: fit_t, monitor_t, options_t
+   use beamid_noise_levels, only: fit_with_noise
    use beamid_parameters, only: as_named, free_magnitude, offset
+   use beamid_priors, only: prior_t
    use beamid_residuals, only: residual_t
    use beamid_responses, only: work_t
    use beamid_starts, only: automatic_start, set_free
@@ -26,12 +29,22 @@ module beamid_stages
       integer :: elements = 0
       integer, allocatable :: free(:)    !< (n) of the parameters that were searched for
       type(fit_t) :: fit                 !< of these alone
+      real(wp), allocatable :: residual(:)      !< (m) model - record [length/time**2]
       !> (n + k) the parameters, then what was eliminated; statistics are of all of them
       type(quantity_t), allocatable :: quantities(:)
-      real(wp), allocatable :: jacobian(:, :)   !< (m, n + k) by what was searched for
+      real(wp), allocatable :: jacobian(:, :)   !< (rows, n + k) by what was searched for
       type(structure_t) :: structure     !< of the first record, with the estimates in place
       type(excitation_t) :: excitation   !< likewise
       type(world_t) :: world             !< of every record
+      type(world_t) :: given             !< as the case has them
+      type(prior_t), allocatable :: priors(:)   !< what else was known
+      real(wp), allocatable :: weight(:) !< (records) of the residuals of `fit`
+      logical :: weighted = .false.      !< it is 1/noise
+      real(wp) :: noise = 1              !< that stands against what else was known
+      type(held_t), allocatable :: held(:)      !< errors of parameters that are held
+      !> (n) how far finer meshes shift the estimates, of what was searched for, and how well that is
+      !> known; not allocated: not asked for, or not found
+      real(wp), allocatable :: mesh_shift(:), mesh_error(:)
       type(statistics_t) :: statistics   !< `samples` is 0 where no degree of freedom was left
       type(residual_check_t) :: check
       !> How far an integrator's error has moved an estimate, in standard errors; -1: no integrator
@@ -44,7 +57,15 @@ module beamid_stages
       character(len=:), allocatable :: note, doubt, other
    contains
       procedure :: correlation
+      procedure :: from_held
+      procedure :: half_width
+      procedure :: total
+      procedure :: shifts
+      procedure :: shifted
    end type stage_fit_t
+
+   !> A mesh shows where it shifts an estimate by more than this of its half width.
+   real(wp), parameter :: shows = 0.25_wp
 
 contains
 
@@ -57,6 +78,66 @@ contains
       if (self%quantities(j)%is_reciprocal() .neqv. self%quantities(k)%is_reciprocal()) &
          correlation = -correlation
    end function correlation
+
+   !> Standard deviation of quantity k by the errors of what is held.
+   pure real(wp) function from_held(self, k)
+      class(stage_fit_t), intent(in) :: self
+      integer, intent(in) :: k
+      integer :: j
+
+      from_held = 0
+      if (.not. allocated(self%held)) return
+      do j = 1, size(self%held)
+         if (k <= size(self%held(j)%effect)) from_held = hypot(from_held, self%held(j)%effect(k))
+      end do
+   end function from_held
+
+   !> Half width of the 95 % interval of quantity k by noise and what is held together.
+   pure real(wp) function half_width(self, k)
+      class(stage_fit_t), intent(in) :: self
+      integer, intent(in) :: k
+
+      associate (s => self%statistics)
+         half_width = s%corrected_half_width(k)
+         if (s%corrected_error(k) > 0) half_width = half_width*hypot(1.0_wp, &
+            self%from_held(k)/s%corrected_error(k))
+      end associate
+   end function half_width
+
+   !> How far below and above its estimate quantity k may be by every source of error: noise and
+   !> what is held about the estimate, and about where a finer mesh would put it.
+   pure function total(self, k) result(distance)
+      class(stage_fit_t), intent(in) :: self
+      integer, intent(in) :: k
+      real(wp) :: distance(2), half, shift, unsure
+
+      half = self%half_width(k)
+      shift = 0
+      unsure = 0
+      if (allocated(self%mesh_shift) .and. k <= size(self%free)) then
+         shift = self%mesh_shift(k)
+         unsure = self%mesh_error(k)
+      end if
+      distance = [max(half, half + unsure - shift), max(half, half + unsure + shift)]
+   end function total
+
+   !> Whether the mesh shows in the estimate of quantity k.
+   pure logical function shifts(self, k)
+      class(stage_fit_t), intent(in) :: self
+      integer, intent(in) :: k
+
+      shifts = abs(self%mesh_shift(k)) > shows*self%half_width(k)
+   end function shifts
+
+   !> Whether the mesh shows in any estimate.
+   pure logical function shifted(self)
+      class(stage_fit_t), intent(in) :: self
+      integer :: k
+
+      shifted = .false.
+      if (.not. allocated(self%mesh_shift) .or. self%statistics%samples == 0) return
+      shifted = any([(self%shifts(k), k=1, size(self%mesh_shift))])
+   end function shifted
 
    !> One search and what it says; the estimates stay in the problem's world.
    !>
@@ -89,8 +170,7 @@ contains
       call variables_of(tried, problem%world, variables, found%quantities, error)
       if (allocated(error)) return
       names = found%quantities%searched_name()
-      call fit(problem, problem%samples(), variables, options, found%fit, error, monitor, label, &
-         names)
+      call fit_with_noise(problem, variables, options, found%fit, error, monitor, label, names)
       if (allocated(error)) return
       if (.not. problem%exact) call verify_integrator(problem, exact, variables, names, &
          found%fit, found%moved, found%reference, error)
@@ -108,18 +188,31 @@ contains
             q%scale = merge(abs(q%searched), moderate, abs(q%searched) > 1e-9_wp*moderate)
          end associate
       end do
+      found%residual = problem%without_weights(found%fit%residual)
+      found%weight = problem%weight
+      found%weighted = problem%is_weighted()
+      found%noise = problem%noise
+      found%priors = problem%priors
+      found%given = problem%given
       found%world = problem%world
       found%structure = found%world%structures(1)
       found%excitation = found%world%excitations(1)
       call add_linear(problem, found, error)
       if (allocated(error)) return
       found%work = problem%work
-      found%check = check_residuals(found%fit%residual, found%jacobian)
+      associate (m => problem%samples())
+         found%check = check_residuals(found%fit%residual(:m), found%jacobian(:m, :))
+      end associate
       ! What was eliminated counts, but no one asks whether an offset of nothing differs from it.
       associate (q => found%quantities)
          scales = q%scale
          if (problem%samples() > size(q)) call new_statistics(found%jacobian, found%fit%residual, &
-            [q(:n)%searched, q(n + 1:)%scale], scales, found%statistics, error)
+            [q(:n)%searched, q(n + 1:)%scale], scales, found%statistics, error, &
+            problem%samples(), problem%noise)
+         if (allocated(error) .or. size(found%priors) == 0) return
+         n = merge(size(q), n, problem%exact)
+         call held_errors(problem, found%fit%estimate, found%jacobian(:, :n), scales(:n), &
+            found%held, error)
       end associate
    end subroutine run_stage
 
@@ -129,11 +222,11 @@ contains
       type(stage_fit_t), intent(inout) :: found
       type(error_t), allocatable, intent(out) :: error
       real(wp), allocatable :: c(:)
-      real(wp) :: r(problem%samples())
+      real(wp) :: r(problem%rows())
       integer :: i, k, n, modes(size(problem%parts))
 
       modes = problem%world%excitations%modes
-      n = sum(2*modes + merge(1, 0, problem%offset))
+      n = problem%linear_unknowns()
       if (n == 0) then
          found%jacobian = found%fit%jacobian
          return

@@ -160,7 +160,7 @@ contains
       allocate (choice%trials(0))
       call variables_of(stage, problem%world, variables, choice%quantities, error)
       if (.not. allocated(error)) choice%beliefs = beliefs_about(problem%world, &
-         problem%free, problem%record, [variables%start])
+         problem%free, problem%record, [variables%start], problem%priors, problem%given)
    end subroutine new_choice
 
    !> How many modes it takes to determine what can be determined, and what one mode fewer leaves
@@ -274,7 +274,7 @@ contains
       end associate
    end function rival_of
 
-   !> Sum of squares of the records about their means.
+   !> Weighted sum of squares of the records about their means.
    pure real(wp) function variation(problem)
       type(residual_t), intent(in) :: problem
       integer :: r
@@ -282,7 +282,7 @@ contains
       variation = 0
       do r = 1, size(problem%parts)
          associate (z => problem%parts(r)%experiment%measured)
-            variation = variation + sum((z - sum(z)/size(z))**2)
+            variation = variation + (problem%weight(r)*norm2(z - sum(z)/size(z)))**2
          end associate
       end do
    end function variation

@@ -59,7 +59,7 @@ contains
       quick = options
       quick%check = .false.
       quick%max_evaluations = 100
-      call fit(problem, problem%samples(), variables, quick, trial%fit, error)
+      call fit(problem, problem%rows(), variables, quick, trial%fit, error)
       if (allocated(error)) return
       found = problem%with(trial%fit%estimate)
       associate (records => size(problem%parts))

@@ -59,6 +59,7 @@ module beamid_unknowns
       real(wp) :: scale = 1               !< what relative changes of it are relative to, > 0
    contains
       procedure :: limits
+      procedure :: ends
       procedure :: is_reciprocal
       procedure :: searched_name
    end type quantity_t
@@ -210,13 +211,24 @@ contains
       real(wp), intent(in) :: std_error, half_width
       real(wp) :: limits(3)
 
-      limits = [std_error, self%value - half_width, self%value + half_width]
-      if (self%is_reciprocal()) limits = [std_error*self%value**2, as_named(self%parameter, &
-         self%searched + half_width), as_named(self%parameter, max(self%searched - half_width, &
-         0.0_wp))]
-      limits(2) = max(limits(2), self%lower)
-      if (self%upper < unbounded) limits(3) = min(limits(3), self%upper)
+      limits = [std_error, self%ends([half_width, half_width])]
+      if (self%is_reciprocal()) limits(1) = std_error*self%value**2
    end function limits
+
+   !> Both ends of an interval within the bounds of the search.
+   !>
+   !> distance  of the lower and the upper end of what was searched for
+   pure function ends(self, distance)
+      class(quantity_t), intent(in) :: self
+      real(wp), intent(in) :: distance(2)
+      real(wp) :: ends(2)
+
+      ends = self%value + [-distance(1), distance(2)]
+      if (self%is_reciprocal()) ends = as_named(self%parameter, [self%searched + distance(2), &
+         max(self%searched - distance(1), 0.0_wp)])
+      ends(1) = max(ends(1), self%lower)
+      if (self%upper < unbounded) ends(2) = min(ends(2), self%upper)
+   end function ends
 
    !> The range of the reciprocals of positive values.
    pure function reciprocals(range)

@@ -72,7 +72,7 @@ contains
       first = 0
       do r = 1, size(experiments)
          associate (experiment => experiments(r), m => size(experiments(r)%samples))
-            associate (rest => fit%fit%residual(first + 1:first + m))
+            associate (rest => fit%residual(first + 1:first + m))
                verdict%qualities(r) = quality(experiment%measured, rest, fit)
                verdict%sightings = [verdict%sightings, sightings(experiment, r, first, &
                   rest, fit, s(:, r))]
@@ -219,14 +219,14 @@ contains
          cosine => fit%jacobian(row + 1:row + size(rest), first), &
          sine => fit%jacobian(row + 1:row + size(rest), first + 1))
          all_of_it = sum((z - sum(z)/m)**2)
-         if (all_of_it > 0) share = sum((c(1)*cosine + c(2)*sine)**2)/all_of_it
+         if (all_of_it > 0) share = sum((c(1)*cosine + c(2)*sine)**2)/fit%weight(r)**2/all_of_it
       end associate
       covariance = fit%statistics%covariance(first:first + 1, first:first + 1)
       determinant = covariance(1, 1)*covariance(2, 2) - covariance(1, 2)**2
       if (.not. (determinant > 0 .and. determinant < huge(1.0_wp))) return
       gain = fit%statistics%variance*(c(1)**2*covariance(2, 2) - 2*c(1)*c(2)*covariance(1, 2) &
-         + c(2)**2*covariance(1, 1))/determinant/noise_near(experiment%samples, rest, &
-         aimag(s)/two_pi, -real(s))
+         + c(2)**2*covariance(1, 1))/determinant/fit%weight(r)**2/noise_near(experiment%samples, &
+         rest, aimag(s)/two_pi, -real(s))
    end subroutine look_into
 
    !> Where the first of the two amplitudes of mode k in record r is among the quantities.
@@ -279,7 +279,7 @@ contains
       end do
       values = fit%fit%estimate
       owners = fit%quantities(:size(values))%record
-      beliefs = beliefs_about(fit%world, fit%free, owners, values)
+      beliefs = beliefs_about(fit%world, fit%free, owners, values, fit%priors, fit%given)
       lost = resting(s, ds, visible, beliefs, values) .and. &
          .not. resting(s, ds, there, beliefs, values)
       do k = 1, size(lost)

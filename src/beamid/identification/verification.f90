@@ -42,6 +42,7 @@ contains
       ! By component: gfortran 12 copies a solver of one type into the room of another.
       exact_model%structure = model%structure
       exact_model%observation = model%observation
+      if (allocated(model%priors)) exact_model%priors = model%priors
       allocate (modal_t :: exact_model%solver)
       call new_residuals(exact_model, mesh, experiments, exact, error, turning)
       if (allocated(error)) deallocate (exact%parts)
@@ -78,7 +79,7 @@ contains
       if (allocated(error)) return
       scales = scales_of(variables, better%estimate)
       call new_statistics(better%jacobian, better%residual, better%estimate, scales, statistics, &
-         error)
+         error, problem%samples(), problem%noise)
       if (allocated(error)) return
       shift = abs(found%estimate - better%estimate)
       ratio = shift/max(statistics%std_error, tiny(moved))
@@ -121,6 +122,8 @@ contains
          exact%free = problem%free
          exact%record = problem%record
          exact%offset = problem%offset
+         exact%weight = problem%weight
+         exact%noise = problem%noise
          call fit(exact, size(found%residual), from_there, options_t(check=.false.), better, error)
          if (.not. allocated(error)) return
       end if

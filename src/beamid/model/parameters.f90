@@ -73,7 +73,7 @@ module beamid_parameters
          monomial_t(2e-2_wp, [the_mass, the_omega, 0]), help='its damping'), &
       parameter_t(of_k_H, 'k_H', 'hose', [1, 0, -2], not_negative, '0', &
          monomial_t(0.1_wp, [the_stiffness, 0, 0]), help='its stiffness'), &
-      parameter_t(of_rho, 'rho', 'beam', [1, -1, 0], positive, '', &
+      parameter_t(of_rho, 'rho', 'beam', [1, -1, 0], positive, 'density b h', &
          monomial_t(place=[of_rho, 0, 0]), help='mass per unit length'), &
       parameter_t(of_gamma, 'gamma', 'beam', [1, -1, -1], not_negative, '0', &
          monomial_t(2e-2_wp, [of_rho, the_omega, 0]), &

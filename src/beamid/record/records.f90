@@ -31,6 +31,7 @@ module beamid_records
       integer :: thin = 1                     !< every thin-th sample, behind a low-pass filter
       character(len=20) :: time_unit = ''     !< for the notes
       real(wp), allocatable :: length         !< of the beam then [length], where it has its own
+      real(wp), allocatable :: sd             !< of the noise [acceleration]
       real(wp), allocatable :: x_S, x_P       !< places of sensor and support then [length]
       character(len=:), allocatable :: sensor   !< its name
       integer :: line = 0                     !< of its group in the case file; 0: there is none

@@ -1,6 +1,7 @@
 !> Results for the reader: what is printed on standard output and kept in summary.txt.
 module beamid_summaries
    use beamid_case_files, only: case_t
+   use beamid_error_sources, only: add_error_sources, add_mesh_warning
    use beamid_experiments, only: experiment_t
    use beamid_identification, only: simulation_t, stage_fit_t
    use beamid_kinds, only: wp
@@ -31,7 +32,7 @@ contains
       character(len=*), intent(in) :: notes(:)   !< on the records
       type(verdict_t), intent(in) :: verdict     !< on the last stage on the finest mesh
       character(len=:), allocatable :: content
-      type(text_t) :: text
+      type(text_t) :: text, warnings
       integer :: k
 
       do k = 1, size(experiments)
@@ -48,9 +49,13 @@ contains
          call text%line()
          call add_stage(text, case, fits(k, :))
          call add_statistics(text, case, fits(k, size(fits, 2)), verdict)
+         if (k == size(fits, 1)) call add_error_sources(text, fits(k, size(fits, 2)))
+      end do
+      do k = 1, size(fits, 2)
+         call add_mesh_warning(warnings, fits(size(fits, 1), k))
       end do
       content = verdict_summary(case, fits(size(fits, 1), size(fits, 2)), verdict)// &
-         text%content()
+         warnings%content()//text%content()
    end function fit_summary
 
    !> One stage: starts, then estimates, J and effort for each mesh.
@@ -73,7 +78,8 @@ contains
       end do
       call text%line('Stage '//to_text(fits(1)%stage))
       call text%line(names//right('J')//'  iterations  evaluations  why it stopped')
-      call text%line(units//right(case%units%sum_of_squares()))
+      call text%line(units//right(merge('            ', case%units%sum_of_squares(), &
+         fits(1)%weighted)))
       call text%line(start)
       do k = 1, size(fits)
          line = right(to_text(fits(k)%elements), 5)
@@ -111,8 +117,10 @@ contains
       end if
       names = fit%quantities%name
       call text%line()
+      line = label(case%units%acceleration())
+      if (fit%weighted) line = ' of that of each record'
       call text%line('Statistics for N = '//to_text(fit%elements)//': noise sd '// &
-         to_text(sqrt(fit%statistics%variance))//label(case%units%acceleration())//', '// &
+         to_text(sqrt(fit%statistics%variance))//line//', '// &
          to_text(fit%statistics%samples - size(names))//' degrees of freedom')
       line = '              estimate     std error        lower95        upper95'
       if (.not. fit%check%white) line = line//'  corrected se        lower95        upper95'

@@ -7,6 +7,7 @@ module beamid_tables
    use beamid_lines, only: csv_row
    use beamid_multistart, only: minimum_t
    use beamid_outputs, only: output_t
+   use beamid_parameters, only: as_named
    use beamid_strings, only: full, to_text
    use beamid_statistics, only: unlimited
    use beamid_texts, only: text_t
@@ -37,7 +38,8 @@ contains
       integer :: j, k, mesh, stage
 
       call estimates%line('stage,elements,parameter,unit,start,estimate,std_error,lower95,'// &
-         'upper95,determined,std_error_corrected,lower95_corrected,upper95_corrected')
+         'upper95,determined,std_error_corrected,lower95_corrected,upper95_corrected,'// &
+         'mesh_shift,from_held,total_lower95,total_upper95')
       call curves%line('elements,t,measured,model,residual,record')
       call correlations%line('stage,elements,parameter,other,correlation')
       call autocorrelation%line('elements,lag,autocorrelation,band95')
@@ -75,23 +77,25 @@ contains
       type(text_t), intent(inout) :: text
       type(stage_fit_t), intent(in) :: fit
       type(units_t), intent(in) :: units
-      character(len=:), allocatable :: first, errors
+      character(len=:), allocatable :: first, errors, unit
       integer :: k
 
       first = to_text(fit%stage)//','//to_text(fit%elements)//','
       do k = 1, size(fit%quantities)
-         errors = repeat(',', 7)
+         errors = repeat(',', 11)
          associate (q => fit%quantities(k), s => fit%statistics)
             if (s%samples > 0) errors = ','//interval(fit, k, s%std_error(k), s%half_width(k))// &
                ','//trim(merge('yes', 'no ', s%determined(k)))//','//interval(fit, k, &
-               s%corrected_error(k), s%corrected_half_width(k))
+               s%corrected_error(k), s%corrected_half_width(k))//sources(fit, k)
             call text%line(first//trim(q%name)//','//units%of_quantity(q%parameter, &
                fit%excitation)//','//limit(q%start)//','//limit(q%value)//errors)
          end associate
       end do
-      call text%line(first//'J,'//units%sum_of_squares()//',,'//full(fit%fit%J)//repeat(',', 7))
+      unit = units%sum_of_squares()
+      if (fit%weighted) unit = ''
+      call text%line(first//'J,'//unit//',,'//full(fit%fit%J)//repeat(',', 11))
       if (fit%score >= 0) call text%line(first//'J_score,'//units%sum_of_squares()//',,'// &
-         full(fit%score)//repeat(',', 7))
+         full(fit%score)//repeat(',', 11))
    end subroutine add_estimates
 
    !> Standard error, lower and upper end of an interval, the ends within the bounds of the search.
@@ -111,6 +115,32 @@ contains
          fields = fields//','//limit(ends(2))//','//limit(ends(3))
       end associate
    end function interval
+
+   !> What the mesh and what is held do to a quantity, and the interval with every source of error.
+   function sources(fit, k) result(fields)
+      type(stage_fit_t), intent(in) :: fit
+      integer, intent(in) :: k
+      character(len=:), allocatable :: fields
+      real(wp) :: moved, held(3), ends(2)
+
+      fields = ','
+      associate (q => fit%quantities(k))
+         if (allocated(fit%mesh_shift) .and. k <= size(fit%free)) then
+            moved = fit%mesh_shift(k)
+            if (q%is_reciprocal()) moved = as_named(q%parameter, q%searched + moved) - q%value
+            if (abs(moved) <= unlimited) fields = ','//full(moved)
+         end if
+         if (.not. fit%half_width(k) < unlimited) then
+            fields = fields//',,,'
+            return
+         end if
+         held = q%limits(fit%from_held(k), 0.0_wp)
+         fields = fields//','
+         if (held(1) <= unlimited) fields = fields//full(held(1))
+         ends = q%ends(fit%total(k))
+         fields = fields//','//limit(ends(1))//','//limit(ends(2))
+      end associate
+   end function sources
 
    !> A number that may be infinite.
    function limit(value) result(text)
@@ -132,7 +162,7 @@ contains
       do i = 1, size(experiments)
          associate (t => experiments(i)%samples, z => experiments(i)%measured)
             do k = 1, size(t)
-               associate (r => fit%fit%residual(first + k))
+               associate (r => fit%residual(first + k))
                   call text%line(csv_row(to_text(fit%elements), [t(k), z(k), z(k) + r, -r])// &
                      ','//to_text(i))
                end associate

@@ -1,0 +1,82 @@
+!> What is known of parameters beside the records: values with standard deviations. One of a free
+!> parameter is one more residual, one of a held parameter a source of error.
+module beamid_priors
+   use beamid_kinds, only: wp
+   use beamid_parameters, only: as_named, get_free, name_length, parameters
+   use beamid_unknowns, only: world_t
+   implicit none
+   private
+
+   public :: prior_t, priors_of
+
+   type :: prior_t
+      character(len=name_length) :: name = ''
+      !> Places of the parameters that go with it, and by how much each changes for a unit: one by 1,
+      !> or of a height I and rho.
+      integer, allocatable :: parameter(:)
+      real(wp), allocatable :: slope(:)
+      integer :: record = 0                !< that it is about; 0: all, with one error in common
+      real(wp), allocatable :: value       !< not allocated: the one that the case has
+      real(wp) :: sd = 0                   !< standard deviation, in the unit of the parameter
+   contains
+      procedure :: is_about
+      procedure :: centre
+      procedure :: width
+   end type prior_t
+
+contains
+
+   !> The priors of free parameters: for each of them the place of its prior, 0: none.
+   !>
+   !> free, records  (n) parameters and the record of each, or 0
+   pure function priors_of(priors, free, records) result(which)
+      type(prior_t), intent(in) :: priors(:)
+      integer, intent(in) :: free(:), records(:)
+      integer :: which(size(free)), j, k
+
+      which = 0
+      do k = 1, size(free)
+         do j = 1, size(priors)
+            if (priors(j)%is_about(free(k), records(k))) which(k) = j
+         end do
+      end do
+   end function priors_of
+
+   !> Whether it is about a parameter by itself, of one record or of all (0).
+   pure logical function is_about(self, parameter, record)
+      class(prior_t), intent(in) :: self
+      integer, intent(in) :: parameter, record
+
+      is_about = .false.
+      if (size(self%parameter) /= 1) return
+      is_about = self%parameter(1) == parameter .and. &
+         (self%record == 0 .or. record == 0 .or. self%record == record)
+   end function is_about
+
+   !> Where it is believed to be: of what a search looks for, which may be the reciprocal.
+   !>
+   !> world   with the values that the case has
+   !> record  0: all
+   pure real(wp) function centre(self, world, record)
+      class(prior_t), intent(in) :: self
+      type(world_t), intent(in) :: world
+      integer, intent(in) :: record
+      integer :: r
+
+      r = max(1, record, self%record)
+      associate (p => self%parameter(1))
+         centre = get_free(world%structures(r), world%excitations(r), p)
+         if (allocated(self%value)) centre = as_named(p, self%value)
+      end associate
+   end function centre
+
+   !> The standard deviation of what a search looks for, that of 1/k being sd/k**2.
+   pure real(wp) function width(self, centre)
+      class(prior_t), intent(in) :: self
+      real(wp), intent(in) :: centre
+
+      width = self%sd*abs(self%slope(1))
+      if (parameters(self%parameter(1))%is_reciprocal) width = width*centre**2
+   end function width
+
+end module beamid_priors

@@ -1,0 +1,107 @@
+!> What the mesh and errors of held parameters do to the estimates, for the reader.
+module beamid_error_sources
+   use beamid_identification, only: stage_fit_t
+   use beamid_kinds, only: wp
+   use beamid_lines, only: columns, filled
+   use beamid_parameters, only: as_named
+   use beamid_statistics, only: unlimited
+   use beamid_strings, only: to_text
+   use beamid_texts, only: left, right, text_t
+   implicit none
+   private
+
+   public :: add_error_sources, add_mesh_warning
+
+contains
+
+   !> A table of the intervals with every source of error, and a line for each held parameter of
+   !> which the error is known.
+   subroutine add_error_sources(text, fit)
+      type(text_t), intent(inout) :: text
+      type(stage_fit_t), intent(in) :: fit
+      character(len=:), allocatable :: line
+      real(wp) :: held(3)
+      integer :: k
+
+      if (fit%statistics%samples == 0) return
+      if (allocated(fit%mesh_shift) .or. allocated(fit%held)) then
+         call text%line('with every source of error:')
+         call text%line('              mesh shift     from held    total lower    total upper')
+         do k = 1, size(fit%free)
+            associate (q => fit%quantities(k))
+               line = left(trim(q%name), 10)
+               if (allocated(fit%mesh_shift)) then
+                  line = line//columns([as_named(q%parameter, q%searched + fit%mesh_shift(k)) &
+                     - q%value], 14)
+               else
+                  line = line//right('unknown')
+               end if
+               if (fit%half_width(k) < unlimited) then
+                  held = q%limits(fit%from_held(k), 0.0_wp)
+                  call text%line(line//columns(held(:1), 14)//columns(q%ends(fit%total(k)), 15))
+               else
+                  call text%line(line//right('unlimited'))
+               end if
+            end associate
+         end do
+      end if
+      if (.not. allocated(fit%held)) return
+      do k = 1, size(fit%held)
+         call text%line(effects(fit, k))
+      end do
+   end subroutine add_error_sources
+
+   !> By how much an error of held parameter j, one standard deviation, moves every estimate.
+   function effects(fit, j) result(line)
+      type(stage_fit_t), intent(in) :: fit
+      integer, intent(in) :: j
+      character(len=:), allocatable :: line
+      real(wp) :: effect
+      integer :: k
+
+      associate (held => fit%held(j))
+         line = to_text(held%sd)//' in '//trim(held%name)
+         if (held%record > 0) line = line//'('//to_text(held%record)//')'
+         line = line//' moves '
+         do k = 1, size(fit%free)
+            associate (q => fit%quantities(k))
+               if (k > 1) line = line//', '
+               effect = held%effect(k)
+               if (q%is_reciprocal()) effect = -effect
+               line = line//trim(q%name)//' by '
+               if (abs(q%searched) > 0) then
+                  line = line//filled('#.2 %', [100*effect/abs(q%searched)])
+               else
+                  line = line//to_text(effect)
+               end if
+            end associate
+         end do
+      end associate
+   end function effects
+
+   !> Which mesh shows in which estimate.
+   subroutine add_mesh_warning(text, fit)
+      type(text_t), intent(inout) :: text
+      type(stage_fit_t), intent(in) :: fit
+      character(len=:), allocatable :: line
+      real(wp) :: shift
+      integer :: k
+
+      if (fit%statistics%samples > 0 .and. size(fit%free) > 0 .and. &
+         .not. allocated(fit%mesh_shift)) call text%line('warning: mesh: N = '// &
+         to_text(fit%elements)//': a fit on a finer one fails, nothing tells what the mesh does')
+      if (.not. fit%shifted()) return
+      line = ''
+      do k = 1, size(fit%mesh_shift)
+         if (.not. fit%shifts(k)) cycle
+         associate (q => fit%quantities(k))
+            shift = 100*fit%mesh_shift(k)/fit%half_width(k)
+            if (q%is_reciprocal()) shift = -shift
+            line = line//', '//trim(q%name)//filled(' by #.0 %', [shift])
+         end associate
+      end do
+      call text%line('warning: mesh: a finer one than N = '//to_text(fit%elements)//' shifts '// &
+         line(3:)//' of the half width of its interval')
+   end subroutine add_mesh_warning
+
+end module beamid_error_sources
