@@ -27,6 +27,7 @@ STILL = 0.010        # V in 20 ms: a roller that moves more is not at rest
 NEAR = 0.012         # V, some .6 mm: so near to where it stays a roller has arrived
 REST = 0.5           # s, the shortest dwell
 LENGTH = 0.3         # s of each dwell that are fitted; mode 2 is gone by then
+FILTER = 0.012       # s, what `thin` takes at either end
 RINGS = 0.010        # V rms; before its first move the roller leaves the beam at rest
 FIRST = 0.08         # m, start of the first place, near the clamp in the photograph
 APART = 0.1          # V between the places where the roller dwells
@@ -63,7 +64,8 @@ def decays(t, acceleration, roller):
     for first, last in zip(ends[::2], ends[1::2]):
         level = np.median(roller[(first + last) // 2:last])
         arrived = first + np.flatnonzero(np.append(True, abs(mean[first:last] - level) > NEAR))[-1]
-        part = slice(arrived, min(last, arrived + round(LENGTH / step)))
+        spare = round(FILTER / step)
+        part = slice(max(arrived - spare, 0), min(last, arrived + round(LENGTH / step) + spare))
         if (last - first) * step > REST and acceleration[part].std() > RINGS:
             yield part
 
@@ -98,7 +100,7 @@ def identify(program, path, **words):
 
 def record(k, more=""):
     """The group of a case file that names the k-th dwell."""
-    return f"&record         file='dwell_{k:02}.csv'{more} /\n"
+    return f"&record         file='dwell_{k:02}.csv', thin=4, sd=0.02{more} /\n"
 
 
 def one_by_one(program, out, count):
@@ -122,8 +124,8 @@ def jointly(program, path, starts, *shared):
 def in_interval(row):
     """An estimate and its interval, the corrected one where residuals are not white."""
     kind = "95_corrected" if row.get("lower95_corrected") else "95"
-    return (f"{p.number(row, 'estimate'):.4g} {row['unit']} ({float(row[f'lower{kind}']):.4g} to "
-            f"{float(row[f'upper{kind}']):.4g})")
+    value, lower, upper = (float(row[key]) for key in ("estimate", f"lower{kind}", f"upper{kind}"))
+    return f"{value:.4g} {row['unit']} ({lower:.4g} to {upper:.4g})"
 
 
 def judge(name, found, volts):
