@@ -78,8 +78,8 @@ contains
       end do
       call text%line('Stage '//to_text(fits(1)%stage))
       call text%line(names//right('J')//'  iterations  evaluations  why it stopped')
-      call text%line(units//right(merge('            ', case%units%sum_of_squares(), &
-         fits(1)%weighted)))
+      if (.not. fits(1)%weighted) units = units//right(case%units%sum_of_squares())
+      call text%line(units)
       call text%line(start)
       do k = 1, size(fits)
          line = right(to_text(fits(k)%elements), 5)
