@@ -16,6 +16,7 @@ program test_error_sources
    use beamid_strings, only: to_text
    use beamid_structure, only: of_I, of_length, of_rho, of_x_S, structure_t
    use beamid_variables, only: unbounded
+   use beamid_window_fits, only: fit_windows, scatter, window_fit_t
    use checks, only: check, check_close, finish, in_long_run
    use free_decays, only: formulas, made, make_two, mesh, names, noise_of, noisy, stage_for, &
       stamps, truth
@@ -27,6 +28,8 @@ program test_error_sources
    call test_common_error()
    call test_cvode()
    call test_noise_of_records()
+   call test_dispute()
+   call test_windows()
    call test_mesh()
    call test_coverage()
    call finish('error_sources')
@@ -270,6 +273,85 @@ contains
       ! J in units of the noise: m less what was fitted.
       call check_close('noise of records: J', found(1)%fit%J, 300.0_wp - 3 - 2 - 10, 1.0_wp)
    end subroutine test_noise_of_records
+
+   !> Records of beams that are not quite alike: the interval of what they are said to share is from
+   !> how far they pull it apart; of one beam from noise, but in one record of twenty.
+   subroutine test_dispute()
+      integer, parameter :: records = 5, trials = 10
+      type(model_t) :: model
+      type(stage_t) :: stage
+      type(experiment_t) :: all_of_them(records)
+      type(structure_t) :: one
+      type(stage_fit_t), allocatable :: fits(:)
+      type(error_t), allocatable :: error
+      real(wp) :: apart(records), spread
+      integer :: disputed, held, k, n, unlike
+
+      disputed = 0
+      held = 0
+      do unlike = 1, 2
+         do n = 1, trials
+            apart = 5e-3_wp*gaussian_noise(records, 1.0_wp, 1700 + n)*(unlike - 1)
+            do k = 1, records
+               one = truth
+               one%E = truth%E*(1 + apart(k))
+               all_of_them(k) = made_of(one, 1800 + records*n + k)
+            end do
+            model = model_of(truth, new_free(2), formulas(3))
+            stage = stage_for([character(len=5) :: 'E', 'm_S', 'c_D', 'gamma'], records)
+            call identify(model, mesh, [stage], all_of_them, fits, error)
+            if (allocated(error)) cycle
+            if (unlike == 1 .and. fits(1)%statistics%disputed(1)) disputed = disputed + 1
+            if (unlike == 2 .and. inside(fits(1), 1, truth%E)) held = held + 1
+            if (n > 1) cycle
+            spread = fits(1)%statistics%corrected_error(1)/truth%E
+            ! Their mean is that uncertain; the spread of five is within a factor of three of its own.
+            if (unlike == 2) call check('dispute: the error is that of the mean of five beams', &
+               spread > 5e-3_wp/sqrt(5.0_wp)/3 .and. spread < 5e-3_wp/sqrt(5.0_wp)*3, to_text(spread))
+         end do
+      end do
+      ! 5 % of 10, and three standard deviations of that.
+      call check('dispute: none about one beam', disputed <= 2, to_text(disputed))
+      call check('dispute: the interval holds their mean', held >= 8, to_text(held))
+   end subroutine test_dispute
+
+   !> Air damping that has changed halfway is found by windows, and nothing where nothing has.
+   subroutine test_windows()
+      type(model_t) :: model
+      type(experiment_t) :: record, later
+      type(structure_t) :: thinner
+      type(stage_fit_t), allocatable :: fits(:)
+      type(window_fit_t), allocatable :: windows(:)
+      type(error_t), allocatable :: error
+      real(wp) :: spread, expected, probability(2)
+      integer :: changes, k, m
+
+      m = 400
+      thinner = truth
+      thinner%gamma = truth%gamma*3
+      do changes = 1, 2
+         record = made(truth, new_release(0.02_wp, 0.0_wp, .true.), formulas(3), stamps(m, 0.5_wp, &
+            77))
+         later = made(thinner, new_release(0.02_wp, 0.0_wp, .true.), formulas(3), record%samples)
+         if (changes == 2) record%measured(m/2 + 1:) = later%measured(m/2 + 1:)
+         record = noisy(record, gaussian_noise(m, noise_of(record), 78))
+         model = model_of(truth, new_free(2), formulas(3))
+         call identify(model, mesh, [stage_for(names, 1)], [record], fits, error)
+         if (.not. allocated(error)) call fit_windows(model, mesh, [record], fits(1), 4, windows)
+         call check('windows: a fit', .not. allocated(error))
+         if (allocated(error)) return
+         call check('windows: one behind the other', all([(windows(k)%last(1) < &
+            windows(k + 1)%first(1), k=1, 3)]) .and. abs(windows(4)%last(1) &
+            - record%samples(m)) <= 0)
+         call check('windows: each is fitted', .not. any([(allocated(windows(k)%error), k=1, 4)]))
+         call scatter(windows, 4, spread, expected, probability(changes))
+      end do
+      call check('windows: nothing changes', probability(1) > 1e-3_wp, to_text(probability(1)))
+      call check('windows: gamma has changed', probability(2) < 1e-6_wp, to_text(probability(2)))
+      call fit_windows(model, mesh, [record], fits(1), 50, windows)
+      call check('windows: too short for so many unknowns', all([(allocated(windows(k)%error), &
+         k=1, 50)]))
+   end subroutine test_windows
 
    !> Records of 16 elements, fits on few: the interval with every source of error holds the truth,
    !> or the mesh is named.

@@ -7,7 +7,7 @@ module beamid_gauss_newton
    implicit none
    private
 
-   public :: gauss_newton_t, gauss_newton_step, scales_of
+   public :: gauss_newton_t, gauss_newton_step, least_squares_step, scales_of
 
    type :: gauss_newton_t
       real(wp), allocatable :: step(:)      !< (n) to the minimum, physical parameters

@@ -36,6 +36,9 @@ module beamid_statistics
       !> place of sigma**2 (Newey and West's estimate), and the number of independent samples that
       !> would carry as much, the least over the parameters, in that of m.
       real(wp), allocatable :: corrected_error(:), corrected_half_width(:)
+      !> (n) Several records pull a parameter apart by more than their residuals explain; its corrected
+      !> error is from that
+      logical, allocatable :: disputed(:)
       real(wp) :: effective = 0
    end type statistics_t
 
@@ -60,12 +63,15 @@ contains
    !> error     no degrees of freedom left, or a singular value decomposition that fails
    !> samples   so many rows are data, the first ones; default all. The others are what else is
    !>           known, as uncertain as data of the standard deviation `noise`
-   subroutine new_statistics(jacobian, residual, estimate, scale, statistics, error, samples, noise)
+   !> first     first rows of several records
+   subroutine new_statistics(jacobian, residual, estimate, scale, statistics, error, samples, &
+      noise, first)
       real(wp), intent(in) :: jacobian(:, :), residual(:), estimate(:), scale(:)
       type(statistics_t), intent(out) :: statistics
       type(error_t), allocatable, intent(out) :: error
       integer, intent(in), optional :: samples
       real(wp), intent(in), optional :: noise
+      integer, intent(in), optional :: first(:)
       real(wp) :: t
       integer :: freedom, m, n
 
@@ -92,7 +98,7 @@ contains
       statistics%half_width = merge(unlimited, t*min(statistics%std_error, unlimited/t), &
          statistics%std_error >= unlimited/t)
       statistics%determined = statistics%half_width < abs(estimate)
-      call correct_errors(jacobian, residual(:m), statistics, noise)
+      call correct_errors(jacobian, residual(:m), statistics, noise, first)
    end subroutine new_statistics
 
    !> Covariance sigma**2 V S**-2 V', undone for the scale. A parameter with a part in a direction
@@ -141,10 +147,11 @@ contains
    !> Errors with the autocovariances of the residuals up to `max_lags`, tapered linearly.
    !>
    !> residual  of the data
-   subroutine correct_errors(jacobian, residual, statistics, noise)
+   subroutine correct_errors(jacobian, residual, statistics, noise, first)
       real(wp), intent(in) :: jacobian(:, :), residual(:)
       type(statistics_t), intent(inout) :: statistics
       real(wp), intent(in), optional :: noise
+      integer, intent(in), optional :: first(:)
       real(wp), allocatable :: influence(:, :)
       real(wp) :: variance, gamma
       integer :: j, k, m, lags
@@ -153,6 +160,7 @@ contains
       m = size(residual)
       lags = min(max_lags, m/2)
       statistics%corrected_error = statistics%std_error
+      statistics%disputed = spread(.false., 1, statistics%parameters)
       statistics%effective = m
       ! Nothing to correct, or nothing that could be squared.
       if (.not. statistics%variance > 0 .or. &
@@ -176,7 +184,49 @@ contains
       end do
       statistics%corrected_half_width = statistics%corrected_error*student_quantile(0.95_wp, &
          max(1.0_wp, statistics%effective - statistics%parameters))
+      if (present(first)) call add_dispute(influence, residual, first, statistics)
    end subroutine correct_errors
+
+   !> Errors from how far apart records pull an estimate: e_r, the sum of influence times residual over
+   !> record r, adds up to nothing over all of them, and R/(R - 1) sum e_r**2 is its variance whatever
+   !> is wrong with the model in each. Taken where the sum is improbable for the variances that noise
+   !> as coloured as it is gives these e_r; with R - 1 degrees of freedom.
+   !>
+   !> first  (R) first row of each record
+   subroutine add_dispute(influence, residual, first, statistics)
+      real(wp), intent(in) :: influence(:, :), residual(:)
+      integer, intent(in) :: first(:)
+      type(statistics_t), intent(inout) :: statistics
+      real(wp), parameter :: improbable = 0.05_wp
+      real(wp) :: pull(size(first)), variance(size(first)), own, total
+      integer :: j, last, r, records
+
+      records = size(first)
+      if (records < 2) return
+      do j = 1, statistics%parameters
+         do r = 1, records
+            last = size(residual)
+            if (r < records) last = first(r + 1) - 1
+            associate (g => influence(first(r):last, j))
+               pull(r) = dot_product(g, residual(first(r):last))
+               variance(r) = statistics%variance*sum(g**2)
+            end associate
+         end do
+         ! What belongs to one record is not disputed among several.
+         own = maxval(variance)
+         total = sum(variance)
+         if (.not. own < (1 - 1e-3_wp)*total) cycle
+         variance = variance*(statistics%corrected_error(j)/statistics%std_error(j))**2
+         where (variance > 0) pull = pull**2/variance
+         if (chi_square_tail(sum(pull, mask=variance > 0), real(count(variance > 0) - 1, wp)) &
+            >= improbable) cycle
+         total = sqrt(records/(records - 1.0_wp)*sum(pull*variance, mask=variance > 0))
+         if (total <= statistics%corrected_error(j)) cycle
+         statistics%disputed(j) = .true.
+         statistics%corrected_error(j) = total
+         statistics%corrected_half_width(j) = total*student_quantile(0.95_wp, records - 1.0_wp)
+      end do
+   end subroutine add_dispute
 
    !> Singular values and right singular vectors of the Jacobian with its columns scaled.
    subroutine decompose(jacobian, scale, singular, direction, error)

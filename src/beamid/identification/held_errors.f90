@@ -4,8 +4,8 @@
 !> To first order by G = -(J'J)**-1 J'J_h, J_h what the held one does to the residuals.
 module beamid_held_errors
    use beamid_errors, only: error_t
+   use beamid_gauss_newton, only: least_squares_step
    use beamid_kinds, only: wp
-   use beamid_minpack, only: dgelsy
    use beamid_parameters, only: get_free, name_length, parameters
    use beamid_priors, only: prior_t
    use beamid_residuals, only: residual_t
@@ -37,20 +37,24 @@ contains
       type(held_t), allocatable, intent(out) :: held(:)
       type(error_t), allocatable, intent(out) :: error
       integer, allocatable :: free(:), record(:)
-      real(wp) :: along(problem%samples())
-      integer :: k
+      real(wp) :: along(problem%samples()), residual(size(jacobian, 1)), effect(size(scale))
+      integer :: k, rank
 
       free = problem%free
       record = problem%record
       allocate (held(0))
+      residual = 0
       do k = 1, size(problem%priors)
          associate (prior => problem%priors(k))
             call change(problem, prior, estimate, size(jacobian, 2), along, error)
             problem%free = free
             problem%record = record
             if (allocated(error)) return
-            if (any(abs(along) > 0)) held = [held, held_t(prior%name, prior%record, prior%sd, &
-               -prior%sd*least_squares(jacobian, along, scale))]
+            if (.not. any(abs(along) > 0)) cycle
+            residual(:size(along)) = along
+            call least_squares_step(jacobian, residual, scale, spread(.true., 1, size(scale)), &
+               epsilon(1.0_wp)*size(residual), effect, rank)
+            held = [held, held_t(prior%name, prior%record, prior%sd, prior%sd*effect)]
          end associate
       end do
    end subroutine held_errors
@@ -103,22 +107,5 @@ contains
          along = (above - r)/(2*step)
       end associate
    end subroutine change
-
-   !> What minimises |jacobian x - along|, of the shortest in units of the scale.
-   function least_squares(jacobian, along, scale) result(x)
-      real(wp), intent(in) :: jacobian(:, :), along(:), scale(:)
-      real(wp) :: x(size(scale)), work(67*(size(scale) + 1))
-      real(wp), allocatable :: a(:, :), b(:)
-      integer :: pivots(size(scale)), info, m, rank
-
-      m = size(jacobian, 1)
-      a = jacobian*spread(scale, 1, m)
-      allocate (b(max(m, size(scale))), source=0.0_wp)
-      b(:size(along)) = along
-      pivots = 0
-      call dgelsy(m, size(scale), 1, a, m, b, size(b), pivots, epsilon(1.0_wp)*m, rank, work, &
-         size(work), info)
-      x = b(:size(scale))*scale
-   end function least_squares
 
 end module beamid_held_errors

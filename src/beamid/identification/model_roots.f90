@@ -98,7 +98,8 @@ contains
             else if (p == of_length) then
                b%width = 0.02_wp
             else if (parameters(p)%range == on_beam) then
-               b%width = 0.03_wp*s%length
+               ! A support is moved about, a sensor is mounted once.
+               b%width = merge(0.1_wp, 0.03_wp, parameters(p)%group == 'support')*s%length
             else if (.not. b%logarithmic) then
                b%width = max(b%centre, free_magnitude(s, world%excitations(r), p))
             end if

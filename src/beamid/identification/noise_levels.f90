@@ -3,6 +3,7 @@
 !> search repeated until it is the noise that the search has used.
 module beamid_noise_levels
    use beamid_errors, only: error_t, failure
+   use beamid_gauss_newton, only: least_squares_step, scales_of
    use beamid_kinds, only: wp
    use beamid_least_squares, only: fit, fit_t, monitor_t, options_t
    use beamid_residuals, only: residual_t
@@ -44,7 +45,7 @@ contains
       quiet%check = .false.
       do k = 1, most
          if (allocated(error)) return
-         call learn_noise(problem, found, change, error)
+         call learn_noise(problem, variables, found, change, error)
          if (allocated(error)) return
          if (change <= settled) exit
          before = found
@@ -62,18 +63,23 @@ contains
       found%J = sum(found%residual(:problem%samples())**2)
    end subroutine fit_with_noise
 
-   !> Estimates the noise from a fit, unless that has used nearly the same.
+   !> Estimates the noise from a fit, unless that has used nearly the same: of each record what the
+   !> parameters cannot explain even where they are its own, to first order. What records disagree
+   !> about is no noise; taken for it, the search would follow one record and leave the others.
    !>
+   !> variables  of the fit
    !> change  the largest relative one; 0: nothing is estimated
-   subroutine learn_noise(problem, found, change, error)
+   subroutine learn_noise(problem, variables, found, change, error)
       type(residual_t), intent(inout) :: problem
+      type(variable_t), intent(in) :: variables(:)
       type(fit_t), intent(in) :: found
       real(wp), intent(out) :: change
       type(error_t), allocatable, intent(out) :: error
       type(statistics_t) :: statistics
       real(wp) :: sd(size(problem%parts)), noise, free
-      real(wp), allocatable :: r(:)
-      integer :: i, m, row, n
+      real(wp), dimension(size(variables)) :: scale, step
+      logical :: mine(size(variables))
+      integer :: i, m, n, rank, row
 
       change = 0
       n = size(found%estimate)
@@ -82,11 +88,17 @@ contains
          any(problem%is_estimated()))) return
       free = real(problem%rows() - n - problem%linear_unknowns(), wp)/m
       if (.not. free > 0) return
-      r = problem%without_weights(found%residual)
       row = 0
+      scale = scales_of(variables, found%estimate)
       do i = 1, size(sd)
-         associate (z => problem%parts(i)%experiment%measured)
-            sd(i) = sqrt(sum(r(row + 1:row + size(z))**2)/(size(z)*free))
+         associate (z => problem%parts(i)%experiment%measured, weight => problem%weight(i))
+            associate (r => found%residual(row + 1:row + size(z)), &
+               jacobian => found%jacobian(row + 1:row + size(z), :))
+               mine = any(abs(jacobian) > 0, dim=1)
+               call least_squares_step(jacobian, r, scale, mine, epsilon(free)*size(z), step, rank)
+               sd(i) = norm2(r + matmul(jacobian, step))/weight/sqrt(real(max(1, size(z) - rank &
+                  - problem%linear_unknowns()/size(sd)), wp))
+            end associate
             sd(i) = max(sd(i), least_noise*norm2(z)/sqrt(real(size(z), wp)), tiny(free))
             row = row + size(z)
          end associate

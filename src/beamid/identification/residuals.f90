@@ -35,6 +35,7 @@ module beamid_residuals
       procedure :: residuals
       procedure :: jacobian
       procedure :: samples
+      procedure :: first_rows
       procedure :: rows
       procedure :: linear_unknowns
       procedure :: is_weighted
@@ -90,7 +91,18 @@ contains
       samples = sum([(size(self%parts(i)%experiment%samples), i=1, size(self%parts))])
    end function samples
 
-   !> The same, and what is known of free parameters.
+   !> (records) the first row of each.
+   pure function first_rows(self)
+      class(residual_t), intent(in) :: self
+      integer :: first_rows(size(self%parts)), i
+
+      first_rows(1) = 1
+      do i = 2, size(first_rows)
+         first_rows(i) = first_rows(i - 1) + size(self%parts(i - 1)%experiment%samples)
+      end do
+   end function first_rows
+
+   !> All residuals: those of the samples, and what is known of free parameters.
    pure integer function rows(self)
       class(residual_t), intent(in) :: self
 

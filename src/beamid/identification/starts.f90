@@ -346,7 +346,7 @@ contains
             end do
             if (.not. sum(gain) > least_gain) then
                trial%objection = 'mode '//to_text(needed)//' gains nothing'
-            else if (any(multiple .and. gain >= min(least_gain, maxval(gain)))) then
+            else if (sum(gain, mask=multiple) > sum(gain)/2) then
                trial%objection = 'mode '//to_text(needed)//' sits on a multiple of another line'
             end if
          end associate

@@ -109,6 +109,7 @@ contains
       character(len=:), allocatable :: condition, line
       character(len=name_length) :: names(size(fit%quantities))
       character(len=512), allocatable :: sentences(:)
+      logical :: corrects
       integer :: j, k
 
       if (fit%statistics%samples == 0) then
@@ -123,13 +124,16 @@ contains
          to_text(sqrt(fit%statistics%variance))//line//', '// &
          to_text(fit%statistics%samples - size(names))//' degrees of freedom')
       line = '              estimate     std error        lower95        upper95'
-      if (.not. fit%check%white) line = line//'  corrected se        lower95        upper95'
+      corrects = .not. fit%check%white
+      if (allocated(fit%statistics%disputed)) corrects = corrects .or. &
+         any(fit%statistics%disputed)
+      if (corrects) line = line//'  corrected se        lower95        upper95'
       call text%line(line//'  correlations')
       associate (s => fit%statistics, p => fit%quantities%value)
          do k = 1, size(p)
             line = left(trim(names(k)), 10)//right(to_text(p(k)), 12)//interval(fit, k, &
                s%std_error(k), s%half_width(k))
-            if (.not. fit%check%white) line = line//interval(fit, k, &
+            if (corrects) line = line//interval(fit, k, &
                s%corrected_error(k), s%corrected_half_width(k))
             call text%line(line//columns([(fit%correlation(k, j), j=1, k - 1)], 9, '#.4'))
          end do
@@ -154,6 +158,9 @@ contains
          'derivatives, exact against central differences: '// &
          to_text(fit%fit%derivative_check(1))//' at the start, '// &
          to_text(fit%fit%derivative_check(2))//' at the end')
+      if (corrects .and. any(fit%statistics%disputed)) call text%line('the records disagree '// &
+         'by more than their residuals explain about: '//listed(pack(names, &
+         fit%statistics%disputed), ' ')//'; the corrected errors are from that')
       call add_residual_check(text, fit)
    end subroutine add_statistics
 
