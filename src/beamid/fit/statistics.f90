@@ -63,15 +63,16 @@ contains
    !> error     no degrees of freedom left, or a singular value decomposition that fails
    !> samples   so many rows are data, the first ones; default all. The others are what else is
    !>           known, as uncertain as data of the standard deviation `noise`
-   !> first     first rows of several records
+   !> first     first rows of several records, and (n) what these have in common
    subroutine new_statistics(jacobian, residual, estimate, scale, statistics, error, samples, &
-      noise, first)
+      noise, first, shared)
       real(wp), intent(in) :: jacobian(:, :), residual(:), estimate(:), scale(:)
       type(statistics_t), intent(out) :: statistics
       type(error_t), allocatable, intent(out) :: error
       integer, intent(in), optional :: samples
       real(wp), intent(in), optional :: noise
       integer, intent(in), optional :: first(:)
+      logical, intent(in), optional :: shared(:)
       real(wp) :: t
       integer :: freedom, m, n
 
@@ -98,7 +99,7 @@ contains
       statistics%half_width = merge(unlimited, t*min(statistics%std_error, unlimited/t), &
          statistics%std_error >= unlimited/t)
       statistics%determined = statistics%half_width < abs(estimate)
-      call correct_errors(jacobian, residual(:m), statistics, noise, first)
+      call correct_errors(jacobian, residual(:m), statistics, noise, first, shared)
    end subroutine new_statistics
 
    !> Covariance sigma**2 V S**-2 V', undone for the scale. A parameter with a part in a direction
@@ -147,11 +148,12 @@ contains
    !> Errors with the autocovariances of the residuals up to `max_lags`, tapered linearly.
    !>
    !> residual  of the data
-   subroutine correct_errors(jacobian, residual, statistics, noise, first)
+   subroutine correct_errors(jacobian, residual, statistics, noise, first, shared)
       real(wp), intent(in) :: jacobian(:, :), residual(:)
       type(statistics_t), intent(inout) :: statistics
       real(wp), intent(in), optional :: noise
       integer, intent(in), optional :: first(:)
+      logical, intent(in), optional :: shared(:)
       real(wp), allocatable :: influence(:, :)
       real(wp) :: variance, gamma
       integer :: j, k, m, lags
@@ -184,7 +186,7 @@ contains
       end do
       statistics%corrected_half_width = statistics%corrected_error*student_quantile(0.95_wp, &
          max(1.0_wp, statistics%effective - statistics%parameters))
-      if (present(first)) call add_dispute(influence, residual, first, statistics)
+      if (present(first)) call add_dispute(influence, residual, first, shared, statistics)
    end subroutine correct_errors
 
    !> Errors from how far apart records pull an estimate: e_r, the sum of influence times residual over
@@ -192,18 +194,21 @@ contains
    !> is wrong with the model in each. Taken where the sum is improbable for the variances that noise
    !> as coloured as it is gives these e_r; with R - 1 degrees of freedom.
    !>
-   !> first  (R) first row of each record
-   subroutine add_dispute(influence, residual, first, statistics)
+   !> first   (R) first row of each record
+   !> shared  (n)
+   subroutine add_dispute(influence, residual, first, shared, statistics)
       real(wp), intent(in) :: influence(:, :), residual(:)
       integer, intent(in) :: first(:)
+      logical, intent(in) :: shared(:)
       type(statistics_t), intent(inout) :: statistics
       real(wp), parameter :: improbable = 0.05_wp
-      real(wp) :: pull(size(first)), variance(size(first)), own, total
+      real(wp) :: pull(size(first)), variance(size(first)), total
       integer :: j, last, r, records
 
       records = size(first)
       if (records < 2) return
       do j = 1, statistics%parameters
+         if (.not. shared(j)) cycle
          do r = 1, records
             last = size(residual)
             if (r < records) last = first(r + 1) - 1
@@ -212,10 +217,6 @@ contains
                variance(r) = statistics%variance*sum(g**2)
             end associate
          end do
-         ! What belongs to one record is not disputed among several.
-         own = maxval(variance)
-         total = sum(variance)
-         if (.not. own < (1 - 1e-3_wp)*total) cycle
          variance = variance*(statistics%corrected_error(j)/statistics%std_error(j))**2
          where (variance > 0) pull = pull**2/variance
          if (chi_square_tail(sum(pull, mask=variance > 0), real(count(variance > 0) - 1, wp)) &

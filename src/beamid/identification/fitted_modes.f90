@@ -92,8 +92,8 @@ contains
          ! No limits, or none that could be squared.
          if (any(statistics%std_error(:n) >= sqrt(unlimited)*epsilon(1.0_wp))) return
          scale = 1
-         if (.not. fit%check%white) scale = maxval(statistics%corrected_half_width(:n) &
-            /max(statistics%half_width(:n), tiny(1.0_wp)))
+         if (.not. fit%check%white) scale = max(scale, maxval(statistics%corrected_half_width(:n) &
+            /max(statistics%half_width(:n), tiny(1.0_wp)), mask=.not. statistics%disputed(:n)))
          t = scale*student_quantile(0.95_wp, real(statistics%samples - statistics%parameters, wp))
          ! The amplitude, and what belongs to other records, does not act on this structure.
          associate (owner => fit%quantities(:n)%record)

@@ -222,7 +222,7 @@ contains
          scales = q%scale
          if (problem%samples() > size(q)) call new_statistics(found%jacobian, found%fit%residual, &
             [q(:n)%searched, q(n + 1:)%scale], scales, found%statistics, error, &
-            problem%samples(), problem%noise, problem%first_rows())
+            problem%samples(), problem%noise, problem%first_rows(), q%record == 0)
          if (allocated(error) .or. size(found%priors) == 0) return
          n = merge(size(q), n, problem%exact)
          call held_errors(problem, found%fit%estimate, found%jacobian(:, :n), scales(:n), &
