@@ -675,7 +675,8 @@ contains
       call refused_case('prior of another record', carrying(group('prior', &
          'parameter=''length'', sd=0.1, record=2')), '5: &prior record: found 2|expected')
       call refused_case('prior twice', carrying(group('prior', 'parameter=''E'', sd=1')// &
-         group('prior', 'parameter=''e'', sd=2')), '6: &prior parameter: found ''e'' twice|expected')
+         group('prior', 'parameter=''e'', sd=2')), &
+         '6: &prior parameter: found ''e'' twice|expected')
       call refused_case('prior of a damper of no clamp', carrying(group('prior', &
          'parameter=''c_R'', sd=1')), '5: &prior parameter: found ''c_R''|expected a value of k_R')
       call refused_case('value of a height', rectangle//group('prior', &
@@ -694,7 +695,8 @@ contains
 
    !> Channels of one motion.
    subroutine test_channels()
-      character(len=*), parameter :: line = 'file=''record.csv'', t_first=0.1, t_last=0.6, t_step=0.1'
+      character(len=*), parameter :: line = &
+         'file=''record.csv'', t_first=0.1, t_last=0.6, t_step=0.1'
       character(len=:), allocatable :: two, again
 
       again = nl//'&record '//line//', experiment=1'

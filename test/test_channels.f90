@@ -59,8 +59,9 @@ contains
       all_of_it%offset = .true.
    end function stage
 
-   !> Without noise both channels fit to what the modes leave that are not fitted, 1e-5 of the record;
-   !> on another place of the second sensor they do not, which two motions of their own would not see.
+   !> Without noise both channels fit to what the modes leave that are not fitted, 1e-5 of the
+   !> record; with another place of the second sensor they do not, which two motions of their own
+   !> would not see.
    subroutine test_one_motion()
       type(model_t) :: model
       type(experiment_t) :: two(2)

@@ -182,8 +182,8 @@ contains
       if (present(force)) call write_file(folder//'force.csv', force)
       outcome = beamid(command//' case.nml --quiet --out result', 'bad')
       call check(command//': '//what//' is accepted', outcome%status == 0 .and. &
-         outcome%err == '' .and. &
-         outcome%out /= '' .and. exists(folder//'result/summary.txt'), outcome%out//'//'//outcome%err)
+         outcome%err == '' .and. outcome%out /= '' .and. &
+         exists(folder//'result/summary.txt'), outcome%out//'//'//outcome%err)
       call remove_tree(folder//'result')
    end subroutine accepted
 

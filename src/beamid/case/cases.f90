@@ -135,6 +135,7 @@ contains
       character(len=note_length), allocatable, intent(out) :: notes(:)
       type(error_t), allocatable, intent(out) :: error
       character(len=note_length), allocatable :: sentences(:)
+      integer, allocatable :: motions(:)
       integer :: k, linear, total, unknowns
 
       allocate (experiments(size(case%recordings)), notes(0))
@@ -157,7 +158,8 @@ contains
       total = sum([(size(experiments(k)%samples), k=1, size(experiments))])
       call check_channels(case, experiments, error)
       if (allocated(error)) return
-      linear = 2*sum(experiments%excitation%modes, mask=is_first(experiments%motion))
+      motions = experiments%motion
+      linear = 2*sum(experiments%excitation%modes, mask=is_first(motions))
       do k = 1, size(case%stages)
          unknowns = size(case%stages(k)%free) + linear &
             + merge(size(experiments), 0, case%stages(k)%offset)
@@ -178,8 +180,8 @@ contains
          k=1, size(motions))]
    end function is_first
 
-   !> Channels of one motion stand one behind the other and are of the same beam, with the same start
-   !> and the same parameters.
+   !> Channels of one motion stand one behind the other and are of the same beam, with the same
+   !> start and the same parameters.
    subroutine check_channels(case, experiments, error)
       type(case_t), intent(in) :: case
       type(experiment_t), intent(in) :: experiments(:)

@@ -40,9 +40,9 @@ contains
       integer :: k
 
       call block%get('degree', mesh%degree, 'of the splines')
-      call block%get('elements', elements, '''auto''', 'of the mesh; of several numbers everything '// &
-         'is done for each; ''auto'': as many as a fit needs, elsewhere 8', 50, range_t(1, 10000), &
-         ['auto'], word)
+      call block%get('elements', elements, '''auto''', 'of the mesh; of several numbers '// &
+         'everything is done for each; ''auto'': as many as a fit needs, elsewhere 8', 50, &
+         range_t(1, 10000), ['auto'], word)
       call block%get('gauss_points', mesh%gauss_points, 'in each panel', range_t(1, 64), &
          default='degree + 1, exact')
       call block%get('panels', mesh%panels, 'in each element', range_t(1, 1000))

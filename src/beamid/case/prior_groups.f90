@@ -62,8 +62,8 @@ contains
             ', whose value is in &beam')
          return
       end if
-      if (.not. found%value > 0 .and. parameters(found%parameter(1))%is_reciprocal) call block%refuse('value', &
-         to_text(found%value), 'a value above 0')
+      if (parameters(found%parameter(1))%is_reciprocal .and. .not. found%value > 0) &
+         call block%refuse('value', to_text(found%value), 'a value above 0')
 
    contains
 
@@ -91,8 +91,9 @@ contains
          found%slope = pack(found%slope, found%parameter > 0 .and. abs(found%slope) > 0)
          found%parameter = found%parameter(:size(found%slope))
          if (any(found%parameter == 0)) found%parameter = [integer ::]
-         if (size(found%parameter) == 1 .and. abs(found%slope(1) - 1) <= 0) &
-            found%name = name_of_parameter(structure, found%parameter(1))
+         if (size(found%parameter) /= 1) return
+         if (abs(found%slope(1) - 1) <= 0) found%name = name_of_parameter(structure, &
+            found%parameter(1))
       end subroutine find
 
    end subroutine read_prior

@@ -36,8 +36,8 @@ module beamid_statistics
       !> place of sigma**2 (Newey and West's estimate), and the number of independent samples that
       !> would carry as much, the least over the parameters, in that of m.
       real(wp), allocatable :: corrected_error(:), corrected_half_width(:)
-      !> (n) Several records pull a parameter apart by more than their residuals explain; its corrected
-      !> error is from that
+      !> (n) several records pull a parameter apart by more than their residuals explain; its
+      !> corrected error is from that
       logical, allocatable :: disputed(:)
       real(wp) :: effective = 0
    end type statistics_t
@@ -178,7 +178,7 @@ contains
          do k = 1, lags
             gamma = dot_product(residual(:m - k), residual(k + 1:))/(m - statistics%parameters)
             variance = variance + 2*(1 - k/(lags + 1.0_wp))*gamma &
-               *dot_product(influence(:m - k, j), influence(k + 1:, j))
+               *dot_product(influence(:m - k, j), influence(k + 1:m, j))
          end do
          if (variance <= statistics%covariance(j, j)) cycle
          statistics%corrected_error(j) = sqrt(variance)
@@ -189,10 +189,10 @@ contains
       if (present(first)) call add_dispute(influence, residual, first, shared, statistics)
    end subroutine correct_errors
 
-   !> Errors from how far apart records pull an estimate: e_r, the sum of influence times residual over
-   !> record r, adds up to nothing over all of them, and R/(R - 1) sum e_r**2 is its variance whatever
-   !> is wrong with the model in each. Taken where the sum is improbable for the variances that noise
-   !> as coloured as it is gives these e_r; with R - 1 degrees of freedom.
+   !> Errors from how far apart records pull an estimate: e_r, the sum of influence times residual
+   !> over record r, adds up to nothing over all of them, and R/(R - 1) sum e_r**2 is its variance
+   !> whatever is wrong with the model in each. Taken where the sum is improbable for the variances
+   !> that noise as coloured as it is gives these e_r; with R - 1 degrees of freedom.
    !>
    !> first   (R) first row of each record
    !> shared  (n)
@@ -208,7 +208,7 @@ contains
       records = size(first)
       if (records < 2) return
       do j = 1, statistics%parameters
-         if (.not. shared(j)) cycle
+         if (.not. (shared(j) .and. statistics%std_error(j) > 0)) cycle
          do r = 1, records
             last = size(residual)
             if (r < records) last = first(r + 1) - 1

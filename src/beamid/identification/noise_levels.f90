@@ -1,6 +1,6 @@
-!> Searches whose rows are weighted by the noise: of each record where there are several, of the data
-!> beside what else is known. Where it is not stated it is estimated from the residuals, and the
-!> search repeated until it is the noise that the search has used.
+!> Searches whose rows are weighted by the noise: of each record where there are several, of the
+!> data beside what else is known. Where it is not stated it is estimated from the residuals, and
+!> the search repeated until it is the noise that the search has used.
 module beamid_noise_levels
    use beamid_errors, only: error_t, failure
    use beamid_gauss_newton, only: least_squares_step, scales_of

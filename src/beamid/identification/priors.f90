@@ -11,8 +11,8 @@ module beamid_priors
 
    type :: prior_t
       character(len=name_length) :: name = ''
-      !> Places of the parameters that go with it, and by how much each changes for a unit: one by 1,
-      !> or of a height I and rho.
+      !> Places of the parameters that go with it, and by how much each changes for a unit: one by
+      !> 1, or of a height I and rho.
       integer, allocatable :: parameter(:)
       real(wp), allocatable :: slope(:)
       integer :: record = 0                !< that it is about; 0: all, with one error in common

@@ -17,9 +17,9 @@ module beamid_residuals
 
    public :: residual_t, new_residuals
 
-   !> Rows are the samples of each record in turn, times its weight, then one for each free parameter
-   !> of which something is known: its distance from that value in standard deviations, times the
-   !> noise of the other rows.
+   !> Rows are the samples of each record in turn, times its weight, then one for each free
+   !> parameter of which something is known: its distance from that value in standard deviations,
+   !> times the noise of the other rows.
    type, extends(smooth_problem_t) :: residual_t
       type(apparatus_t), allocatable :: parts(:)   !< one for each record
       real(wp), allocatable :: weight(:)           !< (records) 1/noise; of one record 1

@@ -42,8 +42,8 @@ module beamid_stages
       logical :: weighted = .false.      !< it is 1/noise
       real(wp) :: noise = 1              !< that stands against what else was known
       type(held_t), allocatable :: held(:)      !< errors of parameters that are held
-      !> (n) how far finer meshes shift the estimates, of what was searched for, and how well that is
-      !> known; not allocated: not asked for, or not found
+      !> (n) how far finer meshes shift the estimates, of what was searched for, and how well that
+      !> is known; not allocated: not asked for, or not found
       real(wp), allocatable :: mesh_shift(:), mesh_error(:)
       type(statistics_t) :: statistics   !< `samples` is 0 where no degree of freedom was left
       type(residual_check_t) :: check

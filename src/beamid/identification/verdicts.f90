@@ -15,7 +15,7 @@ module beamid_verdicts
    use beamid_stages, only: stage_fit_t
    use beamid_strings, only: to_text
    use beamid_trials, only: is_multiple, least_gain, resting
-   use beamid_unknowns, only: name_of
+   use beamid_unknowns, only: name_length, name_of
    use beamid_whiteness, only: effective_samples
    implicit none
    private
@@ -234,17 +234,16 @@ contains
    pure integer function place_of_mode(fit, r, k) result(first)
       type(stage_fit_t), intent(in) :: fit
       integer, intent(in) :: r, k
+      character(len=name_length) :: name
       integer :: i
 
       ! Of a further channel they are those of the first.
       first = 0
       do i = r, 1, -1
-         if (size(fit%world%structures) == 1) then
-            first = findloc(fit%quantities%name, name_of('cos_'//to_text(k), 0), dim=1)
-         else
-            first = findloc(fit%quantities%name, name_of('cos_'//to_text(k), i), dim=1)
-         end if
-         if (first > 0) return
+         name = name_of('cos_'//to_text(k), merge(0, i, size(fit%world%structures) == 1))
+         do first = size(fit%quantities), 1, -1
+            if (fit%quantities(first)%name == name) return
+         end do
       end do
    end function place_of_mode
 

@@ -31,14 +31,14 @@ contains
             associate (q => fit%quantities(k))
                line = left(trim(q%name), 10)
                if (allocated(fit%mesh_shift)) then
-                  line = line//columns([as_named(q%parameter, q%searched + fit%mesh_shift(k)) &
-                     - q%value], 14)
+                  line = line//finite(as_named(q%parameter, q%searched + fit%mesh_shift(k)) &
+                     - q%value)
                else
                   line = line//right('unknown')
                end if
                if (fit%half_width(k) < unlimited) then
                   held = q%limits(fit%from_held(k), 0.0_wp)
-                  call text%line(line//columns(held(:1), 14)//columns(q%ends(fit%total(k)), 15))
+                  call text%line(line//finite(held(1))//columns(q%ends(fit%total(k)), 15))
                else
                   call text%line(line//right('unlimited'))
                end if
@@ -50,6 +50,15 @@ contains
          call text%line(effects(fit, k))
       end do
    end subroutine add_error_sources
+
+   !> A number in its column; of what is infinite there is no error.
+   function finite(value) result(text)
+      real(wp), intent(in) :: value
+      character(len=:), allocatable :: text
+
+      text = right('-')
+      if (abs(value) < unlimited) text = columns([value], 14)
+   end function finite
 
    !> By how much an error of held parameter j, one standard deviation, moves every estimate.
    function effects(fit, j) result(line)
@@ -95,9 +104,12 @@ contains
       do k = 1, size(fit%mesh_shift)
          if (.not. fit%shifts(k)) cycle
          associate (q => fit%quantities(k))
-            shift = fit%mesh_shift(k)/fit%half_width(k)
+            shift = fit%mesh_shift(k)
             if (q%is_reciprocal()) shift = -shift
-            line = line//', '//trim(q%name)//' by '//to_text(shift)
+            line = line//', '//trim(q%name)
+            ! Of a record without noise no interval is left to compare with.
+            if (fit%half_width(k) > epsilon(shift)*abs(shift)) line = line//' by '// &
+               to_text(shift/fit%half_width(k))
          end associate
       end do
       call text%line('warning: mesh: a finer one than N = '//to_text(fit%elements)//' shifts '// &
