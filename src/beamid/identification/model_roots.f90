@@ -20,6 +20,7 @@ module beamid_model_roots
       logical :: logarithmic = .false.
       real(wp) :: centre = 0      !< the start
       real(wp) :: width = 1       !< standard deviation of x
+      logical :: stated = .false. !< by the user, who holds it as determined by that
    contains
       procedure :: x_of
       procedure :: value_of
@@ -88,7 +89,8 @@ contains
          associate (b => beliefs(k), p => free(k), s => world%structures(r))
             b%logarithmic = b%centre > 0 .and. parameters(p)%range /= on_beam .and. &
                .not. parameters(p)%is_reciprocal
-            if (stated(k) > 0) then
+            b%stated = stated(k) > 0
+            if (b%stated) then
                b%width = priors(stated(k))%width(b%centre)
                if (b%logarithmic) b%width = b%width/b%centre
             else if (p == of_E) then

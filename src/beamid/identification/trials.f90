@@ -107,6 +107,8 @@ contains
       integer, intent(in) :: needed
       character(len=:), allocatable :: objection
       real(wp), parameter :: most_damping(2) = [0.1_wp, 0.3_wp], far = 2.5_wp
+      ! What is stated has pulled already, and there may be many of it.
+      real(wp), parameter :: far_from_stated = 4
       real(wp) :: ratio, deviation
       integer :: k
 
@@ -125,7 +127,7 @@ contains
          if (damps(reshape(trial%ds(:, :, k), [size(trial%s)]))) cycle
          deviation = (beliefs(k)%x_of(trial%fit%estimate(k)) - beliefs(k)%x_of( &
             beliefs(k)%centre))/beliefs(k)%width
-         if (abs(deviation) <= far) cycle
+         if (abs(deviation) <= merge(far_from_stated, far, beliefs(k)%stated)) cycle
          objection = trim(names(k))//' = '//to_text(trial%fit%estimate(k))// &
             ' is far from where it was to be, '//to_text(beliefs(k)%centre)
          return
@@ -165,7 +167,7 @@ contains
          abs(ratio - nint(ratio)) < tolerance*ratio + error/aimag(s(1))
    end function is_multiple
 
-   !> The parameters that modes do not determine: each in turn, that with the largest effect on
+   !> The parameters that neither modes nor what is stated determine: each in turn, that with the largest effect on
    !> frequencies and damping first, and what is left of an effect beside those of the others.
    !>
    !> s, ds    (modes, records), (modes, records, free) [1/time]
@@ -201,6 +203,7 @@ contains
             if (lost(j)) a(:, j) = a(:, j) - a(:, k)*dot_product(a(:, k), a(:, j))
          end do
       end do
+      lost = lost .and. .not. beliefs%stated
    end function resting
 
 end module beamid_trials
