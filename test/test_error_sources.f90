@@ -14,7 +14,7 @@ program test_error_sources
    use beamid_priors, only: prior_t
    use beamid_refinement, only: add_mesh_shift, identify_refining
    use beamid_strings, only: to_text
-   use beamid_structure, only: of_I, of_length, of_rho, of_x_S, structure_t
+   use beamid_structure, only: of_I, of_kappa_R, of_length, of_rho, of_x_S, structure_t
    use beamid_variables, only: unbounded
    use beamid_window_fits, only: fit_windows, scatter, window_fit_t
    use checks, only: check, check_close, finish, in_long_run
@@ -28,6 +28,7 @@ program test_error_sources
    call test_common_error()
    call test_cvode()
    call test_noise_of_records()
+   call test_lengths()
    call test_dispute()
    call test_windows()
    call test_mesh()
@@ -275,6 +276,55 @@ contains
       ! J in units of the noise: m less what was fitted.
       call check_close('noise of records: J', found(1)%fit%J, 300.0_wp - 3 - 2 - 10, 1.0_wp)
    end subroutine test_noise_of_records
+
+   !> One strip at three lengths, each known to 2 mm, in a clamp of unknown stiffness, by one search
+   !> from the values of a table: nothing that a prior determines is held, and E is inside.
+   subroutine test_lengths()
+      real(wp), parameter :: length(3) = [0.6_wp, 0.5_wp, 0.4_wp], &
+         wrong(3) = [1.5e-3_wp, -2e-3_wp, 1e-3_wp]
+      type(model_t) :: model
+      type(stage_t) :: stage
+      type(experiment_t) :: records(3)
+      type(structure_t) :: one
+      type(stage_fit_t), allocatable :: fits(:)
+      type(error_t), allocatable :: error
+      real(wp) :: rest
+      integer :: k, row
+
+      do k = 1, 3
+         one = truth
+         one%length = length(k) + wrong(k)
+         one%sensor(1)%x_S = length(k) - 0.06_wp
+         one%kappa_R = 1/2000.0_wp
+         records(k) = made_of(one, 2100 + k)
+         records(k)%length = length(k)
+         records(k)%x_S = length(k) - 0.06_wp
+      end do
+      model = model_of(truth, new_free(2), formulas(3))
+      model%structure%E = 7e10_wp
+      model%structure%sensor(1)%m_S = 0.005_wp
+      model%priors = [prior(of_length, 2e-3_wp)]
+      stage%free = [(free_index(names(k)), k=1, 4), of_kappa_R, of_length]
+      stage%automatic = .true.
+      stage%offset = .true.
+      call stage%distribute([(free_index(names(k)), k=1, 4), of_kappa_R], 3)
+      call identify(model, mesh, [stage], records, fits, error)
+      call check('lengths: the fit converges', .not. allocated(error))
+      if (allocated(error)) return
+      call check('lengths: nothing is held', fits(1)%note == '' .and. fits(1)%doubt == '' .and. &
+         size(fits(1)%free) == 8, fits(1)%note//fits(1)%doubt)
+      row = 0
+      do k = 1, 3
+         associate (z => records(k)%measured)
+            rest = norm2(fits(1)%residual(row + 1:row + size(z)))/norm2(z - sum(z)/size(z))
+            row = row + size(z)
+         end associate
+         ! The noise is a hundredth.
+         call check('lengths: fit of record '//to_text(k), rest < 0.02_wp, to_text(rest))
+      end do
+      call check('lengths: E inside, and known to 10 %', inside(fits(1), 1, truth%E) .and. &
+         maxval(fits(1)%total(1)) < 0.2_wp*truth%E, to_text(fits(1)%quantities(1)%value))
+   end subroutine test_lengths
 
    !> Records of beams that are not quite alike: the interval of what they are said to share is from
    !> how far they pull it apart; of one beam from noise, but in one record of twenty.
