@@ -76,7 +76,7 @@ program test_terms
    call start_random(20250707)
    call test_rows()
    call test_derivatives()
-   call test_mistakes(merge(1000, 12, in_long_run()))
+   call test_mistakes(merge(1000, 6, in_long_run()))
    call finish('terms')
 
 contains
@@ -220,7 +220,7 @@ contains
       missed = 0
       counted = 0
       do i = 1, structures
-         call pose(problem, i <= max(2, structures/50), p, error)
+         call pose(problem, i <= max(1, structures/50), p, error)
          if (allocated(error)) exit
          jac = spread(p, 1, size(r))
          variables = [(new_variable(p(k), 0.0_wp, unbounded, magnitude(problem%right%world &
