@@ -5,6 +5,7 @@
 !> 1/(s - shift) those near a shift: 0 for the low modes, -E/c_D for slow roots of overdamped modes,
 !> which lie the more densely the nearer they are to it.
 module beamid_eigenvalues
+   use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
    use beamid_assembly, only: assembly_t
    use beamid_errors, only: error_t, failure
    use beamid_kinds, only: wp
@@ -173,6 +174,8 @@ contains
       logical :: taken(size(a, 1))
       integer :: info, k
 
+      ! With what is no number LAPACK may stop the program.
+      if (any(.not. ieee_is_finite(a))) return
       allocate (work(34*size(a, 1)))
       call dgeev('N', 'N', size(a, 1), a, size(a, 1), re, im, none, 1, none, 1, work, size(work), &
          info)

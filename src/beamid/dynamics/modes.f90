@@ -1,5 +1,6 @@
 !> Undamped natural modes of the structure, and those of the bare beam.
 module beamid_modes
+   use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
    use beamid_bands, only: band_t
    use beamid_equations, only: equations_t
    use beamid_errors, only: error_t, failure
@@ -228,6 +229,11 @@ contains
       shifted = stiffness
       shifted%a = shifted%a + sigma*mass%a
       allocate (mu(n), z(n, n), work(1 + 5*n + 2*n**2), iwork(3 + 5*n))
+      ! With what is no number LAPACK may stop the program.
+      if (.not. (all(ieee_is_finite(mass%a)) .and. all(ieee_is_finite(shifted%a)))) then
+         call failure(error, 'modes: the mass or stiffness matrix is not finite')
+         return
+      end if
       call dsbgvd('V', 'L', n, mass%kd, shifted%kd, mass%a, mass%kd + 1, shifted%a, &
          shifted%kd + 1, &
          mu, z, n, work, size(work), iwork, size(iwork), info)

@@ -1,6 +1,7 @@
 !> Where the search for the roots of the characteristic equation begins: from the undamped modes of
 !> the whole, by LAPACK.
 module beamid_starting_roots
+   use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
    use beamid_assembly, only: assembly_t, quadratic
    use beamid_errors, only: error_t, failure
    use beamid_kinds, only: wp
@@ -139,6 +140,8 @@ contains
       do j = 1, n
          band(:n - j + 1, j) = K(j:, j)
       end do
+      ! With what is no number LAPACK may stop the program.
+      if (.not. all(ieee_is_finite(K))) info = 1
       if (info == 0) call dsbevd('V', 'L', n, n - 1, band, n, lambda, K, n, work, size(work), &
          iwork, size(iwork), info)
       if (info == 0) call dtrsm('L', 'L', 'T', 'N', n, n, 1.0_wp, M, n, K, n)
