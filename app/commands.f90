@@ -54,7 +54,6 @@ contains
       real(wp), allocatable :: scored(:), expected(:)
       character(len=note_length), allocatable :: notes(:)
       type(verdict_t) :: verdict
-      type(stage_fit_t), allocatable :: refined(:)
       type(window_fit_t), allocatable :: windows(:)
       integer :: k
 
@@ -67,12 +66,8 @@ contains
       if (case%multistart%n > 0) then
          call search_from_many(case, experiments, fits, found, output, error, progress)
       else if (case%refines .and. is_exact(case%model%solver)) then
-         call identify_refining(case%model, case%meshes(1), case%stages, experiments, refined, &
-            error, progress)
-         if (.not. allocated(error)) allocate (fits(size(refined), 1))
-         do k = 1, size(case%stages)
-            if (allocated(fits)) fits(k, 1) = refined(k)
-         end do
+         call identify_refining(case%model, case%meshes(1), case%stages, experiments, fits, error, &
+            progress)
       else
          call identify_meshes(case%model, case%meshes, case%stages, experiments, fits, error, &
             progress)

@@ -58,9 +58,7 @@ contains
          end do
          progress = new_progress(settings%quiet)
          do k = 1, size(models)
-            call fit_candidate(models(k), error, progress)
-            call progress%finish()
-            call locate(error, paths(k)%text)
+            call fit_model(k)
             if (allocated(error)) return
          end do
          ! What finds its own mesh is compared on the finest that any of them needs.
@@ -72,15 +70,24 @@ contains
             if (.not. models(k)%refines .or. models(k)%mesh%elements == finest) cycle
             models(k)%refines = .false.
             models(k)%mesh%elements = finest
-            call fit_candidate(models(k), error, progress)
-            call progress%finish()
-            call locate(error, paths(k)%text)
+            call fit_model(k)
             if (allocated(error)) return
          end do
       end associate
       call add_models(summary, output, models, labels)
       call add_nested(summary, output, models, labels)
       call deliver(output, summary%content(), settings, 'compare', error)
+
+   contains
+
+      subroutine fit_model(k)
+         integer, intent(in) :: k
+
+         call fit_candidate(models(k), error, progress)
+         call progress%finish()
+         call locate(error, settings%subjects(k)%text)
+      end subroutine fit_model
+
    end subroutine run_compare
 
    !> J, number of parameters and criteria of each model.

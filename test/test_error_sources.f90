@@ -413,7 +413,7 @@ contains
       type(model_t) :: model
       type(experiment_t) :: record
       type(mesh_t) :: coarse, automatic
-      type(stage_fit_t), allocatable :: fits(:)
+      type(stage_fit_t), allocatable :: fits(:), refined(:, :)
       type(error_t), allocatable :: error
       integer :: n, k, records, held, warned, silent
 
@@ -444,10 +444,10 @@ contains
             silent <= 0.1_wp*records, to_text(silent))
       end do
       automatic = coarse
-      call identify_refining(model, automatic, [stage_for(names, 1)], [record], fits, error)
+      call identify_refining(model, automatic, [stage_for(names, 1)], [record], refined, error)
       call check('refined until the mesh does not show', .not. allocated(error))
       if (allocated(error)) return
-      call check('refined until the mesh does not show: N', .not. fits(1)%shifted() .and. &
+      call check('refined until the mesh does not show: N', .not. refined(1, 1)%shifted() .and. &
          any(automatic%elements == [8, 16, 32]), to_text(automatic%elements))
    end subroutine test_mesh
 

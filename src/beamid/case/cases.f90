@@ -5,7 +5,7 @@ module beamid_cases
       needs_nothing, needs_response, place_experiment
    use beamid_case_files, only: case_t, groups, new_case, read_group
    use beamid_errors, only: error_t, locate
-   use beamid_experiments, only: experiment_t
+   use beamid_experiments, only: experiment_t, is_first
    use beamid_files, only: read_text
    use beamid_kinds, only: wp
    use beamid_namelist, only: scan_namelist
@@ -169,16 +169,6 @@ contains
       end do
       if (.not. allocated(error)) call check_free_places(case, experiments, error)
    end subroutine load_experiments
-
-   !> Whether a record is the first channel of its motion.
-   pure function is_first(motions)
-      integer, intent(in) :: motions(:)
-      logical :: is_first(size(motions))
-      integer :: k
-
-      is_first = [(motions(k) == 0 .or. .not. any(motions(:k - 1) == motions(k)), &
-         k=1, size(motions))]
-   end function is_first
 
    !> Channels of one motion stand one behind the other and are of the same beam, with the same
    !> start and the same parameters.

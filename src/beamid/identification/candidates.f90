@@ -5,7 +5,7 @@ module beamid_candidates
    use beamid_excitation, only: excitation_t
    use beamid_experiments, only: experiment_t
    use beamid_galerkin, only: mesh_t, same_mesh
-   use beamid_identification, only: identify, model_t, stage_fit_t, stage_t
+   use beamid_identification, only: identify_meshes, model_t, stage_fit_t, stage_t
    use beamid_kinds, only: wp
    use beamid_least_squares, only: monitor_t
    use beamid_parameters, only: get_free, offset, on_beam, parameters
@@ -53,22 +53,22 @@ contains
       type(candidate_t), intent(inout) :: candidate
       type(error_t), allocatable, intent(out) :: error
       class(monitor_t), intent(inout), optional :: monitor
-      type(stage_fit_t), allocatable :: fits(:)
+      type(stage_fit_t), allocatable :: fits(:, :)
       integer :: j, k
 
       if (candidate%refines) then
          call identify_refining(candidate%model, candidate%mesh, candidate%stages, &
             candidate%experiments, fits, error, monitor)
       else
-         call identify(candidate%model, candidate%mesh, candidate%stages, candidate%experiments, &
-            fits, error, monitor)
+         call identify_meshes(candidate%model, [candidate%mesh], candidate%stages, &
+            candidate%experiments, fits, error, monitor)
       end if
       if (allocated(error)) return
-      candidate%fit = fits(size(fits))
+      candidate%fit = fits(size(fits, 1), 1)
       candidate%owner = spread([(held, k=1, size(parameters))], 2, size(candidate%experiments))
-      do j = 1, size(fits)
-         do k = 1, size(fits(j)%free)
-            associate (q => fits(j)%quantities(k))
+      do j = 1, size(fits, 1)
+         do k = 1, size(fits(j, 1)%free)
+            associate (q => fits(j, 1)%quantities(k))
                if (q%record == 0) then
                   candidate%owner(q%parameter, :) = max(shared, candidate%owner(q%parameter, :))
                else

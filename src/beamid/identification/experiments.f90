@@ -18,7 +18,7 @@ module beamid_experiments
    implicit none
    private
 
-   public :: experiment_t, apparatus_t, linear_t, seen_modes_t, new_apparatus
+   public :: experiment_t, apparatus_t, linear_t, seen_modes_t, new_apparatus, is_first
 
    !> A record and how it came about.
    type :: experiment_t
@@ -78,6 +78,18 @@ contains
       if (allocated(self%x_P)) structure_of%support(1)%x_P = self%x_P
       if (allocated(self%excitation%x_F)) structure_of%x_F = self%excitation%x_F
    end function structure_of
+
+   !> Whether a record is the first channel of its motion.
+   !>
+   !> motions  (records) as of `experiment_t`
+   pure function is_first(motions)
+      integer, intent(in) :: motions(:)
+      logical :: is_first(size(motions))
+      integer :: k
+
+      is_first = [(motions(k) == 0 .or. .not. any(motions(:k - 1) == motions(k)), &
+         k=1, size(motions))]
+   end function is_first
 
    !> structure  of this experiment
    !> solver     not prepared yet

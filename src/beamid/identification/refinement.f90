@@ -4,7 +4,8 @@ module beamid_refinement
    use beamid_errors, only: error_t
    use beamid_experiments, only: experiment_t
    use beamid_galerkin, only: mesh_t
-   use beamid_identification, only: identify, model_t, stage_fit_t, stage_t
+   use beamid_identification, only: identify_meshes, model_t, stage_fit_t, &
+      stage_t
    use beamid_kinds, only: wp
    use beamid_least_squares, only: fit, fit_t, monitor_t, options_t
    use beamid_residuals, only: residual_t
@@ -27,22 +28,22 @@ contains
    !> stage by more than a quarter of its half width.
    !>
    !> mesh   its elements are those of the last one tried on return
-   !> fits   (size(stages)) on that mesh, with the shifts of the last stage
+   !> fits   (size(stages), 1) on that mesh, with the shifts of the last stage
    !> error  of a fit, whatever its mesh
    subroutine identify_refining(model, mesh, stages, experiments, fits, error, monitor)
       type(model_t), intent(in) :: model
       type(mesh_t), intent(inout) :: mesh
       type(stage_t), intent(in) :: stages(:)
       type(experiment_t), intent(in) :: experiments(:)
-      type(stage_fit_t), allocatable, intent(out) :: fits(:)
+      type(stage_fit_t), allocatable, intent(out) :: fits(:, :)
       type(error_t), allocatable, intent(out) :: error
       class(monitor_t), intent(inout), optional :: monitor
 
       mesh%elements = coarsest
       do
-         call identify(model, mesh, stages, experiments, fits, error, monitor)
+         call identify_meshes(model, [mesh], stages, experiments, fits, error, monitor)
          if (allocated(error)) return
-         associate (last => fits(size(fits)))
+         associate (last => fits(size(stages), 1))
             call add_mesh_shift(model, mesh, experiments, last)
             if (.not. last%shifted() .or. mesh%elements >= finest) return
          end associate

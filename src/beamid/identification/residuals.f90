@@ -2,8 +2,8 @@
 !> search moves. What enters linearly is eliminated at every evaluation.
 module beamid_residuals
    use beamid_errors, only: error_t
-   use beamid_experiments, only: apparatus_t, experiment_t, linear_t, new_apparatus, &
-      seen_modes_t
+   use beamid_experiments, only: apparatus_t, experiment_t, is_first, linear_t, &
+      new_apparatus, seen_modes_t
    use beamid_galerkin, only: mesh_t
    use beamid_kinds, only: wp
    use beamid_priors, only: prior_t, priors_of
@@ -114,12 +114,9 @@ contains
       class(residual_t), intent(in) :: self
       integer :: i
 
-      linear_unknowns = merge(size(self%parts), 0, self%offset)
-      i = 1
-      do while (i <= size(self%parts))
-         linear_unknowns = linear_unknowns + 2*self%world%excitations(i)%modes
-         i = self%last_channel(i) + 1
-      end do
+      linear_unknowns = merge(size(self%parts), 0, self%offset) + 2*sum( &
+         self%world%excitations%modes, mask=is_first([(self%parts(i)%experiment%motion, &
+         i=1, size(self%parts))]))
    end function linear_unknowns
 
    !> Whether residuals are in units of the noise: of several records, or where it is stated.
@@ -305,15 +302,18 @@ contains
             parameters, y(row + 1:row + m), dy(row + 1:row + m, :), channel(i), self%work, error, &
             seen)
          if (allocated(error)) return
-         associate (w => self%weight(i), rows => dy(row + 1:row + m, :))
-            y(row + 1:row + m) = w*y(row + 1:row + m)
-            rows = w*rows
-            channel(i)%basis = w*channel(i)%basis
-         end associate
+         if (self%is_weighted()) then
+            associate (w => self%weight(i), rows => dy(row + 1:row + m, :))
+               y(row + 1:row + m) = w*y(row + 1:row + m)
+               rows = w*rows
+               channel(i)%basis = w*channel(i)%basis
+            end associate
+         end if
          row = row + m
       end do
       if (first == last) then
-         linear = channel(first)
+         call move_alloc(channel(first)%basis, linear%basis)
+         call move_alloc(channel(first)%weights, linear%weights)
          return
       end if
       modes = 2*world%excitations(first)%modes

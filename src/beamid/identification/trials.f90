@@ -167,8 +167,9 @@ contains
          abs(ratio - nint(ratio)) < tolerance*ratio + error/aimag(s(1))
    end function is_multiple
 
-   !> The parameters that neither modes nor what is stated determine: each in turn, that with the largest effect on
-   !> frequencies and damping first, and what is left of an effect beside those of the others.
+   !> The parameters that neither modes nor what is stated determine: each in turn, that with the
+   !> largest effect on frequencies and damping first, and what is left of an effect beside those of
+   !> the others.
    !>
    !> s, ds    (modes, records), (modes, records, free) [1/time]
    !> visible  (modes, records) whether a mode is in the record

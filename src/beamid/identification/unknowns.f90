@@ -60,6 +60,7 @@ module beamid_unknowns
    contains
       procedure :: limits
       procedure :: ends
+      procedure :: moved
       procedure :: is_reciprocal
       procedure :: searched_name
    end type quantity_t
@@ -229,6 +230,15 @@ contains
       ends(1) = max(ends(1), self%lower)
       if (self%upper < unbounded) ends(2) = min(ends(2), self%upper)
    end function ends
+
+   !> By how much a step of what was searched for moves the value.
+   pure real(wp) function moved(self, step)
+      class(quantity_t), intent(in) :: self
+      real(wp), intent(in) :: step
+
+      moved = step
+      if (self%is_reciprocal()) moved = as_named(self%parameter, self%searched + step) - self%value
+   end function moved
 
    !> The range of the reciprocals of positive values.
    pure function reciprocals(range)

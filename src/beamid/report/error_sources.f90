@@ -3,7 +3,6 @@ module beamid_error_sources
    use beamid_identification, only: stage_fit_t
    use beamid_kinds, only: wp
    use beamid_lines, only: columns, filled
-   use beamid_parameters, only: as_named
    use beamid_statistics, only: unlimited
    use beamid_strings, only: to_text
    use beamid_texts, only: left, right, text_t
@@ -31,8 +30,7 @@ contains
             associate (q => fit%quantities(k))
                line = left(trim(q%name), 10)
                if (allocated(fit%mesh_shift)) then
-                  line = line//finite(as_named(q%parameter, q%searched + fit%mesh_shift(k)) &
-                     - q%value)
+                  line = line//finite(q%moved(fit%mesh_shift(k)))
                else
                   line = line//right('unknown')
                end if

@@ -6,7 +6,7 @@ module beamid_lines
    implicit none
    private
 
-   public :: add_lines, columns, csv_row, filled
+   public :: add_lines, columns, csv_row, filled, limit
 
 contains
 
@@ -90,5 +90,14 @@ contains
          row = row//','//full(values(k))
       end do
    end function csv_row
+
+   !> A number for other programs that may be infinite.
+   pure function limit(value) result(text)
+      real(wp), intent(in) :: value
+      character(len=:), allocatable :: text
+
+      text = full(value)
+      if (value > huge(value)) text = 'inf'
+   end function limit
 
 end module beamid_lines

@@ -4,10 +4,9 @@ module beamid_tables
    use beamid_fitted_modes, only: fitted_mode_t
    use beamid_identification, only: simulation_t, stage_fit_t
    use beamid_kinds, only: wp
-   use beamid_lines, only: csv_row
+   use beamid_lines, only: csv_row, limit
    use beamid_multistart, only: minimum_t
    use beamid_outputs, only: output_t
-   use beamid_parameters, only: as_named
    use beamid_strings, only: full, to_text
    use beamid_statistics, only: unlimited
    use beamid_texts, only: text_t
@@ -126,8 +125,7 @@ contains
       fields = ','
       associate (q => fit%quantities(k))
          if (allocated(fit%mesh_shift) .and. k <= size(fit%free)) then
-            moved = fit%mesh_shift(k)
-            if (q%is_reciprocal()) moved = as_named(q%parameter, q%searched + moved) - q%value
+            moved = q%moved(fit%mesh_shift(k))
             if (abs(moved) <= unlimited) fields = ','//full(moved)
          end if
          if (.not. fit%half_width(k) < unlimited) then
@@ -141,15 +139,6 @@ contains
          fields = fields//','//limit(ends(1))//','//limit(ends(2))
       end associate
    end function sources
-
-   !> A number that may be infinite.
-   function limit(value) result(text)
-      real(wp), intent(in) :: value
-      character(len=:), allocatable :: text
-
-      text = full(value)
-      if (value > huge(value)) text = 'inf'
-   end function limit
 
    !> residual = measured - model, as in the paper
    subroutine add_fit(text, fit, experiments)

@@ -2,11 +2,13 @@
 module beamid_window_reports
    use beamid_identification, only: stage_fit_t
    use beamid_kinds, only: wp
-   use beamid_lines, only: columns
+   use beamid_lines, only: columns, limit
    use beamid_outputs, only: output_t
    use beamid_parameters, only: as_named
    use beamid_strings, only: full, to_text
    use beamid_texts, only: left, right, text_t
+   use beamid_statistics, only: unlimited
+   use beamid_unknowns, only: quantity_t
    use beamid_window_fits, only: scatter, window_fit_t
    implicit none
    private
@@ -73,7 +75,9 @@ contains
       type(stage_fit_t), intent(in) :: fit
       type(window_fit_t), intent(in) :: windows(:)
       type(text_t) :: table
-      real(wp) :: ends(3)
+      type(quantity_t) :: q
+      real(wp) :: limits(3)
+      character(len=:), allocatable :: std_error
       integer :: i, k, r
 
       call table%line('record,window,t_first,t_last,parameter,estimate,std_error')
@@ -81,13 +85,17 @@ contains
          do i = 1, size(windows)
             if (allocated(windows(i)%error)) cycle
             do k = 1, size(fit%free)
-               associate (q => fit%quantities(k), w => windows(i))
-                  if (all(q%record /= [0, r])) cycle
-                  ends = w%std_error(k)
-                  if (q%is_reciprocal()) ends = w%std_error(k)/w%estimate(k)**2
+               q = fit%quantities(k)
+               if (all(q%record /= [0, r])) cycle
+               associate (w => windows(i))
+                  q%searched = w%estimate(k)
+                  q%value = as_named(q%parameter, w%estimate(k))
+                  limits = q%limits(w%std_error(k), 0.0_wp)
+                  ! Of what is infinite there is no error.
+                  std_error = ''
+                  if (limits(1) < unlimited) std_error = full(limits(1))
                   call table%line(to_text(r)//','//to_text(i)//','//full(w%first(r))//','// &
-                     full(w%last(r))//','//trim(q%name)//','// &
-                     full(as_named(q%parameter, w%estimate(k)))//','//full(ends(1)))
+                     full(w%last(r))//','//trim(q%name)//','//limit(q%value)//','//std_error)
                end associate
             end do
          end do
