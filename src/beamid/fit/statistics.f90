@@ -20,7 +20,8 @@ module beamid_statistics
    !> Linear theory around the estimate.
    type :: statistics_t
       integer :: samples = 0, parameters = 0
-      real(wp) :: variance = 0                       !< of the noise, J/(m - n)
+      integer :: freedom = 0                         !< rows, what else is known included, - n
+      real(wp) :: variance = 0                       !< of the noise, J/freedom
       real(wp), allocatable :: covariance(:, :)      !< (n, n)
       !> (n); `unlimited` where the record says nothing about a parameter
       real(wp), allocatable :: std_error(:)
@@ -74,28 +75,28 @@ contains
       integer, intent(in), optional :: first(:)
       logical, intent(in), optional :: shared(:)
       real(wp) :: t
-      integer :: freedom, m, n
+      integer :: m, n
 
       m = size(jacobian, 1)
       if (present(samples)) m = samples
       n = size(jacobian, 2)
-      freedom = size(jacobian, 1) - n
       statistics%samples = m
       statistics%parameters = n
-      if (freedom < 1) then
+      statistics%freedom = size(jacobian, 1) - n
+      if (statistics%freedom < 1) then
          call failure(error, 'statistics: '//to_text(m)// &
             ' residuals leave no degree of freedom for '//to_text(n)//' parameters')
          return
       end if
       call decompose(jacobian, scale, statistics%singular, statistics%direction, error)
       if (allocated(error)) return
-      statistics%variance = sum(residual(:m)**2)/freedom
+      statistics%variance = sum(residual(:m)**2)/statistics%freedom
       statistics%condition = unlimited
       if (statistics%singular(n) > statistics%singular(1)/unlimited) &
          statistics%condition = statistics%singular(1)/statistics%singular(n)
 
       call add_covariance(statistics, scale, epsilon(1.0_wp)*m*statistics%singular(1))
-      t = student_quantile(0.95_wp, real(freedom, wp))
+      t = student_quantile(0.95_wp, real(statistics%freedom, wp))
       statistics%half_width = merge(unlimited, t*min(statistics%std_error, unlimited/t), &
          statistics%std_error >= unlimited/t)
       statistics%determined = statistics%half_width < abs(estimate)
@@ -264,7 +265,7 @@ contains
 
       n = statistics%parameters
       allocate (sentences(0))
-      t = student_quantile(0.95_wp, real(statistics%samples - n, wp))
+      t = student_quantile(0.95_wp, real(statistics%freedom, wp))
       threshold = max(t*sqrt(statistics%variance), &
          epsilon(1.0_wp)*statistics%samples*statistics%singular(1))
       do k = n, 1, -1
@@ -285,7 +286,7 @@ contains
       real(wp) :: J, change, along, least
       integer :: i, largest
 
-      J = statistics%variance*(statistics%samples - statistics%parameters)
+      J = statistics%variance*statistics%freedom
       v = statistics%direction(:, k)
       largest = maxloc(abs(v), dim=1)
       v = v/v(largest)

@@ -94,7 +94,7 @@ contains
          scale = 1
          if (.not. fit%check%white) scale = max(scale, maxval(statistics%corrected_half_width(:n) &
             /max(statistics%half_width(:n), tiny(1.0_wp)), mask=.not. statistics%disputed(:n)))
-         t = scale*student_quantile(0.95_wp, real(statistics%samples - statistics%parameters, wp))
+         t = scale*student_quantile(0.95_wp, real(statistics%freedom, wp))
          ! The amplitude, and what belongs to other records, does not act on this structure.
          associate (owner => fit%quantities(:n)%record)
             mine = (owner == 0 .or. owner == record) .and. fit%free /= amplitude

@@ -139,8 +139,10 @@ contains
       if (quality%rms_signal > 0) quality%fit_percent = 100*(1 - quality%rms_residual &
          /quality%rms_signal)
       quality%noise_sd = quality%rms_residual
-      if (fit%statistics%samples > fit%statistics%parameters) quality%noise_sd = &
-         quality%rms_residual/sqrt(1 - fit%statistics%parameters/real(fit%statistics%samples, wp))
+      associate (statistics => fit%statistics)
+         if (statistics%freedom > 0) quality%noise_sd = quality%rms_residual &
+            *sqrt(max(1.0_wp, statistics%samples/real(statistics%freedom, wp)))
+      end associate
       quality%effective = effective_samples(rest)
    end function quality
 

@@ -122,7 +122,7 @@ contains
       if (fit%weighted) line = ' of that of each record'
       call text%line('Statistics for N = '//to_text(fit%elements)//': noise sd '// &
          to_text(sqrt(fit%statistics%variance))//line//', '// &
-         to_text(fit%statistics%samples - size(names))//' degrees of freedom')
+         to_text(fit%statistics%freedom)//' degrees of freedom')
       line = '              estimate     std error        lower95        upper95'
       corrects = .not. fit%check%white
       if (allocated(fit%statistics%disputed)) corrects = corrects .or. &
