@@ -4,7 +4,7 @@ program test_roller_beam
    use beamid_kinds, only: wp
    use checks, only: check, check_close, finish, skip
    use shell, only: close_shell, exists, has_all, line_count, open_shell, outcome_t, &
-      program_path, read_file, run
+      program_path, python_with, read_file, run
    use tables, only: field, number, part
    implicit none
 
@@ -15,11 +15,7 @@ program test_roller_beam
 
    ! Where there is no matplotlib the script would install it.
    call open_shell(reason)
-   if (reason == '') then
-      outcome = run('for p in python3 ../../.venv/bin/python; do '// &
-         '$p -c "import numpy, matplotlib" && exit; done; exit 1')
-      if (outcome%status /= 0) reason = 'no matplotlib'
-   end if
+   if (reason == '' .and. python_with('numpy, matplotlib') == '') reason = 'no matplotlib'
    if (reason /= '') then
       call skip('roller beam', reason)
    else

@@ -1,8 +1,8 @@
 !> The scripts that read an output folder refuse one that its manifest does not vouch for.
 program test_scripts
    use checks, only: check, finish, skip
-   use shell, only: close_shell, has_all, line_count, open_shell, outcome_t, program_path, run, &
-      write_file
+   use shell, only: close_shell, has_all, line_count, open_shell, outcome_t, program_path, &
+      python_with, run, write_file
    implicit none
 
    character(len=*), parameter :: nl = achar(10), scripts = '../../scripts/'
@@ -20,10 +20,7 @@ program test_scripts
    type(outcome_t) :: outcome
 
    call open_shell(reason)
-   if (reason == '') then
-      outcome = run('python3 --version')
-      if (outcome%status /= 0) reason = 'no Python'
-   end if
+   if (reason == '' .and. python_with('sys') == '') reason = 'no Python'
    if (reason /= '') then
       call skip('scripts', reason)
    else

@@ -6,7 +6,7 @@ program test_to_csv
    use beamid_records, only: read_record, recording_t
    use checks, only: check, finish, skip
    use shell, only: close_shell, has_all, in_scratch, line_count, open_shell, outcome_t, &
-      read_file, run, write_file
+      python_with, read_file, run, write_file
    implicit none
 
    character(len=*), parameter :: nl = achar(10), script = ' ../../scripts/to_csv.py '
@@ -22,10 +22,7 @@ program test_to_csv
    type(outcome_t) :: outcome
 
    call open_shell(reason)
-   if (reason == '') then
-      outcome = run('python3 --version')
-      if (outcome%status /= 0) reason = 'no Python'
-   end if
+   if (reason == '' .and. python_with('sys') == '') reason = 'no Python'
    if (reason /= '') then
       call skip('to_csv.py', reason)
    else
@@ -47,14 +44,9 @@ contains
    logical function has(module)
       character(len=*), intent(in) :: module
 
-      outcome = run('for p in python3 ../../.venv/bin/python; do $p -c "import '//module// &
-         '" 2>/dev/null && echo $p && exit; done; exit 1')
-      has = outcome%status == 0
-      if (has) then
-         python = outcome%out(:len(outcome%out) - 1)
-      else
-         call skip('files that '//module//' reads', 'it is not installed')
-      end if
+      python = python_with(module)
+      has = python /= ''
+      if (.not. has) call skip('files that '//module//' reads', 'it is not installed')
    end function has
 
    !> What is refused before any library is asked for, and the line that says how to get one.

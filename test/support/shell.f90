@@ -6,6 +6,7 @@ module shell
 
    public :: outcome_t, open_shell, close_shell, program_path, scratch, beamid, run, own_path
    public :: write_file, read_file, exists, remove_tree, in_scratch, line_count, replaced, has_all
+   public :: python_with
 
    character(len=*), parameter :: line_feed = achar(10)
 
@@ -104,6 +105,18 @@ contains
       outcome%out = read_file(in_scratch('.out'))
       outcome%err = read_file(in_scratch('.err'))
    end function run
+
+   !> A Python that has these modules, 'numpy, scipy', the system's or the project's own; '': none.
+   function python_with(modules) result(python)
+      character(len=*), intent(in) :: modules
+      character(len=:), allocatable :: python
+      type(outcome_t) :: outcome
+
+      outcome = run('for p in python3 ../../.venv/bin/python; do $p -c "import '//modules// &
+         '" 2>/dev/null && echo $p && exit; done; exit 1')
+      python = ''
+      if (outcome%status == 0) python = outcome%out(:len(outcome%out) - 1)
+   end function python_with
 
    !> Writes a file, byte for byte; its folder is made when it is missing.
    subroutine write_file(name, text)
