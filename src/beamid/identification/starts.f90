@@ -12,7 +12,7 @@ module beamid_starts
    use beamid_residuals, only: residual_t
    use beamid_spectra, only: strongest_peak
    use beamid_strings, only: to_text
-   use beamid_trials, only: gain_of_mode, is_multiple, least_gain, objection_to, resting, &
+   use beamid_trials, only: gain_of_mode, is_multiple, least_gain, object, resting, &
       trial_t, try_start
    use beamid_unknowns, only: quantity_t, stage_t, variables_of
    use beamid_variables, only: variable_t
@@ -70,6 +70,7 @@ contains
       type(choice_t) :: full, fewer
       type(lines_t), allocatable :: lines(:)
       logical, allocatable :: lost(:)
+      character(len=:), allocatable :: held
       integer :: k, modes, needed
       logical :: is_free
 
@@ -99,8 +100,9 @@ contains
       if (full%best == 0 .and. fewer%best > 0) then
          stage = fewer%stage
          problem%world = fewer%trials(fewer%best)%start
+         call tell_held(problem, full, lost, held)
          note = 'mode '//to_text(needed)//' is not in '//trim(merge('this record  ', &
-            'these records', size(lines) == 1))//': '//held_text(problem, full, lost)
+            'these records', size(lines) == 1))//': '//held
       else
          k = full%best
          if (k == 0) then
@@ -108,7 +110,7 @@ contains
             if (is_free) doubt = full%trials(k)%objection
          end if
          problem%world = full%trials(k)%start
-         if (doubt == '') other = rival_of(full, k)
+         if (doubt == '') call find_rival(full, k, other)
       end if
       call set_free(problem, stage)
    end subroutine automatic_start
@@ -227,8 +229,7 @@ contains
          if (k <= size(found)) values = found(k)%value
          call try_start(problem, choice%stage, values, choice%modes, options, trial, reason)
          if (allocated(reason)) cycle
-         trial%objection = objection_to(trial, choice%beliefs, [choice%quantities%name], &
-            variation(problem), needed)
+         call object(trial, choice%beliefs, [choice%quantities%name], variation(problem), needed)
          choice%trials = [choice%trials, trial]
       end do
       if (size(choice%trials) == 0) call move_alloc(reason, error)
@@ -251,10 +252,10 @@ contains
    end subroutine pick
 
    !> Another fit against which nothing speaks, with other parameters and nearly the same J.
-   function rival_of(choice, best) result(text)
+   subroutine find_rival(choice, best, text)
       type(choice_t), intent(in) :: choice
       integer, intent(in) :: best
-      character(len=:), allocatable :: text
+      character(len=:), allocatable, intent(out) :: text
       real(wp), parameter :: nearly = 1.02_wp, apart = 0.01_wp
       integer :: j, k
 
@@ -272,7 +273,7 @@ contains
             end associate
          end do
       end associate
-   end function rival_of
+   end subroutine find_rival
 
    !> Weighted sum of squares of the records about their means.
    pure real(wp) function variation(problem)
@@ -355,11 +356,11 @@ contains
    end subroutine compare
 
    !> Which parameters are held, and at what.
-   function held_text(problem, choice, lost) result(text)
+   subroutine tell_held(problem, choice, lost, text)
       type(residual_t), intent(in) :: problem
       type(choice_t), intent(in) :: choice
       logical, intent(in) :: lost(:)
-      character(len=:), allocatable :: text
+      character(len=:), allocatable, intent(out) :: text
       integer :: k, r
 
       text = ''
@@ -376,7 +377,7 @@ contains
                problem%world%excitations(r), q%parameter)))
          end associate
       end do
-   end function held_text
+   end subroutine tell_held
 
    !> Refuses a model whose frequencies have nothing to do with the record's: a slip in the units.
    subroutine check_frequencies(problem, error)

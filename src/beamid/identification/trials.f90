@@ -12,7 +12,7 @@ module beamid_trials
    implicit none
    private
 
-   public :: trial_t, try_start, objection_to, is_multiple, resting, gain_of_mode
+   public :: trial_t, try_start, object, is_multiple, resting, gain_of_mode
 
    !> A fit from one start.
    type :: trial_t
@@ -95,32 +95,31 @@ contains
       end associate
    end function gain_of_mode
 
-   !> What speaks against a fit: a large J, much damping, or parameters far from what was believed.
+   !> Sets what speaks against a fit: a large J, much damping, or parameters far from what was believed.
    !>
    !> variance  sum of squares of the records about their means
    !> needed    modes without which a parameter would not be determined
-   pure function objection_to(trial, beliefs, names, variance, needed) result(objection)
-      type(trial_t), intent(in) :: trial
+   pure subroutine object(trial, beliefs, names, variance, needed)
+      type(trial_t), intent(inout) :: trial
       type(belief_t), intent(in) :: beliefs(:)
       character(len=*), intent(in) :: names(:)
       real(wp), intent(in) :: variance
       integer, intent(in) :: needed
-      character(len=:), allocatable :: objection
       real(wp), parameter :: most_damping(2) = [0.1_wp, 0.3_wp], far = 2.5_wp
       ! What is stated has pulled already, and there may be many of it.
       real(wp), parameter :: far_from_stated = 4
       real(wp) :: ratio, deviation
       integer :: k
 
-      objection = ''
+      trial%objection = ''
       if (trial%fit%J > variance/2) then
-         objection = 'J is more than half of what the record varies'
+         trial%objection = 'J is more than half of what the record varies'
          return
       end if
       do k = 1, min(needed, size(trial%s, 1))
          ratio = maxval(-real(trial%s(k, :))/abs(trial%s(k, :)))
          if (ratio <= most_damping(min(k, 2))) cycle
-         objection = 'mode '//to_text(k)//' has a damping ratio of '//to_text(ratio)
+         trial%objection = 'mode '//to_text(k)//' has a damping ratio of '//to_text(ratio)
          return
       end do
       do k = 1, size(beliefs)
@@ -128,11 +127,11 @@ contains
          deviation = (beliefs(k)%x_of(trial%fit%estimate(k)) - beliefs(k)%x_of( &
             beliefs(k)%centre))/beliefs(k)%width
          if (abs(deviation) <= merge(far_from_stated, far, beliefs(k)%stated)) cycle
-         objection = trim(names(k))//' = '//to_text(trial%fit%estimate(k))// &
+         trial%objection = trim(names(k))//' = '//to_text(trial%fit%estimate(k))// &
             ' is far from where it was to be, '//to_text(beliefs(k)%centre)
          return
       end do
-   end function objection_to
+   end subroutine object
 
    !> Whether a mode sits on a multiple of the lowest one, or on the mains, as nearly as its
    !> frequency can be told, where there is no line that is neither.

@@ -6,7 +6,8 @@ module beamid_strings
 
    public :: lower, to_text, full, fixed
 
-   !> A number as short as it can be read: `0.04`, `1.5E+09`, `12`.
+   !> A number as short as it can be read: `0.04`, `1.5E+09`, `12`. Its length is explicit, because
+   !> gfortran keeps that of a deferred-length result in static memory, which threads share.
    interface to_text
       module procedure :: integer_to_text
       module procedure :: long_to_text
@@ -27,54 +28,68 @@ contains
       end do
    end function lower
 
-   pure function integer_to_text(value) result(text)
-      integer, intent(in) :: value
-      character(len=:), allocatable :: text
-
-      text = long_to_text(int(value, ip))
-   end function integer_to_text
-
-   pure function long_to_text(value) result(text)
+   !> How many places an integer takes.
+   pure integer function digits_of(value)
       integer(ip), intent(in) :: value
-      character(len=:), allocatable :: text
       character(len=24) :: buffer
 
       write (buffer, '(i0)') value
-      text = trim(buffer)
-   end function long_to_text
+      digits_of = len_trim(buffer)
+   end function digits_of
 
-   !> Six significant digits at most, without zeros at their end, fixed between 1e-4 and 1e6.
-   pure function real_to_text(value) result(text)
+   pure function short_form(value) result(text)
       real(wp), intent(in) :: value
-      character(len=:), allocatable :: text
-      character(len=40) :: buffer, form
+      character(len=40) :: text
+      character(len=40) :: form
       integer :: exponent, mark
 
-      write (buffer, '(es13.5e3)') value
-      text = trim(adjustl(buffer))
+      write (text, '(es13.5e3)') value
+      text = adjustl(text)
       mark = index(text, 'E')
       if (value > huge(value)) text = 'inf'
       if (mark == 0) return
       read (text(mark + 1:), *) exponent
       if (exponent >= -4 .and. exponent < 6) then
          write (form, '(a,i0,a)') '(f40.', 5 - exponent, ')'
-         write (buffer, form) value
-         text = shortest(trim(adjustl(buffer)))
+         write (text, form) value
+         text = text(verify(text, ' '):shortest(text, len(text)))
       else
          ! Three digits of exponent only where they are needed.
-         text = shortest(text(:mark - 1))//text(mark:mark + 1)// &
+         text = text(:shortest(text, mark - 1))//text(mark:mark + 1)// &
             text(mark + merge(3, 2, abs(exponent) < 100):)
       end if
-   end function real_to_text
+   end function short_form
 
-   !> Decimals without zeros at their end, and without the point where there are none.
-   pure function shortest(decimals) result(text)
-      character(len=*), intent(in) :: decimals
-      character(len=:), allocatable :: text
+   !> Where decimals end without zeros behind them, and without the point where none is left.
+   pure integer function shortest(text, last)
+      character(len=*), intent(in) :: text
+      integer, intent(in) :: last
 
-      text = decimals(:verify(decimals, '0', back=.true.))
-      text = text(:verify(text, '.', back=.true.))
+      shortest = verify(text(:last), '0', back=.true.)
+      shortest = verify(text(:shortest), '.', back=.true.)
    end function shortest
+
+   pure function integer_to_text(value) result(text)
+      integer, intent(in) :: value
+      character(len=digits_of(int(value, ip))) :: text
+
+      write (text, '(i0)') value
+   end function integer_to_text
+
+   pure function long_to_text(value) result(text)
+      integer(ip), intent(in) :: value
+      character(len=digits_of(value)) :: text
+
+      write (text, '(i0)') value
+   end function long_to_text
+
+   !> Six significant digits at most, without zeros at their end, fixed between 1e-4 and 1e6.
+   pure function real_to_text(value) result(text)
+      real(wp), intent(in) :: value
+      character(len=len_trim(short_form(value))) :: text
+
+      text = short_form(value)
+   end function real_to_text
 
    !> Full precision: the decimal form reads back as the same number.
    pure function full(value) result(text)
