@@ -183,13 +183,14 @@ contains
          associate (vector => poles%vector(k))
             ! |A| of an undamped mode.
             undamped(k) = 2*abs(poles%s(k))*vector%inertia
-            near(k) = abs(vector%A) < small_A*undamped(k) .and. &
-               .not. is_lost(assembly, vector, poles%s(k))
+            near(k) = .not. (abs(vector%A) >= small_A*undamped(k) .or. &
+               is_lost(assembly, vector, poles%s(k)))
             alone(k) = abs(vector%A) > smaller_A*undamped(k)
             poles%residue(k) = 0
-            if (.not. is_lost(assembly, vector, poles%s(k))) poles%residue(k) = &
-               weight(poles%s(k))*vector%y(assembly%sensor) &
-               *driven_by(assembly, vector, poles%s(k))/vector%A
+            ! Of an exact double root there is none, a cluster holds it.
+            if (abs(vector%A) > 0 .and. .not. is_lost(assembly, vector, poles%s(k))) &
+               poles%residue(k) = weight(poles%s(k))*vector%y(assembly%sensor) &
+                  *driven_by(assembly, vector, poles%s(k))/vector%A
          end associate
       end do
       call find_clusters(assembly, poles%all, pack(poles%root, near), pack(alone, near), &
@@ -221,9 +222,9 @@ contains
       type(vector_t), intent(in) :: vector
       complex(wp), intent(in) :: s
 
-      ! Its vector may not even be a number.
+      ! Its vector may not even be a number; A alone may vanish at an ordinary double root too.
       is_lost = .not. abs(vector%A) > 2*tiny_A*abs(s)*vector%inertia
-      if (is_lost) is_lost = .not. abs(vector%A) > 0 .or. assembly%from_pile(s) <= 1e-10_wp
+      if (is_lost) is_lost = assembly%from_pile(s) <= 1e-10_wp
    end function is_lost
 
    !> Makes the oscillator with x_j = 1 one that has its share of the motion, after all.
