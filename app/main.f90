@@ -2,10 +2,12 @@
 program beamid_main
    use beamid, only: error_t, version
    use beamid_errors, only: bad_input
+   use beamid_spelling, only: or_nearest
    use beamid_strings, only: to_text
-   use beamid_texts, only: text_t
    use beamid_comparison, only: run_compare
    use beamid_commands, only: run_identify, run_modes, run_simulate, settings_t, word_t
+   use beamid_manual, only: command_names, commands_in_words, run_help
+   use beamid_new_case, only: check_new, run_new
    use beamid_reproduction, only: reproducible, run_reproduce
    use beamid_terminal, only: complain, print_text
    implicit none
@@ -23,7 +25,8 @@ program beamid_main
       case ('modes'); call run_modes(settings, error)
       case ('compare'); call run_compare(settings, error)
       case ('reproduce'); call run_reproduce(settings, error)
-      case ('help'); call print_help(error)
+      case ('new'); call run_new(settings, error)
+      case ('help'); call run_help(words_of(settings%subjects), error)
       case ('version'); call print_text('beamid '//version//new_line('a'), error)
       end select
    end if
@@ -50,8 +53,18 @@ contains
          select case (word)
          case ('--quiet'); settings%quiet = .true.
          case ('--time'); settings%time = .true.
-         case ('--help', '-h', '--version')
-            settings%command = trim(merge('version', 'help   ', word == '--version'))
+         case ('--version')
+            settings%command = 'version'
+            return
+         case ('--help', '-h')
+            ! Behind a command: about that.
+            deallocate (settings%subjects)
+            allocate (settings%subjects(0))
+            if (allocated(settings%command)) then
+               subject%text = settings%command
+               if (any(command_names() == subject%text)) settings%subjects = [subject]
+            end if
+            settings%command = 'help'
             return
          case ('--out')
             k = k + 1
@@ -66,7 +79,8 @@ contains
                call bad_input(error, 'found '//word//', expected --out DIR, --quiet or --time')
             else if (.not. allocated(settings%command)) then
                settings%command = word
-            else if (.not. allocated(settings%subject) .or. settings%command == 'compare') then
+            else if (.not. allocated(settings%subject) .or. any(settings%command == &
+               [character(len=7) :: 'compare', 'help', 'new'])) then
                if (.not. allocated(settings%subject)) settings%subject = word
                subject%text = word
                settings%subjects = [settings%subjects, subject]
@@ -83,16 +97,17 @@ contains
    subroutine check_command(settings, error)
       type(settings_t), intent(in) :: settings
       type(error_t), allocatable, intent(out) :: error
-      character(len=*), parameter :: commands = &
-         'identify, simulate, modes, compare, reproduce, help or version'
+      character(len=:), allocatable :: perhaps
 
       if (.not. allocated(settings%command)) then
-         call bad_input(error, 'found no command, expected '//commands)
+         call bad_input(error, 'found no command, expected '//commands_in_words())
          return
       end if
       associate (command => settings%command, given => size(settings%subjects))
          select case (command)
-         case ('help', 'version')
+         case ('help')
+         case ('new'); call check_new(words_of(settings%subjects), error)
+         case ('version')
             if (given > 0) call bad_input(error, 'found '//settings%subject//' behind '// &
                command//', expected nothing')
          case ('identify', 'simulate', 'modes')
@@ -105,10 +120,27 @@ contains
             if (given == 0) call bad_input(error, &
                'reproduce: found nothing, expected '//reproducible)
          case default
-            call bad_input(error, 'found '//command//', expected '//commands)
+            call or_nearest(command, command_names(), perhaps)
+            call bad_input(error, 'found '//command//', expected '//commands_in_words()//perhaps)
          end select
       end associate
    end subroutine check_command
+
+   !> Words side by side, as long as the longest.
+   pure function words_of(words) result(texts)
+      type(word_t), intent(in) :: words(:)
+      character(len=:), allocatable :: texts(:)
+      integer :: k, longest
+
+      longest = 0
+      do k = 1, size(words)
+         longest = max(longest, len(words(k)%text))
+      end do
+      allocate (character(len=longest) :: texts(size(words)))
+      do k = 1, size(words)
+         texts(k) = words(k)%text
+      end do
+   end function words_of
 
    !> One word of the command line; empty behind the last.
    function argument(k) result(word)
@@ -120,44 +152,5 @@ contains
       allocate (character(len=length) :: word)
       call get_command_argument(k, word)
    end function argument
-
-   !> beamid help
-   subroutine print_help(error)
-      type(error_t), allocatable, intent(out) :: error
-      character(len=*), parameter :: lines(*) = [character(len=90) :: &
-         '', &
-         'usage: beamid <command> [case.nml] [--out DIR] [--quiet]', &
-         '', &
-         '  identify case.nml     fit the free parameters of each stage to the record', &
-         '  simulate case.nml     response of the structure at the sample times', &
-         '  modes case.nml        natural frequencies and damping ratios', &
-         '  compare a.nml b.nml   several models of one record: AICc, BIC, nested-model tests', &
-         '  reproduce WHAT        results of NASA CR-178199 beside the paper''s numbers:', &
-         '    table-4.1           simulated data, as the case file has it: CVODE', &
-         '    section-4           Tables 4.2 to 4.6 from a reconstructed record: a check of', &
-         '                        consistency, not an independent confirmation', &
-         '    table-4.2 .. 4.6    one of them, table-4.2 and so on', &
-         '    acceleration        what (4.1), (4.2) and (3.13) make of an integrator''s error', &
-         '    convergence         Lemma 3.1 and Theorem 3.1 by numbers', &
-         '    all                 table-4.1, by the exact response instead of CVODE, and', &
-         '                        section-4, acceleration, convergence, each to out/<name>', &
-         '                        or DIR/<name>', &
-         '  help, version', &
-         '', &
-         '  --out DIR             folder of the outputs; left out: out/<case name>', &
-         '  --quiet               no progress on standard error', &
-         '  --time                identify: the time of a fit, on standard error', &
-         '', &
-         'Exit status: 0 done, 1 the computation failed, 2 bad input.']
-      type(text_t) :: text
-      integer :: k
-
-      call text%line('beamid '//version// &
-         ': physical parameters of a flexible beam from an accelerometer record')
-      do k = 1, size(lines)
-         call text%line(lines(k))
-      end do
-      call print_text(text%content(), error)
-   end subroutine print_help
 
 end program beamid_main

@@ -45,7 +45,7 @@ contains
    subroutine test_help_and_version()
       type(outcome_t) :: outcome
       character(len=*), parameter :: words(*) = [character(len=9) :: 'help', '--help', '-h', &
-         'modes -h']
+         'fit -h']
       integer :: k
 
       do k = 1, size(words)
@@ -78,7 +78,7 @@ contains
       call refused('compare case.nml', 'compare: found 1 case files|expected two or more')
       call refused('modes case.nml case.nml', &
          'found case.nml behind case.nml|expected nothing more')
-      call refused('help modes', 'found modes behind help|expected nothing')
+      call refused('help mode-shapes', 'found mode-shapes|expected a command')
       call refused('version 2', 'found 2 behind version|expected nothing')
       call refused('modes case.nml --out', '--out: found nothing|expected a folder')
       call refused('modes case.nml --out ""', '--out: found an empty name|expected a folder')

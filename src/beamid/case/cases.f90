@@ -18,7 +18,8 @@ module beamid_cases
    implicit none
    private
 
-   public :: case_t, read_case, sample_times, measured_samples, scored_samples, load_experiments
+   public :: case_t, read_case, parse_case, sample_times, measured_samples, scored_samples, &
+      load_experiments
    public :: can_be_fitted, needs_nothing, needs_response, needs_fit
 
 contains
@@ -33,13 +34,22 @@ contains
       integer, intent(in) :: needs
       type(case_t), intent(out) :: case
       type(error_t), allocatable, intent(out) :: error
-      type(block_t), allocatable :: blocks(:)
-      type(refusals_t) :: refusals
-      type(experiment_t) :: experiment
       character(len=:), allocatable :: text
 
       call read_text(path, text, error)
-      if (allocated(error)) return
+      if (.not. allocated(error)) call parse_case(path, text, needs, case, error)
+   end subroutine read_case
+
+   !> The same of the text of a case file.
+   subroutine parse_case(path, text, needs, case, error)
+      character(len=*), intent(in) :: path, text
+      integer, intent(in) :: needs
+      type(case_t), intent(out) :: case
+      type(error_t), allocatable, intent(out) :: error
+      type(block_t), allocatable :: blocks(:)
+      type(refusals_t) :: refusals
+      type(experiment_t) :: experiment
+
       case = new_case(path)
       call scan_namelist(text, groups, blocks, refusals)
       call read_groups(blocks, refusals, case, error)
@@ -49,7 +59,7 @@ contains
       call place_experiment(case, 1, experiment, error)
       if (.not. allocated(error)) case%model%structure = experiment%structure_of( &
          case%model%structure)
-   end subroutine read_case
+   end subroutine parse_case
 
    !> Every group in turn, stages and priors last, because they are checked against the others.
    !>

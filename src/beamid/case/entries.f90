@@ -4,6 +4,7 @@ module beamid_entries
    use beamid_kinds, only: wp
    use beamid_numbers, only: shortened
    use beamid_refusals, only: refusals_t
+   use beamid_spelling, only: or_nearest
    use beamid_strings, only: lower, to_text
    use beamid_tokens, only: token_broken, token_key, token_mark, token_string, token_t, token_word
    use beamid_values, only: key_t, kind_text, listed, longest, number, read_value
@@ -111,6 +112,7 @@ contains
    !> ones, where no other problem can be the reason.
    subroutine close(self)
       class(entries_t), intent(inout) :: self
+      character(len=:), allocatable :: perhaps
       integer :: seen(size(self%keys)), i, k
 
       seen = 0
@@ -121,8 +123,9 @@ contains
                if (lower(trim(self%keys(k)%name)) == lower(token%text)) exit
             end do
             if (k == 0) then
+               call or_nearest(token%text, [(self%keys(k)%name, k=1, size(self%keys))], perhaps)
                call self%complain(token%line, shortened(token%text), 'found an unknown key, '// &
-                  'expected '//listed([(self%keys(k)%name, k=1, size(self%keys))], ', '))
+                  'expected '//listed([(self%keys(k)%name, k=1, size(self%keys))], ', ')//perhaps)
             else if (seen(k) > 0) then
                call self%complain(token%line, token%text, 'found the key again, expected it '// &
                   'once (first in line '//to_text(seen(k))//')')

@@ -11,8 +11,9 @@ module beamid_method_groups
    use beamid_numbers, only: shown
    use beamid_observation, only: from_acceleration, observation_t
    use beamid_parameters, only: amplitude, belongs_to_hose, is_there, may_be_negative, &
-      name_of_parameter, offset, parameters, place_of_name
+      name_length, name_of_parameter, offset, parameters, place_of_name
    use beamid_responses, only: solver_t
+   use beamid_spelling, only: or_nearest
    use beamid_strings, only: to_text
    use beamid_structure, only: of_x_F, structure_t
    use beamid_values, only: listed, positive, range_t
@@ -150,6 +151,8 @@ contains
       type(stage_t), intent(out) :: found
       character(len=:), allocatable :: free(:), shared(:)
       character(len=4) :: word
+      character(len=name_length), allocatable :: names(:)
+      character(len=:), allocatable :: perhaps
       integer, allocatable :: places(:)
       integer :: k
 
@@ -168,9 +171,10 @@ contains
       found%free = place_of_name(structure, free)
       do k = 1, size(free)
          if (found%free(k) == 0 .and. .not. any(free(:k - 1) == free(k))) then
-            call block%refuse('free', shown(free(k)), 'one of '//listed(pack( &
-               name_of_parameter(structure, parameters%place), parameters%is_free .and. &
-               is_there(structure, parameters%place)), ' '))
+            names = pack(name_of_parameter(structure, parameters%place), parameters%is_free .and. &
+               is_there(structure, parameters%place))
+            call or_nearest(free(k), names, perhaps)
+            call block%refuse('free', shown(free(k)), 'one of '//listed(names, ' ')//perhaps)
          else if (found%free(k) > 0 .and. count(found%free(:k - 1) == found%free(k)) == 1) then
             call block%refuse('free', shown(free(k))//' twice', 'each parameter once')
          end if

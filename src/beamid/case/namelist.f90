@@ -4,6 +4,7 @@ module beamid_namelist
    use beamid_blocks, only: block_t
    use beamid_numbers, only: shown
    use beamid_refusals, only: refusals_t
+   use beamid_spelling, only: or_nearest
    use beamid_strings, only: lower, to_text
    use beamid_tokens, only: line_feed, scanner_t, token_broken, token_end, token_group, &
       token_key, token_mark, token_slash, token_t, token_word
@@ -119,14 +120,16 @@ contains
       integer, intent(inout) :: seen(:)
       type(refusals_t), intent(inout) :: refusals
       integer, intent(out) :: g
+      character(len=:), allocatable :: perhaps
       integer :: i
 
       do g = size(groups), 1, -1
          if (lower(trim(groups(g)%name)) == lower(token%text(2:))) exit
       end do
       if (g == 0) then
+         call or_nearest(token%text(2:), [(groups(i)%name, i=1, size(groups))], perhaps)
          call refusals%add(token%line, 'found unknown group '//shown(token%text)// &
-            ', expected &'//listed([(groups(i)%name, i=1, size(groups))], ', &'))
+            ', expected &'//listed([(groups(i)%name, i=1, size(groups))], ', &')//perhaps)
       else if (seen(g) > 0 .and. .not. groups(g)%may_repeat) then
          call refusals%add(token%line, 'found &'//trim(groups(g)%name)// &
             ' again, expected it once (first in line '//to_text(seen(g))//')')

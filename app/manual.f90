@@ -1,0 +1,338 @@
+!> What the program says about itself: `help`, the manual page and what shells complete. Commands
+!> and options are named here once; groups, keys and parameters come from the tables of the library.
+module beamid_manual
+   use beamid, only: error_t, version
+   use beamid_blocks, only: block_t
+   use beamid_case_files, only: groups, list_keys
+   use beamid_errors, only: bad_input
+   use beamid_key_help, only: add_group_list, add_help_on, key_line, known_words
+   use beamid_reproduction, only: reproducible
+   use beamid_spelling, only: or_nearest
+   use beamid_strings, only: lower
+   use beamid_templates, only: template_kinds
+   use beamid_terminal, only: print_text
+   use beamid_texts, only: left, text_t
+   use beamid_values, only: listed, name_length, one_of
+   implicit none
+   private
+
+   public :: run_help, command_names, commands_in_words
+
+   type :: command_t
+      character(len=9) :: name
+      character(len=22) :: arguments
+      character(len=66) :: help
+      character(len=430) :: detail
+   end type command_t
+
+   type(command_t), parameter :: commands(*) = [ &
+      command_t('identify', 'case.nml', 'fit the free parameters of each stage to the record', &
+         'Writes quality.csv, modes_seen.csv, estimates.csv, fit.csv, correlations.csv, '// &
+         'autocorrelation.csv, modes.csv, labels.csv and summary.txt; minima.csv with '// &
+         '&multistart, windows.csv with &windows. --time measures the time of a fit.'), &
+      command_t('simulate', 'case.nml', 'response of the structure at the sample times', &
+         'Writes response.csv and, with the noise of &noise, record.csv in the form that '// &
+         'identify reads.'), &
+      command_t('modes', 'case.nml', 'natural frequencies and damping ratios', &
+         'Writes modes.csv; where the case says how to fit a record also '// &
+         'modes_fitted.csv, the modes of the fitted structure with their intervals.'), &
+      command_t('compare', 'a.nml b.nml ...', &
+         'several models of one record: AICc, BIC, nested-model tests', &
+         'Writes models.csv and nested.csv.'), &
+      command_t('reproduce', 'WHAT', 'results of NASA CR-178199 beside the paper''s numbers', &
+         'WHAT is '//reproducible//'. section-4 is from a reconstructed record: a check of '// &
+         'consistency, not an independent confirmation. all is table-4.1 (by the exact '// &
+         'response, instead of CVODE), section-4, acceleration and convergence, each to '// &
+         'out/<name> or DIR/<name>.'), &
+      command_t('new', '[KIND] [DIR]', &
+         'a case file with comments and a small record, to begin with', &
+         'KIND is free-decay (default), impulse, base or paper; writes case.nml and record.csv '// &
+         'to DIR, by default a folder named KIND, and replaces neither.'), &
+      command_t('help', '[WORD ...]', 'about a command, group, key or parameter', &
+         'help man, help bash and help zsh print the manual page and what shells complete.'), &
+      command_t('version', '', 'the version', '')]
+
+   character(len=*), parameter :: options(3) = [character(len=9) :: '--out DIR', '--quiet', &
+      '--time']
+   character(len=*), parameter :: option_help(3) = [character(len=64) :: &
+      'folder of the outputs; left out: out/<case name>', &
+      'no progress on standard error', &
+      'identify: the time of a fit, on standard error']
+
+   character(len=*), parameter :: &
+      purpose = 'physical parameters of a flexible beam from an accelerometer record', &
+      statuses = 'Exit status: 0 done, 1 the computation failed, 2 bad input.'
+
+contains
+
+   pure function command_names() result(names)
+      character(len=len(commands%name)) :: names(size(commands))
+
+      names = commands%name
+   end function command_names
+
+   function commands_in_words() result(text)
+      character(len=:), allocatable :: text
+
+      text = one_of(commands%name, '')
+   end function commands_in_words
+
+   !> beamid help [WORD ...]
+   !>
+   !> words  none: everything in short
+   subroutine run_help(words, error)
+      character(len=*), intent(in) :: words(:)
+      type(error_t), allocatable, intent(out) :: error
+      type(text_t) :: text
+      integer :: k
+
+      if (size(words) == 0) call add_overview(text)
+      do k = 1, size(words)
+         if (k > 1) call text%line()
+         select case (words(k))
+         case ('man'); call add_page(text)
+         case ('bash'); call add_bash(text)
+         case ('zsh'); call add_zsh(text)
+         case default; call add_word(text, trim(words(k)), error)
+         end select
+         if (allocated(error)) return
+      end do
+      call print_text(text%content(), error)
+   end subroutine run_help
+
+   subroutine add_overview(text)
+      type(text_t), intent(inout) :: text
+      integer :: k
+
+      call text%line('beamid '//version//': '//purpose)
+      call text%line()
+      call text%line('usage: beamid <command> [case.nml] [--out DIR] [--quiet]')
+      call text%line()
+      do k = 1, size(commands)
+         call text%line('  '//left(trim(commands(k)%name)//' '//trim(commands(k)%arguments), 26)// &
+            trim(commands(k)%help))
+      end do
+      call text%line()
+      do k = 1, size(options)
+         call text%line('  '//left(trim(options(k)), 26)//trim(option_help(k)))
+      end do
+      call text%line()
+      call text%line('A case file is made of groups, &beam length=..., E=... /; '// &
+         '''beamid help beam'' lists the keys of one.')
+      call add_group_list(text)
+      call text%line()
+      call text%line(statuses)
+   end subroutine add_overview
+
+   !> Every command, group, key and parameter of that name.
+   subroutine add_word(text, word, error)
+      type(text_t), intent(inout) :: text
+      character(len=*), intent(in) :: word
+      type(error_t), allocatable, intent(out) :: error
+      character(len=name_length), allocatable :: words(:)
+      character(len=:), allocatable :: perhaps
+      logical :: found
+      integer :: k
+
+      found = .false.
+      do k = 1, size(commands)
+         if (lower(word) /= trim(commands(k)%name)) cycle
+         found = .true.
+         call text%line(usage(commands(k)))
+         call text%line('  '//trim(commands(k)%help))
+         call add_detail(text, commands(k))
+      end do
+      call add_help_on(trim(word(merge(2, 1, index(word, '&') == 1):)), text, found)
+      if (found) return
+      call known_words(words)
+      call or_nearest(word, [character(len=name_length) :: commands%name, words], perhaps)
+      call bad_input(error, 'help: found '//word// &
+         ', expected a command, a group, a key or a parameter'//perhaps)
+   end subroutine add_word
+
+   function usage(command) result(line)
+      type(command_t), intent(in) :: command
+      character(len=:), allocatable :: line
+
+      line = 'beamid '//trim(trim(command%name)//' '//command%arguments)
+      if (any(command%name == [character(len=9) :: 'help', 'version', 'new'])) return
+      line = line//' [--out DIR] [--quiet]'
+      if (command%name == 'identify') line = line//' [--time]'
+   end function usage
+
+   !> What there is to say of a command, in lines that fit.
+   subroutine add_detail(text, command)
+      type(text_t), intent(inout) :: text
+      type(command_t), intent(in) :: command
+      integer, parameter :: width = 92
+      character(len=:), allocatable :: rest
+      integer :: cut
+
+      rest = trim(command%detail)
+      do while (len(rest) > width)
+         cut = scan(rest(:width), ' ', back=.true.)
+         call text%line('  '//rest(:cut))
+         rest = rest(cut + 1:)
+      end do
+      if (rest /= '') call text%line('  '//rest)
+   end subroutine add_detail
+
+   !> beamid(1), as man reads it.
+   subroutine add_page(text)
+      type(text_t), intent(inout) :: text
+      type(block_t), allocatable :: blocks(:)
+      character(len=:), allocatable :: name
+      integer :: g, k
+
+      call text%line('.TH BEAMID 1 "" "beamid '//version//'" ""')
+      call text%line('.SH NAME')
+      call text%line('beamid \- '//purpose)
+      call text%line('.SH SYNOPSIS')
+      do k = 1, size(commands)
+         if (k > 1) call text%line('.br')
+         call text%line('.B '//escaped(usage(commands(k))))
+      end do
+      call text%line('.SH COMMANDS')
+      do k = 1, size(commands)
+         call entry(trim(trim(commands(k)%name)//' '//commands(k)%arguments), &
+            trim(commands(k)%help)//'.')
+         if (commands(k)%detail /= '') call text%line(escaped(trim(commands(k)%detail)))
+      end do
+      call text%line('.SH OPTIONS')
+      do k = 1, size(options)
+         call entry(trim(options(k)), trim(option_help(k)))
+      end do
+      call text%line('.SH CASE FILE')
+      call text%line(escaped('Groups of keys, &beam length=4.0, E=80.0 /, in any order; behind '// &
+         '! a comment. Paths are relative to the case file. Any consistent set of units will do.'))
+      call list_keys(blocks)
+      do g = 1, size(blocks)
+         name = '&'//trim(blocks(g)%name)
+         if (groups(g)%required) name = name//' (required)'
+         if (groups(g)%may_repeat) name = name//' (may repeat)'
+         call text%line('.SS '//escaped(name))
+         do k = 1, size(blocks(g)%keys)
+            call entry(trim(blocks(g)%keys(k)%name), key_line(blocks(g)%keys(k)))
+         end do
+      end do
+      call text%line('.SH EXIT STATUS')
+      call text%line('0 done, 1 the computation failed, 2 bad input: then standard error says '// &
+         'in one line for each problem what was found, what was expected, and nothing is written.')
+
+   contains
+
+      subroutine entry(label, sentence)
+         character(len=*), intent(in) :: label, sentence
+
+         call text%line('.TP')
+         call text%line('.B '//escaped(label))
+         call text%line(escaped(sentence))
+      end subroutine entry
+
+   end subroutine add_page
+
+   !> Text with what roff takes for its own escaped.
+   pure function escaped(line) result(safe)
+      character(len=*), intent(in) :: line
+      character(len=:), allocatable :: safe
+      integer :: k
+
+      safe = ''
+      if (scan(line(:min(1, len(line))), '.''') > 0) safe = '\&'
+      do k = 1, len(line)
+         select case (line(k:k))
+         case ('-'); safe = safe//'\-'
+         case ('\'); safe = safe//'\e'
+         case default; safe = safe//line(k:k)
+         end select
+      end do
+   end function escaped
+
+   !> Commands; behind them case files, or what they take.
+   subroutine add_bash(text)
+      type(text_t), intent(inout) :: text
+      character(len=name_length), allocatable :: words(:)
+
+      call known_words(words)
+      call text%line('_beamid() {')
+      call text%line('   local word=${COMP_WORDS[COMP_CWORD]} command=${COMP_WORDS[1]}')
+      call text%line('   if [[ $COMP_CWORD == 1 ]]; then')
+      call text%line('      COMPREPLY=($(compgen -W "'//listed(commands%name, ' ')// &
+         '" -- "$word"))')
+      call text%line('   elif [[ ${COMP_WORDS[COMP_CWORD-1]} == --out ]]; then')
+      call text%line('      COMPREPLY=($(compgen -d -- "$word"))')
+      call text%line('   elif [[ $word == -* ]]; then')
+      call text%line('      COMPREPLY=($(compgen -W "--out --quiet --time --help" -- "$word"))')
+      call text%line('   else')
+      call text%line('      case $command in')
+      call text%line('      new) COMPREPLY=($(compgen -d -W "'//listed(template_kinds, ' ')// &
+         '" -- "$word")) ;;')
+      call text%line('      reproduce) COMPREPLY=($(compgen -W "'//plain(reproducible)// &
+         '" -- "$word")) ;;')
+      call text%line('      help) COMPREPLY=($(compgen -W "'//listed(commands%name, ' ')//' '// &
+         listed(words, ' ')//'" -- "$word")) ;;')
+      call text%line('      *) COMPREPLY=($(compgen -d -- "$word") $(compgen -G "$word*.nml")) ;;')
+      call text%line('      esac')
+      call text%line('   fi')
+      call text%line('}')
+      call text%line('complete -o filenames -F _beamid beamid')
+   end subroutine add_bash
+
+   subroutine add_zsh(text)
+      type(text_t), intent(inout) :: text
+      character(len=name_length), allocatable :: words(:)
+      integer :: k
+
+      call known_words(words)
+      call text%line('#compdef beamid')
+      call text%line('local -a commands')
+      call text%line('commands=(')
+      do k = 1, size(commands)
+         call text%line('   '''//trim(commands(k)%name)//':'//plain_quotes(commands(k)%help)//'''')
+      end do
+      call text%line(')')
+      call text%line('if (( CURRENT == 2 )); then')
+      call text%line('   _describe command commands')
+      call text%line('elif [[ $words[CURRENT-1] == --out ]]; then')
+      call text%line('   _files -/')
+      call text%line('else')
+      call text%line('   case $words[2] in')
+      call text%line('   new) _alternative "kinds:kind:('//listed(template_kinds, ' ')// &
+         ')" "folders:folder:_files -/" ;;')
+      call text%line('   reproduce) compadd -- '//plain(reproducible)//' ;;')
+      call text%line('   help) compadd -- '//listed(commands%name, ' ')//' '// &
+         listed(words, ' ')//' ;;')
+      call text%line('   *) _arguments "*:case file:_files -g ''*.nml''" '// &
+         '"--out:folder:_files -/"'// &
+         ' --quiet --time --help ;;')
+      call text%line('   esac')
+      call text%line('fi')
+   end subroutine add_zsh
+
+   !> A list in words as words with blanks between.
+   pure function plain(list) result(words)
+      character(len=*), intent(in) :: list
+      character(len=:), allocatable :: words
+      integer :: k
+
+      words = ''
+      do k = 1, len(list)
+         if (list(k:k) /= ',') words = words//list(k:k)
+      end do
+      k = index(words, ' or ')
+      if (k > 0) words = words(:k)//words(k + 4:)
+   end function plain
+
+   !> Without apostrophes.
+   pure function plain_quotes(line) result(safe)
+      character(len=*), intent(in) :: line
+      character(len=:), allocatable :: safe
+      integer :: k
+
+      safe = ''
+      do k = 1, len_trim(line)
+         if (line(k:k) /= '''' .and. line(k:k) /= ':') safe = safe//line(k:k)
+      end do
+   end function plain_quotes
+
+end module beamid_manual

@@ -1,0 +1,29 @@
+#!/usr/bin/env bash
+# Installs the program, its library, the scripts that draw, the manual page and what shells complete.
+#
+#     scripts/install.sh PREFIX      PREFIX/bin/beamid and so on; /usr/local, ~/.local, ...
+set -euo pipefail
+
+if [[ $# != 1 || $1 == -* ]]; then
+   echo "install.sh: found ${*:-nothing}, expected one folder, as in install.sh ~/.local" >&2
+   exit 2
+fi
+checkout=$(dirname "$(dirname "$(realpath "${BASH_SOURCE[0]}")")")
+mkdir -p "$1"
+prefix=$(realpath "$1")
+"$checkout/scripts/setup.sh"
+# shellcheck source=scripts/fpm.sh
+source "$checkout/scripts/fpm.sh"
+find_fpm
+build release
+(cd "$checkout" && "$fpm" install --profile release --prefix "$prefix" --no-rebuild </dev/null >/dev/null)
+
+share=$prefix/share
+program=$prefix/bin/beamid
+mkdir -p "$share/man/man1" "$share/bash-completion/completions" "$share/zsh/site-functions" \
+   "$share/beamid/scripts"
+"$program" help man >"$share/man/man1/beamid.1"
+"$program" help bash >"$share/bash-completion/completions/beamid"
+"$program" help zsh >"$share/zsh/site-functions/_beamid"
+cp "$checkout"/scripts/*.py "$checkout/scripts/setup.sh" "$checkout/scripts/fpm.sh" "$share/beamid/scripts/"
+echo "$program"

@@ -1,0 +1,202 @@
+!> What the tables of groups, keys and parameters say about themselves, for `help` and the manual.
+module beamid_key_help
+   use beamid_blocks, only: block_t
+   use beamid_case_files, only: groups, list_keys
+   use beamid_parameters, only: free_names, key_of, parameters
+   use beamid_strings, only: lower, to_text
+   use beamid_texts, only: left, text_t
+   use beamid_units, only: units_t
+   use beamid_values, only: key_t, kind_integer, kind_text, name_length, number, range_t
+   implicit none
+   private
+
+   public :: add_help_on, add_group_list, known_words, key_line, key_indent
+
+   !> In front of what a key means.
+   integer, parameter :: key_indent = 19
+   !> Of a line.
+   integer, parameter :: width = 96
+
+contains
+
+   !> Every group, key and free parameter of that name, in any case.
+   !>
+   !> found  whether there is one; once .true. it stays
+   subroutine add_help_on(word, text, found)
+      character(len=*), intent(in) :: word
+      type(text_t), intent(inout) :: text
+      logical, intent(inout) :: found
+      type(block_t), allocatable :: blocks(:)
+      type(text_t) :: meaning
+      integer :: g, k
+
+      call list_keys(blocks)
+      do g = 1, size(blocks)
+         if (lower(trim(blocks(g)%name)) /= lower(word)) cycle
+         if (found) call text%line()
+         found = .true.
+         call text%line('group &'//trim(blocks(g)%name)//trim(merge(', required   ', &
+            '             ', groups(g)%required))//trim(merge(', may repeat', '            ', &
+            groups(g)%may_repeat)))
+         do k = 1, size(blocks(g)%keys)
+            call add_key(text, blocks(g)%keys(k))
+         end do
+      end do
+      do g = 1, size(blocks)
+         do k = 1, size(blocks(g)%keys)
+            if (lower(trim(blocks(g)%keys(k)%name)) /= lower(word)) cycle
+            if (found) call text%line()
+            found = .true.
+            call text%line('key of &'//trim(blocks(g)%name))
+            call add_key(text, blocks(g)%keys(k))
+         end do
+      end do
+      do k = 1, size(parameters)
+         if (lower(trim(parameters(k)%name)) /= lower(word) .or. .not. parameters(k)%is_free) cycle
+         if (found) call text%line()
+         found = .true.
+         call add_parameter(text, k)
+         exit
+      end do
+   end subroutine add_help_on
+
+   !> The groups in a paragraph.
+   subroutine add_group_list(text)
+      type(text_t), intent(inout) :: text
+      integer :: g
+
+      call add_words(text, '  groups:', 11, [('&'//groups(g)%name, g=1, size(groups))])
+   end subroutine add_group_list
+
+   !> All groups, keys and parameters, each once.
+   subroutine known_words(words)
+      character(len=name_length), allocatable, intent(out) :: words(:)
+      type(block_t), allocatable :: blocks(:)
+      integer :: g, k
+
+      call list_keys(blocks)
+      allocate (words(0))
+      do g = 1, size(blocks)
+         call add_word(words, blocks(g)%name)
+         do k = 1, size(blocks(g)%keys)
+            call add_word(words, blocks(g)%keys(k)%name)
+         end do
+      end do
+      do k = 1, size(free_names)
+         call add_word(words, free_names(k))
+      end do
+   end subroutine known_words
+
+   subroutine add_word(words, word)
+      character(len=name_length), allocatable, intent(inout) :: words(:)
+      character(len=*), intent(in) :: word
+      character(len=name_length) :: longer
+
+      longer = word
+      if (.not. any(words == longer)) words = [words, longer]
+   end subroutine add_word
+
+   !> A key in one sentence: what it takes, what holds without it, what it means.
+   function key_line(key) result(line)
+      type(key_t), intent(in) :: key
+      character(len=:), allocatable :: line
+      integer :: k
+
+      line = takes(key)
+      if (key%required) then
+         line = line//', required'
+      else if (key%default /= '') then
+         line = line//', default: '//key%default
+      end if
+      line = key%help//' ('//line//')'
+      if (.not. allocated(key%words) .or. key%kind == kind_text) return
+      line = line//'; or'
+      do k = 1, size(key%words)
+         line = line//' '''//trim(key%words(k))//''''
+      end do
+   end function key_line
+
+   !> What the values of a key are.
+   function takes(key) result(text)
+      type(key_t), intent(in) :: key
+      character(len=:), allocatable :: text
+      character(len=:), allocatable :: range
+
+      text = 'number'
+      if (key%kind == kind_integer) text = 'integer'
+      if (key%kind == kind_text) text = 'text'
+      if (key%most > 1) text = text//'s'
+      range = key%range%in_words()
+      if (index(range, 'a value ') == 1) range = range(9:)
+      if (range /= '') text = text//' '//range
+      if (key%infinite) text = text//' or inf'
+   end function takes
+
+   subroutine add_key(text, key)
+      type(text_t), intent(inout) :: text
+      type(key_t), intent(in) :: key
+
+      call add_paragraph(text, '  '//trim(key%name), key_indent, key_line(key))
+   end subroutine add_key
+
+   !> A parameter that a fit may free.
+   subroutine add_parameter(text, k)
+      type(text_t), intent(inout) :: text
+      integer, intent(in) :: k
+      type(units_t) :: units
+      character(len=:), allocatable :: unit
+
+      units = units_t(length='m', force='N', time='s', mass='kg')
+      associate (row => parameters(k))
+         call text%line('parameter, free in &stage as '''//trim(row%name)//'''')
+         unit = units%of_parameter(k)
+         if (unit == '') unit = '-'
+         call add_paragraph(text, '', 2, trim(row%help)//'; '//key_of(k)//' of &'// &
+            trim(row%group)//'; in metres, seconds and kilograms its unit is '//unit)
+         if (row%is_reciprocal) call text%line( &
+            '  searched for as its reciprocal, so that it may reach infinity (inf), which is rigid')
+         if (all(row%needs /= [0, k])) call text%line('  needs '// &
+            trim(parameters(row%needs)%name)//' above 0')
+         if (row%item > 0) call text%line('  of several '//trim(row%group)// &
+            's: '''//trim(row%name)//'.a'' is that of the one named a')
+      end associate
+   end subroutine add_parameter
+
+   !> Words of a sentence in lines that fit, behind a label.
+   subroutine add_paragraph(text, label, indent, sentence)
+      type(text_t), intent(inout) :: text
+      character(len=*), intent(in) :: label, sentence
+      integer, intent(in) :: indent
+      character(len=:), allocatable :: line
+      integer :: first, last
+
+      line = left(label, indent)
+      if (len_trim(label) >= indent) line = trim(label)//'  '
+      first = 1
+      do while (first <= len(sentence))
+         last = first + scan(sentence(first:)//' ', ' ') - 2
+         if (len(line) + last - first + 1 > width .and. len_trim(line) >= indent) then
+            call text%line(line)
+            line = repeat(' ', indent)
+         end if
+         line = line//sentence(first:last)//' '
+         first = last + 2
+      end do
+      call text%line(line)
+   end subroutine add_paragraph
+
+   subroutine add_words(text, label, indent, words)
+      type(text_t), intent(inout) :: text
+      character(len=*), intent(in) :: label, words(:)
+      integer, intent(in) :: indent
+      character(len=:), allocatable :: sentence
+      integer :: k
+
+      sentence = ''
+      do k = 1, size(words)
+         sentence = sentence//' '//trim(words(k))
+      end do
+      call add_paragraph(text, label, indent, sentence(2:))
+   end subroutine add_words
+
+end module beamid_key_help

@@ -1,0 +1,191 @@
+!> First cases: a case file with comments, and a record that the library makes for it.
+module beamid_templates
+   use beamid_cases, only: case_t, needs_nothing, parse_case, sample_times
+   use beamid_errors, only: bad_input, error_t
+   use beamid_excitation, only: new_base_motion
+   use beamid_galerkin, only: mesh_t
+   use beamid_kinds, only: wp
+   use beamid_lines, only: csv_row
+   use beamid_noise, only: gaussian_noise
+   use beamid_simulation, only: simulate, simulation_t
+   use beamid_strings, only: full
+   use beamid_texts, only: text_t
+   implicit none
+   private
+
+   public :: new_template
+
+   character(len=10), parameter, public :: template_kinds(4) = [character(len=10) :: &
+      'free-decay', 'impulse', 'base', 'paper']
+
+   integer, parameter :: width = 90
+   character(len=*), parameter :: line_feed = new_line('a')
+
+   character(len=width), parameter :: begin(*) = [character(len=width) :: &
+      '!', &
+      '!    beamid identify case.nml', &
+      '!', &
+      '! fits it. Then put your record in the place of record.csv, and your own numbers here.', &
+      '! `beamid help beam` lists the keys of &beam, and so on for every group and key.']
+
+   character(len=width), parameter :: strip(*) = [character(len=width) :: &
+      '', &
+      '! Metres, seconds, newtons and kilograms; any other consistent set would do.', &
+      '&units  length=''m'', force=''N'', time=''s'', mass=''kg'' /', &
+      '', &
+      '! An aluminium strip, clamped at one end. What is free below is a guess here.', &
+      '&beam', &
+      '   length=0.5, width=0.05, height=0.002', &
+      '   density=2700', &
+      '   E=6.5e10        ! a guess', &
+      '   c_D=4e6         ! damping inside the material (Kelvin-Voigt), a guess', &
+      '   gamma=0.05      ! damping by the air, per length, a guess', &
+      '/', &
+      '', &
+      '! The accelerometer: its mass (a guess), and its distance from the clamp.', &
+      '&sensor  m_S=0.004, x_S=0.44 /']
+
+   character(len=width), parameter :: strip_truth(*) = [character(len=width) :: &
+      '&beam length=0.5, width=0.05, height=0.002, density=2700, E=7e10, c_D=2e6, gamma=0.08 /', &
+      '&sensor m_S=0.005, x_S=0.44 /', &
+      '&discretization degree=5, elements=16 /']
+
+   character(len=width), parameter :: known(*) = [character(len=width) :: &
+      '', &
+      '! How well the rest is known, as standard deviations: it counts in the total intervals.', &
+      '&prior  parameter=''length'', sd=0.001 /', &
+      '&prior  parameter=''height'', sd=0.00002 /']
+
+contains
+
+   !> kind    one of `template_kinds`, in any case
+   !> case    text of the case file, whose record is record.csv beside it
+   !> record  text of record.csv
+   subroutine new_template(kind, case, record, error)
+      character(len=*), intent(in) :: kind
+      character(len=:), allocatable, intent(out) :: case, record
+      type(error_t), allocatable, intent(out) :: error
+
+      select case (kind)
+      case ('free-decay')
+         case = lines([character(len=width) :: &
+            '! A strip was pulled aside and let go; an accelerometer recorded how it swings.', &
+            begin, strip, '', &
+            '! Nothing is known of how it was set in motion: amplitudes and phases of three', &
+            '! modes are found with the rest, start values come from the lines of the record.', &
+            '&excitation  kind=''free'', modes=3 /', &
+            '&record      file=''record.csv'' /', &
+            '&stage       free=''E'',''m_S'',''c_D'',''gamma'' /', &
+            known])
+         call make_record([character(len=width) :: strip_truth, &
+            '&excitation kind=''release'', displacement=0.02 /', &
+            '&record t_first=0.2, t_last=4.198, t_step=0.002 /', &
+            '&noise sd=0.05, seed=1 /'], record, error)
+      case ('impulse')
+         case = lines([character(len=width) :: &
+            '! A strip was struck 200 mm from its clamp: 1 N for 10 ms, from t = 0 on.', &
+            begin, strip, '', &
+            '! A force that was measured: kind=''table'', file=''...'', columns time and force.', &
+            '&excitation  kind=''pulse'', amplitude=1, duration=0.01, x_F=0.2 /', &
+            '&record      file=''record.csv'' /', &
+            '! Starts come from the lines of the record.', &
+            '&stage       free=''E'',''m_S'',''c_D'',''gamma'', start=''auto'' /', &
+            known])
+         call make_record([character(len=width) :: strip_truth, &
+            '&excitation kind=''pulse'', amplitude=1, duration=0.01, x_F=0.2 /', &
+            '&record t_first=0, t_last=1.999, t_step=0.001 /', &
+            '&noise sd=0.1, seed=2 /'], record, error)
+      case ('base')
+         case = lines([character(len=width) :: &
+            '! A strip on a shaker; one accelerometer on the strip, one on the base.', &
+            begin, strip, '', &
+            '! The column ''base'' of the same file is the acceleration of the base.', &
+            '&excitation  kind=''base'', file=''record.csv'', value_column=''base'' /', &
+            '&discretization degree=5 /', &
+            '&record      file=''record.csv'', value_column=''acceleration'' /', &
+            '&stage       free=''E'',''m_S'',''c_D'',''gamma'', start=''auto'' /', &
+            known])
+         call make_record([character(len=width) :: strip_truth, &
+            '&record t_first=0, t_last=1.999, t_step=0.001 /', &
+            '&noise sd=0.1, seed=3 /'], record, error, shaken=.true.)
+      case ('paper')
+         case = lines([character(len=width) :: &
+            '! The structure of NASA CR-178199, Table 4.1: a thruster at the tip fires for', &
+            '! .05 s, a hose hangs there, an accelerometer records it; with 2 % of noise.', &
+            begin, '', &
+            '&units  length=''ft'', force=''lb'', time=''s'', mass=''slug'' /', &
+            '&beam   length=4.0, rho=0.03, E=80.0, I=1.0, c_D=0.0035 /', &
+            '&tip    m_T=0.15 /', &
+            '&hose   m_H=0.035, c_H=0.0035, k_H=0.4 /', &
+            '&excitation  kind=''pulse'', amplitude=1.0, duration=0.05 /', &
+            '&discretization degree=5 /', &
+            '&record      file=''record.csv'' /', &
+            '&stage       free=''c_D'',''m_H'',''c_H'',''k_H'' /'])
+         call make_record([character(len=width) :: &
+            '&beam length=4.0, rho=0.03, E=80.0, I=1.0, c_D=0.005 /', &
+            '&tip m_T=0.15 /', &
+            '&hose m_H=0.04, c_H=0.004, k_H=0.3 /', &
+            '&discretization degree=5, elements=16 /', &
+            '&excitation kind=''pulse'', amplitude=1.0, duration=0.05 /', &
+            '&record t_first=0.02, t_last=5.0, t_step=0.02 /', &
+            '&noise sd=0.02, seed=4 /'], record, error)
+      case default
+         call bad_input(error, 'no such kind of case')
+      end select
+   end subroutine new_template
+
+   pure function lines(text)
+      character(len=*), intent(in) :: text(:)
+      character(len=:), allocatable :: lines
+      integer :: k
+
+      lines = ''
+      do k = 1, size(text)
+         lines = lines//trim(text(k))//line_feed
+      end do
+   end function lines
+
+   !> What a sensor would have recorded of a structure, with noise.
+   !>
+   !> shaken  its base moves, and the record has a column of that
+   subroutine make_record(truth, record, error, shaken)
+      character(len=*), intent(in) :: truth(:)
+      character(len=:), allocatable, intent(out) :: record
+      type(error_t), allocatable, intent(out) :: error
+      logical, intent(in), optional :: shaken
+      type(case_t) :: case
+      type(simulation_t) :: simulation
+      type(text_t) :: table
+      real(wp), allocatable :: times(:), noise(:), base(:)
+      integer :: k
+
+      call parse_case('template', lines(truth), needs_nothing, case, error)
+      if (.not. allocated(error)) call sample_times(case, times, error)
+      if (allocated(error)) return
+      allocate (base(0))
+      if (present(shaken)) then
+         base = knock(times)
+         call new_base_motion(times, base, case%model%excitation, error)
+         if (allocated(error)) return
+      end if
+      call simulate(case%model, case%meshes(1), times, simulation, error)
+      if (allocated(error)) return
+      noise = gaussian_noise(size(times), case%noise_sd, case%noise_seed)
+      call table%line('t,acceleration'//trim(merge(',base', '     ', size(base) > 0)))
+      do k = 1, size(times)
+         call table%line(csv_row(full(times(k)), [simulation%acceleration(k) + noise(k), &
+            base(k:min(k, size(base)))]))
+      end do
+      record = table%content()
+   end subroutine make_record
+
+   !> A base that is pushed to and fro once within 20 ms.
+   elemental real(wp) function knock(t)
+      real(wp), intent(in) :: t
+      real(wp), parameter :: two_pi = 2*acos(-1.0_wp), length = 0.02_wp
+
+      knock = 0
+      if (t < length) knock = 30*sin(two_pi*t/length)
+   end function knock
+
+end module beamid_templates

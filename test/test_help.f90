@@ -1,0 +1,186 @@
+!> What the program says about itself is whole: every command, group, key and parameter of the
+!> tables has its help, its place in the manual page and in README.md; a misspelt word gets the
+!> nearest one. And what `new` writes runs as it is and finds what its record was made from.
+program test_help
+   use beamid_blocks, only: block_t
+   use beamid_case_files, only: list_keys
+   use beamid_kinds, only: wp
+   use beamid_parameters, only: parameters
+   use checks, only: check, finish, skip
+   use shell, only: beamid, close_shell, exists, has_all, line_count, open_shell, outcome_t, &
+      read_file, run, write_file
+   use tables, only: field, longest, number
+   implicit none
+
+   character(len=*), parameter :: nl = achar(10)
+   character(len=:), allocatable :: reason
+   type(outcome_t) :: outcome
+
+   call open_shell(reason)
+   if (reason /= '') then
+      call skip('help', reason)
+   else
+      call test_words()
+      call test_nearest()
+      call test_shells()
+      call test_new()
+   end if
+   call close_shell()
+   call finish('help')
+
+contains
+
+   !> Tables against help, manual and README.
+   subroutine test_words()
+      type(block_t), allocatable :: blocks(:)
+      character(len=:), allocatable :: readme, manual, group
+      integer :: g, k
+
+      outcome = beamid('help man')
+      manual = outcome%out
+      readme = read_file('../../README.md')
+      call list_keys(blocks)
+      do g = 1, size(blocks)
+         group = trim(blocks(g)%name)
+         outcome = beamid('help '//group)
+         call check('help '//group, outcome%status == 0 .and. outcome%err == '' .and. &
+            index(outcome%out, 'group &'//group) > 0 .and. longest(outcome%out) <= 100)
+         call check('manual: '//group, index(manual, '.SS &'//group) > 0)
+         call check('README: '//group, index(readme, '&'//group) > 0)
+         do k = 1, size(blocks(g)%keys)
+            associate (key => blocks(g)%keys(k))
+               call check('help '//group//': '//trim(key%name), &
+                  index(outcome%out, nl//'  '//trim(key%name)//' ') > 0)
+               call check('manual: '//group//' '//trim(key%name), index(manual, &
+                  '.B '//trim(key%name)//nl) > 0)
+               call check('README: '//group//' '//trim(key%name), &
+                  index(readme, '`'//trim(key%name)//'`') > 0 .or. &
+                  index(readme, '`'//trim(key%name)//'=') > 0 .or. group == 'units')
+               call check('means something: '//group//' '//trim(key%name), len(key%help) > 3)
+            end associate
+         end do
+      end do
+      do k = 1, size(parameters)
+         if (.not. parameters(k)%is_free .or. parameters(k)%item > 1) cycle
+         outcome = beamid('help '//trim(parameters(k)%name))
+         call check('help '//trim(parameters(k)%name), outcome%status == 0 .and. &
+            index(outcome%out, 'free in &stage as '''//trim(parameters(k)%name)//'''') > 0 .and. &
+            longest(outcome%out) <= 100, outcome%out)
+         call check('README: '//trim(parameters(k)%name), &
+            index(readme, '`'//trim(parameters(k)%name)//'`') > 0)
+      end do
+   end subroutine test_words
+
+   !> Every word there is, and words that are nearly one.
+   subroutine test_nearest()
+      character(len=*), parameter :: commands(*) = [character(len=9) :: 'identify', 'simulate', &
+         'modes', 'compare', 'reproduce', 'new', 'help', 'version']
+      integer :: k
+
+      do k = 1, size(commands)
+         outcome = beamid('help '//trim(commands(k)))
+         call check('help '//trim(commands(k)), outcome%status == 0 .and. &
+            index(outcome%out, 'beamid '//trim(commands(k))) == 1 .and. &
+            longest(outcome%out) <= 100)
+         call check(trim(commands(k))//' --help', same_as(trim(commands(k))//' --help', &
+            outcome%out))
+      end do
+      call refused('help lenght', 'found lenght|perhaps length')
+      call refused('help xyzzy', 'found xyzzy|expected a command')
+      call check('far from all', index(outcome%err, 'perhaps') == 0)
+      call refused('identfy case.nml', 'found identfy|perhaps identify')
+      call write_file('key.nml', '&beam lenght=1 /'//nl)
+      call refused('modes key.nml', 'key.nml:1: &beam lenght|perhaps length')
+      call write_file('group.nml', '&baem length=1 /'//nl)
+      call refused('modes group.nml', 'group.nml:1: found unknown group|perhaps beam')
+      call write_file('free.nml', '&beam length=1, rho=1, E=1, I=1 /'//nl//'&excitation kind='// &
+         '''free'' /'//nl//'&record file=''r.csv'' /'//nl//'&stage free=''E'',''cD'' /'//nl)
+      call refused('identify free.nml', '&stage free|''cD''|perhaps c_D')
+   end subroutine test_nearest
+
+   logical function same_as(arguments, expected)
+      character(len=*), intent(in) :: arguments, expected
+      type(outcome_t) :: other
+
+      other = beamid(arguments)
+      same_as = other%status == 0 .and. other%out == expected
+   end function same_as
+
+   !> Bash takes the completion, and completes.
+   subroutine test_shells()
+      outcome = beamid('help bash >complete.bash')
+      outcome = run('bash -c ''source ./complete.bash; COMP_WORDS=(beamid ide); COMP_CWORD=1; '// &
+         '_beamid; echo "${COMPREPLY[*]}"; COMP_WORDS=(beamid new b); COMP_CWORD=2; _beamid; '// &
+         'echo "${COMPREPLY[*]}"; COMP_WORDS=(beamid identify key); COMP_CWORD=2; _beamid; '// &
+         'echo "${COMPREPLY[*]}"''')
+      call check('bash completes', outcome%status == 0 .and. &
+         outcome%out == 'identify'//nl//'base'//nl//'key.nml'//nl, outcome%out//outcome%err)
+      outcome = beamid('help zsh')
+      call check('zsh', outcome%status == 0 .and. index(outcome%out, '#compdef beamid'//nl) == 1)
+   end subroutine test_shells
+
+   !> Each kind of case: written once, fitted, and E where it was made, within 5 % of what any user
+   !> would call right (the start is 7 % off; its own interval must hold it).
+   subroutine test_new()
+      character(len=*), parameter :: kinds(*) = [character(len=10) :: 'free-decay', 'impulse', &
+         'base', 'paper']
+      character(len=:), allocatable :: kind
+      integer :: k
+
+      do k = 1, size(kinds)
+         kind = trim(kinds(k))
+         outcome = beamid('new '//kind//' trial-'//kind)
+         call check('new '//kind, outcome%status == 0 .and. outcome%out == 'trial-'//kind// &
+            '/case.nml'//nl//'trial-'//kind//'/record.csv'//nl, outcome%err)
+         call refused('new '//kind//' trial-'//kind, 'trial-'//kind//'/case.nml: found')
+         outcome = beamid('identify trial-'//kind//'/case.nml --quiet --out fit-'//kind)
+         call check('new '//kind//': runs', outcome%status == 0, outcome%err)
+         if (outcome%status /= 0) cycle
+         if (kind == 'paper') then
+            call check_inside(kind, 'm_H', 0.04_wp)
+            call check_inside(kind, 'k_H', 0.3_wp)
+         else
+            call check_inside(kind, 'E', 7e10_wp)
+            call check_inside(kind, 'm_S', 5e-3_wp)
+         end if
+      end do
+      outcome = beamid('new')
+      call check('new without words', outcome%status == 0 .and. &
+         exists('free-decay/case.nml') .and. exists('free-decay/record.csv'))
+      call refused('new bese', 'new: found bese|perhaps base')
+      call refused('new base a b', 'found 3 words')
+      call write_file('file', 'x')
+      call refused('new base file/below', 'file/below: cannot be written')
+   end subroutine test_new
+
+   !> The interval with every source of error holds the value that the record was made with, and is
+   !> no wider than a tenth of it.
+   subroutine check_inside(kind, name, truth)
+      character(len=*), intent(in) :: kind, name
+      real(wp), intent(in) :: truth
+      character(len=:), allocatable :: table
+      real(wp) :: low, high
+      integer :: k
+
+      table = read_file('fit-'//kind//'/estimates.csv')
+      do k = 1, line_count(table) - 1
+         if (field(table, k, 3) /= name) cycle
+         low = number(field(table, k, 16))
+         high = number(field(table, k, 17))
+         call check('new '//kind//': '//name, low <= truth .and. truth <= high .and. &
+            high - low < 0.2_wp*truth, field(table, k, 16)//' to '//field(table, k, 17))
+         return
+      end do
+      call check('new '//kind//': '//name, .false., 'no row')
+   end subroutine check_inside
+
+   !> Status 2, one line, nothing on standard output.
+   subroutine refused(arguments, words)
+      character(len=*), intent(in) :: arguments, words
+
+      outcome = beamid(arguments)
+      call check(arguments//': refused', outcome%status == 2 .and. outcome%out == '' .and. &
+         line_count(outcome%err) == 1 .and. has_all(outcome%err, words), outcome%err)
+   end subroutine refused
+
+end program test_help
