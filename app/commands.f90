@@ -10,6 +10,7 @@ module beamid_commands
    use beamid_responses, only: is_exact
    use beamid_sorting, only: median
    use beamid_strings, only: to_text
+   use beamid_shape_tables, only: add_shapes
    use beamid_summaries, only: fit_summary, response_summary
    use beamid_tables, only: add_fit_tables, add_fitted_modes, add_minima, add_modes, &
       fitted_modes_header, labels_table, minima_header, modes_header, record_table, response_table
@@ -83,7 +84,7 @@ contains
       end if
       if (.not. allocated(error) .and. size(scored) > 0) call score_fits(case%model, case%meshes, &
          scored, expected, fits, error)
-      if (.not. allocated(error)) call add_modes_of_fits(case, fits, found, table, error)
+      if (.not. allocated(error)) call add_modes_of_fits(case, fits, found, table, error, output)
       if (.not. allocated(error)) call new_verdict(experiments, case%meshes(size(case%meshes)), &
          fits(size(fits, 1), size(fits, 2)), verdict, error)
       call locate(error, case%path)
@@ -91,6 +92,7 @@ contains
       if (settings%time) call time_fits(case, experiments)
       call add_fit_tables(output, case%units, fits, experiments)
       call add_verdict_tables(output, verdict)
+      call output%add('case.txt', case%text)
       call output%add('modes.csv', table%content())
       if (case%windows > 0) then
          associate (last => fits(size(fits, 1), size(fits, 2)))
@@ -134,13 +136,17 @@ contains
    end subroutine search_from_many
 
    !> Modes of the structure that the last stage has found, with their intervals.
-   subroutine add_modes_of_fits(case, fits, summary, table, error)
+   !>
+   !> output  takes the shapes of those of the first record
+   subroutine add_modes_of_fits(case, fits, summary, table, error, output)
       type(case_t), intent(in) :: case
       type(stage_fit_t), intent(in) :: fits(:, :)
       type(text_t), intent(inout) :: summary, table
       type(error_t), allocatable, intent(out) :: error
+      type(output_t), intent(inout), optional :: output
       integer, parameter :: most = 5
       type(fitted_mode_t), allocatable :: modes(:)
+      complex(wp), allocatable :: roots(:)
       integer :: k
 
       call table%line(fitted_modes_header)
@@ -150,7 +156,13 @@ contains
          call add_fitted_modes(table, case%meshes(k)%elements, modes)
       end do
       call summary%line()
-      call fitted_modes_summary(summary, case, case%meshes(size(case%meshes))%elements, modes)
+      associate (mesh => case%meshes(size(case%meshes)), last => fits(size(fits, 1), size(fits, 2)))
+         call fitted_modes_summary(summary, case, mesh%elements, modes)
+         if (.not. present(output)) return
+         roots = [(modes(k)%s, k=1, size(modes))]
+         roots = pack(roots, [(modes(k)%record == 1, k=1, size(modes))])
+         call add_shapes(output, last%world%structures(1), mesh, roots, summary)
+      end associate
    end subroutine add_modes_of_fits
 
    !> Repeats the fit on each mesh for a second at most and tells the median time on standard error:
@@ -248,6 +260,8 @@ contains
          call locate(error, case%path//': elements = '//to_text(case%meshes(k)%elements))
          if (allocated(error)) return
          call add_modes(table, case%meshes(k)%elements, roots)
+         if (k == size(case%meshes)) call add_shapes(output, case%model%structure, &
+            case%meshes(k), roots, summary)
          call summary%line()
          call modes_summary(summary, case, case%meshes(k)%elements, omega, roots)
       end do

@@ -35,6 +35,10 @@ a { color: var(--link); }
 .box { border: 1px solid var(--warn-line); border-left-width: .45rem; background: var(--warn-back);
   border-radius: .35rem; padding: .8rem 1.1rem; margin: 1.5rem 0; }
 .box strong:first-child { color: var(--warn); }
+.good { border-color: var(--free); background: var(--free-back); }
+.good strong:first-child { color: var(--free); }
+.bar { margin: .5rem 0; } .bar small { color: var(--soft); }
+.bar div { display: flex; height: 1rem; border-radius: .25rem; overflow: hidden; }
 nav ul { columns: 2; padding-left: 1.2rem; }
 .scroll { overflow-x: auto; margin: .9rem 0; }
 table { border-collapse: collapse; font-size: .92rem; font-variant-numeric: tabular-nums; }
@@ -61,7 +65,8 @@ summary { cursor: pointer; font-weight: 600; margin: .5rem 0; }
     --warn: #8a4b00; --warn-back: #fff; --free: #00664b; --free-back: #fff; --link: #000; }
   body { max-width: none; padding: 0; font-size: 10.5pt; } nav, details { display: none; }
   pre { white-space: pre-wrap; font-size: 7.6pt; } h2, h3 { break-after: avoid; }
-  figure, tbody, tr, .box { break-inside: avoid; } }
+  figure, tbody, tr, .box, .bar { break-inside: avoid; }
+  .bar span { print-color-adjust: exact; -webkit-print-color-adjust: exact; } }
 """
 
 # The structure, drawn in the colour of the text.

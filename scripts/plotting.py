@@ -9,7 +9,7 @@ import re
 from pathlib import Path
 
 from program import (fail, need, new_parser, number, outputs, read_table,  # noqa: F401
-                     reason)
+                     read_text, reason)
 
 need("numpy", "matplotlib")
 

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
-"""Writes one HTML page on what of NASA CR-178199 is reproduced: tables, figures, statistics.
+"""Writes one HTML page: of a fit, or without a folder on what of NASA CR-178199 is reproduced.
 
-Computes what is missing (reproduce all). Every result on the page is read from the outputs.
+The second computes what is missing (reproduce all). Every result is read from the outputs.
 """
 
 import re
@@ -9,6 +9,7 @@ from pathlib import Path
 
 import plotting as p
 import page as h
+import fit_page
 import plot_convergence
 import plot_fit
 import plot_paper
@@ -327,15 +328,19 @@ class Page:
 def main():
     parser = p.new_parser(__doc__.split("\n")[0])
     parser.add_argument("folder", nargs="?", default="out",
-                        help="outputs of `reproduce all` (default: out)")
+                        help="outputs of `identify`, or of `reproduce all` (default: out)")
     parser.add_argument("--out", metavar="FILE", help="page to write (default: FOLDER/report.html)")
     arguments = parser.parse_args()
     folder = Path(arguments.folder)
+    path = Path(arguments.out or folder / "report.html")
+    if arguments.folder != "out" and not (folder / "table-4.1").exists():
+        write_text(path, fit_page.Fit(p.outputs(folder)).document())
+        print(path)
+        return
     needed = [folder / "table-4.1" / "estimates.csv", folder / "section-4" / "curves.csv"]
     if not all(path.exists() for path in needed):
         tell(f"computing {folder}: scripts/run.sh reproduce all")
         run("reproduce", "all", "--quiet", "--out", folder)
-    path = Path(arguments.out or folder / "report.html")
     write_text(path, Page(folder).document())
     print(path)
 

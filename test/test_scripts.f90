@@ -2,7 +2,8 @@
 program test_scripts
    use checks, only: check, finish, skip
    use shell, only: close_shell, has_all, line_count, open_shell, outcome_t, program_path, &
-      python_with, run, write_file
+      python_with, read_file, run, write_file
+   use tables, only: number, part
    implicit none
 
    character(len=*), parameter :: nl = achar(10), scripts = '../../scripts/'
@@ -81,14 +82,13 @@ contains
    !> Every script that is given an output folder asks. Where there is no matplotlib, in Python or
    !> in .venv, the scripts would install it: then nothing is tested.
    subroutine test_each()
-      outcome = run('for p in python3 ../../.venv/bin/python; do '// &
-         '$p -c "import numpy, matplotlib" && exit; done; exit 1')
-      if (outcome%status /= 0) then
+      if (python_with('numpy, matplotlib') == '') then
          call skip('each script', 'no matplotlib')
          return
       end if
       outcome = run(scripts//'plot_fit.py out/case')
       call check('plot_fit.py: a picture', outcome%out == 'out/case/fit.png'//nl, outcome%err)
+      call test_page()
       outcome = run('mkdir -p part/section-4 && cp -r out/case part/table-4.1 && '// &
          'touch part/section-4/curves.csv && rm out/case/manifest.txt')
       call judge('plot_fit.py', scripts//'plot_fit.py out/case', 'out/case: no manifest.txt')
@@ -99,6 +99,51 @@ contains
       call judge('report.py', scripts//'report.py part', 'part/section-4: no manifest.txt')
       call test_samples()
    end subroutine test_each
+
+   !> The page of a fit is one file that needs nothing else, says what it is, and has no numbers of
+   !> seventeen digits; on a telephone, 360 points wide, nothing sticks out, by the browser's word
+   !> where there is one.
+   subroutine test_page()
+      character(len=*), parameter :: count = 'import re'//nl// &
+         'page = open("out/case/report.html").read()'//nl// &
+         'pictures = re.findall("<img [^>]*>", page)'//nl// &
+         'bare = [tag for tag in pictures if not re.search(''alt="[^"]{9,}"'', tag)]'//nl// &
+         'print(len(pictures) >= 4, len(bare), len(re.findall("https?://|<script", page)),'//nl// &
+         '      len(re.findall(r"[0-9]{12,}E[-+]", page.split("<pre>")[0])))'//nl, &
+         width = 'import html'//nl// &
+         'page = html.escape(open("out/case/report.html").read())'//nl// &
+         'print(f''<!DOCTYPE html><iframe id="f" style="width:360px;height:800px;border:0" '// &
+         'srcdoc="{page}"></iframe><script>onload = () => document.title = "width " + '''//nl// &
+         '      ''document.getElementById("f").contentDocument.documentElement.scrollWidth'// &
+         '</script>'')'//nl
+      character(len=:), allocatable :: page
+      integer :: at
+
+      outcome = run(scripts//'report.py out/case')
+      call check('report.py: a page', outcome%status == 0 .and. &
+         outcome%out == 'out/case/report.html'//nl, outcome%err)
+      if (outcome%status /= 0) return
+      page = read_file('out/case/report.html')
+      call check('page: language, title, sections', has_all(page, '<html lang="en">|'// &
+         '<title>case: a fit by beamid</title>|id="estimates"|id="curves"|id="modes"|'// &
+         'id="correlations"|&amp;beam'))
+      call write_file('count.py', count)
+      outcome = run('python3 count.py')
+      call check('page: pictures with a text, no links, short numbers', &
+         outcome%out == 'True 0 0 0'//nl, outcome%out)
+      outcome = run('command -v chromium')
+      if (outcome%status /= 0) then
+         call skip('width of the page', 'no chromium')
+         return
+      end if
+      call write_file('width.py', width)
+      outcome = run('python3 width.py >wide.html && chromium --headless --no-sandbox '// &
+         '--disable-gpu --user-data-dir=$PWD/chromium --virtual-time-budget=5000 --dump-dom wide.html')
+      at = index(outcome%out, '<title>width ')
+      call check('page: width', at > 0, outcome%err)
+      if (at > 0) call check('page: at most 360 wide', number(part(outcome%out(at + 13:), 1, '<')) &
+         <= 360, outcome%out(at:min(at + 30, len(outcome%out))))
+   end subroutine test_page
 
    !> A picture of a record reads what the program reads: a header, decimal commas, a rate.
    subroutine test_samples()

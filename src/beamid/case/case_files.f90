@@ -34,6 +34,7 @@ module beamid_case_files
 
    type :: case_t
       character(len=:), allocatable :: path     !< as given
+      character(len=:), allocatable :: text     !< of the file
       character(len=:), allocatable :: name     !< file name without folder and ending
       type(model_t) :: model
       type(mesh_t), allocatable :: meshes(:)    !< one for each entry of `elements`

@@ -51,6 +51,7 @@ contains
       type(experiment_t) :: experiment
 
       case = new_case(path)
+      case%text = text
       call scan_namelist(text, groups, blocks, refusals)
       call read_groups(blocks, refusals, case, error)
       if (.not. allocated(error)) call check_needs(case, needs, error)

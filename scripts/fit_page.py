@@ -1,0 +1,287 @@
+"""The page of a fit for report.py: verdict, estimates with where their errors come from, curves,
+spectra, mode shapes, correlations, the case file."""
+
+import html
+import math
+import re
+
+import plotting as p
+import page as h
+import plot_fit
+import signals as s
+import numpy as np
+
+SIZE = (5.4, 3.0)    # of a picture [in]: legible on a telephone
+SOURCES = (("noise", p.BLUE), ("coloured residuals", p.SKY), ("held parameters", p.ORANGE),
+           ("mesh", p.PURPLE))
+CHECKS = ("determined", "not determined", "white noise", "NOT white", "records disagree", "moves",
+          "held at")
+
+
+def value(row, column):
+    """A finite number of a row, or None where the field is empty or infinite."""
+    text = (row.get(column) or "").strip()
+    try:
+        found = float(text)
+    except ValueError:
+        return None
+    return found if math.isfinite(found) else None
+
+
+def digits_of(estimate, low, high):
+    """As many significant digits as an interval leaves: two of its width."""
+    if low is None or high is None or not high > low or not estimate:
+        return 5
+    return min(max(2 + math.ceil(math.log10(max(abs(low), abs(high)) / (high - low))), 3), 9)
+
+
+def raised(unit):
+    """A unit with its powers raised: m/s²."""
+    return re.sub(r"\^(-?\d+)", lambda match: match[1].translate(p.SUPERSCRIPTS), unit or "")
+
+
+def between(low, high, digits, above="∞"):
+    """An interval as text."""
+    if low is None and high is None:
+        return "unbounded"
+    ends = (p.plain_number(end, digits) if end is not None else other
+            for end, other in ((low, "−∞"), (high, above)))
+    return " to ".join(ends)
+
+
+class Fit:
+    """The outputs of `identify` in a folder, of the last stage on the finest mesh."""
+
+    def __init__(self, folder):
+        self.folder = folder
+        self.name = folder.resolve().name
+        self.summary = h.Summary(p.read_text(folder / "summary.txt"))
+        self.elements, rows = list(p.last_stage(folder).items())[-1]
+        self.stage = rows[0]["stage"]
+        self.J = next((row for row in rows if row["parameter"] == "J"), None)
+        self.rows = [row for row in rows if not row["parameter"].startswith("J")]
+        self.main = [row for row in self.rows if not plot_fit.NUISANCE.match(row["parameter"])]
+        self.quality = p.read_table(folder / "quality.csv", "record", "fit_percent")
+        self.units = plot_fit.read_units(folder)
+        self.records = plot_fit.read_fit(folder)
+
+    # -- what came out
+
+    def verdict(self):
+        """The first lines of the summary, how good each record is, and what limits the fit."""
+        first = self.summary.text.split("\n", 1)[0]
+        lines = [line for line in self.summary.text.splitlines()
+                 if line.startswith("warning") or any(word in line for word in CHECKS)
+                 and not line.startswith(" ")]
+        good = not first.startswith("no fit") and not any(
+            line.startswith("warning") or "not determined" in line or "disagree" in line
+            or "another minimum" in line for line in lines)
+        least = min(p.number(row, "fit_percent") for row in self.quality)
+        many = f" of every one of {len(self.quality)} records" * (len(self.quality) > 1)
+        say = f"<strong>The model explains {least:.1f} %{many} of the signal.</strong>"
+        if first.startswith("no fit"):
+            say = f"<strong>{h.rich(first)}</strong>"
+        points = "".join(f"<li>{h.rich(line)}</li>" for line in dict.fromkeys(lines))
+        box = "box good" if good else "box"
+        return (f"<h1>{html.escape(self.name)}</h1>\n"
+                f'<p class="lead">Parameters of a beam from its record, found by '
+                f"<code>beamid</code>, with {self.elements} elements.</p>\n"
+                f'<div class="{box}">{say}<ul>{points}</ul></div>\n' + self.quality_table())
+
+    def quality_table(self):
+        """A row for each record: samples, how large, how much is explained."""
+        unit = raised(self.units.get("acceleration"))
+        rows = [[row["record"], row["samples"], *(p.plain_number(p.number(row, name), 4) for name in
+                 ("rms_signal", "rms_residual")), f"{p.number(row, 'fit_percent'):.2f} %",
+                 p.plain_number(p.number(row, "effective_samples"), 4)] for row in self.quality]
+        return h.table(["record", "samples", f"signal, rms ({unit})", f"residual, rms ({unit})",
+                        "fit", "worth independent samples"], [rows])
+
+    def estimates(self):
+        """The table: value, interval with every source of error, interval from noise alone."""
+        rows = []
+        for row in self.main:
+            estimate = value(row, "estimate")
+            noise = [value(row, f"{end}95_corrected") for end in ("lower", "upper")]
+            total = [value(row, f"total_{end}95") for end in ("lower", "upper")]
+            if not any(end is not None for end in total):
+                total = noise
+            digits = digits_of(estimate, *total)
+            fine = digits_of(estimate, *noise)
+            shown = "∞" if estimate is None else p.plain_number(estimate, max(digits, 3))
+            rows.append([row["parameter"], shown, raised(row["unit"]), between(*total, digits),
+                         between(*noise, fine), row["determined"] or ""])
+        note = h.paragraph("The first interval counts every source of error that is stated, the "
+                           "second the noise of the record alone. Both hold if the model is right.")
+        return h.table(["parameter", "estimate", "unit", "95 % interval", "from noise alone",
+                        "determined"], [rows]) + note + self.sources()
+
+    def sources(self):
+        """A bar for each parameter: which part of its interval comes from where."""
+        bars = []
+        for row in self.main:
+            plain, corrected, held, mesh = (
+                value(row, name) or 0.0 for name in
+                ("std_error", "std_error_corrected", "from_held", "mesh_shift"))
+            parts = [plain**2, max(corrected**2 - plain**2, 0.0), held**2, (mesh / 1.96)**2]
+            if not sum(parts) > 0 or not value(row, "std_error"):
+                continue
+            shares = [100 * part / sum(parts) for part in parts]
+            told = ", ".join(f"{name} {share:.0f} %" for (name, _), share in zip(SOURCES, shares)
+                             if share >= 0.5)
+            pieces = "".join(f'<span style="width:{share:.2f}%;background:{colour}"></span>'
+                             for (_, colour), share in zip(SOURCES, shares) if share >= 0.05)
+            bars.append(f'<div class="bar"><b>{h.rich(row["parameter"])}</b>'
+                        f'<div role="img" aria-label="{row["parameter"]}: {told}">{pieces}</div>'
+                        f"<small>{told}</small></div>\n")
+        if not bars:
+            return ""
+        return ("<h3>Where the error comes from</h3>\n" + h.paragraph(
+            "Shares of the variance. What is held counts as far as `&prior` says how well it is "
+            "known.") + "".join(bars))
+
+    # -- pictures
+
+    def axes(self, height=1.0):
+        """A figure with one panel."""
+        figure = p.plt.figure(figsize=(SIZE[0], height * SIZE[1]))
+        return figure, figure.add_subplot()
+
+    def curves(self):
+        """Record and model, some cycles with the band, residuals, spectra, of each record."""
+        text = ""
+        for record, meshes in self.records.items():
+            of = f" {record}" if len(self.records) > 1 else ""
+            t, measured, model, residual = meshes[self.elements]
+            sd = math.sqrt(np.mean(residual**2))
+            label = p.with_unit("acceleration", self.units.get("acceleration"))
+            time = p.with_unit("time", self.units.get("time"))
+            hertz = p.frequency_unit(self.units.get("time"))
+
+            figure, axes = self.axes()
+            plot_fit.draw_overview(axes, t, measured, model, self.elements)
+            axes.set(xlabel=time, ylabel=label)
+            axes.legend(loc="upper right")
+            text += h.picture(p.png(figure), f"Record{of} and model.")
+
+            span = s.some_cycles(t, measured) or (t[0], t[min(len(t) - 1, 200)])
+            figure, axes = self.axes()
+            part = (t >= span[0]) & (t <= span[1])
+            axes.fill_between(t[part], model[part] - 1.96 * sd, model[part] + 1.96 * sd,
+                              color=p.SKY, alpha=0.4, linewidth=0)
+            plot_fit.draw_zoom(axes, t, measured, model, span, hertz)
+            axes.set_title("")
+            axes.set(xlabel=time, ylabel=label)
+            text += h.picture(p.png(figure), f"Some cycles of record{of}. The band holds 95 % of "
+                              "what is measured, by the rms of the residuals.")
+
+            figure, axes = self.axes(0.75)
+            axes.axhline(0, color=p.GREY, linewidth=0.8)
+            axes.plot(*s.envelope(t, residual), color=p.BLUE, linewidth=0.6)
+            axes.set(xlabel=time, ylabel=p.with_unit("residual", self.units.get("acceleration")))
+            text += h.picture(p.png(figure), f"Residuals of record{of}, measured less model.")
+
+            if len(t) >= plot_fit.LEAST:
+                figure, axes = self.axes(1.1)
+                plot_fit.draw_spectra(axes, t, measured, model, residual, plot_fit.read_modes(
+                    self.folder, self.elements, record))
+                axes.set(xlabel=p.with_unit("frequency", hertz), ylabel=p.with_unit(
+                    "amplitude", self.units.get("acceleration")))
+                axes.legend(loc="upper left", fontsize=8)
+                text += h.picture(p.png(figure), f"Spectra of record{of}; dashed: the modes of the "
+                                  "fitted structure.")
+        return text
+
+    def modes(self):
+        """Which modes the records show, and those of the fitted structure with their intervals."""
+        text = ""
+        path = self.folder / "modes_seen.csv"
+        if len(p.read_text(path).splitlines()) > 1:
+            rows = []
+            for row in p.read_table(path, "record", "mode", "model_hz", "verdict"):
+                peak, share = value(row, "peak_hz"), value(row, "energy_share")
+                rows.append([row["record"], row["mode"],
+                             p.plain_number(p.number(row, "model_hz"), 6),
+                             p.plain_number(peak, 6) if peak else "none",
+                             f"{100 * (share or 0):.3g} %", row["verdict"]])
+            text += h.table(["record", "mode", "model", "peak of the record", "energy", "verdict"],
+                            [rows])
+        rows = []
+        for row in p.read_table(self.folder / "modes.csv", "elements", "mode", "frequency_hz"):
+            if row["elements"] != str(self.elements) or int(row["mode"]) > 8:
+                continue
+            frequency, damping = (p.number(row, name) for name in ("frequency_hz", "damping_ratio"))
+            f95 = [value(row, f"frequency_{end}95") for end in ("lower", "upper")]
+            d95 = [value(row, f"damping_{end}95") for end in ("lower", "upper")]
+            rows.append([row.get("record", "1"), row["mode"],
+                         p.plain_number(frequency, digits_of(frequency, *f95)),
+                         between(*f95, digits_of(frequency, *f95)) if f95[0] else "",
+                         p.plain_number(damping, digits_of(damping, *d95)),
+                         between(*d95, digits_of(damping, *d95)) if f95[0] else ""])
+        hertz = p.frequency_unit(self.units.get("time"))
+        return (text + "<h3>Modes of the fitted structure</h3>\n" + h.table(
+            ["record", "mode", f"frequency ({hertz})", "95 % interval", "damping ratio",
+             "95 % interval"], [rows]) + self.shapes())
+
+    def shapes(self):
+        """The lowest modes over the beam and what sits on it."""
+        path = self.folder / "shapes.csv"
+        if not path.exists():
+            return ""
+        rows = p.read_table(path, "x", "mode_1_real")
+        x = np.array([p.number(row, "x") for row in rows])
+        count = sum(name.endswith("_real") for name in p.header(path))
+        figure, axes = self.axes(1.1)
+        axes.plot([x[0], x[-1]], [0, 0], color="black", linewidth=3, solid_capstyle="butt")
+        axes.plot([x[0], x[0]], [-0.6, 0.6], color="black", linewidth=2)
+        for k in range(1, min(count, 4) + 1):
+            shape = np.array([p.number(row, f"mode_{k}_real") for row in rows])
+            axes.plot(x, shape, color=p.COLOURS[k - 1], label=f"mode {k}")
+        for row in p.read_table(self.folder / "attachments.csv", "name", "x"):
+            axes.plot(p.number(row, "x"), 0, "ks", markersize=6)
+            axes.annotate(row["name"], (p.number(row, "x"), 0), xytext=(0, 7),
+                          textcoords="offset points", ha="center", fontsize=8)
+        axes.set(xlabel=p.with_unit("x", self.units.get("length")), ylabel="displacement",
+                 ylim=(-1.2, 1.45))
+        axes.legend(ncols=4, loc="upper left", fontsize=8, columnspacing=0.9, handlelength=1.2)
+        return h.picture(p.png(figure), "Mode shapes over the beam, each to a largest "
+                         "displacement of 1; squares: what sits on it.")
+
+    def correlations(self):
+        """The matrix, strong ones marked."""
+        names = [row["parameter"] for row in self.main]
+        matrix = {(row["parameter"], row["other"]): p.number(row, "correlation")
+                  for row in p.read_table(self.folder / "correlations.csv", "stage", "elements",
+                                          "parameter", "other", "correlation")
+                  if row["stage"] == self.stage and row["elements"] == str(self.elements)}
+        if not matrix:
+            return h.paragraph("No degree of freedom is left for them.")
+        rows = [[name] + [self.mark(matrix.get((name, other)), name == other) for other in names]
+                for name in names]
+        return h.table(["", *names], [rows]) + h.paragraph(
+            "*Stressed*: above .9. Parameters that go together so closely can be moved together "
+            "almost without effect; hold one of them at a value that you know.")
+
+    @staticmethod
+    def mark(number, same):
+        """One correlation as text."""
+        if number is None or same:
+            return ""
+        text = h.fixed(number, 3)
+        return f"*{text}*" if abs(number) > 0.9 else text
+
+    def ending(self):
+        """The case file, and all that was printed."""
+        case = self.folder / "case.txt"
+        text = h.preformatted(p.read_text(case)) if case.exists() else ""
+        return text + h.unfolded("All that the program printed", self.summary.text)
+
+    def document(self):
+        """The whole page."""
+        return h.document(f"{self.name}: a fit by beamid", [
+            ("top", "", self.verdict()),
+            ("estimates", "Estimates", self.estimates()),
+            ("curves", "Record and model", self.curves()),
+            ("modes", "Modes", self.modes()),
+            ("correlations", "Correlations", self.correlations()),
+            ("case", "The case file", self.ending())])

@@ -1,0 +1,78 @@
+!> Shapes of the damped modes along the beam, complex where damping or masses make their points move
+!> out of step.
+module beamid_mode_shapes
+   use beamid_equations, only: equations_t
+   use beamid_errors, only: error_t, failure
+   use beamid_kinds, only: wp
+   use beamid_strings, only: to_text
+   implicit none
+   private
+
+   public :: mode_shapes
+
+   interface
+      subroutine zgesv(n, nrhs, a, lda, ipiv, b, ldb, info)
+         import :: wp
+         integer, intent(in) :: n, nrhs, lda, ldb
+         complex(wp), intent(inout) :: a(lda, *), b(ldb, *)
+         integer, intent(out) :: ipiv(*), info
+      end subroutine zgesv
+   end interface
+
+contains
+
+   !> The vectors of (s**2 M + s C + K) u = 0 by inverse iteration next to the roots, as
+   !> displacements, turned and scaled to 1 where they are largest.
+   !>
+   !> roots   (modes) [1/time]
+   !> x       (points) 0 .. length [length]
+   !> shapes  (points, modes)
+   !> error   a system of equations that cannot be solved, or a mode that does not move the beam
+   subroutine mode_shapes(equations, roots, x, shapes, error)
+      type(equations_t), intent(in) :: equations
+      complex(wp), intent(in) :: roots(:)
+      real(wp), intent(in) :: x(:)
+      complex(wp), allocatable, intent(out) :: shapes(:, :)
+      type(error_t), allocatable, intent(out) :: error
+      real(wp), parameter :: beside = 1e-7_wp
+      complex(wp) :: matrix(equations%n, equations%n), u(equations%n, 1), s, largest
+      real(wp) :: basis(size(x), equations%galerkin%space%n)
+      real(wp), allocatable :: re(:), im(:)
+      integer :: pivots(equations%n), i, info, j, k, sweep
+
+      associate (space => equations%galerkin%space, length => equations%structure%length)
+         do i = 1, size(x)
+            basis(i, :) = space%at(x(i)*space%length/length, 0)
+         end do
+         allocate (shapes(size(x), size(roots)))
+         do k = 1, size(roots)
+            s = roots(k)*(1 + beside)
+            u = 1
+            do sweep = 1, 3
+               do j = 1, equations%n
+                  do i = 1, equations%n
+                     matrix(i, j) = s**2*equations%mass%element(i, j) &
+                        + s*equations%damping%element(i, j) + equations%stiffness%element(i, j)
+                  end do
+               end do
+               call zgesv(equations%n, 1, matrix, equations%n, pivots, u, equations%n, info)
+               if (info /= 0) then
+                  call failure(error, 'shape of mode '//to_text(k)//': no solution')
+                  return
+               end if
+               u = u/maxval(abs(u))
+            end do
+            re = equations%constraints%expanded(real(u(:, 1)))
+            im = equations%constraints%expanded(aimag(u(:, 1)))
+            shapes(:, k) = cmplx(matmul(basis, re(:space%n)), matmul(basis, im(:space%n)), wp)
+            largest = shapes(maxloc(abs(shapes(:, k)), dim=1), k)
+            if (.not. abs(largest) > 0) then
+               call failure(error, 'mode '//to_text(k)//' does not move the beam')
+               return
+            end if
+            shapes(:, k) = shapes(:, k)/largest
+         end do
+      end associate
+   end subroutine mode_shapes
+
+end module beamid_mode_shapes
