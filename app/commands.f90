@@ -15,7 +15,7 @@ module beamid_commands
    use beamid_tables, only: add_fit_tables, add_fitted_modes, add_minima, add_modes, &
       fitted_modes_header, labels_table, minima_header, modes_header, record_table, response_table
    use beamid_terminal, only: new_progress, print_text, progress_t, tell
-   use beamid_texts, only: text_t
+   use beamid_texts, only: text_t, wrapped
    use beamid_verdict_reports, only: add_verdict_tables
    use beamid_verdicts, only: new_verdict, verdict_t
    use beamid_window_fits, only: fit_windows, window_fit_t
@@ -307,7 +307,7 @@ contains
       type(error_t), allocatable, intent(out) :: error
       !> Inputs, which are not to be overwritten.
       type(recording_t), intent(in), optional :: recordings(:)
-      character(len=:), allocatable :: folder, kind
+      character(len=:), allocatable :: folder, kind, lines
       integer :: k
 
       folder = 'out/'//name
@@ -316,7 +316,8 @@ contains
       if (kind == 'reproduce') kind = settings%subject
       call output%check_finite(error)
       if (allocated(error)) return
-      call output%add('summary.txt', summary)
+      lines = wrapped(summary)
+      call output%add('summary.txt', lines)
       if (present(recordings)) then
          do k = 1, size(recordings)
             if (allocated(recordings(k)%path)) call output%spare(recordings(k)%path)
@@ -324,7 +325,7 @@ contains
       end if
       call output%commit(folder, error, kind)
       if (allocated(error)) return
-      call print_text(summary, error)
+      call print_text(lines, error)
       if (allocated(error)) error%message = error%message//'; the outputs are in '//folder
    end subroutine deliver
 

@@ -111,16 +111,17 @@ contains
          'AICc = m ln(J/m) + 2 k + 2 k (k + 1)/(m - k - 1), BIC = m ln(J/m) + k ln m,')
       call summary%line('k = number of free parameters + 1 for the noise; the smaller the better.')
       call summary%line()
-      call summary%line(left('model', 28)//right('N', 5)//right('free', 6)//right('J')// &
-         right('AICc')//right('- best')//right('BIC')//right('- best'))
+      call summary%line(left('model', 26)//right('N', 5)//right('free', 6)//right('J')// &
+         right('AICc', 13)//right('- best', 11)//right('BIC', 13)//right('- best', 11))
       call table%line('model,elements,parameters,J,aicc,bic')
       do k = 1, size(models)
          elements = to_text(models(k)%fit%elements)
          free = to_text(models(k)%unknowns())
          associate (J => models(k)%sum_of_squares())
-            call summary%line(left(labels(k)%text, 28)//right(elements, 5)//right(free, 6)// &
-               right(to_text(J))//columns([aicc(k), aicc(k) - minval(aicc), bic(k), &
-               bic(k) - minval(bic)], 14, '#.2'))
+            call summary%line(left(labels(k)%text, 26)//right(elements, 5)//right(free, 6)// &
+               right(to_text(J))//columns([aicc(k)], 13, '#.2')// &
+               columns([aicc(k) - minval(aicc)], 11, '#.2')//columns([bic(k)], 13, '#.2')// &
+               columns([bic(k) - minval(bic)], 11, '#.2'))
             call table%line(csv_row(labels(k)%text//','//elements//','//free, [J, aicc(k), bic(k)]))
          end associate
       end do

@@ -28,13 +28,15 @@ module beamid_manual
    type(command_t), parameter :: commands(*) = [ &
       command_t('identify', 'case.nml', 'fit the free parameters of each stage to the record', &
          'Writes quality.csv, modes_seen.csv, estimates.csv, fit.csv, correlations.csv, '// &
-         'autocorrelation.csv, modes.csv, shapes.csv, attachments.csv, labels.csv, case.txt and summary.txt; minima.csv with '// &
+         'autocorrelation.csv, modes.csv, shapes.csv, attachments.csv, labels.csv, case.txt '// &
+         'and summary.txt; minima.csv with '// &
          '&multistart, windows.csv with &windows. --time measures the time of a fit.'), &
       command_t('simulate', 'case.nml', 'response of the structure at the sample times', &
          'Writes response.csv and, with the noise of &noise, record.csv in the form that '// &
          'identify reads.'), &
       command_t('modes', 'case.nml', 'natural frequencies, damping ratios and mode shapes', &
-         'Writes modes.csv, shapes.csv and attachments.csv; where the case says how to fit a record also '// &
+         'Writes modes.csv, shapes.csv and attachments.csv; where the case says how to fit a '// &
+         'record also '// &
          'modes_fitted.csv, the modes of the fitted structure with their intervals.'), &
       command_t('compare', 'a.nml b.nml ...', &
          'several models of one record: AICc, BIC, nested-model tests', &

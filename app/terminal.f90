@@ -1,7 +1,7 @@
 !> Standard output, and standard error: messages, and the progress of a search. Both are written
 !> through the C library, as gfortran's runtime does not report what a full device refuses.
 module beamid_terminal
-   use, intrinsic :: iso_c_binding, only: c_int, c_intptr_t
+   use, intrinsic :: iso_c_binding, only: c_int, c_intptr_t, c_long, c_short
    use beamid, only: error_t, failure, monitor_t, wp
    use beamid_posix, only: c_signal, reason, sig_ign, sigpipe, write_bytes
    use beamid_strings, only: to_text
@@ -28,6 +28,12 @@ module beamid_terminal
          import :: c_int
          integer(c_int), value :: descriptor
       end function isatty
+      integer(c_int) function c_ioctl(descriptor, request, size) bind(c, name='ioctl')
+         import :: c_int, c_long, c_short
+         integer(c_int), value :: descriptor
+         integer(c_long), value :: request
+         integer(c_short), intent(inout) :: size(4)
+      end function c_ioctl
    end interface
 
 contains
@@ -56,6 +62,8 @@ contains
       end do
       !$omp critical (standard_error_line)
       if (self%overwrite) then
+         ! A line as wide as the terminal would already go on in the next one.
+         line = line(:min(len(line), terminal_width() - 1))
          call show(carriage_return//line//repeat(' ', max(0, self%last_length - len(line))))
          self%last_length = len(line)
       else
@@ -64,12 +72,24 @@ contains
       !$omp end critical (standard_error_line)
    end subroutine iteration
 
+   !> Columns of the terminal behind standard error; 80 where it does not say.
+   integer function terminal_width() result(width)
+      integer(c_long), parameter :: ask_size = int(z'5413', c_long)   ! TIOCGWINSZ of Linux
+      integer(c_short) :: size(4)
+
+      size = 0
+      width = 80
+      if (c_ioctl(standard_error, ask_size, size) /= 0) return
+      if (size(2) > 20) width = size(2)
+   end function terminal_width
+
    !> Clears the overwritten line.
    subroutine finish(self)
       class(progress_t), intent(inout) :: self
 
       if (self%last_length == 0) return
-      call show(carriage_return//repeat(' ', self%last_length)//carriage_return)
+      call show(carriage_return//repeat(' ', min(self%last_length, terminal_width() - 1))// &
+         carriage_return)
       self%last_length = 0
    end subroutine finish
 

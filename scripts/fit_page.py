@@ -14,6 +14,7 @@ import numpy as np
 SIZE = (5.4, 3.0)    # of a picture [in]: legible on a telephone
 SOURCES = (("noise", p.BLUE), ("coloured residuals", p.SKY), ("held parameters", p.ORANGE),
            ("mesh", p.PURPLE))
+WRAPPED = re.compile(r"(?<=\S{2})\n    (?=[a-zA-Z])(?!N )")    # where a long line goes on
 CHECKS = ("determined", "not determined", "white noise", "NOT white", "records disagree", "moves",
           "held at")
 
@@ -70,7 +71,7 @@ class Fit:
     def verdict(self):
         """The first lines of the summary, how good each record is, and what limits the fit."""
         first = self.summary.text.split("\n", 1)[0]
-        lines = [line for line in self.summary.text.splitlines()
+        lines = [line for line in WRAPPED.sub(" ", self.summary.text).splitlines()
                  if line.startswith("warning") or any(word in line for word in CHECKS)
                  and not line.startswith(" ")]
         good = not first.startswith("no fit") and not any(
@@ -92,10 +93,10 @@ class Fit:
         """A row for each record: samples, how large, how much is explained."""
         unit = raised(self.units.get("acceleration"))
         rows = [[row["record"], row["samples"], *(p.plain_number(p.number(row, name), 4) for name in
-                 ("rms_signal", "rms_residual")), f"{p.number(row, 'fit_percent'):.2f} %",
-                 p.plain_number(p.number(row, "effective_samples"), 4)] for row in self.quality]
+                 ("rms_signal", "rms_residual")), f"{p.number(row, 'fit_percent'):.2f} %"]
+                for row in self.quality]
         return h.table(["record", "samples", f"signal, rms ({unit})", f"residual, rms ({unit})",
-                        "fit", "worth independent samples"], [rows])
+                        "fit"], [rows])
 
     def estimates(self):
         """The table: value, interval with every source of error, interval from noise alone."""

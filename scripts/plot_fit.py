@@ -129,12 +129,19 @@ def draw_overview(axes, t, measured, model, elements):
               label=f"model, $N$ = {elements}")
 
 
+def across(t, values):
+    """The same with nothing where the record has a gap, so that no line is drawn across it."""
+    steps = np.diff(t)
+    gaps = 1 + np.flatnonzero(steps > 20 * np.median(steps)) if steps.size else []
+    return np.insert(t, gaps, np.nan), np.insert(values, gaps, np.nan)
+
+
 def draw_zoom(axes, t, measured, model, span, unit):
     """A few cycles, sample by sample."""
     part = (t >= span[0]) & (t <= span[1])
     axes.plot(t[part], measured[part], ".", color="black",
               markersize=float(np.clip(1500 / part.sum(), 1.5, 5)), zorder=2)
-    axes.plot(t[part], model[part], color=p.BLUE, linewidth=1.1, zorder=3)
+    axes.plot(*across(t[part], model[part]), color=p.BLUE, linewidth=1.1, zorder=3)
     axes.set_title(f"a few cycles of the lowest mode seen, {4 / (span[1] - span[0]):.3g} {unit}",
                    fontsize=9, color=p.GREY)
     axes.set_xlim(*span)

@@ -2,6 +2,7 @@
 !> and a few numbers that must survive the way from case file to table.
 program test_command_line
    use beamid_kinds, only: wp
+   use beamid_strings, only: to_text
    use checks, only: check, check_close, finish, skip
    use shell, only: beamid, close_shell, exists, has_all, line_count, open_shell, outcome_t, &
       program_path, read_file, remove_tree, replaced, run, write_file
@@ -32,6 +33,8 @@ program test_command_line
       call test_forms()
       call test_force_table()
       call test_progress()
+      call test_terminal()
+      call test_width()
       call test_frequencies()
       call test_round_trip()
       call test_formulas()
@@ -321,6 +324,61 @@ contains
       end do
    end subroutine test_force_table
 
+   !> No line of what is printed about any case in data/ is wider than 100 columns.
+   subroutine test_width()
+      type(outcome_t) :: outcome, cases
+      character(len=:), allocatable :: file
+      integer :: k
+
+      ! By the exact response: the integrator takes long.
+      outcome = run('cp -r ../../data data && sed -i "s/cvode/modal/; s/, rtol=1e-11//" data/*.nml')
+      cases = run('ls data/*.nml')
+      call check('width: cases', line_count(cases%out) >= 9)
+      do k = 1, line_count(cases%out)
+         file = line(cases%out, k)
+         outcome = beamid('modes '//file//' --out wide --quiet')
+         call check('width of modes '//file, outcome%status == 0 .and. longest(outcome%out) <= 100)
+         outcome = run('grep -q "^&stage" '//file)
+         if (outcome%status == 0) then
+            outcome = beamid('identify '//file//' --out wide --quiet')
+         else
+            outcome = beamid('simulate '//file//' --out wide --quiet')
+         end if
+         call check('width of the other '//file, outcome%status == 0 .and. &
+            longest(outcome%out) <= 100, outcome%err)
+      end do
+      outcome = beamid('compare data/rpl_table_4_2.nml data/rpl_table_4_3.nml --out wide --quiet')
+      call check('width of compare', outcome%status == 0 .and. longest(outcome%out) <= 100)
+   end subroutine test_width
+
+   !> In a terminal of 80 and of 60 columns no line of the progress is wider.
+   subroutine test_terminal()
+      character(len=*), parameter :: watch = 'import fcntl, os, pty, struct, sys, termios'//nl// &
+         'columns = int(sys.argv[1])'//nl//'pid, fd = pty.fork()'//nl//'if pid == 0:'//nl// &
+         '    fcntl.ioctl(2, termios.TIOCSWINSZ, struct.pack("4H", 24, columns, 0, 0))'//nl// &
+         '    os.execv(sys.argv[2], sys.argv[2:])'//nl//'text = b""'//nl//'try:'//nl// &
+         '    while piece := os.read(fd, 4096):'//nl//'        text += piece'//nl// &
+         'except OSError:'//nl//'    pass'//nl//'lines = text.decode().split("\r")'//nl// &
+         'seen = [line for line in lines if "iteration" in line and "\n" not in line]'//nl// &
+         'print(len(seen) > 2, max(map(len, seen)) < columns, os.waitpid(pid, 0)[1])'//nl
+      type(outcome_t) :: outcome
+      integer :: k
+
+      outcome = run('python3 --version')
+      if (outcome%status /= 0) then
+         call skip('progress in a terminal', 'no Python')
+         return
+      end if
+      call write_file('case.nml', case_text)
+      call write_file('watch.py', watch)
+      do k = 60, 80, 20
+         outcome = run('python3 watch.py '//to_text(k)//' "'//program_path// &
+            '" identify case.nml --out progress')
+         call check('terminal of '//to_text(k)//' columns', outcome%out == 'True True 0'//nl, &
+            outcome%out//outcome%err)
+      end do
+   end subroutine test_terminal
+
    !> Standard error of a fit: plain lines when it is no terminal.
    subroutine test_progress()
       type(outcome_t) :: outcome, quiet
@@ -414,19 +472,18 @@ contains
       end do
    end subroutine test_formulas
 
-   !> What was done to the record stands below the verdict, a line for the record, one for each of
-   !> two modes and one for the mesh, and the line that says what was identified.
+   !> What was done to the record stands below the line that says what was identified.
    subroutine test_notes()
       type(outcome_t) :: outcome
-      character(len=:), allocatable :: sixth, table
+      character(len=:), allocatable :: note, table
 
       call write_file('case.nml', replaced(case_text, 't_step=0.1', 't_step=0.1, clip_low=-1.2'))
       call write_file('record.csv', record_text)
       outcome = beamid('identify case.nml --quiet --out notes')
       call check_success('notes', outcome, 'notes/')
-      sixth = line(outcome%out, 6)
-      call check('notes: samples left out', sixth == &
-         '2 of 6 samples left out: at the sensor''s limit (-1.2)', sixth)
+      note = line(outcome%out(index(outcome%out, ': identification from'):), 2)
+      call check('notes: samples left out', note == &
+         '2 of 6 samples left out: at the sensor''s limit (-1.2)', note)
       call check('notes: the others are fitted', index(outcome%out, 'from 4 samples') > 0)
       table = read_file('notes/fit.csv')
       call check_table('fit.csv without them', table, fit_header, rows=4)

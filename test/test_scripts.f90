@@ -138,7 +138,8 @@ contains
       end if
       call write_file('width.py', width)
       outcome = run('python3 width.py >wide.html && chromium --headless --no-sandbox '// &
-         '--disable-gpu --user-data-dir=$PWD/chromium --virtual-time-budget=5000 --dump-dom wide.html')
+         '--disable-gpu --user-data-dir=$PWD/chromium --virtual-time-budget=5000 '// &
+         '--dump-dom wide.html')
       at = index(outcome%out, '<title>width ')
       call check('page: width', at > 0, outcome%err)
       if (at > 0) call check('page: at most 360 wide', number(part(outcome%out(at + 13:), 1, '<')) &

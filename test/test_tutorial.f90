@@ -195,9 +195,9 @@ contains
       end do
    end subroutine compare
 
-   !> Whether two lines have the same words and the same numbers, these within .2 % or one and a half
-   !> of the last digit: estimates, intervals and criteria that converged have more digits than that
-   !> in common on every machine.
+   !> Whether two lines have the same words and the same numbers, these within .2 % or one and a
+   !> half of the last digit: estimates, intervals and criteria that converged have more digits than
+   !> that in common on every machine.
    logical function alike(expected, found)
       character(len=*), intent(in) :: expected, found
       character(len=:), allocatable :: a, b, left, right

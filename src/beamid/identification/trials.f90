@@ -95,7 +95,8 @@ contains
       end associate
    end function gain_of_mode
 
-   !> Sets what speaks against a fit: a large J, much damping, or parameters far from what was believed.
+   !> Sets what speaks against a fit: a large J, much damping, or parameters far from what was
+   !> believed.
    !>
    !> variance  sum of squares of the records about their means
    !> needed    modes without which a parameter would not be determined

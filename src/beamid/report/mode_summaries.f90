@@ -89,34 +89,39 @@ contains
       type(case_t), intent(in) :: case
       integer, intent(in) :: elements, failures
       type(minimum_t), intent(in) :: minima(:)
+      integer, parameter :: most = 5
       character(len=:), allocatable :: line
-      integer :: j, k
+      integer :: first, j, k, last, n
 
       call text%line('N = '//to_text(elements)//': '//to_text(case%multistart%n)// &
          ' starts, minima found: '//to_text(size(minima))//'; '//to_text(failures)// &
          ' starts failed')
-      line = '  found'//right('J')
-      associate (fit => minima(1)%fits(size(minima(1)%fits)))
-         do j = 1, size(fit%free)
-            line = line//right(trim(fit%quantities(j)%name))
-         end do
-      end associate
-      call text%line(line)
-      do k = 1, size(minima)
-         associate (fit => minima(k)%fits(size(minima(k)%fits)))
-            call text%line(right(to_text(minima(k)%count), 7)//columns([fit%fit%J, &
-               fit%quantities(:size(fit%free))%value], 14))
+      n = size(minima(1)%fits(size(minima(1)%fits))%free)
+      do first = 1, max(n, 1), most
+         last = min(first + most - 1, n)
+         line = '  found'//right('J')
+         associate (fit => minima(1)%fits(size(minima(1)%fits)))
+            do j = first, last
+               line = line//right(trim(fit%quantities(j)%name))
+            end do
          end associate
+         call text%line(line)
+         do k = 1, size(minima)
+            associate (fit => minima(k)%fits(size(minima(k)%fits)))
+               call text%line(right(to_text(minima(k)%count), 7)//columns([fit%fit%J, &
+                  fit%quantities(first:last)%value], 14))
+            end associate
+         end do
       end do
    end subroutine minima_summary
 
-   !> Six decimals where they fit.
+   !> Six decimals where they show at least four digits.
    pure function frequency(value) result(text)
       real(wp), intent(in) :: value
       character(len=14) :: text
 
       text = to_text(value)
-      if (value < 1e6_wp) text = fixed(value, 14, 6)
+      if (value >= 1e-3_wp .and. value < 1e6_wp) text = fixed(value, 14, 6)
    end function frequency
 
    !> Hz only where the time is in seconds.

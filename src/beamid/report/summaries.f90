@@ -8,7 +8,7 @@ module beamid_summaries
    use beamid_lines, only: columns
    use beamid_method_groups, only: formula_names
    use beamid_responses, only: work_t
-   use beamid_strings, only: to_text
+   use beamid_strings, only: rounded, to_text
    use beamid_statistics, only: undetermined, unlimited
    use beamid_texts, only: left, right, text_t
    use beamid_unknowns, only: name_length
@@ -35,6 +35,10 @@ contains
       type(text_t) :: text, warnings
       integer :: k
 
+      associate (last => fits(size(fits, 1), size(fits, 2)))
+         if (verdict%no_fit == '') call add_estimates(text, case, last)
+      end associate
+      call text%line()
       do k = 1, size(experiments)
          associate (t => experiments(k)%samples)
             call text%line(case%name//': identification from '//to_text(size(t))// &
@@ -58,46 +62,112 @@ contains
          warnings%content()//text%content()
    end function fit_summary
 
-   !> One stage: starts, then estimates, J and effort for each mesh.
+   !> The estimates with every source of error, as many digits as the interval leaves.
+   subroutine add_estimates(text, case, fit)
+      type(text_t), intent(inout) :: text
+      type(case_t), intent(in) :: case
+      type(stage_fit_t), intent(in) :: fit
+      character(len=:), allocatable :: line
+      real(wp) :: ends(2)
+      integer :: digits, k
+
+      call text%line()
+      call text%line('              estimate    95 % interval, every source of error')
+      do k = 1, size(fit%free)
+         associate (q => fit%quantities(k))
+            line = left(trim(q%name), 10)
+            if (fit%statistics%samples == 0) then
+               line = line//right(to_text(q%value), 12)//'    not known'
+            else if (.not. fit%half_width(k) < unlimited) then
+               line = line//right(rounded(q%value, 3), 12)//'    not determined'
+            else
+               ends = q%ends(fit%total(k))
+               digits = needed_digits(ends)
+               line = line//right(rounded(q%value, digits), 12)//'    '// &
+                  right(rounded(ends(1), digits), 10)//' to '//rounded(ends(2), digits)
+            end if
+            call text%line(line//'  '//case%units%of_quantity(q%parameter, fit%excitation))
+         end associate
+      end do
+   end subroutine add_estimates
+
+   !> As many significant digits as show two of an interval's width.
+   pure integer function needed_digits(ends) result(digits)
+      real(wp), intent(in) :: ends(2)
+      integer, parameter :: least = 3, most = 6
+
+      digits = least
+      if (ends(2) > unlimited) return
+      digits = most
+      if (ends(2) > ends(1)) digits = min(most, max(least, 2 + ceiling(log10(maxval(abs(ends)) &
+         /(ends(2) - ends(1))))))
+   end function needed_digits
+
+   !> One stage: starts, then estimates, J and effort for each mesh; many parameters in several
+   !> blocks.
    subroutine add_stage(text, case, fits)
       type(text_t), intent(inout) :: text
       type(case_t), intent(in) :: case
       type(stage_fit_t), intent(in) :: fits(:)
-      character(len=:), allocatable :: names, units, start, line
-      integer :: k
+      integer, parameter :: most = 6
+      integer :: first, k, n
 
-      names = '    N'
-      units = '     '
-      start = 'start'
-      do k = 1, size(fits(1)%free)
-         associate (q => fits(1)%quantities(k))
-            names = names//right(trim(q%name))
-            units = units//right(case%units%of_quantity(q%parameter, fits(1)%excitation))
-            start = start//right(to_text(q%start))
-         end associate
-      end do
+      n = size(fits(1)%free)
       call text%line('Stage '//to_text(fits(1)%stage))
-      call text%line(names//right('J')//'  iterations  evaluations  why it stopped')
-      if (.not. fits(1)%weighted) units = units//right(case%units%sum_of_squares())
-      call text%line(units)
-      call text%line(start)
+      do first = 1, n + 1, most
+         call add_block(first, min(first + most - 1, n), n < first + most)
+      end do
       do k = 1, size(fits)
-         line = right(to_text(fits(k)%elements), 5)
          associate (fit => fits(k)%fit)
-            line = line//columns([fits(k)%quantities(:size(fits(k)%free))%value, fit%J], 14)// &
-               right(to_text(fit%iterations), 12)// &
-               right(to_text(fit%evaluations), 13)//'  '//fit%reason
-            if (fit%shortened > 0) line = line//'; '//to_text(fit%shortened)// &
-               ' steps shortened because the response could not be computed'
+            call text%line('N = '//to_text(fits(k)%elements)//': '//to_text(fit%iterations)// &
+               ' iterations, '//to_text(fit%evaluations)//' evaluations, '// &
+               effort(fits(k)%work)//'; '//fit%reason)
+            if (fit%shortened > 0) call text%line('    '//to_text(fit%shortened)// &
+               ' steps shortened because the response could not be computed')
          end associate
-         call text%line(line)
-         call text%line('       '//effort(fits(k)%work))
-         if (fits(k)%moved >= 0) call text%line('       the integrator''s error has moved the '// &
+         if (fits(k)%moved >= 0) call text%line('    the integrator''s error has moved the '// &
             'estimates by '//to_text(fits(k)%moved)//' of their standard errors at most, seen '// &
             'from '//fits(k)%reference)
-         if (fits(k)%score >= 0) call text%line('       sum of squares over the window of '// &
+         if (fits(k)%score >= 0) call text%line('    sum of squares over the window of '// &
             '&score: '//to_text(fits(k)%score))
       end do
+
+   contains
+
+      !> Parameters first to last, and J behind the last.
+      subroutine add_block(first, last, with_J)
+         integer, intent(in) :: first, last
+         logical, intent(in) :: with_J
+         character(len=:), allocatable :: names, units, start, line
+         integer :: k
+
+         if (first > last .and. .not. (with_J .and. first == n + 1 .and. modulo(n, most) == 0)) &
+            return
+         names = '    N'
+         units = '     '
+         start = 'start'
+         do k = first, last
+            associate (q => fits(1)%quantities(k))
+               names = names//right(trim(q%name))
+               units = units//right(case%units%of_quantity(q%parameter, fits(1)%excitation))
+               start = start//right(to_text(q%start))
+            end associate
+         end do
+         if (with_J) then
+            names = names//right('J')
+            if (.not. fits(1)%weighted) units = units//right(case%units%sum_of_squares())
+         end if
+         call text%line(names)
+         call text%line(units)
+         if (first <= last) call text%line(start)
+         do k = 1, size(fits)
+            line = right(to_text(fits(k)%elements), 5)//columns(fits(k)%quantities(first:last) &
+               %value, 14)
+            if (with_J) line = line//columns([fits(k)%fit%J], 14)
+            call text%line(line)
+         end do
+      end subroutine add_block
+
    end subroutine add_stage
 
    !> Errors, correlations, what is not determined and what the residuals say, on one mesh.
@@ -110,7 +180,7 @@ contains
       character(len=name_length) :: names(size(fit%quantities))
       character(len=512), allocatable :: sentences(:)
       logical :: corrects
-      integer :: j, k
+      integer :: k
 
       if (fit%statistics%samples == 0) then
          call text%line('No degree of freedom is left for standard errors.')
@@ -123,20 +193,21 @@ contains
       call text%line('Statistics for N = '//to_text(fit%elements)//': noise sd '// &
          to_text(sqrt(fit%statistics%variance))//line//', '// &
          to_text(fit%statistics%freedom)//' degrees of freedom')
-      line = '              estimate     std error        lower95        upper95'
+      line = '              estimate   std error      lower95      upper95'
       corrects = .not. fit%check%white
       if (allocated(fit%statistics%disputed)) corrects = corrects .or. &
          any(fit%statistics%disputed)
-      if (corrects) line = line//'  corrected se        lower95        upper95'
-      call text%line(line//'  correlations')
+      if (corrects) line = line//'   corrected      lower95      upper95'
+      call text%line(line)
       associate (s => fit%statistics, p => fit%quantities%value)
          do k = 1, size(p)
             line = left(trim(names(k)), 10)//right(to_text(p(k)), 12)//interval(fit, k, &
                s%std_error(k), s%half_width(k))
             if (corrects) line = line//interval(fit, k, &
                s%corrected_error(k), s%corrected_half_width(k))
-            call text%line(line//columns([(fit%correlation(k, j), j=1, k - 1)], 9, '#.4'))
+            call text%line(line)
          end do
+         call add_correlations(text, fit, names)
          condition = 'unlimited'
          if (s%condition < unlimited) condition = to_text(s%condition)
          call text%line('singular values of the Jacobian per relative change:'// &
@@ -163,6 +234,32 @@ contains
          fit%statistics%disputed), ' ')//'; the corrected errors are from that')
       call add_residual_check(text, fit)
    end subroutine add_statistics
+
+   !> The lower triangle of what was searched for, under headings; amplitudes of a start and offsets
+   !> are in correlations.csv.
+   subroutine add_correlations(text, fit, names)
+      type(text_t), intent(inout) :: text
+      type(stage_fit_t), intent(in) :: fit
+      character(len=*), intent(in) :: names(:)
+      integer, parameter :: most = 8
+      character(len=:), allocatable :: line
+      integer :: first, j, k, n
+
+      n = size(fit%free)
+      if (n < 2) return
+      call text%line('correlations')
+      do first = 1, n - 1, most
+         line = repeat(' ', 10)
+         do j = first, min(first + most - 1, n - 1)
+            line = line//right(trim(names(j)), 11)
+         end do
+         call text%line(line)
+         do k = first + 1, n
+            call text%line(left(trim(names(k)), 10)//columns([(fit%correlation(k, j), j=first, &
+               min(first + most - 1, k - 1))], 11, '#.4'))
+         end do
+      end do
+   end subroutine add_correlations
 
    !> Whiteness of the residuals.
    subroutine add_residual_check(text, fit)
@@ -195,12 +292,12 @@ contains
       real(wp) :: ends(3)
 
       associate (q => fit%quantities(k))
-         line = right('unlimited')//right('-', 15)//right('-', 15)
+         line = right('unlimited', 12)//right('-', 13)//right('-', 13)
          if (.not. (std_error < unlimited .and. half_width < unlimited)) return
          ends = q%limits(std_error, half_width)
-         line = right('-')
-         if (abs(ends(1)) <= unlimited) line = columns(ends(:1), 14)
-         line = line//columns(ends(2:), 15)
+         line = right('-', 12)
+         if (abs(ends(1)) <= unlimited) line = columns(ends(:1), 12)
+         line = line//columns(ends(2:), 13)
       end associate
    end function interval
 

@@ -24,35 +24,22 @@ contains
    function window_summary(fit, windows) result(content)
       type(stage_fit_t), intent(in) :: fit
       type(window_fit_t), intent(in) :: windows(:)
-      character(len=:), allocatable :: content, line, drifting
+      character(len=:), allocatable :: content, drifting
+      integer, parameter :: most = 6
       type(text_t) :: text
       real(wp) :: spread, expected, probability
-      integer :: i, k
+      integer :: first, i, k, last
 
-      call text%line()
-      line = left('window', 10)
-      do i = 1, size(windows)
-         line = line//right(to_text(i))
-      end do
-      call text%line(line//right('scatter')//right('expected'))
-      line = left('from t =', 10)
-      do i = 1, size(windows)
-         line = line//columns(windows(i)%first(:1), 14)
-      end do
-      call text%line(line)
       drifting = ''
+      do first = 1, size(windows), most
+         last = min(first + most - 1, size(windows))
+         call add_block(first, last)
+      end do
+      call text%line(left('of all', 10)//right('scatter')//right('expected'))
       do k = 1, size(fit%free)
          associate (q => fit%quantities(k))
-            line = left(trim(q%searched_name()), 10)
-            do i = 1, size(windows)
-               if (allocated(windows(i)%error)) then
-                  line = line//right('-')
-               else
-                  line = line//columns(windows(i)%estimate(k:k), 14)
-               end if
-            end do
             call scatter(windows, k, spread, expected, probability)
-            call text%line(line//columns([spread, expected], 14))
+            call text%line(left(trim(q%searched_name()), 10)//columns([spread, expected], 14))
             if (probability < improbable) drifting = drifting//', '//trim(q%name)
          end associate
       end do
@@ -67,6 +54,39 @@ contains
             '; they are no constants of this motion, and their intervals are too narrow')
       end if
       content = text%content()
+
+   contains
+
+      !> Windows first to last.
+      subroutine add_block(first, last)
+         integer, intent(in) :: first, last
+         character(len=:), allocatable :: line
+         integer :: i, k
+
+         call text%line()
+         line = left('window', 10)
+         do i = first, last
+            line = line//right(to_text(i))
+         end do
+         call text%line(line)
+         line = left('from t =', 10)
+         do i = first, last
+            line = line//columns(windows(i)%first(:1), 14)
+         end do
+         call text%line(line)
+         do k = 1, size(fit%free)
+            line = left(trim(fit%quantities(k)%searched_name()), 10)
+            do i = first, last
+               if (allocated(windows(i)%error)) then
+                  line = line//right('-')
+               else
+                  line = line//columns(windows(i)%estimate(k:k), 14)
+               end if
+            end do
+            call text%line(line)
+         end do
+      end subroutine add_block
+
    end function window_summary
 
    !> windows.csv; what records share stands beside the times of each.

@@ -4,7 +4,7 @@ module beamid_strings
    implicit none
    private
 
-   public :: lower, to_text, full, fixed
+   public :: lower, to_text, full, fixed, rounded
 
    !> A number as short as it can be read: `0.04`, `1.5E+09`, `12`. Its length is explicit, because
    !> gfortran keeps that of a deferred-length result in static memory, which threads share.
@@ -90,6 +90,22 @@ contains
 
       text = short_form(value)
    end function real_to_text
+
+   !> So many significant digits at most, as short as they can be read.
+   pure function rounded(value, digits) result(text)
+      real(wp), intent(in) :: value
+      integer, intent(in) :: digits
+      character(len=:), allocatable :: text
+      character(len=40) :: buffer, form
+      real(wp) :: near
+
+      text = to_text(value)
+      if (abs(value) > huge(value)) return
+      write (form, '(a,i0,a)') '(es30.', digits - 1, 'e3)'
+      write (buffer, form) value
+      read (buffer, *) near
+      text = to_text(near)
+   end function rounded
 
    !> Full precision: the decimal form reads back as the same number.
    pure function full(value) result(text)

@@ -4,7 +4,7 @@ module beamid_texts
    implicit none
    private
 
-   public :: text_t, left, right
+   public :: text_t, left, right, wrapped
 
    !> Of a column by default.
    integer, parameter :: width = 14
@@ -21,7 +21,7 @@ module beamid_texts
 contains
 
    !> Appends `piece` as it is.
-   subroutine add(self, piece)
+   pure subroutine add(self, piece)
       class(text_t), intent(inout) :: self
       character(len=*), intent(in) :: piece
       character(len=:), allocatable :: larger
@@ -40,7 +40,7 @@ contains
    end subroutine add
 
    !> Appends a line, blanks at its end left out.
-   subroutine line(self, piece)
+   pure subroutine line(self, piece)
       class(text_t), intent(inout) :: self
       character(len=*), intent(in), optional :: piece
 
@@ -56,6 +56,34 @@ contains
       content = ''
       if (allocated(self%buffer)) content = self%buffer(:self%length)
    end function content
+
+   !> Text whose lines longer than a terminal is wide go on, four columns in, in the next line; a
+   !> word is not cut.
+   pure function wrapped(content)
+      character(len=*), intent(in) :: content
+      character(len=:), allocatable :: wrapped
+      integer, parameter :: most = 100, indent = 4
+      character(len=:), allocatable :: line
+      type(text_t) :: text
+      integer(ip) :: first, length
+      integer :: cut
+
+      first = 1
+      do while (first <= len(content, ip))
+         length = index(content(first:), new_line('a'), kind=ip)
+         if (length == 0) length = len(content, ip) - first + 2
+         line = content(first:first + length - 2)
+         do while (len(line) > most)
+            cut = scan(line(:most + 1), ' ', back=.true.)
+            if (verify(line(:cut), ' ') == 0) exit
+            call text%line(line(:cut))
+            line = repeat(' ', indent)//adjustl(line(cut + 1:))
+         end do
+         call text%line(line)
+         first = first + length
+      end do
+      wrapped = text%content()
+   end function wrapped
 
    !> Text at the right end of a column.
    pure function right(text, columns)
