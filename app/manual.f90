@@ -76,7 +76,7 @@ contains
    function commands_in_words() result(text)
       character(len=:), allocatable :: text
 
-      text = one_of(commands%name, '')
+      text = one_of(command_names(), '')
    end function commands_in_words
 
    !> beamid help [WORD ...]
@@ -147,7 +147,7 @@ contains
       call add_help_on(trim(word(merge(2, 1, index(word, '&') == 1):)), text, found)
       if (found) return
       call known_words(words)
-      call or_nearest(word, [character(len=name_length) :: commands%name, words], perhaps)
+      call or_nearest(word, [character(len=name_length) :: command_names(), words], perhaps)
       call bad_input(error, 'help: found '//word// &
          ', expected a command, a group, a key or a parameter'//perhaps)
    end subroutine add_word
@@ -259,7 +259,7 @@ contains
       call text%line('_beamid() {')
       call text%line('   local word=${COMP_WORDS[COMP_CWORD]} command=${COMP_WORDS[1]}')
       call text%line('   if [[ $COMP_CWORD == 1 ]]; then')
-      call text%line('      COMPREPLY=($(compgen -W "'//listed(commands%name, ' ')// &
+      call text%line('      COMPREPLY=($(compgen -W "'//listed(command_names(), ' ')// &
          '" -- "$word"))')
       call text%line('   elif [[ ${COMP_WORDS[COMP_CWORD-1]} == --out ]]; then')
       call text%line('      COMPREPLY=($(compgen -d -- "$word"))')
@@ -271,7 +271,7 @@ contains
          '" -- "$word")) ;;')
       call text%line('      reproduce) COMPREPLY=($(compgen -W "'//plain(reproducible)// &
          '" -- "$word")) ;;')
-      call text%line('      help) COMPREPLY=($(compgen -W "'//listed(commands%name, ' ')//' '// &
+      call text%line('      help) COMPREPLY=($(compgen -W "'//listed(command_names(), ' ')//' '// &
          listed(words, ' ')//'" -- "$word")) ;;')
       call text%line('      *) COMPREPLY=($(compgen -d -- "$word") $(compgen -G "$word*.nml")) ;;')
       call text%line('      esac')
@@ -302,7 +302,7 @@ contains
       call text%line('   new) _alternative "kinds:kind:('//listed(template_kinds, ' ')// &
          ')" "folders:folder:_files -/" ;;')
       call text%line('   reproduce) compadd -- '//plain(reproducible)//' ;;')
-      call text%line('   help) compadd -- '//listed(commands%name, ' ')//' '// &
+      call text%line('   help) compadd -- '//listed(command_names(), ' ')//' '// &
          listed(words, ' ')//' ;;')
       call text%line('   *) _arguments "*:case file:_files -g ''*.nml''" '// &
          '"--out:folder:_files -/"'// &

@@ -90,10 +90,13 @@ contains
    subroutine add_word(words, word)
       character(len=name_length), allocatable, intent(inout) :: words(:)
       character(len=*), intent(in) :: word
-      character(len=name_length) :: longer
+      character(len=name_length), allocatable :: longer(:)
 
-      longer = word
-      if (.not. any(words == longer)) words = [words, longer]
+      if (any(words == word)) return
+      allocate (longer(size(words) + 1))
+      longer(:size(words)) = words
+      longer(size(longer)) = word
+      call move_alloc(longer, words)
    end subroutine add_word
 
    !> A key in one sentence: what it takes, what holds without it, what it means.

@@ -161,8 +161,8 @@ contains
          call text%line(units)
          if (first <= last) call text%line(start)
          do k = 1, size(fits)
-            line = right(to_text(fits(k)%elements), 5)//columns(fits(k)%quantities(first:last) &
-               %value, 14)
+            line = right(to_text(fits(k)%elements), 5)//columns([fits(k)%quantities( &
+               first:last)%value], 14)
             if (with_J) line = line//columns([fits(k)%fit%J], 14)
             call text%line(line)
          end do
