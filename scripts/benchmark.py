@@ -57,7 +57,7 @@ DECAY = """&beam       length=0.5, rho=0.27, E={}, width=0.05, height=0.002, c_D
 &excitation kind='free', modes=2 /
 &discretization elements=8 /
 &record     file='decay.csv' /
-&stage      free='E','m_S','c_D','gamma','offset' /
+&stage      free='E','m_S','c_D','gamma','offset', start='case' /
 """
 TRUTH, START = (6.8e10, 4e6, 0.08, 0.0045), (6.83e10, 5e6, 0.06, 0.0047)
 AMPLITUDES, OFFSET, NOISE, SECONDS = (20 + 5j, 4 - 3j), 0.4, 0.07, 5.0    # m/s^2, s
