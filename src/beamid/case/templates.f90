@@ -3,9 +3,7 @@ module beamid_templates
    use beamid_cases, only: case_t, needs_nothing, parse_case, sample_times
    use beamid_errors, only: bad_input, error_t
    use beamid_excitation, only: new_base_motion
-   use beamid_galerkin, only: mesh_t
    use beamid_kinds, only: wp
-   use beamid_lines, only: csv_row
    use beamid_noise, only: gaussian_noise
    use beamid_simulation, only: simulate, simulation_t
    use beamid_strings, only: full
@@ -157,6 +155,7 @@ contains
       type(simulation_t) :: simulation
       type(text_t) :: table
       real(wp), allocatable :: times(:), noise(:), base(:)
+      character(len=:), allocatable :: row
       integer :: k
 
       call parse_case('template', lines(truth), needs_nothing, case, error)
@@ -173,8 +172,9 @@ contains
       noise = gaussian_noise(size(times), case%noise_sd, case%noise_seed)
       call table%line('t,acceleration'//trim(merge(',base', '     ', size(base) > 0)))
       do k = 1, size(times)
-         call table%line(csv_row(full(times(k)), [simulation%acceleration(k) + noise(k), &
-            base(k:min(k, size(base)))]))
+         row = full(times(k))//','//full(simulation%acceleration(k) + noise(k))
+         if (size(base) > 0) row = row//','//full(base(k))
+         call table%line(row)
       end do
       record = table%content()
    end subroutine make_record
