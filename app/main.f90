@@ -106,7 +106,10 @@ contains
       associate (command => settings%command, given => size(settings%subjects))
          select case (command)
          case ('help')
-         case ('new'); call check_new(words_of(settings%subjects), error)
+         case ('new')
+            call check_new(words_of(settings%subjects), error)
+            if (.not. allocated(error) .and. allocated(settings%out)) call bad_input(error, &
+               'new: found --out, expected the folder behind the kind')
          case ('version')
             if (given > 0) call bad_input(error, 'found '//settings%subject//' behind '// &
                command//', expected nothing')

@@ -16,7 +16,10 @@ prefix=$(realpath "$1")
 source "$checkout/scripts/fpm.sh"
 find_fpm
 build release
-(cd "$checkout" && "$fpm" install --profile release --prefix "$prefix" --no-rebuild </dev/null >/dev/null)
+log=$(mktemp)
+trap 'rm -f "$log"' EXIT
+(cd "$checkout" && "$fpm" install --profile release --prefix "$prefix" --no-rebuild </dev/null \
+   >"$log" 2>&1) || { cat "$log" >&2 && exit 1; }
 
 share=$prefix/share
 program=$prefix/bin/beamid
@@ -25,5 +28,8 @@ mkdir -p "$share/man/man1" "$share/bash-completion/completions" "$share/zsh/site
 "$program" help man >"$share/man/man1/beamid.1"
 "$program" help bash >"$share/bash-completion/completions/beamid"
 "$program" help zsh >"$share/zsh/site-functions/_beamid"
-cp "$checkout"/scripts/*.py "$checkout/scripts/setup.sh" "$checkout/scripts/fpm.sh" "$share/beamid/scripts/"
+for script in cases fit_page page plot_convergence plot_fit plot_paper plot_record plot_studies \
+   plotting program report roller_beam signals to_csv; do
+   cp "$checkout/scripts/$script.py" "$share/beamid/scripts/"
+done
 echo "$program"

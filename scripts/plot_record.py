@@ -11,7 +11,7 @@ import plotting as p
 import cases as c
 import signals as s
 import numpy as np
-from program import CHECKOUT, read_text, write_text
+from program import PROGRAM, read_text, write_text
 
 FIT = ("excitation", "stage", "multistart", "score", "noise")    # groups of no use here
 OWN = {"beam": "length", "sensor": "x_s"}
@@ -28,9 +28,8 @@ def run_modes(case, text):
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "case.nml"
         write_text(path, text)
-        done = subprocess.run([CHECKOUT / "scripts" / "run.sh", "modes", path, "--quiet", "--out",
-                               folder], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
-                              text=True)
+        done = subprocess.run([PROGRAM, "modes", path, "--quiet", "--out", folder],
+                              stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
         if done.returncode:
             lines = done.stderr.strip().splitlines() or ["the program failed"]
             message = lines[-1].removeprefix("beamid: ").replace(str(path), str(case))

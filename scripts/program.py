@@ -13,6 +13,10 @@ from pathlib import Path
 
 CHECKOUT = Path(__file__).resolve().parent.parent
 PYTHON = CHECKOUT / ".venv" / "bin" / "python"
+# What runs the program: set-up and build come first, or install.sh has put it beside the scripts.
+IN_CHECKOUT = (CHECKOUT / "fpm.toml").exists()
+PROGRAM = (CHECKOUT / "scripts" / "run.sh" if IN_CHECKOUT else
+           CHECKOUT.parent.parent / "bin" / "beamid")
 
 
 def tell(message):
@@ -34,6 +38,8 @@ def need(*modules):
         for module in modules:
             importlib.import_module(module)
     except ImportError as missing:
+        if not IN_CHECKOUT:
+            fail(f"no module {missing.name}, expected {', '.join(modules)}, as by pip install", 1)
         if Path(sys.prefix).resolve() == PYTHON.parent.parent.resolve():
             fail(f"no module {missing.name}, expected {', '.join(modules)} in .venv", 1)
         if subprocess.run([CHECKOUT / "scripts" / "setup.sh", "pictures"]).returncode:
@@ -59,14 +65,15 @@ def output_of(*command):
 
 def run(*arguments):
     """Sets up and builds what is missing, then runs the program; its output goes nowhere."""
-    command = [CHECKOUT / "scripts" / "run.sh", *arguments]
-    if subprocess.run(command, stdout=subprocess.DEVNULL).returncode:
-        fail(f"scripts/run.sh {arguments[0]} failed", 1)
+    if subprocess.run([PROGRAM, *arguments], stdout=subprocess.DEVNULL).returncode:
+        fail(f"{PROGRAM.name} {arguments[0]} failed", 1)
 
 
 def release(target="beamid"):
     """An executable of the release build, made if need be: the program or '--example NAME'."""
     run("version")
+    if not IN_CHECKOUT:
+        return PROGRAM
     listed = output_of("bash", "-c", "checkout=$PWD; . scripts/fpm.sh && find_fpm && "
                        f"paths run {target} --profile release")
     return CHECKOUT / listed.splitlines()[-1]

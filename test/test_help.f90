@@ -149,6 +149,7 @@ contains
          exists('free-decay/case.nml') .and. exists('free-decay/record.csv'))
       call refused('new bese', 'new: found bese|perhaps base')
       call refused('new base a b', 'found 3 words')
+      call refused('new base --out a', 'found --out')
       call write_file('file', 'x')
       call refused('new base file/below', 'file/below: cannot be written')
    end subroutine test_new
