@@ -14,9 +14,26 @@ import numpy as np
 SIZE = (5.4, 3.0)    # of a picture [in]: legible on a telephone
 SOURCES = (("noise", p.BLUE), ("coloured residuals", p.SKY), ("held parameters", p.ORANGE),
            ("mesh", p.PURPLE))
-WRAPPED = re.compile(r"(?<=\S{2})\n    (?=[a-zA-Z])(?!N )")    # where a long line goes on
+LONG = 75    # a line shorter than that has no other one behind it that goes on with it
 CHECKS = ("determined", "not determined", "white noise", "NOT white", "records disagree", "moves",
           "held at")
+
+
+def unwrapped(text):
+    """Lines as they were before long ones were made to go on, four columns in."""
+    lines, last = [], ""
+    for line in text.splitlines():
+        if len(last) > LONG and re.match(r" {4}\S", line) and lines:
+            lines[-1] += line[3:]
+        else:
+            lines.append(line)
+        last = line
+    return lines
+
+
+def has_rows(path):
+    """Whether a table has anything below its header."""
+    return len(p.read_text(path).splitlines()) > 1
 
 
 def value(row, column):
@@ -71,9 +88,10 @@ class Fit:
     def verdict(self):
         """The first lines of the summary, how good each record is, and what limits the fit."""
         first = self.summary.text.split("\n", 1)[0]
-        lines = [line for line in WRAPPED.sub(" ", self.summary.text).splitlines()
-                 if line.startswith("warning") or any(word in line for word in CHECKS)
-                 and not line.startswith(" ")]
+        warnings, _, statistics = self.summary.text.rpartition("\nStatistics for")
+        lines = [line for line in unwrapped(warnings) if line.startswith("warning")]
+        lines += [line for line in unwrapped(statistics)
+                  if any(word in line for word in CHECKS) and not line.startswith(" ")]
         good = not first.startswith("no fit") and not any(
             line.startswith("warning") or "not determined" in line or "disagree" in line
             or "another minimum" in line for line in lines)
@@ -197,7 +215,7 @@ class Fit:
         """Which modes the records show, and those of the fitted structure with their intervals."""
         text = ""
         path = self.folder / "modes_seen.csv"
-        if len(p.read_text(path).splitlines()) > 1:
+        if has_rows(path):
             rows = []
             for row in p.read_table(path, "record", "mode", "model_hz", "verdict"):
                 peak, share = value(row, "peak_hz"), value(row, "energy_share")
@@ -208,6 +226,8 @@ class Fit:
             text += h.table(["record", "mode", "model", "peak of the record", "energy", "verdict"],
                             [rows])
         rows = []
+        if not has_rows(self.folder / "modes.csv"):
+            return text
         for row in p.read_table(self.folder / "modes.csv", "elements", "mode", "frequency_hz"):
             if row["elements"] != str(self.elements) or int(row["mode"]) > 8:
                 continue
@@ -251,12 +271,12 @@ class Fit:
     def correlations(self):
         """The matrix, strong ones marked."""
         names = [row["parameter"] for row in self.main]
+        if not has_rows(self.folder / "correlations.csv"):
+            return h.paragraph("No degree of freedom is left for them.")
         matrix = {(row["parameter"], row["other"]): p.number(row, "correlation")
                   for row in p.read_table(self.folder / "correlations.csv", "stage", "elements",
                                           "parameter", "other", "correlation")
                   if row["stage"] == self.stage and row["elements"] == str(self.elements)}
-        if not matrix:
-            return h.paragraph("No degree of freedom is left for them.")
         rows = [[name] + [self.mark(matrix.get((name, other)), name == other) for other in names]
                 for name in names]
         return h.table(["", *names], [rows]) + h.paragraph(
