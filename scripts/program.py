@@ -13,10 +13,12 @@ from pathlib import Path
 
 CHECKOUT = Path(__file__).resolve().parent.parent
 PYTHON = CHECKOUT / ".venv" / "bin" / "python"
-# What runs the program: set-up and build come first, or install.sh has put it beside the scripts.
+# What runs the program: set-up and build come first, or install.sh has put it beside the scripts;
+# tests bring one of their own.
 IN_CHECKOUT = (CHECKOUT / "fpm.toml").exists()
-PROGRAM = (CHECKOUT / "scripts" / "run.sh" if IN_CHECKOUT else
-           CHECKOUT.parent.parent / "bin" / "beamid")
+PROGRAM = Path(os.environ.get("BEAMID_PROGRAM") or
+               (CHECKOUT / "scripts" / "run.sh" if IN_CHECKOUT else
+                CHECKOUT.parent.parent / "bin" / "beamid"))
 
 
 def tell(message):
