@@ -10,15 +10,6 @@ module beamid_mode_shapes
 
    public :: mode_shapes
 
-   interface
-      subroutine zgesv(n, nrhs, a, lda, ipiv, b, ldb, info)
-         import :: wp
-         integer, intent(in) :: n, nrhs, lda, ldb
-         complex(wp), intent(inout) :: a(lda, *), b(ldb, *)
-         integer, intent(out) :: ipiv(*), info
-      end subroutine zgesv
-   end interface
-
 contains
 
    !> The vectors of (s**2 M + s C + K) u = 0 by inverse iteration next to the roots, as
@@ -35,10 +26,11 @@ contains
       complex(wp), allocatable, intent(out) :: shapes(:, :)
       type(error_t), allocatable, intent(out) :: error
       real(wp), parameter :: beside = 1e-7_wp
-      complex(wp) :: matrix(equations%n, equations%n), u(equations%n, 1), s, largest
+      complex(wp) :: matrix(equations%n, equations%n), u(equations%n), s, largest
       real(wp) :: basis(size(x), equations%galerkin%space%n)
       real(wp), allocatable :: re(:), im(:)
-      integer :: pivots(equations%n), i, info, j, k, sweep
+      integer :: i, j, k, sweep
+      logical :: solved
 
       associate (space => equations%galerkin%space, length => equations%structure%length)
          do i = 1, size(x)
@@ -55,15 +47,15 @@ contains
                         + s*equations%damping%element(i, j) + equations%stiffness%element(i, j)
                   end do
                end do
-               call zgesv(equations%n, 1, matrix, equations%n, pivots, u, equations%n, info)
-               if (info /= 0) then
+               call solve(matrix, u, solved)
+               if (.not. solved) then
                   call failure(error, 'shape of mode '//to_text(k)//': no solution')
                   return
                end if
                u = u/maxval(abs(u))
             end do
-            re = equations%constraints%expanded(real(u(:, 1)))
-            im = equations%constraints%expanded(aimag(u(:, 1)))
+            re = equations%constraints%expanded(real(u))
+            im = equations%constraints%expanded(aimag(u))
             shapes(:, k) = cmplx(matmul(basis, re(:space%n)), matmul(basis, im(:space%n)), wp)
             largest = shapes(maxloc(abs(shapes(:, k)), dim=1), k)
             if (.not. abs(largest) > 0) then
@@ -74,5 +66,41 @@ contains
          end do
       end associate
    end subroutine mode_shapes
+
+   !> A x = b by elimination with row pivots, written out: the last bits of what a threaded LAPACK
+   !> returns differ from run to run, and those of a table must not.
+   !>
+   !> a       (n, n) is overwritten
+   !> b       (n) on return x
+   !> solved  .false. where a pivot vanishes or is no number
+   pure subroutine solve(a, b, solved)
+      complex(wp), intent(inout) :: a(:, :), b(:)
+      logical, intent(out) :: solved
+      complex(wp) :: row(size(b)), other
+      integer :: i, j, n, pivot
+
+      n = size(b)
+      solved = .false.
+      do j = 1, n
+         pivot = j - 1 + maxloc(abs(a(j:, j)), dim=1)
+         if (.not. abs(a(pivot, j)) > 0) return
+         row = a(pivot, :)
+         a(pivot, :) = a(j, :)
+         a(j, :) = row
+         other = b(pivot)
+         b(pivot) = b(j)
+         b(j) = other
+         a(j + 1:, j) = a(j + 1:, j)/a(j, j)
+         do i = j + 1, n
+            a(j + 1:, i) = a(j + 1:, i) - a(j, i)*a(j + 1:, j)
+         end do
+         b(j + 1:) = b(j + 1:) - b(j)*a(j + 1:, j)
+      end do
+      do j = n, 1, -1
+         b(j) = b(j)/a(j, j)
+         b(:j - 1) = b(:j - 1) - b(j)*a(:j - 1, j)
+      end do
+      solved = .true.
+   end subroutine solve
 
 end module beamid_mode_shapes
