@@ -2,24 +2,19 @@
 module beamid_commands
    use, intrinsic :: iso_fortran_env, only: int64
    use beamid
-   use beamid_cases, only: can_be_fitted, scored_samples
+   use beamid_case_fits, only: case_fit_t, fit_case, judge_case, load_case
+   use beamid_cases, only: can_be_fitted
    use beamid_errors, only: bad_input, locate
-   use beamid_identification, only: score_fits
-   use beamid_mode_summaries, only: fitted_modes_summary, minima_summary, modes_summary
+   use beamid_fit_reports, only: add_modes_of_fits, report_fit
+   use beamid_mode_summaries, only: modes_summary
    use beamid_outputs, only: output_t
-   use beamid_responses, only: is_exact
    use beamid_sorting, only: median
    use beamid_strings, only: to_text
    use beamid_shape_tables, only: add_shapes
-   use beamid_summaries, only: fit_summary, response_summary
-   use beamid_tables, only: add_fit_tables, add_fitted_modes, add_minima, add_modes, &
-      fitted_modes_header, labels_table, minima_header, modes_header, record_table, response_table
+   use beamid_summaries, only: response_summary
+   use beamid_tables, only: add_modes, labels_table, modes_header, record_table, response_table
    use beamid_terminal, only: new_progress, print_text, progress_t, tell
    use beamid_texts, only: text_t, wrapped
-   use beamid_verdict_reports, only: add_verdict_tables
-   use beamid_verdicts, only: new_verdict, verdict_t
-   use beamid_window_fits, only: fit_windows, window_fit_t
-   use beamid_window_reports, only: add_window_table, window_summary
    implicit none
    private
 
@@ -47,123 +42,28 @@ contains
       type(settings_t), intent(in) :: settings
       type(error_t), allocatable, intent(out) :: error
       type(case_t) :: case
-      type(stage_fit_t), allocatable :: fits(:, :)
+      type(case_fit_t) :: found
       type(output_t) :: output
       type(progress_t) :: progress
-      type(experiment_t), allocatable :: experiments(:)
-      type(text_t) :: found, table
-      real(wp), allocatable :: scored(:), expected(:)
-      character(len=note_length), allocatable :: notes(:)
-      type(verdict_t) :: verdict
-      type(window_fit_t), allocatable :: windows(:)
-      integer :: k
+      character(len=:), allocatable :: summary
 
       call read_case(settings%subject, needs_fit, case, error)
       if (allocated(error)) return
-      call load_experiments(case, experiments, notes, error)
-      if (.not. allocated(error)) call scored_samples(case, scored, expected, error)
+      call load_case(case, found, error)
       if (allocated(error)) return
       progress = new_progress(settings%quiet)
-      if (case%multistart%n > 0) then
-         call search_from_many(case, experiments, fits, found, output, error, progress)
-      else if (case%refines .and. is_exact(case%model%solver)) then
-         call identify_refining(case%model, case%meshes(1), case%stages, experiments, fits, error, &
-            progress)
-      else
-         call identify_meshes(case%model, case%meshes, case%stages, experiments, fits, error, &
-            progress)
-      end if
+      call fit_case(case, found, error, progress)
       call progress%finish()
-      if (.not. allocated(error)) then
-         do k = 1, size(case%meshes)
-            associate (last => fits(size(fits, 1), k))
-               if (.not. allocated(last%mesh_shift)) call add_mesh_shift(case%model, &
-                  case%meshes(k), experiments, last)
-            end associate
-         end do
-      end if
-      if (.not. allocated(error) .and. size(scored) > 0) call score_fits(case%model, case%meshes, &
-         scored, expected, fits, error)
-      if (.not. allocated(error)) call add_modes_of_fits(case, fits, found, table, error, output)
-      if (.not. allocated(error)) call new_verdict(experiments, case%meshes(size(case%meshes)), &
-         fits(size(fits, 1), size(fits, 2)), verdict, error)
+      if (.not. allocated(error)) call judge_case(case, found, error)
+      if (allocated(error)) return
+      call report_fit(case, found, output, summary, error)
       call locate(error, case%path)
       if (allocated(error)) return
-      if (settings%time) call time_fits(case, experiments)
-      call add_fit_tables(output, case%units, fits, experiments)
-      call add_verdict_tables(output, verdict)
-      call output%add('case.txt', case%text)
-      call output%add('modes.csv', table%content())
-      if (case%windows > 0) then
-         associate (last => fits(size(fits, 1), size(fits, 2)))
-            call fit_windows(case%model, case%meshes(size(case%meshes)), experiments, last, &
-               case%windows, windows)
-            call found%add(window_summary(last, windows))
-            call add_window_table(output, last, windows)
-         end associate
-      end if
-      call deliver(output, fit_summary(case, experiments, fits, notes, verdict)// &
-         found%content(), settings, case%name, error, case%recordings)
-      if (.not. allocated(error) .and. verdict%no_fit /= '') call failure(error, case%path// &
-         ': no fit: '//verdict%no_fit)
+      if (settings%time) call time_fits(case, found%experiments)
+      call deliver(output, summary, settings, case%name, error, case%recordings)
+      if (.not. allocated(error) .and. found%verdict%no_fit /= '') call failure(error, &
+         case%path//': no fit: '//found%verdict%no_fit)
    end subroutine run_identify
-
-   !> Several starts on each mesh; the fits of the lowest minimum count.
-   subroutine search_from_many(case, experiments, fits, found, output, error, progress)
-      type(case_t), intent(in) :: case
-      type(experiment_t), intent(in) :: experiments(:)
-      type(stage_fit_t), allocatable, intent(out) :: fits(:, :)
-      type(text_t), intent(inout) :: found
-      type(output_t), intent(inout) :: output
-      type(error_t), allocatable, intent(out) :: error
-      type(progress_t), intent(inout) :: progress
-      type(minimum_t), allocatable :: minima(:)
-      type(text_t) :: table
-      integer :: failures, k
-
-      allocate (fits(size(case%stages), size(case%meshes)))
-      call table%line(minima_header)
-      do k = 1, size(case%meshes)
-         call identify_from_many(case%model, case%meshes(k), case%stages, experiments, &
-            case%multistart, minima, failures, error, progress)
-         if (allocated(error)) return
-         fits(:, k) = minima(1)%fits
-         call found%line()
-         call minima_summary(found, case, case%meshes(k)%elements, minima, failures)
-         call add_minima(table, case%meshes(k)%elements, minima)
-      end do
-      call output%add('minima.csv', table%content())
-   end subroutine search_from_many
-
-   !> Modes of the structure that the last stage has found, with their intervals.
-   !>
-   !> output  takes the shapes of those of the first record
-   subroutine add_modes_of_fits(case, fits, summary, table, error, output)
-      type(case_t), intent(in) :: case
-      type(stage_fit_t), intent(in) :: fits(:, :)
-      type(text_t), intent(inout) :: summary, table
-      type(error_t), allocatable, intent(out) :: error
-      type(output_t), intent(inout), optional :: output
-      integer, parameter :: most = 5
-      type(fitted_mode_t), allocatable :: modes(:)
-      complex(wp), allocatable :: roots(:)
-      integer :: k
-
-      call table%line(fitted_modes_header)
-      do k = 1, size(case%meshes)
-         call fitted_modes(case%meshes(k), fits(size(fits, 1), k), most, modes, error)
-         if (allocated(error)) return
-         call add_fitted_modes(table, case%meshes(k)%elements, modes)
-      end do
-      call summary%line()
-      associate (mesh => case%meshes(size(case%meshes)), last => fits(size(fits, 1), size(fits, 2)))
-         call fitted_modes_summary(summary, case, mesh%elements, modes)
-         if (.not. present(output)) return
-         roots = [(modes(k)%s, k=1, size(modes))]
-         roots = pack(roots, [(modes(k)%record == 1, k=1, size(modes))])
-         call add_shapes(output, last%world%structures(1), mesh, roots, summary)
-      end associate
-   end subroutine add_modes_of_fits
 
    !> Repeats the fit on each mesh for a second at most and tells the median time on standard error:
    !> the fit itself and its statistics, without the comparison of derivatives with differences.
@@ -280,6 +180,7 @@ contains
       type(stage_fit_t), allocatable :: fits(:, :)
       type(experiment_t), allocatable :: experiments(:)
       character(len=note_length), allocatable :: notes(:)
+      type(fitted_mode_t), allocatable :: modes(:)
       type(error_t), allocatable :: error
       type(text_t) :: table
 
@@ -290,7 +191,8 @@ contains
       if (.not. allocated(error)) call identify_meshes(exact%model, exact%meshes, exact%stages, &
          experiments, fits, error)
       call summary%line()
-      if (.not. allocated(error)) call add_modes_of_fits(exact, fits, summary, table, error)
+      if (.not. allocated(error)) call add_modes_of_fits(exact, fits, summary, table, &
+         modes, error)
       if (allocated(error)) then
          call summary%line('no intervals: '//error%message)
          return

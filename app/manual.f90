@@ -6,12 +6,12 @@ module beamid_manual
    use beamid_case_files, only: groups, list_keys
    use beamid_errors, only: bad_input
    use beamid_key_help, only: add_group_list, add_help_on, key_line, known_words
-   use beamid_reproduction, only: reproducible
+   use beamid_reproduction, only: parts, reproducible
    use beamid_spelling, only: or_nearest
    use beamid_strings, only: lower
    use beamid_templates, only: template_kinds
    use beamid_terminal, only: print_text
-   use beamid_texts, only: left, text_t
+   use beamid_texts, only: left, text_t, wrapped
    use beamid_values, only: listed, name_length, one_of
    implicit none
    private
@@ -142,7 +142,8 @@ contains
          found = .true.
          call text%line(usage(commands(k)))
          call text%line('  '//trim(commands(k)%help))
-         call add_detail(text, commands(k))
+         if (commands(k)%detail /= '') call text%add(wrapped('  '//trim(commands(k)%detail)// &
+            new_line('a'), 2))
       end do
       call add_help_on(trim(word(merge(2, 1, index(word, '&') == 1):)), text, found)
       if (found) return
@@ -161,23 +162,6 @@ contains
       line = line//' [--out DIR] [--quiet]'
       if (command%name == 'identify') line = line//' [--time]'
    end function usage
-
-   !> What there is to say of a command, in lines that fit.
-   subroutine add_detail(text, command)
-      type(text_t), intent(inout) :: text
-      type(command_t), intent(in) :: command
-      integer, parameter :: width = 92
-      character(len=:), allocatable :: rest
-      integer :: cut
-
-      rest = trim(command%detail)
-      do while (len(rest) > width)
-         cut = scan(rest(:width), ' ', back=.true.)
-         call text%line('  '//rest(:cut))
-         rest = rest(cut + 1:)
-      end do
-      if (rest /= '') call text%line('  '//rest)
-   end subroutine add_detail
 
    !> beamid(1), as man reads it.
    subroutine add_page(text)
@@ -269,8 +253,8 @@ contains
       call text%line('      case $command in')
       call text%line('      new) COMPREPLY=($(compgen -d -W "'//listed(template_kinds, ' ')// &
          '" -- "$word")) ;;')
-      call text%line('      reproduce) COMPREPLY=($(compgen -W "'//plain(reproducible)// &
-         '" -- "$word")) ;;')
+      call text%line('      reproduce) COMPREPLY=($(compgen -W "'//listed(parts, ' ')// &
+         ' all" -- "$word")) ;;')
       call text%line('      help) COMPREPLY=($(compgen -W "'//listed(command_names(), ' ')//' '// &
          listed(words, ' ')//'" -- "$word")) ;;')
       call text%line('      *) COMPREPLY=($(compgen -d -- "$word") $(compgen -G "$word*.nml")) ;;')
@@ -301,7 +285,7 @@ contains
       call text%line('   case $words[2] in')
       call text%line('   new) _alternative "kinds:kind:('//listed(template_kinds, ' ')// &
          ')" "folders:folder:_files -/" ;;')
-      call text%line('   reproduce) compadd -- '//plain(reproducible)//' ;;')
+      call text%line('   reproduce) compadd -- '//listed(parts, ' ')//' all ;;')
       call text%line('   help) compadd -- '//listed(command_names(), ' ')//' '// &
          listed(words, ' ')//' ;;')
       call text%line('   *) _arguments "*:case file:_files -g ''*.nml''" '// &
@@ -310,20 +294,6 @@ contains
       call text%line('   esac')
       call text%line('fi')
    end subroutine add_zsh
-
-   !> A list in words as words with blanks between.
-   pure function plain(list) result(words)
-      character(len=*), intent(in) :: list
-      character(len=:), allocatable :: words
-      integer :: k
-
-      words = ''
-      do k = 1, len(list)
-         if (list(k:k) /= ',') words = words//list(k:k)
-      end do
-      k = index(words, ' or ')
-      if (k > 0) words = words(:k)//words(k + 4:)
-   end function plain
 
    !> Without apostrophes.
    pure function plain_quotes(line) result(safe)

@@ -15,7 +15,7 @@ module beamid_reproduction
    implicit none
    private
 
-   public :: run_reproduce, reproducible
+   public :: run_reproduce, reproducible, parts
 
    !> What the command line may ask for.
    character(len=*), parameter :: reproducible = 'table-4.1, section-4, table-4.2, table-4.3, '// &

@@ -2,6 +2,7 @@
 !> through the C library, as gfortran's runtime does not report what a full device refuses.
 module beamid_terminal
    use, intrinsic :: iso_c_binding, only: c_int, c_intptr_t, c_long, c_short
+   use, intrinsic :: iso_fortran_env, only: int64
    use beamid, only: error_t, failure, monitor_t, wp
    use beamid_posix, only: c_signal, reason, sig_ign, sigpipe, write_bytes
    use beamid_strings, only: to_text
@@ -15,8 +16,11 @@ module beamid_terminal
       logical :: quiet = .false.
       logical, private :: overwrite = .false.
       integer, private :: last_length = 0
+      integer(int64), private :: begin = 0    !< by the system's clock
+      real(wp), private :: left = -1          !< seconds; -1: not known
    contains
       procedure :: iteration
+      procedure :: done
       procedure :: finish
    end type progress_t
 
@@ -44,6 +48,7 @@ contains
 
       progress%quiet = quiet
       progress%overwrite = isatty(standard_error) == 1
+      call system_clock(progress%begin)
    end function new_progress
 
    subroutine iteration(self, label, number, evaluations, J, names, parameters)
@@ -55,8 +60,9 @@ contains
       integer :: k
 
       if (self%quiet) return
-      line = label//': iteration '//to_text(number)//', '//to_text(evaluations)// &
-         ' evaluations, J = '//to_text(J)
+      line = label//': iteration '//to_text(number)//', '//to_text(evaluations)//' evaluations, '
+      if (self%left >= 0) line = line//'about '//to_text(ceiling(self%left))//' s left, '
+      line = line//'J = '//to_text(J)
       do k = 1, size(parameters)
          line = line//', '//trim(names(k))//' = '//to_text(parameters(k))
       end do
@@ -71,6 +77,19 @@ contains
       end if
       !$omp end critical (standard_error_line)
    end subroutine iteration
+
+   !> What is left takes as long as what is done has taken, in proportion.
+   subroutine done(self, part, whole)
+      class(progress_t), intent(inout) :: self
+      integer, intent(in) :: part, whole
+      integer(int64) :: now, rate
+
+      call system_clock(now, rate)
+      self%left = real(now - self%begin, wp)/rate*(whole - part)/part
+      if (part < whole) return
+      self%left = -1
+      self%begin = now
+   end subroutine done
 
    !> Columns of the terminal behind standard error; 80 where it does not say.
    integer function terminal_width() result(width)

@@ -404,6 +404,10 @@ contains
       quiet = beamid('identify case.nml --out progress --quiet')
       call check('progress: none with --quiet', quiet%status == 0 .and. quiet%err == '')
       call check('progress: --quiet changes no result', quiet%out == outcome%out)
+      call write_file('case.nml', case_text//'&multistart n=6, seed=1 /'//achar(10))
+      outcome = beamid('identify case.nml --out progress')
+      call check('progress: time left once a start of several is done', outcome%status == 0 .and. &
+         index(outcome%err, ' s left, J = ') > index(outcome%err, 'iteration 0'), outcome%err)
       outcome = beamid('simulate case.nml --out progress')
       call check('progress: none of a simulation', outcome%status == 0 .and. outcome%err == '')
    end subroutine test_progress

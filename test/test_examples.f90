@@ -6,6 +6,8 @@ program test_examples
    call run_example('fit_record', 'k_H        0.299988')
    call run_example('simulate_pulse', '1.0     0.95959     0.95985')
    call run_example('derivatives', '-1.171668    -27.276704      0.215841')
+   call run_example('natural_modes', '    1           6.0729')
+   call run_example('fit_case', 'E         1.99995E+11')
    call run_example('time_fits', 'samples 3900')
    call finish('examples')
 

@@ -88,6 +88,9 @@ contains
       end if
       outcome = run(scripts//'plot_fit.py out/case')
       call check('plot_fit.py: a picture', outcome%out == 'out/case/fit.png'//nl, outcome%err)
+      outcome = run(scripts//'plot_modes.py out/case --animate && head -c 6 out/case/modes.gif')
+      call check('plot_modes.py: a picture, and one that moves', outcome%out == &
+         'out/case/modes.png'//nl//'out/case/modes.gif'//nl//'GIF89a', outcome%err)
       call test_page()
       outcome = run('mkdir -p part/section-4 && cp -r out/case part/table-4.1 && '// &
          'touch part/section-4/curves.csv && rm out/case/manifest.txt')

@@ -48,7 +48,8 @@ contains
          if (strange%gain > 50) strong(verdict) = strong(verdict) + 1
       end do
       allowed = merge(0, 1 + n/100, n < 50)
-      ! A length that is wrong without a word: 5 of 100 were measured, and two standard deviations.
+      ! A length that is wrong without a word moves E without one: one in twenty, and two standard
+      ! deviations.
       if (family == gone_and_long) allowed = int(0.05_wp*n + 2*sqrt(0.05_wp*n))
       call check(name//': next to none wrong', outcomes(wrong) <= allowed, &
          told(outcomes))

@@ -16,6 +16,7 @@ module strange_records
    use beamid_responses, only: work_t
    use beamid_spectra, only: noise_near
    use beamid_structure, only: sensor_t, structure_t
+   use beamid_verdicts, only: new_verdict, verdict_t
    use models, only: model_of, stage_of
    implicit none
    private
@@ -216,6 +217,7 @@ contains
       type(error_t), allocatable, intent(out) :: error
       type(stage_t) :: stage
       type(fitted_mode_t), allocatable :: modes(:)
+      type(verdict_t) :: judged
       real(wp) :: off
 
       stage = stage_of(names, offset=.true.)
@@ -226,6 +228,8 @@ contains
       if (found(1)%doubt /= '') return
       verdict = declared
       if (found(1)%note /= '') return
+      call new_verdict([strange%experiment], mesh, found(1), judged, error)
+      if (judged%no_fit /= '') return
       call fitted_modes(mesh, found(1), 2, modes, error)
       associate (E => found(1)%quantities(1)%value, width => &
          found(1)%statistics%corrected_half_width(1), truth => strange%truth%E)

@@ -3,19 +3,14 @@ module beamid_key_help
    use beamid_blocks, only: block_t
    use beamid_case_files, only: groups, list_keys
    use beamid_parameters, only: free_names, key_of, parameters
-   use beamid_strings, only: lower, to_text
-   use beamid_texts, only: left, text_t
+   use beamid_strings, only: lower
+   use beamid_texts, only: left, text_t, wrapped
    use beamid_units, only: units_t
-   use beamid_values, only: key_t, kind_integer, kind_text, name_length, number, range_t
+   use beamid_values, only: key_t, kind_integer, kind_text, listed, name_length
    implicit none
    private
 
-   public :: add_help_on, add_group_list, known_words, key_line, key_indent
-
-   !> In front of what a key means.
-   integer, parameter :: key_indent = 19
-   !> Of a line.
-   integer, parameter :: width = 96
+   public :: add_help_on, add_group_list, known_words, key_line
 
 contains
 
@@ -27,7 +22,6 @@ contains
       type(text_t), intent(inout) :: text
       logical, intent(inout) :: found
       type(block_t), allocatable :: blocks(:)
-      type(text_t) :: meaning
       integer :: g, k
 
       call list_keys(blocks)
@@ -65,7 +59,8 @@ contains
       type(text_t), intent(inout) :: text
       integer :: g
 
-      call add_words(text, '  groups:', 11, [('&'//groups(g)%name, g=1, size(groups))])
+      call text%add(wrapped('  groups: '//listed([('&'//groups(g)%name, g=1, size(groups))], &
+         ' ')//new_line('a'), 10))
    end subroutine add_group_list
 
    !> All groups, keys and parameters, each once.
@@ -139,7 +134,10 @@ contains
       type(text_t), intent(inout) :: text
       type(key_t), intent(in) :: key
 
-      call add_paragraph(text, '  '//trim(key%name), key_indent, key_line(key))
+      integer, parameter :: column = 19
+
+      call text%add(wrapped(left('  '//trim(key%name), column)//key_line(key)//new_line('a'), &
+         column))
    end subroutine add_key
 
    !> A parameter that a fit may free.
@@ -154,8 +152,8 @@ contains
          call text%line('parameter, free in &stage as '''//trim(row%name)//'''')
          unit = units%of_parameter(k)
          if (unit == '') unit = '-'
-         call add_paragraph(text, '', 2, trim(row%help)//'; '//key_of(k)//' of &'// &
-            trim(row%group)//'; in metres, seconds and kilograms its unit is '//unit)
+         call text%add(wrapped('  '//trim(row%help)//'; '//key_of(k)//' of &'//trim(row%group)// &
+            '; in metres, seconds and kilograms its unit is '//unit//new_line('a'), 2))
          if (row%is_reciprocal) call text%line( &
             '  searched for as its reciprocal, so that it may reach infinity (inf), which is rigid')
          if (all(row%needs /= [0, k])) call text%line('  needs '// &
@@ -164,42 +162,5 @@ contains
             's: '''//trim(row%name)//'.a'' is that of the one named a')
       end associate
    end subroutine add_parameter
-
-   !> Words of a sentence in lines that fit, behind a label.
-   subroutine add_paragraph(text, label, indent, sentence)
-      type(text_t), intent(inout) :: text
-      character(len=*), intent(in) :: label, sentence
-      integer, intent(in) :: indent
-      character(len=:), allocatable :: line
-      integer :: first, last
-
-      line = left(label, indent)
-      if (len_trim(label) >= indent) line = trim(label)//'  '
-      first = 1
-      do while (first <= len(sentence))
-         last = first + scan(sentence(first:)//' ', ' ') - 2
-         if (len(line) + last - first + 1 > width .and. len_trim(line) >= indent) then
-            call text%line(line)
-            line = repeat(' ', indent)
-         end if
-         line = line//sentence(first:last)//' '
-         first = last + 2
-      end do
-      call text%line(line)
-   end subroutine add_paragraph
-
-   subroutine add_words(text, label, indent, words)
-      type(text_t), intent(inout) :: text
-      character(len=*), intent(in) :: label, words(:)
-      integer, intent(in) :: indent
-      character(len=:), allocatable :: sentence
-      integer :: k
-
-      sentence = ''
-      do k = 1, size(words)
-         sentence = sentence//' '//trim(words(k))
-      end do
-      call add_paragraph(text, label, indent, sentence(2:))
-   end subroutine add_words
 
 end module beamid_key_help

@@ -29,8 +29,8 @@ contains
       complex(wp) :: matrix(equations%n, equations%n), u(equations%n), s, largest
       real(wp) :: basis(size(x), equations%galerkin%space%n)
       real(wp), allocatable :: re(:), im(:)
-      integer :: i, j, k, sweep
-      logical :: solved
+      integer :: order(equations%n), i, j, k, sweep
+      logical :: regular
 
       associate (space => equations%galerkin%space, length => equations%structure%length)
          do i = 1, size(x)
@@ -39,19 +39,21 @@ contains
          allocate (shapes(size(x), size(roots)))
          do k = 1, size(roots)
             s = roots(k)*(1 + beside)
+            do j = 1, equations%n
+               do i = 1, equations%n
+                  matrix(i, j) = s**2*equations%mass%element(i, j) &
+                     + s*equations%damping%element(i, j) + equations%stiffness%element(i, j)
+               end do
+            end do
+            call factor(matrix, order, regular)
+            if (.not. regular) then
+               call failure(error, 'shape of mode '//to_text(k)//': no solution')
+               return
+            end if
             u = 1
             do sweep = 1, 3
-               do j = 1, equations%n
-                  do i = 1, equations%n
-                     matrix(i, j) = s**2*equations%mass%element(i, j) &
-                        + s*equations%damping%element(i, j) + equations%stiffness%element(i, j)
-                  end do
-               end do
-               call solve(matrix, u, solved)
-               if (.not. solved) then
-                  call failure(error, 'shape of mode '//to_text(k)//': no solution')
-                  return
-               end if
+               u = u(order)
+               call solve(matrix, u)
                u = u/maxval(abs(u))
             end do
             re = equations%constraints%expanded(real(u))
@@ -67,40 +69,51 @@ contains
       end associate
    end subroutine mode_shapes
 
-   !> A x = b by elimination with row pivots, written out: the last bits of what a threaded LAPACK
-   !> returns differ from run to run, and those of a table must not.
+   !> Triangular factors by elimination with row pivots, written out: the last bits of what a
+   !> threaded LAPACK returns differ from run to run, and those of a table must not.
    !>
-   !> a       (n, n) is overwritten
-   !> b       (n) on return x
-   !> solved  .false. where a pivot vanishes or is no number
-   pure subroutine solve(a, b, solved)
-      complex(wp), intent(inout) :: a(:, :), b(:)
-      logical, intent(out) :: solved
-      complex(wp) :: row(size(b)), other
+   !> a        (n, n) on return the factors, of which the lower one has ones on its diagonal
+   !> order    (n) the rows of the matrix in the order of the factors
+   !> regular  .false. where a pivot vanishes or is no number
+   pure subroutine factor(a, order, regular)
+      complex(wp), intent(inout) :: a(:, :)
+      integer, intent(out) :: order(:)
+      logical, intent(out) :: regular
       integer :: i, j, n, pivot
 
-      n = size(b)
-      solved = .false.
+      n = size(order)
+      order = [(i, i=1, n)]
+      regular = .false.
       do j = 1, n
          pivot = j - 1 + maxloc(abs(a(j:, j)), dim=1)
          if (.not. abs(a(pivot, j)) > 0) return
-         row = a(pivot, :)
-         a(pivot, :) = a(j, :)
-         a(j, :) = row
-         other = b(pivot)
-         b(pivot) = b(j)
-         b(j) = other
+         if (pivot /= j) then
+            order([j, pivot]) = order([pivot, j])
+            a([j, pivot], :) = a([pivot, j], :)
+         end if
          a(j + 1:, j) = a(j + 1:, j)/a(j, j)
          do i = j + 1, n
             a(j + 1:, i) = a(j + 1:, i) - a(j, i)*a(j + 1:, j)
          end do
+      end do
+      regular = .true.
+   end subroutine factor
+
+   !> Solves with these factors.
+   !>
+   !> b  (n) rows in their order; on return the solution
+   pure subroutine solve(a, b)
+      complex(wp), intent(in) :: a(:, :)
+      complex(wp), intent(inout) :: b(:)
+      integer :: j
+
+      do j = 1, size(b)
          b(j + 1:) = b(j + 1:) - b(j)*a(j + 1:, j)
       end do
-      do j = n, 1, -1
+      do j = size(b), 1, -1
          b(j) = b(j)/a(j, j)
          b(:j - 1) = b(:j - 1) - b(j)*a(:j - 1, j)
       end do
-      solved = .true.
    end subroutine solve
 
 end module beamid_mode_shapes

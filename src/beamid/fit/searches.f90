@@ -15,10 +15,11 @@ module beamid_searches
 
    public :: monitor_t, options_t, search_t, run_search
 
-   !> Is told of every iteration.
+   !> Is told of every iteration, and of several searches how many are done.
    type, abstract :: monitor_t
    contains
       procedure(iteration), deferred :: iteration
+      procedure :: done
    end type monitor_t
 
    type :: options_t
@@ -78,6 +79,14 @@ module beamid_searches
    integer, parameter :: max_failures = 10
 
 contains
+
+   !> Called by one thread at a time; does nothing unless overridden.
+   !>
+   !> part, whole  of the work
+   subroutine done(self, part, whole)
+      class(monitor_t), intent(inout) :: self
+      integer, intent(in) :: part, whole
+   end subroutine done
 
    !> Calls MINPACK.
    !>

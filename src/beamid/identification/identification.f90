@@ -141,7 +141,9 @@ contains
    !>
    !> fits   (size(stages), size(meshes)) allocated on success
    !> error  of the first mesh that failed
-   subroutine identify_meshes_experiments(model, meshes, stages, experiments, fits, error, monitor)
+   !> check  as above
+   subroutine identify_meshes_experiments(model, meshes, stages, experiments, fits, error, monitor, &
+      check)
       type(model_t), intent(in) :: model
       type(mesh_t), intent(in) :: meshes(:)
       type(stage_t), intent(in) :: stages(:)
@@ -149,15 +151,21 @@ contains
       type(stage_fit_t), allocatable, intent(out) :: fits(:, :)
       type(error_t), allocatable, intent(out) :: error
       class(monitor_t), intent(inout), optional :: monitor
+      logical, intent(in), optional :: check
       type(outcome_t), allocatable :: outcomes(:)
-      integer :: k
+      integer :: finished, k
 
       ! The finest mesh takes longest: it goes first.
       allocate (outcomes(size(meshes)))
+      finished = 0
       !$omp parallel do schedule(dynamic, 1)
       do k = size(meshes), 1, -1
          call identify(model, meshes(k), stages, experiments, outcomes(k)%fits, outcomes(k)%error, &
-            monitor)
+            monitor, check)
+         !$omp critical (one_mesh_done)
+         finished = finished + meshes(k)%elements
+         if (present(monitor)) call monitor%done(finished, sum(meshes%elements))
+         !$omp end critical (one_mesh_done)
       end do
       !$omp end parallel do
       do k = 1, size(meshes)

@@ -40,8 +40,9 @@ contains
    !> minima    ascending J
    !> failures  how many starts failed
    !> error     that of the declared start, where every start failed
+   !> check     .false.: derivatives are not compared with differences
    subroutine identify_from_many(model, mesh, stages, experiments, plan, minima, failures, error, &
-      monitor)
+      monitor, check)
       type(model_t), intent(in) :: model
       type(mesh_t), intent(in) :: mesh
       type(stage_t), intent(in) :: stages(:)
@@ -51,14 +52,20 @@ contains
       integer, intent(out) :: failures
       type(error_t), allocatable, intent(out) :: error
       class(monitor_t), intent(inout), optional :: monitor
+      logical, intent(in), optional :: check
       type(outcome_t), allocatable :: outcomes(:)
-      integer :: k
+      integer :: finished, k
 
       allocate (outcomes(plan%n), minima(0))
+      finished = 0
       !$omp parallel do schedule(dynamic, 1)
       do k = 1, plan%n
          call identify(model, mesh, from_elsewhere(model, stages, plan, k), experiments, &
-            outcomes(k)%fits, outcomes(k)%error, monitor)
+            outcomes(k)%fits, outcomes(k)%error, monitor, check)
+         !$omp critical (one_start_done)
+         finished = finished + 1
+         if (present(monitor)) call monitor%done(finished, plan%n)
+         !$omp end critical (one_start_done)
       end do
       !$omp end parallel do
       failures = 0

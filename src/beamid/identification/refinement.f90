@@ -30,7 +30,8 @@ contains
    !> mesh   its elements are those of the last one tried on return
    !> fits   (size(stages), 1) on that mesh, with the shifts of the last stage
    !> error  of a fit, whatever its mesh
-   subroutine identify_refining(model, mesh, stages, experiments, fits, error, monitor)
+   !> check  .false.: derivatives are not compared with differences
+   subroutine identify_refining(model, mesh, stages, experiments, fits, error, monitor, check)
       type(model_t), intent(in) :: model
       type(mesh_t), intent(inout) :: mesh
       type(stage_t), intent(in) :: stages(:)
@@ -38,10 +39,12 @@ contains
       type(stage_fit_t), allocatable, intent(out) :: fits(:, :)
       type(error_t), allocatable, intent(out) :: error
       class(monitor_t), intent(inout), optional :: monitor
+      logical, intent(in), optional :: check
 
       mesh%elements = coarsest
       do
-         call identify_meshes(model, [mesh], stages, experiments, fits, error, monitor)
+         call identify_meshes(model, [mesh], stages, experiments, fits, error, monitor, &
+            check)
          if (allocated(error)) return
          associate (last => fits(size(stages), 1))
             call add_mesh_shift(model, mesh, experiments, last)

@@ -7,6 +7,7 @@ module beamid_verdicts
    use beamid_excitation, only: new_pulse
    use beamid_experiments, only: experiment_t
    use beamid_galerkin, only: galerkin_t, mesh_t, new_galerkin
+   use beamid_gauss_newton, only: least_squares_step
    use beamid_kinds, only: wp
    use beamid_modal, only: modal_t
    use beamid_model_roots, only: belief_t, beliefs_about
@@ -179,10 +180,57 @@ contains
             if (gain > least_gain .and. one%verdict == 'unseen') one%verdict = 'seen'
             if (one%verdict == 'seen' .and. is_multiple(s, k, gain, lines, span)) &
                one%verdict = merge('mains   ', 'harmonic', near_mains(one%model, span, 0.0_wp))
+            if (one%verdict == 'seen' .and. k <= fit%world%excitations(r)%modes) then
+               if (blends(fit, r, row, t, rest, s, k)) one%verdict = 'harmonic'
+            end if
             found = [found, one]
          end do
       end associate
    end function sightings
+
+   !> Whether a mode and the multiple of the first one beside it are one broad line: with that
+   !> multiple in the model as well J would be less by more than chance, and an estimate further
+   !> away than its interval is wide. The multiple decays as the first mode does, or as its power.
+   !>
+   !> row      of all residuals behind which those of record r begin
+   !> t, rest  (m) of that record
+   !> s        (modes) roots
+   logical function blends(fit, r, row, t, rest, s, k)
+      type(stage_fit_t), intent(in) :: fit
+      integer, intent(in) :: r, row, k
+      real(wp), intent(in) :: t(:), rest(:)
+      complex(wp), intent(in) :: s(:)
+      real(wp), parameter :: independent = 1e-10_wp
+      integer, parameter :: highest = 12
+      real(wp) :: a(size(fit%jacobian, 1), size(fit%jacobian, 2) + 4), step(size(a, 2)), &
+         size_of(size(a, 2)), gain
+      complex(wp) :: multiple(size(t))
+      integer :: j, m, n, order, rank
+
+      blends = .false.
+      if (k < 2 .or. fit%statistics%samples == 0 .or. size(a, 1) <= size(a, 2)) return
+      m = size(t)
+      n = size(fit%jacobian, 2)
+      order = nint(aimag(s(k))/aimag(s(1)))
+      ! Beside each other: no further apart than both lines are wide together.
+      if (order < 2 .or. order > highest .or. abs(aimag(s(k)) - order*aimag(s(1))) > &
+         2*abs(real(s(k))) + 2*order*abs(real(s(1))) + 2*two_pi/(t(m) - t(1))) return
+      a(:, :n) = fit%jacobian
+      a(:, n + 1:) = 0
+      do j = 1, 2
+         multiple = exp(cmplx(merge(1, order, j == 1)*real(s(1)), order*aimag(s(1)), wp)*(t - t(1)))
+         a(row + 1:row + m, n + 2*j - 1) = real(multiple)
+         a(row + 1:row + m, n + 2*j) = aimag(multiple)
+      end do
+      size_of = norm2(a, dim=1)
+      if (.not. all(size_of > 0)) return
+      call least_squares_step(a, fit%fit%residual, 1/size_of, spread(.true., 1, size(step)), &
+         independent, step, rank)
+      gain = (sum(fit%fit%residual**2) - sum((fit%fit%residual + matmul(a, step))**2))/ &
+         noise_near(t, rest, aimag(s(k))/two_pi, -real(s(k)))/fit%weight(r)**2
+      if (gain > least_gain) blends = any(abs(step(:size(fit%free))) > &
+         2*fit%statistics%corrected_half_width(:size(fit%free)))
+   end function blends
 
    !> The line beside a mode.
    pure subroutine look_for(lines, span, one)

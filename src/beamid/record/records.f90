@@ -4,7 +4,7 @@ module beamid_records
    use beamid_errors, only: error_t, bad_input
    use beamid_kinds, only: wp
    use beamid_rows, only: column_length
-   use beamid_series, only: part_t, read_series, series_t
+   use beamid_series, only: part_t, read_series, series_of, series_t
    use beamid_strings, only: to_text
    use beamid_thinning, only: gap_limit, margin_of, thin_out, thinned_t
    use beamid_windows, only: choose_rows, grid, window_t
@@ -16,9 +16,11 @@ module beamid_records
 
    !> Of a sentence about what was done to a record.
    integer, parameter :: note_length = 200
-   !> A record on file and how to read it.
+   !> A record on file, or in memory, and how to read it.
    type :: recording_t
       character(len=:), allocatable :: path   !< not allocated: no file
+      !> (rows) samples that are in memory; `path` is what messages call them
+      real(wp), allocatable :: t(:), z(:)
       type(window_t) :: window                !< samples of the fit
       !> acceleration = scale*(value - offset), the offset in the record's own unit
       real(wp) :: scale = 1
@@ -133,6 +135,11 @@ contains
       type(series_t), intent(out) :: series
       type(error_t), allocatable, intent(out) :: error
 
+      if (allocated(recording%t)) then
+         call series_of(recording%t, recording%z, part, series, error)
+         if (allocated(error)) error%message = recording%path//': '//error%message
+         return
+      end if
       call read_series(recording%path, [recording%time_column, recording%value_column], part, &
          series, error, recording%rate)
    end subroutine read_part

@@ -1,15 +1,16 @@
 !> Two columns of a table as a series in time; of a long one only the part that is wanted is kept.
 module beamid_series
+   use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
    use beamid_csv, only: extent_t, open_table, part_t, read_rows
    use beamid_errors, only: error_t, bad_input
-   use beamid_kinds, only: wp
+   use beamid_kinds, only: ip, wp
    use beamid_numbers, only: shown
    use beamid_rows, only: reader_t
    use beamid_strings, only: lower, to_text
    implicit none
    private
 
-   public :: series_t, part_t, read_series
+   public :: series_t, part_t, read_series, series_of
 
    !> The rows kept, and what is known of all rows of the file.
    type, extends(extent_t) :: series_t
@@ -45,9 +46,53 @@ contains
          series%extent_t, error)
       if (allocated(error)) return
       series%skipped = reader%skipped
-      series%t = values(1, :)
-      series%z = values(2, :)
+      call take_part(values(1, :), values(2, :), part, series)
    end subroutine read_series
+
+   !> The series of samples that are in memory: the same rows are kept of them.
+   !>
+   !> t, z   (rows) as many of one as of the other
+   !> error  `sample k: ...`: no sample, one that is not finite, a time that does not grow
+   subroutine series_of(t, z, part, series, error)
+      real(wp), intent(in) :: t(:), z(:)
+      type(part_t), intent(in) :: part
+      type(series_t), intent(out) :: series
+      type(error_t), allocatable, intent(out) :: error
+      integer :: k
+
+      if (size(t) == 0 .or. size(t) /= size(z)) then
+         call bad_input(error, 'found '//to_text(size(t))//' times and '//to_text(size(z))// &
+            ' values, expected as many of one as of the other, and some')
+         return
+      end if
+      do k = 1, size(t)
+         if (.not. (ieee_is_finite(t(k)) .and. ieee_is_finite(z(k)))) then
+            call bad_input(error, 'sample '//to_text(k)//': found t = '//to_text(t(k))// &
+               ', a = '//to_text(z(k))//', expected finite numbers')
+         else if (k > 1) then
+            if (t(k) <= t(k - 1)) call bad_input(error, 'sample '//to_text(k)//': found t = '// &
+               to_text(t(k))//' after '//to_text(t(k - 1))//', expected a larger number')
+         end if
+         if (allocated(error)) return
+      end do
+      series%first = t(1)
+      series%last = t(size(t))
+      series%rows = size(t, kind=ip)
+      call take_part(t, z, part, series)
+   end subroutine series_of
+
+   !> The rows that are kept.
+   pure subroutine take_part(t, z, part, series)
+      real(wp), intent(in) :: t(:), z(:)
+      type(part_t), intent(in) :: part
+      type(series_t), intent(inout) :: series
+      integer :: first, last
+
+      first = max(1, count(t < part%first) - part%margin + 1)
+      last = min(size(t), count(t <= part%last) + part%margin)
+      series%t = t(first:last)
+      series%z = z(first:last)
+   end subroutine take_part
 
    !> The places of the two columns.
    subroutine find_columns(reader, names, columns, error)

@@ -115,7 +115,7 @@ contains
       n = size(fits(1)%free)
       call text%line('Stage '//to_text(fits(1)%stage))
       do first = 1, n + 1, most
-         call add_block(first, min(first + most - 1, n), n < first + most)
+         call add_block(first, min(first + most - 1, n + 1))
       end do
       do k = 1, size(fits)
          associate (fit => fits(k)%fit)
@@ -134,36 +134,33 @@ contains
 
    contains
 
-      !> Parameters first to last, and J behind the last.
-      subroutine add_block(first, last, with_J)
+      !> Columns first to last: parameters, and behind the last of them J.
+      subroutine add_block(first, last)
          integer, intent(in) :: first, last
-         logical, intent(in) :: with_J
          character(len=:), allocatable :: names, units, start, line
          integer :: k
 
-         if (first > last .and. .not. (with_J .and. first == n + 1 .and. modulo(n, most) == 0)) &
-            return
          names = '    N'
          units = '     '
          start = 'start'
-         do k = first, last
+         do k = first, min(last, n)
             associate (q => fits(1)%quantities(k))
                names = names//right(trim(q%name))
                units = units//right(case%units%of_quantity(q%parameter, fits(1)%excitation))
                start = start//right(to_text(q%start))
             end associate
          end do
-         if (with_J) then
+         if (last > n) then
             names = names//right('J')
             if (.not. fits(1)%weighted) units = units//right(case%units%sum_of_squares())
          end if
          call text%line(names)
          call text%line(units)
-         if (first <= last) call text%line(start)
+         if (first <= n) call text%line(start)
          do k = 1, size(fits)
             line = right(to_text(fits(k)%elements), 5)//columns([fits(k)%quantities( &
-               first:last)%value], 14)
-            if (with_J) line = line//columns([fits(k)%fit%J], 14)
+               first:min(last, n))%value], 14)
+            if (last > n) line = line//columns([fits(k)%fit%J], 14)
             call text%line(line)
          end do
       end subroutine add_block

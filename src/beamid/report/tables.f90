@@ -39,7 +39,7 @@ contains
       call estimates%line('stage,elements,parameter,unit,start,estimate,std_error,lower95,'// &
          'upper95,determined,std_error_corrected,lower95_corrected,upper95_corrected,'// &
          'mesh_shift,from_held,total_lower95,total_upper95')
-      call curves%line('elements,t,measured,model,residual,record')
+      call curves%line('elements,t,measured,model,residual,record,model_sd')
       call correlations%line('stage,elements,parameter,other,correlation')
       call autocorrelation%line('elements,lag,autocorrelation,band95')
       do mesh = 1, size(fits, 2)
@@ -140,25 +140,52 @@ contains
       end associate
    end function sources
 
-   !> residual = measured - model, as in the paper
+   !> residual = measured - model, as in the paper; and the standard deviation of the model's curve
+   !> by those of what was estimated, empty where the record leaves something undetermined.
    subroutine add_fit(text, fit, experiments)
       type(text_t), intent(inout) :: text
       type(stage_fit_t), intent(in) :: fit
       type(experiment_t), intent(in) :: experiments(:)
+      real(wp), allocatable :: covariance(:, :)
+      character(len=:), allocatable :: sd
       integer :: i, k, first
 
+      call get_covariance()
       first = 0
       do i = 1, size(experiments)
          associate (t => experiments(i)%samples, z => experiments(i)%measured)
             do k = 1, size(t)
+               sd = ','
+               if (size(covariance) > 0) sd = ','//full(sqrt(max(0.0_wp, dot_product( &
+                  fit%jacobian(first + k, :), matmul(covariance, fit%jacobian(first + k, :)))))/ &
+                  fit%weight(i))
                associate (r => fit%residual(first + k))
                   call text%line(csv_row(to_text(fit%elements), [t(k), z(k), z(k) + r, -r])// &
-                     ','//to_text(i))
+                     ','//to_text(i)//sd)
                end associate
             end do
             first = first + size(t)
          end associate
       end do
+
+   contains
+
+      !> Of what was estimated, for the noise as it is; of size 0 where there is none.
+      subroutine get_covariance()
+         integer :: j
+
+         associate (s => fit%statistics)
+            allocate (covariance(0, 0))
+            if (s%samples == 0) return
+            if (.not. all(s%corrected_error < unlimited .and. s%std_error > 0)) return
+            covariance = s%covariance
+            do j = 1, size(s%std_error)
+               covariance(:, j) = covariance(:, j)*s%corrected_error/s%std_error &
+                  *s%corrected_error(j)/s%std_error(j)
+            end do
+         end associate
+      end subroutine get_covariance
+
    end subroutine add_fit
 
    !> response.csv: what each mesh has computed.

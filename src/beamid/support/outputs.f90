@@ -20,6 +20,8 @@ module beamid_outputs
       type(named_text_t), allocatable, private :: inputs(:)
    contains
       procedure :: add
+      procedure :: names
+      procedure :: text_of
       procedure :: spare
       procedure :: check_finite
       procedure :: commit
@@ -41,6 +43,33 @@ contains
       if (i > size(self%files)) call append(self%files, name)
       self%files(i)%text = text
    end subroutine add
+
+   !> The names of the files, each in a line.
+   function names(self)
+      class(output_t), intent(in) :: self
+      character(len=:), allocatable :: names
+      integer :: i
+
+      names = ''
+      if (.not. allocated(self%files)) return
+      do i = 1, size(self%files)
+         names = names//self%files(i)%name//new_line('a')
+      end do
+   end function names
+
+   !> The text of a file; empty where there is none of the name.
+   function text_of(self, name) result(text)
+      class(output_t), intent(in) :: self
+      character(len=*), intent(in) :: name
+      character(len=:), allocatable :: text
+      integer :: i
+
+      text = ''
+      if (.not. allocated(self%files)) return
+      do i = 1, size(self%files)
+         if (self%files(i)%name == name) text = self%files(i)%text
+      end do
+   end function text_of
 
    !> A list with one name more.
    subroutine append(list, name)

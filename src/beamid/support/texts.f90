@@ -57,17 +57,22 @@ contains
       if (allocated(self%buffer)) content = self%buffer(:self%length)
    end function content
 
-   !> Text whose lines longer than a terminal is wide go on, four columns in, in the next line; a
+   !> Text whose lines longer than a terminal is wide go on, some columns in, in the next line; a
    !> word is not cut.
-   pure function wrapped(content)
+   !>
+   !> indent  of what goes on; default 4
+   pure function wrapped(content, indent)
       character(len=*), intent(in) :: content
+      integer, intent(in), optional :: indent
       character(len=:), allocatable :: wrapped
-      integer, parameter :: most = 100, indent = 4
+      integer, parameter :: most = 100
       character(len=:), allocatable :: line
       type(text_t) :: text
       integer(ip) :: first, length
-      integer :: cut
+      integer :: cut, margin
 
+      margin = 4
+      if (present(indent)) margin = indent
       first = 1
       do while (first <= len(content, ip))
          length = index(content(first:), new_line('a'), kind=ip)
@@ -77,7 +82,7 @@ contains
             cut = scan(line(:most + 1), ' ', back=.true.)
             if (verify(line(:cut), ' ') == 0) exit
             call text%line(line(:cut))
-            line = repeat(' ', indent)//adjustl(line(cut + 1:))
+            line = repeat(' ', margin)//adjustl(line(cut + 1:))
          end do
          call text%line(line)
          first = first + length

@@ -1,0 +1,125 @@
+!> The fit that a case asks for: on its meshes or on refined ones, from one start or from several,
+!> and whether it is one.
+module beamid_case_fits
+   use beamid_case_files, only: case_t
+   use beamid_cases, only: load_experiments, scored_samples
+   use beamid_errors, only: error_t, locate
+   use beamid_experiments, only: experiment_t
+   use beamid_identification, only: identify_meshes, score_fits, stage_fit_t
+   use beamid_kinds, only: wp
+   use beamid_least_squares, only: monitor_t
+   use beamid_multistart, only: identify_from_many, minimum_t
+   use beamid_records, only: note_length
+   use beamid_refinement, only: add_mesh_shift, identify_refining
+   use beamid_responses, only: is_exact
+   use beamid_verdicts, only: new_verdict, verdict_t
+   use beamid_window_fits, only: fit_windows, window_fit_t
+   implicit none
+   private
+
+   public :: case_fit_t, minima_t, load_case, fit_case, judge_case
+
+   !> What several starts have found on one mesh.
+   type :: minima_t
+      type(minimum_t), allocatable :: list(:)   !< ascending J
+      integer :: failures = 0
+   end type minima_t
+
+   type :: case_fit_t
+      type(experiment_t), allocatable :: experiments(:)        !< one for each record
+      character(len=note_length), allocatable :: notes(:)      !< on the records
+      !> (m) samples over which squared residuals are added up once the fit is done; of size 0
+      real(wp), allocatable :: scored(:), expected(:)
+      type(stage_fit_t), allocatable :: fits(:, :)             !< (stages, meshes)
+      type(minima_t), allocatable :: minima(:)                 !< (meshes); none: one start
+      type(verdict_t) :: verdict                 !< on the last stage on the finest mesh
+      type(window_fit_t), allocatable :: windows(:)            !< none: not asked for
+   end type case_fit_t
+
+contains
+
+   !> Loads the records.
+   subroutine load_case(case, found, error)
+      type(case_t), intent(in) :: case
+      type(case_fit_t), intent(out) :: found
+      type(error_t), allocatable, intent(out) :: error
+
+      allocate (found%minima(0), found%windows(0))
+      call load_experiments(case, found%experiments, found%notes, error)
+      if (.not. allocated(error)) call scored_samples(case, found%scored, found%expected, error)
+   end subroutine load_case
+
+   !> Fits all stages.
+   !>
+   !> case   where the mesh is refined its last one on return
+   !> found  as loaded
+   !> check  .false.: derivatives are not compared with differences
+   subroutine fit_case(case, found, error, monitor, check)
+      type(case_t), intent(inout) :: case
+      type(case_fit_t), intent(inout) :: found
+      type(error_t), allocatable, intent(out) :: error
+      class(monitor_t), intent(inout), optional :: monitor
+      logical, intent(in), optional :: check
+
+      if (case%multistart%n > 0) then
+         call search_from_many(case, found, error, monitor, check)
+      else if (case%refines .and. is_exact(case%model%solver)) then
+         call identify_refining(case%model, case%meshes(1), case%stages, found%experiments, &
+            found%fits, error, monitor, check)
+      else
+         call identify_meshes(case%model, case%meshes, case%stages, found%experiments, &
+            found%fits, error, monitor, check)
+      end if
+      if (.not. allocated(error) .and. size(found%scored) > 0) call score_fits(case%model, &
+         case%meshes, found%scored, found%expected, found%fits, error)
+      call locate(error, case%path)
+   end subroutine fit_case
+
+   !> What the mesh does to the estimates of the last stage, the verdict on it, and the fits in
+   !> windows that the case asks for.
+   !>
+   !> found  as fitted; on return `verdict%no_fit` says why the fit is none
+   subroutine judge_case(case, found, error)
+      type(case_t), intent(in) :: case
+      type(case_fit_t), intent(inout) :: found
+      type(error_t), allocatable, intent(out) :: error
+      integer :: k
+
+      do k = 1, size(case%meshes)
+         associate (last => found%fits(size(found%fits, 1), k))
+            if (.not. allocated(last%mesh_shift)) call add_mesh_shift(case%model, case%meshes(k), &
+               found%experiments, last)
+         end associate
+      end do
+      associate (mesh => case%meshes(size(case%meshes)), &
+         last => found%fits(size(found%fits, 1), size(found%fits, 2)))
+         call new_verdict(found%experiments, mesh, last, found%verdict, error)
+         call locate(error, case%path)
+         if (allocated(error) .or. case%windows == 0) return
+         deallocate (found%windows)
+         call fit_windows(case%model, mesh, found%experiments, last, case%windows, found%windows)
+      end associate
+   end subroutine judge_case
+
+   !> Several starts on each mesh; the fits of the lowest minimum count.
+   subroutine search_from_many(case, found, error, monitor, check)
+      type(case_t), intent(in) :: case
+      type(case_fit_t), intent(inout) :: found
+      type(error_t), allocatable, intent(out) :: error
+      class(monitor_t), intent(inout), optional :: monitor
+      logical, intent(in), optional :: check
+      integer :: k
+
+      deallocate (found%minima)
+      allocate (found%minima(size(case%meshes)))
+      allocate (found%fits(size(case%stages), size(case%meshes)))
+      do k = 1, size(case%meshes)
+         call identify_from_many(case%model, case%meshes(k), case%stages, found%experiments, &
+            case%multistart, found%minima(k)%list, found%minima(k)%failures, error, &
+            monitor, check)
+         if (allocated(error)) return
+         found%fits(:, k) = found%minima(k)%list(1)%fits
+      end do
+   end subroutine search_from_many
+
+end module beamid_case_fits
