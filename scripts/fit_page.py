@@ -8,6 +8,7 @@ import re
 import plotting as p
 import page as h
 import plot_fit
+import plot_modes
 import signals as s
 import numpy as np
 
@@ -171,8 +172,8 @@ class Fit:
         text = ""
         for record, meshes in self.records.items():
             of = f" {record}" if len(self.records) > 1 else ""
-            t, measured, model, residual = meshes[self.elements]
-            sd = math.sqrt(np.mean(residual**2))
+            t, measured, model, residual, by_parameters = meshes[self.elements]
+            band = 1.96 * np.sqrt(np.mean(residual**2) + np.nan_to_num(by_parameters)**2)
             label = p.with_unit("acceleration", self.units.get("acceleration"))
             time = p.with_unit("time", self.units.get("time"))
             hertz = p.frequency_unit(self.units.get("time"))
@@ -186,19 +187,20 @@ class Fit:
             span = s.some_cycles(t, measured) or (t[0], t[min(len(t) - 1, 200)])
             figure, axes = self.axes()
             part = (t >= span[0]) & (t <= span[1])
-            axes.fill_between(t[part], model[part] - 1.96 * sd, model[part] + 1.96 * sd,
-                              color=p.SKY, alpha=0.4, linewidth=0)
+            axes.fill_between(t[part], (model - band)[part], (model + band)[part], color=p.SKY,
+                              alpha=0.4, linewidth=0)
             plot_fit.draw_zoom(axes, t, measured, model, span, hertz)
             axes.set_title("")
             axes.set(xlabel=time, ylabel=label)
-            text += h.picture(p.png(figure), f"Some cycles of record{of}. The band holds 95 % of "
-                              "what is measured, by the rms of the residuals.")
+            text += h.picture(p.png(figure), f"Some cycles of record{of}. The prediction band "
+                              "holds 95 % of what is measured, by the residuals and by what the "
+                              "record leaves open of the parameters.")
 
             figure, axes = self.axes(0.75)
             axes.axhline(0, color=p.GREY, linewidth=0.8)
             axes.plot(*s.envelope(t, residual), color=p.BLUE, linewidth=0.6)
             axes.set(xlabel=time, ylabel=p.with_unit("residual", self.units.get("acceleration")))
-            text += h.picture(p.png(figure), f"Residuals of record{of}, measured less model.")
+            text += h.picture(p.png(figure), f"Residuals of record{of}, record less model.")
 
             if len(t) >= plot_fit.LEAST:
                 figure, axes = self.axes(1.1)
@@ -246,25 +248,10 @@ class Fit:
 
     def shapes(self):
         """The lowest modes over the beam and what sits on it."""
-        path = self.folder / "shapes.csv"
-        if not path.exists():
+        if not (self.folder / "shapes.csv").exists():
             return ""
-        rows = p.read_table(path, "x", "mode_1_real")
-        x = np.array([p.number(row, "x") for row in rows])
-        count = sum(name.endswith("_real") for name in p.header(path))
         figure, axes = self.axes(1.1)
-        axes.plot([x[0], x[-1]], [0, 0], color="black", linewidth=3, solid_capstyle="butt")
-        axes.plot([x[0], x[0]], [-0.6, 0.6], color="black", linewidth=2)
-        for k in range(1, min(count, 4) + 1):
-            shape = np.array([p.number(row, f"mode_{k}_real") for row in rows])
-            axes.plot(x, shape, color=p.COLOURS[k - 1], label=f"mode {k}")
-        for row in p.read_table(self.folder / "attachments.csv", "name", "x"):
-            axes.plot(p.number(row, "x"), 0, "ks", markersize=6)
-            axes.annotate(row["name"], (p.number(row, "x"), 0), xytext=(0, 7),
-                          textcoords="offset points", ha="center", fontsize=8)
-        axes.set(xlabel=p.with_unit("x", self.units.get("length")), ylabel="displacement",
-                 ylim=(-1.2, 1.45))
-        axes.legend(ncols=4, loc="upper left", fontsize=8, columnspacing=0.9, handlelength=1.2)
+        plot_modes.draw_together(axes, self.folder, self.units)
         return h.picture(p.png(figure), "Mode shapes over the beam, each to a largest "
                          "displacement of 1; squares: what sits on it.")
 

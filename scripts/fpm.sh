@@ -18,11 +18,14 @@ find_fpm() {
    return 1
 }
 
+# Folders of the sources that a build takes.
+sources=(src app test example)
+
 # fpm leaves in the library what a source that is no longer there once gave to it.
 forget_moved_sources() {
    local list=$checkout/build/sources
    mkdir -p "$checkout/build"
-   (cd "$checkout" && find src app test example -name '*.f90' | LC_ALL=C sort) >"$list.new"
+   (cd "$checkout" && find "${sources[@]}" -name '*.f90' | LC_ALL=C sort) >"$list.new"
    if [[ ! -f $list ]] || [[ -n $(LC_ALL=C comm -23 "$list" "$list.new") ]]; then
       rm -rf "$checkout"/build/gfortran_*
    fi

@@ -1,5 +1,6 @@
 #!/usr/bin/env bash
-# Installs the program, its library, the scripts that draw, the manual page and what shells complete.
+# Installs the program, its library with a file for pkg-config, the scripts that draw, the manual page
+# and what shells complete.
 #
 #     scripts/install.sh PREFIX      PREFIX/bin/beamid and so on; /usr/local, ~/.local, ...
 set -euo pipefail
@@ -23,13 +24,22 @@ trap 'rm -f "$log"' EXIT
 
 share=$prefix/share
 program=$prefix/bin/beamid
-mkdir -p "$share/man/man1" "$share/bash-completion/completions" "$share/zsh/site-functions" \
-   "$share/beamid/scripts"
+mkdir -p "$prefix/lib/pkgconfig" "$share/man/man1" "$share/bash-completion/completions" \
+   "$share/zsh/site-functions" "$share/beamid/scripts"
+version=$("$program" version)
+cat >"$prefix/lib/pkgconfig/beamid.pc" <<END
+prefix=$prefix
+Name: beamid
+Description: physical parameters of a flexible beam from an accelerometer record
+Version: ${version#beamid }
+Cflags: -I\${prefix}/include
+Libs: -L\${prefix}/lib -lbeamid $("$checkout/scripts/setup.sh" flags)
+END
 "$program" help man >"$share/man/man1/beamid.1"
 "$program" help bash >"$share/bash-completion/completions/beamid"
 "$program" help zsh >"$share/zsh/site-functions/_beamid"
-for script in cases fit_page page plot_convergence plot_fit plot_paper plot_record plot_studies \
-   plotting program report roller_beam signals to_csv; do
+for script in cases fit_page page plot_convergence plot_fit plot_modes plot_paper plot_record \
+   plot_studies plotting program report roller_beam signals to_csv; do
    cp "$checkout/scripts/$script.py" "$share/beamid/scripts/"
 done
 echo "$program"

@@ -16,14 +16,20 @@ LEAST = 8                                  # fewer samples have no spectrum wort
 
 
 def read_fit(directory):
-    """fit.csv as arrays (t, measured, model, residual), by record and by number of elements."""
+    """fit.csv as arrays (t, measured, model, residual, standard deviation of the model or nan), by
+    record and by number of elements."""
     path = directory / "fit.csv"
-    columns = ("t", "measured", "model", "residual")
-    with_record = "record" in p.header(path)
+    columns, names = ("t", "measured", "model", "residual"), p.header(path)
+    with_record = "record" in names
     values = s.read_columns(path, "elements", *columns, *["record"] * with_record)
     record = values[5].astype(int) if with_record else np.ones(values.shape[1], dtype=int)
     elements = values[0].astype(int)
-    return {r: {n: values[1:5, (record == r) & (elements == n)]
+    values[0] = np.nan
+    if "model_sd" in names:    # empty where the record leaves something undetermined
+        values[0] = np.genfromtxt(path, delimiter=",", skip_header=1,
+                                  usecols=names.index("model_sd"))
+    values = values[[1, 2, 3, 4, 0]]
+    return {r: {n: values[:, (record == r) & (elements == n)]
                 for n in map(int, np.unique(elements[record == r]))}
             for r in map(int, np.unique(record))}
 
@@ -124,15 +130,17 @@ def draw_overview(axes, t, measured, model, elements):
     many = len(t) > 3000
     size = 5 if len(t) < MARKED else 2.5
     axes.plot(*s.envelope(t, measured), *["-"] * many, *["."] * (not many), color="black",
-              markersize=size, linewidth=1.6, zorder=1 if many else 3, label="measured")
-    axes.plot(*s.envelope(t, model), color=p.BLUE, linewidth=0.7 if many else 1.4, zorder=2,
+              markersize=size, linewidth=1.6, zorder=1 if many else 3, label="record")
+    gap = 20 * np.median(np.diff(t)) if len(t) > 1 else 0.0
+    axes.plot(*across(*s.envelope(t, model), gap), color=p.BLUE, linewidth=0.7 if many else 1.4, zorder=2,
               label=f"model, $N$ = {elements}")
 
 
-def across(t, values):
+def across(t, values, least=0.0):
     """The same with nothing where the record has a gap, so that no line is drawn across it."""
     steps = np.diff(t)
-    gaps = 1 + np.flatnonzero(steps > 20 * np.median(steps)) if steps.size else []
+    typical = 20 * np.median(steps[steps > 0]) if (steps > 0).any() else 0.0
+    gaps = 1 + np.flatnonzero(steps > max(typical, least))
     return np.insert(t, gaps, np.nan), np.insert(values, gaps, np.nan)
 
 
@@ -149,7 +157,7 @@ def draw_zoom(axes, t, measured, model, span, unit):
 
 def draw_meshes(axes, meshes, chosen):
     """Residuals of all meshes; of many samples how far their models are from the one chosen."""
-    t, _, best, difference = meshes[chosen]
+    t, _, best, difference, _ = meshes[chosen]
     few = len(t) < MARKED
     for k, n in enumerate(n for n in meshes if n != chosen):
         axes.plot(*s.envelope(t, meshes[n][3] if few else meshes[n][2] - best), linewidth=0.9,
@@ -165,7 +173,7 @@ def draw_spectra(axes, t, measured, model, residual, modes):
         axes.set_axis_off()
         return
     f, *amplitudes = s.spectrum(t, measured, model, residual)
-    styles = (("measured", "black", 1.6), ("model", p.BLUE, 1.0), ("residual", p.VERMILION, 0.9))
+    styles = (("record", "black", 1.6), ("model", p.BLUE, 1.0), ("residual", p.VERMILION, 0.9))
     for amplitude, (label, colour, width) in zip(amplitudes, styles):
         axes.loglog(*s.highest(f, amplitude), color=colour, linewidth=width, label=label)
     top = max(amplitude.max() for amplitude in amplitudes[:2])
@@ -202,7 +210,7 @@ def draw(directory, meshes, chosen, rows, corrected, record=1, of=1):
         for quantity in ("acceleration", "residual", "difference", "amplitude"))
     time = p.with_unit("time", units.get("time"))
     hertz = p.frequency_unit(units.get("time"))
-    t, measured, model, difference = meshes[chosen]
+    t, measured, model, difference, _ = meshes[chosen]
     few = len(t) < MARKED
     several, span = len(meshes) > 1, s.some_cycles(t, measured)
     names = ["fit", *["zoom"] * bool(span), "residual", *["meshes"] * several, "spectra"]
@@ -225,7 +233,7 @@ def draw(directory, meshes, chosen, rows, corrected, record=1, of=1):
     panels["residual"].axhline(0, color=p.GREY, linewidth=0.8)
     panels["residual"].plot(*s.envelope(t, difference), color=p.BLUE, marker="." if few else "",
                             markersize=4, linewidth=0.9 if few else 0.6,
-                            label=f"measured $-$ model, $N$ = {chosen}")
+                            label=f"record $-$ model, $N$ = {chosen}")
     panels["residual"].set_ylabel(residual)
     if several:
         draw_meshes(panels["meshes"], meshes, chosen)

@@ -4,6 +4,7 @@
 #     scripts/setup.sh             what the program and the tests need
 #     scripts/setup.sh pictures    that, and numpy and matplotlib for the plotting scripts
 #     scripts/setup.sh files       lists the files of the system that a build uses
+#     scripts/setup.sh flags       what a linker needs beside the library
 #     scripts/setup.sh packages NAME...    what the program needs, and these Python packages in .venv
 #
 # Needed are gfortran, SUNDIALS 6.4 to 7 with its Fortran modules, MINPACK, LAPACK, BLAS and fpm 0.12.
@@ -71,10 +72,10 @@ named() {
    cat "$@" | tr '\n' ' ' | grep -o "$key = \[[^]]*]" | grep -o '"[^"]*"' | tr -d '"'
 }
 
-# Links a program against all that a build uses. Sets `opened`, the linker's list of files, or
-# `reason`.
+# Links a program against all that a build uses, `libraries`. Sets `opened`, the linker's list of
+# files, or `reason`.
 libraries_work() {
-   local libraries folder status=0
+   local folder status=0
    have "$compiler" || { reason="no compiler $compiler"; return 1; }
    find_sundials
    [[ -f $modules/fcvode_mod.mod ]] || {
@@ -137,8 +138,8 @@ install_fpm() {
 }
 
 wanted=${1:-}
-[[ $wanted =~ ^(pictures|files|packages|)$ ]] || {
-   say "found '$wanted', expected nothing, 'pictures', 'files' or 'packages'"
+[[ $wanted =~ ^(pictures|files|flags|packages|)$ ]] || {
+   say "found '$wanted', expected nothing, 'pictures', 'files', 'flags' or 'packages'"
    exit 2
 }
 
@@ -153,6 +154,10 @@ if ! libraries_work; then
 fi
 write_binding
 
+if [[ $wanted == flags ]]; then
+   echo "$search ${libraries[*]} -fopenmp"
+   exit
+fi
 if [[ $wanted == files ]]; then
    grep -E '^/.*\.(so|a)$' <<<"$opened"
    named external-modules "$binding/fpm.toml" | sed "s|.*|$modules/&.mod|"

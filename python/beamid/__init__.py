@@ -1,0 +1,20 @@
+"""Physical parameters of a flexible beam from an accelerometer record.
+
+    import beamid
+
+    fit = beamid.fit(t, a, beam=dict(length=4, rho=.03, E=80, I=1, c_D=.005), tip=dict(m_T=.15),
+                     excitation=dict(kind="pulse", amplitude=1, duration=.05), free=["E", "c_D"])
+    print(fit)
+    fit["E"].value, fit["E"].interval
+
+The groups and keys are those of a case file, and `beamid.load("case.nml")` takes one as it is.
+Errors carry the sentences of the program. Lengths, masses and times are in any consistent units.
+"""
+from ._cases import Record
+from ._fits import Estimate, Fit, Mode, Problem, fit, load
+from ._library import BeamidError, ComputationError, InputError, NoFit
+from ._responses import Response, response
+
+__all__ = ["BeamidError", "ComputationError", "Estimate", "Fit", "InputError", "Mode", "NoFit",
+           "Problem", "Record", "Response", "fit", "load", "response"]
+__version__ = "0.1.0"
