@@ -125,9 +125,10 @@ contains
       character(len=*), intent(in) :: text
       type(interval_t), allocatable, intent(inout) :: list(:)
       type(interval_t), allocatable :: old(:)
-      integer :: k, first, length
+      integer :: k, first, length, given
 
       allocate (old(0))
+      given = size(list)
       first = 1
       do while (first <= len(text))
          length = scan(text(first:), new_line('a'))
@@ -143,7 +144,7 @@ contains
          end do
       end associate
       do k = 1, size(old)
-         if (.not. any(list%method == old(k)%method)) list = [list, old(k)]
+         if (.not. any(list(:given)%method == old(k)%method)) list = [list, old(k)]
       end do
 
    contains
@@ -219,13 +220,15 @@ contains
       type(stage_fit_t), intent(in) :: fit
       type(text_t), intent(inout) :: text
       character(len=:), allocatable :: line
-      integer :: k, m
+      integer :: k, m, used
 
       call text%line()
       line = left('95 %', 10)
+      used = 0
       do m = 1, size(methods)
-         if (any(list%method == methods(m) .and. list%elements == fit%elements)) &
-            line = line//right(trim(headings(m)), 22)
+         if (.not. any(list%method == methods(m) .and. list%elements == fit%elements)) cycle
+         line = line//right(trim(headings(m)), 22)
+         used = used + 1
       end do
       call text%line(line)
       do k = 1, size(fit%free)
@@ -233,7 +236,9 @@ contains
          do m = 1, size(methods)
             line = line//ends_of(place(list, fit, k, trim(methods(m))))
          end do
-         call text%line(line//'  '//trim(list(place(list, fit, k, 'linear'))%unit))
+         ! Of four methods a line has no room for it.
+         if (used < size(methods)) line = line//'  '//list(place(list, fit, k, 'linear'))%unit
+         call text%line(line)
       end do
       do k = 1, size(fit%free)
          call compare_methods(list, fit, k, text)
