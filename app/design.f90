@@ -7,6 +7,7 @@ module beamid_design
    use beamid_designs, only: box_t, compare_designs, designs_t
    use beamid_errors, only: locate
    use beamid_outputs, only: output_t
+   use beamid_strings, only: to_text
    use beamid_tables, only: labels_table
    implicit none
    private
@@ -33,7 +34,7 @@ contains
       associate (mesh => case%meshes(size(case%meshes)))
          call compare_designs(case%model, mesh, case%stages(size(case%stages)), experiments, &
             box, designs, error)
-         call locate(error, case%path)
+         call locate(error, case%path//':'//to_text(case%design_line)//': &design')
          if (allocated(error)) return
          call output%add('design.csv', design_table(designs))
          call output%add('labels.csv', labels_table(case%units))

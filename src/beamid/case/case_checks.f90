@@ -169,8 +169,8 @@ contains
          error)
       if (size(case%stages) == 0) call refuse(case%path, 0, 'stage', 'no such group', &
          'one or more', error)
-      if (any(case%excitations%modes > 0)) call refuse(case%path, 0, 'excitation kind', '''free''', &
-         'a force, a release or a base that is known', error)
+      if (any(case%excitations%modes > 0)) call refuse(case%path, 0, 'excitation kind', &
+         '''free''', 'a force, a release or a base that is known', error)
       do k = 1, size(case%recordings)
          associate (recording => case%recordings(k))
             if (.not. (allocated(recording%path) .or. has_grid(recording%window))) call refuse( &
@@ -191,8 +191,8 @@ contains
                box%interest(k)))), 'parameters that are free in the last stage', error)
          end do
          if (box%sensors == 2 .and. any(abs([s%sensor%m_S, s%sensor%J_S]) > 0)) call refuse( &
-            case%path, case%design_line, 'design sensors', '2 with a mass, which would move each '// &
-            'other', '1, or a sensor without m_S and J_S', error)
+            case%path, case%design_line, 'design sensors', '2 with a mass, each of which '// &
+            'changes what the other reads', '1, or a sensor without m_S and J_S', error)
          if (box%sensors == 2 .and. any(parameters(case%stages(last)%free)%group == 'sensor')) &
             call refuse(case%path, case%design_line, 'design sensors', &
             '2 beside a free parameter of the sensor', '1', error)

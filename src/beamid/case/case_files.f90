@@ -32,7 +32,8 @@ module beamid_case_files
       group_t('excitation', may_repeat=.true.), group_t('discretization'), group_t('integrator'), &
       group_t('observation'), group_t('record', may_repeat=.true.), group_t('score'), &
       group_t('stage', may_repeat=.true.), group_t('prior', may_repeat=.true.), &
-      group_t('multistart'), group_t('windows'), group_t('noise'), group_t('design'), group_t('units')]
+      group_t('multistart'), group_t('windows'), group_t('noise'), group_t('design'), &
+      group_t('units')]
 
    type :: case_t
       character(len=:), allocatable :: path     !< as given

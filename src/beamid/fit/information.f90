@@ -1,6 +1,6 @@
 !> What an experiment that nobody has done yet would tell of its parameters: linear theory from the
-!> information matrix J'J/sigma**2 of relative changes (Fedorov, Theory of Optimal Experiments, 1972;
-!> Pukelsheim, Optimal Design of Experiments, 2006). Those of independent samples add up.
+!> information matrix J'J/sigma**2 of relative changes (Fedorov, Theory of Optimal Experiments,
+!> 1972; Pukelsheim, Optimal Design of Experiments, 2006). Those of independent samples add up.
 module beamid_information
    use beamid_kinds, only: wp
    use beamid_statistics, only: unlimited
@@ -22,7 +22,7 @@ module beamid_information
       real(wp), allocatable :: eigenvalue(:), direction(:, :)
    end type prediction_t
 
-   !> Eigenvalues of correlations below this are round-off: of columns that are parallel to 7 digits.
+   !> Eigenvalues of correlations below this are round-off, of columns parallel to 7 digits.
    real(wp), parameter :: round_off = 1e-13_wp
    !> Half width of a 95 % interval in standard errors, of samples without number.
    real(wp), parameter :: normal_95 = 1.959963984540054_wp
@@ -111,8 +111,8 @@ contains
    end subroutine judge
 
    !> Eigenvalues, ascending, and vectors of a symmetric matrix without negative ones, by Jacobi's
-   !> rotations: small ones keep their digits too (Demmel and Veselic, SIAM J. Matrix Anal. Appl. 13,
-   !> 1992, 1204).
+   !> rotations: small ones keep their digits too (Demmel and Veselic, SIAM J. Matrix Anal. Appl.
+   !> 13, 1992, 1204).
    !>
    !> a  (n, n) is lost
    pure subroutine decompose(a, value, vector)

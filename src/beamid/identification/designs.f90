@@ -2,8 +2,8 @@
 !> what each combination would tell of the free parameters.
 !>
 !> For each place of force and sensor and each duration one response with its exact derivatives at
-!> every sample time that any window has; the information of a window is a sum over its samples, that
-!> of two sensors the sum of both.
+!> every sample time that any window has; the information of a window is a sum over its samples,
+!> that of two sensors the sum of both.
 module beamid_designs
    use beamid_errors, only: bad_input, error_t, locate
    use beamid_excitation, only: excitation_t
@@ -243,7 +243,8 @@ contains
          associate (s => problem%world%structures(1), t => experiments(1)%samples)
             present%x_S = [s%sensor_place(), 0.0_wp]
             present%x_F = s%place(of_x_F)
-            if (is_pulse(experiments(1)%excitation)) present%duration = experiments(1)%excitation%t(2)
+            if (is_pulse(experiments(1)%excitation)) &
+               present%duration = experiments(1)%excitation%t(2)
             present%t_first = t(1)
             present%t_last = t(size(t))
             present%t_step = (t(size(t)) - t(1))/max(1, size(t) - 1)
@@ -336,7 +337,7 @@ contains
       type(error_t), allocatable, intent(out) :: error
       real(wp), allocatable :: all_of_them(:)
       real(wp) :: last, same, total
-      integer :: i, j, k, low
+      integer :: i, j, k, low, n
 
       last = maxval(box%t_last)
       total = 0
@@ -354,8 +355,9 @@ contains
             associate (window => windows((i - 1)*size(box%t_step) + j))
                window%t_first = box%t_first(i)
                window%t_step = box%t_step(j)
-               window%t = [(window%t_first + k*window%t_step, k=0, int(max(0.0_wp, &
-                  (last - window%t_first)/max(window%t_step, tiny(last)))*(1 + 1e-12_wp) + 1e-6_wp))]
+               n = int(max(0.0_wp, (last - window%t_first)/max(window%t_step, tiny(last))) &
+                  *(1 + 1e-12_wp) + 1e-6_wp)
+               window%t = [(window%t_first + k*window%t_step, k=0, n)]
                all_of_them = [all_of_them, window%t]
             end associate
          end do
@@ -363,7 +365,8 @@ contains
       ! Those of two windows that differ by round-off only are one.
       call sort(all_of_them)
       same = 64*epsilon(same)*maxval(abs(all_of_them))
-      times = pack(all_of_them, [.true., all_of_them(2:) > all_of_them(:size(all_of_them) - 1) + same])
+      times = pack(all_of_them, [.true., all_of_them(2:) - all_of_them(:size(all_of_them) - 1) &
+         > same])
       do i = 1, size(windows)
          allocate (windows(i)%place(size(windows(i)%t)))
          low = 1
@@ -424,7 +427,8 @@ contains
                            design%t_step = windows(w)%t_step
                            design%t_last = box%t_last(l)
                            design%samples = box%sensors*samples(l, w)
-                           design%share = (([i, j] - 1)*size(box%x_F) + f - 1)*size(box%duration) + d
+                           design%share = ([i, j] - 1)*size(box%x_F) + f - 1
+                           design%share = design%share*size(box%duration) + d
                            design%window = (w - 1)*size(box%t_last) + l
                            designs%list(n) = design
                         end do

@@ -33,8 +33,8 @@ contains
       integer :: k
 
       associate (names => designs%quantities%name)
-         call text%line('design,x_S,x_S_2,x_F,duration,t_first,t_last,t_step,samples,determined,'// &
-            'D,A,E,'//listed('sd_'//names, ',')//','//listed('relative_'//names, ','))
+         call text%line('design,x_S,x_S_2,x_F,duration,t_first,t_last,t_step,samples,'// &
+            'determined,D,A,E,'//listed('sd_'//names, ',')//','//listed('relative_'//names, ','))
       end associate
       call add_row(text, designs, 0, designs%present)
       do k = 1, size(designs%list)
@@ -349,9 +349,9 @@ contains
             ! The one with the fewest samples, and of these the best.
             best = minval(list%samples, mask=worst <= box%target)
             best = minloc(worst, dim=1, mask=list%samples == best)
-            call text%line(what//': '//to_text(enough)//' experiments reach it; with the fewest '// &
-               'samples, '//to_text(list(best)%samples)//', design '//to_text(best)//' ('// &
-               percent(worst(best))//')')
+            call text%line(what//': '//to_text(enough)//' experiments reach it; with the '// &
+               'fewest samples, '//to_text(list(best)%samples)//', design '//to_text(best)// &
+               ' ('//percent(worst(best))//')')
             return
          end if
          best = minloc(worst, dim=1)
@@ -359,8 +359,8 @@ contains
          if (.not. worst(best) < unlimited) return
          times = needed(designs, list(best), box%target)
          if (times < 0) return
-         what = 'the nearest, design '//to_text(best)//' ('//percent(worst(best))//'), would with '// &
-            'its record repeated '//whole(times)//' times'
+         what = 'the nearest, design '//to_text(best)//' ('//percent(worst(best))// &
+            '), would with its record repeated '//whole(times)//' times'
          if (is_pulse(case%excitations(1)) .or. case%excitations(1)%is_release) then
             what = what//', or with an amplitude of '//trim(to_text(sqrt(times) &
                *case%excitations(1)%amplitude)//' '//merge(case%units%length, case%units%force, &
