@@ -106,8 +106,8 @@ contains
 
    !> A map of experiments over two settings, and a curve over one; no other setting, no parameter.
    subroutine test_map()
-      call write_file('design.nml', case_text//stage//'&design x_S=1,2,3, t_last=1,2, noise_sd=1 /'// &
-         nl)
+      call write_file('design.nml', case_text//stage// &
+         '&design x_S=1,2,3, t_last=1,2, noise_sd=1 /'//nl)
       outcome = run('"'//program_path//'" design design.nml && '//scripts// &
          'plot_design.py out/design')
       call check('plot_design.py: a map', has_all(outcome%out, 'out/design/design_E.png'), &
