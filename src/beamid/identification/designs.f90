@@ -196,7 +196,7 @@ contains
       type(error_t), allocatable, intent(out) :: error
       type(residual_t) :: problem
       type(stage_t) :: single
-      real(wp), allocatable :: information(:, :), known(:)
+      real(wp), allocatable :: information(:, :), known(:), scale(:), jacobian(:, :)
       integer, allocatable :: first(:), others(:), column(:)
       integer :: k, m, n
 
@@ -219,16 +219,16 @@ contains
       end do
       designs%interest = [(any(box%interest == single%free(k)), k=1, n)]
       call set_free(problem, single)
-      known = known_before(problem, designs%quantities%scale)
-      designs%prior = known
+      scale = designs%quantities%scale
+      designs%prior = known_before(problem, scale)
       call set_free(problem, stage)
       column = [(findloc(single%free, stage%free(k), dim=1), k=1, size(stage%free))]
-      allocate (information(size(column) + problem%linear_unknowns(), &
-         size(column) + problem%linear_unknowns()))
-      call inform_whole(problem, designs%quantities(column)%scale, information, error)
+      scale = scale(column)
+      call differentiate(problem, scale, jacobian, error)
       if (allocated(error)) return
+      information = matmul(transpose(jacobian), jacobian)
       ! What another record has of its own is nuisance, and has its own priors.
-      known = known_before(problem, designs%quantities(column)%scale)
+      known = known_before(problem, scale)
       first = [(findloc(column, k, dim=1), k=1, n)]
       others = pack([(k, k=1, size(information, 1))], [(.not. any(first == k), &
          k=1, size(information, 1))])
@@ -290,19 +290,6 @@ contains
          jacobian(:, k) = scale(k)*jacobian(:, k)
       end do
    end subroutine differentiate
-
-   !> Of all samples.
-   subroutine inform_whole(problem, scale, information, error)
-      type(residual_t), intent(inout) :: problem
-      real(wp), intent(in) :: scale(:)
-      real(wp), intent(out) :: information(:, :)
-      type(error_t), allocatable, intent(out) :: error
-      real(wp), allocatable :: jacobian(:, :)
-
-      information = 0
-      call differentiate(problem, scale, jacobian, error)
-      if (.not. allocated(error)) information = matmul(transpose(jacobian), jacobian)
-   end subroutine inform_whole
 
    !> Lists that were not given, and all of them in ascending order.
    subroutine complete(box, experiment, model)
@@ -450,10 +437,11 @@ contains
       type(window_times_t), intent(in) :: windows(:)
       type(share_t), intent(inout) :: shares(0:)
       type(residual_t) :: own
-      real(wp), allocatable :: jacobian(:, :)
+      real(wp), allocatable :: jacobian(:, :), scale(:)
       integer :: d, f, s
 
       own = problem
+      scale = designs%quantities%scale
       associate (box => designs%box, structure => own%world%structures(1), &
          force => own%world%excitations(1))
          f = mod(k, size(box%x_F)) + 1
@@ -463,7 +451,7 @@ contains
          do d = 1, size(box%duration)
             if (is_pulse(force)) force%t(2) = box%duration(d)
             associate (share => shares(k*size(box%duration) + d - 1))
-               call differentiate(own, designs%quantities%scale, jacobian, share%error)
+               call differentiate(own, scale, jacobian, share%error)
                call locate(share%error, 'x_S = '//to_text(box%x_S(s))//', x_F = '// &
                   to_text(box%x_F(f)))
                if (allocated(share%error)) return

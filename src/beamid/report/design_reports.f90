@@ -3,10 +3,11 @@ module beamid_design_reports
    use beamid_case_files, only: case_t
    use beamid_designs, only: design_t, designs_t, is_pulse, needed
    use beamid_kinds, only: wp
-   use beamid_lines, only: columns, csv_row, filled
+   use beamid_lines, only: columns, csv_row
    use beamid_statistics, only: unlimited
-   use beamid_strings, only: fixed, full, to_text
+   use beamid_strings, only: fixed, full, rounded, to_text
    use beamid_texts, only: left, right, text_t
+   use beamid_unknowns, only: name_length
    use beamid_values, only: listed
    implicit none
    private
@@ -29,13 +30,13 @@ contains
    function design_table(designs) result(table)
       type(designs_t), intent(in) :: designs
       character(len=:), allocatable :: table
+      character(len=name_length), allocatable :: names(:)
       type(text_t) :: text
       integer :: k
 
-      associate (names => designs%quantities%name)
-         call text%line('design,x_S,x_S_2,x_F,duration,t_first,t_last,t_step,samples,'// &
-            'determined,D,A,E,'//listed('sd_'//names, ',')//','//listed('relative_'//names, ','))
-      end associate
+      names = designs%quantities%name
+      call text%line('design,x_S,x_S_2,x_F,duration,t_first,t_last,t_step,samples,'// &
+         'determined,D,A,E,'//listed('sd_'//names, ',')//','//listed('relative_'//names, ','))
       call add_row(text, designs, 0, designs%present)
       do k = 1, size(designs%list)
          call add_row(text, designs, k, designs%list(k))
@@ -87,16 +88,16 @@ contains
       character(len=:), allocatable :: summary
       type(text_t) :: text
       type(winner_t), allocatable :: winners(:)
+      character(len=name_length), allocatable :: names(:)
       integer :: k, known
 
+      names = designs%quantities%name
       known = count([(designs%list(k)%prediction%determined, k=1, size(designs%list))])
       call text%line(case%name//': '//to_text(size(designs%list))//' experiments, N = '// &
          to_text(elements)//', noise of standard deviation '//trim(to_text(designs%box%noise_sd)// &
          ' '//case%units%acceleration()))
-      associate (names => designs%quantities%name, interest => designs%interest)
-         call text%line('free: '//listed(names, ', ')//'; of interest: '//listed(pack(names, &
-            interest), ', ')//', which '//to_text(known)//' of the experiments determine')
-      end associate
+      call text%line('free: '//listed(names, ', ')//'; of interest: '//listed(pack(names, &
+         designs%interest), ', ')//', which '//to_text(known)//' of the experiments determine')
       do k = 1, size(designs%quantities)
          associate (q => designs%quantities(k))
             if (abs(q%searched) < q%scale) call text%line(trim(q%searched_name())//' is '// &
@@ -271,16 +272,20 @@ contains
                   'parallel, or nothing')
                return
             end if
-            call text%line(left(label, 12)//filled('D = #, A = #, E = #; ', [p%D, p%A, p%E])// &
-               listed([(to_text(p%eigenvalue(i)), i=1, size(p%eigenvalue))], ', '))
+            words = ''
+            do i = 1, size(p%eigenvalue)
+               words = words//' '//rounded(p%eigenvalue(i), 3)
+            end do
+            call text%line(left(label, 12)//'D = '//rounded(p%D, 4)//', A = '//rounded(p%A, 3)// &
+               ', E = '//rounded(p%E, 3)//';'//words)
             largest = maxloc(abs(p%direction(:, 1)), dim=1)
             associate (v => p%direction(:, 1)/p%direction(largest, 1))
                words = ''
                do i = 1, size(v)
                   if (abs(v(i)) < 0.1_wp) cycle
                   if (words /= '') words = words//', '
-                  words = words//trim(names(i))//' by '//trim(merge('+', '-', v(i) > 0))// &
-                     trim(adjustl(fixed(100*abs(v(i)), 12, 0)))//' %'
+                  words = words//trim(names(i))//' by '//merge('+', '-', v(i) > 0)// &
+                     to_text(nint(100*abs(v(i))))//' %'
                end do
                call text%line(left('', 12)//'known least: '//words//', to within '// &
                   percent(1/sqrt(p%E)*abs(p%direction(largest, 1)))//' of that')
@@ -306,6 +311,7 @@ contains
          associate (box => designs%box, design => designs%list(winners(k)%place), &
             length => case%model%structure%length)
             call look('x_S', box%x_S, design%x_S(1), length)
+            if (lists == '') call look('x_S', box%x_S, design%x_S(box%sensors), length)
             call look('x_F', box%x_F, design%x_F, length)
             call look('duration', box%duration, design%duration, unlimited)
             call look('t_first', box%t_first, design%t_first, unlimited)
