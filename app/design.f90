@@ -4,7 +4,6 @@ module beamid_design
    use beamid_cases, only: needs_design, plan_experiments
    use beamid_commands, only: deliver, settings_t
    use beamid_design_reports, only: design_summary, design_table
-   use beamid_designs, only: box_t, compare_designs, designs_t
    use beamid_errors, only: locate
    use beamid_outputs, only: output_t
    use beamid_strings, only: to_text

@@ -52,8 +52,8 @@ def draw(directory, name, wanted):
         if all(row[setting] for setting in over):
             best[at] = min(best[at], error)
     best = np.ma.masked_invalid(best) * 100
-    labels = [p.with_unit(f"{SETTINGS[setting][0]} {p.symbol(setting)}",
-                          units.get(SETTINGS[setting][1])) for setting in over]
+    labels = [p.with_unit(f"{SETTINGS[setting][0]} {p.symbol(setting) if '_' in setting else ''}"
+                          .strip(), units.get(SETTINGS[setting][1])) for setting in over]
     quantity = f"standard error of {p.symbol(name)} (%)"
     figure, axes = p.plt.subplots(figsize=(6.8, 4.6))
     if len(over) == 1:
@@ -84,7 +84,7 @@ def draw(directory, name, wanted):
         figure.legend(loc="outside lower left", ncols=2)
     axes.set_title(f"as it is: {p.plain_number(100 * errors[0], 3)} %" if np.isfinite(errors[0])
                    else "as it is: not determined", fontsize=10)
-    figure.suptitle(f"{p.case_name(directory)}: best of the other settings at each place")
+    figure.suptitle(f"{p.case_name(directory)}: best of all other settings")
     return figure
 
 
