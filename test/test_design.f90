@@ -5,7 +5,7 @@ program test_design
    use beamid_designs, only: box_t, compare_designs, design_t, designs_t, needed
    use beamid_equations, only: equations_t, new_equations
    use beamid_errors, only: error_t
-   use beamid_excitation, only: new_pulse
+   use beamid_excitation, only: new_free, new_pulse
    use beamid_experiments, only: experiment_t
    use beamid_galerkin, only: galerkin_t, mesh_t, new_galerkin
    use beamid_identification, only: identify, model_t, simulate, simulation_t, stage_fit_t, stage_t
@@ -41,6 +41,7 @@ program test_design
    call test_fit()
    call test_sums()
    call test_node()
+   call test_unknown_start()
    call test_prior()
    call test_simulated_fits()
    call open_shell(reason)
@@ -293,6 +294,48 @@ contains
 
    end subroutine test_node
 
+   !> Where the start counts as unknown, the errors are those of such a fit, here of a record
+   !> without noise and of all three modes that the mesh has: the fit leaves round-off, of which
+   !> errors in its own unit are known to the digits of its estimates, 1e-6. A known start tells
+   !> more.
+   subroutine test_unknown_start()
+      type(mesh_t), parameter :: coarse = mesh_t(3, 1, 4, 1)
+      integer, parameter :: modes = 3
+      type(model_t) :: model, loose
+      type(simulation_t) :: clean
+      type(stage_fit_t), allocatable :: fits(:)
+      type(designs_t) :: designs, known
+      type(stage_t) :: stage
+      type(box_t) :: box
+      type(error_t), allocatable :: error
+
+      model = model_of(truth, new_pulse(1.0_wp, 0.05_wp))
+      loose = model_of(truth, new_free(modes))
+      stage = stage_of(names, values*[0.95_wp, 1.02_wp, 0.98_wp, 1.01_wp], .true.)
+      box = box_t(noise_sd=noise, interest=stage%free, modes=modes, duration=[0.05_wp, 0.1_wp])
+      call simulate(model, coarse, times, clean, error)
+      if (.not. allocated(error)) call identify(loose, coarse, [stage], times, clean%acceleration, &
+         fits, error)
+      if (.not. allocated(error)) call compare_designs(model, coarse, stage, [planned(truth, &
+         times)], box, designs, error)
+      box%modes = 0
+      if (.not. allocated(error)) call compare_designs(model, coarse, stage, [planned(truth, &
+         times)], box, known, error)
+      call check('unknown start: computed', .not. allocated(error))
+      if (allocated(error)) return
+      associate (s => fits(1)%statistics, p => designs%list(1)%prediction)
+         do k = 1, 4
+            call check_close('unknown start: '//names(k), &
+               p%sd(k)*designs%quantities(k)%scale/noise, s%std_error(k)/sqrt(s%variance), 1e-6_wp*s%std_error(k)/sqrt(s%variance))
+         end do
+         call check('a known start tells more', all(known%list(1)%prediction%sd < p%sd))
+      end associate
+      box%modes = modes
+      box%duration = [0.05_wp, 0.3_wp]
+      call compare_designs(model, coarse, stage, [planned(truth, times)], box, designs, error)
+      call check('samples while the force acts', allocated(error))
+   end subroutine test_unknown_start
+
    !> A prior is information (value/sd)**2 at its place; how often a record has to be repeated is
    !> 1/ratio**2 without one, and more with it; of what nothing is known no number is enough.
    subroutine test_prior()
@@ -444,6 +487,10 @@ contains
       call refuse('no step', group('design', 't_step=0, '//box), '&design t_step|above 0')
       call refuse('three sensors', group('design', 'sensors=3, x_S=1,2,3, '//box), &
          '&design sensors|1 to 2')
+      call refuse('two sensors of an unknown start', group('design', 'sensors=2, x_S=1,2, '// &
+         'modes=2, '//box), '&design sensors|2 beside modes')
+      call refuse('samples while the force acts', group('design', 'duration=0.05,0.2, modes=2, '// &
+         box), '&design|samples from 0.1|ended at 0.2')
       call refuse('two sensors at one place', group('design', 'sensors=2, x_S=1, '//box), &
          '&design sensors|two or more')
       call refuse('a parameter that is held', group('design', 'parameters=''E'', '//box), &
@@ -455,7 +502,8 @@ contains
       call refuse('an unknown key', group('design', 'x=1'), '&design x|unknown key')
       call refuse('windows that end before they begin', group('design', 't_first=2, t_last=1, '// &
          box), '&design|found 0 experiments')
-      call refuse('steps without end', group('design', 't_step=1e-9, '//box), '&design|sample times')
+      call refuse('steps without end', group('design', 't_step=1e-9, '//box), &
+         '&design|sample times')
       call refused('a start that is not known', 'kind=''pulse'', amplitude=1.0, '// &
          'duration=0.05,'//nl//'                load=''point'', power=2.0', 'kind=''free''', &
          '&design|no such group', 'design')

@@ -193,6 +193,8 @@ contains
          if (box%sensors == 2 .and. any(abs([s%sensor%m_S, s%sensor%J_S]) > 0)) call refuse( &
             case%path, case%design_line, 'design sensors', '2 with a mass, each of which '// &
             'changes what the other reads', '1, or a sensor without m_S and J_S', error)
+         if (box%sensors == 2 .and. box%modes > 0) call refuse(case%path, case%design_line, &
+            'design sensors', '2 beside modes, whose start they share', '1', error)
          if (box%sensors == 2 .and. any(parameters(case%stages(last)%free)%group == 'sensor')) &
             call refuse(case%path, case%design_line, 'design sensors', &
             '2 beside a free parameter of the sensor', '1', error)

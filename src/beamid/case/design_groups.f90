@@ -41,6 +41,8 @@ contains
       call block%get('t_step', box%t_step, 'that of the record', 'steps between samples', most, &
          range=positive)
       call block%get('sensors', box%sensors, 'at so many of the places at once', range_t(1, 2))
+      call block%get('modes', box%modes, 'whose start counts as unknown, as if the excitation '// &
+         'were of the kind ''free''', range_t(0, 20))
       call block%get('noise_sd', noise, 'sd of &noise, or of the record', &
          'standard deviation of the noise of each sensor', positive)
       call block%get('parameters', names, 'all that are free in the last stage', &

@@ -6,7 +6,7 @@
 !> that of two sensors the sum of both.
 module beamid_designs
    use beamid_errors, only: bad_input, error_t, locate
-   use beamid_excitation, only: excitation_t
+   use beamid_excitation, only: excitation_t, new_free
    use beamid_experiments, only: experiment_t
    use beamid_galerkin, only: mesh_t
    use beamid_information, only: eliminate, predict, prediction_t
@@ -37,6 +37,8 @@ module beamid_designs
       real(wp) :: noise_sd = 0                                    !< of each [length/time**2]
       integer, allocatable :: interest(:)                         !< places among the `parameters`
       real(wp) :: target = 0           !< relative standard error that is wanted; 0: none
+      !> So many modes start as if nobody knew the force, which has ended; 0: it is known
+      integer :: modes = 0
    end type box_t
 
    !> One experiment.
@@ -64,6 +66,12 @@ module beamid_designs
       integer, allocatable :: place(:)              !< of each in `times`
    end type window_times_t
 
+   !> What is differentiated, and where the start is unknown what the motion comes from.
+   type :: setup_t
+      type(residual_t) :: problem
+      type(residual_t), allocatable :: cause
+   end type setup_t
+
    !> (n, n, windows) of one place of sensor and force and one duration.
    type :: share_t
       real(wp), allocatable :: information(:, :, :)
@@ -86,7 +94,7 @@ contains
       type(box_t), intent(in) :: box
       type(designs_t), intent(out) :: designs
       type(error_t), allocatable, intent(out) :: error
-      type(residual_t) :: problem
+      type(setup_t) :: setup
       type(experiment_t) :: one
       type(window_times_t), allocatable :: windows(:)
       type(share_t), allocatable :: shares(:)
@@ -98,7 +106,9 @@ contains
       call add_present(model, mesh, stage, experiments, turning, box, designs, error)
       if (allocated(error)) return
       call complete(designs%box, experiments(1), model)
-      call list_times(designs%box, windows, times, error)
+      if (box%modes > 0 .and. is_pulse(experiments(1)%excitation)) call check_begin(minval( &
+         designs%box%t_first), maxval(designs%box%duration), error)
+      if (.not. allocated(error)) call list_times(designs%box, windows, times, error)
       if (.not. allocated(error)) call list_designs(designs, windows, error)
       if (allocated(error)) return
       one = experiments(1)
@@ -106,15 +116,15 @@ contains
       one%sd = box%noise_sd
       one%samples = times
       one%measured = 0*times
-      call new_residuals(model, mesh, [one], problem, error, turning)
+      call new_setup(model, mesh, [one], turning, box%modes, setup, error)
       if (allocated(error)) return
-      call set_free(problem, alone(stage))
+      call set_free(setup%problem, alone(stage))
       n_S = size(designs%box%x_S)
       n_F = size(designs%box%x_F)
       allocate (shares(size(designs%box%duration)*n_F*n_S))
       !$omp parallel do schedule(dynamic, 1)
       do k = 0, n_F*n_S - 1
-         call inform(problem, designs, k, windows, shares)
+         call inform(setup, designs, k, windows, shares)
       end do
       !$omp end parallel do
       do k = 1, size(shares)
@@ -124,6 +134,53 @@ contains
       end do
       call add_up(designs, shares)
    end subroutine compare_designs
+
+   !> The problem of some experiments.
+   !>
+   !> modes  whose start is taken as unknown; 0: none
+   !> error  also a sample before the force has ended
+   subroutine new_setup(model, mesh, experiments, turning, modes, setup, error)
+      type(model_t), intent(in) :: model
+      type(mesh_t), intent(in) :: mesh
+      type(experiment_t), intent(in) :: experiments(:)
+      logical, intent(in) :: turning
+      integer, intent(in) :: modes
+      type(setup_t), intent(out) :: setup
+      type(error_t), allocatable, intent(out) :: error
+      type(experiment_t) :: loose(size(experiments))
+      real(wp) :: finish
+      integer :: k
+
+      loose = experiments
+      if (modes > 0) then
+         allocate (setup%cause)
+         call new_residuals(model, mesh, experiments, setup%cause, error, turning)
+         do k = 1, size(experiments)
+            associate (force => experiments(k)%excitation)
+               finish = force%t(merge(1, size(force%t), force%is_release))
+               if (.not. allocated(error)) call check_begin(experiments(k)%samples(1), finish, &
+                  error)
+               if (allocated(error)) return
+               loose(k)%excitation = new_free(modes)
+               ! Where it acts is in the structure, but for a place of its own.
+               if (allocated(force%x_F)) loose(k)%excitation%x_F = force%x_F
+            end associate
+         end do
+         setup%cause%free = [integer ::]
+         setup%cause%record = [integer ::]
+      end if
+      call new_residuals(model, mesh, loose, setup%problem, error, turning)
+   end subroutine new_setup
+
+   !> A motion whose start is unknown begins when the force has ended.
+   subroutine check_begin(first, finish, error)
+      real(wp), intent(in) :: first, finish
+      type(error_t), allocatable, intent(out) :: error
+
+      if (first < finish) call bad_input(error, 'found samples from '//to_text(first)// &
+         ' on, expected none before the force has ended at '//to_text(finish)// &
+         ', as its modes start anyhow')
+   end subroutine check_begin
 
    !> Whether an excitation is a constant force from t = 0 on, of which the duration may be chosen.
    elemental logical function is_pulse(excitation)
@@ -194,21 +251,21 @@ contains
       type(box_t), intent(in) :: box
       type(designs_t), intent(inout) :: designs
       type(error_t), allocatable, intent(out) :: error
-      type(residual_t) :: problem
+      type(setup_t) :: setup
       type(stage_t) :: single
       real(wp), allocatable :: information(:, :), known(:), scale(:), jacobian(:, :)
       integer, allocatable :: first(:), others(:), column(:)
       integer :: k, m, n
 
       designs%box = box
-      call new_residuals(model, mesh, experiments, problem, error, turning)
+      call new_setup(model, mesh, experiments, turning, box%modes, setup, error)
       if (allocated(error)) return
       single = alone(stage)
       n = size(single%free)
       allocate (designs%quantities(n))
       do k = 1, n
-         associate (q => designs%quantities(k), s => problem%world%structures(1), &
-            e => problem%world%excitations(1))
+         associate (q => designs%quantities(k), s => setup%problem%world%structures(1), &
+            e => experiments(1)%excitation)
             q%parameter = single%free(k)
             q%name = name_of_parameter(s, q%parameter)
             q%searched = get_free(s, e, q%parameter)
@@ -218,17 +275,17 @@ contains
          end associate
       end do
       designs%interest = [(any(box%interest == single%free(k)), k=1, n)]
-      call set_free(problem, single)
+      call set_free(setup%problem, single)
       scale = designs%quantities%scale
-      designs%prior = known_before(problem, scale)
-      call set_free(problem, stage)
+      designs%prior = known_before(setup%problem, scale)
+      call set_free(setup%problem, stage)
       column = [(findloc(single%free, stage%free(k), dim=1), k=1, size(stage%free))]
       scale = scale(column)
-      call differentiate(problem, scale, jacobian, error)
+      call differentiate(setup, scale, jacobian, error)
       if (allocated(error)) return
       information = matmul(transpose(jacobian), jacobian)
       ! What another record has of its own is nuisance, and has its own priors.
-      known = known_before(problem, scale)
+      known = known_before(setup%problem, scale)
       first = [(findloc(column, k, dim=1), k=1, n)]
       others = pack([(k, k=1, size(information, 1))], [(.not. any(first == k), &
          k=1, size(information, 1))])
@@ -239,8 +296,8 @@ contains
       associate (present => designs%present)
          present%information = eliminate(information([first, others], [first, others]), n)
          present%prediction = predicted(designs, present%information)
-         present%samples = problem%samples()
-         associate (s => problem%world%structures(1), t => experiments(1)%samples)
+         present%samples = setup%problem%samples()
+         associate (s => setup%problem%world%structures(1), t => experiments(1)%samples)
             present%x_S = [s%sensor_place(), 0.0_wp]
             present%x_F = s%place(of_x_F)
             if (is_pulse(experiments(1)%excitation)) &
@@ -272,20 +329,34 @@ contains
    !> Derivatives in units of the noise, by relative changes and by what enters linearly.
    !>
    !> jacobian  (samples, n + linear)
-   subroutine differentiate(problem, scale, jacobian, error)
-      type(residual_t), intent(inout) :: problem
+   subroutine differentiate(setup, scale, jacobian, error)
+      type(setup_t), intent(inout) :: setup
       real(wp), intent(in) :: scale(:)
       real(wp), allocatable, intent(out) :: jacobian(:, :)
       type(error_t), allocatable, intent(out) :: error
-      real(wp), allocatable :: r(:), c(:), values(:)
-      integer :: k
+      real(wp), allocatable :: r(:), c(:), none(:, :), values(:)
+      integer :: k, m, row
 
-      values = [(get_free(problem%world%structures(max(1, problem%record(k))), &
-         problem%world%excitations(max(1, problem%record(k))), problem%free(k)), k=1, size(scale))]
-      allocate (r(problem%samples()), c(problem%linear_unknowns()))
-      allocate (jacobian(size(r), size(scale) + size(c)))
-      call problem%evaluate(values, r, jacobian, error, c)
-      if (allocated(error)) return
+      associate (problem => setup%problem)
+         values = [(get_free(problem%world%structures(max(1, problem%record(k))), &
+            problem%world%excitations(max(1, problem%record(k))), problem%free(k)), &
+            k=1, size(scale))]
+         allocate (r(problem%samples()), c(problem%linear_unknowns()))
+         allocate (jacobian(size(r), size(scale) + size(c)), none(size(r), 0))
+         if (allocated(setup%cause)) then
+            call setup%cause%evaluate([real(wp) ::], r, none, error)
+            if (allocated(error)) return
+            r = setup%cause%without_weights(r)
+            row = 0
+            do k = 1, size(problem%parts)
+               m = size(problem%parts(k)%experiment%measured)
+               problem%parts(k)%experiment%measured = r(row + 1:row + m)
+               row = row + m
+            end do
+         end if
+         call problem%evaluate(values, r, jacobian, error, c)
+         if (allocated(error)) return
+      end associate
       do k = 1, size(scale)
          jacobian(:, k) = scale(k)*jacobian(:, k)
       end do
@@ -430,26 +501,25 @@ contains
    !> What each window tells with the sensor and the force at one place, of every duration.
    !>
    !> k  0, 1, ...: which places
-   subroutine inform(problem, designs, k, windows, shares)
-      type(residual_t), intent(in) :: problem
+   subroutine inform(setup, designs, k, windows, shares)
+      type(setup_t), intent(in) :: setup
       type(designs_t), intent(in) :: designs
       integer, intent(in) :: k
       type(window_times_t), intent(in) :: windows(:)
       type(share_t), intent(inout) :: shares(0:)
-      type(residual_t) :: own
+      type(setup_t) :: own
       real(wp), allocatable :: jacobian(:, :), scale(:)
       integer :: d, f, s
 
-      own = problem
+      own = setup
       scale = designs%quantities%scale
-      associate (box => designs%box, structure => own%world%structures(1), &
-         force => own%world%excitations(1))
+      associate (box => designs%box)
          f = mod(k, size(box%x_F)) + 1
          s = k/size(box%x_F) + 1
-         structure%sensor(structure%observer)%x_S = box%x_S(s)
-         structure%x_F = box%x_F(f)
          do d = 1, size(box%duration)
-            if (is_pulse(force)) force%t(2) = box%duration(d)
+            call place(own%problem, box%x_S(s), box%x_F(f), box%duration(d))
+            if (allocated(own%cause)) call place(own%cause, box%x_S(s), box%x_F(f), &
+               box%duration(d))
             associate (share => shares(k*size(box%duration) + d - 1))
                call differentiate(own, scale, jacobian, share%error)
                call locate(share%error, 'x_S = '//to_text(box%x_S(s))//', x_F = '// &
@@ -461,6 +531,18 @@ contains
          end do
       end associate
    end subroutine inform
+
+   !> Sensor and force at their places, and the length of a pulse.
+   pure subroutine place(problem, x_S, x_F, duration)
+      type(residual_t), intent(inout) :: problem
+      real(wp), intent(in) :: x_S, x_F, duration
+
+      associate (structure => problem%world%structures(1), force => problem%world%excitations(1))
+         structure%sensor(structure%observer)%x_S = x_S
+         structure%x_F = x_F
+         if (is_pulse(force)) force%t(2) = duration
+      end associate
+   end subroutine place
 
    !> Information of the first n parameters in every window, and up to every end.
    !>

@@ -98,6 +98,8 @@ contains
          ' '//case%units%acceleration()))
       call text%line('free: '//listed(names, ', ')//'; of interest: '//listed(pack(names, &
          designs%interest), ', ')//', which '//to_text(known)//' of the experiments determine')
+      if (designs%box%modes > 0) call text%line('the start of the lowest '// &
+         to_text(designs%box%modes)//' modes counts as unknown')
       do k = 1, size(designs%quantities)
          associate (q => designs%quantities(k))
             if (abs(q%searched) < q%scale) call text%line(trim(q%searched_name())//' is '// &
