@@ -326,7 +326,8 @@ contains
       associate (s => fits(1)%statistics, p => designs%list(1)%prediction)
          do k = 1, 4
             call check_close('unknown start: '//names(k), &
-               p%sd(k)*designs%quantities(k)%scale/noise, s%std_error(k)/sqrt(s%variance), 1e-6_wp*s%std_error(k)/sqrt(s%variance))
+               p%sd(k)*designs%quantities(k)%scale/noise, s%std_error(k)/sqrt(s%variance), &
+               1e-6_wp*s%std_error(k)/sqrt(s%variance))
          end do
          call check('a known start tells more', all(known%list(1)%prediction%sd < p%sd))
       end associate
