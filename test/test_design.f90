@@ -2,7 +2,8 @@
 !> by hand; information adds up; bad input is refused.
 program test_design
    use bad_cases, only: group, nl, refused
-   use beamid_designs, only: box_t, compare_designs, design_t, designs_t, needed
+   use beamid_boxes, only: box_t
+   use beamid_designs, only: compare_designs, design_t, designs_t, needed
    use beamid_equations, only: equations_t, new_equations
    use beamid_errors, only: error_t
    use beamid_excitation, only: new_free, new_pulse

@@ -2,8 +2,8 @@
 !> have all that a command needs.
 module beamid_case_checks
    use beamid_blocks, only: block_t
+   use beamid_boxes, only: box_t
    use beamid_case_files, only: case_t
-   use beamid_designs, only: box_t
    use beamid_equations, only: unknowns_of
    use beamid_errors, only: error_t
    use beamid_experiments, only: experiment_t

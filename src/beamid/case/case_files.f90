@@ -2,8 +2,8 @@
 !> with a documented default or required, every value checked where it is read.
 module beamid_case_files
    use beamid_blocks, only: block_t
+   use beamid_boxes, only: box_t
    use beamid_design_groups, only: read_design
-   use beamid_designs, only: box_t
    use beamid_errors, only: error_t
    use beamid_excitation, only: excitation_t
    use beamid_galerkin, only: mesh_t

@@ -1,10 +1,10 @@
 !> A case and its records: from a case file to sample times, samples, experiments.
 module beamid_cases
    use beamid_blocks, only: block_t
+   use beamid_boxes, only: box_t
    use beamid_case_checks, only: can_be_fitted, check_needs, check_whole, needs_design, needs_fit, &
       needs_nothing, needs_response, place_experiment, settle_box
    use beamid_case_files, only: case_t, groups, new_case, read_group
-   use beamid_designs, only: box_t
    use beamid_errors, only: error_t, locate
    use beamid_experiments, only: experiment_t, is_first
    use beamid_files, only: read_text

@@ -1,7 +1,7 @@
 !> The group of a case file that lists experiments to choose from.
 module beamid_design_groups
    use beamid_blocks, only: block_t
-   use beamid_designs, only: box_t, is_pulse
+   use beamid_boxes, only: box_t, is_pulse
    use beamid_excitation, only: excitation_t
    use beamid_kinds, only: wp
    use beamid_numbers, only: shown

@@ -5,17 +5,17 @@
 !> every sample time that any window has; the information of a window is a sum over its samples,
 !> that of two sensors the sum of both.
 module beamid_designs
+   use beamid_boxes, only: box_t, complete, is_pulse, list_times, samples_until, window_times_t
+   use beamid_design_setups, only: check_begin, differentiate, new_setup, place, setup_t
    use beamid_errors, only: bad_input, error_t, locate
-   use beamid_excitation, only: excitation_t, new_free
    use beamid_experiments, only: experiment_t
    use beamid_galerkin, only: mesh_t
    use beamid_information, only: eliminate, predict, prediction_t
    use beamid_kinds, only: wp
    use beamid_parameters, only: as_named, free_magnitude, get_free, name_of_parameter
    use beamid_priors, only: priors_of
-   use beamid_residuals, only: new_residuals, residual_t
+   use beamid_residuals, only: residual_t
    use beamid_simulation, only: model_t
-   use beamid_sorting, only: sort
    use beamid_starts, only: set_free
    use beamid_strings, only: to_text
    use beamid_structure, only: of_kappa_R, of_x_F
@@ -23,23 +23,10 @@ module beamid_designs
    implicit none
    private
 
-   public :: box_t, design_t, designs_t, compare_designs, is_pulse, needed
+   public :: design_t, designs_t, compare_designs, needed
 
-   !> More designs than this, or more sample times of all windows together, are refused.
-   integer, parameter :: most_designs = 200000, most_times = 1000000
-
-   !> What there is to choose from; a list that is not allocated has the value of the case.
-   type :: box_t
-      real(wp), allocatable :: x_S(:), x_F(:)                     !< places [length]
-      real(wp), allocatable :: duration(:)                        !< of the pulse [time]
-      real(wp), allocatable :: t_first(:), t_last(:), t_step(:)   !< sample times [time]
-      integer :: sensors = 1                                      !< at so many of the places
-      real(wp) :: noise_sd = 0                                    !< of each [length/time**2]
-      integer, allocatable :: interest(:)                         !< places among the `parameters`
-      real(wp) :: target = 0           !< relative standard error that is wanted; 0: none
-      !> So many modes start as if nobody knew the force, which has ended; 0: it is known
-      integer :: modes = 0
-   end type box_t
+   !> More designs than this are refused.
+   integer, parameter :: most_designs = 200000
 
    !> One experiment.
    type :: design_t
@@ -58,19 +45,6 @@ module beamid_designs
       logical, allocatable :: interest(:)           !< (n)
       real(wp), allocatable :: prior(:)             !< (n) information that is there without samples
    end type designs_t
-
-   !> Sample times of all windows, and which of them each window from t_first by t_step has.
-   type :: window_times_t
-      real(wp) :: t_first = 0, t_step = 0
-      real(wp), allocatable :: t(:)
-      integer, allocatable :: place(:)              !< of each in `times`
-   end type window_times_t
-
-   !> What is differentiated, and where the start is unknown what the motion comes from.
-   type :: setup_t
-      type(residual_t) :: problem
-      type(residual_t), allocatable :: cause
-   end type setup_t
 
    !> (n, n, windows) of one place of sensor and force and one duration.
    type :: share_t
@@ -134,63 +108,6 @@ contains
       end do
       call add_up(designs, shares)
    end subroutine compare_designs
-
-   !> The problem of some experiments.
-   !>
-   !> modes  whose start is taken as unknown; 0: none
-   !> error  also a sample before the force has ended
-   subroutine new_setup(model, mesh, experiments, turning, modes, setup, error)
-      type(model_t), intent(in) :: model
-      type(mesh_t), intent(in) :: mesh
-      type(experiment_t), intent(in) :: experiments(:)
-      logical, intent(in) :: turning
-      integer, intent(in) :: modes
-      type(setup_t), intent(out) :: setup
-      type(error_t), allocatable, intent(out) :: error
-      type(experiment_t) :: loose(size(experiments))
-      real(wp) :: finish
-      integer :: k
-
-      loose = experiments
-      if (modes > 0) then
-         allocate (setup%cause)
-         call new_residuals(model, mesh, experiments, setup%cause, error, turning)
-         do k = 1, size(experiments)
-            associate (force => experiments(k)%excitation)
-               finish = force%t(merge(1, size(force%t), force%is_release))
-               if (.not. allocated(error)) call check_begin(experiments(k)%samples(1), finish, &
-                  error)
-               if (allocated(error)) return
-               loose(k)%excitation = new_free(modes)
-               ! Where it acts is in the structure, but for a place of its own.
-               if (allocated(force%x_F)) loose(k)%excitation%x_F = force%x_F
-            end associate
-         end do
-         setup%cause%free = [integer ::]
-         setup%cause%record = [integer ::]
-      end if
-      call new_residuals(model, mesh, loose, setup%problem, error, turning)
-   end subroutine new_setup
-
-   !> A motion whose start is unknown begins when the force has ended.
-   subroutine check_begin(first, finish, error)
-      real(wp), intent(in) :: first, finish
-      type(error_t), allocatable, intent(out) :: error
-
-      if (first < finish) call bad_input(error, 'found samples from '//to_text(first)// &
-         ' on, expected none before the force has ended at '//to_text(finish)// &
-         ', as its modes start anyhow')
-   end subroutine check_begin
-
-   !> Whether an excitation is a constant force from t = 0 on, of which the duration may be chosen.
-   elemental logical function is_pulse(excitation)
-      type(excitation_t), intent(in) :: excitation
-
-      is_pulse = .not. (excitation%is_release .or. excitation%is_base .or. excitation%modes > 0)
-      if (is_pulse) is_pulse = size(excitation%t) == 2
-      if (is_pulse) is_pulse = .not. (abs(excitation%t(1)) > 0 .or. &
-         abs(excitation%f(2) - excitation%f(1)) > 0)
-   end function is_pulse
 
    !> What the samples of an experiment have to be multiplied in number by, every one repeated, that
    !> every parameter of interest is known to a relative standard error; of a force its square root.
@@ -326,126 +243,6 @@ contains
       end do
    end function known_before
 
-   !> Derivatives in units of the noise, by relative changes and by what enters linearly.
-   !>
-   !> jacobian  (samples, n + linear)
-   subroutine differentiate(setup, scale, jacobian, error)
-      type(setup_t), intent(inout) :: setup
-      real(wp), intent(in) :: scale(:)
-      real(wp), allocatable, intent(out) :: jacobian(:, :)
-      type(error_t), allocatable, intent(out) :: error
-      real(wp), allocatable :: r(:), c(:), none(:, :), values(:)
-      integer :: k, m, row
-
-      associate (problem => setup%problem)
-         values = [(get_free(problem%world%structures(max(1, problem%record(k))), &
-            problem%world%excitations(max(1, problem%record(k))), problem%free(k)), &
-            k=1, size(scale))]
-         allocate (r(problem%samples()), c(problem%linear_unknowns()))
-         allocate (jacobian(size(r), size(scale) + size(c)), none(size(r), 0))
-         if (allocated(setup%cause)) then
-            call setup%cause%evaluate([real(wp) ::], r, none, error)
-            if (allocated(error)) return
-            r = setup%cause%without_weights(r)
-            row = 0
-            do k = 1, size(problem%parts)
-               m = size(problem%parts(k)%experiment%measured)
-               problem%parts(k)%experiment%measured = r(row + 1:row + m)
-               row = row + m
-            end do
-         end if
-         call problem%evaluate(values, r, jacobian, error, c)
-         if (allocated(error)) return
-      end associate
-      do k = 1, size(scale)
-         jacobian(:, k) = scale(k)*jacobian(:, k)
-      end do
-   end subroutine differentiate
-
-   !> Lists that were not given, and all of them in ascending order.
-   subroutine complete(box, experiment, model)
-      type(box_t), intent(inout) :: box
-      type(experiment_t), intent(in) :: experiment
-      type(model_t), intent(in) :: model
-
-      associate (s => experiment%structure_of(model%structure), t => experiment%samples)
-         call settle(box%x_S, s%sensor_place())
-         call settle(box%x_F, s%place(of_x_F))
-         call settle(box%duration, merge(experiment%excitation%t(2), 0.0_wp, &
-            is_pulse(experiment%excitation)))
-         call settle(box%t_first, t(1))
-         call settle(box%t_last, t(size(t)))
-         call settle(box%t_step, (t(size(t)) - t(1))/max(1, size(t) - 1))
-      end associate
-   end subroutine complete
-
-   subroutine settle(list, default)
-      real(wp), allocatable, intent(inout) :: list(:)
-      real(wp), intent(in) :: default
-
-      if (.not. allocated(list)) list = [default]
-      call sort(list)
-   end subroutine settle
-
-   !> The sample times of every window, and all of them together.
-   subroutine list_times(box, windows, times, error)
-      type(box_t), intent(in) :: box
-      type(window_times_t), allocatable, intent(out) :: windows(:)
-      real(wp), allocatable, intent(out) :: times(:)
-      type(error_t), allocatable, intent(out) :: error
-      real(wp), allocatable :: all_of_them(:)
-      real(wp) :: last, same, total
-      integer :: i, j, k, low, n
-
-      last = maxval(box%t_last)
-      total = 0
-      do j = 1, size(box%t_step)
-         total = total + sum(max(0.0_wp, last - box%t_first)/max(box%t_step(j), tiny(last)) + 1)
-      end do
-      if (total > most_times) then
-         call bad_input(error, 'found '//to_text(total)//' sample times, expected at most '// &
-            to_text(most_times))
-         return
-      end if
-      allocate (windows(size(box%t_first)*size(box%t_step)), all_of_them(0))
-      do i = 1, size(box%t_first)
-         do j = 1, size(box%t_step)
-            associate (window => windows((i - 1)*size(box%t_step) + j))
-               window%t_first = box%t_first(i)
-               window%t_step = box%t_step(j)
-               n = int(max(0.0_wp, (last - window%t_first)/max(window%t_step, tiny(last))) &
-                  *(1 + 1e-12_wp) + 1e-6_wp)
-               window%t = [(window%t_first + k*window%t_step, k=0, n)]
-               all_of_them = [all_of_them, window%t]
-            end associate
-         end do
-      end do
-      ! Those of two windows that differ by round-off only are one.
-      call sort(all_of_them)
-      same = 64*epsilon(same)*maxval(abs(all_of_them))
-      times = pack(all_of_them, [.true., all_of_them(2:) - all_of_them(:size(all_of_them) - 1) &
-         > same])
-      do i = 1, size(windows)
-         allocate (windows(i)%place(size(windows(i)%t)))
-         low = 1
-         do k = 1, size(windows(i)%t)
-            do while (low < size(times))
-               if (times(low + 1) > windows(i)%t(k) + same) exit
-               low = low + 1
-            end do
-            windows(i)%place(k) = low
-         end do
-      end do
-   end subroutine list_times
-
-   !> How many samples a window has up to a time.
-   pure integer function samples_until(window, t_last)
-      type(window_times_t), intent(in) :: window
-      real(wp), intent(in) :: t_last
-
-      samples_until = count(window%t <= t_last + 1e-6_wp*window%t_step)
-   end function samples_until
-
    !> Every combination, without its information: sensors, force, duration, begin, step and end, the
    !> last one changing fastest. Windows that end before they begin are none.
    subroutine list_designs(designs, windows, error)
@@ -531,18 +328,6 @@ contains
          end do
       end associate
    end subroutine inform
-
-   !> Sensor and force at their places, and the length of a pulse.
-   pure subroutine place(problem, x_S, x_F, duration)
-      type(residual_t), intent(inout) :: problem
-      real(wp), intent(in) :: x_S, x_F, duration
-
-      associate (structure => problem%world%structures(1), force => problem%world%excitations(1))
-         structure%sensor(structure%observer)%x_S = x_S
-         structure%x_F = x_F
-         if (is_pulse(force)) force%t(2) = duration
-      end associate
-   end subroutine place
 
    !> Information of the first n parameters in every window, and up to every end.
    !>

@@ -1,7 +1,8 @@
 !> Experiments to choose from: a table of all, and for the reader the best of them.
 module beamid_design_reports
+   use beamid_boxes, only: is_pulse
    use beamid_case_files, only: case_t
-   use beamid_designs, only: design_t, designs_t, is_pulse, needed
+   use beamid_designs, only: design_t, designs_t, needed
    use beamid_kinds, only: wp
    use beamid_lines, only: columns, csv_row
    use beamid_statistics, only: unlimited
