@@ -19,7 +19,7 @@ module beamid_commands
    private
 
    public :: settings_t, word_t, run_identify, run_simulate, run_modes
-   public :: deliver
+   public :: deliver, folder_of
 
    type :: word_t
       character(len=:), allocatable :: text
@@ -212,8 +212,7 @@ contains
       character(len=:), allocatable :: folder, kind, lines
       integer :: k
 
-      folder = 'out/'//name
-      if (allocated(settings%out)) folder = settings%out
+      folder = folder_of(settings, name)
       kind = settings%command
       if (kind == 'reproduce') kind = settings%subject
       call output%check_finite(error)
@@ -230,5 +229,15 @@ contains
       call print_text(lines, error)
       if (allocated(error)) error%message = error%message//'; the outputs are in '//folder
    end subroutine deliver
+
+   !> Where the outputs of a case go.
+   function folder_of(settings, name) result(folder)
+      type(settings_t), intent(in) :: settings
+      character(len=*), intent(in) :: name
+      character(len=:), allocatable :: folder
+
+      folder = 'out/'//name
+      if (allocated(settings%out)) folder = settings%out
+   end function folder_of
 
 end module beamid_commands

@@ -38,6 +38,14 @@ module beamid_manual
          'Writes modes.csv, shapes.csv and attachments.csv; where the case says how to fit a '// &
          'record also '// &
          'modes_fitted.csv, the modes of the fitted structure with their intervals.'), &
+      command_t('profile', 'case.nml', 'intervals from the profile of J, which may have no end', &
+         'Writes profiles.csv and intervals.csv, in which the intervals of earlier runs of '// &
+         'sample and bootstrap stay beside the new ones.'), &
+      command_t('sample', 'case.nml', 'draws from the posterior of the parameters', &
+         'Writes posterior.csv (chain, draw, log density, parameters), posterior_motion.csv, '// &
+         'posterior_modes.csv, profiles.csv and intervals.csv; &sample has its keys.'), &
+      command_t('bootstrap', 'case.nml', 'fits of resampled records', &
+         'Writes bootstrap.csv and intervals.csv; &bootstrap has its keys.'), &
       command_t('compare', 'a.nml b.nml ...', &
          'several models of one record: AICc, BIC, nested-model tests', &
          'Writes models.csv and nested.csv.'), &

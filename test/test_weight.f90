@@ -217,7 +217,7 @@ contains
       real(wp) :: off(4), worst(4), room
 
       worst = 0
-      do number = 1, 40
+      do number = 1, 400
          s = random_structure()
          galerkin = new_galerkin(mesh_t(3, 2 + modulo(number, 7), 4, 1), s%length, .true.)
          call bare_beam_modes(galerkin, modes, error)

@@ -8,9 +8,10 @@ module beamid_case_files
    use beamid_excitation, only: excitation_t
    use beamid_galerkin, only: mesh_t
    use beamid_identification, only: model_t, stage_t
+   use beamid_inference, only: bootstrap_plan_t
    use beamid_kinds, only: wp
-   use beamid_method_groups, only: read_discretization, read_integrator, read_multistart, &
-      read_observation, read_stage, read_windows
+   use beamid_method_groups, only: read_bootstrap, read_discretization, read_integrator, &
+      read_multistart, read_observation, read_sample, read_stage, read_windows
    use beamid_modal, only: modal_t
    use beamid_model_groups, only: read_excitation, read_noise, read_structure, read_units, section_t
    use beamid_multistart, only: multistart_t
@@ -19,6 +20,7 @@ module beamid_case_files
    use beamid_priors, only: prior_t
    use beamid_record_groups, only: get_window, read_recording
    use beamid_records, only: append_recording, recording_t, window_t
+   use beamid_sampling, only: plan_t
    use beamid_units, only: units_t
    implicit none
    private
@@ -32,8 +34,8 @@ module beamid_case_files
       group_t('excitation', may_repeat=.true.), group_t('discretization'), group_t('integrator'), &
       group_t('observation'), group_t('record', may_repeat=.true.), group_t('score'), &
       group_t('stage', may_repeat=.true.), group_t('prior', may_repeat=.true.), &
-      group_t('multistart'), group_t('windows'), group_t('noise'), group_t('design'), &
-      group_t('units')]
+      group_t('multistart'), group_t('windows'), group_t('sample'), group_t('bootstrap'), &
+      group_t('noise'), group_t('design'), group_t('units')]
 
    type :: case_t
       character(len=:), allocatable :: path     !< as given
@@ -53,6 +55,8 @@ module beamid_case_files
       integer, allocatable :: stage_lines(:)    !< of the groups &stage
       type(multistart_t) :: multistart
       integer :: windows = 0                    !< in which the fit is repeated
+      type(plan_t) :: sampling
+      type(bootstrap_plan_t) :: bootstrap
       !> experiments to choose from, where that is wanted
       type(box_t), allocatable :: box
       integer :: design_line = 0                !< of the group &design
@@ -118,6 +122,8 @@ contains
          case ('observation'); call read_observation(block, model%observation)
          case ('multistart'); call read_multistart(block, case%multistart)
          case ('windows'); call read_windows(block, case%windows)
+         case ('sample'); call read_sample(block, case%sampling)
+         case ('bootstrap'); call read_bootstrap(block, case%bootstrap)
          case ('noise'); call read_noise(block, case%noise_sd, case%noise_seed)
          case ('units'); call read_units(block, case%units)
          case ('design')

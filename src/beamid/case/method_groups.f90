@@ -5,6 +5,7 @@ module beamid_method_groups
    use beamid_excitation, only: excitation_t
    use beamid_galerkin, only: mesh_t
    use beamid_identification, only: stage_t
+   use beamid_inference, only: blocks, bootstrap_plan_t, by_judgement, parametric
    use beamid_kinds, only: wp, ip
    use beamid_modal, only: modal_t
    use beamid_multistart, only: multistart_t
@@ -13,6 +14,7 @@ module beamid_method_groups
    use beamid_parameters, only: amplitude, belongs_to_hose, is_there, may_be_negative, &
       name_length, name_of_parameter, offset, parameters, place_of_name
    use beamid_responses, only: solver_t
+   use beamid_sampling, only: chains, plan_t
    use beamid_spelling, only: or_nearest
    use beamid_strings, only: to_text
    use beamid_structure, only: of_x_F, structure_t
@@ -21,8 +23,8 @@ module beamid_method_groups
    implicit none
    private
 
-   public :: read_discretization, read_integrator, read_multistart, read_observation, read_stage, &
-      check_free, read_windows
+   public :: read_bootstrap, read_discretization, read_integrator, read_multistart, &
+      read_observation, read_sample, read_stage, check_free, read_windows
 
    !> Names of the formulas, by their numbers: (4.1), (4.2) and (3.13).
    character(len=*), parameter, public :: formula_names(3) = &
@@ -114,6 +116,43 @@ contains
          range_t(2, 100))
       call block%close()
    end subroutine read_windows
+
+   subroutine read_sample(block, plan)
+      type(block_t), intent(inout) :: block
+      type(plan_t), intent(inout) :: plan
+      character(len=:), allocatable :: method, noise
+
+      method = 'auto'
+      noise = 'auto'
+      call block%get('draws', plan%draws, 'from the posterior', range_t(100*chains, 10000000))
+      call block%get('seed', plan%seed, 'of the random numbers')
+      call block%get('method', method, 'by weights, or chains where these fail; or chains', &
+         [character(len=6) :: 'auto', 'chains'])
+      call block%get('noise', noise, 'white, or autoregressive where residuals are not white', &
+         [character(len=5) :: 'auto', 'white'])
+      call block%close()
+      plan%draws = chains*((plan%draws + chains - 1)/chains)
+      plan%importance = method == 'auto'
+      plan%coloured = noise == 'auto'
+   end subroutine read_sample
+
+   subroutine read_bootstrap(block, plan)
+      type(block_t), intent(inout) :: block
+      type(bootstrap_plan_t), intent(inout) :: plan
+      character(len=:), allocatable :: kind
+
+      kind = 'auto'
+      call block%get('n', plan%n, 'resampled records', range_t(100, 1000000))
+      call block%get('seed', plan%seed, 'of the random numbers')
+      call block%get('kind', kind, 'normal noise, or blocks of the residuals; auto: blocks where '// &
+         'these are not white', [character(len=10) :: 'auto', 'parametric', 'blocks'])
+      call block%get('block', plan%block, 'samples of a block', range_t(1, huge(1)), &
+         default='as the residuals ask for')
+      call block%close()
+      plan%kind = by_judgement
+      if (kind == 'parametric') plan%kind = parametric
+      if (kind == 'blocks') plan%kind = blocks
+   end subroutine read_bootstrap
 
    subroutine read_observation(block, observed)
       type(block_t), intent(inout) :: block

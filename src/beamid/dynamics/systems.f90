@@ -137,6 +137,25 @@ contains
       root%j = maxloc(assembly%pencil(1)%m*abs(z(:n, 1))**2, dim=1)
    end subroutine improve_root
 
+   !> Rows and columns divided by the largest of each, powers of two: round-off counts relative to
+   !> what is of its own kind, an oscillator or an attachment.
+   !>
+   !> rows, columns  (size of P) that multiply
+   pure subroutine balance(P, rows, columns)
+      complex(wp), intent(inout) :: P(:, :)
+      real(wp), intent(out) :: rows(:), columns(:)
+      integer :: k
+
+      rows = scale(1.0_wp, -exponent(maxval(abs(P), dim=2)))
+      do k = 1, size(rows)
+         P(k, :) = P(k, :)*rows(k)
+      end do
+      columns = scale(1.0_wp, -exponent(maxval(abs(P), dim=1)))
+      do k = 1, size(columns)
+         P(:, k) = P(:, k)*columns(k)
+      end do
+   end subroutine balance
+
    !> (x, f) of (x, y).
    pure function left_of(assembly, s, z) result(left)
       type(assembly_t), intent(in) :: assembly
@@ -157,6 +176,7 @@ contains
       complex(wp), dimension(assembly%n + size(assembly%v, 1), assembly%n &
          + size(assembly%v, 1)) :: P, dP
       complex(wp) :: z(size(P, 1), 1)
+      real(wp), dimension(size(P, 1)) :: rows, columns
       integer :: pivots(size(P, 1)), n, r, step
 
       n = assembly%n
@@ -166,12 +186,14 @@ contains
       allocate (vector%D(n), vector%dD(n))
       vector%form = assembly%form_at(root%s)
       call system_at(assembly, root, P, dP)
+      call balance(P, rows, columns)
       call factor(P, pivots)
       z = 1
       do step = 1, 3
          call solve(P, pivots, z, 'N')
          z = z/maxval(abs(z))
       end do
+      z(:, 1) = z(:, 1)*columns
       z = z/z(root%j, 1)
       vector%x = z(:n, 1)
       vector%y(:r) = z(n + 1:, 1)

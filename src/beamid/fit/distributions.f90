@@ -5,7 +5,7 @@ module beamid_distributions
    private
 
    public :: incomplete_beta, incomplete_gamma, student_probability, student_quantile, &
-      chi_square_tail
+      chi_square_tail, normal_probability, normal_quantile
 
    integer, parameter :: max_terms = 100000
 
@@ -154,5 +154,31 @@ contains
 
       value = incomplete_gamma(freedom/2, max(0.0_wp, x)/2)
    end function chi_square_tail
+
+   !> Probability that a standard normal variable is below x.
+   elemental real(wp) function normal_probability(x) result(value)
+      real(wp), intent(in) :: x
+
+      value = erfc(-x/sqrt(2.0_wp))/2
+   end function normal_probability
+
+   !> The x that a standard normal variable stays below with a probability in (0, 1): Newton's
+   !> method on the logarithm of the tail, which is concave: past the root once, then up to it.
+   elemental real(wp) function normal_quantile(probability) result(x)
+      real(wp), intent(in) :: probability
+      real(wp), parameter :: root_of_2_pi = sqrt(2*acos(-1.0_wp))
+      real(wp) :: tail, there, step
+      integer :: k
+
+      tail = min(probability, 1 - probability)
+      x = 0
+      do k = 1, 100
+         there = normal_probability(x)
+         step = log(there/tail)*there*root_of_2_pi*exp(x**2/2)
+         x = x - min(step, 3.0_wp)
+         if (abs(step) <= 4*epsilon(x)*max(abs(x), 1.0_wp)) exit
+      end do
+      if (probability > 0.5_wp) x = -x
+   end function normal_quantile
 
 end module beamid_distributions

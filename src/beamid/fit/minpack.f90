@@ -4,7 +4,7 @@ module beamid_minpack
    implicit none
    private
 
-   public :: dgels, dgelsy, lmder, lmdif
+   public :: dgels, dgelsy, dpotrf, dtrtrs, lmder, lmdif
 
    abstract interface
       subroutine residual_callback(m, n, x, fvec, iflag)
@@ -47,6 +47,21 @@ module beamid_minpack
    end interface
 
    interface
+      subroutine dpotrf(uplo, n, a, lda, info)
+         import :: wp
+         character, intent(in) :: uplo
+         integer, intent(in) :: n, lda
+         real(wp), intent(inout) :: a(lda, *)
+         integer, intent(out) :: info
+      end subroutine dpotrf
+      subroutine dtrtrs(uplo, trans, diag, n, nrhs, a, lda, b, ldb, info)
+         import :: wp
+         character, intent(in) :: uplo, trans, diag
+         integer, intent(in) :: n, nrhs, lda, ldb
+         real(wp), intent(in) :: a(lda, *)
+         real(wp), intent(inout) :: b(ldb, *)
+         integer, intent(out) :: info
+      end subroutine dtrtrs
       subroutine dgels(trans, m, n, nrhs, a, lda, b, ldb, work, lwork, info)
          import :: wp
          character, intent(in) :: trans

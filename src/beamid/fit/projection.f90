@@ -4,6 +4,7 @@
 module beamid_projection
    use beamid_errors, only: error_t, failure
    use beamid_kinds, only: wp
+   use beamid_minpack, only: dtrtrs
    use beamid_strings, only: to_text
    implicit none
    private
@@ -35,14 +36,6 @@ module beamid_projection
          real(wp), intent(out) :: work(*)
          integer, intent(out) :: info
       end subroutine dorgqr
-      subroutine dtrtrs(uplo, trans, diag, n, nrhs, a, lda, b, ldb, info)
-         import :: wp
-         character, intent(in) :: uplo, trans, diag
-         integer, intent(in) :: n, nrhs, lda, ldb
-         real(wp), intent(in) :: a(lda, *)
-         real(wp), intent(inout) :: b(ldb, *)
-         integer, intent(out) :: info
-      end subroutine dtrtrs
    end interface
 
 contains

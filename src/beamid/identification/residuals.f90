@@ -1,6 +1,7 @@
 !> Residuals model - record, over one record or several, as a function of the parameters that a
 !> search moves. What enters linearly is eliminated at every evaluation.
 module beamid_residuals
+   use beamid_autoregression, only: autoregression_t
    use beamid_errors, only: error_t
    use beamid_experiments, only: apparatus_t, experiment_t, is_first, linear_t, &
       new_apparatus, seen_modes_t
@@ -23,6 +24,8 @@ module beamid_residuals
    type, extends(smooth_problem_t) :: residual_t
       type(apparatus_t), allocatable :: parts(:)   !< one for each record
       real(wp), allocatable :: weight(:)           !< (records) 1/noise; of one record 1
+      !> (records) what makes the noise of each white; not allocated: it is
+      type(autoregression_t), allocatable :: colour(:)
       type(prior_t), allocatable :: priors(:)
       type(world_t) :: given                       !< with the values of the case
       real(wp) :: noise = 1                        !< of a weighted sample
@@ -31,6 +34,8 @@ module beamid_residuals
       integer, allocatable :: record(:)            !< (n) the record of each; 0: all
       logical :: offset = .false.
       type(work_t) :: work                         !< of all evaluations
+      !> log sqrt(det Phi'Phi) of the last evaluation, Phi the columns of the linear unknowns
+      real(wp) :: log_volume = 0
    contains
       procedure :: residuals
       procedure :: jacobian
@@ -226,6 +231,7 @@ contains
       integer, allocatable :: mine(:)
       integer :: i, k, last, n, m, row, column
 
+      self%log_volume = 0
       world = self%with(parameters)
       n = size(parameters)
       jac = 0
@@ -248,6 +254,8 @@ contains
                phi = linear%columns(0)
                call new_projection(phi, projection, error)
                if (allocated(error)) return
+               self%log_volume = self%log_volume &
+                  + sum([(log(abs(projection%r(k, k))), k=1, size(c))])
                call projection%coefficients(y, c)
                if (allocated(along)) deallocate (along)
                allocate (along(size(c), size(mine)))
@@ -308,6 +316,19 @@ contains
                rows = w*rows
                channel(i)%basis = w*channel(i)%basis
             end associate
+         end if
+         if (allocated(self%colour)) then
+            associate (reading => y(row + 1:row + m))
+               call self%colour(i)%whiten(reading)
+            end associate
+            do k = 1, size(dy, 2)
+               associate (column => dy(row + 1:row + m, k))
+                  call self%colour(i)%whiten(column)
+               end associate
+            end do
+            do k = 1, size(channel(i)%basis, 2)
+               call self%colour(i)%whiten(channel(i)%basis(:, k))
+            end do
          end if
          row = row + m
       end do

@@ -16,6 +16,7 @@ module beamid_texts
       procedure :: add
       procedure :: line
       procedure :: content
+      procedure :: is_empty
    end type text_t
 
 contains
@@ -56,6 +57,12 @@ contains
       content = ''
       if (allocated(self%buffer)) content = self%buffer(:self%length)
    end function content
+
+   pure logical function is_empty(self)
+      class(text_t), intent(in) :: self
+
+      is_empty = self%length == 0
+   end function is_empty
 
    !> Text whose lines longer than a terminal is wide go on, some columns in, in the next line; a
    !> word is not cut.

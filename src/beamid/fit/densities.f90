@@ -1,0 +1,131 @@
+!> A probability density to be sampled, and coordinates in which its parameters have no bounds.
+module beamid_densities
+   use beamid_kinds, only: wp
+   use beamid_variables, only: unbounded, variable_t
+   implicit none
+   private
+
+   public :: density_t, coordinate_t, new_coordinate, impossible
+
+   !> The logarithm of no probability at all.
+   real(wp), parameter :: impossible = -huge(1.0_wp)
+
+   type, abstract :: density_t
+   contains
+      procedure(evaluate), deferred :: evaluate
+   end type density_t
+
+   abstract interface
+      !> q          (n) within the bounds
+      !> value      log density up to a constant; `impossible` where it cannot be computed
+      !> gradient   (n) d value/d q
+      !> curvature  (n, n) -d2 value/d q2 nearly, positive semidefinite
+      subroutine evaluate(self, q, value, gradient, curvature)
+         import :: density_t, wp
+         class(density_t), intent(inout) :: self
+         real(wp), intent(in) :: q(:)
+         real(wp), intent(out) :: value
+         real(wp), intent(out), optional :: gradient(:), curvature(:, :)
+      end subroutine evaluate
+   end interface
+
+   !> A parameter by a number without bounds: the logarithm of its distance from its one bound, of
+   !> the ratio of its distances from both, or, where it has none, itself over what is moderate.
+   type :: coordinate_t
+      real(wp) :: lower = -unbounded, upper = unbounded, magnitude = 1
+   contains
+      procedure :: value
+      procedure :: of
+      procedure :: slope
+      procedure :: log_slope
+      procedure :: bend
+   end type coordinate_t
+
+contains
+
+   elemental type(coordinate_t) function new_coordinate(variable)
+      type(variable_t), intent(in) :: variable
+
+      new_coordinate = coordinate_t(variable%lower, variable%upper, variable%magnitude)
+   end function new_coordinate
+
+   !> The parameter at x.
+   elemental real(wp) function value(self, x)
+      class(coordinate_t), intent(in) :: self
+      real(wp), intent(in) :: x
+
+      if (has(self%lower) .and. has(self%upper)) then
+         value = self%lower + (self%upper - self%lower)*logistic(x)
+      else if (has(self%lower)) then
+         value = self%lower + exp(min(x, 700.0_wp))
+      else if (has(self%upper)) then
+         value = self%upper - exp(min(x, 700.0_wp))
+      else
+         value = x*self%magnitude
+      end if
+   end function value
+
+   !> x of a parameter inside its bounds; at a bound that of a point a little inside.
+   elemental real(wp) function of(self, value) result(x)
+      class(coordinate_t), intent(in) :: self
+      real(wp), intent(in) :: value
+      real(wp) :: least
+
+      least = 1e-6_wp*self%magnitude
+      if (has(self%lower) .and. has(self%upper)) then
+         least = min(least, 1e-3_wp*(self%upper - self%lower))
+         x = log(max(value - self%lower, least)/max(self%upper - value, least))
+      else if (has(self%lower)) then
+         x = log(max(value - self%lower, least))
+      else if (has(self%upper)) then
+         x = log(max(self%upper - value, least))
+      else
+         x = value/self%magnitude
+      end if
+   end function of
+
+   !> d value/d x.
+   elemental real(wp) function slope(self, x)
+      class(coordinate_t), intent(in) :: self
+      real(wp), intent(in) :: x
+
+      slope = exp(self%log_slope(x))
+      if (has(self%upper) .and. .not. has(self%lower)) slope = -slope
+   end function slope
+
+   !> log |d value/d x|.
+   elemental real(wp) function log_slope(self, x)
+      class(coordinate_t), intent(in) :: self
+      real(wp), intent(in) :: x
+
+      if (has(self%lower) .and. has(self%upper)) then
+         log_slope = log(self%upper - self%lower) - abs(x) - 2*log(1 + exp(-abs(x)))
+      else if (has(self%lower) .or. has(self%upper)) then
+         log_slope = x
+      else
+         log_slope = log(self%magnitude)
+      end if
+   end function log_slope
+
+   !> d log_slope/d x.
+   elemental real(wp) function bend(self, x)
+      class(coordinate_t), intent(in) :: self
+      real(wp), intent(in) :: x
+
+      bend = merge(1.0_wp, 0.0_wp, has(self%lower) .or. has(self%upper))
+      if (has(self%lower) .and. has(self%upper)) bend = 1 - 2*logistic(x)
+   end function bend
+
+   elemental real(wp) function logistic(x)
+      real(wp), intent(in) :: x
+
+      logistic = 1/(1 + exp(-max(x, -700.0_wp)))
+   end function logistic
+
+   elemental logical function has(bound)
+      real(wp), intent(in) :: bound
+
+      has = abs(bound) < unbounded
+   end function has
+
+end module beamid_densities

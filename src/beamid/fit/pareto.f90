@@ -1,0 +1,79 @@
+!> Importance weights of which the largest are replaced by what a generalised Pareto distribution
+!> puts there, and its shape k, which tells whether the weights can be trusted: below .7 they can
+!> (Vehtari, Simpson, Gelman, Yao and Gabry, J. Mach. Learn. Res. 25, 2024, no. 72; the fit after
+!> Zhang and Stephens, Technometrics 51, 2009, 316).
+module beamid_pareto
+   use beamid_kinds, only: wp
+   use beamid_sorting, only: sort
+   implicit none
+   private
+
+   public :: smooth_weights
+
+contains
+
+   !> log_weight  (n) up to a constant
+   !> weight      (n) their sum is 1
+   !> k           of the tail; -1 where there are too few weights for one
+   subroutine smooth_weights(log_weight, weight, k)
+      real(wp), intent(in) :: log_weight(:)
+      real(wp), intent(out) :: weight(:), k
+      real(wp), allocatable :: sorted(:), tail(:)
+      real(wp) :: cut, sigma, p
+      integer :: i, m, n, place
+
+      n = size(log_weight)
+      weight = exp(log_weight - maxval(log_weight))
+      k = -1
+      m = int(min(0.2_wp*n, 3*sqrt(real(n, wp))))
+      if (m >= 5) then
+         sorted = weight
+         call sort(sorted)
+         cut = sorted(n - m)
+         tail = sorted(n - m + 1:) - cut
+         if (tail(m) > 0 .and. tail(1) > 0) then
+            call fit_pareto(tail, k, sigma)
+            ! By rank, and none above the largest that was drawn.
+            do i = 1, n
+               if (.not. weight(i) > cut) cycle
+               place = count(sorted(n - m + 1:) <= weight(i))
+               p = (place - 0.5_wp)/m
+               if (abs(k) > 1e-12_wp) then
+                  weight(i) = cut + sigma*((1 - p)**(-k) - 1)/k
+               else
+                  weight(i) = cut - sigma*log(1 - p)
+               end if
+               weight(i) = min(weight(i), 1.0_wp)
+            end do
+         end if
+      end if
+      weight = weight/sum(weight)
+   end subroutine smooth_weights
+
+   !> Shape and scale of a generalised Pareto distribution: the mean of a profile likelihood over a
+   !> grid; of few values k is drawn towards one half.
+   !>
+   !> x  (m) ascending, > 0
+   pure subroutine fit_pareto(x, k, sigma)
+      real(wp), intent(in) :: x(:)
+      real(wp), intent(out) :: k, sigma
+      real(wp), allocatable :: theta(:), likelihood(:)
+      real(wp) :: mean
+      integer :: i, m, points
+
+      m = size(x)
+      points = 30 + int(sqrt(real(m, wp)))
+      allocate (theta(points), likelihood(points))
+      do i = 1, points
+         theta(i) = 1/x(m) + (1 - sqrt(points/(i - 0.5_wp)))/(3*x(max(1, int(m/4.0_wp + 0.5_wp))))
+         k = sum(log(1 - theta(i)*x))/m
+         likelihood(i) = m*(log(-theta(i)/k) - k - 1)
+      end do
+      likelihood = exp(likelihood - maxval(likelihood))
+      mean = sum(theta*likelihood)/sum(likelihood)
+      k = sum(log(1 - mean*x))/m
+      sigma = -k/mean
+      k = (m*k + 10*0.5_wp)/(m + 10)
+   end subroutine fit_pareto
+
+end module beamid_pareto

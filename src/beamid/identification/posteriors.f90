@@ -1,0 +1,136 @@
+!> The probability density of parameters after the records: of their noise, white or autoregressive,
+!> with its standard deviation integrated out where it is not stated; flat before the records between
+!> the bounds of each parameter, times what else is known; linear unknowns integrated out.
+!>
+!> With sigma unknown (1/sigma before the record) and k linear unknowns of m samples the density is
+!> J**(-(m - k)/2)/sqrt(det Phi'Phi); with sigma known exp(-J/(2 sigma**2)) in place of the power
+!> (Box and Tiao, Bayesian Inference in Statistical Analysis, 1973, section 8.2).
+module beamid_posteriors
+   use beamid_autoregression, only: new_autoregression
+   use beamid_densities, only: density_t, impossible
+   use beamid_errors, only: error_t
+   use beamid_kinds, only: wp
+   use beamid_problems, only: differences
+   use beamid_residuals, only: residual_t
+   use beamid_variables, only: variable_t
+   use beamid_whiteness, only: check_residuals, residual_check_t
+   implicit none
+   private
+
+   public :: posterior_t, new_posterior
+
+   type, extends(density_t) :: posterior_t
+      type(residual_t) :: problem
+      type(variable_t), allocatable :: variables(:)
+      integer, allocatable :: first(:), last(:)    !< (records) rows of each
+      logical, allocatable :: estimated(:)         !< (records) the noise is not stated
+      real(wp) :: linear = 0                       !< linear unknowns for each record
+      integer, allocatable :: order(:)             !< (records) of the noise; 0: white
+   contains
+      procedure :: evaluate
+   end type posterior_t
+
+contains
+
+   !> problem    as fitted
+   !> residual   (rows) of the fit
+   !> jacobian   (rows, n) of the fit
+   !> coloured   whether noise may be autoregressive: it is in the records whose residuals are not
+   !>            white
+   subroutine new_posterior(problem, variables, residual, jacobian, coloured, posterior)
+      type(residual_t), intent(in) :: problem
+      type(variable_t), intent(in) :: variables(:)
+      real(wp), intent(in) :: residual(:), jacobian(:, :)
+      logical, intent(in) :: coloured
+      type(posterior_t), intent(out) :: posterior
+      type(residual_check_t) :: found
+      integer :: i, records
+
+      records = size(problem%parts)
+      posterior%problem = problem
+      posterior%variables = variables
+      posterior%first = problem%first_rows()
+      posterior%last = [posterior%first(2:) - 1, problem%samples()]
+      posterior%estimated = problem%is_estimated()
+      posterior%linear = real(problem%linear_unknowns(), wp)/records
+      posterior%order = spread(0, 1, records)
+      if (.not. coloured) return
+      allocate (posterior%problem%colour(records))
+      do i = 1, records
+         associate (rows => [posterior%first(i), posterior%last(i)])
+            associate (r => residual(rows(1):rows(2)), t => problem%parts(i)%experiment%samples)
+               found = check_residuals(r, jacobian(rows(1):rows(2), :))
+               posterior%problem%colour(i) = new_autoregression(r, t, white=found%white)
+               posterior%order(i) = posterior%problem%colour(i)%order
+            end associate
+         end associate
+      end do
+      if (all(posterior%order == 0)) deallocate (posterior%problem%colour)
+   end subroutine new_posterior
+
+   subroutine evaluate(self, q, value, gradient, curvature)
+      class(posterior_t), intent(inout) :: self
+      real(wp), intent(in) :: q(:)
+      real(wp), intent(out) :: value
+      real(wp), intent(out), optional :: gradient(:), curvature(:, :)
+      real(wp) :: r(self%problem%rows())
+      real(wp), allocatable :: jac(:, :)
+      type(error_t), allocatable :: error
+      integer :: i
+
+      value = impossible
+      allocate (jac(size(r), merge(size(q), 0, present(gradient))))
+      if (present(gradient)) then
+         gradient = 0
+         curvature = 0
+      end if
+      if (present(gradient) .and. .not. self%problem%exact) then
+         call self%problem%residuals(q, r, error)
+         if (.not. allocated(error)) call differences(self%problem, q, self%variables, 1e-8_wp, &
+            jac, error)
+      else
+         call self%problem%evaluate(q, r, jac, error)
+      end if
+      if (allocated(error)) return
+      value = -self%problem%log_volume
+      do i = 1, size(self%first)
+         associate (rows => [self%first(i), self%last(i)])
+            if (self%estimated(i)) then
+               call add_estimated(r(rows(1):rows(2)), jac(rows(1):rows(2), :))
+            else
+               call add_known(r(rows(1):rows(2)), jac(rows(1):rows(2), :))
+            end if
+         end associate
+      end do
+      i = self%problem%samples() + 1
+      call add_known(r(i:)/self%problem%noise, jac(i:, :)/self%problem%noise)
+      if (.not. value > impossible) value = impossible
+
+   contains
+
+      !> Residuals in units of their standard deviation.
+      subroutine add_known(r, jac)
+         real(wp), intent(in) :: r(:), jac(:, :)
+
+         value = value - sum(r**2)/2
+         if (.not. present(gradient)) return
+         gradient = gradient - matmul(r, jac)
+         curvature = curvature + matmul(transpose(jac), jac)
+      end subroutine add_known
+
+      !> Residuals of which the standard deviation is not known.
+      subroutine add_estimated(r, jac)
+         real(wp), intent(in) :: r(:), jac(:, :)
+         real(wp) :: J, power
+
+         J = max(sum(r**2), tiny(J))
+         power = size(r) - self%linear
+         value = value - power/2*log(J)
+         if (.not. present(gradient)) return
+         gradient = gradient - power/J*matmul(r, jac)
+         curvature = curvature + power/J*matmul(transpose(jac), jac)
+      end subroutine add_estimated
+
+   end subroutine evaluate
+
+end module beamid_posteriors

@@ -1,0 +1,234 @@
+!> Profiles, draws from the posterior and fits of resampled records: for other programs, and for the
+!> reader.
+module beamid_inference_reports
+   use beamid_chains, only: quantile
+   use beamid_case_files, only: case_t
+   use beamid_errors, only: error_t
+   use beamid_experiments, only: experiment_t
+   use beamid_fitted_modes, only: fitted_mode_t, fitted_modes
+   use beamid_galerkin, only: mesh_t
+   use beamid_identification, only: stage_fit_t
+   use beamid_inference, only: blocks, bootstrap_t, posterior_draws_t
+   use beamid_intervals, only: append_interval, end_words, interval_t
+   use beamid_kinds, only: wp
+   use beamid_lines, only: columns, csv_row
+   use beamid_parameters, only: as_named
+   use beamid_profile_likelihood, only: is_lost, side_t
+   use beamid_sampling, only: chains
+   use beamid_sorting, only: sort
+   use beamid_statistics, only: statistics_t
+   use beamid_strings, only: full, to_text
+   use beamid_texts, only: left, right, text_t
+   implicit none
+   private
+
+   public :: add_profiles, add_posterior, add_bootstrap
+
+contains
+
+   !> profiles  takes rows of profiles.csv: J and its distance on the way, all parameters there
+   subroutine add_profiles(case, fit, sides, profiles, intervals, text)
+      type(case_t), intent(in) :: case
+      type(stage_fit_t), intent(in) :: fit
+      type(side_t), intent(in) :: sides(:, :)
+      type(text_t), intent(inout) :: profiles, text
+      type(interval_t), allocatable, intent(inout) :: intervals(:)
+      integer :: i, k, side
+      real(wp) :: lowest
+
+      if (profiles%is_empty()) call profiles%line( &
+         'elements,parameter,value,J,distance,lower_end,upper_end'//names(fit))
+      lowest = sum(fit%fit%residual**2)
+      do k = 1, size(fit%free)
+         do i = size(sides(1, k)%value), 2, -1
+            call add_point(sides(1, k), i, -1)
+         end do
+         do i = 1, size(sides(2, k)%value)
+            call add_point(sides(2, k), i, 1)
+         end do
+         call append_interval(intervals, 'profile', fit, fit%quantities(k), case%units, &
+            fit%fit%estimate(k), sides(:, k)%end, sides(:, k)%state)
+         do side = 1, 2
+            associate (s => sides(side, k))
+               if (s%state == is_lost) call text%line('the profile of '// &
+                  trim(fit%quantities(k)%name)//' ends at '//to_text(s%end)//': '//s%reason)
+               i = minloc(s%J, dim=1)
+               if (s%J(i) < lowest - 1e-2_wp*fit%statistics%variance) call text%line( &
+                  'warning: J is lower than at the estimate where '// &
+                  trim(fit%quantities(k)%searched_name())//' = '//to_text(s%value(i))// &
+                  ': J = '//to_text(s%J(i))//'; fit again from there')
+            end associate
+         end do
+      end do
+
+   contains
+
+      subroutine add_point(s, i, sign)
+         type(side_t), intent(in) :: s
+         integer, intent(in) :: i, sign
+
+         call profiles%line(csv_row(to_text(fit%elements)//','// &
+            trim(fit%quantities(k)%searched_name()), [s%value(i), s%J(i), sign*s%distance(i)])// &
+            ','//trim(end_words(sides(1, k)%state))//','//trim(end_words(sides(2, k)%state))// &
+            csv_row('', s%parameters(:, i)))
+      end subroutine add_point
+
+   end subroutine add_profiles
+
+   !> Names of what was searched for, each behind a comma.
+   function names(fit)
+      type(stage_fit_t), intent(in) :: fit
+      character(len=:), allocatable :: names
+      integer :: k
+
+      names = ''
+      do k = 1, size(fit%free)
+         names = names//','//trim(fit%quantities(k)%searched_name())
+      end do
+   end function names
+
+   !> draws   takes posterior.csv: chain, draw, log density, parameters
+   !> motion  takes posterior_motion.csv: 95 % of the model's accelerations
+   !> modes   takes posterior_modes.csv: those of some draws
+   subroutine add_posterior(case, mesh, experiments, fit, posterior, draws, motion, modes, &
+      intervals, text)
+      type(case_t), intent(in) :: case
+      type(mesh_t), intent(in) :: mesh
+      type(experiment_t), intent(in) :: experiments(:)
+      type(stage_fit_t), intent(in) :: fit
+      type(posterior_draws_t), intent(in) :: posterior
+      type(text_t), intent(inout) :: draws, motion, modes, text
+      type(interval_t), allocatable, intent(inout) :: intervals(:)
+      real(wp), allocatable :: x(:)
+      real(wp) :: mean, sd
+      integer :: i, k, length
+
+      associate (d => posterior%draws)
+         if (draws%is_empty()) call draws%line('chain,draw,elements,lp'//names(fit))
+         length = size(d%q, 2)/chains
+         do i = 1, size(d%q, 2)
+            call draws%line(csv_row(to_text((i - 1)/length)//','//to_text(modulo(i - 1, length))// &
+               ','//to_text(fit%elements), [d%log_density(i), d%q(:, i)]))
+         end do
+         call text%line()
+         if (d%weighted) then
+            call text%line('posterior: '//to_text(size(d%q, 2))//' draws by importance '// &
+               'sampling, '//to_text(d%evaluations)//' evaluations, Pareto k = '// &
+               to_text(d%k)//', worth '//to_text(nint(d%effective))//' independent ones')
+         else
+            call text%line('posterior: '//to_text(size(d%q, 2))//' draws of '//to_text(chains)// &
+               ' Markov chains, '//to_text(d%evaluations)//' evaluations, worth '// &
+               to_text(nint(d%effective))//' independent ones')
+         end if
+         do i = 1, size(posterior%order)
+            if (posterior%order(i) > 0) call text%line('noise of record '//to_text(i)// &
+               ': autoregressive of order '//to_text(posterior%order(i)))
+         end do
+         call text%line(left('', 10)//right('mean')//right('sd')//right('bulk')//right('tail')// &
+            right('reduction'))
+         do k = 1, size(fit%free)
+            x = d%q(k, :)
+            mean = sum(x)/size(x)
+            sd = sqrt(sum((x - mean)**2)/(size(x) - 1))
+            call text%line(left(trim(fit%quantities(k)%searched_name()), 10)//columns([mean, sd, &
+               min(d%bulk(k), d%effective), min(d%tail(k), d%effective), d%reduction(k)], 14))
+            call sort(x)
+            call append_interval(intervals, 'posterior', fit, fit%quantities(k), case%units, &
+               mean, [quantile(x, 0.025_wp), quantile(x, 0.975_wp)])
+         end do
+      end associate
+      call add_motion()
+      call add_modes()
+
+   contains
+
+      subroutine add_motion()
+         real(wp), allocatable :: values(:)
+         integer :: i, j, row
+
+         if (motion%is_empty()) call motion%line('elements,record,t,lower95,median,upper95')
+         row = 0
+         do i = 1, size(experiments)
+            do j = 1, size(experiments(i)%samples)
+               row = row + 1
+               values = posterior%motion(row, :)
+               call sort(values)
+               call motion%line(csv_row(to_text(fit%elements)//','//to_text(i), &
+                  [experiments(i)%samples(j), quantile(values, 0.025_wp), &
+                  quantile(values, 0.5_wp), quantile(values, 0.975_wp)]))
+            end do
+         end do
+      end subroutine add_motion
+
+      !> The lowest modes with some of the draws; those that cannot be found are left out.
+      subroutine add_modes()
+         integer, parameter :: most = 5
+         type(stage_fit_t) :: moved
+         type(fitted_mode_t), allocatable :: found(:)
+         type(error_t), allocatable :: error
+         integer :: i, j, p
+
+         if (modes%is_empty()) call modes%line( &
+            'draw,elements,record,mode,frequency_hz,damping_ratio')
+         moved = fit
+         moved%statistics = statistics_t()
+         do i = 1, size(posterior%shown)
+            do p = 1, size(fit%free)
+               call moved%world%set(fit%free(p), fit%quantities(p)%record, &
+                  posterior%draws%q(p, posterior%shown(i)))
+            end do
+            call fitted_modes(mesh, moved, most, found, error)
+            if (allocated(error)) cycle
+            do j = 1, size(found)
+               call modes%line(csv_row(to_text(posterior%shown(i))//','//to_text(fit%elements)// &
+                  ','//to_text(found(j)%record)//','//to_text(count(found(:j)%record == &
+                  found(j)%record)), [found(j)%frequency, found(j)%damping_ratio]))
+            end do
+         end do
+      end subroutine add_modes
+
+   end subroutine add_posterior
+
+   !> table  takes bootstrap.csv: the estimates of each resampled record
+   subroutine add_bootstrap(case, fit, bootstrap, table, intervals, text)
+      type(case_t), intent(in) :: case
+      type(stage_fit_t), intent(in) :: fit
+      type(bootstrap_t), intent(in) :: bootstrap
+      type(text_t), intent(inout) :: table, text
+      type(interval_t), allocatable, intent(inout) :: intervals(:)
+      real(wp) :: mean, sd
+      integer :: i, k, n
+
+      if (table%is_empty()) call table%line('number,elements'//names(fit))
+      n = size(bootstrap%number)
+      do i = 1, n
+         call table%line(csv_row(to_text(bootstrap%number(i))//','//to_text(fit%elements), &
+            bootstrap%estimates(:, i)))
+      end do
+      call text%line()
+      if (bootstrap%kind == blocks) then
+         call text%line('bootstrap: '//to_text(n)//' records from blocks of '// &
+            to_text(bootstrap%block)//' residuals')
+      else
+         call text%line('bootstrap: '//to_text(n)//' records with normal white noise')
+         if (.not. fit%check%white) call text%line('warning: the residuals are not white; '// &
+            'expected kind = ''blocks''')
+      end if
+      if (bootstrap%failures > 0) call text%line('warning: '//to_text(bootstrap%failures)// &
+         ' more could not be fitted: '//bootstrap%reason)
+      call text%line(left('', 10)//right('mean')//right('sd')//right('bias'))
+      do k = 1, size(fit%free)
+         associate (x => bootstrap%estimates(k, :), q => fit%quantities(k))
+            mean = sum(x)/n
+            sd = sqrt(sum((x - mean)**2)/(n - 1))
+            call text%line(left(trim(q%searched_name()), 10)//columns([mean, sd, &
+               mean - fit%fit%estimate(k)], 14))
+            call append_interval(intervals, 'percentile', fit, q, case%units, mean, &
+               bootstrap%percentile(:, k))
+            call append_interval(intervals, 'bca', fit, q, case%units, mean, &
+               bootstrap%corrected(:, k))
+         end associate
+      end do
+   end subroutine add_bootstrap
+
+end module beamid_inference_reports

@@ -1,0 +1,352 @@
+!> Intervals of the same parameters by several methods, side by side: in intervals.csv, which each of
+!> the commands completes, and in words where they disagree.
+module beamid_intervals
+   use beamid_distributions, only: student_quantile
+   use beamid_identification, only: stage_fit_t
+   use beamid_kinds, only: wp
+   use beamid_lines, only: limit
+   use beamid_profile_likelihood, only: at_bound, is_closed, is_lost, is_open
+   use beamid_strings, only: full, rounded, to_text
+   use beamid_statistics, only: unlimited
+   use beamid_texts, only: left, right, text_t
+   use beamid_units, only: units_t
+   use beamid_unknowns, only: name_length, quantity_t
+   implicit none
+   private
+
+   public :: interval_t, append_interval, linear_intervals, read_intervals, interval_table, &
+      interval_summary, end_words
+
+   !> What an end may be, beside a number, by the states of a profile.
+   character(len=*), parameter :: end_words(4) = [character(len=9) :: 'closed', 'bound', &
+      'unbounded', 'unknown']
+
+   !> A method's 95 % interval of one parameter on one mesh.
+   type :: interval_t
+      character(len=12) :: method = ''
+      integer :: elements = 0
+      character(len=name_length) :: parameter = ''
+      character(len=40) :: unit = ''
+      real(wp) :: estimate = 0, lower = 0, upper = 0
+      integer :: ends(2) = is_closed
+   end type interval_t
+
+   !> The columns of the table, and over them.
+   character(len=*), parameter :: methods(4) = [character(len=12) :: 'linear', 'profile', &
+      'posterior', 'bca'], headings(4) = [character(len=16) :: 'linear theory', 'profile', &
+      'posterior', 'bootstrap (BCa)']
+   character(len=*), parameter :: header = &
+      'method,elements,parameter,unit,estimate,lower95,upper95,lower_end,upper_end'
+
+contains
+
+   !> One more, of quantity q; both ends are of what was searched for.
+   subroutine append_interval(list, method, fit, q, units, estimate, ends, states)
+      type(interval_t), allocatable, intent(inout) :: list(:)
+      character(len=*), intent(in) :: method
+      type(stage_fit_t), intent(in) :: fit
+      type(quantity_t), intent(in) :: q
+      type(units_t), intent(in) :: units
+      real(wp), intent(in) :: estimate, ends(2)
+      integer, intent(in), optional :: states(2)
+      type(interval_t) :: new
+      type(quantity_t) :: at
+      real(wp) :: limits(2)
+
+      new%method = method
+      new%elements = fit%elements
+      new%parameter = q%name
+      new%unit = units%of_quantity(q%parameter, fit%excitation)
+      at = q
+      at%searched = estimate
+      new%estimate = at%searched
+      limits = ends
+      if (present(states)) new%ends = states
+      if (q%is_reciprocal()) then
+         new%estimate = reciprocal(estimate)
+         limits = [reciprocal(ends(2)), reciprocal(ends(1))]
+         new%ends = new%ends(2:1:-1)
+         ! A compliance of 0 is a bound of the search and no end of the stiffness.
+         if (limits(2) > huge(limits)) new%ends(2) = is_open
+      end if
+      new%lower = limits(1)
+      new%upper = limits(2)
+      if (.not. allocated(list)) allocate (list(0))
+      list = [list, new]
+
+   contains
+
+      pure real(wp) function reciprocal(x)
+         real(wp), intent(in) :: x
+
+         reciprocal = 2*unlimited
+         if (abs(x) > tiny(x)) reciprocal = 1/x
+      end function reciprocal
+
+   end subroutine append_interval
+
+   !> Those of linear theory, of noise as correlated as the residuals are.
+   subroutine linear_intervals(fit, units, list)
+      type(stage_fit_t), intent(in) :: fit
+      type(units_t), intent(in) :: units
+      type(interval_t), allocatable, intent(inout) :: list(:)
+      real(wp) :: half, ends(2)
+      integer :: states(2), k
+
+      do k = 1, size(fit%free)
+         associate (q => fit%quantities(k))
+            half = fit%statistics%corrected_half_width(k)
+            states = is_closed
+            if (half < unlimited) then
+               ends = q%searched + [-half, half]
+               ! Within the bounds, as of all intervals.
+               if (q%is_reciprocal()) then
+                  ends(1) = max(ends(1), 0.0_wp)
+               else
+                  if (ends(1) < q%lower) states(1) = at_bound
+                  if (ends(2) > q%upper) states(2) = at_bound
+                  ends = min(max(ends, q%lower), q%upper)
+               end if
+            else
+               states = is_open
+               ends = [-2*unlimited, 2*unlimited]
+            end if
+            call append_interval(list, 'linear', fit, q, units, q%searched, ends, states)
+         end associate
+      end do
+   end subroutine linear_intervals
+
+   !> What an earlier command has found for the same fits: rows of other methods, where the linear
+   !> rows are the same to the last digit.
+   !>
+   !> text  of intervals.csv, or nothing
+   !> list  in: of this command, the linear ones among them
+   subroutine read_intervals(text, list)
+      character(len=*), intent(in) :: text
+      type(interval_t), allocatable, intent(inout) :: list(:)
+      type(interval_t), allocatable :: old(:)
+      integer :: k, first, length, given
+
+      allocate (old(0))
+      given = size(list)
+      first = 1
+      do while (first <= len(text))
+         length = scan(text(first:), new_line('a'))
+         if (length == 0) exit
+         call parse(text(first:first + length - 2))
+         first = first + length
+      end do
+      associate (ours => pack(list, list%method == 'linear'), &
+         theirs => pack(old, old%method == 'linear'))
+         if (size(ours) /= size(theirs)) return
+         do k = 1, size(ours)
+            if (row(ours(k)) /= row(theirs(k))) return
+         end do
+      end associate
+      do k = 1, size(old)
+         if (.not. any(list(:given)%method == old(k)%method)) list = [list, old(k)]
+      end do
+
+   contains
+
+      !> Adds a row that is one.
+      subroutine parse(line)
+         character(len=*), intent(in) :: line
+         type(interval_t) :: new
+         character(len=40) :: fields(9)
+         integer :: comma, from, i, status(3)
+
+         from = 1
+         do i = 1, size(fields)
+            comma = index(line(from:)//',', ',')
+            fields(i) = line(from:min(len(line), from + comma - 2))
+            from = min(len(line) + 1, from + comma)
+         end do
+         new%method = fields(1)(:len(new%method))
+         read (fields(2), *, iostat=status(1)) new%elements
+         if (status(1) /= 0) return
+         new%parameter = fields(3)(:len(new%parameter))
+         new%unit = fields(4)
+         read (fields(5), *, iostat=status(1)) new%estimate
+         read (fields(6), *, iostat=status(2)) new%lower
+         read (fields(7), *, iostat=status(3)) new%upper
+         new%ends = [findloc(end_words == fields(8), .true., dim=1), &
+            findloc(end_words == fields(9), .true., dim=1)]
+         if (any(status /= 0) .or. any(new%ends == 0)) return
+         old = [old, new]
+      end subroutine parse
+
+   end subroutine read_intervals
+
+   !> intervals.csv
+   function interval_table(list) result(content)
+      type(interval_t), intent(in) :: list(:)
+      character(len=:), allocatable :: content
+      type(text_t) :: text
+      integer :: k
+
+      call text%line(header)
+      do k = 1, size(list)
+         call text%line(row(list(k)))
+      end do
+      content = text%content()
+   end function interval_table
+
+   function row(interval) result(line)
+      type(interval_t), intent(in) :: interval
+      character(len=:), allocatable :: line
+
+      associate (i => interval)
+         line = trim(i%method)//','//to_text(i%elements)//','//trim(i%parameter)//','// &
+            trim(i%unit)//','//limit(i%estimate)//','//low(i%lower)//','//limit(i%upper)//','// &
+            trim(end_words(i%ends(1)))//','//trim(end_words(i%ends(2)))
+      end associate
+
+   contains
+
+      function low(value) result(text)
+         real(wp), intent(in) :: value
+         character(len=:), allocatable :: text
+
+         text = full(value)
+         if (value < -huge(value)) text = '-inf'
+      end function low
+
+   end function row
+
+   !> The table for the reader, and where methods disagree.
+   subroutine interval_summary(list, fit, text)
+      type(interval_t), intent(in) :: list(:)
+      type(stage_fit_t), intent(in) :: fit
+      type(text_t), intent(inout) :: text
+      character(len=:), allocatable :: line
+      integer :: k, m, used
+
+      call text%line()
+      line = left('95 %', 10)
+      used = 0
+      do m = 1, size(methods)
+         if (.not. any(list%method == methods(m) .and. list%elements == fit%elements)) cycle
+         line = line//right(trim(headings(m)), 22)
+         used = used + 1
+      end do
+      call text%line(line)
+      do k = 1, size(fit%free)
+         line = left(trim(fit%quantities(k)%name), 10)
+         do m = 1, size(methods)
+            line = line//ends_of(place(list, fit, k, trim(methods(m))))
+         end do
+         ! Of four methods a line has no room for it.
+         if (used < size(methods)) line = line//'  '//list(place(list, fit, k, 'linear'))%unit
+         call text%line(line)
+      end do
+      do k = 1, size(fit%free)
+         call compare_methods(list, fit, k, text)
+      end do
+
+   contains
+
+      !> "lower to upper" in 22 places; of a method that was not used nothing.
+      function ends_of(at) result(field)
+         integer, intent(in) :: at
+         character(len=:), allocatable :: field
+         integer :: digits
+
+         field = ''
+         if (at == 0) return
+         associate (i => list(at))
+            digits = 3
+            if (i%upper > i%lower .and. i%upper < unlimited .and. i%lower > -unlimited) &
+               digits = min(5, max(3, 2 + ceiling(log10(max(abs(i%lower), abs(i%upper)) &
+               /(i%upper - i%lower)))))
+            field = right(shown(i%lower, i%ends(1), digits)//' to '// &
+               shown(i%upper, i%ends(2), digits), 22)
+         end associate
+      end function ends_of
+
+      function shown(value, state, digits) result(word)
+         real(wp), intent(in) :: value
+         integer, intent(in) :: state, digits
+         character(len=:), allocatable :: word
+
+         word = rounded(value, digits)
+         if (value > unlimited) word = 'inf'
+         if (value < -unlimited) word = '-inf'
+         if (state == is_lost) word = '?'
+      end function shown
+
+   end subroutine interval_summary
+
+   !> Place of a method's interval of parameter k; 0: none.
+   pure integer function place(list, fit, k, method)
+      type(interval_t), intent(in) :: list(:)
+      type(stage_fit_t), intent(in) :: fit
+      integer, intent(in) :: k
+      character(len=*), intent(in) :: method
+
+      place = findloc(list%method == method .and. list%elements == fit%elements .and. &
+         list%parameter == fit%quantities(k)%name, .true., dim=1)
+   end function place
+
+   !> A line where an end of an interval lies elsewhere than linear theory's by a quarter of its half
+   !> width, and why.
+   subroutine compare_methods(list, fit, k, text)
+      type(interval_t), intent(in) :: list(:)
+      type(stage_fit_t), intent(in) :: fit
+      integer, intent(in) :: k
+      type(text_t), intent(inout) :: text
+      real(wp), parameter :: shows = 0.25_wp
+      character(len=:), allocatable :: name, why
+      real(wp) :: half, t
+      integer :: linear, profile, posterior, bca
+
+      linear = place(list, fit, k, 'linear')
+      profile = place(list, fit, k, 'profile')
+      posterior = place(list, fit, k, 'posterior')
+      bca = place(list, fit, k, 'bca')
+      name = trim(fit%quantities(k)%name)
+      half = (list(linear)%upper - list(linear)%lower)/2
+      if (profile > 0) then
+         associate (p => list(profile), l => list(linear))
+            if (any(p%ends == is_lost)) call text%line(name// &
+               ': the profile could not be followed to its end')
+            if (p%ends(1) == is_open .or. p%ends(2) == is_open) then
+               call text%line(name//': the record sets it no '//trim(merge('lower', 'upper', &
+                  p%ends(1) == is_open))//' limit: the least J stays below the level of 95 %')
+            else if (any(p%ends == at_bound)) then
+               call text%line(name//': every value down or up to its bound is possible; linear '// &
+                  'theory knows nothing of a bound')
+            else if (differ(p, l)) then
+               t = (p%upper - p%estimate)/(p%estimate - p%lower)
+               call text%line(name//': J is no parabola, its profile reaches '//rounded(t, 2)// &
+                  ' times as far up as down; rather the profile than linear theory')
+            end if
+         end associate
+      end if
+      if (posterior > 0 .and. profile > 0) then
+         if (differ(list(posterior), list(profile))) call text%line(name//': the posterior '// &
+            'weighs how many values of the others go with each, and a flat prior between '// &
+            'bounds; the profile takes the best of them')
+      end if
+      if (bca > 0) then
+         if (differ(list(bca), list(max(profile, linear)))) then
+            if (fit%check%white) then
+               why = 'estimates scatter otherwise than J has it around one of them'
+            else
+               why = 'the residuals depend on the past otherwise than assumed elsewhere'
+            end if
+            call text%line(name//': resampled records give another interval: '//why)
+         end if
+      end if
+
+   contains
+
+      pure logical function differ(a, b)
+         type(interval_t), intent(in) :: a, b
+
+         differ = abs(a%lower - b%lower) > shows*half .or. abs(a%upper - b%upper) > shows*half
+      end function differ
+
+   end subroutine compare_methods
+
+end module beamid_intervals
