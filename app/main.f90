@@ -6,6 +6,7 @@ program beamid_main
    use beamid_strings, only: to_text
    use beamid_comparison, only: run_compare
    use beamid_commands, only: run_identify, run_modes, run_simulate, settings_t, word_t
+   use beamid_design, only: run_design
    use beamid_inference_commands, only: run_inference
    use beamid_manual, only: command_names, commands_in_words, run_help
    use beamid_new_case, only: check_new, run_new
@@ -26,6 +27,7 @@ program beamid_main
       case ('modes'); call run_modes(settings, error)
       case ('profile', 'sample', 'bootstrap'); call run_inference(settings, error)
       case ('compare'); call run_compare(settings, error)
+      case ('design'); call run_design(settings, error)
       case ('reproduce'); call run_reproduce(settings, error)
       case ('new'); call run_new(settings, error)
       case ('help'); call run_help(words_of(settings%subjects), error)
@@ -115,7 +117,7 @@ contains
          case ('version')
             if (given > 0) call bad_input(error, 'found '//settings%subject//' behind '// &
                command//', expected nothing')
-         case ('identify', 'simulate', 'modes', 'profile', 'sample', 'bootstrap')
+         case ('identify', 'simulate', 'modes', 'profile', 'sample', 'bootstrap', 'design')
             if (given == 0) call bad_input(error, command// &
                ': found nothing, expected a case file')
          case ('compare')

@@ -49,6 +49,13 @@ module beamid_manual
       command_t('compare', 'a.nml b.nml ...', &
          'several models of one record: AICc, BIC, nested-model tests', &
          'Writes models.csv and nested.csv.'), &
+      command_t('design', 'case.nml', &
+         'which experiment would determine the free parameters best', &
+         'Every combination of the lists in &design, at the values that the case has: '// &
+         'standard errors of what is free in the last stage, as they would be, and the '// &
+         'criteria D (log det of the information), A (sum of relative variances) and E (least '// &
+         'eigenvalue of the information). By the exact response, on the last mesh. Writes '// &
+         'design.csv, labels.csv and summary.txt.'), &
       command_t('reproduce', 'WHAT', 'results of NASA CR-178199 beside the paper''s numbers', &
          'WHAT is '//reproducible//'. section-4 is from a reconstructed record: a check of '// &
          'consistency, not an independent confirmation. all is table-4.1 (by the exact '// &

@@ -2,6 +2,8 @@
 !> with a documented default or required, every value checked where it is read.
 module beamid_case_files
    use beamid_blocks, only: block_t
+   use beamid_boxes, only: box_t
+   use beamid_design_groups, only: read_design
    use beamid_errors, only: error_t
    use beamid_excitation, only: excitation_t
    use beamid_galerkin, only: mesh_t
@@ -33,7 +35,7 @@ module beamid_case_files
       group_t('observation'), group_t('record', may_repeat=.true.), group_t('score'), &
       group_t('stage', may_repeat=.true.), group_t('prior', may_repeat=.true.), &
       group_t('multistart'), group_t('windows'), group_t('sample'), group_t('bootstrap'), &
-      group_t('noise'), group_t('units')]
+      group_t('noise'), group_t('design'), group_t('units')]
 
    type :: case_t
       character(len=:), allocatable :: path     !< as given
@@ -55,6 +57,9 @@ module beamid_case_files
       integer :: windows = 0                    !< in which the fit is repeated
       type(plan_t) :: sampling
       type(bootstrap_plan_t) :: bootstrap
+      !> experiments to choose from, where that is wanted
+      type(box_t), allocatable :: box
+      integer :: design_line = 0                !< of the group &design
       type(units_t) :: units
       !> of the noise that `simulate` adds to a record [acceleration]
       real(wp) :: noise_sd = 0
@@ -121,6 +126,10 @@ contains
          case ('bootstrap'); call read_bootstrap(block, case%bootstrap)
          case ('noise'); call read_noise(block, case%noise_sd, case%noise_seed)
          case ('units'); call read_units(block, case%units)
+         case ('design')
+            case%box = box_t()
+            case%design_line = block%line
+            call read_design(block, model%structure, case%excitations, sound, case%box)
          case ('score')
             case%score = window_t()
             case%score_line = block%line
