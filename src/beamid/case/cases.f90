@@ -62,7 +62,7 @@ contains
          case%model%structure)
    end subroutine parse_case
 
-   !> Every group in turn, stages and priors last, because they are checked against the others.
+   !> Every group in turn, stages, priors and draws last, because they are checked against the others.
    !>
    !> refusals  problems outside of the groups
    subroutine read_groups(blocks, refusals, case, error)
@@ -70,7 +70,8 @@ contains
       type(refusals_t), intent(in) :: refusals
       type(case_t), intent(inout) :: case
       type(error_t), allocatable, intent(out) :: error
-      character(len=*), parameter :: last(2) = ['stage', 'prior']
+      character(len=*), parameter :: last(4) = [character(len=8) :: 'stage', 'prior', 'ensemble', &
+         'draw']
       type(refusals_t) :: all_of_them
       integer :: k
       logical :: sound
