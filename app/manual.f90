@@ -47,8 +47,8 @@ module beamid_manual
          'response, instead of CVODE), section-4, acceleration and convergence, each to '// &
          'out/<name> or DIR/<name>.'), &
       command_t('ensemble', 'case.nml', 'a command on many made records, or on a list of cases', &
-         'Writes members.csv and ensemble.csv, with a list also cases.csv. --only i:j does these '// &
-         'members alone; whichever program does the last ones writes the tables. One that was '// &
+         'Writes members.csv and ensemble.csv, with a list also cases.csv. --only i:j does '// &
+         'these members alone; whichever program does the last ones writes the tables. One that was '// &
          'interrupted goes on when it is run again. --only-new fits those cases of a list that '// &
          'are new or have changed, each from its last estimate, and writes in changed.csv what '// &
          'has moved.'), &
@@ -257,7 +257,8 @@ contains
       call text%line('   elif [[ ${COMP_WORDS[COMP_CWORD-1]} == --out ]]; then')
       call text%line('      COMPREPLY=($(compgen -d -- "$word"))')
       call text%line('   elif [[ $word == -* ]]; then')
-      call text%line('      COMPREPLY=($(compgen -W "--out --quiet --time --only --only-new --help" -- "$word"))')
+      call text%line('      COMPREPLY=($(compgen -W "--out --quiet --time --only --only-new '// &
+         '--help" -- "$word"))')
       call text%line('   else')
       call text%line('      case $command in')
       call text%line('      new) COMPREPLY=($(compgen -d -W "'//listed(template_kinds, ' ')// &

@@ -62,7 +62,8 @@ contains
          case%model%structure)
    end subroutine parse_case
 
-   !> Every group in turn, stages, priors and draws last, because they are checked against the others.
+   !> Every group in turn, stages, priors, ensembles and draws last: they are checked against the
+   !> others.
    !>
    !> refusals  problems outside of the groups
    subroutine read_groups(blocks, refusals, case, error)

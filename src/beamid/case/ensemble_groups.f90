@@ -46,7 +46,7 @@ contains
       found%line = block%line
       call block%get('command', found%command, 'that is run on each member', &
          [character(len=8) :: 'identify', 'modes'])
-      call block%get('members', found%members, 'their number', range_t(1))
+      call block%get('members', found%members, 'their number', range_t(1, 999999999))
       call block%get('seed', found%seed, 'of the random numbers')
       call block%get('elements', found%elements, 'of the mesh of the beam that makes a record', &
          range_t(1, 10000), default='that of the fit')

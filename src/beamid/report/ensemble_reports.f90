@@ -22,8 +22,8 @@ module beamid_ensemble_reports
 
    character(len=*), parameter, public :: members_header = 'member,status,message,elements,'// &
       'parameter,estimate,std_error,lower95,upper95,total_lower95,total_upper95,truth'
-   character(len=*), parameter, public :: ensemble_header = 'elements,parameter,members,mean,sd,'// &
-      'mean_std_error,bias,bias_error,covered,covered_error'
+   character(len=*), parameter, public :: ensemble_header = 'elements,parameter,members,mean,'// &
+      'sd,mean_std_error,bias,bias_error,covered,covered_error'
    character(len=*), parameter :: line_feed = achar(10)
    integer, parameter :: fields_before = 5, columns = 12
 
@@ -117,19 +117,18 @@ contains
       integer, intent(out) :: member
       type(row_t), intent(out) :: row
       logical, intent(out) :: failed
-      integer :: comma(columns), k, status
+      integer :: comma(columns), k
       real(wp) :: values(columns - fields_before)
 
       comma = len(line) + 1
       comma(1) = index(line, ',')
-      read (line(:comma(1) - 1), *, iostat=status) member
-      if (status /= 0) member = 0
+      member = whole_number(line(:comma(1) - 1))
       failed = index(line(comma(1):), ',ok,,') /= 1
       if (failed) return
       do k = 2, columns - 1
          comma(k) = comma(k - 1) + index(line(comma(k - 1) + 1:), ',')
       end do
-      read (line(comma(3) + 1:comma(4) - 1), *, iostat=status) row%elements
+      row%elements = whole_number(line(comma(3) + 1:comma(4) - 1))
       row%parameter = line(comma(4) + 1:comma(5) - 1)
       do k = 1, size(values)
          values(k) = number(line(comma(k + fields_before - 1) + 1:comma(k + fields_before) - 1))
@@ -140,6 +139,18 @@ contains
       row%total = values(5:6)
       row%truth = values(7)
    end subroutine read_row
+
+   !> A number of digits; 0 where it is none.
+   pure integer function whole_number(field) result(n)
+      character(len=*), intent(in) :: field
+      integer :: k
+
+      n = 0
+      if (len(field) > 9 .or. verify(field, '0123456789') > 0) return
+      do k = 1, len(field)
+         n = 10*n + iachar(field(k:k)) - iachar('0')
+      end do
+   end function whole_number
 
    real(wp) function number(field)
       character(len=*), intent(in) :: field
@@ -331,10 +342,10 @@ contains
             call summary%line(line)
          end associate
       end do
+      if (.not. any(self%sums%compared > 0)) return
       call summary%line()
-      call summary%line('mean and sd of the estimates; means of their standard errors and of '// &
-         'estimate - truth;')
-      call summary%line('how many 95 % intervals hold the truth')
+      call summary%line('bias: mean of estimate - truth; truth inside: how many 95 % intervals '// &
+         'hold it')
    end subroutine add_to
 
    !> Members of a table that is held in memory.
@@ -416,7 +427,6 @@ contains
       subroutine pass_on(rows)
          character(len=*), intent(in) :: rows
          integer(ip) :: begin, first, length
-         integer :: member, status
 
          begin = len(rows, ip) + 1
          first = 1
@@ -424,8 +434,8 @@ contains
             length = index(rows(first:), line_feed, kind=ip) - 1
             if (begin > len(rows, ip)) then
                ! Shards may overlap.
-               read (rows(first:first + index(rows(first:), ',') - 2), *, iostat=status) member
-               if (status == 0 .and. member >= next) begin = first
+               if (whole_number(rows(first:first + index(rows(first:), ',') - 2)) >= next) &
+                  begin = first
             end if
             if (first >= begin) call tally%take(rows(first:first + length - 1))
             first = first + length + 1
