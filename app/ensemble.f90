@@ -21,7 +21,7 @@ module beamid_ensemble
    use beamid_refusals, only: refuse
    use beamid_shards, only: gaps, list_shards, range_of_members_t, remove_shards, shard_path, &
       temporary_path, write_shard
-   use beamid_strings, only: to_text
+   use beamid_strings, only: lower, to_text
    use beamid_terminal, only: new_progress, print_text, progress_t, tell
    use beamid_texts, only: text_t
    implicit none
@@ -156,6 +156,7 @@ contains
          end do
       end if
       write (run%fingerprint, '(z8.8)') crc32(bytes, 0_int32)
+      run%fingerprint = lower(run%fingerprint)
    end subroutine prepare
 
    !> What an earlier run has found: its members by the names of their cases.
@@ -356,7 +357,7 @@ contains
 
       call cases%line('member,fingerprint,case')
       do k = 1, size(fleet)
-         call cases%line(to_text(k)//','//fleet(k)%fingerprint//','//fleet(k)%name)
+         call cases%line(to_text(k)//','//trim(fleet(k)%fingerprint)//','//fleet(k)%name)
       end do
       call output%add('cases.csv', cases%content())
       if (.not. only_new) return

@@ -15,6 +15,7 @@ module beamid_fleets
    use beamid_paths, only: directory_of, join_path
    use beamid_refinement, only: add_mesh_shift
    use beamid_statistics, only: unlimited
+   use beamid_strings, only: lower
    use beamid_unknowns, only: name_of
    implicit none
    private
@@ -124,6 +125,7 @@ contains
          if (allocated(experiments(k)%excitation%f)) call add(experiments(k)%excitation%f)
       end do
       write (digits, '(z8.8)') sum
+      digits = lower(digits)
 
    contains
 
