@@ -1,7 +1,7 @@
 !> `beamid ensemble`: a command on every member of an ensemble, by the threads of this machine, or a
 !> part of them; parts of any number of programs make one table.
 module beamid_ensemble
-   use, intrinsic :: iso_c_binding, only: c_int, c_null_char
+   use, intrinsic :: iso_c_binding, only: c_associated, c_int, c_ptr
    use, intrinsic :: iso_fortran_env, only: int32, int64
    use beamid, only: case_t, error_t, failure, needs_nothing, read_case, version, wp
    use beamid_commands, only: deliver, settings_t
@@ -11,13 +11,13 @@ module beamid_ensemble
    use beamid_files, only: read_text
    use beamid_fleets, only: fit_fleet_case, fleet_case_t, judge_fleet_case, moved, &
       open_fleet_case, read_fleet
-   use beamid_folders, only: make_folders
+   use beamid_folders, only: lock_folder, make_folders, open_folder
    use beamid_lines, only: csv_row
    use beamid_manifests, only: crc32
    use beamid_numbers, only: shown
    use beamid_outputs, only: output_t
    use beamid_paths, only: directory_of, join_path
-   use beamid_posix, only: reason
+   use beamid_posix, only: c_closedir, reason
    use beamid_refusals, only: refuse
    use beamid_shards, only: gaps, list_shards, range_of_members_t, remove_shards, shard_path, &
       temporary_path, write_shard
@@ -58,8 +58,10 @@ contains
       type(range_of_members_t) :: wanted
       type(range_of_members_t), allocatable :: shards(:)
       integer, allocatable :: created(:)
-      integer(c_int) :: code
+      type(c_ptr) :: folder
+      integer(c_int) :: code, ignored
       integer :: others
+      logical :: locked
 
       call read_case(settings%subject, needs_nothing, case, error)
       if (allocated(error)) return
@@ -85,6 +87,9 @@ contains
          'record; they are not used, and removed when this ensemble is complete')
       call compute(run, gaps(shards, wanted), settings%quiet, error)
       if (allocated(error)) return
+      ! Of several programs that end together one makes the tables before the next looks.
+      code = open_folder(run%shards, folder)
+      if (code == 0) locked = lock_folder(folder)
       call list_shards(run%shards, run%fingerprint, shards, others, code)
       if (size(gaps(shards, range_of_members_t(1, run%members))) > 0) then
          call print_text(case%name//': members '//to_text(wanted%first)//' to '// &
@@ -93,6 +98,7 @@ contains
       else
          call finish(case, run, shards, settings, error)
       end if
+      if (c_associated(folder)) ignored = c_closedir(folder)
    end subroutine run_ensemble
 
    !> Members first to last, from `--only i:j`; all without it.

@@ -52,7 +52,8 @@ def launch(arguments, options):
         [path, "-c", "import mpi4py.futures"], capture_output=True).returncode == 0), None)
     if not python:
         fail("no Python has mpi4py, expected it and Open MPI, as by scripts/setup.sh mpi", 1)
-    environment = {**os.environ, "BEAMID_PROGRAM": str(Path(release()).resolve())}
+    program = Path(os.environ.get("BEAMID_PROGRAM") or release()).resolve()
+    environment = {**os.environ, "BEAMID_PROGRAM": str(program)}
     if os.geteuid() == 0:
         # Open MPI wants to hear twice that root is meant, as in a container.
         environment.update(OMPI_ALLOW_RUN_AS_ROOT="1", OMPI_ALLOW_RUN_AS_ROOT_CONFIRM="1")
