@@ -74,7 +74,7 @@ contains
    !> Every word there is, and words that are nearly one.
    subroutine test_nearest()
       character(len=*), parameter :: commands(*) = [character(len=9) :: 'identify', 'simulate', &
-         'modes', 'compare', 'reproduce', 'new', 'help', 'version']
+         'modes', 'compare', 'reproduce', 'ensemble', 'new', 'help', 'version']
       integer :: k
 
       do k = 1, size(commands)
