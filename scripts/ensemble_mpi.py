@@ -5,6 +5,7 @@ done stays when a worker dies: run it again and it goes on."""
 
 import os
 import re
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -24,46 +25,48 @@ def run_part(command, first, last):
     return done.returncode, done.stdout, done.stderr
 
 
-def manage(workers, command):
-    """Hands out all members and ends with the status of the part that made the tables."""
-    # The first member alone: a case that is refused is refused once, and who is left is told.
-    status, out, err = run_part(command, 1, 1)
-    waiting = WAITING.search(out)
-    if status == 0 and waiting:
-        from mpi4py.futures import MPIPoolExecutor
-        members = int(waiting[1])
-        size = max(1, min(LARGEST, members // (PARTS * workers)))
-        firsts = range(2, members + 1, size)
-        with MPIPoolExecutor() as pool:
-            parts = [pool.submit(run_part, command, first, min(first + size - 1, members))
-                     for first in firsts]
-            results = [part.result() for part in parts]
-        # Whoever was last has made the tables; two may have been.
-        ended = [result for result in results if result[0] or not WAITING.search(result[1])]
-        status, out, err = max(ended, default=(1, "", "some members are missing, run it again\n"))
+def end(status, out, err):
+    """Ends the script as the program has ended."""
     sys.stdout.write(out)
     sys.stderr.write(err)
-    raise SystemExit(status)
+    sys.exit(status)
 
 
-def launch(arguments, options):
+def manage(workers, members, command):
+    """Hands out all members, in parts."""
+    from mpi4py.futures import MPIPoolExecutor
+    size = max(1, min(LARGEST, members // (PARTS * workers)))
+    with MPIPoolExecutor() as pool:
+        parts = [pool.submit(run_part, command, first, min(first + size - 1, members))
+                 for first in range(2, members + 1, size)]
+        results = [part.result() for part in parts]
+    failed = [result for result in results if result[0]]
+    if failed:
+        fail(f"{len(failed)} of {len(parts)} parts failed, run it again and it goes on: "
+             f"{failed[0][2] or 'killed'}", 1)
+    # Whoever was last has made the tables.
+    end(*next(result for result in results if not WAITING.search(result[1])))
+
+
+def launch(arguments, command):
     """Starts the workers and a manager, who needs no core of its own."""
+    # The first member alone: a case that is refused is refused once, and how many there are is told.
+    status, out, err = run_part(command, 1, 1)
+    waiting = WAITING.search(out)
+    if status or not waiting:
+        end(status, out, err)
     python = next((path for path in (sys.executable, "/usr/bin/python3") if subprocess.run(
         [path, "-c", "import mpi4py.futures"], capture_output=True).returncode == 0), None)
-    if not python:
-        fail("no Python has mpi4py, expected it and Open MPI, as by scripts/setup.sh mpi", 1)
-    program = Path(os.environ.get("BEAMID_PROGRAM") or release()).resolve()
-    environment = {**os.environ, "BEAMID_PROGRAM": str(program)}
+    if not python or not shutil.which("mpiexec"):
+        fail("no mpiexec or no Python with mpi4py, expected both, as by scripts/setup.sh mpi", 1)
+    environment = dict(os.environ)
     if os.geteuid() == 0:
         # Open MPI wants to hear twice that root is meant, as in a container.
         environment.update(OMPI_ALLOW_RUN_AS_ROOT="1", OMPI_ALLOW_RUN_AS_ROOT_CONFIRM="1")
-    command = ["mpiexec", "-n", f"{arguments.n + 1}", "--oversubscribe", "-x", "BEAMID_PROGRAM",
-               *arguments.mpiexec.split(), python, "-m", "mpi4py.futures", __file__, "-n",
-               f"{arguments.n}", arguments.case, *options, "--manage"]
-    try:
-        raise SystemExit(subprocess.run(command, env=environment).returncode)
-    except OSError as error:
-        fail(f"mpiexec: {error.strerror}, expected Open MPI, as by scripts/setup.sh mpi", 1)
+    sys.exit(subprocess.run(
+        ["mpiexec", "-n", f"{arguments.n + 1}", "--oversubscribe", *arguments.mpiexec.split(),
+         python, "-m", "mpi4py.futures", __file__, "-n", f"{arguments.n}", "--members", waiting[1],
+         *command], env=environment).returncode)
 
 
 def main():
@@ -74,15 +77,16 @@ def main():
     parser.add_argument("--only-new", action="store_true", help="as of beamid ensemble")
     parser.add_argument("--mpiexec", default="", metavar="OPTIONS",
                         help="of mpiexec, as '--hostfile machines'")
-    parser.add_argument("--manage", action="store_true", help="(of the manager itself)")
+    if "--members" in sys.argv:
+        # The manager: -n RANKS --members N PROGRAM ensemble ...
+        manage(int(sys.argv[2]), int(sys.argv[4]), sys.argv[5:])
     arguments = parser.parse_args()
     if arguments.n < 1:
         fail(f"-n: found {arguments.n}, expected 1 or more")
-    options = ["--out", arguments.out] if arguments.out else []
-    options += ["--only-new"] if arguments.only_new else []
-    if arguments.manage:
-        manage(arguments.n, [os.environ["BEAMID_PROGRAM"], "ensemble", arguments.case, *options])
-    launch(arguments, options)
+    program = Path(os.environ.get("BEAMID_PROGRAM") or release()).resolve()
+    launch(arguments, [str(program), "ensemble", arguments.case,
+                       *(["--out", arguments.out] if arguments.out else []),
+                       *(["--only-new"] if arguments.only_new else [])])
 
 
 if __name__ == "__main__":
