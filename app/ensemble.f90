@@ -244,7 +244,7 @@ contains
       integer, intent(in) :: members
       real(wp), intent(in) :: seconds
 
-      next_size = nint(min(largest_block, 8*members, huge(1)/2)*1.0_wp)
+      next_size = min(largest_block, 8*members)
       if (seconds*next_size > block_seconds*members) next_size = max(1, nint(block_seconds &
          *members/seconds))
    end function next_size
