@@ -75,7 +75,7 @@ contains
       maker%case = case
       call sample_grids(maker%case, error)
       if (allocated(error)) return
-      if (case%ensemble%command == 'modes') then
+      if (.not. needs_records(case)) then
          allocate (maker%experiments(1))
          maker%experiments(1)%excitation = new_pulse(0.0_wp, 1.0_wp)
       else
@@ -98,15 +98,14 @@ contains
             structures(i) = experiments(i)%structure_of(case%model%structure)
             maker%world%excitations(i) = experiments(i)%excitation
             structures(i)%root_is_free = any(case%draws%parameter == of_kappa_R)
-            if (case%ensemble%command == 'modes') cycle
+            if (.not. needs_records(case)) cycle
             experiments(i)%measured = 0*experiments(i)%samples
             call new_apparatus(experiments(i), structures(i), mesh, case%model%observation, &
                modal_t(), maker%makers(i), error)
             if (allocated(error)) return
          end do
       end associate
-      if (size(case%draws) > 0 .or. case%ensemble%command == 'modes') return
-      call maker%respond(maker%world, maker%clean, error)
+      if (size(case%draws) == 0 .and. needs_records(case)) call maker%respond(maker%world, maker%clean, error)
    end subroutine new_ensemble
 
    !> Records without a file are at the times of their grids.
@@ -147,18 +146,25 @@ contains
       allocate (member%rows(0))
       world = self%world
       call draw_world(self%case, k, world, error)
+      if (.not. allocated(error) .and. needs_records(self%case)) then
+         experiments = self%experiments
+         call self%make_records(k, world, experiments, error)
+      end if
       if (.not. allocated(error)) then
          select case (self%case%ensemble%command)
-         case ('identify')
-            experiments = self%experiments
-            call self%make_records(k, world, experiments, error)
-            if (.not. allocated(error)) call fit_member(self%case, experiments, world, &
-               member%rows, error)
+         case ('identify'); call fit_member(self%case, experiments, world, member%rows, error)
          case ('modes'); call modes_of_member(self%case, world, member%rows, error)
          end select
       end if
       if (allocated(error)) call move_alloc(error%message, member%message)
    end subroutine run_member
+
+   !> Whether the command is about records, or about the beam alone.
+   pure logical function needs_records(case)
+      type(case_t), intent(in) :: case
+
+      needs_records = case%ensemble%command /= 'modes'
+   end function needs_records
 
    !> The beam of member k.
    subroutine draw_world(case, k, world, error)

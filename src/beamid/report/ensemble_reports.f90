@@ -337,8 +337,8 @@ contains
                   line = line//right('-', 13)
                end if
             end do
-            if (values(6) < unlimited) line = line//'  '//to_text(0.1_wp*nint(1e3_wp*values(6))) &
-               //' +- '//to_text(0.1_wp*nint(1e3_wp*values(7)))//' %'
+            if (values(6) < unlimited) line = line//'  '//to_text(0.01_wp*nint(1e4_wp*values(6))) &
+               //' +- '//to_text(0.01_wp*nint(1e4_wp*values(7)))//' %'
             call summary%line(line)
          end associate
       end do
