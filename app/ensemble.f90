@@ -323,7 +323,7 @@ contains
       type(text_t) :: summary
       character(len=:), allocatable :: path
 
-      path = temporary_path(join_path(run%shards, 'members.csv'))
+      path = temporary_path(join_path(run%shards, 'members-all.csv'))
       call merge_shards(run%shards, run%fingerprint, shards, run%members, path, tally, error)
       if (allocated(error)) return
       if (tally%failures == tally%members) then

@@ -21,7 +21,8 @@ WAITING = re.compile(r"members \d+ to \d+ of (\d+) are done; the tables follow w
 def run_part(command, first, last):
     """Members first to last: exit status, standard output, messages."""
     done = subprocess.run([*command, "--quiet", "--only", f"{first}:{last}"], capture_output=True,
-                          text=True, env={**os.environ, "OMP_NUM_THREADS": "1"})
+                          text=True, env={**os.environ, "OMP_NUM_THREADS": "1",
+                                          "OPENBLAS_NUM_THREADS": "1"})
     return done.returncode, done.stdout, done.stderr
 
 

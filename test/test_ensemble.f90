@@ -128,9 +128,7 @@ contains
       wanted = 3
       if (in_long_run()) wanted = 20
       call write_file('many.nml', ensemble(3000)//draw)
-      outcome = run('date +%s%N; "'//program_path//'" ensemble many.nml --out whole --quiet '// &
-         '>/dev/null; date +%s%N')
-      longest = 1e-9_wp*(number(line(outcome%out, 2)) - number(line(outcome%out, 1)))
+      longest = duration('"'//program_path//'" ensemble many.nml --out whole --quiet')
       call start_random(4711)
       kills = 0
       do attempt = 1, 20*wanted
@@ -153,24 +151,69 @@ contains
       call check('kills leave nothing temporary', index(outcome%out, '.part') == 0)
    end subroutine test_kills
 
+   !> Seconds that a command takes.
+   real(wp) function duration(command)
+      character(len=*), intent(in) :: command
+
+      outcome = run('date +%s%N; '//command//' >/dev/null; date +%s%N')
+      duration = 1e-9_wp*(number(line(outcome%out, 2)) - number(line(outcome%out, 1)))
+   end function duration
+
    !> The same by Open MPI.
    subroutine test_mpi()
+      character(len=:), allocatable :: mpi
+
+      mpi = 'BEAMID_PROGRAM="'//program_path//'" ../../scripts/ensemble_mpi.py -n 2 '
       outcome = run('command -v mpiexec && { /usr/bin/python3 -c "import mpi4py" || python3 -c '// &
          '"import mpi4py"; }')
       if (outcome%status /= 0 .or. python_with('sys') == '') then
          call skip('ensemble_mpi.py', 'no mpiexec or no mpi4py, as by scripts/setup.sh mpi')
          return
       end if
-      outcome = run('BEAMID_PROGRAM="'//program_path//'" ../../scripts/ensemble_mpi.py -n 2 '// &
-         'case.nml --out ranks && cmp one/members.csv ranks/members.csv && '// &
+      outcome = run(mpi//'case.nml --out ranks && cmp one/members.csv ranks/members.csv && '// &
          'cmp one/summary.txt ranks/summary.txt')
       call check('two workers: the same bytes', outcome%status == 0, outcome%err)
-      outcome = run('BEAMID_PROGRAM="'//program_path//'" ../../scripts/ensemble_mpi.py -n 2 '// &
-         'none.nml --out none')
+      outcome = run(mpi//'none.nml --out none')
       call check('a case that is refused', outcome%status == 2 .and. &
          has_all(outcome%err, 'none.nml: found no such file') .and. .not. exists('none'), &
          outcome%err)
+      if (in_long_run()) call kill_ranks(mpi//'many.nml --out lost')
    end subroutine test_mpi
+
+   !> SIGKILL to one rank, or to all of them and mpiexec, at random moments.
+   subroutine kill_ranks(command)
+      character(len=*), intent(in) :: command
+      character(len=*), parameter :: which(0:1) = [character(len=30) :: '$m $r', &
+         '$(echo "$r" | tail -n 1)']
+      integer, parameter :: wanted = 20
+      character(len=8) :: seconds
+      real(wp) :: longest
+      integer :: attempt, kills
+
+      longest = duration(command)
+      call remove_tree('lost')
+      kills = 0
+      do attempt = 1, 10*wanted
+         write (seconds, '(f8.3)') between(0.0_wp, longest)
+         ! The ranks are children of mpiexec, which is the child of the script; it may wait for ever
+         ! for ranks that died before they had begun.
+         outcome = run(command//' & p=$!; sleep '//trim(adjustl(seconds))//'; '// &
+            'm=$(pgrep -P $p); r=$(pgrep -P ${m:-$p}) && kill -9 '//trim(which(mod(attempt, 2)))// &
+            '; timeout 30 tail -f /dev/null --pid=$p || kill -9 $m; wait $p')
+         if (outcome%status /= 0) then
+            kills = kills + 1
+         else
+            outcome = run('cmp whole/members.csv lost/members.csv')
+            call check('between kills of ranks: ended, the same bytes', outcome%status == 0, &
+               outcome%err)
+            call remove_tree('lost')
+         end if
+         if (kills == wanted) exit
+      end do
+      call check('kills of ranks', kills == wanted)
+      outcome = run(command//' && cmp whole/members.csv lost/members.csv')
+      call check('resumed: the same bytes', outcome%status == 0, outcome%err)
+   end subroutine kill_ranks
 
    !> Small noise, where linear theory holds: of 400 intervals of 95 % each 380 hold the truth, with
    !> a deviation of 4.4, of which three make 3.3 %; the sd of 400 estimates has a relative error of
@@ -212,8 +255,8 @@ contains
       call check('a failed member is one row', lines_with(table, ',failed,') > 0 .and. &
          2*lines_with(table, ',failed,') + lines_with(table, ',ok,') == 80)
       call check('its message is quoted', lines_with(table, ',failed,') == lines_with(table, &
-         ',failed,"|",,,,,,,,,') .and. lines_with(table, ',failed,"x_S: found |, expected a place'// &
-         ' above 0, up to the length |",,,,,,,,,') > 0)
+         ',failed,"|",,,,,,,,,') .and. lines_with(table, ',failed,"x_S: found |, expected a '// &
+         'place above 0, up to the length |",,,,,,,,,') > 0)
       call write_file('all.nml', replaced(replaced(read_file('some.nml'), 'high=4 /'//nl// &
          '&sensor', 'high=3.6 /'//nl//'&sensor'), 'low=3, ', 'low=3.8, '))
       outcome = beamid('ensemble all.nml --out all')
