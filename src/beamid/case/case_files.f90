@@ -4,6 +4,7 @@ module beamid_case_files
    use beamid_blocks, only: block_t
    use beamid_boxes, only: box_t
    use beamid_design_groups, only: read_design
+   use beamid_ensemble_groups, only: draw_t, ensemble_t, read_draw, read_ensemble
    use beamid_errors, only: error_t
    use beamid_excitation, only: excitation_t
    use beamid_galerkin, only: mesh_t
@@ -35,7 +36,8 @@ module beamid_case_files
       group_t('observation'), group_t('record', may_repeat=.true.), group_t('score'), &
       group_t('stage', may_repeat=.true.), group_t('prior', may_repeat=.true.), &
       group_t('multistart'), group_t('windows'), group_t('sample'), group_t('bootstrap'), &
-      group_t('noise'), group_t('design'), group_t('units')]
+      group_t('noise'), group_t('design'), group_t('ensemble', stands_alone=.true.), &
+      group_t('draw', may_repeat=.true.), group_t('units')]
 
    type :: case_t
       character(len=:), allocatable :: path     !< as given
@@ -64,6 +66,8 @@ module beamid_case_files
       !> of the noise that `simulate` adds to a record [acceleration]
       real(wp) :: noise_sd = 0
       integer :: noise_seed = 1
+      type(ensemble_t) :: ensemble
+      type(draw_t), allocatable :: draws(:)     !< of its members
    end type case_t
 
 contains
@@ -81,7 +85,7 @@ contains
       case%meshes = [mesh_t()]
       allocate (modal_t :: case%model%solver)
       allocate (case%stages(0), case%stage_lines(0), case%recordings(0), case%excitations(0), &
-         case%model%priors(0))
+         case%model%priors(0), case%draws(0))
    end function new_case
 
    !> Every group with the keys that its reader asks for.
@@ -112,6 +116,7 @@ contains
       type(recording_t) :: recording
       type(excitation_t) :: excitation
       type(prior_t) :: prior
+      type(draw_t) :: draw
 
       associate (model => case%model)
          select case (block%name)
@@ -151,6 +156,10 @@ contains
             call read_prior(block, model%structure, case%section, case%excitations, &
                size(case%recordings), sound, model%priors, prior)
             if (.not. block%failed() .and. sound) model%priors = [model%priors, prior]
+         case ('ensemble'); call read_ensemble(block, model%structure, sound, case%ensemble)
+         case ('draw')
+            call read_draw(block, model%structure, case%excitations, sound, case%draws, draw)
+            if (.not. block%failed()) case%draws = [case%draws, draw]
          end select
       end associate
    end subroutine read_group

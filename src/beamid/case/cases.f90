@@ -71,7 +71,8 @@ contains
       type(refusals_t), intent(in) :: refusals
       type(case_t), intent(inout) :: case
       type(error_t), allocatable, intent(out) :: error
-      character(len=*), parameter :: last(3) = [character(len=6) :: 'stage', 'prior', 'design']
+      character(len=*), parameter :: last(5) = [character(len=8) :: 'stage', 'prior', 'design', &
+         'ensemble', 'draw']
       type(refusals_t) :: all_of_them
       integer :: k
       logical :: sound
