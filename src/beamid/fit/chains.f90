@@ -189,7 +189,7 @@ contains
             covariance = covariance + dot_product(draws(:n - lag, k) - means(k), &
                draws(lag + 1:, k) - means(k))/n/size(draws, 2)
          end do
-         correlation = 1 - (within - covariance*n/(n - 1))/spread
+         correlation = 1 - (within - covariance)/spread
          if (lag == 0) correlation = 1
       end function correlation
 
