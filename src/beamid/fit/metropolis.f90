@@ -19,7 +19,7 @@ module beamid_metropolis
 
 contains
 
-   !> mode, axes   (n), (n, n) where the density is high, and how it falls off: an upper triangle
+   !> mode, axes   (n), (n, n) where the density is high, and how it falls off: a triangle, upper or lower
    !> chains       each from a start of its own, farther out than most of the density
    !> length       draws kept of each
    !> q            (n, chains*length) parameters, chain by chain
@@ -81,7 +81,7 @@ contains
          return
       end if
       factor = scale*axes
-      is_upper = .true.
+      is_upper = all([(all(abs(axes(i + 1:, i)) <= 0), i=1, n)])
       mean = x
       covariance = 0
       seen = 0
