@@ -137,8 +137,8 @@ contains
 
          counted = counted + 1
          call density%evaluate(coordinate%value(at), plain)
-         value = plain
-         if (value > impossible) value = value + sum(coordinate%log_slope(at))
+         value = impossible
+         if (plain > impossible) value = plain + sum(coordinate%log_slope(at))
       end subroutine evaluate
 
       !> Log density of a first step, up to a constant.
