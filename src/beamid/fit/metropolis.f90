@@ -167,7 +167,7 @@ contains
 
          trial = covariance/(seen - 1)
          do k = 1, n
-            trial(k, k) = trial(k, k)*(1 + 1e-8_wp) + 1e-12_wp
+            trial(k, k) = trial(k, k)*(1 + 1e-8_wp) + tiny(1.0_wp)
          end do
          call dpotrf('L', n, trial, n, info)
          if (info /= 0) return
