@@ -56,7 +56,11 @@ contains
          associate (z => normal_scores(halves(values)))
             call variances(z, within, between)
             of_scores = 1
-            if (within > 0) of_scores = sqrt((size(z, 1) - 1.0_wp)/size(z, 1) + between/within)
+            if (within > 0) then
+               of_scores = sqrt((size(z, 1) - 1.0_wp)/size(z, 1) + between/within)
+            else if (between > 0) then
+               of_scores = huge(of_scores)
+            end if
          end associate
       end function of_scores
 
