@@ -169,16 +169,16 @@ contains
       total = 1 + correlation(1)
       before = total
       lag = 2
-      do while (lag + 1 < n)
+      do while (lag < n - 2)
          pair = correlation(lag) + correlation(lag + 1)
-         if (pair < 0) exit
+         if (pair < 0 .or. lag >= n - 4) exit
          pair = min(pair, before)
          total = total + pair
          before = pair
          lag = lag + 2
       end do
-      ! Of the pair that was no longer positive the first may be.
-      if (lag + 1 < n) total = total + max(0.0_wp, correlation(lag))/2
+      ! Of the last pair the first may be positive.
+      if (lag < n - 2) total = total + max(0.0_wp, correlation(lag))/2
       effective = size(draws)/max(2*total - 1, 1/log10(real(size(draws), wp)))
 
    contains
