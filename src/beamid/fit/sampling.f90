@@ -143,7 +143,7 @@ contains
          step = g
          call dtrtrs('U', 'T', 'N', n, 1, R, n, step, n, info)
          call dtrtrs('U', 'N', 'N', n, 1, R, n, step, n, info)
-         there = x + step*min(1.0_wp, 2/maxval(abs(step)))
+         there = x + step*min(1.0_wp, 2/max(maxval(abs(step)), tiny(here)))
          call in_coordinates(mine, proposal%coordinate, there, value)
          moved = value > here
          if (moved) then
