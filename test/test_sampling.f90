@@ -178,39 +178,45 @@ contains
       end do
    end subroutine test_narrow
 
-   !> exp(-q**2/2), q > 0: mean sqrt(2/pi), deviation sqrt(1 - 2/pi), quantiles of the normal law.
+   !> exp(-q**2/2), q > 0, or q < 0: mean sqrt(2/pi), deviation sqrt(1 - 2/pi), quantiles of the
+   !> normal law.
    subroutine test_half_normal()
       real(wp), parameter :: pi = acos(-1.0_wp), p(3) = [0.025_wp, 0.5_wp, 0.975_wp]
       type(normal_t) :: density
       type(draws_t) :: draws
       type(error_t), allocatable :: error
+      type(variable_t) :: variables(-1:1)
       real(wp) :: m(1), s(1), allowed
       real(wp), allocatable :: sorted(:)
-      integer :: importance, k
+      character(len=:), allocatable :: label
+      integer :: importance, k, sign
 
       density%mean = [0.0_wp]
       density%precision = reshape([1.0_wp], [1, 1])
+      variables(-1) = new_variable(0.0_wp, -unbounded, 0.0_wp, 1.0_wp)
+      variables(1) = new_variable(0.0_wp, 0.0_wp, unbounded, 1.0_wp)
       do importance = 0, 1
-         ! The estimate of such a fit is the bound itself.
-         call sample(density, [new_variable(0.0_wp, 0.0_wp, unbounded, 1.0_wp)], [0.0_wp], &
-            planned(importance), draws, error)
-         call check('half normal, '//by(importance)//'done', .not. allocated(error))
-         if (allocated(error)) cycle
-         call check('half normal, '//by(importance)//'inside', all(draws%q > 0))
-         call moments(draws, m, s)
-         allowed = 3/sqrt(min(draws%effective, 10000.0_wp))
-         call check_close('half normal, '//by(importance)//'mean', m(1), sqrt(2/pi), &
-            allowed*sqrt(1 - 2/pi))
-         ! The fourth moment is .87 more than that of the normal law: 1.2 times as uncertain.
-         call check_close('half normal, '//by(importance)//'deviation', s(1), sqrt(1 - 2/pi), &
-            allowed*sqrt(1 - 2/pi))
-         sorted = draws%q(1, :)
-         call sort(sorted)
-         do k = 1, 3
-            ! The share below a quantile is wrong by sqrt(p (1 - p)/n).
-            call check_close('half normal, '//by(importance)//'quantile '//to_text(p(k)), &
-               2*normal_probability(quantile(sorted, p(k))) - 1, p(k), &
-               allowed*sqrt(p(k)*(1 - p(k))))
+         do sign = -1, 1, 2
+            ! The estimate of such a fit is the bound itself.
+            call sample(density, variables(sign:sign), [0.0_wp], planned(importance), draws, error)
+            label = 'half normal, '//merge('q < 0, ', 'q > 0, ', sign < 0)//by(importance)
+            call check(label//'done', .not. allocated(error))
+            if (allocated(error)) cycle
+            draws%q = sign*draws%q
+            call check(label//'inside', all(draws%q > 0))
+            call moments(draws, m, s)
+            allowed = 3/sqrt(min(draws%effective, 10000.0_wp))
+            call check_close(label//'mean', m(1), sqrt(2/pi), allowed*sqrt(1 - 2/pi))
+            ! The fourth moment is .87 more than that of the normal law: 1.2 times as uncertain,
+            ! and a deviation is less so than a mean by sqrt(2).
+            call check_close(label//'deviation', s(1), sqrt(1 - 2/pi), allowed*sqrt(1 - 2/pi))
+            sorted = draws%q(1, :)
+            call sort(sorted)
+            do k = 1, 3
+               ! The share below a quantile is wrong by sqrt(p (1 - p)/n).
+               call check_close(label//'quantile '//to_text(p(k)), 2*normal_probability( &
+                  quantile(sorted, p(k))) - 1, p(k), allowed*sqrt(p(k)*(1 - p(k))))
+            end do
          end do
       end do
    end subroutine test_half_normal
@@ -245,9 +251,9 @@ contains
    end subroutine test_between_bounds
 
    !> q2 follows 2 (q1**2 - 1): mean 0 and variance 8 + sd**2; q1 is standard normal. Below the
-   !> median, 2 (.4549364231 - 1), lies one half of q2 but for its own deviation. Axes that are straight fit
-   !> nowhere: with a deviation of .2 weights can still be trusted, with .15 they cannot, and chains
-   !> take their place.
+   !> median, 2 (.4549364231 - 1), lies one half of q2 but for its own deviation. Axes that are
+   !> straight fit nowhere: with a deviation of .2 weights can still be trusted, with .15 they
+   !> cannot, and chains take their place.
    subroutine test_banana()
       character(len=24), parameter :: labels(3) = ['banana, by chains:      ', &
          'banana, by weights:     ', 'banana, weights failed: ']
