@@ -19,7 +19,8 @@ module beamid_metropolis
 
 contains
 
-   !> mode, axes   (n), (n, n) where the density is high, and how it falls off: a triangle, upper or lower
+   !> mode, axes   (n), (n, n) where the density is high, and how it falls off: a triangle, upper or
+   !>              lower
    !> chains       each from a start of its own, farther out than most of the density
    !> length       draws kept of each
    !> q            (n, chains*length) parameters, chain by chain
