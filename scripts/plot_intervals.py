@@ -166,11 +166,26 @@ def shown_side(values, distance, state):
     return values[np.argmax(np.abs(distance) >= 0.98 * np.abs(distance).max())]
 
 
-def told_end(value, state):
+def told_end(value, state, side):
     """How an end is told."""
     number = p.plain_number(value, 3)
-    return {"bound": f"bound {number}", "unbounded": "no limit",
+    return {"bound": f"bound {number}", "unbounded": "no limit →" if side > 0 else "← no limit",
             "unknown": f"lost at {number}"}.get(state, number)
+
+
+def curve(x, y, at):
+    """Through the points by cubics that rise and fall with them (Fritsch and Butland)."""
+    if len(x) < 3:
+        return np.interp(at, x, y)
+    slopes = np.diff(y) / np.diff(x)
+    product = slopes[1:] * slopes[:-1]
+    total = np.where(product > 0, slopes[1:] + slopes[:-1], 1.0)
+    d = np.concatenate([slopes[:1], np.where(product > 0, 2 * product / total, 0), slopes[-1:]])
+    k = np.clip(np.searchsorted(x, at) - 1, 0, len(x) - 2)
+    h = x[k + 1] - x[k]
+    u = (at - x[k]) / h
+    return ((1 - u)**2 * (1 + 2 * u) * y[k] + u**2 * (3 - 2 * u) * y[k + 1]
+            + h * u * (1 - u) * ((1 - u) * d[k] - u * d[k + 1]))
 
 
 def draw_profile(axes, rows, found, name):
@@ -178,12 +193,18 @@ def draw_profile(axes, rows, found, name):
     value, z = (np.array([p.number(row, key) for row in rows]) for key in ("value", "distance"))
     states = (rows[0]["lower_end"], rows[0]["upper_end"])
     best = int(np.argmin(np.abs(z)))
-    low = shown_side(value[best::-1], z[best::-1], states[0])
-    high = shown_side(value[best:], z[best:], states[1])
+    outer = [shown_side(value[best::-1], z[best::-1], states[0]),
+             shown_side(value[best:], z[best:], states[1])]
+    told = found.interval("profile", name)
+    for k in (0, 1):    # the last fit may have been just inside the bound
+        if told and states[k] == "bound" and math.isfinite(told.ends[k]):
+            outer[k] = told.ends[k]
+    low, high = outer
     logarithmic = low > 0 and high > 30 * value[best]
     power = 0 if logarithmic else scale_of(np.array([low, high]))
     unit = 10.0**power
     fine = np.geomspace(low, high, 400) if logarithmic else np.linspace(low, high, 400)
+    fine = fine[(fine >= value[0]) & (fine <= value[-1])]
     linear = found.interval("linear", name)
     axes.axhline(1, color=p.GREY, linewidth=1, linestyle="--")
     margin = 0.17 * (high - low)
@@ -193,20 +214,18 @@ def draw_profile(axes, rows, found, name):
         axes.plot(wide / unit, ((wide - linear.estimate) / linear.half_width())**2, color="black",
                   linestyle=":", linewidth=1.5, label="parabola of linear theory")
     # The distance is nearly straight, so its square is smooth between points.
-    axes.plot(fine / unit, np.interp(fine, value, z)**2, color=p.VERMILION, linewidth=1.8,
+    axes.plot(fine / unit, curve(value, z, fine)**2, color=p.VERMILION, linewidth=1.8,
               label="profile: least $J$ at each value")
     inside = (value >= low) & (value <= high)
     axes.plot(value[inside] / unit, z[inside]**2, "s", color=p.VERMILION, markersize=3.5)
     axes.plot(value[best] / unit, 0, "o", color="black", markersize=5, label="estimate",
               clip_on=False, zorder=4)
-    for end, state, side in ((value[0], states[0], -1), (value[-1], states[1], 1)):
-        there = low if side < 0 else high
-        height = min(np.interp(there, value, z)**2, 1)
+    for end, state, side in zip(outer, states, (-1, 1)):
         if state != "unbounded":
-            axes.vlines(there / unit, 0, height, color=p.VERMILION, linewidth=0.9,
+            axes.vlines(end / unit, 0, 1, color=p.VERMILION, linewidth=1.1,
                         linestyle="-" if state == "bound" else (0, (2, 2)))
-        axes.annotate(told_end(end / unit, state), (there / unit, height),
-                      xytext=(0, 5), textcoords="offset points", fontsize=8.5,
+        axes.annotate(told_end(end / unit, state, side), (end / unit, 1), xytext=(0, 5),
+                      textcoords="offset points", fontsize=8.5,
                       ha="left" if side < 0 else "right",
                       bbox=dict(facecolor="white", edgecolor="none", pad=0.6))
     if logarithmic:
