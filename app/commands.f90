@@ -33,6 +33,8 @@ module beamid_commands
       character(len=:), allocatable :: out       !< not allocated: out/<case name>
       logical :: quiet = .false.
       logical :: time = .false.                  !< measure how long a fit takes
+      character(len=:), allocatable :: only      !< members of an ensemble, i:j
+      logical :: only_new = .false.              !< members without a result
    end type settings_t
 
 contains

@@ -6,6 +6,8 @@ program beamid_main
    use beamid_strings, only: to_text
    use beamid_comparison, only: run_compare
    use beamid_commands, only: run_identify, run_modes, run_simulate, settings_t, word_t
+   use beamid_design, only: run_design
+   use beamid_ensemble, only: run_ensemble
    use beamid_inference_commands, only: run_inference
    use beamid_manual, only: command_names, commands_in_words, run_help
    use beamid_new_case, only: check_new, run_new
@@ -26,7 +28,9 @@ program beamid_main
       case ('modes'); call run_modes(settings, error)
       case ('profile', 'sample', 'bootstrap'); call run_inference(settings, error)
       case ('compare'); call run_compare(settings, error)
+      case ('design'); call run_design(settings, error)
       case ('reproduce'); call run_reproduce(settings, error)
+      case ('ensemble'); call run_ensemble(settings, error)
       case ('new'); call run_new(settings, error)
       case ('help'); call run_help(words_of(settings%subjects), error)
       case ('version'); call print_text('beamid '//version//new_line('a'), error)
@@ -55,6 +59,10 @@ contains
          select case (word)
          case ('--quiet'); settings%quiet = .true.
          case ('--time'); settings%time = .true.
+         case ('--only-new'); settings%only_new = .true.
+         case ('--only')
+            k = k + 1
+            settings%only = argument(k)
          case ('--version')
             settings%command = 'version'
             return
@@ -115,7 +123,8 @@ contains
          case ('version')
             if (given > 0) call bad_input(error, 'found '//settings%subject//' behind '// &
                command//', expected nothing')
-         case ('identify', 'simulate', 'modes', 'profile', 'sample', 'bootstrap')
+         case ('identify', 'simulate', 'modes', 'profile', 'sample', 'bootstrap', 'design', &
+            'ensemble')
             if (given == 0) call bad_input(error, command// &
                ': found nothing, expected a case file')
          case ('compare')
@@ -128,6 +137,9 @@ contains
             call or_nearest(command, command_names(), perhaps)
             call bad_input(error, 'found '//command//', expected '//commands_in_words()//perhaps)
          end select
+         if (.not. allocated(error) .and. command /= 'ensemble' .and. (settings%only_new .or. &
+            allocated(settings%only))) call bad_input(error, command//': found --only, '// &
+            'expected it behind ensemble')
       end associate
    end subroutine check_command
 

@@ -49,11 +49,24 @@ module beamid_manual
       command_t('compare', 'a.nml b.nml ...', &
          'several models of one record: AICc, BIC, nested-model tests', &
          'Writes models.csv and nested.csv.'), &
+      command_t('design', 'case.nml', &
+         'which experiment would determine the free parameters best', &
+         'Every combination of the lists in &design, at the values that the case has: '// &
+         'standard errors of what is free in the last stage, as they would be, and the '// &
+         'criteria D (log det of the information), A (sum of relative variances) and E (least '// &
+         'eigenvalue of the information). By the exact response, on the last mesh. Writes '// &
+         'design.csv, labels.csv and summary.txt.'), &
       command_t('reproduce', 'WHAT', 'results of NASA CR-178199 beside the paper''s numbers', &
          'WHAT is '//reproducible//'. section-4 is from a reconstructed record: a check of '// &
          'consistency, not an independent confirmation. all is table-4.1 (by the exact '// &
          'response, instead of CVODE), section-4, acceleration and convergence, each to '// &
          'out/<name> or DIR/<name>.'), &
+      command_t('ensemble', 'case.nml', 'a command on many made records, or on a list of cases', &
+         'Writes members.csv and ensemble.csv, with a list also cases.csv. --only i:j does '// &
+         'these members alone; whichever program does the last ones writes the tables. One that was '// &
+         'interrupted goes on when it is run again. --only-new fits those cases of a list that '// &
+         'are new or have changed, each from its last estimate, and writes in changed.csv what '// &
+         'has moved.'), &
       command_t('new', '[KIND] [DIR]', &
          'a case file with comments and a small record, to begin with', &
          'KIND is free-decay (default), impulse, base or paper; writes case.nml and record.csv '// &
@@ -62,12 +75,14 @@ module beamid_manual
          'help man, help bash and help zsh print the manual page and what shells complete.'), &
       command_t('version', '', 'the version', '')]
 
-   character(len=*), parameter :: options(3) = [character(len=9) :: '--out DIR', '--quiet', &
-      '--time']
-   character(len=*), parameter :: option_help(3) = [character(len=64) :: &
+   character(len=*), parameter :: options(5) = [character(len=10) :: '--out DIR', '--quiet', &
+      '--time', '--only i:j', '--only-new']
+   character(len=*), parameter :: option_help(5) = [character(len=64) :: &
       'folder of the outputs; left out: out/<case name>', &
       'no progress on standard error', &
-      'identify: the time of a fit, on standard error']
+      'identify: the time of a fit, on standard error', &
+      'ensemble: these members alone', &
+      'ensemble: only cases without a result, or with another record']
 
    character(len=*), parameter :: &
       purpose = 'physical parameters of a flexible beam from an accelerometer record', &
@@ -169,6 +184,7 @@ contains
       if (any(command%name == [character(len=9) :: 'help', 'version', 'new'])) return
       line = line//' [--out DIR] [--quiet]'
       if (command%name == 'identify') line = line//' [--time]'
+      if (command%name == 'ensemble') line = line//' [--only i:j] [--only-new]'
    end function usage
 
    !> beamid(1), as man reads it.
@@ -256,7 +272,8 @@ contains
       call text%line('   elif [[ ${COMP_WORDS[COMP_CWORD-1]} == --out ]]; then')
       call text%line('      COMPREPLY=($(compgen -d -- "$word"))')
       call text%line('   elif [[ $word == -* ]]; then')
-      call text%line('      COMPREPLY=($(compgen -W "--out --quiet --time --help" -- "$word"))')
+      call text%line('      COMPREPLY=($(compgen -W "--out --quiet --time --only --only-new '// &
+         '--help" -- "$word"))')
       call text%line('   else')
       call text%line('      case $command in')
       call text%line('      new) COMPREPLY=($(compgen -d -W "'//listed(template_kinds, ' ')// &
@@ -298,7 +315,7 @@ contains
          listed(words, ' ')//' ;;')
       call text%line('   *) _arguments "*:case file:_files -g ''*.nml''" '// &
          '"--out:folder:_files -/"'// &
-         ' --quiet --time --help ;;')
+         ' --quiet --time --only --only-new --help ;;')
       call text%line('   esac')
       call text%line('fi')
    end subroutine add_zsh

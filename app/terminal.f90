@@ -17,10 +17,12 @@ module beamid_terminal
       logical, private :: overwrite = .false.
       integer, private :: last_length = 0
       integer(int64), private :: begin = 0    !< by the system's clock
+      integer(int64), private :: told = 0     !< when the last line was written
       real(wp), private :: left = -1          !< seconds; -1: not known
    contains
       procedure :: iteration
       procedure :: done
+      procedure :: members
       procedure :: finish
    end type progress_t
 
@@ -67,16 +69,40 @@ contains
          line = line//', '//trim(names(k))//' = '//to_text(parameters(k))
       end do
       !$omp critical (standard_error_line)
-      if (self%overwrite) then
-         ! A line as wide as the terminal would already go on in the next one.
-         line = line(:min(len(line), terminal_width() - 1))
-         call show(carriage_return//line//repeat(' ', max(0, self%last_length - len(line))))
-         self%last_length = len(line)
-      else
-         call tell(line)
-      end if
+      call write_over(self, line)
       !$omp end critical (standard_error_line)
    end subroutine iteration
+
+   !> A line that the next one takes the place of, in a terminal.
+   subroutine write_over(self, line)
+      class(progress_t), intent(inout) :: self
+      character(len=*), intent(in) :: line
+      integer :: length
+
+      if (.not. self%overwrite) then
+         call tell(line)
+         return
+      end if
+      ! A line as wide as the terminal would already go on in the next one.
+      length = min(len(line), terminal_width() - 1)
+      call show(carriage_return//line(:length)//repeat(' ', max(0, self%last_length - length)))
+      self%last_length = length
+   end subroutine write_over
+
+   !> How many members are done; outside of a terminal every ten seconds.
+   subroutine members(self, part, whole)
+      class(progress_t), intent(inout) :: self
+      integer, intent(in) :: part, whole
+      integer(int64) :: now, rate
+
+      call self%done(part, whole)
+      call system_clock(now, rate)
+      if (self%quiet .or. part == whole) return
+      if (.not. self%overwrite .and. now - max(self%told, self%begin) < 10*rate) return
+      self%told = now
+      call write_over(self, to_text(part)//' of '//to_text(whole)//' members, about '// &
+         to_text(ceiling(self%left))//' s left')
+   end subroutine members
 
    !> What is left takes as long as what is done has taken, in proportion.
    subroutine done(self, part, whole)

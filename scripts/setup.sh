@@ -3,6 +3,7 @@
 #
 #     scripts/setup.sh             what the program and the tests need
 #     scripts/setup.sh pictures    that, and numpy and matplotlib for the plotting scripts
+#     scripts/setup.sh mpi         that, and Open MPI with mpi4py for scripts/ensemble_mpi.py
 #     scripts/setup.sh files       lists the files of the system that a build uses
 #     scripts/setup.sh flags       what a linker needs beside the library
 #     scripts/setup.sh packages NAME...    what the program needs, and these Python packages in .venv
@@ -138,8 +139,8 @@ install_fpm() {
 }
 
 wanted=${1:-}
-[[ $wanted =~ ^(pictures|files|flags|packages|)$ ]] || {
-   say "found '$wanted', expected nothing, 'pictures', 'files', 'flags' or 'packages'"
+[[ $wanted =~ ^(pictures|mpi|files|flags|packages|)$ ]] || {
+   say "found '$wanted', expected nothing, 'pictures', 'mpi', 'files', 'flags' or 'packages'"
    exit 2
 }
 
@@ -181,6 +182,10 @@ fi
 
 if [[ $wanted == pictures ]] && ! "$venv/bin/python" -c 'import numpy, matplotlib' 2>/dev/null; then
    pip_install "${plotting[@]}" || fail "pictures need Python 3 with venv and ${plotting[*]}"
+fi
+if [[ $wanted == mpi ]] && ! { have mpiexec && /usr/bin/python3 -c 'import mpi4py' 2>/dev/null; }; then
+   apt_install openmpi-bin python3-mpi4py ||
+      fail 'missing: on Debian or Ubuntu sudo apt-get install openmpi-bin python3-mpi4py'
 fi
 if [[ $wanted == packages ]]; then
    pip_install "${@:2}" || fail "expected Python 3 with venv, and ${*:2} from pip"

@@ -23,9 +23,11 @@
 !>     if (allocated(error)) error stop error%message
 !>     print *, fits(1)%fit%estimate, fits(1)%statistics%half_width
 module beamid
+   use beamid_boxes, only: box_t
    use beamid_cases, only: case_t, load_experiments, measured_samples, needs_fit, &
       needs_nothing, needs_response, read_case, sample_times
    use beamid_cvode, only: cvode_t
+   use beamid_designs, only: compare_designs, design_t, designs_t
    use beamid_equations, only: equations_t, new_equations
    use beamid_errors, only: error_t, failure
    use beamid_excitation, only: excitation_t, new_force_table, new_free, new_pulse, new_release

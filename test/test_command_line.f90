@@ -327,7 +327,7 @@ contains
    !> No line of what is printed about any case in data/ is wider than 100 columns.
    subroutine test_width()
       type(outcome_t) :: outcome, cases
-      character(len=:), allocatable :: file
+      character(len=:), allocatable :: file, verb
       integer :: k
 
       ! By the exact response: the integrator takes long.
@@ -338,12 +338,12 @@ contains
          file = line(cases%out, k)
          outcome = beamid('modes '//file//' --out wide --quiet')
          call check('width of modes '//file, outcome%status == 0 .and. longest(outcome%out) <= 100)
+         verb = 'simulate '
          outcome = run('grep -q "^&stage" '//file)
-         if (outcome%status == 0) then
-            outcome = beamid('identify '//file//' --out wide --quiet')
-         else
-            outcome = beamid('simulate '//file//' --out wide --quiet')
-         end if
+         if (outcome%status == 0) verb = 'identify '
+         outcome = run('grep -q "^&design" '//file)
+         if (outcome%status == 0) verb = 'design '
+         outcome = beamid(verb//file//' --out wide --quiet')
          call check('width of the other '//file, outcome%status == 0 .and. &
             longest(outcome%out) <= 100, outcome%err)
       end do

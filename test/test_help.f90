@@ -74,7 +74,8 @@ contains
    !> Every word there is, and words that are nearly one.
    subroutine test_nearest()
       character(len=*), parameter :: commands(*) = [character(len=9) :: 'identify', 'simulate', &
-         'modes', 'compare', 'reproduce', 'new', 'help', 'version']
+         'modes', 'profile', 'sample', 'bootstrap', 'compare', 'design', 'ensemble', &
+         'reproduce', 'new', 'help', 'version']
       integer :: k
 
       do k = 1, size(commands)

@@ -92,6 +92,7 @@ contains
       call check('plot_modes.py: a picture, and one that moves', outcome%out == &
          'out/case/modes.png'//nl//'out/case/modes.gif'//nl//'GIF89a', outcome%err)
       call test_intervals()
+      call test_map()
       call test_page()
       outcome = run('mkdir -p part/section-4 && cp -r out/case part/table-4.1 && '// &
          'touch part/section-4/curves.csv && rm out/case/manifest.txt')
@@ -126,6 +127,22 @@ contains
       call check('page: beyond one fit', outcome%out == 'out/more/report.html'//nl//'1'//nl, &
          told(outcome))
    end subroutine test_intervals
+
+   !> A map of experiments over two settings, and a curve over one; no other setting, no parameter.
+   subroutine test_map()
+      call write_file('design.nml', case_text//stage// &
+         '&design x_S=1,2,3, t_last=1,2, noise_sd=1 /'//nl)
+      outcome = run('"'//program_path//'" design design.nml && '//scripts// &
+         'plot_design.py out/design')
+      call check('plot_design.py: a map', has_all(outcome%out, 'out/design/design_E.png'), &
+         outcome%err)
+      outcome = run(scripts//'plot_design.py out/design --over x_S --out curve.png')
+      call check('plot_design.py: a curve', outcome%out == 'curve.png'//nl, outcome%err)
+      call judge('plot_design.py: one force', scripts//'plot_design.py out/design --over x_F', &
+         'found --over x_F|x_S, t_last')
+      call judge('plot_design.py: another name', scripts//'plot_design.py out/design '// &
+         '--parameter m_T', 'found --parameter m_T, expected E')
+   end subroutine test_map
 
    !> The page of a fit is one file that needs nothing else, says what it is, and has no numbers of
    !> seventeen digits; on a telephone, 360 points wide, nothing sticks out, by the browser's word

@@ -60,7 +60,7 @@ contains
    end subroutine get_real_or_none
 
    !> Several real numbers, or one of some words in their place.
-   subroutine get_reals(self, name, values, default, help, most, words, word)
+   subroutine get_reals(self, name, values, default, help, most, words, word, range)
       class(block_t), intent(inout) :: self
       character(len=*), intent(in) :: name
       real(wp), allocatable, intent(inout) :: values(:)
@@ -69,10 +69,11 @@ contains
       character(len=*), intent(in), optional :: words(:)
       !> The one that was given; ''.
       character(len=*), intent(out), optional :: word
+      type(range_t), intent(in), optional :: range
       type(key_t) :: key
       real(wp), allocatable :: x(:)
 
-      key = new_key(name, kind_real, default, help, most)
+      key = new_key(name, kind_real, default, help, most, range)
       if (present(words)) key%words = words
       call self%take(key, x, word=word)
       if (size(x) > 0) values = x

@@ -2,13 +2,15 @@
 !> have all that a command needs.
 module beamid_case_checks
    use beamid_blocks, only: block_t
+   use beamid_boxes, only: box_t
    use beamid_case_files, only: case_t
    use beamid_equations, only: unknowns_of
    use beamid_errors, only: error_t
    use beamid_experiments, only: experiment_t
    use beamid_kinds, only: wp
    use beamid_numbers, only: shown
-   use beamid_parameters, only: check_structure, key_of, parameters
+   use beamid_parameters, only: check_structure, key_of, name_of_parameter, parameters
+   use beamid_records, only: window_t
    use beamid_refusals, only: refuse
    use beamid_responses, only: is_exact
    use beamid_strings, only: lower, to_text
@@ -16,11 +18,12 @@ module beamid_case_checks
    implicit none
    private
 
-   public :: check_whole, check_needs, can_be_fitted, place_experiment
-   public :: needs_nothing, needs_response, needs_fit
+   public :: check_whole, check_needs, can_be_fitted, place_experiment, settle_box
+   public :: needs_nothing, needs_response, needs_fit, needs_design
 
-   !> What a command needs of a case: the structure alone, a response at given times, a fit.
-   integer, parameter :: needs_nothing = 0, needs_response = 1, needs_fit = 2
+   !> What a command needs of a case: the structure alone, a response at given times, a fit, or
+   !> experiments to choose from.
+   integer, parameter :: needs_nothing = 0, needs_response = 1, needs_fit = 2, needs_design = 3
 
 contains
 
@@ -101,7 +104,7 @@ contains
 
    !> Refuses a case that lacks what the command needs.
    !>
-   !> needs  needs_nothing, needs_response or needs_fit
+   !> needs  needs_nothing, needs_response, needs_fit or needs_design
    subroutine check_needs(case, needs, error)
       type(case_t), intent(in) :: case
       integer, intent(in) :: needs
@@ -116,6 +119,9 @@ contains
       if (allocated(error)) return
       if (needs == needs_response) then
          call check_response(case, error)
+         return
+      else if (needs == needs_design) then
+         call check_design(case, error)
          return
       end if
       do k = 1, size(case%recordings)
@@ -147,12 +153,73 @@ contains
          'a second one', 'one for a response', error)
       if (case%excitations(1)%modes > 0) call refuse(case%path, 0, 'excitation kind', '''free''', &
          'a start that is known for a response', error)
-      associate (window => case%recordings(1)%window)
-         if (.not. (allocated(window%t_first) .and. allocated(window%t_last) .and. &
-            allocated(window%t_step))) call refuse(case%path, case%recordings(1)%line, 'record', &
-            'no grid of sample times', 't_first, t_last and t_step', error)
-      end associate
+      if (.not. has_grid(case%recordings(1)%window)) call refuse(case%path, &
+         case%recordings(1)%line, 'record', 'no grid of sample times', &
+         't_first, t_last and t_step', error)
    end subroutine check_response
+
+   !> Experiments to choose from, of which the present one is known.
+   subroutine check_design(case, error)
+      type(case_t), intent(in) :: case
+      type(error_t), allocatable, intent(inout) :: error
+      type(box_t) :: box
+      integer :: k
+
+      if (.not. allocated(case%box)) call refuse(case%path, 0, 'design', 'no such group', 'one', &
+         error)
+      if (size(case%stages) == 0) call refuse(case%path, 0, 'stage', 'no such group', &
+         'one or more', error)
+      if (any(case%excitations%modes > 0)) call refuse(case%path, 0, 'excitation kind', &
+         '''free''', 'a force, a release or a base that is known', error)
+      do k = 1, size(case%recordings)
+         associate (recording => case%recordings(k))
+            if (.not. (allocated(recording%path) .or. has_grid(recording%window))) call refuse( &
+               case%path, recording%line, 'record', 'neither a file nor a grid of sample times', &
+               't_first, t_last and t_step', error)
+         end associate
+      end do
+      if (allocated(error)) return
+      call settle_box(case, box)
+      associate (s => case%model%structure, last => size(case%stages))
+         if (.not. box%noise_sd > 0) call refuse(case%path, case%design_line, 'design noise_sd', &
+            'nothing', 'a value above 0, here or as sd of &noise', error)
+         if (size(box%interest) == 0) call refuse(case%path, case%stage_lines(last), &
+            'stage free', 'the offset alone', 'a parameter beside it', error)
+         do k = 1, size(box%interest)
+            if (.not. any(case%stages(last)%free == box%interest(k))) call refuse(case%path, &
+               case%design_line, 'design parameters', shown(trim(name_of_parameter(s, &
+               box%interest(k)))), 'parameters that are free in the last stage', error)
+         end do
+         if (box%sensors == 2 .and. any(abs([s%sensor%m_S, s%sensor%J_S]) > 0)) call refuse( &
+            case%path, case%design_line, 'design sensors', '2 with a mass, each of which '// &
+            'changes what the other reads', '1, or a sensor without m_S and J_S', error)
+         if (box%sensors == 2 .and. box%modes > 0) call refuse(case%path, case%design_line, &
+            'design sensors', '2 beside modes, whose start they share', '1', error)
+         if (box%sensors == 2 .and. any(parameters(case%stages(last)%free)%group == 'sensor')) &
+            call refuse(case%path, case%design_line, 'design sensors', &
+            '2 beside a free parameter of the sensor', '1', error)
+      end associate
+   end subroutine check_design
+
+   !> What may be chosen, with noise and parameters of interest of the case where it does not say.
+   subroutine settle_box(case, box)
+      type(case_t), intent(in) :: case
+      type(box_t), intent(out) :: box
+
+      box = case%box
+      if (.not. box%noise_sd > 0) box%noise_sd = case%noise_sd
+      if (.not. box%noise_sd > 0 .and. allocated(case%recordings(1)%sd)) &
+         box%noise_sd = case%recordings(1)%sd
+      if (.not. allocated(box%interest)) box%interest = case%stages(size(case%stages))%free
+   end subroutine settle_box
+
+   !> Whether all sample times are given.
+   pure logical function has_grid(window)
+      type(window_t), intent(in) :: window
+
+      has_grid = allocated(window%t_first) .and. allocated(window%t_last) .and. &
+         allocated(window%t_step)
+   end function has_grid
 
    !> Whether the case has all that a fit needs.
    logical function can_be_fitted(case)

@@ -2,6 +2,9 @@
 !> with a documented default or required, every value checked where it is read.
 module beamid_case_files
    use beamid_blocks, only: block_t
+   use beamid_boxes, only: box_t
+   use beamid_design_groups, only: read_design
+   use beamid_ensemble_groups, only: draw_t, ensemble_t, read_draw, read_ensemble
    use beamid_errors, only: error_t
    use beamid_excitation, only: excitation_t
    use beamid_galerkin, only: mesh_t
@@ -33,7 +36,8 @@ module beamid_case_files
       group_t('observation'), group_t('record', may_repeat=.true.), group_t('score'), &
       group_t('stage', may_repeat=.true.), group_t('prior', may_repeat=.true.), &
       group_t('multistart'), group_t('windows'), group_t('sample'), group_t('bootstrap'), &
-      group_t('noise'), group_t('units')]
+      group_t('noise'), group_t('design'), group_t('ensemble', stands_alone=.true.), &
+      group_t('draw', may_repeat=.true.), group_t('units')]
 
    type :: case_t
       character(len=:), allocatable :: path     !< as given
@@ -55,10 +59,15 @@ module beamid_case_files
       integer :: windows = 0                    !< in which the fit is repeated
       type(plan_t) :: sampling
       type(bootstrap_plan_t) :: bootstrap
+      !> experiments to choose from, where that is wanted
+      type(box_t), allocatable :: box
+      integer :: design_line = 0                !< of the group &design
       type(units_t) :: units
       !> of the noise that `simulate` adds to a record [acceleration]
       real(wp) :: noise_sd = 0
       integer :: noise_seed = 1
+      type(ensemble_t) :: ensemble
+      type(draw_t), allocatable :: draws(:)     !< of its members
    end type case_t
 
 contains
@@ -76,7 +85,7 @@ contains
       case%meshes = [mesh_t()]
       allocate (modal_t :: case%model%solver)
       allocate (case%stages(0), case%stage_lines(0), case%recordings(0), case%excitations(0), &
-         case%model%priors(0))
+         case%model%priors(0), case%draws(0))
    end function new_case
 
    !> Every group with the keys that its reader asks for.
@@ -107,6 +116,7 @@ contains
       type(recording_t) :: recording
       type(excitation_t) :: excitation
       type(prior_t) :: prior
+      type(draw_t) :: draw
 
       associate (model => case%model)
          select case (block%name)
@@ -121,6 +131,10 @@ contains
          case ('bootstrap'); call read_bootstrap(block, case%bootstrap)
          case ('noise'); call read_noise(block, case%noise_sd, case%noise_seed)
          case ('units'); call read_units(block, case%units)
+         case ('design')
+            case%box = box_t()
+            case%design_line = block%line
+            call read_design(block, model%structure, case%excitations, sound, case%box)
          case ('score')
             case%score = window_t()
             case%score_line = block%line
@@ -142,6 +156,10 @@ contains
             call read_prior(block, model%structure, case%section, case%excitations, &
                size(case%recordings), sound, model%priors, prior)
             if (.not. block%failed() .and. sound) model%priors = [model%priors, prior]
+         case ('ensemble'); call read_ensemble(block, model%structure, sound, case%ensemble)
+         case ('draw')
+            call read_draw(block, model%structure, case%excitations, sound, case%draws, draw)
+            if (.not. block%failed()) case%draws = [case%draws, draw]
          end select
       end associate
    end subroutine read_group

@@ -1,8 +1,9 @@
 !> A case and its records: from a case file to sample times, samples, experiments.
 module beamid_cases
    use beamid_blocks, only: block_t
-   use beamid_case_checks, only: can_be_fitted, check_needs, check_whole, needs_fit, &
-      needs_nothing, needs_response, place_experiment
+   use beamid_boxes, only: box_t
+   use beamid_case_checks, only: can_be_fitted, check_needs, check_whole, needs_design, needs_fit, &
+      needs_nothing, needs_response, place_experiment, settle_box
    use beamid_case_files, only: case_t, groups, new_case, read_group
    use beamid_errors, only: error_t, locate
    use beamid_experiments, only: experiment_t, is_first
@@ -19,8 +20,8 @@ module beamid_cases
    private
 
    public :: case_t, read_case, parse_case, sample_times, measured_samples, scored_samples, &
-      load_experiments
-   public :: can_be_fitted, needs_nothing, needs_response, needs_fit
+      load_experiments, plan_experiments
+   public :: can_be_fitted, needs_nothing, needs_response, needs_fit, needs_design
 
 contains
 
@@ -62,7 +63,7 @@ contains
          case%model%structure)
    end subroutine parse_case
 
-   !> Every group in turn, stages and priors last, because they are checked against the others.
+   !> Every group in turn, those last that are checked against the others.
    !>
    !> refusals  problems outside of the groups
    subroutine read_groups(blocks, refusals, case, error)
@@ -70,7 +71,8 @@ contains
       type(refusals_t), intent(in) :: refusals
       type(case_t), intent(inout) :: case
       type(error_t), allocatable, intent(out) :: error
-      character(len=*), parameter :: last(2) = ['stage', 'prior']
+      character(len=*), parameter :: last(5) = [character(len=8) :: 'stage', 'prior', 'design', &
+         'ensemble', 'draw']
       type(refusals_t) :: all_of_them
       integer :: k
       logical :: sound
@@ -180,6 +182,42 @@ contains
       end do
       if (.not. allocated(error)) call check_free_places(case, experiments, error)
    end subroutine load_experiments
+
+   !> What there is to choose from, and the experiments as they are planned or were done: sample
+   !> times and noise, nothing measured.
+   subroutine plan_experiments(case, box, experiments, error)
+      type(case_t), intent(in) :: case
+      type(box_t), intent(out) :: box
+      type(experiment_t), allocatable, intent(out) :: experiments(:)
+      type(error_t), allocatable, intent(out) :: error
+      character(len=note_length), allocatable :: notes(:)
+      integer :: k
+
+      call settle_box(case, box)
+      allocate (experiments(size(case%recordings)))
+      do k = 1, size(experiments)
+         associate (experiment => experiments(k), recording => case%recordings(k))
+            if (allocated(recording%path)) then
+               call samples_of(case, recording, 'record', recording%line, experiment%samples, &
+                  experiment%measured, notes, error)
+            else
+               call grid(recording%window, experiment%samples, error)
+               call locate(error, case%path//':'//to_text(recording%line)//': &record t_step')
+               if (.not. allocated(error)) call check_delta(case, experiment%samples, error)
+            end if
+            if (allocated(error)) return
+            experiment%measured = 0*experiment%samples
+            experiment%scale = recording%scale
+            experiment%motion = recording%experiment
+            experiment%sd = box%noise_sd
+            if (allocated(recording%sd)) experiment%sd = recording%sd
+            call place_experiment(case, k, experiment, error)
+            if (allocated(error)) return
+         end associate
+      end do
+      call check_channels(case, experiments, error)
+      if (.not. allocated(error)) call check_free_places(case, experiments, error)
+   end subroutine plan_experiments
 
    !> Channels of one motion stand one behind the other and are of the same beam, with the same
    !> start and the same parameters.

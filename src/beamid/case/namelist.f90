@@ -21,6 +21,7 @@ module beamid_namelist
    type :: group_t
       character(len=20) :: name
       logical :: may_repeat = .false., required = .false.
+      logical :: stands_alone = .false.   !< beside it no group is required
    end type group_t
 
 contains
@@ -73,7 +74,7 @@ contains
       if (all(seen == 0)) then
          call refusals%add(scanner%line, 'found no group, expected &'// &
             listed([(groups(g)%name, g=1, size(groups))], ', &'))
-      else
+      else if (.not. any(groups%stands_alone .and. seen > 0)) then
          do g = 1, size(groups)
             if (groups(g)%required .and. seen(g) == 0) call refusals%add(scanner%line, &
                'found no group &'//trim(groups(g)%name)//', expected one')

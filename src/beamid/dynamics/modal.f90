@@ -112,6 +112,7 @@ contains
       type(work_t), intent(inout) :: work
       type(error_t), allocatable, intent(out) :: error
       type(assembly_t) :: assembly, turned
+      logical :: same
 
       work%solves = work%solves + 1
       if (.not. allocated(self%modes)) then
@@ -124,7 +125,8 @@ contains
          return
       end if
       call assemble(self%modes, equations, excitation, parameters, assembly)
-      if (.not. knows(self, equations%structure, excitation, assembly%row)) then
+      same = knows(self, equations%structure, excitation, assembly%row)
+      if (.not. same) then
          if (allocated(self%structure)) deallocate (self%structure)
          call find_poles(assembly, self%poles, error)
          if (allocated(error)) return
@@ -143,9 +145,14 @@ contains
             turned = assembly
             turned%sensor = assembly%turn
             call observe_also(turned, self%poles, self%turns, error)
+            if (allocated(error)) deallocate (self%structure)
             if (allocated(error)) return
          end if
       end if
+      ! Under another force, as where many are tried, the derivatives are those of before.
+      if (same) same = size(self%poles%parameters) == size(parameters)
+      if (same) same = all(self%poles%parameters == parameters)
+      if (same) return
       call differentiate_poles(assembly, self%poles)
       if (assembly%turn == 0) return
       assembly%sensor = assembly%turn

@@ -1,7 +1,7 @@
 !> Reproducible Gaussian noise, the same on every machine: L'Ecuyer's MRG32k3a (Operations Research
 !> 47, 1999, 159), whose integers are exact in double precision, and the Box-Muller transform.
 module beamid_noise
-   use beamid_kinds, only: wp
+   use beamid_kinds, only: ip, wp
    implicit none
    private
 
@@ -52,10 +52,10 @@ contains
       real(wp) :: state(6), mixed, u
       integer :: k, round
 
-      mixed = modulo(real(seed, wp), m2)
+      mixed = rest(real(seed, wp), m2)
       do k = 1, 6
          do round = 1, warm_up
-            mixed = modulo(mixed*modulo(mixed + round, 2.0_wp**21) + 69069*k + 1, m2)
+            mixed = rest(mixed*rest(mixed + round, 2.0_wp**21) + 69069*k + 1, m2)
          end do
          state(k) = mixed
       end do
@@ -70,12 +70,21 @@ contains
       real(wp), intent(out) :: u
       real(wp) :: p1, p2
 
-      p1 = modulo(1403580*state(2) - 810728*state(1), m1)
-      p2 = modulo(527612*state(6) - 1370589*state(4), m2)
+      p1 = rest(1403580*state(2) - 810728*state(1), m1)
+      p2 = rest(527612*state(6) - 1370589*state(4), m2)
       state = [state(2), state(3), p1, state(5), state(6), p2]
-      u = modulo(p1 - p2, m1)
+      u = rest(p1 - p2, m1)
       if (.not. u > 0) u = m1
       u = u/(m1 + 1)
    end subroutine draw
+
+   !> `modulo` of integers below 2**53, exact as well and without the C library's loop.
+   pure real(wp) function rest(x, m)
+      real(wp), intent(in) :: x, m
+
+      rest = x - m*int(x/m, ip)
+      if (rest < 0) rest = rest + m
+      if (rest >= m) rest = rest - m
+   end function rest
 
 end module beamid_noise

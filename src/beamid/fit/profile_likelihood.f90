@@ -10,6 +10,7 @@ module beamid_profile_likelihood
    use beamid_kinds, only: wp
    use beamid_least_squares, only: fit, fit_t, options_t
    use beamid_problems, only: smooth_problem_t
+   use beamid_strings, only: to_text
    use beamid_variables, only: unbounded, variable_t
    implicit none
    private
@@ -45,8 +46,9 @@ module beamid_profile_likelihood
    !> Aimed at between two points, in `distance`.
    real(wp), parameter :: pace = 0.25_wp
 
-   !> Beyond so many times what is moderate nothing is asked any more.
-   real(wp), parameter :: far = 1e8_wp
+   !> Beyond so many times what is moderate, or so near to a bound in parts of the estimate's own
+   !> distance, nothing is asked any more.
+   real(wp), parameter :: far = 1e8_wp, near = 1e-3_wp
 
 contains
 
@@ -73,7 +75,6 @@ contains
       type(error_t), allocatable :: error
       real(wp) :: here(size(estimate)), there(size(estimate)), slopes(size(estimate))
       real(wp) :: bound, step, z, J, limit
-      logical :: bound_fails
       integer :: halvings, i
 
       section%whole => problem
@@ -85,20 +86,19 @@ contains
       here = estimate
       allocate (side%value(0), side%J(0), side%distance(0), side%parameters(size(here), 0))
       call add_point(side, k, here, J_min, 0.0_wp)
+      if (abs(bound) < unbounded .and. abs(estimate(k) - bound) <= near*variables(k)%magnitude) then
+         side%state = at_bound
+         side%end = bound
+         return
+      end if
       ! Only the first step has the estimate's own derivatives to go by.
       call directions(section, rows, variables, here, slopes)
       step = min(pace*first, limit/10)
       halvings = 0
-      bound_fails = .false.
       do i = 1, most
          there = ahead(here, slopes, direction*step)
          call minimise(section, rows, variables, there, J, error)
          if (allocated(error)) then
-            ! The model itself may have no value at a bound.
-            if (.not. (bound_fails .or. abs(there(k) - bound) > 0)) then
-               bound_fails = .true.
-               cycle
-            end if
             halvings = halvings + 1
             step = abs(there(k) - here(k))/4
             if (halvings <= most_halvings .and. step > 0) cycle
@@ -118,8 +118,7 @@ contains
          end associate
          here = there
          call add_point(side, k, here, J, z)
-         if (.not. abs(here(k) - bound) > merge(1e-4_wp*abs(estimate(k) - bound), 0.0_wp, &
-            bound_fails)) then
+         if (abs(here(k) - bound) <= near*abs(estimate(k) - bound)) then
             side%state = at_bound
             side%end = bound
             return
@@ -136,45 +135,45 @@ contains
 
    contains
 
-      !> A step along the curve of minima, within the bounds.
+      !> A step along the curve of minima, within the bounds. The model may have no value at a bound,
+      !> and a curve of minima may lead all parameters to theirs: no step goes all the way.
       function ahead(from, slopes, length) result(to)
          real(wp), intent(in) :: from(:), slopes(:), length
          real(wp) :: to(size(from)), moved
 
          to = from
          to(k) = from(k) + length
-         if ((to(k) - bound)*direction > 0) to(k) = bound
-         if (bound_fails) to(k) = direction*min(direction*to(k), &
+         if (abs(bound) < unbounded) to(k) = direction*min(direction*to(k), &
             direction*(from(k) + 0.9_wp*(bound - from(k))))
          moved = to(k) - from(k)
          to = min(max(from + slopes*moved, variables%lower), variables%upper)
          to(k) = from(k) + moved
-         if (.not. abs(to(k) - bound) > abs(spacing(bound))) to(k) = bound
       end function ahead
 
    end subroutine follow_profile
 
    !> The value at which the distance is 1, between two points of which one is nearer and one is
    !> farther: by the chord of the distance, nearly a line, and where that is slow by halves.
-   subroutine find_end(section, rows, variables, near, far_off, z_near, z_far, J_far, J_min, rise, &
+   subroutine find_end(section, rows, variables, inside, outside, z_in, z_out, J_out, J_min, rise, &
       side)
       type(section_t), intent(inout) :: section
       integer, intent(in) :: rows
       type(variable_t), intent(in) :: variables(:)
-      real(wp), intent(in) :: near(:), far_off(:), z_near, z_far, J_far, J_min, rise
+      real(wp), intent(in) :: inside(:), outside(:), z_in, z_out, J_out, J_min, rise
       type(side_t), intent(inout) :: side
       integer, parameter :: most = 60
       real(wp), parameter :: close_enough = 1e-6_wp
       type(error_t), allocatable :: error
-      real(wp) :: inner(size(near)), outer(size(near)), p(size(near)), z(2), zp, share, J
+      real(wp), dimension(size(inside)) :: inner, outer, p
+      real(wp) :: z(2), zp, share, J
       integer :: i
 
-      inner = near
-      outer = far_off
-      z = [z_near, z_far]
+      inner = inside
+      outer = outside
+      z = [z_in, z_out]
       p = outer
-      zp = z_far
-      J = J_far
+      zp = z_out
+      J = J_out
       do i = 1, most
          if (abs(zp - 1) <= close_enough) exit
          share = (1 - z(1))/(z(2) - z(1))
@@ -197,9 +196,17 @@ contains
             z(2) = zp
          end if
       end do
-      call add_point(side, section%held, p, J, zp)
-      side%state = is_closed
       side%end = p(section%held)
+      associate (k => section%held)
+         if (abs(zp - 1) > 1e-2_wp .and. abs(outer(k) - inner(k)) > 1e-3_wp &
+            *abs(outer(k) - side%value(1))) then
+            side%reason = 'between '//to_text(inner(k))//' and '//to_text(outer(k))// &
+               ' no value was found with J at the level of 95 %'
+            return
+         end if
+         call add_point(side, k, p, J, zp)
+      end associate
+      side%state = is_closed
    end subroutine find_end
 
    !> Minimises over all other parameters.

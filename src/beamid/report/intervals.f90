@@ -314,8 +314,8 @@ contains
                call text%line(name//': the record sets it no '//trim(merge('lower', 'upper', &
                   p%ends(1) == is_open))//' limit: the least J stays below the level of 95 %')
             else if (any(p%ends == at_bound)) then
-               call text%line(name//': every value down or up to its bound is possible; linear '// &
-                  'theory knows nothing of a bound')
+               call text%line(name//': the interval reaches a bound of its range, of which linear '// &
+                  'theory knows nothing')
             else if (differ(p, l)) then
                t = (p%upper - p%estimate)/(p%estimate - p%lower)
                call text%line(name//': J is no parabola, its profile reaches '//rounded(t, 2)// &

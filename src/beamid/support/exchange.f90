@@ -18,7 +18,7 @@ module beamid_exchange
       sync_folder
    use beamid_interrupts, only: hold_signals, release_signals
    use beamid_manifests, only: command_in, compare, entries_in, entry_length, &
-      entry_of, manifest_header, manifest_name, name_in
+      entry_of, entry_of_file, manifest_header, manifest_name, name_in
    use beamid_paths, only: join_path
    use beamid_posix, only: c_closedir, c_getpid, c_link, c_rename, eio, eisdir, &
       errno_of, host_name, kind_directory, kind_there, max_name
@@ -31,6 +31,9 @@ module beamid_exchange
 
    type :: named_text_t
       character(len=:), allocatable :: name, text
+      !> Of a file that has the text, in the same file system: it is moved. Not allocated: there is
+      !> none.
+      character(len=:), allocatable :: path
    end type named_text_t
 
    character(len=*), parameter :: new = '/new-', old = '/old-'
@@ -135,13 +138,21 @@ contains
       character(len=*), intent(in) :: temporary, command, kept(:)
       type(named_text_t), intent(in) :: files(:)
       type(text_t) :: manifest
+      character(len=:), allocatable :: entry
       integer :: i
 
       call manifest%line(manifest_header)
       do i = 1, size(files)
-         code = write_new(temporary//new//files(i)%name, files(i)%text)
+         if (allocated(files(i)%path)) then
+            code = renamed(files(i)%path, temporary//new//files(i)%name)
+            if (code == 0) call entry_of_file(temporary//new//files(i)%name, files(i)%name, &
+               command, entry, code)
+         else
+            code = write_new(temporary//new//files(i)%name, files(i)%text)
+            entry = entry_of(files(i)%name, files(i)%text, command)
+         end if
          if (code /= 0) return
-         call manifest%line(entry_of(files(i)%name, files(i)%text, command))
+         call manifest%line(entry)
       end do
       do i = 1, size(kept)
          call manifest%line(kept(i))

@@ -88,7 +88,9 @@ contains
       character(len=max_name), allocatable, intent(out) :: names(:)
       character(len=:), allocatable :: name
       type(c_ptr) :: folder
+      integer :: n
 
+      n = 0
       allocate (names(0))
       code = open_folder(path, folder)
       if (code /= 0) return
@@ -96,8 +98,12 @@ contains
          name = entry_name(folder)
          if (name == '') exit
          if (name == '.' .or. name == '..' .or. index(name, prefix) /= 1) cycle
-         names = [character(len=max_name) :: names, name]
+         ! Twice as long each time: there may be thousands.
+         if (n == size(names)) names = [character(len=max_name) :: names, names, name]
+         n = n + 1
+         names(n) = name
       end do
+      names = names(:n)
       code = c_closedir(folder)
    end function list_folder
 

@@ -14,7 +14,7 @@ module beamid_manifests
    implicit none
    private
 
-   public :: entry_of, entries_in, name_in, command_in, compare
+   public :: entry_of, entry_of_file, entries_in, name_in, command_in, compare, crc32
 
    character(len=*), parameter, public :: manifest_name = 'manifest.txt'
    character(len=*), parameter, public :: manifest_header = 'name bytes crc32 command'
@@ -35,6 +35,31 @@ contains
 
       entry = line(name, len(text, ip), crc32(text, 0_int32), command)
    end function entry_of
+
+   !> The same of a file that may be too large to be held in memory.
+   subroutine entry_of_file(path, name, command, entry, code)
+      character(len=*), intent(in) :: path, name, command
+      character(len=:), allocatable, intent(out) :: entry
+      !> 0 or an errno.
+      integer(c_int), intent(out) :: code
+      type(c_ptr) :: stream
+      integer(ip) :: bytes
+      integer(int32) :: checksum
+      integer(c_int) :: ignored
+      integer :: kind
+
+      entry = ''
+      call file_status(path, kind, bytes, code)
+      if (code /= 0) return
+      stream = c_fopen(path//c_null_char, 'rb'//c_null_char)
+      if (.not. c_associated(stream)) then
+         code = last_errno()
+         return
+      end if
+      call read_checksum(stream, checksum, code)
+      entry = line(name, bytes, checksum, command)
+      ignored = c_fclose(stream)
+   end subroutine entry_of_file
 
    !> The whole lines below the header of a manifest; size 0 when the text is none.
    pure function entries_in(text) result(entries)

@@ -20,6 +20,7 @@ module beamid_outputs
       type(named_text_t), allocatable, private :: inputs(:)
    contains
       procedure :: add
+      procedure :: add_file
       procedure :: names
       procedure :: text_of
       procedure :: spare
@@ -43,6 +44,17 @@ contains
       if (i > size(self%files)) call append(self%files, name)
       self%files(i)%text = text
    end subroutine add
+
+   !> Adds a file that may be too large to be held in memory.
+   !>
+   !> path  of the file, which `commit` moves; in the file system of the output folder
+   subroutine add_file(self, name, path)
+      class(output_t), intent(inout) :: self
+      character(len=*), intent(in) :: name, path
+
+      call self%add(name, '')
+      self%files(size(self%files))%path = path
+   end subroutine add_file
 
    !> The names of the files, each in a line.
    function names(self)

@@ -1,0 +1,120 @@
+!> The group of a case file that lists experiments to choose from.
+module beamid_design_groups
+   use beamid_blocks, only: block_t
+   use beamid_boxes, only: box_t, is_pulse
+   use beamid_excitation, only: excitation_t
+   use beamid_kinds, only: wp
+   use beamid_numbers, only: shown
+   use beamid_parameters, only: offset, parameters, place_of_name
+   use beamid_strings, only: to_text
+   use beamid_structure, only: structure_t
+   use beamid_values, only: positive, range_t
+   implicit none
+   private
+
+   public :: read_design
+
+contains
+
+   !> structure, excitations  of the case
+   !> sound  whether all other groups have been read without a problem
+   subroutine read_design(block, structure, excitations, sound, box)
+      type(block_t), intent(inout) :: block
+      type(structure_t), intent(in) :: structure
+      type(excitation_t), intent(in) :: excitations(:)
+      logical, intent(in) :: sound
+      type(box_t), intent(inout) :: box
+      integer, parameter :: most = 1000, places = 20
+      character(len=:), allocatable :: names(:)
+      character(len=4) :: word_S, word_F
+      real(wp), allocatable :: noise, wanted
+      integer :: k
+
+      call block%get('x_S', box%x_S, 'that of the case', 'places of the sensor, or '// &
+         to_text(places)//' along the beam', most, ['auto'], word_S, positive)
+      call block%get('x_F', box%x_F, 'that of the case', 'places of the force, likewise', most, &
+         ['auto'], word_F, positive)
+      call block%get('duration', box%duration, 'that of the case', 'of the pulse', most, &
+         range=positive)
+      call block%get('t_first', box%t_first, 'that of the record', 'first sample times', most)
+      call block%get('t_last', box%t_last, 'that of the record', 'last sample times', most)
+      call block%get('t_step', box%t_step, 'that of the record', 'steps between samples', most, &
+         range=positive)
+      call block%get('sensors', box%sensors, 'at so many of the places at once', range_t(1, 2))
+      call block%get('modes', box%modes, 'whose start counts as unknown, as if the excitation '// &
+         'were of the kind ''free''', range_t(0, 20))
+      call block%get('noise_sd', noise, 'sd of &noise, or of the record', &
+         'standard deviation of the noise of each sensor', positive)
+      call block%get('parameters', names, 'all that are free in the last stage', &
+         'whose errors count, with all others as a nuisance', size(parameters))
+      call block%get('target', wanted, 'none', 'relative standard error that is wanted of each', &
+         positive)
+      call block%close()
+      if (block%failed() .or. .not. sound) return
+      if (allocated(noise)) box%noise_sd = noise
+      if (allocated(wanted)) box%target = wanted
+      associate (length => structure%length)
+         if (word_S == 'auto') box%x_S = length*[(k, k=1, places)]/places
+         if (word_F == 'auto') box%x_F = length*[(k, k=1, places)]/places
+         call check_list(block, 'x_S', box%x_S, length)
+         call check_list(block, 'x_F', box%x_F, length)
+      end associate
+      call check_list(block, 'duration', box%duration)
+      call check_list(block, 't_first', box%t_first)
+      call check_list(block, 't_last', box%t_last)
+      call check_list(block, 't_step', box%t_step)
+      if (allocated(box%duration) .and. .not. all(is_pulse(excitations))) call block%refuse( &
+         'duration', to_text(size(box%duration))//' values', 'none without kind = ''pulse''')
+      if (allocated(box%x_F) .and. any(excitations%is_base .or. excitations%distributed)) &
+         call block%refuse('x_F', to_text(size(box%x_F))//' values', &
+         'none without a force at a point')
+      if (box%sensors == 2) then
+         if (.not. allocated(box%x_S)) allocate (box%x_S(0))
+         if (size(box%x_S) < 2) call block%refuse('sensors', '2 for '// &
+            to_text(size(box%x_S))//' places', 'two or more places x_S')
+      end if
+      if (allocated(names)) call find_parameters(block, names, structure, box%interest)
+   end subroutine read_design
+
+   !> Each value once, and on the beam.
+   subroutine check_list(block, key, values, length)
+      type(block_t), intent(inout) :: block
+      character(len=*), intent(in) :: key
+      real(wp), allocatable, intent(in) :: values(:)
+      real(wp), intent(in), optional :: length
+      integer :: k
+
+      if (.not. allocated(values)) return
+      do k = 1, size(values)
+         if (any(abs(values(:k - 1) - values(k)) <= 0)) then
+            call block%refuse(key, to_text(values(k))//' twice', 'each value once')
+            return
+         end if
+         if (.not. present(length)) cycle
+         if (values(k) > length*(1 + epsilon(length))) then
+            call block%refuse(key, to_text(values(k)), 'places above 0, up to the length '// &
+               to_text(length))
+            return
+         end if
+      end do
+   end subroutine check_list
+
+   subroutine find_parameters(block, names, structure, places)
+      type(block_t), intent(inout) :: block
+      character(len=*), intent(in) :: names(:)
+      type(structure_t), intent(in) :: structure
+      integer, allocatable, intent(out) :: places(:)
+      integer :: k
+
+      places = place_of_name(structure, names)
+      do k = 1, size(names)
+         if (places(k) == 0 .or. places(k) == offset) then
+            call block%refuse('parameters', shown(names(k)), &
+               'names of parameters that are free in the last stage')
+         else if (any(places(:k - 1) == places(k))) then
+            call block%refuse('parameters', shown(names(k))//' twice', 'each parameter once')
+         end if
+      end do
+   end subroutine find_parameters
+
+end module beamid_design_groups

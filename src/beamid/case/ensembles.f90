@@ -1,0 +1,361 @@
+!> Members of an ensemble: each makes a record, with parameters and noise of its own, and runs a
+!> command on it. What a member finds depends on its number alone, on no thread and no other member.
+module beamid_ensembles
+   use beamid_case_checks, only: check_needs, needs_fit
+   use beamid_case_files, only: case_t
+   use beamid_cases, only: load_experiments
+   use beamid_equations, only: equations_t, new_equations
+   use beamid_errors, only: error_t, locate
+   use beamid_excitation, only: new_pulse
+   use beamid_experiments, only: apparatus_t, experiment_t, linear_t, new_apparatus, seen_modes_t
+   use beamid_galerkin, only: galerkin_t, mesh_t, new_galerkin
+   use beamid_identification, only: identify, stage_fit_t
+   use beamid_kinds, only: ip, wp
+   use beamid_modal, only: modal_t
+   use beamid_multistart, only: identify_from_many, minimum_t
+   use beamid_noise, only: gaussian_noise, uniform_noise
+   use beamid_parameters, only: as_named, check_structure, get_free, offset
+   use beamid_records, only: grid, note_length
+   use beamid_refinement, only: identify_refining
+   use beamid_refusals, only: refuse
+   use beamid_responses, only: is_exact, work_t
+   use beamid_roots, only: damped_roots
+   use beamid_statistics, only: unlimited
+   use beamid_strings, only: to_text
+   use beamid_structure, only: of_kappa_R
+   use beamid_unknowns, only: name_length, world_t
+   implicit none
+   private
+
+   public :: ensemble_maker_t, member_t, row_t, new_ensemble, add_fit_rows
+
+   !> What a command says of one parameter; `unlimited`: nothing.
+   type :: row_t
+      integer :: elements = 0
+      character(len=name_length) :: parameter = ''
+      real(wp) :: estimate = unlimited, std_error = unlimited
+      real(wp) :: interval(2) = unlimited      !< of 95 %, by the noise of the record
+      real(wp) :: total(2) = unlimited         !< with every source of error
+      real(wp) :: truth = unlimited            !< what made the record
+   end type row_t
+
+   !> What became of a member.
+   type :: member_t
+      character(len=:), allocatable :: message   !< why it failed; not allocated: it did not
+      type(row_t), allocatable :: rows(:)
+   end type member_t
+
+   !> What all members have in common.
+   type :: ensemble_maker_t
+      type(case_t) :: case
+      type(experiment_t), allocatable :: experiments(:)    !< of which the samples are replaced
+      type(world_t) :: world                               !< of the beam as the case has it
+      type(apparatus_t), allocatable, private :: makers(:) !< of the records, as yet unused
+      real(wp), allocatable, private :: clean(:)           !< where nothing is drawn: all records
+   contains
+      procedure :: run_member
+      procedure, private :: make_records
+      procedure, private :: respond
+   end type ensemble_maker_t
+
+   !> Modes that `modes` tells of.
+   integer, parameter :: most_modes = 5
+
+contains
+
+   !> Reads what the members need: sample times, from records or from their grid.
+   subroutine new_ensemble(case, maker, error)
+      type(case_t), intent(in) :: case
+      type(ensemble_maker_t), intent(out) :: maker
+      type(error_t), allocatable, intent(out) :: error
+      character(len=note_length), allocatable :: notes(:)
+      type(mesh_t) :: mesh
+      integer :: i
+
+      maker%case = case
+      call sample_grids(maker%case, error)
+      if (allocated(error)) return
+      if (.not. needs_records(case)) then
+         allocate (maker%experiments(1))
+         maker%experiments(1)%excitation = new_pulse(0.0_wp, 1.0_wp)
+      else
+         call check_needs(maker%case, needs_fit, error)
+         if (.not. allocated(error) .and. any(case%excitations%modes > 0)) call refuse(case%path, &
+            0, 'excitation kind', '''free''', 'a start that is known, to make records', error)
+         if (.not. allocated(error) .and. size(case%draws) == 0 .and. .not. case%noise_sd > 0) &
+            call refuse(case%path, case%ensemble%line, 'ensemble', 'neither &draw nor &noise', &
+            'something that differs between members', error)
+         if (.not. allocated(error)) call load_experiments(maker%case, maker%experiments, notes, &
+            error)
+         if (allocated(error)) return
+      end if
+      i = size(maker%experiments)
+      allocate (maker%world%structures(i), maker%world%excitations(i), maker%makers(i))
+      associate (experiments => maker%experiments, structures => maker%world%structures)
+         mesh = case%meshes(size(case%meshes))
+         if (case%ensemble%elements > 0) mesh%elements = case%ensemble%elements
+         do i = 1, size(experiments)
+            structures(i) = experiments(i)%structure_of(case%model%structure)
+            maker%world%excitations(i) = experiments(i)%excitation
+            structures(i)%root_is_free = any(case%draws%parameter == of_kappa_R)
+            if (.not. needs_records(case)) cycle
+            experiments(i)%measured = 0*experiments(i)%samples
+            call new_apparatus(experiments(i), structures(i), mesh, case%model%observation, &
+               modal_t(), maker%makers(i), error)
+            if (allocated(error)) return
+         end do
+      end associate
+      if (size(case%draws) == 0 .and. needs_records(case)) call maker%respond(maker%world, maker%clean, error)
+   end subroutine new_ensemble
+
+   !> Records without a file are at the times of their grids.
+   subroutine sample_grids(case, error)
+      type(case_t), intent(inout) :: case
+      type(error_t), allocatable, intent(out) :: error
+      real(wp), allocatable :: t(:)
+      integer :: i
+
+      do i = 1, size(case%recordings)
+         associate (recording => case%recordings(i), window => case%recordings(i)%window)
+            if (allocated(recording%path)) cycle
+            if (.not. (allocated(window%t_first) .and. allocated(window%t_last) .and. &
+               allocated(window%t_step))) call refuse(case%path, recording%line, 'record', &
+               'neither a file nor a grid of sample times', 'file, or t_first, t_last and t_step', &
+               error)
+            if (allocated(error)) return
+            call grid(window, t, error)
+            call locate(error, case%path//':'//to_text(recording%line)//': &record t_step')
+            if (allocated(error)) return
+            recording%path = case%path
+            recording%t = t
+            recording%z = t
+         end associate
+      end do
+   end subroutine sample_grids
+
+   !> Makes the records of member k and runs the command on them, from the declared start. In
+   !> threads.
+   subroutine run_member(self, k, member)
+      class(ensemble_maker_t), intent(in) :: self
+      integer, intent(in) :: k
+      type(member_t), intent(out) :: member
+      type(experiment_t), allocatable :: experiments(:)
+      type(error_t), allocatable :: error
+      type(world_t) :: world
+
+      allocate (member%rows(0))
+      world = self%world
+      call draw_world(self%case, k, world, error)
+      if (.not. allocated(error) .and. needs_records(self%case)) then
+         experiments = self%experiments
+         call self%make_records(k, world, experiments, error)
+      end if
+      if (.not. allocated(error)) then
+         select case (self%case%ensemble%command)
+         case ('identify'); call fit_member(self%case, experiments, world, member%rows, error)
+         case ('modes'); call modes_of_member(self%case, world, member%rows, error)
+         end select
+      end if
+      if (allocated(error)) call move_alloc(error%message, member%message)
+   end subroutine run_member
+
+   !> Whether the command is about records, or about the beam alone.
+   pure logical function needs_records(case)
+      type(case_t), intent(in) :: case
+
+      needs_records = case%ensemble%command /= 'modes'
+   end function needs_records
+
+   !> The beam of member k.
+   subroutine draw_world(case, k, world, error)
+      type(case_t), intent(in) :: case
+      integer, intent(in) :: k
+      type(world_t), intent(inout) :: world
+      type(error_t), allocatable, intent(out) :: error
+      real(wp) :: u(size(case%draws))
+      integer :: i
+
+      if (size(u) == 0) return
+      u = uniform_noise(size(u), seed_of(case%ensemble%seed, 2_ip*k))
+      do i = 1, size(u)
+         associate (draw => case%draws(i))
+            call world%set(draw%parameter, 0, as_named(draw%parameter, &
+               draw%low + u(i)*(draw%high - draw%low)))
+         end associate
+      end do
+      do i = 1, size(world%structures)
+         call check_structure(world%structures(i), error)
+         if (allocated(error)) return
+      end do
+   end subroutine draw_world
+
+   !> A seed for each number, far apart for neighbouring seeds.
+   pure integer function seed_of(seed, number)
+      integer, intent(in) :: seed
+      integer(ip), intent(in) :: number
+      integer(ip), parameter :: golden = 2654435769_ip, all = 2_ip**32
+
+      seed_of = int(modulo(seed*golden + number, all) - all/2)
+   end function seed_of
+
+   !> Records of a beam, with the noise of member k.
+   subroutine make_records(self, k, world, experiments, error)
+      class(ensemble_maker_t), intent(in) :: self
+      integer, intent(in) :: k
+      type(world_t), intent(in) :: world
+      type(experiment_t), intent(inout) :: experiments(:)
+      type(error_t), allocatable, intent(out) :: error
+      real(wp), allocatable :: z(:)
+      integer :: first, i, m
+
+      if (allocated(self%clean)) then
+         z = self%clean
+      else
+         call self%respond(world, z, error)
+         if (allocated(error)) return
+      end if
+      if (self%case%noise_sd > 0) z = z + gaussian_noise(size(z), self%case%noise_sd, &
+         seed_of(self%case%ensemble%seed, 2_ip*k + 1))
+      first = 0
+      do i = 1, size(experiments)
+         m = size(experiments(i)%samples)
+         experiments(i)%measured = z(first + 1:first + m)
+         first = first + m
+      end do
+   end subroutine make_records
+
+   !> What the sensors see of a beam, all records one behind the other, by the exact response.
+   subroutine respond(self, world, z, error)
+      class(ensemble_maker_t), intent(in) :: self
+      type(world_t), intent(in) :: world
+      real(wp), allocatable, intent(out) :: z(:)
+      type(error_t), allocatable, intent(out) :: error
+      type(apparatus_t) :: fresh
+      type(seen_modes_t) :: first
+      type(linear_t) :: linear
+      type(work_t) :: work
+      integer :: i, m, n
+      integer, parameter :: none(0) = 0
+
+      n = 0
+      allocate (z(sum([(size(self%experiments(i)%samples), i=1, size(self%experiments))])))
+      do i = 1, size(self%experiments)
+         ! Poles that are kept from another beam would show in the last digits.
+         fresh = self%makers(i)
+         m = size(self%experiments(i)%samples)
+         call evaluate(z(n + 1:n + m))
+         if (allocated(error)) return
+         n = n + m
+      end do
+
+   contains
+
+      subroutine evaluate(y)
+         real(wp), intent(out) :: y(:)
+         real(wp) :: dy(size(y), 0)
+
+         call fresh%evaluate(world%structures(i), world%excitations(i), .false., none, y, dy, &
+            linear, work, error, first)
+      end subroutine evaluate
+
+   end subroutine respond
+
+   !> All stages on every mesh; rows are of the last stage.
+   subroutine fit_member(case, experiments, world, rows, error)
+      type(case_t), intent(in) :: case
+      type(experiment_t), intent(in) :: experiments(:)
+      type(world_t), intent(in) :: world
+      type(row_t), allocatable, intent(inout) :: rows(:)
+      type(error_t), allocatable, intent(out) :: error
+      type(stage_fit_t), allocatable :: fits(:), refined(:, :)
+      type(minimum_t), allocatable :: minima(:)
+      type(mesh_t) :: mesh
+      integer :: failures, k, n
+
+      n = size(case%stages)
+      do k = 1, size(case%meshes)
+         mesh = case%meshes(k)
+         if (case%multistart%n > 0) then
+            call identify_from_many(case%model, mesh, case%stages, experiments, case%multistart, &
+               minima, failures, error, check=.false.)
+            if (allocated(error)) return
+            call add_fit_rows(minima(1)%fits(n), experiments, rows, world)
+         else if (case%refines .and. is_exact(case%model%solver)) then
+            call identify_refining(case%model, mesh, case%stages, experiments, refined, error, &
+               check=.false.)
+            if (allocated(error)) return
+            call add_fit_rows(refined(n, 1), experiments, rows, world)
+         else
+            call identify(case%model, mesh, case%stages, experiments, fits, error, check=.false.)
+            if (allocated(error)) return
+            call add_fit_rows(fits(n), experiments, rows, world)
+         end if
+      end do
+   end subroutine fit_member
+
+   !> Estimates and their intervals.
+   !>
+   !> world  that made the records; left out: they are measured, and every source of error counts
+   subroutine add_fit_rows(fit, experiments, rows, world)
+      type(stage_fit_t), intent(in) :: fit
+      type(experiment_t), intent(in) :: experiments(:)
+      type(row_t), allocatable, intent(inout) :: rows(:)
+      type(world_t), intent(in), optional :: world
+      type(row_t) :: new(size(fit%quantities))
+      real(wp) :: limits(3)
+      integer :: k, r
+
+      do k = 1, size(new)
+         associate (row => new(k), q => fit%quantities(k), s => fit%statistics)
+            row%elements = fit%elements
+            row%parameter = q%name
+            row%estimate = q%value
+            r = max(q%record, 1)
+            if (present(world) .and. q%parameter == offset) then
+               row%truth = experiments(r)%offset
+            else if (present(world) .and. q%parameter > 0) then
+               row%truth = as_named(q%parameter, get_free(world%structures(r), &
+                  world%excitations(r), q%parameter))
+            end if
+            if (s%samples == 0) cycle
+            if (s%std_error(k) < unlimited .and. s%half_width(k) < unlimited) then
+               limits = q%limits(s%std_error(k), s%half_width(k))
+               if (limits(1) <= unlimited) row%std_error = limits(1)
+               row%interval = limits(2:)
+            end if
+            if (.not. present(world)) then
+               if (fit%half_width(k) < unlimited) row%total = q%ends(fit%total(k))
+            end if
+         end associate
+      end do
+      rows = [rows, new]
+   end subroutine add_fit_rows
+
+   !> Frequencies and damping ratios of a beam.
+   subroutine modes_of_member(case, world, rows, error)
+      type(case_t), intent(in) :: case
+      type(world_t), intent(in) :: world
+      type(row_t), allocatable, intent(inout) :: rows(:)
+      type(error_t), allocatable, intent(out) :: error
+      type(galerkin_t), target :: galerkin
+      type(equations_t) :: equations
+      complex(wp), allocatable :: roots(:)
+      integer :: j, k
+      real(wp), parameter :: two_pi = 2*acos(-1.0_wp)
+
+      associate (structure => world%structures(1))
+         do k = 1, size(case%meshes)
+            galerkin = new_galerkin(case%meshes(k), structure%length, structure%has_root_spring())
+            equations = new_equations(galerkin, structure, world%excitations(1))
+            call damped_roots(equations, roots, error)
+            if (allocated(error)) return
+            do j = 1, min(most_modes, size(roots))
+               rows = [rows, row_t(case%meshes(k)%elements, 'frequency_'//to_text(j), &
+                  abs(roots(j))/two_pi), row_t(case%meshes(k)%elements, 'damping_'//to_text(j), &
+                  -real(roots(j))/max(abs(roots(j)), tiny(1.0_wp)))]
+            end do
+         end do
+      end associate
+   end subroutine modes_of_member
+
+end module beamid_ensembles

@@ -1,0 +1,122 @@
+!> One experiment or several as a problem of which derivatives are wanted, nothing measured; also
+!> such that the start counts as unknown and the motion comes from a force all the same.
+module beamid_design_setups
+   use beamid_boxes, only: is_pulse
+   use beamid_errors, only: bad_input, error_t
+   use beamid_excitation, only: new_free
+   use beamid_experiments, only: experiment_t
+   use beamid_galerkin, only: mesh_t
+   use beamid_kinds, only: wp
+   use beamid_parameters, only: get_free
+   use beamid_residuals, only: new_residuals, residual_t
+   use beamid_simulation, only: model_t
+   use beamid_strings, only: to_text
+   implicit none
+   private
+
+   public :: setup_t, new_setup, check_begin, differentiate, place
+
+   !> What is differentiated, and where the start is unknown what the motion comes from.
+   type :: setup_t
+      type(residual_t) :: problem
+      type(residual_t), allocatable :: cause
+   end type setup_t
+
+contains
+
+   !> The problem of some experiments.
+   !>
+   !> modes  whose start is taken as unknown; 0: none
+   !> error  also a sample before the force has ended
+   subroutine new_setup(model, mesh, experiments, turning, modes, setup, error)
+      type(model_t), intent(in) :: model
+      type(mesh_t), intent(in) :: mesh
+      type(experiment_t), intent(in) :: experiments(:)
+      logical, intent(in) :: turning
+      integer, intent(in) :: modes
+      type(setup_t), intent(out) :: setup
+      type(error_t), allocatable, intent(out) :: error
+      type(experiment_t) :: loose(size(experiments))
+      real(wp) :: finish
+      integer :: k
+
+      loose = experiments
+      if (modes > 0) then
+         allocate (setup%cause)
+         call new_residuals(model, mesh, experiments, setup%cause, error, turning)
+         do k = 1, size(experiments)
+            associate (force => experiments(k)%excitation)
+               finish = force%t(merge(1, size(force%t), force%is_release))
+               if (.not. allocated(error)) call check_begin(experiments(k)%samples(1), finish, &
+                  error)
+               if (allocated(error)) return
+               loose(k)%excitation = new_free(modes)
+               ! Where it acts is in the structure, but for a place of its own.
+               if (allocated(force%x_F)) loose(k)%excitation%x_F = force%x_F
+            end associate
+         end do
+         setup%cause%free = [integer ::]
+         setup%cause%record = [integer ::]
+      end if
+      call new_residuals(model, mesh, loose, setup%problem, error, turning)
+   end subroutine new_setup
+
+   !> A motion whose start is unknown begins when the force has ended.
+   subroutine check_begin(first, finish, error)
+      real(wp), intent(in) :: first, finish
+      type(error_t), allocatable, intent(out) :: error
+
+      if (first < finish) call bad_input(error, 'found samples from '//to_text(first)// &
+         ' on, expected none before the force has ended at '//to_text(finish)// &
+         ', as its modes start anyhow')
+   end subroutine check_begin
+
+   !> Derivatives in units of the noise, by relative changes and by what enters linearly.
+   !>
+   !> jacobian  (samples, n + linear)
+   subroutine differentiate(setup, scale, jacobian, error)
+      type(setup_t), intent(inout) :: setup
+      real(wp), intent(in) :: scale(:)
+      real(wp), allocatable, intent(out) :: jacobian(:, :)
+      type(error_t), allocatable, intent(out) :: error
+      real(wp), allocatable :: r(:), c(:), none(:, :), values(:)
+      integer :: k, m, row
+
+      associate (problem => setup%problem)
+         values = [(get_free(problem%world%structures(max(1, problem%record(k))), &
+            problem%world%excitations(max(1, problem%record(k))), problem%free(k)), &
+            k=1, size(scale))]
+         allocate (r(problem%samples()), c(problem%linear_unknowns()))
+         allocate (jacobian(size(r), size(scale) + size(c)), none(size(r), 0))
+         if (allocated(setup%cause)) then
+            call setup%cause%evaluate([real(wp) ::], r, none, error)
+            if (allocated(error)) return
+            r = setup%cause%without_weights(r)
+            row = 0
+            do k = 1, size(problem%parts)
+               m = size(problem%parts(k)%experiment%measured)
+               problem%parts(k)%experiment%measured = r(row + 1:row + m)
+               row = row + m
+            end do
+         end if
+         call problem%evaluate(values, r, jacobian, error, c)
+         if (allocated(error)) return
+      end associate
+      do k = 1, size(scale)
+         jacobian(:, k) = scale(k)*jacobian(:, k)
+      end do
+   end subroutine differentiate
+
+   !> Sensor and force at their places, and the length of a pulse.
+   pure subroutine place(problem, x_S, x_F, duration)
+      type(residual_t), intent(inout) :: problem
+      real(wp), intent(in) :: x_S, x_F, duration
+
+      associate (structure => problem%world%structures(1), force => problem%world%excitations(1))
+         structure%sensor(structure%observer)%x_S = x_S
+         structure%x_F = x_F
+         if (is_pulse(force)) force%t(2) = duration
+      end associate
+   end subroutine place
+
+end module beamid_design_setups

@@ -1,0 +1,448 @@
+!> The table of an ensemble's members, row by row, and what it says of each parameter, added up as
+!> the rows pass: memory does not grow with the number of members.
+module beamid_ensemble_reports
+   use, intrinsic :: ieee_arithmetic, only: ieee_positive_inf, ieee_value
+   use, intrinsic :: iso_c_binding, only: c_int, c_null_char
+   use beamid_ensembles, only: member_t, row_t
+   use beamid_errors, only: error_t, failure
+   use beamid_kinds, only: ip, wp
+   use beamid_lines, only: csv_row
+   use beamid_numbers, only: parse_number
+   use beamid_posix, only: c_close, c_creat, c_fsync, c_unlink, errno_of, last_errno, reason, &
+      write_bytes
+   use beamid_shards, only: range_of_members_t, read_shard, shard_path
+   use beamid_statistics, only: unlimited
+   use beamid_strings, only: to_text
+   use beamid_texts, only: left, right, text_t
+   use beamid_unknowns, only: name_length
+   implicit none
+   private
+
+   public :: tally_t, add_member, merge_shards, read_members
+
+   character(len=*), parameter, public :: members_header = 'member,status,message,elements,'// &
+      'parameter,estimate,std_error,lower95,upper95,total_lower95,total_upper95,truth'
+   character(len=*), parameter, public :: ensemble_header = 'elements,parameter,members,mean,'// &
+      'sd,mean_std_error,bias,bias_error,covered,covered_error'
+   character(len=*), parameter :: line_feed = achar(10)
+   integer, parameter :: fields_before = 5, columns = 12
+
+   !> One parameter over all members so far.
+   type :: sums_t
+      integer :: elements = 0
+      character(len=name_length) :: parameter = ''
+      integer :: members = 0, finite = 0, errors = 0, compared = 0, judged = 0, inside = 0
+      !> Means, and sums of squares about them (Welford)
+      real(wp) :: mean = 0, squares = 0, std_error = 0, bias = 0, bias_squares = 0
+   end type sums_t
+
+   type :: tally_t
+      integer :: members = 0, failures = 0
+      character(len=:), allocatable :: first_failure
+      type(sums_t), allocatable :: sums(:)
+      integer, private :: last = 0, next = 1
+   contains
+      procedure :: take
+      procedure :: add_to
+      procedure :: table
+   end type tally_t
+
+contains
+
+   !> The rows of one member. In threads, which is why no text comes out of a function.
+   subroutine add_member(text, k, member)
+      character(len=:), allocatable, intent(inout) :: text
+      integer, intent(in) :: k
+      type(member_t), intent(in) :: member
+      character(len=512) :: line
+      integer :: i, j, n
+
+      if (allocated(member%message)) then
+         text = text//to_text(k)//',failed,"'
+         do i = 1, len(member%message)
+            ! A quote inside of quotes is doubled; a line ends a row.
+            if (member%message(i:i) == '"') text = text//'"'
+            if (member%message(i:i) == line_feed) then
+               text = text//'; '
+            else
+               text = text//member%message(i:i)
+            end if
+         end do
+         text = text//'"'//repeat(',', columns - 3)//line_feed
+         return
+      end if
+      do i = 1, size(member%rows)
+         associate (row => member%rows(i))
+            write (line, '(i0,a,i0,2a)') k, ',ok,,', row%elements, ',', row%parameter
+            n = len_trim(line)
+            call put(row%estimate)
+            call put(row%std_error)
+            do j = 1, 2
+               call put(row%interval(j))
+            end do
+            do j = 1, 2
+               call put(row%total(j))
+            end do
+            call put(row%truth)
+            text = text//line(:n)//line_feed
+         end associate
+      end do
+
+   contains
+
+      !> A field; empty where nothing is known.
+      subroutine put(value)
+         real(wp), intent(in) :: value
+         character(len=24) :: digits
+         integer :: first
+
+         n = n + 1
+         line(n:n) = ','
+         if (value > huge(value)) then
+            line(n + 1:n + 3) = 'inf'
+            n = n + 3
+         else if (value < unlimited) then
+            write (digits, '(es24.16e3)') value
+            first = verify(digits, ' ')
+            line(n + 1:n + 25 - first) = digits(first:)
+            n = n + 25 - first
+         end if
+      end subroutine put
+
+   end subroutine add_member
+
+   !> Reads a row; `failed` where it is that of a member that failed.
+   subroutine read_row(line, member, row, failed)
+      character(len=*), intent(in) :: line
+      integer, intent(out) :: member
+      type(row_t), intent(out) :: row
+      logical, intent(out) :: failed
+      integer :: comma(columns), k
+      real(wp) :: values(columns - fields_before)
+
+      comma = len(line) + 1
+      comma(1) = index(line, ',')
+      member = whole_number(line(:comma(1) - 1))
+      failed = index(line(comma(1):), ',ok,,') /= 1
+      if (failed) return
+      do k = 2, columns - 1
+         comma(k) = comma(k - 1) + index(line(comma(k - 1) + 1:), ',')
+      end do
+      row%elements = whole_number(line(comma(3) + 1:comma(4) - 1))
+      row%parameter = line(comma(4) + 1:comma(5) - 1)
+      do k = 1, size(values)
+         values(k) = number(line(comma(k + fields_before - 1) + 1:comma(k + fields_before) - 1))
+      end do
+      row%estimate = values(1)
+      row%std_error = values(2)
+      row%interval = values(3:4)
+      row%total = values(5:6)
+      row%truth = values(7)
+   end subroutine read_row
+
+   !> A number of digits; 0 where it is none.
+   pure integer function whole_number(field) result(n)
+      character(len=*), intent(in) :: field
+      integer :: k
+
+      n = 0
+      if (len(field) > 9 .or. verify(field, '0123456789') > 0) return
+      do k = 1, len(field)
+         n = 10*n + iachar(field(k:k)) - iachar('0')
+      end do
+   end function whole_number
+
+   real(wp) function number(field)
+      character(len=*), intent(in) :: field
+      logical :: ok
+
+      number = unlimited
+      if (field == '') return
+      if (field == 'inf') number = ieee_value(number, ieee_positive_inf)
+      if (field == 'inf') return
+      call parse_number(field, number, ok)
+      if (.not. ok) number = unlimited
+   end function number
+
+   !> Adds up one row.
+   subroutine take(self, line)
+      class(tally_t), intent(inout) :: self
+      character(len=*), intent(in) :: line
+      type(row_t) :: row
+      integer :: member
+      logical :: failed
+
+      call read_row(line, member, row, failed)
+      if (member /= self%last) then
+         self%members = self%members + 1
+         self%next = 1
+      end if
+      self%last = member
+      if (failed) then
+         self%failures = self%failures + 1
+         if (.not. allocated(self%first_failure)) self%first_failure = 'member '// &
+            to_text(member)//': '//line(index(line, '"') + 1:index(line, '"', back=.true.) - 1)
+         return
+      end if
+      call find()
+      associate (sums => self%sums(self%next))
+         self%next = self%next + 1
+         sums%members = sums%members + 1
+         if (row%estimate < unlimited) then
+            sums%finite = sums%finite + 1
+            call average(row%estimate, sums%finite, sums%mean, sums%squares)
+         end if
+         if (row%std_error < unlimited) then
+            sums%errors = sums%errors + 1
+            sums%std_error = sums%std_error + (row%std_error - sums%std_error)/sums%errors
+         end if
+         if (.not. row%truth < unlimited) return
+         if (row%estimate < unlimited) then
+            sums%compared = sums%compared + 1
+            call average(row%estimate - row%truth, sums%compared, sums%bias, sums%bias_squares)
+         end if
+         ! An end at infinity holds all that is above; without an interval nothing is held.
+         if (abs(row%interval(1)) >= unlimited) return
+         sums%judged = sums%judged + 1
+         if (row%interval(1) <= row%truth .and. row%truth <= row%interval(2)) sums%inside = &
+            sums%inside + 1
+      end associate
+
+   contains
+
+      !> Sets `next` to the sums of the row's parameter, which usually is the next one.
+      subroutine find()
+         integer :: k
+
+         if (.not. allocated(self%sums)) allocate (self%sums(0))
+         if (self%next <= size(self%sums)) then
+            if (is_it(self%sums(self%next))) return
+         end if
+         do k = 1, size(self%sums)
+            self%next = k
+            if (is_it(self%sums(k))) return
+         end do
+         self%sums = [self%sums, sums_t(row%elements, row%parameter)]
+         self%next = size(self%sums)
+      end subroutine find
+
+      pure logical function is_it(sums)
+         type(sums_t), intent(in) :: sums
+
+         is_it = sums%elements == row%elements .and. sums%parameter == row%parameter
+      end function is_it
+
+   end subroutine take
+
+   !> The n-th value in a mean and in the sum of squares about it.
+   pure subroutine average(value, n, mean, squares)
+      real(wp), intent(in) :: value
+      integer, intent(in) :: n
+      real(wp), intent(inout) :: mean, squares
+      real(wp) :: step
+
+      step = value - mean
+      mean = mean + step/n
+      squares = squares + step*(value - mean)
+   end subroutine average
+
+   !> Standard deviation; `unlimited` of less than two.
+   pure real(wp) function deviation(squares, n)
+      real(wp), intent(in) :: squares
+      integer, intent(in) :: n
+
+      deviation = unlimited
+      if (n > 1) deviation = sqrt(squares/(n - 1))
+   end function deviation
+
+   !> Share of intervals that hold the truth, and its standard error, at the ends that of one
+   !> member more.
+   pure function covered(sums) result(share)
+      type(sums_t), intent(in) :: sums
+      real(wp) :: share(2), p
+
+      share = unlimited
+      if (sums%judged == 0) return
+      share(1) = real(sums%inside, wp)/sums%judged
+      p = min(max(share(1), 1/(sums%judged + 1.0_wp)), 1 - 1/(sums%judged + 1.0_wp))
+      share(2) = sqrt(p*(1 - p)/sums%judged)
+   end function covered
+
+   !> All that is known of one parameter, in the order of `ensemble_header`.
+   pure function results(sums)
+      type(sums_t), intent(in) :: sums
+      real(wp) :: results(7)
+
+      results = unlimited
+      if (sums%finite > 0) results(1:2) = [sums%mean, deviation(sums%squares, sums%finite)]
+      if (sums%errors > 0) results(3) = sums%std_error
+      if (sums%compared > 0) results(4) = sums%bias
+      if (sums%compared > 1) results(5) = deviation(sums%bias_squares, sums%compared) &
+         /sqrt(real(sums%compared, wp))
+      results(6:7) = covered(sums)
+   end function results
+
+   !> ensemble.csv
+   function table(self) result(content)
+      class(tally_t), intent(in) :: self
+      character(len=:), allocatable :: content, row
+      type(text_t) :: text
+      real(wp) :: values(7)
+      integer :: j, k
+
+      call text%line(ensemble_header)
+      do k = 1, size(self%sums)
+         associate (sums => self%sums(k))
+            row = to_text(sums%elements)//','//trim(sums%parameter)//','//to_text(sums%members)
+            values = results(sums)
+            do j = 1, size(values)
+               if (values(j) < unlimited) then
+                  row = csv_row(row, values(j:j))
+               else
+                  row = row//','
+               end if
+            end do
+            call text%line(row)
+         end associate
+      end do
+      content = text%content()
+   end function table
+
+   !> The summary.
+   subroutine add_to(self, summary)
+      class(tally_t), intent(in) :: self
+      type(text_t), intent(inout) :: summary
+      character(len=:), allocatable :: line
+      real(wp) :: values(7)
+      integer :: j, k
+
+      if (self%failures > 0) then
+         call summary%line('  '//to_text(self%failures)//' of '//to_text(self%members)// &
+            ' members failed; the first is '//self%first_failure)
+      else
+         call summary%line('  '//to_text(self%members)//' members, none failed')
+      end if
+      call summary%line()
+      call summary%line('elements  parameter  members         mean           sd    std_error'// &
+         '         bias  truth inside')
+      do k = 1, size(self%sums)
+         associate (sums => self%sums(k))
+            line = right(to_text(sums%elements), 8)//'  '//left(trim(sums%parameter), 9)// &
+               right(to_text(sums%members), 9)
+            values = results(sums)
+            do j = 1, 4
+               if (values(j) < unlimited) then
+                  line = line//right(to_text(values(j)), 13)
+               else
+                  line = line//right('-', 13)
+               end if
+            end do
+            if (values(6) < unlimited) line = line//'  '//to_text(0.01_wp*nint(1e4_wp*values(6))) &
+               //' +- '//to_text(0.01_wp*nint(1e4_wp*values(7)))//' %'
+            call summary%line(line)
+         end associate
+      end do
+      if (.not. any(self%sums%compared > 0)) return
+      call summary%line()
+      call summary%line('bias: mean of estimate - truth; truth inside: how many 95 % intervals '// &
+         'hold it')
+   end subroutine add_to
+
+   !> Members of a table that is held in memory.
+   !>
+   !> members  by their numbers
+   subroutine read_members(text, members)
+      character(len=*), intent(in) :: text
+      type(member_t), allocatable, intent(out) :: members(:)
+      type(row_t) :: row
+      integer(ip) :: first, length
+      integer :: k, n, most, pass
+      logical :: failed
+
+      most = 0
+      do pass = 1, 2
+         if (pass == 2) allocate (members(most))
+         first = index(text, line_feed, kind=ip) + 1
+         do while (first <= len(text, ip))
+            length = index(text(first:), line_feed, kind=ip) - 1
+            if (length < 0) exit
+            call read_row(text(first:first + length - 1), k, row, failed)
+            most = max(most, k)
+            if (pass == 2 .and. k > 0) then
+               if (.not. allocated(members(k)%rows)) allocate (members(k)%rows(0))
+               if (.not. failed) members(k)%rows = [members(k)%rows, row]
+            end if
+            first = first + length + 1
+         end do
+      end do
+      do n = 1, most
+         if (.not. allocated(members(n)%rows)) allocate (members(n)%rows(0))
+      end do
+   end subroutine read_members
+
+   !> Writes the rows of all members, each once, to a new file, and adds them up.
+   !>
+   !> shards  by their first members, which hold all
+   !> path    of the file, which is left only where there is no error
+   subroutine merge_shards(folder, fingerprint, shards, members, path, tally, error)
+      character(len=*), intent(in) :: folder, fingerprint, path
+      type(range_of_members_t), intent(in) :: shards(:)
+      integer, intent(in) :: members
+      type(tally_t), intent(out) :: tally
+      type(error_t), allocatable, intent(out) :: error
+      character(len=:), allocatable :: rows, shard
+      integer(c_int) :: code, fd, ignored
+      logical :: whole
+      integer :: k, next
+
+      next = 1
+      allocate (tally%sums(0))
+      fd = c_creat(path//c_null_char, int(o'666', c_int))
+      code = merge(last_errno(), 0_c_int, fd < 0)
+      if (code == 0) code = write_bytes(fd, members_header//line_feed)
+      do k = 1, size(shards)
+         if (code /= 0 .or. next > members) exit
+         if (shards(k)%last < next) cycle
+         shard = shard_path(folder, fingerprint, shards(k))
+         call read_shard(shard, rows, whole)
+         if (.not. whole) then
+            ignored = c_unlink(shard//c_null_char)
+            call failure(error, shard//': found a shard that is not whole; it has been '// &
+               'removed, run the ensemble again')
+            exit
+         end if
+         call pass_on(rows)
+         next = shards(k)%last + 1
+      end do
+      if (fd >= 0) then
+         if (code == 0) code = errno_of(c_fsync(fd))
+         ignored = c_close(fd)
+      end if
+      if (code /= 0) call failure(error, path//': cannot be written: '//reason(code))
+      if (allocated(error)) ignored = c_unlink(path//c_null_char)
+
+   contains
+
+      !> Those of the rows that come next.
+      subroutine pass_on(rows)
+         character(len=*), intent(in) :: rows
+         integer(ip) :: begin, first, length
+
+         begin = len(rows, ip) + 1
+         first = 1
+         do while (first <= len(rows, ip))
+            length = index(rows(first:), line_feed, kind=ip) - 1
+            if (begin > len(rows, ip)) then
+               ! Shards may overlap.
+               if (whole_number(rows(first:first + index(rows(first:), ',') - 2)) >= next) &
+                  begin = first
+            end if
+            if (first >= begin) call tally%take(rows(first:first + length - 1))
+            first = first + length + 1
+         end do
+         code = write_bytes(fd, rows(begin:))
+      end subroutine pass_on
+
+   end subroutine merge_shards
+
+end module beamid_ensemble_reports
