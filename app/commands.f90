@@ -211,7 +211,7 @@ contains
       type(error_t), allocatable, intent(out) :: error
       !> Inputs, which are not to be overwritten.
       type(recording_t), intent(in), optional :: recordings(:)
-      character(len=:), allocatable :: folder, kind, lines
+      character(len=:), allocatable :: folder, kind, lines, summary_file
       integer :: k
 
       folder = folder_of(settings, name)
@@ -220,7 +220,13 @@ contains
       call output%check_finite(error)
       if (allocated(error)) return
       lines = wrapped(summary)
-      call output%add('summary.txt', lines)
+      select case (settings%command)
+      case ('profile', 'sample', 'bootstrap')
+         summary_file = 'intervals.txt'    ! beside what the fit says, not in its place
+      case default
+         summary_file = 'summary.txt'
+      end select
+      call output%add(summary_file, lines)
       if (present(recordings)) then
          do k = 1, size(recordings)
             if (allocated(recordings(k)%path)) call output%spare(recordings(k)%path)

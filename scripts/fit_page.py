@@ -8,6 +8,7 @@ import re
 import plotting as p
 import page as h
 import plot_fit
+import plot_intervals
 import plot_modes
 import signals as s
 import numpy as np
@@ -160,6 +161,69 @@ class Fit:
             "Shares of the variance. What is held counts as far as `&prior` says how well it is "
             "known.") + "".join(bars))
 
+    def beyond(self):
+        """What profile, sample and bootstrap have added: the table of all intervals, profiles,
+        draws, the motion that they predict."""
+        found = plot_intervals.Found(self.folder, self.elements)
+        if not found.anything() or not found.rows:
+            return ""
+        if not all(self.same(found.interval("linear", row["parameter"]), row)
+                   for row in self.main if found.interval("linear", row["parameter"])):
+            return h.paragraph("`intervals.csv` is of another fit than `estimates.csv`: repeat "
+                               "`profile`, `sample` or `bootstrap`.")
+        captions = {
+            "profiles": "Profiles: how far the least J rises when one parameter is held and all "
+            "others are fitted again; at 1 ends the interval. Dotted: what linear theory "
+            "takes it for.",
+            "posterior": "Draws from the posterior: histograms with the intervals of all methods "
+            "below them, and pairs of parameters with contours about half and 95 % of the draws.",
+            "bootstrap": "Estimates of resampled records, and the intervals of all methods.",
+            "posterior_motion": "What the draws predict: the band of the model's motion, the wider "
+            "one of what is measured, and the record; below less the median."}
+        text = self.interval_table(found)
+        for name, figure in plot_intervals.pictures(found):
+            stem = re.sub(r"_\d+$", "", name.removesuffix(".png"))
+            text += h.picture(p.png(figure), captions[stem])
+        printed = self.folder / "intervals.txt"
+        if printed.exists():
+            text += h.unfolded("What the last of these commands printed", p.read_text(printed))
+        return text
+
+    @staticmethod
+    def same(interval, row):
+        """Whether a row of intervals.csv is of this fit."""
+        estimate = value(row, "estimate")
+        return estimate is None or math.isclose(interval.estimate, estimate, rel_tol=1e-12)
+
+    def interval_table(self, found):
+        """A row for each parameter, a column for each method; ends as the methods found them."""
+        methods = [method for method in plot_intervals.METHODS
+                   if any(row["method"] == method for row in found.rows)]
+        names = list(dict.fromkeys(row["parameter"] for row in found.rows))
+        rows = [[name, *(self.told(found.interval(method, name)) for method in methods),
+                 raised(found.unit(name))] for name in names]
+        note = ("*Linear theory* takes J for a parabola. The *profile* fits all other parameters "
+                "again at each value of one; an end may be a bound (b), or there may be none. The "
+                "*posterior* weighs all values that go with the record, each as likely as any "
+                "other beforehand. The *bootstrap* fits records that are made of the model and its "
+                "residuals. Where they agree, any of them will do.")
+        heads = [plot_intervals.METHODS[method][0] for method in methods]
+        return h.table(["parameter", *heads, "unit"], [rows]) + h.paragraph(note)
+
+    @staticmethod
+    def told(interval):
+        """Both ends of an interval as text, and how each came about."""
+        if interval is None:
+            return ""
+        low, high = (end if math.isfinite(end) else None for end in interval.ends)
+        digits = digits_of(interval.estimate, low, high)
+        words = []
+        for end, state, infinite in zip((low, high), interval.states, ("−∞", "∞")):
+            number = infinite if end is None else p.plain_number(end, digits)
+            words.append({"bound": number + " (b)", "unknown": "?",
+                          "unbounded": infinite}.get(state, number))
+        return " to ".join(words)
+
     # -- pictures
 
     def axes(self, height=1.0):
@@ -290,6 +354,7 @@ class Fit:
             ("top", "", self.verdict()),
             ("estimates", "Estimates", self.estimates()),
             ("curves", "Record and model", self.curves()),
+            *[("beyond", "Beyond one fit", text) for text in [self.beyond()] if text],
             ("modes", "Modes", self.modes()),
             ("correlations", "Correlations", self.correlations()),
             ("case", "The case file", self.ending())])

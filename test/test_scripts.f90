@@ -91,6 +91,7 @@ contains
       outcome = run(scripts//'plot_modes.py out/case --animate && head -c 6 out/case/modes.gif')
       call check('plot_modes.py: a picture, and one that moves', outcome%out == &
          'out/case/modes.png'//nl//'out/case/modes.gif'//nl//'GIF89a', outcome%err)
+      call test_intervals()
       call test_map()
       call test_page()
       outcome = run('mkdir -p part/section-4 && cp -r out/case part/table-4.1 && '// &
@@ -103,6 +104,29 @@ contains
       call judge('report.py', scripts//'report.py part', 'part/section-4: no manifest.txt')
       call test_samples()
    end subroutine test_each
+
+   !> Pictures of what is there: nothing, profiles, draws; then the page of the fit has a section of them.
+   subroutine test_intervals()
+      call judge('plot_intervals.py: nothing there', scripts//'plot_intervals.py out/case', &
+         'found no profiles.csv|expected one of them')
+      call write_file('more.nml', case_text//stage//'&sample draws=400 /'//nl// &
+         '&bootstrap n=100 /'//nl)
+      call write_file('truth.nml', case_text//'&noise sd=0.02, seed=3 /'//nl)
+      outcome = run('"'//program_path//'" simulate truth.nml --quiet && "'//program_path// &
+         '" bootstrap more.nml --quiet && '//scripts//'plot_intervals.py out/more')
+      call check('plot_intervals.py: resampled records', part(outcome%out, line_count(outcome%out), &
+         nl) == 'out/more/bootstrap.png', told(outcome))
+      outcome = run('"'//program_path//'" sample more.nml --quiet >printed && '// &
+         'diff printed out/more/intervals.txt && '//scripts//'plot_intervals.py out/more')
+      call check('plot_intervals.py: profiles, draws, motion', outcome%out == &
+         'out/more/profiles.png'//nl//'out/more/posterior.png'//nl// &
+         'out/more/posterior_motion.png'//nl, told(outcome))
+      outcome = run('"'//program_path//'" identify more.nml --quiet >printed && '// &
+         scripts//'report.py out/more && grep -c ''id="beyond"'' out/more/report.html && '// &
+         'diff printed out/more/summary.txt')
+      call check('page: beyond one fit', outcome%out == 'out/more/report.html'//nl//'1'//nl, &
+         told(outcome))
+   end subroutine test_intervals
 
    !> A map of experiments over two settings, and a curve over one; no other setting, no parameter.
    subroutine test_map()

@@ -12,9 +12,13 @@ Errors carry the sentences of the program. Lengths, masses and times are in any 
 """
 from ._cases import Record
 from ._fits import Estimate, Fit, Mode, Problem, fit, load
+from ._inference import (Bootstrap, Inference, Interval, Posterior, Profile, Profiles, bootstrap,
+                         profile, sample)
 from ._library import BeamidError, ComputationError, InputError, NoFit
 from ._responses import Response, response
 
-__all__ = ["BeamidError", "ComputationError", "Estimate", "Fit", "InputError", "Mode", "NoFit",
-           "Problem", "Record", "Response", "fit", "load", "response"]
+__all__ = ["BeamidError", "Bootstrap", "ComputationError", "Estimate", "Fit", "Inference",
+           "InputError", "Interval", "Mode", "NoFit", "Posterior", "Problem", "Profile",
+           "Profiles", "Record", "Response", "bootstrap", "fit", "load", "profile", "response",
+           "sample"]
 __version__ = "0.1.0"

@@ -9,7 +9,7 @@ from ._library import InputError
 
 #: Groups that stand once, and groups that may repeat.
 SINGLE = ("beam", "tip", "hose", "gravity", "axial", "discretization", "integrator", "observation",
-          "score", "multistart", "windows", "noise", "units")
+          "score", "multistart", "windows", "sample", "bootstrap", "noise", "units")
 REPEATED = ("sensor", "support", "excitation", "prior")
 
 

@@ -67,6 +67,13 @@ class Fit:
         message = message_buffer()
         check(library.beamid_judge(self._handle, message, ROOM), message)
 
+    def _infer(self, command: str) -> None:
+        """Has the library add what a command finds out to the tables."""
+        if self.no_fit:
+            raise NoFit(self.no_fit, self)
+        message, name = message_buffer(), command.encode()
+        check(library.beamid_infer(self._handle, name, len(name), message, ROOM), message)
+
     @property
     def names(self) -> list[str]:
         """Of what was estimated: parameters, then what enters linearly."""
@@ -157,7 +164,8 @@ class Fit:
 
     @property
     def tables(self) -> dict[str, str]:
-        """The tables that the program writes of such a fit, by name: 'estimates.csv', ..."""
+        """The tables that the program writes of such a fit, by name: 'estimates.csv', ..., and what
+        `profile`, `sample` and `bootstrap` have added."""
         self._judge()
         return {name: self._text(name) for name in self._text("tables").splitlines()}
 

@@ -39,6 +39,7 @@ def _open_library() -> ctypes.CDLL:
         "beamid_close": (None, c_void_p),
         "beamid_fit": (c_int, c_void_p, c_int, c_int, c_void_p, POINTER(c_void_p), c_char_p, c_int),
         "beamid_judge": (c_int, c_void_p, c_char_p, c_int),
+        "beamid_infer": (c_int, c_void_p, c_char_p, c_int, c_char_p, c_int),
         "beamid_forget": (None, c_void_p),
         "beamid_respond": (c_int, c_void_p, c_int, c_void_p, c_int, c_void_p, c_void_p, c_char_p,
                            c_int),

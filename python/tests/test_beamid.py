@@ -306,3 +306,101 @@ def test_notebook(monkeypatch):
     for source in code:
         exec(compile(source, "first_fit.ipynb", "exec"), space)
     assert space["fit"].no_fit == ""
+
+
+NOISY = DATA / "table_4_1_noisy.nml"
+COMMANDS = {"profile": beamid.profile, "sample": beamid.sample, "bootstrap": beamid.bootstrap}
+
+
+def test_inference_is_that_of_the_program(tmp_path):
+    """Files, intervals and what is printed, to the last character; arrays to the last digit."""
+    program = os.environ.get("BEAMID_PROGRAM")
+    if not program:
+        pytest.skip("BEAMID_PROGRAM names no program")
+    fit = beamid.load(NOISY).fit()
+    for command, call in COMMANDS.items():
+        out = tmp_path / "out"    # one folder: intervals of earlier commands stay, as in a fit
+        subprocess.run([program, command, str(NOISY), "--out", str(out), "--quiet"], check=True,
+                       capture_output=True)
+        found = call(fit)
+        for name, text in found.tables.items():
+            assert text == (out / name).read_text(), name
+        assert found.summary.split() == (out / "intervals.txt").read_text().split()
+        rows = [line.split(",") for line in (out / "intervals.csv").read_text().splitlines()[1:]]
+        assert [(i.method, i.parameter, i.lower, i.upper) for i in found.intervals] == \
+            [(row[0], row[2], float(row[5]), float(row[6])) for row in rows]
+    assert found.interval("c_D", "bca").lower > found.interval("c_D", "linear").lower
+    with pytest.raises(KeyError, match="c_D, guess: expected one of"):
+        found.interval("c_D", "guess")
+    draws = np.loadtxt(tmp_path / "out" / "posterior.csv", delimiter=",", skiprows=1)
+    posterior = beamid.sample(NOISY)
+    assert posterior.names == FREE and posterior.draws.shape == (4, 2500, 4)
+    for chain in range(4):
+        mine = draws[draws[:, 0] == chain]
+        assert (posterior.draws[chain] == mine[:, 4:]).all()
+        assert (posterior.log_density[chain] == mine[:, 3]).all()
+    resampled = np.loadtxt(tmp_path / "out" / "bootstrap.csv", delimiter=",", skiprows=1)
+    assert (beamid.bootstrap(NOISY).estimates == resampled[:, 2:]).all()
+
+
+def test_inference_takes_the_arguments_of_a_fit():
+    """The keys of &sample and &bootstrap as groups, records in memory, profiles as arrays."""
+    t, a = np.loadtxt(DATA / "table_4_1_noisy.csv", delimiter=",", skiprows=1).T
+    keys = dict(free=FREE, start=[0.0035, 0.035, 0.0035, 0.4], **MODEL)
+    few = beamid.sample(t, a, sample=dict(draws=400, seed=7), **keys)
+    again = beamid.sample(t, a, sample=dict(draws=400, seed=7), **keys)
+    other = beamid.sample(t, a, sample=dict(draws=400, seed=8), **keys)
+    assert few.draws.shape == (4, 100, 4)
+    assert (few.draws == again.draws).all() and not (few.draws == other.draws).any()
+    assert beamid.bootstrap(t, a, bootstrap=dict(n=100), **keys).estimates.shape == (100, 4)
+    profile = few["c_D"]
+    ends = few.interval("c_D", "profile")
+    assert (np.diff(profile.value) > 0).all() and profile.ends == ("closed", "closed")
+    assert profile.value[[0, -1]] == pytest.approx((ends.lower, ends.upper), rel=1e-6)
+    assert profile.distance[[0, -1]] == pytest.approx((-1, 1), abs=1e-6)
+    best = profile.parameters[np.argmin(profile.J)]
+    assert best == pytest.approx(few.fit.values, rel=1e-12)
+    with pytest.raises(beamid.InputError, match="draws"):
+        beamid.sample(t, a, sample=dict(draws=-1), **keys)
+    with pytest.raises(TypeError, match="found arguments behind a case file"):
+        beamid.sample(NOISY, free=FREE)
+
+
+def test_no_fit_has_no_intervals(record):
+    """The program's sentence, and the search as its evidence; also of a fit without a verdict."""
+    t, a = record
+    for call in COMMANDS.values():
+        with pytest.raises(beamid.NoFit, match="the model explains") as caught:
+            call(t, a[::-1].copy(), free=["c_D"], **MODEL)
+        assert caught.value.fit.no_fit == str(caught.value)
+    fit = beamid.Problem(t, a[::-1].copy(), free=["c_D"], **MODEL).fit(judge=False)
+    with pytest.raises(beamid.NoFit, match="the model explains"):
+        beamid.profile(fit)
+
+
+def test_arviz_agrees_about_the_draws():
+    """Bulk and tail sizes and the potential scale reduction: ours are those of Vehtari et al. as
+    ArviZ has them; 3 % for quantiles and ranks of ties taken otherwise."""
+    arviz = pytest.importorskip("arviz")
+    posterior = beamid.sample(NOISY)
+    data = posterior.to_arviz()
+    assert data.posterior["c_D"].shape == (4, 2500)
+    assert (data.sample_stats["lp"].values == posterior.log_density).all()
+    bulk, tail, reduction = (arviz.ess(data, method="bulk"), arviz.ess(data, method="tail"),
+                             arviz.rhat(data))
+    lines = [line.split() for line in posterior.summary.splitlines()]
+    start = next(k for k, line in enumerate(lines) if line[:2] == ["mean", "sd"])
+    for line in lines[start + 1:start + 5]:
+        name, _, _, *told = line
+        theirs = [float(result[name]) for result in (bulk, tail, reduction)]
+        assert [float(x) for x in told[:2]] == pytest.approx(theirs[:2], rel=0.03), name
+        assert float(told[2]) == pytest.approx(theirs[2], abs=2e-3), name
+
+
+def test_tables_of_inference_as_frames():
+    pytest.importorskip("pandas")
+    found = beamid.profile(NOISY)
+    assert set(found.to_pandas().method) == {"linear", "profile"}
+    assert set(found.to_pandas("profiles").parameter) == set(FREE)
+    with pytest.raises(KeyError, match="guess: expected one of"):
+        found.to_pandas("guess")

@@ -13,6 +13,7 @@ module beamid_c
    use beamid_case_checks, only: check_needs, place_experiment
    use beamid_case_files, only: case_t
    use beamid_case_fits, only: case_fit_t, fit_case, judge_case, load_case
+   use beamid_case_inferences, only: case_inference_t, infer
    use beamid_cases, only: needs_fit, needs_nothing, needs_response, parse_case
    use beamid_errors, only: bad_input, error_t
    use beamid_experiments, only: experiment_t
@@ -20,6 +21,7 @@ module beamid_c
    use beamid_fit_reports, only: report_fit
    use beamid_fitted_modes, only: fitted_mode_t
    use beamid_identification, only: simulate, simulation_t
+   use beamid_inference_outputs, only: report_inferences
    use beamid_kinds, only: wp
    use beamid_outputs, only: output_t
    use beamid_parameters, only: get_free, parameters
@@ -31,8 +33,8 @@ module beamid_c
    implicit none
    private
 
-   public :: beamid_open, beamid_close, beamid_fit, beamid_judge, beamid_forget, beamid_respond, &
-      beamid_array, beamid_text
+   public :: beamid_open, beamid_close, beamid_fit, beamid_judge, beamid_infer, beamid_forget, &
+      beamid_respond, beamid_array, beamid_text
 
    !> A case, and its records where it is to be fitted.
    type :: problem_t
@@ -45,7 +47,7 @@ module beamid_c
       type(case_t) :: case
       type(case_fit_t) :: found
       type(output_t) :: tables
-      character(len=:), allocatable :: summary
+      character(len=:), allocatable :: summary, intervals
       real(wp), allocatable :: estimates(:, :), modes(:, :), t(:), measured(:), J(:)
    end type outcome_t
 
@@ -195,6 +197,28 @@ contains
       status = told(error, message)
       !$omp end critical (texts_of_beamid)
    end function beamid_judge
+
+   !> What profile, sample or bootstrap find out about a fit that was judged: tables, among them
+   !> intervals.csv with those of earlier calls, and the text 'intervals', which the program prints.
+   integer(c_int) function beamid_infer(handle, command, command_length, message, room) &
+      result(status) bind(c)
+      type(c_ptr), value, intent(in) :: handle
+      integer(c_int), value, intent(in) :: command_length, room
+      character(kind=c_char), intent(in) :: command(command_length)
+      character(kind=c_char), intent(inout) :: message(room)
+      type(outcome_t), pointer :: outcome
+      type(case_inference_t), allocatable :: inferences(:)
+      type(error_t), allocatable :: error
+
+      call c_f_pointer(handle, outcome)
+      call infer(characters(command), outcome%case, outcome%found, inferences, error)
+      !$omp critical (texts_of_beamid)
+      if (.not. allocated(error)) call report_inferences(characters(command), outcome%case, &
+         outcome%found, inferences, outcome%tables%text_of('intervals.csv'), outcome%tables, &
+         outcome%intervals)
+      status = told(error, message)
+      !$omp end critical (texts_of_beamid)
+   end function beamid_infer
 
    pure subroutine keep_modes(modes, table)
       type(fitted_mode_t), intent(in) :: modes(:)
@@ -411,6 +435,7 @@ contains
    !>   and of one that was judged
    !>       summary     as the program prints it
    !>       no_fit      why the fit is none
+   !>       intervals   what the last `beamid_infer` has to say
    !>       tables      names of the tables, each in a line; any of these is the text of that table
    integer(c_int) function beamid_text(handle, name, name_length, text, room) result(length) bind(c)
       type(c_ptr), value, intent(in) :: handle
@@ -440,6 +465,8 @@ contains
                if (allocated(fit%note)) content = fit%note
             case ('summary')
                if (allocated(outcome%summary)) content = outcome%summary
+            case ('intervals')
+               if (allocated(outcome%intervals)) content = outcome%intervals
             case ('no_fit')
                if (allocated(found%verdict%no_fit)) content = found%verdict%no_fit
             case ('tables'); content = outcome%tables%names()

@@ -1,0 +1,64 @@
+!> What profile, sample and bootstrap find out about the fit of a case, on each of its meshes.
+module beamid_case_inferences
+   use beamid_case_files, only: case_t
+   use beamid_case_fits, only: case_fit_t
+   use beamid_errors, only: error_t, failure, locate
+   use beamid_inference, only: bootstrap_fit, bootstrap_t, posterior_draws_t, profile_fit, &
+      sample_fit
+   use beamid_least_squares, only: monitor_t
+   use beamid_profile_likelihood, only: side_t
+   use beamid_strings, only: to_text
+   implicit none
+   private
+
+   public :: case_inference_t, infer
+
+   !> On one mesh; what the command does not ask for is not allocated.
+   type :: case_inference_t
+      type(side_t), allocatable :: sides(:, :)          !< (2, free) of profiles
+      type(posterior_draws_t), allocatable :: posterior
+      type(bootstrap_t), allocatable :: resampled
+   end type case_inference_t
+
+contains
+
+   !> command     'profile', 'sample', which needs profiles, or 'bootstrap'
+   !> found       fitted and judged; the last stage counts
+   !> inferences  (meshes)
+   !> error       also where there is no fit
+   subroutine infer(command, case, found, inferences, error, monitor)
+      character(len=*), intent(in) :: command
+      type(case_t), intent(in) :: case
+      type(case_fit_t), intent(in) :: found
+      type(case_inference_t), allocatable, intent(out) :: inferences(:)
+      type(error_t), allocatable, intent(out) :: error
+      class(monitor_t), intent(inout), optional :: monitor
+      integer :: k
+
+      if (found%verdict%no_fit /= '') then
+         call failure(error, case%path//': no fit: '//found%verdict%no_fit)
+         return
+      end if
+      allocate (inferences(size(case%meshes)))
+      do k = 1, size(case%meshes)
+         associate (mesh => case%meshes(k), last => found%fits(size(found%fits, 1), k), &
+            model => case%model, experiments => found%experiments, here => inferences(k))
+            if (command == 'bootstrap') then
+               allocate (here%resampled)
+               call bootstrap_fit(model, mesh, experiments, last, case%bootstrap, here%resampled, &
+                  error, monitor)
+            else
+               call profile_fit(model, mesh, experiments, last, here%sides, error, monitor)
+            end if
+            if (command == 'sample' .and. .not. allocated(error)) then
+               allocate (here%posterior)
+               call sample_fit(model, mesh, experiments, last, here%sides, case%sampling, &
+                  here%posterior, error)
+            end if
+            call locate(error, case%path//': elements = '//to_text(mesh%elements))
+            if (allocated(error)) return
+         end associate
+      end do
+   end subroutine infer
+
+end module beamid_case_inferences

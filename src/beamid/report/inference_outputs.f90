@@ -1,0 +1,80 @@
+!> All that there is to say of profiles, draws and resampled records: their tables, one of all
+!> intervals that are known of the fit, and what is printed.
+module beamid_inference_outputs
+   use beamid_case_files, only: case_t
+   use beamid_case_fits, only: case_fit_t
+   use beamid_case_inferences, only: case_inference_t
+   use beamid_inference_reports, only: add_bootstrap, add_posterior, add_profiles
+   use beamid_intervals, only: interval_summary, interval_t, interval_table, linear_intervals, &
+      read_intervals
+   use beamid_outputs, only: output_t
+   use beamid_strings, only: to_text
+   use beamid_texts, only: text_t
+   implicit none
+   private
+
+   public :: report_inferences
+
+contains
+
+   !> command  as of `infer`
+   !> earlier  text of intervals.csv by another command, whose rows stay where they are of this fit
+   !> output   takes the tables
+   !> summary  for the reader
+   subroutine report_inferences(command, case, found, inferences, earlier, output, summary)
+      character(len=*), intent(in) :: command, earlier
+      type(case_t), intent(in) :: case
+      type(case_fit_t), intent(in) :: found
+      type(case_inference_t), intent(in) :: inferences(:)
+      type(output_t), intent(inout) :: output
+      character(len=:), allocatable, intent(out) :: summary
+      type(interval_t), allocatable :: intervals(:)
+      type(text_t) :: text, profiles, draws, motion, modes, estimates
+      type(text_t) :: remarks(size(inferences))
+      integer :: k
+
+      allocate (intervals(0))
+      do k = 1, size(inferences)
+         associate (last => found%fits(size(found%fits, 1), k), here => inferences(k))
+            if (allocated(here%sides)) call add_profiles(case, last, here%sides, profiles, &
+               intervals, remarks(k))
+            if (allocated(here%posterior)) call add_posterior(case, case%meshes(k), &
+               found%experiments, last, here%posterior, draws, motion, modes, intervals, &
+               remarks(k))
+            if (allocated(here%resampled)) call add_bootstrap(case, last, here%resampled, &
+               estimates, intervals, remarks(k))
+            call linear_intervals(last, case%units, intervals)
+         end associate
+      end do
+      call read_intervals(earlier, intervals)
+      call text%line(case%name//': '//command//', last stage')
+      do k = 1, size(inferences)
+         associate (last => found%fits(size(found%fits, 1), k))
+            call text%line()
+            call text%line('N = '//to_text(last%elements)//', J = '//to_text(last%fit%J)//', '// &
+               to_text(last%statistics%samples)//' samples')
+            call text%add(remarks(k)%content())
+            call interval_summary(intervals, last, text)
+         end associate
+      end do
+      call add('profiles.csv', profiles)
+      call add('posterior.csv', draws)
+      call add('posterior_motion.csv', motion)
+      call add('posterior_modes.csv', modes)
+      call add('bootstrap.csv', estimates)
+      call output%add('intervals.csv', interval_table(intervals))
+      summary = text%content()
+
+   contains
+
+      !> A file, unless nothing was written to it.
+      subroutine add(name, content)
+         character(len=*), intent(in) :: name
+         type(text_t), intent(in) :: content
+
+         if (.not. content%is_empty()) call output%add(name, content%content())
+      end subroutine add
+
+   end subroutine report_inferences
+
+end module beamid_inference_outputs
