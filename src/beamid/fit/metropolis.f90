@@ -35,16 +35,13 @@ contains
       real(wp), allocatable, intent(out) :: q(:, :), log_density(:)
       integer, intent(out) :: evaluations
       type(error_t), allocatable, intent(out) :: error
-      class(density_t), allocatable :: mine
       integer :: c, counted(chains)
 
       allocate (q(size(mode), chains*length), log_density(chains*length))
-      !$omp parallel do schedule(dynamic, 1) private(mine)
+      !$omp parallel do schedule(dynamic, 1)
       do c = 1, chains
-         allocate (mine, source=density)
-         call run_chain(mine, coordinate, mode, axes, seed + 611953*c, &
+         call run_chain(density, coordinate, mode, axes, seed + 611953*c, &
             q(:, (c - 1)*length + 1:c*length), log_density((c - 1)*length + 1:c*length), counted(c))
-         deallocate (mine)
       end do
       !$omp end parallel do
       evaluations = sum(abs(counted))
@@ -52,15 +49,19 @@ contains
          'sampling: the density cannot be computed around the estimate')
    end subroutine run_chains
 
+   !> A chain with a copy of the density of its own, here: gfortran 12 calls through a wild pointer
+   !> where a polymorphic variable is private to a thread without work.
+   !>
    !> counted  evaluations; below 0: no start was found
    subroutine run_chain(density, coordinate, mode, axes, seed, q, log_density, counted)
-      class(density_t), intent(inout) :: density
+      class(density_t), intent(in) :: density
       type(coordinate_t), intent(in) :: coordinate(:)
       real(wp), intent(in) :: mode(:), axes(:, :)
       integer, intent(in) :: seed
       real(wp), intent(out) :: q(:, :), log_density(:)
       integer, intent(out) :: counted
       integer, parameter :: tries = 50
+      class(density_t), allocatable :: mine
       real(wp), dimension(size(mode)) :: x, first, second, mean
       real(wp), dimension(size(mode), size(mode)) :: factor, covariance
       real(wp) :: z(size(mode), 2*block), u(2*block), here, value, value2, accept, accept2
@@ -68,6 +69,7 @@ contains
       integer :: step, place, n, kept, seen, total, i
       logical :: is_upper
 
+      allocate (mine, source=density)
       n = size(mode)
       scale = 2.4_wp/sqrt(real(n, wp))
       counted = 0
@@ -137,7 +139,7 @@ contains
          real(wp), intent(out) :: value, plain
 
          counted = counted + 1
-         call density%evaluate(coordinate%value(at), plain)
+         call mine%evaluate(coordinate%value(at), plain)
          value = impossible
          if (plain > impossible) value = plain + sum(coordinate%log_slope(at))
       end subroutine evaluate

@@ -288,7 +288,6 @@ contains
       type(proposal_t), intent(in) :: proposal
       integer, intent(in) :: seed, wanted
       real(wp), allocatable, intent(inout) :: x(:, :), value(:), log_weight(:)
-      class(density_t), allocatable :: mine
       real(wp), allocatable :: longer(:, :)
       integer :: b, first, had, last, n
 
@@ -299,29 +298,30 @@ contains
       call move_alloc(longer, x)
       value = [value, spread(impossible, 1, wanted - had)]
       log_weight = [log_weight, spread(impossible, 1, wanted - had)]
-      !$omp parallel do schedule(dynamic, 1) private(mine, first, last)
+      !$omp parallel do schedule(dynamic, 1) private(first, last)
       do b = had/block + 1, (wanted + block - 1)/block
          first = max((b - 1)*block, had) + 1
          last = min(b*block, wanted)
-         ! What one evaluation leaves for the next must not depend on which thread did which.
-         allocate (mine, source=density)
-         call draw_block(mine, proposal, seed + 7919*b, first - (b - 1)*block, x(:, first:last), &
+         call draw_block(density, proposal, seed + 7919*b, first - (b - 1)*block, x(:, first:last), &
             value(first:last), log_weight(first:last))
-         deallocate (mine)
       end do
       !$omp end parallel do
    end subroutine draw_more
 
-   !> The draws of one block, from number `first` of it on.
+   !> The draws of one block, from number `first` of it on. The copy of the density is its own: what
+   !> one evaluation leaves for the next must not depend on which thread did which; and gfortran 12
+   !> calls through a wild pointer where a polymorphic variable is private to a thread without work.
    subroutine draw_block(density, proposal, seed, first, x, value, log_weight)
-      class(density_t), intent(inout) :: density
+      class(density_t), intent(in) :: density
       type(proposal_t), intent(in) :: proposal
       integer, intent(in) :: seed, first
       real(wp), intent(out) :: x(:, :)
       real(wp), intent(inout) :: value(:), log_weight(:)
+      class(density_t), allocatable :: mine
       real(wp) :: z(size(x, 1), block), u(2, block), width(size(x, 1)), scale
       integer :: i, n, place
 
+      allocate (mine, source=density)
       n = size(x, 1)
       z = reshape(gaussian_noise(n*block, 1.0_wp, seed), [n, block])
       u = reshape(uniform_noise(2*block, seed + 3), [2, block])
@@ -333,7 +333,7 @@ contains
             e = scale*e
             width = merge(proposal%width(:, 1), proposal%width(:, 2), e < 0)
             x(:, i) = proposal%mode + matmul(proposal%axes, width*e)
-            call density%evaluate(proposal%coordinate%value(x(:, i)), value(i))
+            call mine%evaluate(proposal%coordinate%value(x(:, i)), value(i))
             if (.not. value(i) > impossible) cycle
             log_weight(i) = value(i) + sum(proposal%coordinate%log_slope(x(:, i))) + sum(log(width)) &
                + (freedom + n)/2*log(1 + sum(e**2)/freedom)
