@@ -369,11 +369,12 @@ contains
       end do
    end subroutine test_holes
 
-   !> One, two and three threads: the same to the last bit.
+   !> Any number of threads, more than there are chains among them: the same to the last bit.
    subroutine test_threads()
       type(banana_t) :: density
       type(plan_t) :: plan
-      type(draws_t) :: draws(3)
+      integer, parameter :: threads(4) = [1, 2, 3, 7]
+      type(draws_t) :: draws(4)
       type(error_t), allocatable :: error
       type(variable_t) :: variables(2)
       integer :: importance, k, usual
@@ -385,8 +386,8 @@ contains
       do importance = 0, 1
          plan = planned(importance)
          plan%draws = 2000
-         do k = 1, 3
-            call omp_set_num_threads(k)
+         do k = 1, 4
+            call omp_set_num_threads(threads(k))
             call sample(density, variables, [0.5_wp, 1.0_wp], plan, draws(k), error)
             if (allocated(error)) exit
          end do
@@ -394,8 +395,8 @@ contains
          if (allocated(error)) cycle
          call check('threads, '//by(importance)//'as asked for', draws(1)%weighted .eqv. &
             importance == 1)
-         do k = 2, 3
-            call check('threads, '//by(importance)//'1 and '//to_text(k), &
+         do k = 2, 4
+            call check('threads, '//by(importance)//'1 and '//to_text(threads(k)), &
                all(transfer(draws(k)%q, [0]) == transfer(draws(1)%q, [0])) .and. &
                all(transfer(draws(k)%log_density, [0]) == transfer(draws(1)%log_density, [0])) &
                .and. draws(k)%evaluations == draws(1)%evaluations)
