@@ -1,5 +1,5 @@
-!> Noise that remembers: e_t = a_1 e_(t-1) + ... + a_p e_(t-p) + white noise, estimated from residuals,
-!> and the filter that makes such noise white.
+!> Noise that remembers: e_t = a_1 e_(t-1) + ... + a_p e_(t-p) + white noise, estimated from
+!> residuals, and the filter that makes such noise white.
 !>
 !> Yule and Walker's equations by Levinson's recursion, the order by the least AICc (Brockwell and
 !> Davis, Time Series: Theory and Methods, 1991, sections 8.1, 8.2 and 9.3).

@@ -1,5 +1,5 @@
-!> Markov chains by Metropolis' rule with a proposal that adapts, and a second, shorter step where the
-!> first is refused (Haario, Laine, Mira and Saksman, Statistics and Computing 16, 2006, 339).
+!> Markov chains by Metropolis' rule with a proposal that adapts, and a second, shorter step where
+!> the first is refused (Haario, Laine, Mira and Saksman, Statistics and Computing 16, 2006, 339).
 module beamid_metropolis
    use beamid_densities, only: coordinate_t, density_t, impossible
    use beamid_errors, only: error_t, failure

@@ -108,8 +108,8 @@ contains
          end if
          z = sqrt(max(0.0_wp, J - J_min)/rise)
          if (z >= 1) then
-            call find_end(section, rows, variables, here, there, side%distance(size(side%J)), z, J, &
-               J_min, rise, side)
+            call find_end(section, rows, variables, here, there, side%distance(size(side%J)), z, &
+               J, J_min, rise, side)
             return
          end if
          step = abs(there(k) - here(k))
@@ -135,8 +135,8 @@ contains
 
    contains
 
-      !> A step along the curve of minima, within the bounds. The model may have no value at a bound,
-      !> and a curve of minima may lead all parameters to theirs: no step goes all the way.
+      !> A step along the curve of minima, within the bounds. The model may have no value at a
+      !> bound, and a curve of minima may lead all parameters to theirs: no step goes all the way.
       function ahead(from, slopes, length) result(to)
          real(wp), intent(in) :: from(:), slopes(:), length
          real(wp) :: to(size(from)), moved

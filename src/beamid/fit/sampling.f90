@@ -1,5 +1,5 @@
-!> Draws from a probability density of several parameters: by importance sampling from a distribution
-!> fitted to its mode, and where the weights say that this fails by Markov chains.
+!> Draws from a probability density of several parameters: by importance sampling from a
+!> distribution fitted to its mode, and where the weights say that this fails by Markov chains.
 !>
 !> The proposal is Student's t with four degrees of freedom in coordinates without bounds, with its
 !> own width on each side of every axis (Geweke, Econometrica 57, 1989, 1317).
@@ -233,8 +233,8 @@ contains
       end do
    end subroutine in_coordinates
 
-   !> Draws from the proposal until enough of them are worth it; where that fails the proposal is fitted
-   !> again to what was drawn.
+   !> Draws from the proposal until enough of them are worth it; where that fails the proposal is
+   !> fitted again to what was drawn.
    !>
    !> good  whether the weights can be trusted
    subroutine draw_weighted(density, proposal, plan, draws, good)
@@ -255,7 +255,8 @@ contains
          allocate (x(n, 0), value(0), log_weight(0))
          wanted = pilot
          do
-            call draw_more(density, proposal, plan%seed + 104729*round, wanted, x, value, log_weight)
+            call draw_more(density, proposal, plan%seed + 104729*round, wanted, x, value, &
+               log_weight)
             if (.not. any(log_weight > impossible)) then
                draws%evaluations = draws%evaluations + wanted
                return
@@ -302,8 +303,8 @@ contains
       do b = had/block + 1, (wanted + block - 1)/block
          first = max((b - 1)*block, had) + 1
          last = min(b*block, wanted)
-         call draw_block(density, proposal, seed + 7919*b, first - (b - 1)*block, x(:, first:last), &
-            value(first:last), log_weight(first:last))
+         call draw_block(density, proposal, seed + 7919*b, first - (b - 1)*block, &
+            x(:, first:last), value(first:last), log_weight(first:last))
       end do
       !$omp end parallel do
    end subroutine draw_more
@@ -335,8 +336,8 @@ contains
             x(:, i) = proposal%mode + matmul(proposal%axes, width*e)
             call mine%evaluate(proposal%coordinate%value(x(:, i)), value(i))
             if (.not. value(i) > impossible) cycle
-            log_weight(i) = value(i) + sum(proposal%coordinate%log_slope(x(:, i))) + sum(log(width)) &
-               + (freedom + n)/2*log(1 + sum(e**2)/freedom)
+            log_weight(i) = value(i) + sum(proposal%coordinate%log_slope(x(:, i))) &
+               + sum(log(width)) + (freedom + n)/2*log(1 + sum(e**2)/freedom)
          end associate
       end do
    end subroutine draw_block
