@@ -118,7 +118,7 @@ contains
       end do
    end subroutine test_one_parameter
 
-   !> A bound at half of the way.
+   !> A bound at half of the way to the end.
    subroutine test_own_bound()
       type(curve_t) :: problem
       type(variable_t) :: variables(3)
@@ -130,7 +130,7 @@ contains
       call follow_profile(problem, 30, variables, b, J_min, 2, -1, rise, h(2), side)
       call check('own bound: state', side%state == at_bound, to_text(side%state))
       call check_close('own bound: end', side%end, b(2) - h(2)/2, 0.0_wp)
-      ! The last point is no farther from it than a thousandth of the way.
+      ! The way to a bound is followed up to its last thousandth.
       call check_close('own bound: distance', side%distance(size(side%distance)), 0.5_wp, 0.5e-3_wp)
       call follow_profile(problem, 30, variables, b, J_min, 2, 1, rise, h(2), side)
       call check('own bound: the other side is closed', side%state == is_closed)
