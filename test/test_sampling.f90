@@ -21,6 +21,7 @@ program test_sampling
    call test_coordinates()
    call test_normal()
    call test_narrow()
+   call test_long_chains()
    call test_half_normal()
    call test_between_bounds()
    call test_banana()
@@ -177,6 +178,30 @@ contains
          call check_close('narrow, '//by(importance)//'deviation', s(1)/sd, 1.0_wp, allowed)
       end do
    end subroutine test_narrow
+
+   !> 400000 draws by chains: a second step that is taken too often or too seldom shows in how the
+   !> distances from the mean are distributed, of which 95 % are within 1.96 deviations.
+   subroutine test_long_chains()
+      type(normal_t) :: density
+      type(draws_t) :: draws
+      type(plan_t) :: plan
+      type(error_t), allocatable :: error
+      real(wp) :: m(1), s(1), allowed
+
+      density%mean = [0.0_wp]
+      density%precision = reshape([1.0_wp], [1, 1])
+      plan = plan_t(draws=400000, importance=.false.)
+      call sample(density, [new_variable(1.0_wp, -unbounded, unbounded, 1.0_wp)], [0.0_wp], &
+         plan, draws, error)
+      call check('long chains: done', .not. allocated(error))
+      if (allocated(error)) return
+      call moments(draws, m, s)
+      allowed = 4/sqrt(min(draws%effective, 400000.0_wp))
+      call check_close('long chains: mean', m(1), 0.0_wp, allowed)
+      call check_close('long chains: deviation', s(1), 1.0_wp, allowed/sqrt(2.0_wp))
+      call check_close('long chains: within 1.96', count(abs(draws%q) < 1.959963984540054_wp) &
+         /real(size(draws%q), wp), 0.95_wp, allowed*sqrt(0.05_wp*0.95_wp))
+   end subroutine test_long_chains
 
    !> exp(-q**2/2), q > 0, or q < 0: mean sqrt(2/pi), deviation sqrt(1 - 2/pi), quantiles of the
    !> normal law.
