@@ -154,7 +154,7 @@ contains
       type(text_t), intent(inout) :: text
       character(len=*), intent(in) :: word
       type(error_t), allocatable, intent(out) :: error
-      character(len=name_length), allocatable :: words(:)
+      character(len=name_length), allocatable :: words(:), all_words(:)
       character(len=:), allocatable :: perhaps
       logical :: found
       integer :: k
@@ -171,7 +171,11 @@ contains
       call add_help_on(trim(word(merge(2, 1, index(word, '&') == 1):)), text, found)
       if (found) return
       call known_words(words)
-      call or_nearest(word, [character(len=name_length) :: command_names(), words], perhaps)
+      ! gfortran 12 gives an array constructor with a function in it too little room.
+      allocate (all_words(size(commands) + size(words)))
+      all_words(:size(commands)) = commands%name
+      all_words(size(commands) + 1:) = words
+      call or_nearest(word, all_words, perhaps)
       call bad_input(error, 'help: found '//word// &
          ', expected a command, a group, a key or a parameter'//perhaps)
    end subroutine add_word

@@ -3,7 +3,7 @@
 program test_distributions
    use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
    use beamid_distributions, only: chi_square_tail, incomplete_beta, incomplete_gamma, &
-      student_probability, student_quantile
+      normal_probability, normal_quantile, student_probability, student_quantile
    use beamid_kinds, only: wp
    use beamid_strings, only: to_text
    use checks, only: check, check_close, finish
@@ -22,6 +22,8 @@ program test_distributions
    call test_chi_square()
    call test_monotonic()
    call test_extremes()
+   call test_normal()
+   call test_normal_round_trip()
    call finish('distributions')
 
 contains
@@ -336,5 +338,58 @@ contains
       call check_close('Student, 95 %, freedom 1e8', student_quantile(0.95_wp, 1e8_wp), &
          1.959963984540054_wp, 3e-6_wp)
    end subroutine test_extremes
+
+   !> scipy.stats.norm.ppf(p), and norm.cdf at the same places. The rounding of p alone moves x by
+   !> eps p/density, of 1 - p as much as of p; a few eps of x, or of 1 where x is near 0, beside it.
+   !> The probability at a rounded x is known to x**2 eps of itself.
+   subroutine test_normal()
+      integer, parameter :: n = 20
+      real(wp), parameter :: p(n) = [1e-300_wp, 1e-200_wp, 1e-100_wp, 1e-20_wp, 1e-16_wp, &
+         1e-10_wp, 1e-5_wp, 0.02425_wp, 0.025_wp, 0.1_wp, 0.3_wp, 0.499999999_wp, 0.5_wp, 0.7_wp, &
+         0.9_wp, 0.975_wp, 0.99999_wp, 0.9999999999_wp, 0.9999999999999_wp, 1 - eps/2]
+      real(wp), parameter :: x(n) = [-37.0470962993612_wp, -30.20559417957964_wp, &
+         -21.273453560965322_wp, -9.262340089798409_wp, -8.222082216130435_wp, &
+         -6.361340902404056_wp, -4.264890793922825_wp, -1.972961051311885_wp, &
+         -1.9599639845400545_wp, -1.2815515655446004_wp, -0.5244005127080409_wp, &
+         -2.5066283428845328e-09_wp, 0.0_wp, 0.5244005127080407_wp, 1.2815515655446004_wp, &
+         1.959963984540054_wp, 4.264890793923841_wp, 6.361340889697422_wp, &
+         7.3487545403000425_wp, 8.209536151601387_wp]
+      real(wp) :: density, found(n)
+      integer :: k
+
+      found = normal_quantile(p)
+      do k = 1, n
+         density = exp(-x(k)**2/2)/sqrt(2*pi)
+         call check_close('normal quantile, p = '//to_text(p(k)), found(k), x(k), 4*eps &
+            *max(1.0_wp, abs(x(k))) + eps*p(k)/density)
+         call check_close('normal probability, x = '//to_text(x(k)), normal_probability(x(k)) &
+            /p(k), 1.0_wp, 4*eps*(1 + x(k)**2))
+      end do
+      call check('normal quantiles ascend', all(found(2:) > found(:n - 1)))
+      ! 1e-310 itself is known to 1e-14, and the probability at x to as much.
+      call check_close('normal quantile, p = 1e-310', normal_quantile(1e-310_wp), &
+         -37.663060331949524_wp, 1e-11_wp)
+      call check_close('normal probability, far out', normal_probability(-40.0_wp), 0.0_wp, 0.0_wp)
+      call check_close('normal probability, far out above', normal_probability(40.0_wp), 1.0_wp, &
+         0.0_wp)
+   end subroutine test_normal
+
+   !> There and back again, on a fine grid of -37 .. 8; the error of p as above, that of x is eps
+   !> p/density more where p is near 1.
+   subroutine test_normal_round_trip()
+      integer, parameter :: n = 4501
+      real(wp) :: x, p, density, worst
+      integer :: k
+
+      worst = 0
+      do k = 1, n
+         x = -37 + (k - 1)*0.01_wp
+         p = normal_probability(x)
+         density = exp(-x**2/2)/sqrt(2*pi)
+         worst = max(worst, abs(normal_quantile(p) - x)/(eps*max(1.0_wp, abs(x)) + eps*p/density &
+            *(1 + x**2*min(1.0_wp, (1 - p)/p))))
+      end do
+      call check('normal quantile of a probability: back again', worst < 8, to_text(worst))
+   end subroutine test_normal_round_trip
 
 end program test_distributions

@@ -229,6 +229,7 @@ contains
       type(stage_fit_t) :: found
       type(side_t), allocatable :: sides(:, :)
       type(posterior_draws_t) :: posterior
+      integer :: i
 
       before = stage
       stage = stage_of(all_of_them, [80.0_wp, 0.03_wp, 0.15_wp, exact(2:), exact(1), 1.0_wp])
@@ -238,7 +239,10 @@ contains
       call check('no limit: profiles', .not. allocated(error))
       if (allocated(error)) return
       call check('no limit: above', all(sides(2, :)%state == is_open))
-      call check('no limit: below', all(sides(1, :)%state == at_bound))
+      do i = 1, size(all_of_them)
+         call check('no limit: '//trim(all_of_them(i))//', below', sides(1, i)%state == at_bound, &
+            to_text(sides(1, i)%state)//' '//sides(1, i)%reason)
+      end do
       call sample_fit(model, mesh, experiments, found, sides, plan_t(draws=400), posterior, error)
       call check('no limit: no posterior', allocated(error))
       if (allocated(error)) call check('no limit: said', index(error%message, 'no limit') > 0, &

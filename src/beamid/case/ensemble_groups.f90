@@ -45,7 +45,7 @@ contains
       found%command = 'identify'
       found%line = block%line
       call block%get('command', found%command, 'that is run on each member', &
-         [character(len=8) :: 'identify', 'modes'])
+         [character(len=9) :: 'identify', 'profile', 'sample', 'bootstrap', 'modes'])
       call block%get('members', found%members, 'their number', range_t(1, 999999999))
       call block%get('seed', found%seed, 'of the random numbers')
       call block%get('elements', found%elements, 'of the mesh of the beam that makes a record', &

@@ -4,22 +4,27 @@ module beamid_ensembles
    use beamid_case_checks, only: check_needs, needs_fit
    use beamid_case_files, only: case_t
    use beamid_cases, only: load_experiments
+   use beamid_chains, only: quantile
    use beamid_equations, only: equations_t, new_equations
    use beamid_errors, only: error_t, locate
    use beamid_excitation, only: new_pulse
    use beamid_experiments, only: apparatus_t, experiment_t, linear_t, new_apparatus, seen_modes_t
    use beamid_galerkin, only: galerkin_t, mesh_t, new_galerkin
    use beamid_identification, only: identify, stage_fit_t
+   use beamid_inference, only: bootstrap_fit, bootstrap_t, posterior_draws_t, profile_fit, &
+      sample_fit
    use beamid_kinds, only: ip, wp
    use beamid_modal, only: modal_t
    use beamid_multistart, only: identify_from_many, minimum_t
    use beamid_noise, only: gaussian_noise, uniform_noise
    use beamid_parameters, only: as_named, check_structure, get_free, offset
+   use beamid_profile_likelihood, only: is_lost, side_t
    use beamid_records, only: grid, note_length
    use beamid_refinement, only: identify_refining
    use beamid_refusals, only: refuse
    use beamid_responses, only: is_exact, work_t
    use beamid_roots, only: damped_roots
+   use beamid_sorting, only: sort
    use beamid_statistics, only: unlimited
    use beamid_strings, only: to_text
    use beamid_structure, only: of_kappa_R
@@ -105,7 +110,8 @@ contains
             if (allocated(error)) return
          end do
       end associate
-      if (size(case%draws) == 0 .and. needs_records(case)) call maker%respond(maker%world, maker%clean, error)
+      if (size(case%draws) == 0 .and. needs_records(case)) call maker%respond(maker%world, &
+         maker%clean, error)
    end subroutine new_ensemble
 
    !> Records without a file are at the times of their grids.
@@ -152,8 +158,8 @@ contains
       end if
       if (.not. allocated(error)) then
          select case (self%case%ensemble%command)
-         case ('identify'); call fit_member(self%case, experiments, world, member%rows, error)
          case ('modes'); call modes_of_member(self%case, world, member%rows, error)
+         case default; call fit_member(self%case, experiments, world, member%rows, error)
          end select
       end if
       if (allocated(error)) call move_alloc(error%message, member%message)
@@ -270,7 +276,7 @@ contains
       type(stage_fit_t), allocatable :: fits(:), refined(:, :)
       type(minimum_t), allocatable :: minima(:)
       type(mesh_t) :: mesh
-      integer :: failures, k, n
+      integer :: failures, first, k, n
 
       n = size(case%stages)
       do k = 1, size(case%meshes)
@@ -279,19 +285,73 @@ contains
             call identify_from_many(case%model, mesh, case%stages, experiments, case%multistart, &
                minima, failures, error, check=.false.)
             if (allocated(error)) return
-            call add_fit_rows(minima(1)%fits(n), experiments, rows, world)
+            fits = minima(1)%fits
          else if (case%refines .and. is_exact(case%model%solver)) then
             call identify_refining(case%model, mesh, case%stages, experiments, refined, error, &
                check=.false.)
             if (allocated(error)) return
-            call add_fit_rows(refined(n, 1), experiments, rows, world)
+            fits = refined(:, 1)
          else
             call identify(case%model, mesh, case%stages, experiments, fits, error, check=.false.)
             if (allocated(error)) return
-            call add_fit_rows(fits(n), experiments, rows, world)
          end if
+         first = size(rows) + 1
+         call add_fit_rows(fits(n), experiments, rows, world)
+         call infer(case, mesh, experiments, fits(n), rows(first:), error)
+         if (allocated(error)) return
       end do
    end subroutine fit_member
+
+   !> In the place of linear theory's what the command has for an interval; of the posterior also for
+   !> estimate and standard error, its mean and standard deviation.
+   !>
+   !> rows  of the fit
+   subroutine infer(case, mesh, experiments, fit, rows, error)
+      type(case_t), intent(in) :: case
+      type(mesh_t), intent(in) :: mesh
+      type(experiment_t), intent(in) :: experiments(:)
+      type(stage_fit_t), intent(in) :: fit
+      type(row_t), intent(inout) :: rows(:)
+      type(error_t), allocatable, intent(out) :: error
+      type(side_t), allocatable :: sides(:, :)
+      type(posterior_draws_t) :: posterior
+      type(bootstrap_t) :: resampled
+      real(wp) :: ends(2)
+      real(wp), allocatable :: x(:)
+      integer :: k
+
+      associate (command => case%ensemble%command)
+         if (command == 'identify') return
+         if (command == 'bootstrap') then
+            call bootstrap_fit(case%model, mesh, experiments, fit, case%bootstrap, resampled, error)
+         else
+            call profile_fit(case%model, mesh, experiments, fit, sides, error)
+         end if
+         if (command == 'sample' .and. .not. allocated(error)) call sample_fit(case%model, mesh, &
+            experiments, fit, sides, case%sampling, posterior, error)
+         if (allocated(error)) return
+         do k = 1, size(fit%free)
+            associate (q => fit%quantities(k), row => rows(k))
+               if (command == 'profile') then
+                  ends = sides(:, k)%end
+                  where (sides(:, k)%state == is_lost) ends = unlimited
+               else if (command == 'bootstrap') then
+                  ends = resampled%corrected(:, k)
+               else
+                  x = posterior%draws%q(k, :)
+                  if (q%is_reciprocal()) x = as_named(q%parameter, x)
+                  row%estimate = sum(x)/size(x)
+                  row%std_error = sqrt(sum((x - row%estimate)**2)/(size(x) - 1))
+                  x = posterior%draws%q(k, :)
+                  call sort(x)
+                  ends = [quantile(x, 0.025_wp), quantile(x, 0.975_wp)]
+               end if
+               row%interval = ends
+               if (q%is_reciprocal()) row%interval = as_named(q%parameter, ends(2:1:-1))
+            end associate
+         end do
+      end associate
+   end subroutine infer
 
    !> Estimates and their intervals.
    !>

@@ -58,7 +58,7 @@ contains
          a(k, k) = reflection
          variance(k) = variance(k - 1)*(1 - reflection**2)
       end do
-      criterion = [(m*log(variance(k)) + 2.0_wp*(k + 1)*m/(m - k - 2), k=0, most)]
+      criterion = [(m*log(variance(k)) + 2.0_wp*(k + 1)*m/max(1, m - k - 2), k=0, most)]
       self%order = minloc(criterion, dim=1) - 1
       allocate (self%predictor(self%order, 0:self%order), self%gain(0:self%order))
       self%predictor(:, :) = a(:self%order, :self%order)

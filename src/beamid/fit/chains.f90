@@ -56,7 +56,11 @@ contains
          associate (z => normal_scores(halves(values)))
             call variances(z, within, between)
             of_scores = 1
-            if (within > 0) of_scores = sqrt((size(z, 1) - 1.0_wp)/size(z, 1) + between/within)
+            if (within > 0) then
+               of_scores = sqrt((size(z, 1) - 1.0_wp)/size(z, 1) + between/within)
+            else if (between > 0) then
+               of_scores = huge(of_scores)
+            end if
          end associate
       end function of_scores
 
@@ -165,16 +169,16 @@ contains
       total = 1 + correlation(1)
       before = total
       lag = 2
-      do while (lag + 1 < n)
+      do while (lag < n - 2)
          pair = correlation(lag) + correlation(lag + 1)
-         if (pair < 0) exit
+         if (pair < 0 .or. lag >= n - 4) exit
          pair = min(pair, before)
          total = total + pair
          before = pair
          lag = lag + 2
       end do
-      ! Of the pair that was no longer positive the first may be.
-      if (lag + 1 < n) total = total + max(0.0_wp, correlation(lag))/2
+      ! Of the last pair the first may be positive.
+      if (lag < n - 2) total = total + max(0.0_wp, correlation(lag))/2
       effective = size(draws)/max(2*total - 1, 1/log10(real(size(draws), wp)))
 
    contains
@@ -189,7 +193,7 @@ contains
             covariance = covariance + dot_product(draws(:n - lag, k) - means(k), &
                draws(lag + 1:, k) - means(k))/n/size(draws, 2)
          end do
-         correlation = 1 - (within - covariance*n/(n - 1))/spread
+         correlation = 1 - (within - covariance)/spread
          if (lag == 0) correlation = 1
       end function correlation
 

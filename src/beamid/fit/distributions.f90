@@ -174,7 +174,7 @@ contains
       x = 0
       do k = 1, 100
          there = normal_probability(x)
-         step = log(there/tail)*there*root_of_2_pi*exp(x**2/2)
+         step = log(there/tail)*(there*exp(x**2/4))*exp(x**2/4)*root_of_2_pi
          x = x - min(step, 3.0_wp)
          if (abs(step) <= 4*epsilon(x)*max(abs(x), 1.0_wp)) exit
       end do

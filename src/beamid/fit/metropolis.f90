@@ -19,7 +19,8 @@ module beamid_metropolis
 
 contains
 
-   !> mode, axes   (n), (n, n) where the density is high, and how it falls off: an upper triangle
+   !> mode, axes   (n), (n, n) where the density is high, and how it falls off: a triangle, upper or
+   !>              lower
    !> chains       each from a start of its own, farther out than most of the density
    !> length       draws kept of each
    !> q            (n, chains*length) parameters, chain by chain
@@ -81,7 +82,7 @@ contains
          return
       end if
       factor = scale*axes
-      is_upper = .true.
+      is_upper = all([(all(abs(axes(i + 1:, i)) <= 0), i=1, n)])
       mean = x
       covariance = 0
       seen = 0
@@ -137,8 +138,8 @@ contains
 
          counted = counted + 1
          call density%evaluate(coordinate%value(at), plain)
-         value = plain
-         if (value > impossible) value = value + sum(coordinate%log_slope(at))
+         value = impossible
+         if (plain > impossible) value = plain + sum(coordinate%log_slope(at))
       end subroutine evaluate
 
       !> Log density of a first step, up to a constant.
@@ -167,7 +168,7 @@ contains
 
          trial = covariance/(seen - 1)
          do k = 1, n
-            trial(k, k) = trial(k, k)*(1 + 1e-8_wp) + 1e-12_wp
+            trial(k, k) = trial(k, k)*(1 + 1e-8_wp) + tiny(1.0_wp)
          end do
          call dpotrf('L', n, trial, n, info)
          if (info /= 0) return

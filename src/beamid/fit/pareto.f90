@@ -30,13 +30,15 @@ contains
          sorted = weight
          call sort(sorted)
          cut = sorted(n - m)
-         tail = sorted(n - m + 1:) - cut
-         if (tail(m) > 0 .and. tail(1) > 0) then
-            call fit_pareto(tail, k, sigma)
+         ! Weights equal to the cut, zeros above all, are none of the tail.
+         tail = pack(sorted(n - m + 1:), sorted(n - m + 1:) > cut)
+         m = size(tail)
+         if (m >= 5) then
+            call fit_pareto(tail - cut, k, sigma)
             ! By rank, and none above the largest that was drawn.
             do i = 1, n
                if (.not. weight(i) > cut) cycle
-               place = count(sorted(n - m + 1:) <= weight(i))
+               place = count(tail <= weight(i))
                p = (place - 0.5_wp)/m
                if (abs(k) > 1e-12_wp) then
                   weight(i) = cut + sigma*((1 - p)**(-k) - 1)/k

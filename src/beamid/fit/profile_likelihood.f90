@@ -225,6 +225,9 @@ contains
 
       section%value = parameters(section%held)
       others = without(variables, section%held)
+      ! What has followed the one that is held to a thousandth of its size is at no bound yet.
+      others%magnitude = max(1e-4_wp*others%magnitude, min(others%magnitude, &
+         abs(pick(parameters, section%held))))
       others = others%from(pick(parameters, section%held))
       options%check = .false.
       options%tolerance = 1e-9_wp

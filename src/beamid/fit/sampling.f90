@@ -68,6 +68,7 @@ contains
       type(error_t), allocatable, intent(out) :: error
       type(proposal_t) :: proposal
       logical :: good
+      integer :: counted
 
       call new_proposal(density, variables, start, proposal, error)
       if (allocated(error)) return
@@ -75,8 +76,10 @@ contains
       if (plan%importance) call draw_weighted(density, proposal, plan, draws, good)
       if (.not. good) then
          draws%weighted = .false.
+         counted = draws%evaluations
          call run_chains(density, proposal%coordinate, proposal%mode, proposal%axes, chains, &
             plan%draws/chains, plan%seed, draws%q, draws%log_density, draws%evaluations, error)
+         draws%evaluations = draws%evaluations + counted
          if (allocated(error)) return
       end if
       call judge(draws, error)
@@ -143,7 +146,7 @@ contains
          step = g
          call dtrtrs('U', 'T', 'N', n, 1, R, n, step, n, info)
          call dtrtrs('U', 'N', 'N', n, 1, R, n, step, n, info)
-         there = x + step*min(1.0_wp, 2/maxval(abs(step)))
+         there = x + step*min(1.0_wp, 2/max(maxval(abs(step)), tiny(here)))
          call in_coordinates(mine, proposal%coordinate, there, value)
          moved = value > here
          if (moved) then
@@ -253,7 +256,10 @@ contains
          wanted = pilot
          do
             call draw_more(density, proposal, plan%seed + 104729*round, wanted, x, value, log_weight)
-            if (.not. any(log_weight > impossible)) return
+            if (.not. any(log_weight > impossible)) then
+               draws%evaluations = draws%evaluations + wanted
+               return
+            end if
             if (allocated(weight)) deallocate (weight)
             allocate (weight(wanted))
             call smooth_weights(log_weight, weight, draws%k)
