@@ -622,8 +622,8 @@ def part_posterior(beamid, _, effort):
         rows.append([name, f"{draws:.0f}", ms(seconds), f"{size:.0f}",
                      f"{np.median(rates[name]):.0f}", times(ratio(rates, "beamid sample", name)),
                      *(f"{mean:.4g}" for mean in means)])
-    table(["Posterior of Table 4.1, N = 4, 2 % noise", "draws", "ms", "effective", "effective a second",
-           "beamid's lead", *(f"mean {name}" for name in NAMES)], rows)
+    table(["Posterior of Table 4.1, N = 4, 2 % noise", "draws", "ms", "effective",
+           "effective a second", "beamid's lead", *(f"mean {name}" for name in NAMES)], rows)
 
 
 def part_instructions(beamid, *_):
