@@ -7,6 +7,7 @@ Markdown. Parts, all of them by default:
                 it against LAPACK's QR and as many complex exponentials
   elements      the time of a fit of Table 4.1 against the number of elements
   samples       the time of one evaluation against the number of samples, and the memory
+  posterior     effective samples a second of Table 4.1 with noise against emcee and NumPyro
   instructions  of a fit and of an evaluation, counted by valgrind's callgrind
 
 What is measured against is installed into build/peers, for this script alone.
@@ -42,7 +43,8 @@ except ImportError:
 PEERS = CHECKOUT / "build" / "peers"
 CASE = CHECKOUT / "data" / "table_4_1_fit.nml"
 RECORD = CHECKOUT / "data" / "table_4_1_record.csv"
-PARTS = ("table", "decay", "elements", "samples", "instructions")
+NOISY = CHECKOUT / "data" / "table_4_1_noisy.nml"
+PARTS = ("table", "decay", "elements", "samples", "posterior", "instructions")
 NAMES = ("c_D", "m_H", "c_H", "k_H")    # free in Table 4.1
 
 TOLERANCES = (1e-4, 1e-6, 1e-8, 1e-10)
@@ -89,6 +91,12 @@ second are done once.
   Jacobian and SciPy's own tolerances (1e-8), without statistics. Both eliminate two amplitudes, two
   phases and the offset, start at the same motion and must reach the same J: one model, in two sets
   of four parameters.
+- Posterior: four parameters, every value above 0 as likely as any other beforehand, noise
+  integrated out. beamid: the process from start to files, with the fit, its verdict, profiles and
+  modes of the draws; emcee (32 walkers that stretch, 4000 steps, the first 500 discarded) and
+  NumPyro (NUTS, a dense mass matrix, 1000 draws of warm-up and 4000 more) walk from the estimate
+  with JAX' expm, doubled, compiled beforehand. Effective samples: NumPyro's estimate for all, of the
+  parameter that has the fewest; of beamid at most what its weights are worth.
 - QR: LAPACK's dgeqrf of samples x 9, the number of unknowns (or x 5, of the linear ones): Netlib's
   where Debian has it (liblapack3), and SciPy's OpenBLAS. The floor is Netlib's QR of samples x 9
   and two complex exponentials (NumPy) for each sample."""
@@ -102,16 +110,16 @@ def restart_with_peers():
         fail("setup.sh failed", 1)
     if not python.exists():
         subprocess.run([PYTHON, "-m", "venv", PEERS], stdout=sys.stderr)
-    for packages in (["numpy", "scipy", "matplotlib"], ["jax"]):
+    for packages in (["numpy", "scipy", "matplotlib"], ["jax"], ["emcee", "numpyro"]):
         works = [python, "-c", "import " + ", ".join(packages)]
         if subprocess.run(works, stderr=subprocess.DEVNULL).returncode:
             tell(f"installing {', '.join(packages)} into {PEERS.relative_to(CHECKOUT)}")
             subprocess.run([python, "-m", "pip", "-q", "--disable-pip-version-check", "install",
                             *packages], stdout=sys.stderr)
             if subprocess.run(works, stderr=subprocess.DEVNULL).returncode:
-                if packages != ["jax"]:
+                if "numpy" in packages:
                     fail(f"could not install {', '.join(packages)} into {PEERS}", 1)
-                tell("JAX cannot be installed: its rows are left out")
+                tell(f"{', '.join(packages)} cannot be installed: what needs them is left out")
     os.execv(python, [str(python), *sys.argv])
 
 
@@ -562,6 +570,60 @@ def part_samples(beamid, _, effort):
         print(f"\nOne evaluation of 1000000 samples takes {seconds[10**6] / seconds[SAMPLES]:.1f} "
               f"times as long as one of {SAMPLES}.")
     return sizes, lines
+
+
+def part_posterior(beamid, _, effort):
+    """Table 4.1 with noise: draws by everything, effective samples a second, and their means."""
+    if not peers.jax or not peers.emcee:
+        tell("emcee, numpyro or JAX is not installed: posteriors are not compared")
+        return
+    shutil.copy(NOISY.with_suffix(".csv"), beamid.folder)
+    case = beamid.write_case(NOISY.name, NOISY.read_text())
+    measured = np.loadtxt(NOISY.with_suffix(".csv"), delimiter=",", skiprows=1)[:, 1]
+    model = peers.Model(4, measured)
+    beamid.run("identify", case)
+    estimates, J = beamid.estimates()
+    check_model(model, estimates, J)
+    posterior = peers.Posterior(model, estimates)
+
+    def by_beamid(seed):
+        text = NOISY.read_text() + f"&sample seed={seed} /\n"
+        seconds = beamid.run("sample", beamid.write_case(NOISY.name, text))
+        rows = beamid.output("posterior.csv")
+        draws = np.array([[float(row[name]) for name in NAMES] for row in rows]).reshape(4, -1, 4)
+        told = (beamid.folder / "out" / "intervals.txt").read_text()
+        worth = float(re.search(r"worth\s+(\d+)\s+independent", told)[1])
+        return seconds, draws, worth
+
+    def by_peer(call, *counts):
+        begin = time.process_time()
+        draws = call(*counts)
+        return time.process_time() - begin, draws, math.inf
+
+    methods = {"beamid sample": by_beamid,
+               "emcee, JAX": lambda seed: by_peer(posterior.by_emcee, 4000, 500, seed),
+               "NumPyro NUTS": lambda seed: by_peer(posterior.by_nuts, 1000, 4000, seed)}
+    rounds = min(effort.rounds, 3)
+    tell(f"posterior, {', '.join(methods)}: {rounds} rounds")
+    posterior.by_emcee(2, 0, 0)
+    posterior.by_nuts(1000, 4000, 0)    # compiles
+    found = {name: [] for name in methods}
+    for seed in range(1, rounds + 1):
+        for name, run in methods.items():
+            seconds, draws, worth = run(seed)
+            size = min(worth, float(min(peers.effective(draws))))
+            found[name].append((seconds, draws.shape[0] * draws.shape[1], size,
+                                *draws.mean(axis=(0, 1))))
+    rates = {name: [size / seconds for seconds, _, size, *_ in runs]
+             for name, runs in found.items()}
+    rows = []
+    for name, runs in found.items():
+        seconds, draws, size, *means = np.median(runs, axis=0)
+        rows.append([name, f"{draws:.0f}", ms(seconds), f"{size:.0f}",
+                     f"{np.median(rates[name]):.0f}", times(ratio(rates, "beamid sample", name)),
+                     *(f"{mean:.4g}" for mean in means)])
+    table(["Posterior of Table 4.1, N = 4, 2 % noise", "draws", "ms", "effective",
+           "effective a second", "beamid's lead", *(f"mean {name}" for name in NAMES)], rows)
 
 
 def part_instructions(beamid, *_):

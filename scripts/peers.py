@@ -26,6 +26,12 @@ except ImportError:
 else:
     jax.config.update("jax_enable_x64", True)
 
+try:
+    import emcee
+    import numpyro
+except ImportError:
+    emcee = numpyro = None
+
 # Table 4.1's model in the units of its case file; `check_model` compares the two.
 LENGTH, RHO, E, I, TIP_MASS, PULSE, DELTA = 4.0, 0.03, 80.0, 1.0, 0.15, 0.05, 0.1
 START = (0.0035, 0.035, 0.0035, 0.4)
@@ -186,6 +192,51 @@ class JaxModel:
         start = (x, both(x), 1e-3, False, 0)
         found = jax.lax.while_loop(lambda now: ~now[3] & (now[4] < 100), improve, start)
         return jnp.asarray(START) * jnp.exp(found[0])
+
+
+class Posterior:
+    """Draws of Table 4.1's parameters by others: every value above 0 as likely as any other
+    beforehand, the noise integrated out: a density of J^(-m/2). The walks are over logarithms of
+    the parameters over their starts, and count that in the density.
+
+    estimates  where the walks begin
+    """
+
+    def __init__(self, model, estimates):
+        self.model, self.begin = JaxModel(model, True), np.log(np.divide(estimates, START))
+        self.half = len(model.measured) / 2
+        self.many = jax.jit(jax.vmap(self.log_density))
+        self.kernel = None
+
+    def log_density(self, x):
+        """But for a constant."""
+        r = self.model.residuals(x)
+        return jnp.sum(x) - self.half * jnp.log(r @ r)
+
+    def by_emcee(self, steps, discard, seed, walkers=32):
+        """(walkers, draws, 4) by walkers that stretch, half of them at a time in one call."""
+        random = np.random.default_rng(seed)
+        begin = self.begin + 0.01 * random.standard_normal((walkers, 4))
+        sampler = emcee.EnsembleSampler(walkers, 4, lambda x: np.asarray(self.many(x)),
+                                        vectorize=True)
+        sampler.random_state = np.random.RandomState(seed).get_state()
+        sampler.run_mcmc(begin, steps)
+        return START * np.exp(sampler.get_chain(discard=discard).swapaxes(0, 1))
+
+    def by_nuts(self, warmup, draws, seed):
+        """(1, draws, 4) by NumPyro's NUTS with a dense mass matrix; the first call compiles."""
+        if self.kernel is None:
+            kernel = numpyro.infer.NUTS(potential_fn=lambda x: -self.log_density(x),
+                                        dense_mass=True)
+            self.kernel = numpyro.infer.MCMC(kernel, num_warmup=warmup, num_samples=draws,
+                                             progress_bar=False)
+        self.kernel.run(jax.random.PRNGKey(seed), init_params=jnp.asarray(self.begin))
+        return START * np.exp(np.asarray(self.kernel.get_samples(group_by_chain=True)))
+
+
+def effective(draws):
+    """(parameters) effective sample sizes of (chains, draws, parameters), by NumPyro."""
+    return numpyro.diagnostics.effective_sample_size(np.asarray(draws))
 
 
 class FreeDecay:

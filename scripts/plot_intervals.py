@@ -241,8 +241,8 @@ def draw_profiles(found):
         by_name.setdefault(row["parameter"], []).append(row)
     across = min(len(by_name), 2 if len(by_name) < 7 else 3)
     down = math.ceil(len(by_name) / across)
-    figure, panels = p.plt.subplots(down, across, figsize=(max(5.4, 4.1 * across), 2.5 * down + 1.1),
-                                    squeeze=False)
+    size = max(5.4, 4.1 * across), 2.5 * down + 1.1
+    figure, panels = p.plt.subplots(down, across, figsize=size, squeeze=False)
     for axes, (name, rows) in zip(panels.flat, by_name.items()):
         draw_profile(axes, rows, found, name)
     for axes in panels.flat[len(by_name):]:
@@ -342,8 +342,8 @@ def draw_corner(found):
         spans[name] = range_of(values[name])
         labels[name] = label_of(name, found.unit(name), power)
     side = max(SIDE, 4.4 / n)
-    figure, panels = p.plt.subplots(n, n, figsize=(side * n + 0.5, side * n + (0.9 if n > 1 else 1.6)),
-                                    squeeze=False)
+    size = side * n + 0.5, side * n + (0.9 if n > 1 else 1.6)
+    figure, panels = p.plt.subplots(n, n, figsize=size, squeeze=False)
     figure.get_layout_engine().set(hspace=0.02, wspace=0.02)
     best = {name: getattr(found.interval("linear", name), "estimate", math.nan) / units[name]
             for name in names}
