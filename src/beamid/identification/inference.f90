@@ -108,7 +108,6 @@ contains
       type(error_t), allocatable, intent(out) :: error
       class(monitor_t), intent(inout), optional :: monitor
       type(residual_t) :: problem
-      type(residual_t), allocatable :: mine
       type(variable_t), allocatable :: variables(:)
       real(wp) :: t, rise(size(found%free)), first(size(found%free))
       integer :: finished, k, n, task
@@ -129,20 +128,27 @@ contains
       end associate
       allocate (sides(2, n))
       finished = 0
-      !$omp parallel do schedule(dynamic, 1) private(mine, k)
+      !$omp parallel do schedule(dynamic, 1)
       do task = 1, 2*n
-         k = (task + 1)/2
-         allocate (mine, source=problem)
-         call follow_profile(mine, mine%rows(), variables, found%fit%estimate, &
-            sum(found%fit%residual**2), k, merge(-1, 1, modulo(task, 2) == 1), rise(k), first(k), &
-            sides(2 - modulo(task, 2), k))
-         deallocate (mine)
+         call follow((task + 1)/2, 2 - modulo(task, 2))
          !$omp critical (one_side_done)
          finished = finished + 1
          if (present(monitor)) call monitor%done(finished, 2*n)
          !$omp end critical (one_side_done)
       end do
       !$omp end parallel do
+
+   contains
+
+      subroutine follow(k, side)
+         integer, intent(in) :: k, side
+         type(residual_t) :: mine
+
+         mine = problem
+         call follow_profile(mine, mine%rows(), variables, found%fit%estimate, &
+            sum(found%fit%residual**2), k, 2*side - 3, rise(k), first(k), sides(side, k))
+      end subroutine follow
+
    end subroutine profile_fit
 
    !> Draws from the posterior.
@@ -248,10 +254,8 @@ contains
       type(error_t), allocatable, intent(out) :: error
       class(monitor_t), intent(inout), optional :: monitor
       type(residual_t) :: problem
-      type(residual_t), allocatable :: mine
       type(variable_t), allocatable :: variables(:)
       type(error_t), allocatable :: failed
-      type(fit_t) :: fitted
       type(options_t) :: options
       real(wp) :: estimates(size(found%free), plan%n)
       logical :: done(plan%n)
@@ -273,14 +277,10 @@ contains
       finished = 0
       first_failed = plan%n + 1
       bootstrap%reason = ''
-      !$omp parallel do schedule(dynamic, 8) private(mine, fitted, failed)
+      !$omp parallel do schedule(dynamic, 8) private(failed)
       do number = 1, plan%n
-         allocate (mine, source=problem)
-         call disturb(mine, found, bootstrap, plan%seed + 7919*number)
-         call fit(mine, mine%rows(), variables, options, fitted, failed)
+         call fit_one(number, failed)
          done(number) = .not. allocated(failed)
-         if (done(number)) estimates(:, number) = fitted%estimate
-         deallocate (mine)
          !$omp critical (one_replicate_done)
          finished = finished + 1
          if (present(monitor)) call monitor%done(finished, plan%n)
@@ -302,6 +302,21 @@ contains
          return
       end if
       call find_intervals(found, bootstrap)
+
+   contains
+
+      subroutine fit_one(number, failed)
+         integer, intent(in) :: number
+         type(error_t), allocatable, intent(out) :: failed
+         type(residual_t) :: mine
+         type(fit_t) :: fitted
+
+         mine = problem
+         call disturb(mine, found, bootstrap, plan%seed + 7919*number)
+         call fit(mine, mine%rows(), variables, options, fitted, failed)
+         if (.not. allocated(failed)) estimates(:, number) = fitted%estimate
+      end subroutine fit_one
+
    end subroutine bootstrap_fit
 
    !> Puts another record in the place of each, and another value in that of what is known.
