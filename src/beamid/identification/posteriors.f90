@@ -35,14 +35,16 @@ contains
    !> problem    as fitted
    !> residual   (rows) of the fit
    !> jacobian   (rows, n) of the fit
-   !> coloured   whether noise may be autoregressive: it is in the records whose residuals are not
-   !>            white
+   !> coloured   whether noise may be autoregressive: it is in the records whose residuals are
+   !>            white with a probability below 1 %. At 5 % the fit to what is white narrows the
+   !>            intervals of one record in twenty, and they cover 93.5 instead of 94.5 % of truths
    subroutine new_posterior(problem, variables, residual, jacobian, coloured, posterior)
       type(residual_t), intent(in) :: problem
       type(variable_t), intent(in) :: variables(:)
       real(wp), intent(in) :: residual(:), jacobian(:, :)
       logical, intent(in) :: coloured
       type(posterior_t), intent(out) :: posterior
+      real(wp), parameter :: improbable = 0.01_wp
       type(residual_check_t) :: found
       integer :: i, records
 
@@ -60,7 +62,8 @@ contains
          associate (rows => [posterior%first(i), posterior%last(i)])
             associate (r => residual(rows(1):rows(2)), t => problem%parts(i)%experiment%samples)
                found = check_residuals(r, jacobian(rows(1):rows(2), :))
-               posterior%problem%colour(i) = new_autoregression(r, t, white=found%white)
+               posterior%problem%colour(i) = new_autoregression(r, t, &
+                  white=found%probability >= improbable)
                posterior%order(i) = posterior%problem%colour(i)%order
             end associate
          end associate
