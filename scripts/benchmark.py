@@ -91,11 +91,11 @@ second are done once.
   Jacobian and SciPy's own tolerances (1e-8), without statistics. Both eliminate two amplitudes, two
   phases and the offset, start at the same motion and must reach the same J: one model, in two sets
   of four parameters.
-- Posterior: four parameters, every value above 0 as likely as any other beforehand, noise
+- Posterior: four parameters, every value above 0 as likely as any other beforehand, the noise
   integrated out. beamid: the process from start to files, with the fit, its verdict, profiles and
-  modes of the draws; emcee (32 walkers that stretch, 4000 steps, the first 500 discarded) and
-  NumPyro (NUTS, a dense mass matrix, 1000 draws of warm-up and 4000 more) walk from the estimate
-  with JAX' expm, doubled, compiled beforehand. Effective samples: NumPyro's estimate for all, of the
+  modes of the draws. emcee (32 walkers that stretch, 4000 steps without the first 500) and NumPyro
+  (NUTS, a dense mass matrix, 1000 draws of warm-up and 4000 more) walk from the estimate, with JAX'
+  expm, doubled, compiled beforehand. Effective samples: NumPyro's estimate for all, of the
   parameter that has the fewest; of beamid at most what its weights are worth.
 - QR: LAPACK's dgeqrf of samples x 9, the number of unknowns (or x 5, of the linear ones): Netlib's
   where Debian has it (liblapack3), and SciPy's OpenBLAS. The floor is Netlib's QR of samples x 9
