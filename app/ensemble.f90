@@ -231,7 +231,7 @@ contains
             end if
             call system_clock(now)
             done = done + block%last - block%first + 1
-            call progress%members(done, whole)
+            call progress%advanced(done, whole, 'members')
             block = range_of_members_t(block%last + 1, block%last + next_size( &
                block%last - block%first + 1, real(now - begin, wp)/rate))
          end do

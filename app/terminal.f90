@@ -22,7 +22,7 @@ module beamid_terminal
    contains
       procedure :: iteration
       procedure :: done
-      procedure :: members
+      procedure :: advanced
       procedure :: finish
    end type progress_t
 
@@ -89,20 +89,21 @@ contains
       self%last_length = length
    end subroutine write_over
 
-   !> How many members are done; outside of a terminal every ten seconds.
-   subroutine members(self, part, whole)
+   !> How many are done: in a terminal five times a second, elsewhere every ten seconds.
+   subroutine advanced(self, part, whole, pieces)
       class(progress_t), intent(inout) :: self
       integer, intent(in) :: part, whole
+      character(len=*), intent(in) :: pieces
       integer(int64) :: now, rate
 
       call self%done(part, whole)
       call system_clock(now, rate)
       if (self%quiet .or. part == whole) return
-      if (.not. self%overwrite .and. now - max(self%told, self%begin) < 10*rate) return
+      if (now - max(self%told, self%begin) < merge(rate/5, 10*rate, self%overwrite)) return
       self%told = now
-      call write_over(self, to_text(part)//' of '//to_text(whole)//' members, about '// &
+      call write_over(self, to_text(part)//' of '//to_text(whole)//' '//pieces//', about '// &
          to_text(ceiling(self%left))//' s left')
-   end subroutine members
+   end subroutine advanced
 
    !> What is left takes as long as what is done has taken, in proportion.
    subroutine done(self, part, whole)

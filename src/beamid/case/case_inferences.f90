@@ -53,7 +53,7 @@ contains
             if (command == 'sample' .and. .not. allocated(error)) then
                allocate (here%posterior)
                call sample_fit(model, mesh, experiments, last, here%sides, case%sampling, &
-                  here%posterior, error)
+                  here%posterior, error, monitor)
             end if
             call locate(error, case%path//': elements = '//to_text(mesh%elements))
             if (allocated(error)) return

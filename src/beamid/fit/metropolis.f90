@@ -6,6 +6,7 @@ module beamid_metropolis
    use beamid_kinds, only: wp
    use beamid_minpack, only: dpotrf
    use beamid_noise, only: gaussian_noise, uniform_noise
+   use beamid_searches, only: monitor_t
    implicit none
    private
 
@@ -27,7 +28,7 @@ contains
    !> log_density  (chains*length) of the parameters
    !> error        no start where the density can be computed
    subroutine run_chains(density, coordinate, mode, axes, chains, length, seed, q, log_density, &
-      evaluations, error)
+      evaluations, error, monitor)
       class(density_t), intent(in) :: density
       type(coordinate_t), intent(in) :: coordinate(:)
       real(wp), intent(in) :: mode(:), axes(:, :)
@@ -35,13 +36,16 @@ contains
       real(wp), allocatable, intent(out) :: q(:, :), log_density(:)
       integer, intent(out) :: evaluations
       type(error_t), allocatable, intent(out) :: error
-      integer :: c, counted(chains)
+      class(monitor_t), intent(inout), optional :: monitor
+      integer :: c, counted(chains), finished
 
+      finished = 0
       allocate (q(size(mode), chains*length), log_density(chains*length))
       !$omp parallel do schedule(dynamic, 1)
       do c = 1, chains
          call run_chain(density, coordinate, mode, axes, seed + 611953*c, &
-            q(:, (c - 1)*length + 1:c*length), log_density((c - 1)*length + 1:c*length), counted(c))
+            q(:, (c - 1)*length + 1:c*length), log_density((c - 1)*length + 1:c*length), counted(c), &
+            finished, chains*(warm_up + thin*length), monitor)
       end do
       !$omp end parallel do
       evaluations = sum(abs(counted))
@@ -53,13 +57,17 @@ contains
    !> where a polymorphic variable is private to a thread without work.
    !>
    !> counted  evaluations; below 0: no start was found
-   subroutine run_chain(density, coordinate, mode, axes, seed, q, log_density, counted)
+   subroutine run_chain(density, coordinate, mode, axes, seed, q, log_density, counted, &
+      finished, whole, monitor)
       class(density_t), intent(in) :: density
       type(coordinate_t), intent(in) :: coordinate(:)
       real(wp), intent(in) :: mode(:), axes(:, :)
       integer, intent(in) :: seed
       real(wp), intent(out) :: q(:, :), log_density(:)
       integer, intent(out) :: counted
+      integer, intent(inout) :: finished   !< steps of all chains
+      integer, intent(in) :: whole
+      class(monitor_t), intent(inout), optional :: monitor
       integer, parameter :: tries = 50
       class(density_t), allocatable :: mine
       real(wp), dimension(size(mode)) :: x, first, second, mean
@@ -93,6 +101,10 @@ contains
       do step = 1, total
          place = modulo(step - 1, block)
          if (place == 0) then
+            !$omp critical (one_block_done)
+            finished = finished + min(block, total - step + 1)
+            if (present(monitor)) call monitor%advanced(finished, whole, 'steps of chains')
+            !$omp end critical (one_block_done)
             z = reshape(gaussian_noise(size(z), 1.0_wp, seed + 7919*(1 + step/block)), shape(z))
             u = uniform_noise(size(u), seed + 7919*(1 + step/block) + 5)
             if (step > 1 .and. step <= warm_up) call adapt()

@@ -12,6 +12,7 @@ module beamid_sampling
    use beamid_minpack, only: dpotrf, dtrtrs
    use beamid_noise, only: gaussian_noise, uniform_noise
    use beamid_pareto, only: smooth_weights
+   use beamid_searches, only: monitor_t
    use beamid_strings, only: to_text
    use beamid_variables, only: variable_t
    implicit none
@@ -59,13 +60,14 @@ contains
    !> variables  (n) with their bounds
    !> start      (n) near the mode
    !> error      no mode, or chains that do not agree
-   subroutine sample(density, variables, start, plan, draws, error)
+   subroutine sample(density, variables, start, plan, draws, error, monitor)
       class(density_t), intent(in) :: density
       type(variable_t), intent(in) :: variables(:)
       real(wp), intent(in) :: start(:)
       type(plan_t), intent(in) :: plan
       type(draws_t), intent(out) :: draws
       type(error_t), allocatable, intent(out) :: error
+      class(monitor_t), intent(inout), optional :: monitor
       type(proposal_t) :: proposal
       logical :: good
       integer :: counted
@@ -73,12 +75,12 @@ contains
       call new_proposal(density, variables, start, proposal, error)
       if (allocated(error)) return
       good = .false.
-      if (plan%importance) call draw_weighted(density, proposal, plan, draws, good)
+      if (plan%importance) call draw_weighted(density, proposal, plan, draws, good, monitor)
       if (.not. good) then
          draws%weighted = .false.
          counted = draws%evaluations
          call run_chains(density, proposal%coordinate, proposal%mode, proposal%axes, chains, &
-            plan%draws/chains, plan%seed, draws%q, draws%log_density, draws%evaluations, error)
+            plan%draws/chains, plan%seed, draws%q, draws%log_density, draws%evaluations, error, monitor)
          draws%evaluations = draws%evaluations + counted
          if (allocated(error)) return
       end if
@@ -237,12 +239,13 @@ contains
    !> fitted again to what was drawn.
    !>
    !> good  whether the weights can be trusted
-   subroutine draw_weighted(density, proposal, plan, draws, good)
+   subroutine draw_weighted(density, proposal, plan, draws, good, monitor)
       class(density_t), intent(in) :: density
       type(proposal_t), intent(inout) :: proposal
       type(plan_t), intent(in) :: plan
       type(draws_t), intent(inout) :: draws
       logical, intent(out) :: good
+      class(monitor_t), intent(inout), optional :: monitor
       integer, parameter :: pilot = 2000, rounds = 5, most = 50
       real(wp), allocatable :: x(:, :), value(:), log_weight(:), weight(:)
       real(wp) :: worth
@@ -256,7 +259,7 @@ contains
          wanted = pilot
          do
             call draw_more(density, proposal, plan%seed + 104729*round, wanted, x, value, &
-               log_weight)
+               log_weight, monitor)
             if (.not. any(log_weight > impossible)) then
                draws%evaluations = draws%evaluations + wanted
                return
@@ -284,13 +287,14 @@ contains
    !> x           (n, wanted) coordinates
    !> value       (wanted) log density of the parameters
    !> log_weight  (wanted) of the density of the coordinates over the proposal
-   subroutine draw_more(density, proposal, seed, wanted, x, value, log_weight)
+   subroutine draw_more(density, proposal, seed, wanted, x, value, log_weight, monitor)
       class(density_t), intent(in) :: density
       type(proposal_t), intent(in) :: proposal
       integer, intent(in) :: seed, wanted
       real(wp), allocatable, intent(inout) :: x(:, :), value(:), log_weight(:)
+      class(monitor_t), intent(inout), optional :: monitor
       real(wp), allocatable :: longer(:, :)
-      integer :: b, first, had, last, n
+      integer :: b, finished, first, had, last, n
 
       n = size(x, 1)
       had = size(value)
@@ -299,12 +303,17 @@ contains
       call move_alloc(longer, x)
       value = [value, spread(impossible, 1, wanted - had)]
       log_weight = [log_weight, spread(impossible, 1, wanted - had)]
+      finished = had
       !$omp parallel do schedule(dynamic, 1) private(first, last)
       do b = had/block + 1, (wanted + block - 1)/block
          first = max((b - 1)*block, had) + 1
          last = min(b*block, wanted)
          call draw_block(density, proposal, seed + 7919*b, first - (b - 1)*block, &
             x(:, first:last), value(first:last), log_weight(first:last))
+         !$omp critical (one_block_done)
+         finished = finished + last - first + 1
+         if (present(monitor)) call monitor%advanced(finished, wanted, 'draws')
+         !$omp end critical (one_block_done)
       end do
       !$omp end parallel do
    end subroutine draw_more

@@ -20,6 +20,7 @@ module beamid_searches
    contains
       procedure(iteration), deferred :: iteration
       procedure :: done
+      procedure :: advanced
    end type monitor_t
 
    type :: options_t
@@ -87,6 +88,15 @@ contains
       class(monitor_t), intent(inout) :: self
       integer, intent(in) :: part, whole
    end subroutine done
+
+   !> As `done`, of work without iterations.
+   !>
+   !> pieces  what the work is counted in, 'draws'
+   subroutine advanced(self, part, whole, pieces)
+      class(monitor_t), intent(inout) :: self
+      integer, intent(in) :: part, whole
+      character(len=*), intent(in) :: pieces
+   end subroutine advanced
 
    !> Calls MINPACK.
    !>

@@ -133,7 +133,7 @@ contains
          call follow((task + 1)/2, 2 - modulo(task, 2))
          !$omp critical (one_side_done)
          finished = finished + 1
-         if (present(monitor)) call monitor%done(finished, 2*n)
+         if (present(monitor)) call monitor%advanced(finished, 2*n, 'sides of profiles')
          !$omp end critical (one_side_done)
       end do
       !$omp end parallel do
@@ -156,7 +156,7 @@ contains
    !> sides  (2, n) the profiles: where one has no end a flat prior has no finite weight
    !> error  such a parameter, or one of which the posterior leans on the end that its range is given
    !>        here; a density that has no mode; chains that do not agree
-   subroutine sample_fit(model, mesh, experiments, found, sides, plan, posterior, error)
+   subroutine sample_fit(model, mesh, experiments, found, sides, plan, posterior, error, monitor)
       type(model_t), intent(in) :: model
       type(mesh_t), intent(in) :: mesh
       type(experiment_t), intent(in) :: experiments(:)
@@ -165,6 +165,7 @@ contains
       type(plan_t), intent(in) :: plan
       type(posterior_draws_t), intent(out) :: posterior
       type(error_t), allocatable, intent(out) :: error
+      class(monitor_t), intent(inout), optional :: monitor
       integer, parameter :: shown = 200
       !> However large a parameter, J stays finite: somewhere a flat prior has to end. Without a
       !> bound it does at so many times the estimate, or what is moderate; and no more of the
@@ -193,7 +194,7 @@ contains
          variables(k)%upper = min(variables(k)%upper, limit(k))
          variables(k)%lower = max(variables(k)%lower, -limit(k))
       end do
-      call sample(density, variables, found%fit%estimate, plan, posterior%draws, error)
+      call sample(density, variables, found%fit%estimate, plan, posterior%draws, error, monitor)
       if (allocated(error)) return
       do k = 1, size(variables)
          if (count(abs(posterior%draws%q(k, :)) > limit(k)/2) <= leaning &
@@ -283,7 +284,8 @@ contains
          done(number) = .not. allocated(failed)
          !$omp critical (one_replicate_done)
          finished = finished + 1
-         if (present(monitor)) call monitor%done(finished, plan%n)
+         if (present(monitor)) call monitor%advanced(finished, plan%n, &
+            'resampled records')
          if (allocated(failed)) then
             if (number < first_failed) then
                first_failed = number
