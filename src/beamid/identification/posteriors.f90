@@ -46,7 +46,7 @@ contains
       type(posterior_t), intent(out) :: posterior
       real(wp), parameter :: improbable = 0.01_wp
       type(residual_check_t) :: found
-      integer :: i, records
+      integer :: first, i, last, records
 
       records = size(problem%parts)
       posterior%problem = problem
@@ -59,14 +59,12 @@ contains
       if (.not. coloured) return
       allocate (posterior%problem%colour(records))
       do i = 1, records
-         associate (rows => [posterior%first(i), posterior%last(i)])
-            associate (r => residual(rows(1):rows(2)), t => problem%parts(i)%experiment%samples)
-               found = check_residuals(r, jacobian(rows(1):rows(2), :))
-               posterior%problem%colour(i) = new_autoregression(r, t, &
-                  white=found%probability >= improbable)
-               posterior%order(i) = posterior%problem%colour(i)%order
-            end associate
-         end associate
+         first = posterior%first(i)
+         last = posterior%last(i)
+         found = check_residuals(residual(first:last), jacobian(first:last, :))
+         posterior%problem%colour(i) = new_autoregression(residual(first:last), &
+            problem%parts(i)%experiment%samples, white=found%probability >= improbable)
+         posterior%order(i) = posterior%problem%colour(i)%order
       end do
       if (all(posterior%order == 0)) deallocate (posterior%problem%colour)
    end subroutine new_posterior
@@ -97,11 +95,11 @@ contains
       if (allocated(error)) return
       value = -self%problem%log_volume
       do i = 1, size(self%first)
-         associate (rows => [self%first(i), self%last(i)])
+         associate (first => self%first(i), last => self%last(i))
             if (self%estimated(i)) then
-               call add_estimated(r(rows(1):rows(2)), jac(rows(1):rows(2), :))
+               call add_estimated(r(first:last), jac(first:last, :))
             else
-               call add_known(r(rows(1):rows(2)), jac(rows(1):rows(2), :))
+               call add_known(r(first:last), jac(first:last, :))
             end if
          end associate
       end do
