@@ -219,26 +219,38 @@ contains
       type(interval_t), intent(in) :: list(:)
       type(stage_fit_t), intent(in) :: fit
       type(text_t), intent(inout) :: text
+      integer, parameter :: least = 22, room = 90
       character(len=:), allocatable :: line
-      integer :: k, m, used
+      integer, allocatable :: used(:)
+      integer :: block, first, k, m, width
 
-      call text%line()
-      line = left('95 %', 10)
-      used = 0
-      do m = 1, size(methods)
-         if (.not. any(list%method == methods(m) .and. list%elements == fit%elements)) cycle
-         line = line//right(trim(headings(m)), 22)
-         used = used + 1
-      end do
-      call text%line(line)
+      used = pack([(m, m=1, size(methods))], [(any(list%method == methods(m) .and. &
+         list%elements == fit%elements), m=1, size(methods))])
+      width = least
       do k = 1, size(fit%free)
-         line = left(trim(fit%quantities(k)%name), 10)
-         do m = 1, size(methods)
-            line = line//ends_of(place(list, fit, k, trim(methods(m))))
+         do m = 1, size(used)
+            width = max(width, 2 + len(ends_of(place(list, fit, k, trim(methods(used(m)))))))
          end do
-         ! Of four methods a line has no room for it.
-         if (used < size(methods)) line = line//'  '//list(place(list, fit, k, 'linear'))%unit
+      end do
+      ! What a line has no room for goes into another table.
+      block = max(1, min(size(used), room/width))
+      do first = 1, size(used), block
+         call text%line()
+         line = left('95 %', 10)
+         do m = first, min(first + block - 1, size(used))
+            line = line//right(trim(headings(used(m))), width)
+         end do
          call text%line(line)
+         do k = 1, size(fit%free)
+            line = left(trim(fit%quantities(k)%name), 10)
+            do m = first, min(first + block - 1, size(used))
+               line = line//right(ends_of(place(list, fit, k, trim(methods(used(m))))), width)
+            end do
+            associate (unit => list(place(list, fit, k, 'linear'))%unit)
+               if (10 + block*width + 2 + len_trim(unit) <= 100) line = line//'  '//unit
+            end associate
+            call text%line(line)
+         end do
       end do
       do k = 1, size(fit%free)
          call compare_methods(list, fit, k, text)
@@ -246,7 +258,7 @@ contains
 
    contains
 
-      !> "lower to upper" in 22 places; of a method that was not used nothing.
+      !> "lower to upper"; of a method that was not used for it nothing.
       function ends_of(at) result(field)
          integer, intent(in) :: at
          character(len=:), allocatable :: field
@@ -259,8 +271,7 @@ contains
             if (i%upper > i%lower .and. i%upper < unlimited .and. i%lower > -unlimited) &
                digits = min(5, max(3, 2 + ceiling(log10(max(abs(i%lower), abs(i%upper)) &
                /(i%upper - i%lower)))))
-            field = right(shown(i%lower, i%ends(1), digits)//' to '// &
-               shown(i%upper, i%ends(2), digits), 22)
+            field = shown(i%lower, i%ends(1), digits)//' to '//shown(i%upper, i%ends(2), digits)
          end associate
       end function ends_of
 
