@@ -1,5 +1,5 @@
-!> Profiles, posterior and bootstrap of Table 4.1's structure: where linear theory is right they agree
-!> with it, where it is not with an independent sampler, and they cover the truth.
+!> Profiles, posterior and bootstrap of Table 4.1's structure: where linear theory is right they
+!> agree with it, where it is not with an independent sampler, and they cover the truth.
 program test_inference
    use omp_lib, only: omp_set_num_threads, omp_get_max_threads
    use beamid_chains, only: quantile
@@ -65,9 +65,9 @@ contains
    end subroutine fit_noisy
 
    !> Noise of 1e-5: nothing but linear theory is left. The profile to a thousandth of a half width
-   !> (the intervals are 1e-3 of the values), the posterior's standard deviation to 3 % (10,000 draws
-   !> know it to .7 %), that of 2,000 resampled records to 6 % (1.6 %, and blocks of so few samples
-   !> are smaller by some per cent).
+   !> (the intervals are 1e-3 of the values), the posterior's standard deviation to 3 % (10,000
+   !> draws know it to .7 %), that of 2,000 resampled records to 6 % (1.6 %, and blocks of so few
+   !> samples are smaller by some per cent).
    subroutine test_linear()
       type(experiment_t) :: experiments(1)
       type(stage_fit_t) :: found
@@ -106,9 +106,9 @@ contains
       end associate
    end subroutine test_linear
 
-   !> 2 % noise (.0176, seed 3), where c_D is known to a factor: against emcee 3.1 (48 walkers, 4,000
-   !> steps, 300 left out; autocorrelation time 44) on -(49/2) log J with c_D, m_H, c_H, k_H > 0.
-   !> Its means are known to .016 and its ends to .04 standard deviations, ours to .01 and .03:
+   !> 2 % noise (.0176, seed 3), where c_D is known to a factor: against emcee 3.1 (48 walkers,
+   !> 4,000 steps, 300 left out; autocorrelation time 44) on -(49/2) log J with c_D, m_H, c_H, k_H >
+   !> 0. Its means are known to .016 and its ends to .04 standard deviations, ours to .01 and .03:
    !> .03 + .03 of a standard deviation for means, three of both deviations for ends, 3 % for
    !> deviations.
    subroutine test_other_sampler()
@@ -222,8 +222,8 @@ contains
    !> Force and all that resists it may grow together: no parameter has limits, and there is no
    !> posterior without a prior.
    subroutine test_no_limit()
-      character(len=9), parameter :: all_of_them(8) = [character(len=9) :: 'E', 'rho', 'm_T', 'm_H', &
-         'c_H', 'k_H', 'c_D', 'amplitude']
+      character(len=9), parameter :: all_of_them(8) = [character(len=9) :: 'E', 'rho', 'm_T', &
+         'm_H', 'c_H', 'k_H', 'c_D', 'amplitude']
       type(stage_t) :: before
       type(experiment_t) :: experiments(1)
       type(stage_fit_t) :: found
@@ -274,9 +274,9 @@ contains
          all(maxval(posterior%draws%q, dim=2) < [1.0_wp, 0.2_wp, 0.1_wp, 1.0_wp]))
    end subroutine test_bound
 
-   !> How many of so many records have the truth inside their intervals. 2,000: 95 % are known to .5 %,
-   !> three of them either way; c_D lies one or two standard errors above its bound, where an interval
-   !> that is right covers more. 100 records of every day: 95 % to 2.2 %.
+   !> How many of so many records have the truth inside their intervals. 2,000: 95 % are known to .5
+   !> %, three of them either way; c_D lies one or two standard errors above its bound, where an
+   !> interval that is right covers more. 100 records of every day: 95 % to 2.2 %.
    subroutine test_coverage()
       type(experiment_t) :: experiments(1)
       type(stage_fit_t) :: found

@@ -1,5 +1,5 @@
-!> `beamid profile`, `sample` and `bootstrap`: one table of intervals that each of them completes, as
-!> long as the fit is the same; what has no limit is said, and is no posterior.
+!> `beamid profile`, `sample` and `bootstrap`: one table of intervals that each of them completes,
+!> as long as the fit is the same; what has no limit is said, and is no posterior.
 program test_intervals
    use checks, only: check, check_close, finish, skip
    use shell, only: beamid, close_shell, exists, has_all, line_count, open_shell, outcome_t, &
@@ -66,8 +66,8 @@ contains
       ! 5 % noise and parameters known to .1 %: linear theory is right, and all four agree. Ends of
       ! 200 resampled records are known to .2 standard errors, .1 half widths; three of them.
       do k = 2, line_count(table)
-         call check_close('as linear theory: '//field(table, k - 1, 1)//' '//field(table, k - 1, 3), &
-            (number(field(table, k - 1, 7)) - number(field(table, k - 1, 6)))/width(k - 1), &
+         call check_close('as linear theory: '//field(table, k - 1, 1)//' '// &
+            field(table, k - 1, 3), (number(field(table, k - 1, 7)) - number(field(table, k - 1, 6)))/width(k - 1), &
             1.0_wp, 0.3_wp)
       end do
    end subroutine test_one_table
@@ -95,7 +95,8 @@ contains
    !> Force, mass and stiffness may all grow together.
    subroutine test_no_limit()
       call write_file('flat.nml', model//record// &
-         '&stage free=''E'',''rho'',''m_T'',''c_D'',''amplitude'', start=79,0.03,0.14,0.005,1 /'//nl)
+         '&stage free=''E'',''rho'',''m_T'',''c_D'',''amplitude'', '// &
+         'start=79,0.03,0.14,0.005,1 /'//nl)
       outcome = beamid('profile flat.nml --out flat --quiet')
       call check('no limit: status', outcome%status == 0, outcome%err)
       table = read_file('flat/intervals.csv')

@@ -105,8 +105,8 @@ contains
       call test_samples()
    end subroutine test_each
 
-   !> Pictures of what is there: nothing, resampled records, draws; the page of the fit has a section
-   !> of them.
+   !> Pictures of what is there: nothing, resampled records, draws; the page of the fit has a
+   !> section of them.
    subroutine test_intervals()
       call judge('plot_intervals.py: nothing there', scripts//'plot_intervals.py out/case', &
          'found no profiles.csv|expected one of them')

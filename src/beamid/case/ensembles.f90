@@ -302,8 +302,8 @@ contains
       end do
    end subroutine fit_member
 
-   !> In the place of linear theory's what the command has for an interval; of the posterior also for
-   !> estimate and standard error, its mean and standard deviation.
+   !> In the place of linear theory's what the command has for an interval; of the posterior also
+   !> for estimate and standard error, its mean and standard deviation.
    !>
    !> rows  of the fit
    subroutine infer(case, mesh, experiments, fit, rows, error)

@@ -144,8 +144,8 @@ contains
       kind = 'auto'
       call block%get('n', plan%n, 'resampled records', range_t(100, 1000000))
       call block%get('seed', plan%seed, 'of the random numbers')
-      call block%get('kind', kind, 'normal noise, or blocks of the residuals; auto: blocks where '// &
-         'these are not white', [character(len=10) :: 'auto', 'parametric', 'blocks'])
+      call block%get('kind', kind, 'normal noise, or blocks of the residuals; auto: blocks '// &
+         'where these are not white', [character(len=10) :: 'auto', 'parametric', 'blocks'])
       call block%get('block', plan%block, 'samples of a block', range_t(1, huge(1)), &
          default='as the residuals ask for')
       call block%close()

@@ -44,8 +44,8 @@ contains
       !$omp parallel do schedule(dynamic, 1)
       do c = 1, chains
          call run_chain(density, coordinate, mode, axes, seed + 611953*c, &
-            q(:, (c - 1)*length + 1:c*length), log_density((c - 1)*length + 1:c*length), counted(c), &
-            finished, chains*(warm_up + thin*length), monitor)
+            q(:, (c - 1)*length + 1:c*length), log_density((c - 1)*length + 1:c*length), &
+            counted(c), finished, chains*(warm_up + thin*length), monitor)
       end do
       !$omp end parallel do
       evaluations = sum(abs(counted))

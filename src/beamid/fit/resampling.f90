@@ -1,5 +1,6 @@
 !> Intervals from estimates of resampled data (Efron and Tibshirani, An Introduction to the
-!> Bootstrap, 1993, sections 13.3 and 14.3; Künsch, Annals of Statistics 17, 1989, 1217, for blocks).
+!> Bootstrap, 1993, sections 13.3 and 14.3; Künsch, Annals of Statistics 17, 1989, 1217, for
+!> blocks).
 module beamid_resampling
    use beamid_chains, only: quantile
    use beamid_distributions, only: normal_probability, normal_quantile

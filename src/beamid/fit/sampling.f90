@@ -80,7 +80,8 @@ contains
          draws%weighted = .false.
          counted = draws%evaluations
          call run_chains(density, proposal%coordinate, proposal%mode, proposal%axes, chains, &
-            plan%draws/chains, plan%seed, draws%q, draws%log_density, draws%evaluations, error, monitor)
+            plan%draws/chains, plan%seed, draws%q, draws%log_density, draws%evaluations, error, &
+            monitor)
          draws%evaluations = draws%evaluations + counted
          if (allocated(error)) return
       end if

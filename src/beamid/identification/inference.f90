@@ -1,5 +1,5 @@
-!> What a record says of the parameters beyond linear theory around one fit: profiles, draws from the
-!> posterior, and fits of resampled records.
+!> What a record says of the parameters beyond linear theory around one fit: profiles, draws from
+!> the posterior, and fits of resampled records.
 module beamid_inference
    use beamid_distributions, only: student_quantile
    use beamid_errors, only: error_t, failure
@@ -95,8 +95,9 @@ contains
       call variables_of(found%again(), problem%world, variables, quantities, error)
    end subroutine problem_of
 
-   !> Both sides of the profile of every parameter that was searched for. J may rise by as much as it
-   !> does at the end of the interval of linear theory, that of correlated residuals where they are.
+   !> Both sides of the profile of every parameter that was searched for. J may rise by as much as
+   !> it does at the end of the interval of linear theory, that of correlated residuals where they
+   !> are.
    !>
    !> sides  (2, n) below and above, of what was searched for
    subroutine profile_fit(model, mesh, experiments, found, sides, error, monitor)
@@ -154,8 +155,8 @@ contains
    !> Draws from the posterior.
    !>
    !> sides  (2, n) the profiles: where one has no end a flat prior has no finite weight
-   !> error  such a parameter, or one of which the posterior leans on the end that its range is given
-   !>        here; a density that has no mode; chains that do not agree
+   !> error  such a parameter, or one of which the posterior leans on the end that its range is
+   !>        given here; a density that has no mode; chains that do not agree
    subroutine sample_fit(model, mesh, experiments, found, sides, plan, posterior, error, monitor)
       type(model_t), intent(in) :: model
       type(mesh_t), intent(in) :: mesh

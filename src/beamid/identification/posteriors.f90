@@ -1,6 +1,6 @@
 !> The probability density of parameters after the records: of their noise, white or autoregressive,
-!> with its standard deviation integrated out where it is not stated; flat before the records between
-!> the bounds of each parameter, times what else is known; linear unknowns integrated out.
+!> with its standard deviation integrated out where it is not stated; flat before the records
+!> between the bounds of each parameter, times what else is known; linear unknowns integrated out.
 !>
 !> With sigma unknown (1/sigma before the record) and k linear unknowns of m samples the density is
 !> J**(-(m - k)/2)/sqrt(det Phi'Phi); with sigma known exp(-J/(2 sigma**2)) in place of the power

@@ -1,5 +1,5 @@
-!> Intervals of the same parameters by several methods, side by side: in intervals.csv, which each of
-!> the commands completes, and in words where they disagree.
+!> Intervals of the same parameters by several methods, side by side: in intervals.csv, which each
+!> of the commands completes, and in words where they disagree.
 module beamid_intervals
    use beamid_distributions, only: student_quantile
    use beamid_identification, only: stage_fit_t
@@ -299,8 +299,8 @@ contains
          list%parameter == fit%quantities(k)%name, .true., dim=1)
    end function place
 
-   !> A line where an end of an interval lies elsewhere than linear theory's by a quarter of its half
-   !> width, and why.
+   !> A line where an end of an interval lies elsewhere than linear theory's by a quarter of its
+   !> half width, and why.
    subroutine compare_methods(list, fit, k, text)
       type(interval_t), intent(in) :: list(:)
       type(stage_fit_t), intent(in) :: fit
@@ -325,8 +325,8 @@ contains
                call text%line(name//': the record sets it no '//trim(merge('lower', 'upper', &
                   p%ends(1) == is_open))//' limit: the least J stays below the level of 95 %')
             else if (any(p%ends == at_bound)) then
-               call text%line(name//': the interval reaches a bound of its range, of which linear '// &
-                  'theory knows nothing')
+               call text%line(name//': the interval reaches a bound of its range, of which '// &
+                  'linear theory knows nothing')
             else if (differ(p, l)) then
                t = (p%upper - p%estimate)/(p%estimate - p%lower)
                call text%line(name//': J is no parabola, its profile reaches '//rounded(t, 2)// &
