@@ -67,8 +67,8 @@ contains
       ! 200 resampled records are known to .2 standard errors, .1 half widths; three of them.
       do k = 2, line_count(table)
          call check_close('as linear theory: '//field(table, k - 1, 1)//' '// &
-            field(table, k - 1, 3), (number(field(table, k - 1, 7)) - number(field(table, k - 1, 6)))/width(k - 1), &
-            1.0_wp, 0.3_wp)
+            field(table, k - 1, 3), (number(field(table, k - 1, 7)) &
+            - number(field(table, k - 1, 6)))/width(k - 1), 1.0_wp, 0.3_wp)
       end do
    end subroutine test_one_table
 
