@@ -46,13 +46,20 @@ def draw_together(axes, directory, units):
     draw_beam(axes, x)
     for k in range(min(shapes.shape[1], MOST)):
         axes.plot(x, shapes[:, k].real, color=p.COLOURS[k], label=f"mode {k + 1}")
-    for name, place in attached:
-        axes.plot(place, 0, "ks", markersize=6)
-        axes.annotate(name, (place, 0), xytext=(0, 7), textcoords="offset points", ha="center",
-                      fontsize=8)
+    axes.plot([place for _, place in attached], [0] * len(attached), "ks", markersize=6)
+    name_attached(axes, attached, x[-1], 7)
     axes.set(xlabel=p.with_unit("x", units.get("length")), ylabel="displacement",
              ylim=(-1.2, 1.45))
     axes.legend(ncols=4, loc="upper left", fontsize=8, columnspacing=0.9, handlelength=1.2)
+
+
+def name_attached(axes, attached, length, offset):
+    """Names at their places; those at one place share a line, which ends at the tip."""
+    for place in sorted({place for _, place in attached}):
+        names = ", ".join(name for name, at in attached if at == place)
+        side, shift = ("right", 5) if place > 0.9 * length else ("center", 0)
+        axes.annotate(names, (place, 0), xytext=(shift, offset), textcoords="offset points",
+                      ha=side, fontsize=8)
 
 
 def draw(directory):
@@ -79,9 +86,7 @@ def draw(directory):
         axes.set(ylim=(-1.15, 1.15), yticks=[])
         moving.append((curve, marks, shapes[:, k], there))
     panels[-1, 0].set_xlabel(p.with_unit("x", units.get("length")))
-    for name, place in attached:
-        panels[0, 0].annotate(name, (place, 0), xytext=(0, -14), textcoords="offset points",
-                              ha="center", fontsize=8)
+    name_attached(panels[0, 0], attached, x[-1], -14)
     figure.suptitle(f"{p.case_name(directory)}: mode shapes")
     return figure, moving
 
