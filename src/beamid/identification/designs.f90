@@ -347,13 +347,17 @@ contains
          first = 1
          do l = 1, size(ends)
             last = samples_until(windows(w), ends(l))
-            rows = jacobian(windows(w)%place(first:last), :)
+            allocate (rows(max(0, last - first + 1), size(jacobian, 2)))
+            do i = 1, size(rows, 1)
+               rows(i, :) = jacobian(windows(w)%place(first + i - 1), :)
+            end do
             do j = 1, size(whole, 2)
                do i = 1, j
                   whole(i, j) = whole(i, j) + dot_product(rows(:, i), rows(:, j))
                   whole(j, i) = whole(i, j)
                end do
             end do
+            deallocate (rows)
             information(:, :, (w - 1)*size(ends) + l) = eliminate(whole, n)
             first = max(first, last + 1)
          end do
