@@ -246,9 +246,9 @@ contains
             do m = first, min(first + block - 1, size(used))
                line = line//right(ends_of(place(list, fit, k, trim(methods(used(m))))), width)
             end do
-            associate (unit => list(place(list, fit, k, 'linear'))%unit)
-               if (10 + block*width + 2 + len_trim(unit) <= 100) line = line//'  '//unit
-            end associate
+            m = place(list, fit, k, 'linear')
+            if (10 + block*width + 2 + len_trim(list(m)%unit) <= 100) line = line//'  '// &
+               list(m)%unit
             call text%line(line)
          end do
       end do
