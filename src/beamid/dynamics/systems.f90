@@ -113,6 +113,7 @@ contains
       complex(wp), dimension(assembly%n + size(assembly%v, 1), assembly%n &
          + size(assembly%v, 1)) :: P, dP
       complex(wp) :: z(size(P, 1), 1), driven(size(P, 1)), left(size(P, 1)), change
+      real(wp), dimension(size(P, 1)) :: rows, columns
       integer :: pivots(size(P, 1)), step, n
 
       n = assembly%n
@@ -121,8 +122,11 @@ contains
          call system_at(assembly, root, P, dP)
          if (step > 1) z(:, 1) = matmul(dP, z(:, 1))
          driven = z(:, 1)
+         call balance(P, rows, columns)
          call factor(P, pivots)
+         z(:, 1) = rows*z(:, 1)
          call solve(P, pivots, z, 'N')
+         z(:, 1) = columns*z(:, 1)
          driven = driven/maxval(abs(z))
          z = z/maxval(abs(z))
          left = left_of(assembly, root%s, z(:, 1))

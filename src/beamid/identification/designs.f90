@@ -372,14 +372,24 @@ contains
 
       !$omp parallel do
       do k = 1, size(designs%list)
-         associate (design => designs%list(k))
-            design%information = shares(design%share(1))%information(:, :, design%window)
-            if (designs%box%sensors == 2) design%information = design%information &
-               + shares(design%share(2))%information(:, :, design%window)
-            design%prediction = predicted(designs, design%information)
-         end associate
+         call add_shares(designs, shares, k)
       end do
       !$omp end parallel do
    end subroutine add_up
+
+   !> The same of design k. By itself: an associate-name in a loop of several threads is none of
+   !> their own with gfortran 14.
+   subroutine add_shares(designs, shares, k)
+      type(designs_t), intent(inout) :: designs
+      type(share_t), intent(in) :: shares(:)
+      integer, intent(in) :: k
+
+      associate (design => designs%list(k))
+         design%information = shares(design%share(1))%information(:, :, design%window)
+         if (designs%box%sensors == 2) design%information = design%information &
+            + shares(design%share(2))%information(:, :, design%window)
+         design%prediction = predicted(designs, design%information)
+      end associate
+   end subroutine add_shares
 
 end module beamid_designs
