@@ -339,7 +339,8 @@ contains
       real(wp), allocatable, intent(out) :: information(:, :, :)
       real(wp) :: whole(size(jacobian, 2), size(jacobian, 2))
       real(wp), allocatable :: rows(:, :)
-      integer :: first, i, j, l, last, w
+      real(wp) :: part(n, n)
+      integer :: first, i, j, l, last, place, w
 
       allocate (information(n, n, size(ends)*size(windows)))
       do w = 1, size(windows)
@@ -358,7 +359,10 @@ contains
                end do
             end do
             deallocate (rows)
-            information(:, :, (w - 1)*size(ends) + l) = eliminate(whole, n)
+            ! In two steps: gfortran 14 checks the bounds before it knows where a result goes.
+            part = eliminate(whole, n)
+            place = (w - 1)*size(ends) + l
+            information(:, :, place) = part
             first = max(first, last + 1)
          end do
       end do
