@@ -18,7 +18,7 @@ program test_weight
    use beamid_roots, only: damped_roots
    use beamid_structure, only: n_parameters, of_c_D, of_E, of_g, of_length, of_T, sensor_t, &
       structure_t
-   use beamid_variations, only: variations_t
+   use beamid_variations, only: as_spline, in_lines, new_variation, variations_t
    use checks, only: check, check_close, finish
    use hermite_beams, only: hermite_frequencies
    use random_experiments, only: random_structure
@@ -251,15 +251,10 @@ contains
       call check_close('both ways: residues by parameters', worst(4), 0.0_wp, 1e-8_wp)
    end subroutine test_both_ways
 
-   !> Depth linear, half at the tip: E I like (1 - xi/2)**3, mass like 1 - xi/2, cubics of one
-   !> element whose coefficients are their polar forms.
+   !> Depth linear, half at the tip: E I like (1 - xi/2)**3, mass like 1 - xi/2.
    type(variations_t) function wedge() result(varied)
-      real(wp) :: knots(6)
-      integer :: j, k
-
-      knots = [(1.0_wp*k, k=-2, 3)]
-      varied%E%coefficients = [(product(1 - knots(j:j + 2)/2), j=1, 4)]
-      varied%rho%coefficients = [(sum(1 - knots(j:j + 2)/2)/3, j=1, 4)]
+      varied%height = new_variation(in_lines, [0.0_wp, 1.0_wp], [1.0_wp, 0.5_wp])
+      varied%by_density = .true.
    end function wedge
 
    !> Frequencies of a clamped wedge in units of its root section, known to twelve digits.
@@ -302,7 +297,8 @@ contains
       integer :: k
 
       varied = wedge()
-      varied%c_D%coefficients = [1.0_wp, 0.6_wp, 1.4_wp, 0.8_wp, 1.1_wp]
+      varied%c_D = new_variation(as_spline, [0.0_wp, 0.3_wp, 0.7_wp, 1.0_wp], &
+         [1.0_wp, 0.6_wp, 1.4_wp, 0.8_wp])
       times = [(0.3_wp*k, k=1, 20)]
       pulse = new_pulse(1.0_wp, 0.5_wp)
       s = structure_t(length=1, rho=1, E=1, I=1, c_D=2e-3_wp, gamma=0.1_wp, m_T=0.2_wp)

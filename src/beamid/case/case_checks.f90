@@ -1,6 +1,7 @@
 !> Whether the groups of a case file go together, each of which is sound by itself, and whether they
 !> have all that a command needs.
 module beamid_case_checks
+   use beamid_along_groups, only: reference_of, settle_along
    use beamid_blocks, only: block_t
    use beamid_boxes, only: box_t
    use beamid_case_files, only: case_t
@@ -9,7 +10,7 @@ module beamid_case_checks
    use beamid_experiments, only: experiment_t
    use beamid_kinds, only: wp
    use beamid_numbers, only: shown
-   use beamid_parameters, only: check_structure, key_of, name_of_parameter, parameters
+   use beamid_parameters, only: check_structure, free_index, key_of, name_of_parameter, parameters
    use beamid_records, only: window_t
    use beamid_refusals, only: refuse
    use beamid_responses, only: is_exact
@@ -18,7 +19,7 @@ module beamid_case_checks
    implicit none
    private
 
-   public :: check_whole, check_needs, can_be_fitted, place_experiment, settle_box
+   public :: settle_variations, check_whole, check_needs, can_be_fitted, place_experiment, settle_box
    public :: needs_nothing, needs_response, needs_fit, needs_design
 
    !> What a command needs of a case: the structure alone, a response at given times, a fit, or
@@ -26,6 +27,50 @@ module beamid_case_checks
    integer, parameter :: needs_nothing = 0, needs_response = 1, needs_fit = 2, needs_design = 3
 
 contains
+
+   !> What varies along the beam, now that its length and the values in &beam are known.
+   subroutine settle_variations(blocks, case)
+      type(block_t), intent(inout) :: blocks(:)
+      type(case_t), intent(inout) :: case
+      integer :: j, k
+
+      associate (structure => case%model%structure, along => case%along, section => case%section)
+         structure%variations%by_density = section%density > 0
+         do j = 1, size(along)
+            if (along(j)%is_dip) cycle
+            k = place_of(blocks, 'along', j)
+            associate (name => along(j)%parameter)
+               if (reference_of(along(:j - 1), name) > 0) then
+                  call blocks(k)%refuse('parameter', shown(name)//' twice', 'each once')
+               else if (name == 'rho' .and. section%density > 0) then
+                  call blocks(k)%refuse('parameter', '''rho'' beside density in &beam', &
+                     'width and height, which the mass follows')
+               else if (index('width height', name) > 0 .and. &
+                  min(section%width, section%height) <= 0) then
+                  call blocks(k)%refuse('parameter', shown(name)//' beside I in &beam', &
+                     'width and height in the place of I')
+               else
+                  call settle_along(blocks(k), along(j), value_of(name), structure)
+               end if
+            end associate
+         end do
+      end associate
+
+   contains
+
+      real(wp) function value_of(name)
+         character(len=*), intent(in) :: name
+
+         if (name == 'width') then
+            value_of = case%section%width
+         else if (name == 'height') then
+            value_of = case%section%height
+         else
+            value_of = case%model%structure%get(free_index(name))
+         end if
+      end function value_of
+
+   end subroutine settle_variations
 
    !> Whether structure, excitation, mesh and observation go together. Problems stay in the blocks.
    subroutine check_whole(blocks, case)
@@ -43,6 +88,14 @@ contains
          end associate
          return
       end if
+      associate (s => case%model%structure)
+         if ((s%variations%are_known() .or. s%has_dip()) .and. &
+            any(case%excitations%by_displacement) .and. abs(s%g) + abs(s%T) > 0) then
+            k = place_of(blocks, 'excitation', 1)
+            call blocks(k)%refuse('displacement', 'it of a beam that varies under gravity or '// &
+               'an axial force', 'force')
+         end if
+      end associate
       call check_forces(blocks, case)
       call check_rigid(blocks, case)
       if (case%model%observation%relative .and. size(case%excitations) > 0 .and. &

@@ -1,6 +1,7 @@
 !> The groups of a case file, each with its reader: one for each part of the experiment, every key
 !> with a documented default or required, every value checked where it is read.
 module beamid_case_files
+   use beamid_along_groups, only: along_t, read_along
    use beamid_blocks, only: block_t
    use beamid_boxes, only: box_t
    use beamid_design_groups, only: read_design
@@ -29,7 +30,7 @@ module beamid_case_files
    public :: case_t, new_case, read_group, list_keys
 
    type(group_t), parameter, public :: groups(*) = [ &
-      group_t('beam', required=.true.), group_t('tip'), group_t('hose'), &
+      group_t('beam', required=.true.), group_t('along', may_repeat=.true.), group_t('tip'), group_t('hose'), &
       group_t('sensor', may_repeat=.true.), group_t('support', may_repeat=.true.), &
       group_t('gravity'), group_t('axial'), &
       group_t('excitation', may_repeat=.true.), group_t('discretization'), group_t('integrator'), &
@@ -47,6 +48,7 @@ module beamid_case_files
       type(mesh_t), allocatable :: meshes(:)    !< one for each entry of `elements`
       logical :: refines = .true.               !< a fit finds their number by itself
       type(section_t) :: section                !< of the beam
+      type(along_t), allocatable :: along(:)    !< what varies along it, as given
       type(recording_t), allocatable :: recordings(:)
       !> one for each recording, or one for all
       type(excitation_t), allocatable :: excitations(:)
@@ -84,7 +86,7 @@ contains
       if (dot > 1) case%name = case%name(:dot - 1)
       case%meshes = [mesh_t()]
       allocate (modal_t :: case%model%solver)
-      allocate (case%stages(0), case%stage_lines(0), case%recordings(0), case%excitations(0), &
+      allocate (case%along(0), case%stages(0), case%stage_lines(0), case%recordings(0), case%excitations(0), &
          case%model%priors(0), case%draws(0))
    end function new_case
 
@@ -117,11 +119,15 @@ contains
       type(excitation_t) :: excitation
       type(prior_t) :: prior
       type(draw_t) :: draw
+      type(along_t) :: along
 
       associate (model => case%model)
          select case (block%name)
          case ('beam', 'tip', 'hose', 'sensor', 'support', 'gravity', 'axial')
-            call read_structure(block, model%structure, case%section)
+            call read_structure(block, model%structure, case%section, case%along)
+         case ('along')
+            call read_along(case%path, block, model%structure, along, error)
+            if (.not. block%failed()) case%along = [case%along, along]
          case ('discretization'); call read_discretization(block, case%meshes, case%refines)
          case ('integrator'); call read_integrator(block, model%solver)
          case ('observation'); call read_observation(block, model%observation)

@@ -3,7 +3,8 @@ module beamid_cases
    use beamid_blocks, only: block_t
    use beamid_boxes, only: box_t
    use beamid_case_checks, only: can_be_fitted, check_needs, check_whole, needs_design, needs_fit, &
-      needs_nothing, needs_response, place_experiment, settle_box
+      needs_nothing, needs_response, place_experiment, settle_box, &
+      settle_variations
    use beamid_case_files, only: case_t, groups, new_case, read_group
    use beamid_errors, only: error_t, locate
    use beamid_experiments, only: experiment_t, is_first
@@ -79,9 +80,15 @@ contains
 
       sound = refusals%n == 0
       do k = 1, size(blocks)
-         if (.not. any(blocks(k)%name == last)) call read_group(blocks(k), sound, case, error)
+         if (blocks(k)%name == 'along') call read_group(blocks(k), sound, case, error)
          sound = sound .and. .not. blocks(k)%failed()
       end do
+      do k = 1, size(blocks)
+         if (.not. any(blocks(k)%name == [last, 'along   '])) call read_group(blocks(k), sound, case, error)
+         sound = sound .and. .not. blocks(k)%failed()
+      end do
+      if (sound .and. .not. allocated(error)) call settle_variations(blocks, case)
+      sound = sound .and. .not. any([(blocks(k)%failed(), k=1, size(blocks))])
       if (sound) call check_whole(blocks, case)
       sound = sound .and. .not. any([(blocks(k)%failed(), k=1, size(blocks))])
       do k = 1, size(blocks)

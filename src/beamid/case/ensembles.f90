@@ -405,7 +405,8 @@ contains
 
       associate (structure => world%structures(1))
          do k = 1, size(case%meshes)
-            galerkin = new_galerkin(case%meshes(k), structure%length, structure%has_root_spring())
+            galerkin = new_galerkin(case%meshes(k), structure%length, structure%has_root_spring(), &
+               structure%variations)
             equations = new_equations(galerkin, structure, world%excitations(1))
             call damped_roots(equations, roots, error)
             if (allocated(error)) return

@@ -16,10 +16,11 @@ module beamid_method_groups
    use beamid_responses, only: solver_t
    use beamid_sampling, only: chains, plan_t
    use beamid_spelling, only: or_nearest
-   use beamid_strings, only: to_text
-   use beamid_structure, only: of_x_F, structure_t
+   use beamid_strings, only: lower, to_text
+   use beamid_structure, only: most_coefficients, of_x_F, structure_t
    use beamid_values, only: listed, positive, range_t
    use beamid_variables, only: unbounded
+   use beamid_variations, only: constant, profile_t
    implicit none
    private
 
@@ -178,22 +179,22 @@ contains
       end if
    end subroutine read_observation
 
-   !> structure, excitations  of the case
+   !> structure, excitations  of the case; a stage may make E or c_D vary along the beam
    !> records  how many there are: a parameter that is not shared gets a value for each
    !> sound    whether all of these have been read without a problem
    subroutine read_stage(block, structure, excitations, records, sound, found)
       type(block_t), intent(inout) :: block
-      type(structure_t), intent(in) :: structure
+      type(structure_t), intent(inout) :: structure
       type(excitation_t), intent(in) :: excitations(:)
       integer, intent(in) :: records
       logical, intent(in) :: sound
       type(stage_t), intent(out) :: found
-      character(len=:), allocatable :: free(:), shared(:)
+      character(len=:), allocatable :: free(:), shared(:), kind
       character(len=4) :: word
       character(len=name_length), allocatable :: names(:)
       character(len=:), allocatable :: perhaps
       integer, allocatable :: places(:)
-      integer :: k
+      integer :: coefficients, k
 
       call block%get('free', free, '', 'parameters to estimate', size(parameters), required=.true.)
       call block%get('shared', shared, 'all', 'those that all records have in common', &
@@ -205,7 +206,19 @@ contains
       call block%get('lower', found%lower, '0; of amplitude and offset none', 'lower bounds', &
          size(parameters))
       call block%get('upper', found%upper, 'none', 'upper bounds', size(parameters))
+      coefficients = 16
+      kind = 'spline'
+      call block%get('coefficients', coefficients, 'of each of E(x) and c_D(x)', &
+         range_t(4, most_coefficients))
+      call block%get('kind', kind, 'cubic splines, or straight lines, of E(x) and c_D(x)', &
+         [character(len=6) :: 'spline', 'linear'])
       call block%close()
+      if (block%failed()) return
+      call check_count(block, 'start', found%start, size(free))
+      call check_count(block, 'lower', found%lower, size(free))
+      call check_count(block, 'upper', found%upper, size(free))
+      if (.not. allocated(shared)) shared = free
+      call spread_along(block, structure, coefficients, kind, found, free, shared)
       if (block%failed()) return
       found%free = place_of_name(structure, free)
       do k = 1, size(free)
@@ -218,10 +231,6 @@ contains
             call block%refuse('free', shown(free(k))//' twice', 'each parameter once')
          end if
       end do
-      call check_count(block, 'start', found%start, size(free))
-      call check_count(block, 'lower', found%lower, size(free))
-      call check_count(block, 'upper', found%upper, size(free))
-      if (.not. allocated(shared)) shared = free
       places = place_of_name(structure, shared)
       do k = 1, size(shared)
          if (any(found%free == places(k))) cycle
@@ -234,6 +243,91 @@ contains
       found%offset = any(found%free == offset)
       call found%distribute(places, records)
    end subroutine read_stage
+
+   !> E(x) and c_D(x) stand for all their coefficients, which all records have in common.
+   !>
+   !> stage         its starts and bounds, on return one for each coefficient
+   !> free, shared  names
+   subroutine spread_along(block, structure, coefficients, kind, stage, free, shared)
+      type(block_t), intent(inout) :: block
+      type(structure_t), intent(inout) :: structure
+      integer, intent(in) :: coefficients
+      character(len=*), intent(in) :: kind
+      type(stage_t), intent(inout) :: stage
+      character(len=:), allocatable, intent(inout) :: free(:), shared(:)
+      character(len=*), parameter :: plain(2) = [character(len=3) :: 'E', 'c_D']
+      character(len=len(free)), allocatable :: names(:)
+      integer :: a, j, k
+      logical :: varies
+
+      varies = .false.
+      do a = 1, 2
+         k = findloc(lower_all(free) == lower(trim(plain(a)))//'(x)', .true., dim=1)
+         if (k == 0) cycle
+         varies = .true.
+         if (a == 1) call prepare_profile(block, 'E(x)', coefficients, kind, &
+            structure%variations%E%kind /= constant .or. structure%has_dip(), &
+            structure%variations%E_along)
+         if (a == 2) call prepare_profile(block, 'c_D(x)', coefficients, kind, &
+            structure%variations%c_D%kind /= constant, structure%variations%c_D_along)
+         if (any(lower_all(free) == lower(trim(plain(a))))) call block%refuse('free', &
+            trim(plain(a))//' beside '//trim(plain(a))//'(x)', 'one of them')
+         if (block%failed()) return
+         allocate (names(coefficients))
+         do j = 1, coefficients
+            names(j) = trim(plain(a))//'.'//to_text(j)
+         end do
+         call spread_value(stage%start, k, coefficients)
+         call spread_value(stage%lower, k, coefficients)
+         call spread_value(stage%upper, k, coefficients)
+         shared = [character(len=len(free)) :: pack(shared, lower_all(shared) /= &
+            lower(trim(plain(a)))//'(x)'), names]
+         free = [character(len=len(free)) :: free(:k - 1), names, free(k + 1:)]
+         deallocate (names)
+      end do
+      if (varies) return
+      call block%exclude('coefficients', 'without E(x) or c_D(x) in free')
+      call block%exclude('kind', 'without E(x) or c_D(x) in free')
+   end subroutine spread_along
+
+   pure function lower_all(names) result(small)
+      character(len=*), intent(in) :: names(:)
+      character(len=len(names)) :: small(size(names))
+      integer :: k
+
+      do k = 1, size(names)
+         small(k) = lower(names(k))
+      end do
+   end function lower_all
+
+   !> Value k stands for `times` ones.
+   subroutine spread_value(values, k, times)
+      real(wp), allocatable, intent(inout) :: values(:)
+      integer, intent(in) :: k, times
+
+      if (allocated(values)) values = [values(:k - 1), spread(values(k), 1, times), values(k + 1:)]
+   end subroutine spread_value
+
+   !> How E or c_D varies along the beam in a fit, the same in all stages.
+   !>
+   !> known  whether the case says already how it does
+   subroutine prepare_profile(block, name, coefficients, kind, known, profile)
+      type(block_t), intent(inout) :: block
+      character(len=*), intent(in) :: name, kind
+      integer, intent(in) :: coefficients
+      logical, intent(in) :: known
+      type(profile_t), intent(inout) :: profile
+      integer :: degree
+
+      degree = merge(3, 1, kind == 'spline')
+      if (known) call block%refuse('free', name//' beside &along of the same parameter', &
+         'one of them')
+      if (profile%coefficients > 0 .and. (profile%coefficients /= coefficients .or. &
+         profile%degree /= degree)) call block%refuse('coefficients', to_text(coefficients)// &
+         ' of kind '//kind, 'the same number and kind in all stages')
+      profile%coefficients = coefficients
+      profile%degree = degree
+   end subroutine prepare_profile
 
    !> As many numbers as there are free parameters.
    subroutine check_count(block, key, values, n)

@@ -1,5 +1,6 @@
 !> The groups of a case file that describe the structure, its excitation, its units and the noise.
 module beamid_model_groups
+   use beamid_along_groups, only: along_t, reference_of
    use beamid_blocks, only: block_t
    use beamid_errors, only: bad_input, error_t, locate
    use beamid_excitation, only: excitation_t, new_base_motion, new_force_table, new_free, &
@@ -31,10 +32,13 @@ contains
 
    !> A group of parameters of the structure: the rows of the table that name it. Of sensors and
    !> supports there may be several, each with a name.
-   subroutine read_structure(block, structure, section)
+   !>
+   !> along  what varies along the beam, and need not have a value in &beam
+   subroutine read_structure(block, structure, section, along)
       type(block_t), intent(inout) :: block
       type(structure_t), intent(inout) :: structure
       type(section_t), intent(inout) :: section
+      type(along_t), intent(in) :: along(:)
       real(wp), allocatable :: value, width, height, density
       character(len=:), allocatable :: direction
       integer :: item, k
@@ -46,7 +50,7 @@ contains
          structure%support_name, item)
       do k = 1, n_parameters
          if (parameters(k)%group /= block%name .or. parameters(k)%item /= item) cycle
-         call read_parameter(block, k, value)
+         call read_parameter(block, k, value, along)
          if (allocated(value)) call structure%set(k, as_named(k, value))
       end do
       if (block%name == 'gravity') then
@@ -62,17 +66,19 @@ contains
       end if
       call block%close()
       if (block%failed() .or. block%name /= 'beam') return
+      call take_reference(along, 'width', width)
+      call take_reference(along, 'height', height)
       if (block%has('I') .eqv. (allocated(width) .or. allocated(height))) then
          call block%refuse('I', trim(merge('both I and width or height', &
             'no cross section          ', block%has('I'))), 'either I or width and height')
       else if (.not. block%has('I')) then
-         call block%require('width')
-         call block%require('height')
+         if (.not. allocated(width)) call block%require('width')
+         if (.not. allocated(height)) call block%require('height')
          if (.not. block%failed()) structure%I = width*height**3/12
       end if
-      if (block%has('rho') .eqv. allocated(density)) then
+      if ((structure%rho > 0) .eqv. allocated(density)) then
          call block%refuse('rho', trim(merge('both rho and density', 'no mass             ', &
-            block%has('rho'))), 'either rho or width, height and density')
+            structure%rho > 0)), 'either rho or width, height and density')
       else if (allocated(density)) then
          if (.not. (allocated(width) .and. allocated(height))) then
             call block%refuse('density', to_text(density), 'it beside width and height')
@@ -87,18 +93,36 @@ contains
    end subroutine read_structure
 
    !> The value of parameter k, as its row has it; not allocated: none was given.
-   subroutine read_parameter(block, k, value)
+   !>
+   !> along  what varies along the beam, and has a value by that
+   subroutine read_parameter(block, k, value, along)
       type(block_t), intent(inout) :: block
       integer, intent(in) :: k
       real(wp), allocatable, intent(inout) :: value
+      type(along_t), intent(in), optional :: along(:)
       type(range_t) :: range
+      logical :: required
 
       if (allocated(value)) deallocate (value)
+      required = parameters(k)%default == ''
+      if (present(along)) required = required .and. .not. reference_of(along, key_of(k)) > 0
       range = range_t(0, open=parameters(k)%range /= zero_or_more)
       if (parameters(k)%range == any_value) range = range_t()
       call block%get(key_of(k), value, trim(parameters(k)%default), trim(parameters(k)%help), &
-         range, required=parameters(k)%default == '', infinite=parameters(k)%is_reciprocal)
+         range, required=required, infinite=parameters(k)%is_reciprocal)
+      if (present(along) .and. parameters(k)%group == 'beam') call take_reference(along, &
+         key_of(k), value)
    end subroutine read_parameter
+
+   !> The value of what varies along the beam, where &beam has none.
+   subroutine take_reference(along, name, value)
+      type(along_t), intent(in) :: along(:)
+      character(len=*), intent(in) :: name
+      real(wp), allocatable, intent(inout) :: value
+
+      if (allocated(value)) return
+      if (reference_of(along, name) > 0) value = reference_of(along, name)
+   end subroutine take_reference
 
    !> The name of one more sensor or support; of several each has its own.
    !>

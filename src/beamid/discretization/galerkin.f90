@@ -4,7 +4,7 @@ module beamid_galerkin
    use beamid_bands, only: band_t, new_band
    use beamid_kinds, only: wp
    use beamid_quadrature, only: gauss_legendre, rule_t, composite
-   use beamid_splines, only: spline_space_t, new_spline_space
+   use beamid_splines, only: new_spline_space, spline_space_t
    use beamid_variations, only: variations_t
    implicit none
    private
@@ -19,6 +19,14 @@ module beamid_galerkin
       integer :: panels = 1         !< per element
    end type mesh_t
 
+   !> Quadrature points along the beam.
+   type :: points_t
+      integer, allocatable :: element(:)
+      real(wp), allocatable :: s(:)        !< position in the element, 0 .. 1
+      real(wp), allocatable :: xi(:)       !< x/l
+      real(wp), allocatable :: weight(:)   !< [length]
+   end type points_t
+
    type :: galerkin_t
       type(mesh_t) :: mesh
       type(spline_space_t) :: space
@@ -27,20 +35,23 @@ module beamid_galerkin
       !> What varies along the beam: a factor of mass in `inertia`, of stiffness in `bending`. Air
       !> and viscosity have matrices of their own then; else those are alike.
       type(variations_t) :: variations
-      logical :: varies = .false.
+      logical :: varies = .false.         !< what is known does
       type(band_t) :: air, viscous
       real(wp), allocatable :: tip(:)     !< (n) b_i(l)
-      type(rule_t), private :: rule
-      !> (degree + 1, points, rows) sqrt(weight) b'' at the points of the rule for the bending
-      !> integrals; all elements from number `rows - 1` on are alike.
-      real(wp), allocatable, private :: curvature(:, :, :)
-      !> (points, 0:elements - 1, 2) factors of stiffness and viscosity there
-      real(wp), allocatable, private :: factor(:, :, :)
+      !> Points of the bending integrals, and by them (points, 2) the factors of stiffness and
+      !> viscosity that are known
+      type(points_t) :: bent
+      real(wp), allocatable :: known(:, :)
+      type(points_t), private :: points   !< of the others
+      !> (degree + 1, points) sqrt(weight) b'' at those of the bending integrals
+      real(wp), allocatable, private :: curvature(:, :)
    contains
       procedure :: moments
       procedure :: integral
       procedure :: slope_band
-      procedure :: add_bending_force
+      procedure :: bending_band
+      procedure :: curvatures
+      procedure :: subtract_bending_force
       procedure :: bending_energy
    end type galerkin_t
 
@@ -64,36 +75,70 @@ contains
       logical, intent(in), optional :: turning
       type(variations_t), intent(in), optional :: variations
       type(galerkin_t) :: self
-      real(wp) :: b(mesh%degree + 1), d2b(mesh%degree + 1), weight, xi
-      integer :: e, q, first, functions
+      type(rule_t) :: rule
+      real(wp), allocatable :: breaks(:)
+      integer, allocatable :: knots(:)
+      real(wp) :: b(mesh%degree + 1), d2b(mesh%degree + 1)
+      integer :: first, functions, q
 
       self%mesh = mesh
-      self%space = new_spline_space(mesh%degree, mesh%elements, length, turning)
-      self%rule = composite(mesh%gauss_points, mesh%panels)
-      self%tip = self%space%at(length, 0)
       if (present(variations)) self%variations = variations
-      self%varies = self%variations%exist()
+      self%varies = self%variations%are_known()
+      call self%variations%breaks(mesh%degree, breaks, knots)
+      self%space = new_spline_space(mesh%degree, mesh%elements, length, turning, &
+         pack(breaks, knots > 0), pack(knots, knots > 0))
+      rule = composite(mesh%gauss_points, mesh%panels)
+      self%points = new_points(self%space, rule, pack(breaks, knots == 0))
+      self%tip = self%space%at(length, 0)
       self%inertia = new_band(self%space%n, mesh%degree)
       self%bending = self%inertia
       if (self%varies) self%air = self%inertia
       if (self%varies) self%viscous = self%inertia
       call tabulate_curvature(self)
-      do e = 0, mesh%elements - 1
-         first = self%space%first_on_element(e)
-         functions = self%space%last_on_element(e) - first + 1
-         do q = 1, size(self%rule%points)
-            weight = self%rule%weights(q)*length/mesh%elements
-            b = self%space%on_element(e, self%rule%points(q), 0)
-            d2b = self%space%on_element(e, self%rule%points(q), 2)
-            xi = (e + self%rule%points(q))/mesh%elements
-            call self%inertia%add_block(first, weight*self%variations%rho%at(xi), b(:functions))
-            call self%bending%add_block(first, weight*self%variations%E%at(xi), d2b(:functions))
-            if (.not. self%varies) cycle
-            call self%air%add_block(first, weight, b(:functions))
-            call self%viscous%add_block(first, weight*self%variations%c_D%at(xi), d2b(:functions))
+      associate (v => self%variations)
+         do q = 1, size(self%points%xi)
+            associate (e => self%points%element(q), s => self%points%s(q), &
+               xi => self%points%xi(q), weight => self%points%weight(q))
+               first = self%space%first_on_element(e)
+               functions = self%space%last_on_element(e) - first + 1
+               b = self%space%on_element(e, s, 0)
+               d2b = self%space%on_element(e, s, 2)
+               call self%inertia%add_block(first, weight*v%mass(xi), b(:functions))
+               call self%bending%add_block(first, weight*v%bending(xi), d2b(:functions))
+               if (.not. self%varies) cycle
+               call self%air%add_block(first, weight*v%air(xi), b(:functions))
+               call self%viscous%add_block(first, weight*v%viscous(xi), d2b(:functions))
+            end associate
          end do
-      end do
+      end associate
    end function new_galerkin
+
+   !> The points of a rule on every element, or on each of the parts into which places cut it.
+   !>
+   !> breaks  x/l, ascending
+   pure function new_points(space, rule, breaks) result(points)
+      type(spline_space_t), intent(in) :: space
+      type(rule_t), intent(in) :: rule
+      real(wp), intent(in) :: breaks(:)
+      type(points_t) :: points
+      real(wp), allocatable :: ends(:)
+      integer :: e, k
+
+      allocate (points%element(0), points%s(0), points%weight(0))
+      do e = 0, space%elements - 1
+         associate (h => space%ends(e + 1) - space%ends(e))
+            ends = (breaks*space%length - space%ends(e))/h
+            ends = [0.0_wp, pack(ends, ends > 1e-9_wp .and. ends < 1 - 1e-9_wp), 1.0_wp]
+            do k = 1, size(ends) - 1
+               points%element = [points%element, spread(e, 1, size(rule%points))]
+               points%s = [points%s, ends(k) + (ends(k + 1) - ends(k))*rule%points]
+               points%weight = [points%weight, (ends(k + 1) - ends(k))*h*rule%weights]
+            end do
+         end associate
+      end do
+      points%xi = (space%ends(points%element) + points%s*(space%ends(points%element + 1) &
+         - space%ends(points%element)))/space%length
+   end function new_points
 
    !> <theta, b_i> for theta(x) = (x/l)**power, the load shape of (3.10).
    !>
@@ -106,22 +151,18 @@ contains
       logical, intent(in), optional :: mass
       real(wp) :: values(self%space%n)
       real(wp) :: b(self%mesh%degree + 1), weight
-      integer :: e, q, first, last
+      integer :: first, last, q
 
       values = 0
-      do e = 0, self%mesh%elements - 1
-         first = self%space%first_on_element(e)
-         last = self%space%last_on_element(e)
-         do q = 1, size(self%rule%points)
-            associate (s => self%rule%points(q))
-               weight = self%rule%weights(q)*((e + s)/self%mesh%elements)**power &
-                  *density(self, (e + s)/self%mesh%elements, mass)
-               b = self%space%on_element(e, s, 0)
-            end associate
+      do q = 1, size(self%points%xi)
+         associate (e => self%points%element(q), xi => self%points%xi(q))
+            first = self%space%first_on_element(e)
+            last = self%space%last_on_element(e)
+            weight = self%points%weight(q)*xi**power*density(self, xi, mass)
+            b = self%space%on_element(e, self%points%s(q), 0)
             values(first:last) = values(first:last) + weight*b(:last - first + 1)
-         end do
+         end associate
       end do
-      values = values*self%space%length/self%mesh%elements
    end function moments
 
    !> Integral of (x/l)**power over the beam by the rule of the mesh, exact or not: with it w = x/l,
@@ -134,17 +175,14 @@ contains
       class(galerkin_t), intent(in) :: self
       real(wp), intent(in) :: power
       logical, intent(in), optional :: mass
-      integer :: e, q
+      integer :: q
 
       integral = 0
-      do e = 0, self%mesh%elements - 1
-         do q = 1, size(self%rule%points)
-            associate (xi => (e + self%rule%points(q))/self%mesh%elements)
-               integral = integral + self%rule%weights(q)*xi**power*density(self, xi, mass)
-            end associate
-         end do
+      do q = 1, size(self%points%xi)
+         associate (xi => self%points%xi(q))
+            integral = integral + self%points%weight(q)*xi**power*density(self, xi, mass)
+         end associate
       end do
-      integral = integral*self%space%length/self%mesh%elements
    end function integral
 
    !> The factor of the mass per length where that counts.
@@ -155,7 +193,7 @@ contains
 
       density = 1
       if (.not. present(mass)) return
-      if (mass) density = self%variations%rho%at(xi)
+      if (mass) density = self%variations%mass(xi)
    end function density
 
    !> Gauss points between the root and a place, exact for (l - x) b_i' b_j' whatever the mesh has
@@ -167,22 +205,22 @@ contains
       real(wp), intent(in) :: x
       real(wp), allocatable, intent(out) :: points(:), weights(:)
       type(rule_t) :: rule
-      real(wp) :: h, first, width
+      real(wp) :: first, width
       integer :: e
 
       rule = gauss_legendre(space%degree)
-      h = space%length/space%elements
       allocate (points(0), weights(0))
       do e = 0, space%elements - 1
-         first = e*h
-         width = min(h, x - first)
+         first = space%ends(e)
+         width = min(space%ends(e + 1), x) - first
          if (.not. width > 0) exit
          points = [points, first + width*rule%points]
          weights = [weights, width*rule%weights]
       end do
    end subroutine slope_points
 
-   !> The integral of (a + b (l - x)) b_i' b_j' from the root to a place.
+   !> The integral of (a + b m) b_i' b_j' from the root to a place, m the mass per length beyond,
+   !> l - x where it does not vary.
    !>
    !> a, b  [1], [1/length]
    function slope_band(self, x, a, b) result(band)
@@ -195,90 +233,121 @@ contains
       band = new_band(self%space%n, self%mesh%degree)
       call slope_points(self%space, x, points, weights)
       do q = 1, size(points)
-         call band%add_rank_one(weights(q)*(a + b*(self%space%length - points(q))), &
-            self%space%at(points(q), 1))
+         call band%add_rank_one(weights(q)*(a + b*self%space%length &
+            *self%variations%mass_beyond(points(q)/self%space%length)), self%space%at(points(q), 1))
       end do
    end function slope_band
 
-   !> Tabulates curvatures for `bending_energy` and `add_bending_force`: at degree - 1 Gauss points,
+   !> Tabulates curvatures for `bending_energy` and `subtract_bending_force`: at degree - 1 Gauss points,
    !> which are exact, where the rule of the mesh is exact for them too, else at its own.
    pure subroutine tabulate_curvature(self)
       type(galerkin_t), intent(inout) :: self
-      type(rule_t) :: rule
-      integer :: e, q
+      integer, parameter :: of_a_dip = 8   ! points that know one as wide as a third of an element
+      real(wp), allocatable :: breaks(:)
+      integer, allocatable :: knots(:)
+      integer :: q
 
-      associate (mesh => self%mesh)
-         rule = self%rule
-         if (mesh%gauss_points >= mesh%degree - 1 .and. .not. self%varies) &
-            rule = composite(mesh%degree - 1, 1)
-         allocate (self%curvature(mesh%degree + 1, size(rule%points), &
-            min(mesh%elements, mesh%degree + 1)))
-         do e = 0, size(self%curvature, 3) - 1
-            do q = 1, size(rule%points)
-               self%curvature(:, q, e + 1) = sqrt(rule%weights(q)*self%space%length/mesh%elements) &
-                  *self%space%on_element(e, rule%points(q), 2)
-            end do
-         end do
-         if (.not. self%varies) return
-         allocate (self%factor(size(rule%points), 0:mesh%elements - 1, 2))
-         do e = 0, mesh%elements - 1
-            do q = 1, size(rule%points)
-               associate (xi => (e + rule%points(q))/mesh%elements)
-                  self%factor(q, e, :) = [self%variations%E%at(xi), self%variations%c_D%at(xi)]
-               end associate
-            end do
-         end do
+      self%bent = self%points
+      associate (mesh => self%mesh, v => self%variations)
+         if (v%dips) then
+            call v%breaks(mesh%degree, breaks, knots)
+            self%bent = new_points(self%space, composite(max(mesh%gauss_points, of_a_dip), &
+               mesh%panels), pack(breaks, knots == 0))
+         else if (mesh%gauss_points >= mesh%degree - 1 .and. .not. self%varies .and. &
+            v%E_along%coefficients + v%c_D_along%coefficients == 0) then
+            self%bent = new_points(self%space, composite(mesh%degree - 1, 1), [real(wp) ::])
+         end if
       end associate
+      allocate (self%curvature(self%mesh%degree + 1, size(self%bent%xi)), &
+         self%known(size(self%bent%xi), 2))
+      do q = 1, size(self%bent%xi)
+         self%curvature(:, q) = sqrt(self%bent%weight(q)) &
+            *self%space%on_element(self%bent%element(q), self%bent%s(q), 2)
+         self%known(q, :) = [self%variations%bending(self%bent%xi(q)), &
+            self%variations%viscous(self%bent%xi(q))]
+      end do
    end subroutine tabulate_curvature
 
-   !> force := force + factor (bending w), the bending matrix times w, by way of the curvature.
+   !> The bending integrals with other factors at their points.
+   !>
+   !> factor  (points of `bent`)
+   function bending_band(self, factor) result(band)
+      class(galerkin_t), intent(in) :: self
+      real(wp), intent(in) :: factor(:)
+      type(band_t) :: band
+      integer :: first, m, q
+
+      band = new_band(self%space%n, self%mesh%degree)
+      do q = 1, size(factor)
+         first = self%space%first_on_element(self%bent%element(q))
+         m = self%space%last_on_element(self%bent%element(q)) - first + 1
+         call band%add_block(first, factor(q), self%curvature(:m, q))
+      end do
+   end function bending_band
+
+   !> Curvatures of motions at the points of the bending integrals, times the roots of the weights.
+   !>
+   !> w       (n, motions)
+   !> result  (points, motions)
+   pure function curvatures(self, w) result(values)
+      class(galerkin_t), intent(in) :: self
+      real(wp), intent(in) :: w(:, :)
+      real(wp) :: values(size(self%bent%xi), size(w, 2))
+      integer :: first, last, q
+
+      do q = 1, size(values, 1)
+         first = self%space%first_on_element(self%bent%element(q))
+         last = self%space%last_on_element(self%bent%element(q))
+         values(q, :) = matmul(self%curvature(:last - first + 1, q), w(first:last, :))
+      end do
+   end function curvatures
+
+   !> force := force - the integrals of (k w'' + c v'') b_i'', by way of the curvature.
    !>
    !> In the band matrix the curvature of a smooth function is a difference of fourth order between
    !> rounded entries, which costs N**4 units of round-off; here it is one of second order.
    !>
-   !> w, force  (n)
-   !> viscous   whether by the factor of viscosity, not of stiffness
-   pure subroutine add_bending_force(self, factor, w, force, viscous)
+   !> k, c         (points of `bent`) stiffness and viscosity
+   !> w, v, force  (n)
+   pure subroutine subtract_bending_force(self, k, c, w, v, force)
       class(galerkin_t), intent(in) :: self
-      real(wp), intent(in) :: factor, w(:)
+      real(wp), intent(in) :: k(:), c(:), w(:), v(:)
       real(wp), intent(inout) :: force(:)
-      logical, intent(in) :: viscous
-      real(wp) :: kappa
-      integer :: e, q, row, first, last, m
+      real(wp) :: moment
+      integer :: first, last, m, q
 
-      do e = 0, self%mesh%elements - 1
-         first = self%space%first_on_element(e)
-         last = self%space%last_on_element(e)
+      do q = 1, size(k)
+         first = self%space%first_on_element(self%bent%element(q))
+         last = self%space%last_on_element(self%bent%element(q))
          m = last - first + 1
-         row = min(e + 1, size(self%curvature, 3))
-         do q = 1, size(self%curvature, 2)
-            kappa = factor*dot_product(self%curvature(:m, q, row), w(first:last))
-            if (self%varies) kappa = kappa*self%factor(q, e, merge(2, 1, viscous))
-            force(first:last) = force(first:last) + kappa*self%curvature(:m, q, row)
-         end do
+         moment = k(q)*dot_product(self%curvature(:m, q), w(first:last)) &
+            + c(q)*dot_product(self%curvature(:m, q), v(first:last))
+         force(first:last) = force(first:last) - moment*self%curvature(:m, q)
       end do
-   end subroutine add_bending_force
+   end subroutine subtract_bending_force
 
-   !> Integral of (w'')**2 over the beam, as accurate as `add_bending_force`.
+   !> Integral of factor (w'')**2 over the beam, as accurate as `subtract_bending_force`.
    !>
    !> w       (n)
+   !> factor  (points of `bent`); left out: what is known of the stiffness
    !> result  [length**2/length**3]
-   pure real(wp) function bending_energy(self, w)
+   pure real(wp) function bending_energy(self, w, factor)
       class(galerkin_t), intent(in) :: self
       real(wp), intent(in) :: w(:)
+      real(wp), intent(in), optional :: factor(:)
+      integer :: first, last, q
       real(wp) :: kappa
-      integer :: e, q, row, first, last
 
       bending_energy = 0
-      do e = 0, self%mesh%elements - 1
-         first = self%space%first_on_element(e)
-         last = self%space%last_on_element(e)
-         row = min(e + 1, size(self%curvature, 3))
-         do q = 1, size(self%curvature, 2)
-            kappa = dot_product(self%curvature(:last - first + 1, q, row), w(first:last))**2
-            if (self%varies) kappa = kappa*self%factor(q, e, 1)
-            bending_energy = bending_energy + kappa
-         end do
+      do q = 1, size(self%bent%xi)
+         first = self%space%first_on_element(self%bent%element(q))
+         last = self%space%last_on_element(self%bent%element(q))
+         kappa = dot_product(self%curvature(:last - first + 1, q), w(first:last))**2
+         if (present(factor)) then
+            bending_energy = bending_energy + factor(q)*kappa
+         else
+            bending_energy = bending_energy + self%known(q, 1)*kappa
+         end if
       end do
    end function bending_energy
 

@@ -1,10 +1,14 @@
-!> B-splines of odd degree on a uniform mesh of [0, l], combined so that every function satisfies
-!> the essential conditions of a clamped root, phi(0) = phi'(0) = 0 (Section 3 of CR-178199).
+!> B-splines of odd degree on a mesh of [0, l], combined so that every function satisfies the
+!> essential conditions of a clamped root, phi(0) = phi'(0) = 0 (Section 3 of CR-178199).
 !>
-!> With h = l/N, B_j is centred at x_j = j h and scaled by degree!, which for cubics is the paper's
-!> B_j(x_j) = 4, B_j(x_j +- h) = 1. The degree functions that do not vanish at the root are replaced
-!> by local combinations of three neighbours, for cubics b_1 = B_0 - 2 B_1 - 2 B_{-1}, so that the
-!> Gram matrices keep half-bandwidth = degree. The dimension is N + degree - 2.
+!> The mesh is uniform, h = l/N. Where a property of the beam jumps or has a kink, w'' does too: a
+!> knot of as many as the continuity asks for stands there, and an element ends.
+!>
+!> B_j is scaled by degree!, which for cubics on the uniform mesh is the paper's B_j(x_j) = 4,
+!> B_j(x_j +- h) = 1. The degree functions that do not vanish at the root are replaced by local
+!> combinations of three neighbours, for cubics b_1 = B_0 - 2 B_1 - 2 B_{-1}, so that the Gram
+!> matrices keep half-bandwidth = degree. The dimension is N + degree - 2, and one for each more
+!> knot.
 !>
 !> A root that may turn (phi(0) = 0 alone) adds one function in front, for cubics B_{-1} - B_0/4.
 module beamid_splines
@@ -17,43 +21,74 @@ module beamid_splines
    !> Functions that may be nonzero on one element: at most degree + 1, consecutive.
    type :: spline_space_t
       integer :: degree = 0                    !< odd, >= 3
-      integer :: elements = 0                  !< N
+      integer :: elements = 0                  !< those of the mesh, and the parts of those cut
       integer :: n = 0                         !< dimension
       integer :: turning = 0                   !< 1: the root may turn; 0: clamped
       real(wp) :: length = 0                   !< l
-      !> Row i: the coefficients of B_{k}, B_{k+1}, B_{k+2}, k = i - (degree+1)/2, in b_i, i <=
-      !> degree-2.
+      real(wp), allocatable :: ends(:)         !< (0:elements) where elements meet [length]
+      !> mesh intervals in a unit of x [1/length]
+      real(wp), private :: scale = 1
+      !> knots in mesh intervals from the root; of element e the last on its left is number
+      !> left(e), before(e) B-splines have ended in front of it
+      real(wp), allocatable, private :: knots(:)
+      integer, allocatable, private :: left(:), before(:)   !< (0:elements - 1)
+      !> Row i: the coefficients of the plain B-splines i, i + 1, i + 2, from the root on, in b_i,
+      !> i <= degree - 2.
       real(wp), allocatable, private :: root(:, :)
    contains
       procedure :: first_on_element
       procedure :: last_on_element
       procedure :: on_element
+      procedure :: element_of
       procedure :: at
+      procedure, private :: plain
    end type spline_space_t
 
 contains
 
-   !> degree    odd, >= 3
-   !> elements  number of mesh intervals, >= 1
-   !> length    l > 0 [length]
-   !> turning   whether the root may turn; default .false.
-   pure function new_spline_space(degree, elements, length, turning) result(space)
+   !> degree        odd, >= 3
+   !> elements      number of mesh intervals, >= 1
+   !> length        l > 0 [length]
+   !> turning       whether the root may turn; default .false.
+   !> breaks        x/l, ascending, where knots stand besides those of the mesh, or instead of one
+   !>               that is near
+   !> multiplicity  of these, 1 .. degree - 1
+   pure function new_spline_space(degree, elements, length, turning, breaks, multiplicity) &
+      result(space)
       integer, intent(in) :: degree, elements
       real(wp), intent(in) :: length
       logical, intent(in), optional :: turning
+      real(wp), intent(in), optional :: breaks(:)
+      integer, intent(in), optional :: multiplicity(:)
       type(spline_space_t) :: space
       real(wp) :: value(degree + 1), slope(degree + 1), determinant
-      integer :: i
+      real(wp), allocatable :: nodes(:)
+      integer, allocatable :: times(:)
+      integer :: e, i
 
       space%degree = degree
-      space%elements = elements
       if (present(turning)) space%turning = merge(1, 0, turning)
-      space%n = elements + degree - 2 + space%turning
       space%length = length
+      space%scale = elements/length
+      call mesh_knots(elements, nodes, times, breaks, multiplicity)
+      space%elements = size(nodes) - 1
+      space%n = space%elements + sum(times - 1) + degree - 2 + space%turning
+      allocate (space%ends(0:space%elements), space%left(0:space%elements - 1), &
+         space%before(0:space%elements - 1))
+      space%ends = nodes/elements*length
+      space%ends(space%elements) = length
+      ! Beyond root and tip the mesh goes on.
+      space%knots = [(real(i, wp), i=-degree, -1)]
+      do e = 0, space%elements - 1
+         space%knots = [space%knots, spread(nodes(e + 1), 1, times(e + 1))]
+         space%left(e) = size(space%knots)
+         space%before(e) = space%left(e) - (degree + 1)
+      end do
+      space%knots = [space%knots, [(real(elements + i, wp), i=0, degree)]]
 
-      ! At the root, B_k with k = -(degree-1)/2 + i - 1 has value(i) and slope(i), i = 1..degree.
-      value = cardinal(degree, 0, 0.0_wp)
-      slope = cardinal(degree, 1, 0.0_wp)
+      ! At the root B-spline i has value(i) and slope(i), i = 1..degree.
+      value = space%plain(0, 0.0_wp, 0)
+      slope = space%plain(0, 0.0_wp, 1)
       allocate (space%root(degree - 2, 3))
       do i = 1, degree - 2
          determinant = value(i)*slope(i + 2) - value(i + 2)*slope(i)
@@ -63,14 +98,52 @@ contains
       end do
    end function new_spline_space
 
+   !> Where the elements of a mesh end, in mesh intervals from the root: a break takes the place of
+   !> the end that is nearest, where that is no farther than a twentieth of an interval.
+   !>
+   !> nodes  (:) ascending, 0 and `elements` among them
+   !> times  (:) knots at each
+   pure subroutine mesh_knots(elements, nodes, times, breaks, multiplicity)
+      integer, intent(in) :: elements
+      real(wp), allocatable, intent(out) :: nodes(:)
+      integer, allocatable, intent(out) :: times(:)
+      real(wp), intent(in), optional :: breaks(:)
+      integer, intent(in), optional :: multiplicity(:)
+      real(wp), parameter :: near = 0.05_wp, same = 1e-9_wp
+      logical :: taken(0:elements)
+      real(wp) :: x
+      integer :: i, j, k
+
+      nodes = [(real(i, wp), i=0, elements)]
+      times = [(1, i=0, elements)]
+      if (.not. present(breaks)) return
+      taken = .false.
+      taken([0, elements]) = .true.
+      do k = 1, size(breaks)
+         x = breaks(k)*elements
+         if (.not. (x > same .and. x < elements - same)) cycle
+         j = nint(x)
+         if (abs(x - j) <= near .and. .not. taken(j)) then
+            taken(j) = .true.
+            i = minloc(abs(nodes - j), dim=1)
+            nodes(i) = x
+            times(i) = multiplicity(k)
+         else
+            i = count(nodes < x)
+            nodes = [nodes(:i), x, nodes(i + 1:)]
+            times = [times(:i), multiplicity(k), times(i + 1:)]
+         end if
+      end do
+   end subroutine mesh_knots
+
    !> Index of the first of the functions returned by `on_element`.
    !>
-   !> element  0 .. N-1, covering [element h, (element + 1) h]
+   !> element  0 .. elements - 1, covering [ends(element), ends(element + 1)]
    pure integer function first_on_element(self, element)
       class(spline_space_t), intent(in) :: self
       integer, intent(in) :: element
 
-      first_on_element = max(1, element - 1 + self%turning)
+      first_on_element = max(1, self%before(element) - 1 + self%turning)
    end function first_on_element
 
    !> Index of the last of them.
@@ -78,12 +151,30 @@ contains
       class(spline_space_t), intent(in) :: self
       integer, intent(in) :: element
 
-      last_on_element = element + self%degree - 1 + self%turning
+      last_on_element = self%before(element) + self%degree - 1 + self%turning
    end function last_on_element
+
+   !> The element that a place is on.
+   !>
+   !> x  0 .. l [length]
+   pure integer function element_of(self, x) result(element)
+      class(spline_space_t), intent(in) :: self
+      real(wp), intent(in) :: x
+
+      element = min(max(int(x*self%scale), 0), self%elements - 1)
+      do while (element > 0)
+         if (x >= self%ends(element)) exit
+         element = element - 1
+      end do
+      do while (element < self%elements - 1)
+         if (x < self%ends(element + 1)) exit
+         element = element + 1
+      end do
+   end function element_of
 
    !> Derivative of order `derivative` of the functions first, first+1, ... that live on an element.
    !>
-   !> element     0 .. N-1
+   !> element     0 .. elements - 1
    !> s           position in the element, 0 .. 1
    !> derivative  0 .. degree [the result has unit 1/length**derivative]
    !> values      (degree + 1); entries beyond the last function of the element are zero
@@ -92,37 +183,37 @@ contains
       integer, intent(in) :: element, derivative
       real(wp), intent(in) :: s
       real(wp) :: values(self%degree + 1)
-      real(wp) :: plain(self%degree + 1)
+      real(wp) :: plain(self%degree + 1), at_root(self%degree + 1)
       integer :: i, c, k, row, first, functions
 
-      plain = cardinal(self%degree, derivative, s)*(self%elements/self%length)**derivative
-      if (element >= self%degree) then
-         values = plain
-         return
-      end if
-
-      ! plain(c) belongs to B_k, k = element - (degree+1)/2 + c; b_i = B_{i-(degree-3)/2} for i >
-      ! degree-2.
-      values = 0
-      first = max(1, element - 1)
-      do row = 1, element + self%degree - first
-         i = first + row - 1
-         if (i > self%degree - 2) then
-            values(row) = plain(i - element + 2)
-         else
-            do k = 1, 3
-               c = i + k - 1 - element
-               if (c >= 1) values(row) = values(row) + self%root(i, k)*plain(c)
-            end do
+      plain = self%plain(element, s, derivative)
+      associate (before => self%before(element))
+         if (before >= self%degree) then
+            values = plain
+            return
          end if
-      end do
-      if (self%turning == 0 .or. element > 1) return
-      ! The function that turns the root lives on the first two elements, in front of the others.
-      functions = element + self%degree - 1
-      values(2:functions + 1) = values(:functions)
-      associate (at_root => cardinal(self%degree, 0, 0.0_wp))
-         if (element == 0) values(1) = plain(1) - at_root(1)/at_root(2)*plain(2)
-         if (element == 1) values(1) = -at_root(1)/at_root(2)*plain(1)
+
+         ! plain(c) is B-spline number before + c, and b_i number i + 2 for i > degree - 2.
+         values = 0
+         first = max(1, before - 1)
+         do row = 1, before + self%degree - first
+            i = first + row - 1
+            if (i > self%degree - 2) then
+               values(row) = plain(i - before + 2)
+            else
+               do k = 1, 3
+                  c = i + k - 1 - before
+                  if (c >= 1) values(row) = values(row) + self%root(i, k)*plain(c)
+               end do
+            end if
+         end do
+         if (self%turning == 0 .or. before > 1) return
+         ! The function that turns the root lives on the first two elements, in front of the others.
+         functions = before + self%degree - 1
+         values(2:functions + 1) = values(:functions)
+         at_root = self%plain(0, 0.0_wp, 0)
+         if (before == 0) values(1) = plain(1) - at_root(1)/at_root(2)*plain(2)
+         if (before == 1) values(1) = -at_root(1)/at_root(2)*plain(1)
       end associate
    end function on_element
 
@@ -136,44 +227,76 @@ contains
       real(wp), intent(in) :: x
       integer, intent(in) :: derivative
       real(wp) :: values(self%n)
-      real(wp) :: local(self%degree + 1), position
+      real(wp) :: local(self%degree + 1)
       integer :: element, first, last
 
-      position = x/self%length*self%elements
-      element = min(max(int(position), 0), self%elements - 1)
+      element = self%element_of(x)
       first = self%first_on_element(element)
       last = self%last_on_element(element)
-      local = self%on_element(element, position - element, derivative)
+      associate (left => self%ends(element), right => self%ends(element + 1))
+         local = self%on_element(element, (x - left)/(right - left), derivative)
+      end associate
       values = 0
       values(first:last) = local(:last - first + 1)
    end function at
 
-   !> The degree + 1 cardinal B-splines (unit spacing, scaled by degree!) that are nonzero on one
-   !> interval, from left to right, at s in [0, 1]: de Boor's recurrence for the spline of degree
-   !> degree - derivative, then differences, since B_p' = B_{p-1}(. + 1/2) - B_{p-1}(. - 1/2).
+   !> The degree + 1 B-splines that live on an element, from left to right, before any combination.
+   pure function plain(self, element, s, derivative) result(values)
+      class(spline_space_t), intent(in) :: self
+      integer, intent(in) :: element, derivative
+      real(wp), intent(in) :: s
+      real(wp) :: values(self%degree + 1)
+
+      associate (m => self%left(element), p => self%degree)
+         values = b_splines(self%knots(m - p + 1:m + p) - self%knots(m), &
+            s*(self%knots(m + 1) - self%knots(m)), derivative)*self%scale**derivative
+      end associate
+   end function plain
+
+   !> The cardinal B-splines, of unit spacing, that are nonzero on one interval, from left to right,
+   !> at s in [0, 1].
    pure function cardinal(degree, derivative, s) result(values)
       integer, intent(in) :: degree, derivative
       real(wp), intent(in) :: s
       real(wp) :: values(degree + 1)
-      real(wp) :: saved, term
-      integer :: p, r
+      integer :: i
 
+      values = b_splines([(real(i, wp), i=1 - degree, degree)], s, derivative)
+   end function cardinal
+
+   !> The degree + 1 B-splines, scaled by degree!, that are nonzero between two knots, from left to
+   !> right: de Boor's recurrence for the splines of degree degree - derivative, then differences of
+   !> those over the spans of knots they live on.
+   !>
+   !> t  (2 degree) the knots around, relative to number `degree`, at 0
+   !> u  between 0 and t(degree + 1)
+   pure function b_splines(t, u, derivative) result(values)
+      real(wp), intent(in) :: t(:), u
+      integer, intent(in) :: derivative
+      real(wp) :: values(size(t)/2 + 1)
+      real(wp) :: saved, term
+      integer :: degree, p, r
+
+      degree = size(t)/2
       values = 0
       values(1) = 1
       do p = 1, degree - derivative
          saved = 0
          do r = 1, p
-            term = values(r)/p
-            values(r) = saved + (r - s)*term
-            saved = (s + p - r)*term
+            term = values(r)/(t(degree + r) - t(degree + r - p))
+            values(r) = saved + (t(degree + r) - u)*term
+            saved = (u - t(degree + r - p))*term
          end do
          values(p + 1) = saved
       end do
       do p = degree - derivative + 1, degree
+         do r = 1, p
+            values(r) = p*values(r)/(t(degree + r) - t(degree + r - p))
+         end do
          values(2:p + 1) = values(1:p) - values(2:p + 1)
          values(1) = -values(1)
       end do
       values = values*gamma(degree + 1.0_wp)
-   end function cardinal
+   end function b_splines
 
 end module beamid_splines

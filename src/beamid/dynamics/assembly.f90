@@ -18,7 +18,7 @@
 module beamid_assembly
    use beamid_kinds, only: wp
    use beamid_modes, only: beam_modes_t
-   use beamid_structure, only: of_g, of_length, of_x_F, structure_t
+   use beamid_structure, only: E_at, of_g, of_length, of_x_F, structure_t
    use beamid_terms, only: bending, force_value, hose, inertia, is_spring, load_shape, &
       of_compliance, of_damping, of_load, of_mass, of_stiffness, operators, place_on_mesh, pulls, &
       root_slope, sensor_slope, sensor_value, strengths_and_slopes, stretch, support_value, &
@@ -331,7 +331,7 @@ contains
       integer :: j, k, p
 
       k = of_stiffness
-      needed = allocated(modes%rest) .or. any(pulls([(j, j=1, size(operators))]) .and. &
+      needed = allocated(modes%rest) .or. varies_more(self) .or. any(pulls([(j, j=1, size(operators))]) .and. &
          (abs(self%strength(:, k)) > 0 .or. any(abs(slopes(:, k, :)) > 0, dim=2)))
       if (present(whole)) needed = needed .or. whole
       if (.not. needed) return
@@ -352,6 +352,7 @@ contains
             end associate
          end do
       end if
+      if (varies_more(self)) call add_varied_bending(self, modes, slopes)
       do k = 1, size(operators)
          associate (s => self%strength(k, of_stiffness), s_p => slopes(k, of_stiffness, :), &
             x => place_on_mesh(k, self%structure, modes%space%length))
@@ -370,6 +371,58 @@ contains
          end associate
       end do
    end subroutine set_dense
+
+   !> Whether parameters say how the bending varies along the beam, or a parameter is to be
+   !> differentiated with respect to that would.
+   pure logical function varies_more(self)
+      type(assembly_t), intent(in) :: self
+
+      varies_more = self%structure%varies_further() .or. any(self%parameters >= E_at(1))
+   end function varies_more
+
+   !> What E(x) and c_D(x) make of the bending, beyond E, c_D and what is known to vary.
+   subroutine add_varied_bending(self, modes, slopes)
+      type(assembly_t), intent(inout) :: self
+      type(beam_modes_t), intent(in) :: modes
+      real(wp), intent(in) :: slopes(:, :, :)
+      integer, parameter :: matrix(2) = [of_damping, of_stiffness]
+      real(wp) :: factor(size(modes%bent), 2), slope(size(modes%bent), 2), both(2)
+      real(wp) :: products(self%beam, self%beam, 2)
+      integer :: j, k, p, q
+
+      ! What `factors` has first is of the stiffness, here it is second.
+      do q = 1, size(modes%bent)
+         factor(q, :) = self%structure%factors(modes%bent(q)) - 1
+      end do
+      do j = 1, 2
+         k = 3 - j
+         if (.not. self%strength(bending, matrix(j)) > 0) cycle
+         if (all(abs(factor(:, k)) <= 0)) then
+            products(:, :, j) = 0
+         else
+            products(:, :, j) = modes%bending_products(modes%known(:, k)*factor(:, k))
+         end if
+         self%dense(:, :, j) = self%dense(:, :, j) &
+            + self%strength(bending, matrix(j))*products(:, :, j)
+      end do
+      do p = 1, size(self%parameters)
+         do q = 1, size(modes%bent)
+            both = self%structure%factor_slopes(modes%bent(q), self%parameters(p))
+            slope(q, :) = both
+         end do
+         do j = 1, 2
+            k = 3 - j
+            associate (s => self%strength(bending, matrix(j)), s_p => slopes(bending, matrix(j), p))
+               if (.not. s > 0) cycle
+               if (abs(s_p) > 0) self%dense_slope(:, :, j, p) = self%dense_slope(:, :, j, p) &
+                  + s_p*products(:, :, j)
+               if (any(abs(slope(:, k)) > 0)) self%dense_slope(:, :, j, p) = &
+                  self%dense_slope(:, :, j, p) + s*modes%bending_products(modes%known(:, k) &
+                  *slope(:, k))
+            end associate
+         end do
+      end do
+   end subroutine add_varied_bending
 
    !> Whether something acts between all oscillators of the beam.
    pure logical function is_dense(self)

@@ -43,6 +43,8 @@ module beamid_equations
       type(galerkin_t), pointer :: galerkin => null()   !< the integrals it was assembled from
       type(structure_t) :: structure
       real(wp), allocatable :: strength(:, :)   !< (operators, matrices) of `beamid_terms`
+      !> (bending points of the mesh, 2) factors of stiffness and viscosity
+      real(wp), allocatable :: factor(:, :)
       real(wp) :: omega = 0                  !< estimate of the first angular frequency [1/time]
       real(wp) :: displacement = 0           !< estimate of the size of the displacement [length]
    contains
@@ -76,6 +78,12 @@ contains
       if (excitation%distributed) self%shape = galerkin%moments(excitation%power)
       if (present(matrices)) then
          if (.not. matrices) return
+      end if
+      self%factor = galerkin%known
+      if (structure%varies_further()) then
+         do k = 1, size(self%factor, 1)
+            self%factor(k, :) = self%factor(k, :)*structure%factors(galerkin%bent%xi(k))
+         end do
       end if
       call find_points(self, n)
       ! The B-splines add up to degree!, the hose moves by y itself.
@@ -141,15 +149,20 @@ contains
    function sum_of_terms(self, matrix) result(band)
       type(equations_t), intent(in) :: self
       integer, intent(in) :: matrix
-      type(band_t) :: band
+      type(band_t) :: band, bent
       integer :: k
 
       associate (g => self%galerkin, s => self%strength(:, matrix))
          band = new_band(size(self%point, 1), g%inertia%kd)
+         bent = g%bending
+         if (matrix == of_damping .and. g%varies) bent = g%viscous
+         if (self%structure%varies_further() .and. matrix /= of_mass) &
+            bent = g%bending_band(self%factor(:, merge(1, 2, matrix == of_stiffness)))
+         band%a(:, :g%space%n) = s(bending)*bent%a
          if (matrix == of_damping .and. g%varies) then
-            band%a(:, :g%space%n) = s(inertia)*g%air%a + s(bending)*g%viscous%a
+            band%a(:, :g%space%n) = band%a(:, :g%space%n) + s(inertia)*g%air%a
          else
-            band%a(:, :g%space%n) = s(inertia)*g%inertia%a + s(bending)*g%bending%a
+            band%a(:, :g%space%n) = band%a(:, :g%space%n) + s(inertia)*g%inertia%a
          end if
          if (matrix == of_stiffness .and. allocated(self%pull%a)) &
             band%a(:, :g%space%n) = band%a(:, :g%space%n) + self%pull%a
@@ -339,15 +352,12 @@ contains
 
       associate (n => self%galerkin%space%n, c => self%strength(:, of_damping), &
          s => self%strength(:, of_stiffness))
+         call self%galerkin%subtract_bending_force(s(bending)*self%factor(:, 1), &
+            c(bending)*self%factor(:, 2), w(:n), v(:n), force(:n))
          if (self%galerkin%varies) then
-            call self%galerkin%add_bending_force(-s(bending), w(:n), force(:n), viscous=.false.)
-            call self%galerkin%add_bending_force(-c(bending), v(:n), force(:n), viscous=.true.)
             call self%galerkin%air%add_product(-c(inertia), v(:n), force(:n))
-         else
-            call self%galerkin%add_bending_force(-1.0_wp, s(bending)*w(:n) + c(bending)*v(:n), &
-               force(:n), viscous=.false.)
-            if (c(inertia) > 0) call self%galerkin%inertia%add_product(-c(inertia), v(:n), &
-               force(:n))
+         else if (c(inertia) > 0) then
+            call self%galerkin%inertia%add_product(-c(inertia), v(:n), force(:n))
          end if
          if (allocated(self%pull%a)) call self%pull%add_product(-1.0_wp, w(:n), force(:n))
       end associate
@@ -364,7 +374,7 @@ contains
 
       bent = self%constraints%expanded(x)
       associate (n => self%galerkin%space%n, s => self%strength(:, of_stiffness))
-         strain_energy = s(bending)*self%galerkin%bending_energy(bent(:n))
+         strain_energy = s(bending)*self%galerkin%bending_energy(bent(:n), self%factor(:, 1))
          if (allocated(self%pull%a)) strain_energy = strain_energy &
             + dot_product(bent(:n), self%pull%times(bent(:n)))
          do k = bending + 1, size(s)

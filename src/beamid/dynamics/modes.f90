@@ -7,6 +7,7 @@ module beamid_modes
    use beamid_galerkin, only: galerkin_t, slope_points
    use beamid_kinds, only: wp
    use beamid_splines, only: spline_space_t
+   use beamid_variations, only: variations_t
    implicit none
    private
 
@@ -31,12 +32,19 @@ module beamid_modes
       !> Gauss points along the beam, their weights, and (points, n) slopes of the modes there, as
       !> `tabulate_slopes` leaves them, for `tension`.
       real(wp), allocatable :: points(:), weights(:), slopes(:, :)
+      !> (points) the mass beyond them, as `slope_band` has it
+      real(wp), allocatable :: beyond(:)
+      type(variations_t) :: variations
+      !> Points of the bending integrals as x/l, (points, 2) what is known of the factors there, and
+      !> where more varies than that (points, n) curvatures times the roots of the weights.
+      real(wp), allocatable :: bent(:), known(:, :), curvatures(:, :)
       !> (n, n, 2) phi' A phi and phi' B phi of air and viscosity where something varies along the
       !> beam, less those of mass and stiffness; not allocated: nothing does
       real(wp), allocatable :: rest(:, :, :)
    contains
       procedure :: at
       procedure :: tabulate_slopes
+      procedure :: bending_products
       procedure :: tension
    end type beam_modes_t
 
@@ -98,6 +106,15 @@ contains
          if (galerkin%space%turning > 0) modes%mu(1) = 0
          modes%tip = modes%at(length, 0)
          if (galerkin%varies) call find_rest(galerkin, modes)
+         modes%variations = galerkin%variations
+         modes%bent = galerkin%bent%xi
+         modes%known = galerkin%known
+         associate (v => modes%variations)
+            if (v%dips .or. v%E_along%coefficients + v%c_D_along%coefficients > 0) then
+               modes%curvatures = galerkin%curvatures(modes%shapes)
+               if (modes%turn > 0) modes%curvatures(:, 1) = 0
+            end if
+         end associate
       end associate
    end subroutine bare_beam_modes
 
@@ -156,45 +173,67 @@ contains
       if (allocated(self%slopes)) return
       call slope_points(self%space, self%space%length, self%points, self%weights)
       allocate (self%slopes(size(self%points), size(self%mu)))
+      allocate (self%beyond(size(self%points)))
       do k = 1, size(self%points)
          self%slopes(k, :) = self%at(self%points(k), 1)
+         self%beyond(k) = self%space%length &
+            *self%variations%mass_beyond(self%points(k)/self%space%length)
       end do
    end subroutine tabulate_slopes
 
-   !> The integral of (a + b (l - x)) phi_i' phi_j' from the root to a place.
+   !> The integral of (a + b m) phi_i' phi_j' from the root to a place, m the mass per length beyond.
    !>
    !> x     0 .. l [length]
-   !> a, b  [1], [1/length]
+   !> a, b  [1], [1/length]; b only where x = l
    function tension(self, x, a, b) result(values)
       class(beam_modes_t), intent(in) :: self
       real(wp), intent(in) :: x, a, b
       real(wp) :: values(size(self%mu), size(self%mu))
-      real(wp), allocatable :: points(:), weights(:), slopes(:, :)
-      real(wp) :: h
-      integer :: per_element, q, whole
+      real(wp), allocatable :: weights(:), slopes(:, :)
+      integer :: cut, per_element, q, whole
 
-      associate (l => self%space%length)
+      associate (l => self%space%length, ends => self%space%ends)
          per_element = size(self%points)/self%space%elements
-         h = l/self%space%elements
-         whole = self%space%elements
-         if (x < l) whole = min(whole - 1, int(x/h))
-         points = self%points(:whole*per_element)
-         weights = self%weights(:whole*per_element)
-         slopes = self%slopes(:whole*per_element, :)
+         cut = self%space%elements
+         if (x < l) cut = self%space%element_of(x)
+         whole = cut*per_element
+         weights = self%weights(:whole)*(a + b*self%beyond(:whole))
+         slopes = self%slopes(:whole, :)
          if (x < l) then
             ! Of the element that is cut the part in front.
-            associate (inside => (self%points(:per_element))*(x/h - whole), first => whole*h)
-               points = [points, first + inside]
-               weights = [weights, self%weights(:per_element)*(x/h - whole)]
-               slopes = reshape([transpose(slopes), [(self%at(first + inside(q), 1), &
-                  q=1, per_element)]], [size(points), size(self%mu)], order=[2, 1])
+            associate (share => (x - ends(cut))/(ends(cut + 1) - ends(cut)), &
+               points => self%points(whole + 1:whole + per_element))
+               weights = [weights, self%weights(whole + 1:whole + per_element)*share*a]
+               slopes = reshape([transpose(slopes), [(self%at(ends(cut) + (points(q) &
+                  - ends(cut))*share, 1), q=1, per_element)]], [size(weights), size(self%mu)], &
+                  order=[2, 1])
             end associate
          end if
          do q = 1, size(self%mu)
-            values(:, q) = matmul(weights*(a + b*(l - points))*slopes(:, q), slopes)
+            values(:, q) = matmul(weights*slopes(:, q), slopes)
          end do
       end associate
    end function tension
+
+   !> The integrals of factor phi_i'' phi_j''.
+   !>
+   !> factor  (bending points)
+   function bending_products(self, factor) result(values)
+      class(beam_modes_t), intent(in) :: self
+      real(wp), intent(in) :: factor(:)
+      real(wp) :: values(size(self%mu), size(self%mu))
+      real(wp), allocatable :: curvatures(:, :), weighted(:, :)
+      integer, allocatable :: where_any(:)
+      integer :: k, q
+
+      where_any = pack([(q, q=1, size(factor))], abs(factor) > 0)
+      curvatures = self%curvatures(where_any, :)
+      weighted = curvatures
+      do k = 1, size(self%mu)
+         weighted(:, k) = factor(where_any)*curvatures(:, k)
+      end do
+      values = matmul(transpose(weighted), curvatures)
+   end function bending_products
 
    !> Values of the modes, or of a derivative, at one place.
    !>

@@ -108,7 +108,8 @@ contains
             'finds; expected the modal response')
          return
       end if
-      apparatus%galerkin = new_galerkin(mesh, structure%length, structure%has_root_spring())
+      apparatus%galerkin = new_galerkin(mesh, structure%length, structure%has_root_spring(), &
+               structure%variations)
       most = unknowns_of(mesh, structure)
       if (experiment%excitation%modes > most) then
          call bad_input(error, 'found '//to_text(experiment%excitation%modes)//' modes that '// &

@@ -52,7 +52,8 @@ contains
       allocate (modes(0))
       do r = 1, size(fit%world%structures)
          associate (structure => fit%world%structures(r))
-            galerkin = new_galerkin(mesh, structure%length, structure%has_root_spring())
+            galerkin = new_galerkin(mesh, structure%length, structure%has_root_spring(), &
+               structure%variations)
             call solver%prepare(galerkin, error)
             if (allocated(error)) return
             equations = new_equations(galerkin, structure, new_pulse(0.0_wp, 1.0_wp))

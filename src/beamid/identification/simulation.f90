@@ -51,7 +51,8 @@ contains
       class(solver_t), allocatable :: solver
 
       galerkin = new_galerkin(mesh, model%structure%length, &
-         model%structure%has_root_spring())
+         model%structure%has_root_spring(), &
+               model%structure%variations)
       solver = model%solver
       call prepare_for(galerkin, solver, error)
       if (allocated(error)) return

@@ -6,7 +6,7 @@ module beamid_unknowns
    use beamid_kinds, only: wp
    use beamid_parameters, only: as_named, free_magnitude, get_free, is_there, may_be_negative, &
       name_of_parameter, offset, on_beam, parameters, parameter_name_length => name_length, &
-      set_free
+      set_free, share
    use beamid_strings, only: to_text
    use beamid_structure, only: n_parameters, of_length, structure_t, x_P_at
    use beamid_variables, only: new_variable, unbounded, variable_t
@@ -73,7 +73,8 @@ contains
 
       if (.not. allocated(self%lower)) self%lower = merge(-unbounded, 0.0_wp, &
          may_be_negative(self%free))
-      if (.not. allocated(self%upper)) self%upper = spread(unbounded, 1, size(self%free))
+      if (.not. allocated(self%upper)) self%upper = merge(0.99_wp, unbounded, &
+         parameters(self%free)%range == share)
    end subroutine set_bounds
 
    !> Gives a parameter that is not shared a place for each record, and takes the offset, which

@@ -111,7 +111,8 @@ contains
          s = 0
          ds = 0
          do r = 1, size(structures)
-            galerkin = new_galerkin(mesh, structures(r)%length, structures(r)%has_root_spring())
+            galerkin = new_galerkin(mesh, structures(r)%length, structures(r)%has_root_spring(), &
+               structures(r)%variations)
             call solver%prepare(galerkin, error)
             if (allocated(error)) return
             equations = new_equations(galerkin, structures(r), new_pulse(0.0_wp, 1.0_wp))

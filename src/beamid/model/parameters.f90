@@ -10,17 +10,17 @@ module beamid_parameters
       of_c_D, &
       of_c_H, c_P_at, of_c_R, of_E, of_g, of_gamma, of_I, J_S_at, of_J_T, of_k_H, kappa_P_at, &
       of_kappa_R, of_length, of_m_H, m_S_at, of_m_T, of_rho, of_T, of_x_F, x_P_at, x_S_at, &
-      structure_t, values_of
+      c_D_at, E_at, most_coefficients, of_d_D, of_w_D, of_x_D, structure_t, values_of
    implicit none
    private
 
    public :: parameter_t, parameters, key_of, as_named, free_names, free_index, name_of_parameter, &
       place_of_name, is_there, get_free, set_free, free_magnitude, magnitude, may_be_negative, &
       belongs_to_hose, check_structure
-   public :: amplitude, offset, positive, not_negative, on_beam, any_value
+   public :: amplitude, offset, positive, not_negative, on_beam, any_value, share
 
    !> Ranges.
-   integer, parameter :: positive = 1, not_negative = 2, on_beam = 3, any_value = 4
+   integer, parameter :: positive = 1, not_negative = 2, on_beam = 3, any_value = 4, share = 5
 
    !> Of a name as it is printed, that of its sensor or support behind it.
    integer, parameter, public :: name_length = 10 + item_name_length
@@ -57,9 +57,8 @@ module beamid_parameters
    !> one per cent of critical at the first frequency.
    integer :: i
    !> gfortran 12 takes an element, not the index of a loop by itself.
-   integer, parameter :: nth(max(most_sensors, most_supports)) = [(i, i=1, max(most_sensors, &
-      most_supports))]
-   type(parameter_t), parameter :: parameters(n_parameters + 2) = [ &
+   integer, parameter :: nth(most_coefficients) = [(i, i=1, most_coefficients)]
+   type(parameter_t), parameter :: parameters(n_parameters + 2 + 2*most_coefficients) = [ &
       parameter_t(of_m_T, 'm_T', 'tip', [1, 0, 0], not_negative, '0', tenth_of_mass, &
          help='tip mass'), &
       parameter_t(of_E, 'E', 'beam', [1, -1, -2], positive, '', &
@@ -101,6 +100,12 @@ module beamid_parameters
       parameter_t(of_T, 'T', 'axial', [1, 1, -2], any_value, '', &
          monomial_t(5e-2_wp, [the_stiffness, of_length, 0]), key='force', &
          help='in the beam, tension above 0; free as T'), &
+      parameter_t(of_x_D, 'place', 'along', [0, 1, 0], on_beam, 'x or a dip', &
+         monomial_t(place=[of_length, 0, 0]), help='of the middle of a dip'), &
+      parameter_t(of_w_D, 'width', 'along', [0, 1, 0], positive, 'x or a dip', &
+         monomial_t(0.1_wp, [of_length, 0, 0]), help='of a dip, a standard deviation'), &
+      parameter_t(of_d_D, 'depth', 'along', [0, 0, 0], share, 'x or a dip', &
+         monomial_t(0.1_wp), help='of a dip, the share that is missing in its middle'), &
       (parameter_t(m_S_at(i), 'm_S', 'sensor', [1, 0, 0], not_negative, '0', tenth_of_mass, &
          help='mass of the sensor', item=nth(i)), &
       parameter_t(J_S_at(i), 'J_S', 'sensor', [1, 2, 0], not_negative, '0', &
@@ -120,7 +125,13 @@ module beamid_parameters
       parameter_t(amplitude, 'amplitude', 'excitation', [1, 1, -2], any_value, '', monomial_t(), &
          help='of the force'), &
       parameter_t(offset, 'offset', 'record', [0, 0, 0], any_value, '0', monomial_t(), &
-         help='of the sensor, in the unit of the record')]
+         help='of the sensor, in the unit of the record'), &
+      (parameter_t(E_at(i), 'E', 'E(x)', [1, -1, -2], positive, '', &
+         monomial_t(place=[of_E, 0, 0]), help='coefficient of E(x)', item=nth(i)), &
+      i=1, most_coefficients), &
+      (parameter_t(c_D_at(i), 'c_D', 'c_D(x)', [1, -1, -1], positive, '', &
+         monomial_t(place=[of_c_D, 0, 0]), needs=of_c_D, help='coefficient of c_D(x)', &
+         item=nth(i)), i=1, most_coefficients)]
 
    !> Every row is where its place says: otherwise this divides by zero.
    integer, parameter :: in_order = 1/merge(1, 0, all(parameters%place == &
@@ -157,6 +168,11 @@ contains
       if (parameters(k)%group == 'sensor') is_there = parameters(k)%item <= max(1, &
          structure%sensors)
       if (parameters(k)%group == 'support') is_there = parameters(k)%item <= structure%supports
+      if (parameters(k)%group == 'along') is_there = structure%has_dip()
+      if (parameters(k)%group == 'E(x)') is_there = parameters(k)%item <= &
+         structure%variations%E_along%coefficients
+      if (parameters(k)%group == 'c_D(x)') is_there = parameters(k)%item <= &
+         structure%variations%c_D_along%coefficients
    end function is_there
 
    !> Name of parameter k as it is printed: of one of several sensors or supports 'm_S.a', where
@@ -170,6 +186,7 @@ contains
       if (parameters(k)%group == 'sensor' .and. structure%sensors > 1 .or. &
          parameters(k)%group == 'support' .and. structure%supports > 1) &
          name = labelled(structure, k)
+      if (k >= E_at(1)) name = trim(name)//'.'//to_text(parameters(k)%item)
    end function name_of_parameter
 
    !> Place of what a fit may free, by its name in any case, with that of the sensor or support
@@ -224,7 +241,7 @@ contains
 
       if (k == amplitude) then
          call excitation%set_amplitude(value)
-      else if (k <= n_parameters) then
+      else if (k /= offset) then
          call structure%set(k, value)
       end if
    end subroutine set_free
@@ -328,6 +345,8 @@ contains
       case (on_beam)
          if (.not. (value > 0 .and. value <= structure%length) .and. structure%length > 0) &
             expected = 'a place above 0, up to the length '//to_text(structure%length)
+      case (share)
+         if (.not. (value >= 0 .and. value < 1)) expected = 'a share from 0 up to less than 1'
       end select
       if (allocated(expected)) call bad_input(error, trim(parameters(k)%name)//': found '// &
          to_text(value)//', expected '//expected)

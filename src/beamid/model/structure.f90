@@ -8,6 +8,8 @@
 module beamid_structure
    use beamid_columns, only: column_buckles, column_deflection, column_t
    use beamid_kinds, only: wp
+   use beamid_quadrature, only: gauss_legendre, rule_t
+   use beamid_variations, only: profile_t, variations_t
    implicit none
    private
 
@@ -53,6 +55,9 @@ module beamid_structure
       real(wp) :: x_F = at_tip       !< where a force acts
       real(wp) :: g = 0              !< gravity, along the beam
       real(wp) :: T = 0              !< axial force, tension > 0
+      real(wp) :: x_D = 0            !< where the stiffness has a dip
+      real(wp) :: w_D = 0            !< its width, a standard deviation; 0: there is none
+      real(wp) :: d_D = 0            !< by what share of E it goes down
       type(sensor_t) :: sensor(most_sensors)
       type(support_t) :: support(most_supports)
    end type values_t
@@ -65,6 +70,7 @@ module beamid_structure
       logical :: root_is_free = .false.   !< a fit looks for the compliance of the clamp, 0 included
       character(len=item_name_length) :: sensor_name(most_sensors) = '', &
          support_name(most_supports) = ''
+      type(variations_t) :: variations   !< what varies along the beam
    contains
       procedure :: has_hose
       procedure :: has_root_spring
@@ -81,6 +87,10 @@ module beamid_structure
       procedure :: tip_stiffness
       procedure :: omega
       procedure :: buckles
+      procedure :: has_dip
+      procedure :: varies_further
+      procedure :: factors
+      procedure :: factor_slopes
    end type structure_t
 
    !> How many parameters there are, and how many of them do not repeat.
@@ -96,13 +106,18 @@ module beamid_structure
       of_k_H = nint(of%k_H), of_rho = nint(of%rho), of_gamma = nint(of%gamma), &
       of_J_T = nint(of%J_T), of_kappa_R = nint(of%kappa_R), of_c_R = nint(of%c_R), &
       of_length = nint(of%length), of_I = nint(of%I), of_x_F = nint(of%x_F), &
-      of_g = nint(of%g), of_T = nint(of%T)
+      of_g = nint(of%g), of_T = nint(of%T), of_x_D = nint(of%x_D), of_w_D = nint(of%w_D), &
+      of_d_D = nint(of%d_D)
    !> Those of each sensor and of each support.
    integer, parameter, public :: &
       m_S_at(most_sensors) = [(n_single + 3*i - 2, i=1, most_sensors)], &
       J_S_at(most_sensors) = m_S_at + 1, x_S_at(most_sensors) = m_S_at + 2, &
       x_P_at(most_supports) = [(n_single + 3*(most_sensors + i) - 2, i=1, most_supports)], &
       kappa_P_at(most_supports) = x_P_at + 1, c_P_at(most_supports) = x_P_at + 2
+   !> Coefficients of E(x) and of c_D(x) at most, and their places: behind amplitude and offset.
+   integer, parameter, public :: most_coefficients = 64, &
+      E_at(most_coefficients) = [(n_parameters + 2 + i, i=1, most_coefficients)], &
+      c_D_at(most_coefficients) = E_at + most_coefficients
    !> Of the first sensor, or the only one.
    integer, parameter, public :: of_m_S = m_S_at(1), of_J_S = J_S_at(1), of_x_S = x_S_at(1)
 
@@ -179,6 +194,16 @@ contains
       real(wp) :: q(n_parameters)
 
       q = values_of(self)
+      if (k >= E_at(1)) then
+         get = q(merge(of_c_D, of_E, k >= c_D_at(1)))
+         if (k >= c_D_at(1)) then
+            if (allocated(self%variations%c_D_along%value)) &
+               get = self%variations%c_D_along%value(k - c_D_at(1) + 1)
+         else if (allocated(self%variations%E_along%value)) then
+            get = self%variations%E_along%value(k - E_at(1) + 1)
+         end if
+         return
+      end if
       get = q(k)
       if (k == of_x_F .or. any(x_S_at == k)) get = self%place(k)
    end function get
@@ -190,10 +215,27 @@ contains
       real(wp), intent(in) :: value
       real(wp) :: q(n_parameters)
 
-      q = values_of(self)
-      q(k) = value
-      self%values_t = transfer(q, values_t())
+      if (k >= c_D_at(1)) then
+         call set_coefficient(self%variations%c_D_along, k - c_D_at(1) + 1, self%c_D, value)
+      else if (k >= E_at(1)) then
+         call set_coefficient(self%variations%E_along, k - E_at(1) + 1, self%E, value)
+      else
+         q = values_of(self)
+         q(k) = value
+         self%values_t = transfer(q, values_t())
+         if (k == of_w_D) self%variations%dips = value > 0
+      end if
    end subroutine set
+
+   !> Coefficient j; the others keep theirs, or the value that all have had in common.
+   pure subroutine set_coefficient(along, j, common, value)
+      type(profile_t), intent(inout) :: along
+      integer, intent(in) :: j
+      real(wp), intent(in) :: common, value
+
+      if (.not. allocated(along%value)) allocate (along%value(along%coefficients), source=common)
+      along%value(j) = value
+   end subroutine set_coefficient
 
    !> Whether two structures are alike to the last digit, and observed at the same sensor.
    pure logical function same_structure(a, b)
@@ -201,7 +243,91 @@ contains
 
       same_structure = all(abs(values_of(a) - values_of(b)) <= 0) .and. &
          a%supports == b%supports .and. a%observer == b%observer .and. (a%stands .eqv. b%stands)
+      if (same_structure) same_structure = &
+         same_values(a%variations%E_along, b%variations%E_along) .and. &
+         same_values(a%variations%c_D_along, b%variations%c_D_along)
    end function same_structure
+
+   pure logical function same_values(a, b)
+      type(profile_t), intent(in) :: a, b
+
+      same_values = allocated(a%value) .eqv. allocated(b%value)
+      if (same_values .and. allocated(a%value)) same_values = size(a%value) == size(b%value)
+      if (same_values .and. allocated(a%value)) same_values = all(abs(a%value - b%value) <= 0)
+   end function same_values
+
+   !> Whether the stiffness has a dip, or may have one in a fit.
+   pure logical function has_dip(self)
+      class(structure_t), intent(in) :: self
+
+      has_dip = self%w_D > 0
+   end function has_dip
+
+   !> Whether parameters say how E or c_D vary, beyond what is known of it.
+   pure logical function varies_further(self)
+      class(structure_t), intent(in) :: self
+
+      varies_further = self%has_dip() .or. allocated(self%variations%E_along%value) .or. &
+         allocated(self%variations%c_D_along%value)
+   end function varies_further
+
+   !> E(x) and c_D(x) over E and c_D, beyond what is known of them.
+   !>
+   !> xi  x/l, 0 .. 1
+   pure function factors(self, xi)
+      class(structure_t), intent(in) :: self
+      real(wp), intent(in) :: xi
+      real(wp) :: factors(2)
+
+      factors = 1
+      associate (v => self%variations)
+         if (allocated(v%E_along%value)) factors(1) = sum(v%E_along%shares(xi) &
+            *v%E_along%value)/self%E
+         if (allocated(v%c_D_along%value)) factors(2) = sum(v%c_D_along%shares(xi) &
+            *v%c_D_along%value)/self%c_D
+      end associate
+      if (self%has_dip()) factors(1) = factors(1)*(1 - self%d_D*dip_at(self, xi))
+   end function factors
+
+   !> The dip by itself, 1 at its place.
+   pure real(wp) function dip_at(self, xi)
+      type(structure_t), intent(in) :: self
+      real(wp), intent(in) :: xi
+
+      dip_at = exp(-((xi*self%length - self%x_D)/self%w_D)**2/2)
+   end function dip_at
+
+   !> Their derivatives with respect to parameter k, the place xi on the beam being kept.
+   pure function factor_slopes(self, xi, k) result(slopes)
+      class(structure_t), intent(in) :: self
+      real(wp), intent(in) :: xi
+      integer, intent(in) :: k
+      real(wp) :: slopes(2), along, share(most_coefficients), z
+
+      slopes = 0
+      associate (v => self%variations)
+         along = 1
+         if (allocated(v%E_along%value)) then
+            share(:v%E_along%coefficients) = v%E_along%shares(xi)
+            along = sum(share(:v%E_along%coefficients)*v%E_along%value)/self%E
+            if (k >= E_at(1) .and. k < c_D_at(1)) slopes(1) = share(k - E_at(1) + 1)/self%E
+            if (k == of_E) slopes(1) = -along/self%E
+         end if
+         if (allocated(v%c_D_along%value)) then
+            share(:v%c_D_along%coefficients) = v%c_D_along%shares(xi)
+            if (k >= c_D_at(1)) slopes(2) = share(k - c_D_at(1) + 1)/self%c_D
+            if (k == of_c_D) slopes(2) = -sum(share(:v%c_D_along%coefficients) &
+               *v%c_D_along%value)/self%c_D**2
+         end if
+      end associate
+      if (.not. self%has_dip()) return
+      z = (xi*self%length - self%x_D)/self%w_D
+      slopes(1) = slopes(1)*(1 - self%d_D*dip_at(self, xi))
+      if (k == of_d_D) slopes(1) = -along*dip_at(self, xi)
+      if (k == of_x_D) slopes(1) = -along*self%d_D*dip_at(self, xi)*z/self%w_D
+      if (k == of_w_D) slopes(1) = -along*self%d_D*dip_at(self, xi)*z**2/self%w_D
+      if (k == of_length) slopes(1) = along*self%d_D*dip_at(self, xi)*z*xi/self%w_D
+   end function factor_slopes
 
    !> Static stiffness where the force acts [force/length].
    pure real(wp) function stiffness(self)
@@ -217,16 +343,18 @@ contains
       integer, intent(in) :: k
       real(wp), parameter :: step = 1e-30_wp
       complex(wp) :: q(n_parameters), x, deflection
+      real(wp) :: moved
 
       stiffening = 0
-      if (k > n_parameters) return
+      if (k > n_parameters .and. k < E_at(1)) return
       q = values_of(self)
       q(of_x_F) = self%place(of_x_F)
-      q(k) = cmplx(real(q(k)), step*max(abs(real(q(k))), tiny(step)/step), wp)
+      moved = step*max(abs(self%get(k)), tiny(step)/step)
+      if (k <= n_parameters) q(k) = cmplx(real(q(k)), moved, wp)
       x = q(of_x_F)
       if (self%follows_tip(of_x_F) .and. k == of_length) x = q(of_length)
-      deflection = influence(self, q, x, x)
-      if (abs(aimag(q(k))) > 0) stiffening = -aimag(deflection)/(real(deflection)*aimag(q(k)))
+      deflection = influence(self, q, x, x, k, moved)
+      if (moved > 0) stiffening = -aimag(deflection)/(real(deflection)*moved)
    end function stiffening
 
    !> Deflection at x under a unit static force where the force acts [length/force].
@@ -246,18 +374,21 @@ contains
       complex(wp) :: q(n_parameters)
 
       q = values_of(self)
-      tip_stiffness = 1/real(bare_influence(q, q(of_length), q(of_length)))
+      tip_stiffness = 1/real(bare_influence(self, q, q(of_length), q(of_length)))
    end function tip_stiffness
 
    !> Deflection at x under a unit force at xi: that of the bare beam, minus what the force of each
    !> support in turn takes back.
    !>
-   !> q  parameters by place
-   pure complex(wp) function influence(self, q, x, xi)
+   !> q         parameters by place
+   !> k, moved  a parameter, and the imaginary part of its step
+   pure complex(wp) function influence(self, q, x, xi, k, moved)
       type(structure_t), intent(in) :: self
       complex(wp), intent(in) :: q(:), x, xi
+      integer, intent(in), optional :: k
+      real(wp), intent(in), optional :: moved
       complex(wp) :: places(self%supports + 2), a(self%supports + 2, self%supports + 2), held
-      integer :: i, j, k
+      integer :: i, j, p
 
       places = [x, xi, q(x_P_at(:self%supports))]
       do j = 1, size(places)
@@ -265,12 +396,13 @@ contains
             a(:, j) = [(column_deflection(column_of(self, q, places), places(i), places(j)), &
                i=1, size(places))]
          else
-            a(:, j) = [(bare_influence(q, places(i), places(j)), i=1, size(places))]
+            a(:, j) = [(bare_influence(self, q, places(i), places(j), k, moved), &
+               i=1, size(places))]
          end if
       end do
-      do k = 1, self%supports
-         i = k + 2
-         held = a(i, i) + q(kappa_P_at(k))
+      do p = 1, self%supports
+         i = p + 2
+         held = a(i, i) + q(kappa_P_at(p))
          a = a - spread(a(:, i), 2, size(places))*spread(a(i, :), 1, size(places))/held
       end do
       influence = a(1, 2)
@@ -336,21 +468,68 @@ contains
       class(structure_t), intent(in) :: self
       complex(wp) :: q(n_parameters)
 
+      ! That of a beam that varies is seen by its roots.
       buckles = .false.
+      if (self%variations%are_known() .or. self%varies_further()) return
       if (.not. (self%T < 0 .or. self%stands .and. self%g > 0)) return
       q = values_of(self)
       buckles = column_buckles(column_of(self, q, q(of_length:of_length)))
    end function buckles
 
    !> The same without supports.
-   pure complex(wp) function bare_influence(q, x, xi)
+   pure complex(wp) function bare_influence(self, q, x, xi, k, moved)
+      type(structure_t), intent(in) :: self
       complex(wp), intent(in) :: q(:), x, xi
-      complex(wp) :: near, far
+      integer, intent(in), optional :: k
+      real(wp), intent(in), optional :: moved
+      complex(wp) :: near, far, bent
 
       near = merge(x, xi, real(x) <= real(xi))
       far = merge(xi, x, real(x) <= real(xi))
-      bare_influence = near**2*(3*far - near)/(6*q(of_E)*q(of_I)) + near*far*q(of_kappa_R)
+      bent = near**2*(3*far - near)/6
+      if (self%variations%are_known() .or. self%varies_further()) &
+         bent = varied_bending(self, q(of_length), near, far, k, moved)
+      bare_influence = bent/(q(of_E)*q(of_I)) + near*far*q(of_kappa_R)
    end function bare_influence
+
+   !> Integral of (near - t)(far - t)/f from the root to `near`, f the factor of the stiffness, by
+   !> Gauss points between the places where it is not smooth. The integrand vanishes at its end: what
+   !> moves that counts for nothing.
+   pure complex(wp) function varied_bending(self, length, near, far, k, moved) result(bent)
+      type(structure_t), intent(in) :: self
+      complex(wp), intent(in) :: length, near, far
+      integer, intent(in), optional :: k
+      real(wp), intent(in), optional :: moved
+      integer, parameter :: parts = 16, points = 8
+      type(rule_t) :: rule
+      real(wp), allocatable :: ends(:)
+      integer, allocatable :: knots(:)
+      real(wp) :: h, last, slopes(2), values(2), xi
+      complex(wp) :: factor
+      integer :: i, p, q
+
+      call self%variations%breaks(3, ends, knots)
+      last = min(real(near)/real(length), 1.0_wp)
+      ends = [0.0_wp, pack(ends, ends < last), last]
+      rule = gauss_legendre(points)
+      bent = 0
+      do i = 1, size(ends) - 1
+         h = (ends(i + 1) - ends(i))/parts
+         do p = 1, parts
+            do q = 1, points
+               xi = ends(i) + h*(p - 1 + rule%points(q))
+               values = self%factors(xi)
+               factor = values(1)
+               if (present(k)) then
+                  slopes = self%factor_slopes(xi, k)
+                  factor = cmplx(values(1), slopes(1)*moved, wp)
+               end if
+               bent = bent + h*rule%weights(q)*length*(near - length*xi)*(far - length*xi) &
+                  /(self%variations%bending(xi)*factor)
+            end do
+         end do
+      end do
+   end function varied_bending
 
    !> Rayleigh's estimate of the first angular frequency without supports [1/time]: the static tip
    !> stiffness against the tip mass and 33/140 of the beam's.

@@ -46,7 +46,8 @@ contains
       if (size(s) == 0) return
       coarser = mesh
       coarser%elements = min(mesh%elements, finest)
-      galerkin = new_galerkin(coarser, structure%length, structure%has_root_spring())
+      galerkin = new_galerkin(coarser, structure%length, structure%has_root_spring(), &
+               structure%variations)
       equations = new_equations(galerkin, structure, new_pulse(0.0_wp, 1.0_wp))
       x = structure%length*[(k/(points - 1.0_wp), k=0, points - 1)]
       call mode_shapes(equations, s, x, shapes, error)

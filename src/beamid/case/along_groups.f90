@@ -1,0 +1,210 @@
+!> The groups &along: properties that vary along the beam, by values at places, or a dip of the
+!> stiffness.
+module beamid_along_groups
+   use beamid_blocks, only: block_t
+   use beamid_errors, only: error_t
+   use beamid_kinds, only: wp
+   use beamid_paths, only: directory_of, join_path
+   use beamid_series, only: part_t, read_series, series_t
+   use beamid_strings, only: to_text
+   use beamid_structure, only: of_d_D, of_w_D, of_x_D, structure_t
+   use beamid_records, only: column_length
+   use beamid_values, only: positive, range_t
+   use beamid_variations, only: as_spline, constant, in_lines, in_steps, new_variation, variation_t
+   implicit none
+   private
+
+   public :: along_t, read_along, settle_along, reference_of
+
+   !> One group, its places and values as given.
+   type :: along_t
+      character(len=:), allocatable :: parameter
+      integer :: kind = constant
+      real(wp), allocatable :: x(:), value(:)
+      logical :: is_dip = .false.
+   end type along_t
+
+   integer, parameter :: most = 10000
+
+contains
+
+   !> path   of the case file
+   !> error  of a file that the group names
+   subroutine read_along(path, block, structure, found, error)
+      character(len=*), intent(in) :: path
+      type(block_t), intent(inout) :: block
+      type(structure_t), intent(inout) :: structure
+      type(along_t), intent(out) :: found
+      type(error_t), allocatable, intent(inout) :: error
+      character(len=:), allocatable :: kind, file
+      character(len=column_length) :: columns(2)
+      real(wp), allocatable :: place, width, depth
+      type(series_t) :: series
+      integer :: k
+      character(len=*), parameter :: of_values(3) = [character(len=5) :: 'x', 'value', 'file'], &
+         of_dips(3) = [character(len=5) :: 'place', 'width', 'depth']
+
+      kind = 'linear'
+      call block%get('parameter', found%parameter, 'what varies', [character(len=6) :: 'E', &
+         'c_D', 'rho', 'gamma', 'width', 'height'], default='''E'' of a dip')
+      call block%get('kind', kind, 'straight lines between the places, the natural cubic '// &
+         'spline, or each value up to the next place; or a Gaussian dip of E', &
+         [character(len=6) :: 'linear', 'spline', 'steps', 'dip'])
+      call block%get('x', found%x, 'file, or a dip', 'places from 0 to the length; of steps '// &
+         'where each begins', most)
+      call block%get('value', found%value, 'file, or a dip', 'of the parameter at each place', most)
+      call block%get('file', file, 'a table of x and value instead', default='x and value')
+      call block%get('place', place, 'a dip needs it', 'of the middle of a dip', positive)
+      call block%get('width', width, 'a dip needs it', 'of a dip, a standard deviation', positive)
+      call block%get('depth', depth, 'a dip needs it', &
+         'of a dip: the share of E that is missing in its middle', range_t(0))
+      call block%close()
+      if (block%failed()) return
+      found%is_dip = kind == 'dip'
+      found%kind = findloc([character(len=6) :: 'steps', 'linear', 'spline'] == kind, .true., dim=1)
+      if (found%is_dip) then
+         do k = 1, 3
+            call block%exclude(trim(of_values(k)), 'with kind = ''dip''')
+            call block%require(trim(of_dips(k)))
+         end do
+         if (block%failed()) return
+         if (.not. allocated(found%parameter)) found%parameter = 'E'
+         if (found%parameter /= 'E') call block%refuse('parameter', ''''//found%parameter// &
+            ''' with a dip', '''E''')
+         if (structure%has_dip()) call block%refuse('kind', 'a second dip', 'one')
+         if (.not. depth < 1) call block%refuse('depth', to_text(depth), 'less than 1')
+         call structure%set(of_x_D, place)
+         call structure%set(of_w_D, width)
+         call structure%set(of_d_D, depth)
+         return
+      end if
+      do k = 1, 3
+         call block%exclude(trim(of_dips(k)), 'with kind = '''//kind//'''')
+      end do
+      call block%require('parameter')
+      if (allocated(file)) then
+         call block%exclude('x', 'beside file')
+         call block%exclude('value', 'beside file')
+         if (block%failed() .or. allocated(error)) return
+         columns = ''
+         call read_series(join_path(directory_of(path), file), columns, part_t(), series, error)
+         if (allocated(error)) return
+         found%x = series%t
+         found%value = series%z
+      else
+         call block%require('x')
+         call block%require('value')
+         if (block%failed()) return
+      end if
+      call check_values(block, kind, found)
+   end subroutine read_along
+
+   !> Places and values that make a function of x.
+   subroutine check_values(block, kind, found)
+      type(block_t), intent(inout) :: block
+      character(len=*), intent(in) :: kind
+      type(along_t), intent(inout) :: found
+      logical :: may_vanish
+      integer :: k, n
+
+      n = size(found%x)
+      ! Of steps the last place may be the end.
+      if (found%kind == in_steps .and. n == size(found%value) + 1) &
+         found%value = [found%value, found%value(n - 1)]
+      if (n /= size(found%value)) then
+         call block%refuse('value', to_text(size(found%value))//' values', to_text(n)// &
+            ', one for each x')
+         return
+      end if
+      if (n < 2) call block%refuse('x', to_text(n)//' place', 'two or more')
+      if (abs(found%x(1)) > 0) call block%refuse('x', to_text(found%x(1))//' as the first place', &
+         '0, the root')
+      do k = 2, n
+         if (.not. found%x(k) > found%x(k - 1)) call block%refuse('x', to_text(found%x(k))// &
+            ' after '//to_text(found%x(k - 1)), 'ascending places')
+      end do
+      may_vanish = found%parameter == 'c_D' .or. found%parameter == 'gamma'
+      if (any(found%value < 0)) then
+         call block%refuse('value', to_text(minval(found%value)), merge('0 or more      ', &
+            'a value above 0', may_vanish))
+      else if (.not. may_vanish .and. any(.not. found%value > 0) .or. &
+         .not. any(found%value > 0)) then
+         call block%refuse('value', '0', 'values above 0')
+      end if
+      if (.not. kind == 'spline' .or. block%failed()) return
+      if (lowest(new_variation(as_spline, found%x/found%x(n), found%value)) <= 0) &
+         call block%refuse('value', 'a spline through the values that falls to 0 between them', &
+         'more places, or kind = ''linear''')
+   end subroutine check_values
+
+   !> The lowest value that a variation takes, as far as a hundred places in each part tell.
+   real(wp) function lowest(variation)
+      type(variation_t), intent(in) :: variation
+      integer, parameter :: parts = 100
+      integer :: j, k
+
+      lowest = huge(lowest)
+      do k = 1, size(variation%xi) - 1
+         do j = 0, parts
+            lowest = min(lowest, variation%at(variation%xi(k) + (variation%xi(k + 1) &
+               - variation%xi(k))*j/parts))
+         end do
+      end do
+   end function lowest
+
+   !> The value that stands for a parameter where &beam has none: the one at the root, or the
+   !> largest where that is 0. 0: it does not vary.
+   pure real(wp) function reference_of(along, parameter)
+      type(along_t), intent(in) :: along(:)
+      character(len=*), intent(in) :: parameter
+      integer :: k
+
+      reference_of = 0
+      do k = 1, size(along)
+         if (along(k)%is_dip .or. along(k)%parameter /= parameter) cycle
+         reference_of = along(k)%value(1)
+         if (.not. reference_of > 0) reference_of = maxval(along(k)%value)
+      end do
+   end function reference_of
+
+   !> One group as a factor of its parameter.
+   !>
+   !> value  of the parameter, which the factor multiplies
+   subroutine settle_along(block, along, value, structure)
+      type(block_t), intent(inout) :: block
+      type(along_t), intent(in) :: along
+      real(wp), intent(in) :: value
+      type(structure_t), intent(inout) :: structure
+      type(variation_t) :: variation
+      real(wp), allocatable :: xi(:)
+      integer :: n
+      real(wp), parameter :: same = 1e-9_wp
+
+      n = size(along%x)
+      associate (l => structure%length)
+         xi = along%x/l
+         if (xi(n) > 1 + same) then
+            call block%refuse('x', to_text(along%x(n)), 'places up to the length '//to_text(l))
+         else if (along%kind /= in_steps .and. xi(n) < 1 - same) then
+            call block%refuse('x', to_text(along%x(n))//' as the last place', &
+               'the length '//to_text(l))
+         end if
+      end associate
+      if (value < minval(along%value)*(1 - same) .or. value > maxval(along%value)*(1 + same)) &
+         call block%refuse('value', to_text(minval(along%value))//' to '// &
+         to_text(maxval(along%value)), 'values around '//along%parameter//' = '// &
+         to_text(value)//' of &beam, or that left out')
+      if (block%failed()) return
+      if (along%kind /= in_steps) xi(n) = 1
+      variation = new_variation(along%kind, xi, along%value/value)
+      select case (along%parameter)
+      case ('E'); structure%variations%E = variation
+      case ('c_D'); structure%variations%c_D = variation
+      case ('rho'); structure%variations%rho = variation
+      case ('gamma'); structure%variations%gamma = variation
+      case ('width'); structure%variations%width = variation
+      case ('height'); structure%variations%height = variation
+      end select
+   end subroutine settle_along
+
+end module beamid_along_groups
