@@ -13,7 +13,7 @@ module beamid_ensemble
       open_fleet_case, read_fleet
    use beamid_folders, only: lock_folder, make_folders, open_folder
    use beamid_lines, only: csv_row
-   use beamid_manifests, only: crc32
+   use beamid_manifests, only: crc32, hexadecimal
    use beamid_numbers, only: shown
    use beamid_outputs, only: output_t
    use beamid_paths, only: directory_of, join_path
@@ -21,7 +21,7 @@ module beamid_ensemble
    use beamid_refusals, only: refuse
    use beamid_shards, only: gaps, list_shards, range_of_members_t, remove_shards, shard_path, &
       temporary_path, write_shard
-   use beamid_strings, only: lower, to_text
+   use beamid_strings, only: to_text
    use beamid_terminal, only: new_progress, print_text, progress_t, tell
    use beamid_texts, only: text_t
    implicit none
@@ -161,8 +161,7 @@ contains
             bytes = bytes//text
          end do
       end if
-      write (run%fingerprint, '(z8.8)') crc32(bytes, 0_int32)
-      run%fingerprint = lower(run%fingerprint)
+      run%fingerprint = hexadecimal(crc32(bytes, 0_int32))
    end subroutine prepare
 
    !> What an earlier run has found: its members by the names of their cases.

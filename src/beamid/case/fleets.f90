@@ -10,12 +10,11 @@ module beamid_fleets
    use beamid_experiments, only: experiment_t
    use beamid_files, only: read_text
    use beamid_kinds, only: ip, wp
-   use beamid_manifests, only: crc32
+   use beamid_manifests, only: crc32, hexadecimal
    use beamid_parameters, only: name_of_parameter
    use beamid_paths, only: directory_of, join_path
    use beamid_refinement, only: add_mesh_shift
    use beamid_statistics, only: unlimited
-   use beamid_strings, only: lower
    use beamid_unknowns, only: name_of
    implicit none
    private
@@ -124,8 +123,7 @@ contains
          if (allocated(experiments(k)%excitation%t)) call add(experiments(k)%excitation%t)
          if (allocated(experiments(k)%excitation%f)) call add(experiments(k)%excitation%f)
       end do
-      write (digits, '(z8.8)') sum
-      digits = lower(digits)
+      digits = hexadecimal(sum)
 
    contains
 
