@@ -4,9 +4,9 @@ module beamid_ensemble
    use, intrinsic :: iso_c_binding, only: c_associated, c_int, c_ptr
    use, intrinsic :: iso_fortran_env, only: int32, int64
    use beamid, only: case_t, error_t, failure, needs_nothing, read_case, version, wp
-   use beamid_commands, only: deliver, settings_t
+   use beamid_commands, only: deliver, folder_of, settings_t
    use beamid_ensemble_reports, only: add_member, merge_shards, read_members, tally_t
-   use beamid_ensembles, only: ensemble_maker_t, member_t, new_ensemble, row_t
+   use beamid_ensembles, only: ensemble_maker_t, member_t, new_ensemble
    use beamid_errors, only: bad_input, locate
    use beamid_files, only: read_text
    use beamid_fleets, only: fit_fleet_case, fleet_case_t, judge_fleet_case, moved, &
@@ -71,8 +71,7 @@ contains
          case%ensemble%line, 'ensemble cases', 'nothing', 'a list of cases beside --only-new', &
          error)
       if (allocated(error)) return
-      run%folder = 'out/'//case%name
-      if (allocated(settings%out)) run%folder = settings%out
+      run%folder = folder_of(settings, case%name)
       run%shards = join_path(run%folder, 'shards')
       call prepare(case, settings%only_new, run, error)
       if (.not. allocated(error)) call read_part(settings, run%members, wanted, error)

@@ -1,12 +1,12 @@
 !> Members of an ensemble: each makes a record, with parameters and noise of its own, and runs a
 !> command on it. What a member finds depends on its number alone, on no thread and no other member.
 module beamid_ensembles
-   use beamid_case_checks, only: check_needs, needs_fit
+   use beamid_case_checks, only: check_needs, has_grid, needs_fit
    use beamid_case_files, only: case_t
-   use beamid_cases, only: load_experiments
+   use beamid_cases, only: grid_times, load_experiments
    use beamid_chains, only: quantile
    use beamid_equations, only: equations_t, new_equations
-   use beamid_errors, only: error_t, locate
+   use beamid_errors, only: error_t
    use beamid_excitation, only: new_pulse
    use beamid_experiments, only: apparatus_t, experiment_t, linear_t, new_apparatus, seen_modes_t
    use beamid_galerkin, only: galerkin_t, mesh_t, new_galerkin
@@ -19,7 +19,7 @@ module beamid_ensembles
    use beamid_noise, only: gaussian_noise, uniform_noise
    use beamid_parameters, only: as_named, check_structure, get_free, offset
    use beamid_profile_likelihood, only: is_lost, side_t
-   use beamid_records, only: grid, note_length
+   use beamid_records, only: note_length
    use beamid_refinement, only: identify_refining
    use beamid_refusals, only: refuse
    use beamid_responses, only: is_exact, work_t
@@ -122,15 +122,12 @@ contains
       integer :: i
 
       do i = 1, size(case%recordings)
-         associate (recording => case%recordings(i), window => case%recordings(i)%window)
+         associate (recording => case%recordings(i))
             if (allocated(recording%path)) cycle
-            if (.not. (allocated(window%t_first) .and. allocated(window%t_last) .and. &
-               allocated(window%t_step))) call refuse(case%path, recording%line, 'record', &
-               'neither a file nor a grid of sample times', 'file, or t_first, t_last and t_step', &
-               error)
-            if (allocated(error)) return
-            call grid(window, t, error)
-            call locate(error, case%path//':'//to_text(recording%line)//': &record t_step')
+            if (.not. has_grid(recording%window)) call refuse(case%path, recording%line, &
+               'record', 'neither a file nor a grid of sample times', &
+               'file, or t_first, t_last and t_step', error)
+            if (.not. allocated(error)) call grid_times(case, recording, t, error)
             if (allocated(error)) return
             recording%path = case%path
             recording%t = t
