@@ -4,16 +4,16 @@ module beamid_ensemble
    use, intrinsic :: iso_c_binding, only: c_associated, c_int, c_ptr
    use, intrinsic :: iso_fortran_env, only: int32, int64
    use beamid, only: case_t, error_t, failure, needs_nothing, read_case, version, wp
-   use beamid_commands, only: deliver, settings_t
+   use beamid_commands, only: deliver, folder_of, settings_t
    use beamid_ensemble_reports, only: add_member, merge_shards, read_members, tally_t
-   use beamid_ensembles, only: ensemble_maker_t, member_t, new_ensemble, row_t
+   use beamid_ensembles, only: ensemble_maker_t, member_t, new_ensemble
    use beamid_errors, only: bad_input, locate
    use beamid_files, only: read_text
    use beamid_fleets, only: fit_fleet_case, fleet_case_t, judge_fleet_case, moved, &
       open_fleet_case, read_fleet
    use beamid_folders, only: lock_folder, make_folders, open_folder
    use beamid_lines, only: csv_row
-   use beamid_manifests, only: crc32
+   use beamid_manifests, only: crc32, hexadecimal
    use beamid_numbers, only: shown
    use beamid_outputs, only: output_t
    use beamid_paths, only: directory_of, join_path
@@ -21,7 +21,7 @@ module beamid_ensemble
    use beamid_refusals, only: refuse
    use beamid_shards, only: gaps, list_shards, range_of_members_t, remove_shards, shard_path, &
       temporary_path, write_shard
-   use beamid_strings, only: lower, to_text
+   use beamid_strings, only: to_text
    use beamid_terminal, only: new_progress, print_text, progress_t, tell
    use beamid_texts, only: text_t
    implicit none
@@ -71,8 +71,7 @@ contains
          case%ensemble%line, 'ensemble cases', 'nothing', 'a list of cases beside --only-new', &
          error)
       if (allocated(error)) return
-      run%folder = 'out/'//case%name
-      if (allocated(settings%out)) run%folder = settings%out
+      run%folder = folder_of(settings, case%name)
       run%shards = join_path(run%folder, 'shards')
       call prepare(case, settings%only_new, run, error)
       if (.not. allocated(error)) call read_part(settings, run%members, wanted, error)
@@ -161,8 +160,7 @@ contains
             bytes = bytes//text
          end do
       end if
-      write (run%fingerprint, '(z8.8)') crc32(bytes, 0_int32)
-      run%fingerprint = lower(run%fingerprint)
+      run%fingerprint = hexadecimal(crc32(bytes, 0_int32))
    end subroutine prepare
 
    !> What an earlier run has found: its members by the names of their cases.

@@ -63,10 +63,10 @@ module beamid_manual
          'out/<name> or DIR/<name>.'), &
       command_t('ensemble', 'case.nml', 'a command on many made records, or on a list of cases', &
          'Writes members.csv and ensemble.csv, with a list also cases.csv. --only i:j does '// &
-         'these members alone; whichever program does the last ones writes the tables. One that '// &
-         'was interrupted goes on when it is run again. --only-new fits those cases of a list that '// &
-         'are new or have changed, each from its last estimate, and writes in changed.csv what '// &
-         'has moved.'), &
+         'these members alone; whichever program does the last ones writes the tables. One '// &
+         'that was interrupted goes on when it is run again. --only-new fits those cases of a '// &
+         'list that are new or have changed, each from its last estimate, and writes in '// &
+         'changed.csv what has moved.'), &
       command_t('new', '[KIND] [DIR]', &
          'a case file with comments and a small record, to begin with', &
          'KIND is free-decay (default), impulse, base or paper; writes case.nml and record.csv '// &

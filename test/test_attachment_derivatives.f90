@@ -17,8 +17,8 @@ program test_attachment_derivatives
 
    !> Those that do not act between all modes at once, and how many.
    integer :: k
-   integer, parameter :: all(*) = pack([(k, k=1, of_x_S)], [(k /= of_g .and. k /= of_T, &
-      k=1, of_x_S)]), every = size(all)
+   integer, parameter :: all(*) = pack([(k, k=1, of_x_S)], [(k /= of_g .and. k /= of_T &
+      .and. parameters(k)%group /= 'along', k=1, of_x_S)]), every = size(all)
 
    !> What many structures showed of one motion or its derivative.
    type :: tally_t

@@ -24,11 +24,10 @@ program test_design
    use models, only: model_of, stage_of
    use shell, only: beamid, close_shell, exists, has_all, line_count, open_shell, outcome_t, &
       read_file, write_file
+   use single_responses, only: truth => table_4_1
    use tables, only: line, longest, number
    implicit none
 
-   type(structure_t), parameter :: truth = structure_t(length=4, rho=0.03_wp, E=80, I=1, &
-      c_D=0.005_wp, m_T=0.15_wp, m_H=0.04_wp, c_H=0.004_wp, k_H=0.3_wp)
    type(mesh_t), parameter :: mesh = mesh_t(3, 4, 4, 1)
    character(len=3), parameter :: names(4) = ['c_D', 'm_H', 'c_H', 'k_H']
    real(wp), parameter :: values(4) = [truth%c_D, truth%m_H, truth%c_H, truth%k_H]

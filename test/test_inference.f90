@@ -17,13 +17,11 @@ program test_inference
    use beamid_sampling, only: plan_t
    use beamid_sorting, only: sort
    use beamid_strings, only: to_text
-   use beamid_structure, only: structure_t
    use checks, only: check, check_close, finish, in_long_run
    use models, only: model_of, stage_of
+   use single_responses, only: truth => table_4_1
    implicit none
 
-   type(structure_t), parameter :: truth = structure_t(length=4, rho=0.03_wp, E=80, I=1, &
-      c_D=0.005_wp, m_T=0.15_wp, m_H=0.04_wp, c_H=0.004_wp, k_H=0.3_wp)
    type(mesh_t), parameter :: mesh = mesh_t(3, 4, 4, 1)
    character(len=3), parameter :: names(4) = ['c_D', 'm_H', 'c_H', 'k_H']
    real(wp), parameter :: exact(4) = [truth%c_D, truth%m_H, truth%c_H, truth%k_H]

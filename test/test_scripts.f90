@@ -115,8 +115,8 @@ contains
       call write_file('truth.nml', case_text//'&noise sd=0.02, seed=3 /'//nl)
       outcome = run('"'//program_path//'" simulate truth.nml --quiet && "'//program_path// &
          '" bootstrap more.nml --quiet && '//scripts//'plot_intervals.py out/more')
-      call check('plot_intervals.py: resampled records', part(outcome%out, line_count(outcome%out), &
-         nl) == 'out/more/bootstrap.png', told(outcome))
+      call check('plot_intervals.py: resampled records', part(outcome%out, &
+         line_count(outcome%out), nl) == 'out/more/bootstrap.png', told(outcome))
       outcome = run('"'//program_path//'" sample more.nml --quiet >printed && '// &
          'diff printed out/more/intervals.txt && '//scripts//'plot_intervals.py out/more')
       call check('plot_intervals.py: profiles, draws, motion', outcome%out == &

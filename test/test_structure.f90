@@ -302,6 +302,9 @@ contains
          case ('I'); direct = s%I
          case ('g'); direct = s%g
          case ('T'); direct = s%T
+         case ('place'); direct = s%x_D
+         case ('width'); direct = s%w_D
+         case ('depth'); direct = s%d_D
          case default; direct = -1
          end select
          before(k) = 123.5_wp + k

@@ -7,8 +7,8 @@
 !> be used by one thread at a time, different ones by different threads, and one case by many fits.
 !> What works with texts is done by one thread after the other.
 module beamid_c
-   use, intrinsic :: iso_c_binding, only: c_char, c_double, c_f_pointer, c_int, c_loc, c_null_char, &
-      c_null_ptr, c_ptr
+   use, intrinsic :: iso_c_binding, only: c_char, c_double, c_f_pointer, c_int, c_loc, &
+      c_null_char, c_null_ptr, c_ptr
    use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
    use beamid_case_checks, only: check_needs, place_experiment
    use beamid_case_files, only: case_t
@@ -175,8 +175,8 @@ contains
       end associate
    end subroutine start_from
 
-   !> What finer meshes do to the estimates, the verdict, the modes, all tables and the summary; once
-   !> for a fit, however often it is asked for.
+   !> What finer meshes do to the estimates, the verdict, the modes, all tables and the summary;
+   !> once for a fit, however often it is asked for.
    integer(c_int) function beamid_judge(handle, message, room) result(status) bind(c)
       type(c_ptr), value, intent(in) :: handle
       integer(c_int), value, intent(in) :: room

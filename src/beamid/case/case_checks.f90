@@ -19,7 +19,8 @@ module beamid_case_checks
    implicit none
    private
 
-   public :: settle_variations, check_whole, check_needs, can_be_fitted, place_experiment, settle_box
+   public :: settle_variations, check_whole, check_needs, can_be_fitted, place_experiment, &
+      settle_box, has_grid
    public :: needs_nothing, needs_response, needs_fit, needs_design
 
    !> What a command needs of a case: the structure alone, a response at given times, a fit, or

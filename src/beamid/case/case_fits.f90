@@ -5,6 +5,7 @@ module beamid_case_fits
    use beamid_cases, only: load_experiments, scored_samples
    use beamid_errors, only: error_t, locate
    use beamid_experiments, only: experiment_t
+   use beamid_galerkin, only: mesh_t
    use beamid_identification, only: identify_meshes, score_fits, stage_fit_t
    use beamid_kinds, only: wp
    use beamid_least_squares, only: monitor_t
@@ -17,7 +18,7 @@ module beamid_case_fits
    implicit none
    private
 
-   public :: case_fit_t, minima_t, load_case, fit_case, judge_case
+   public :: case_fit_t, minima_t, load_case, fit_case, find_fits, add_mesh_shifts, judge_case
 
    !> What several starts have found on one mesh.
    type :: minima_t
@@ -60,20 +61,54 @@ contains
       type(error_t), allocatable, intent(out) :: error
       class(monitor_t), intent(inout), optional :: monitor
       logical, intent(in), optional :: check
+      type(mesh_t), allocatable :: meshes(:)
 
-      if (case%multistart%n > 0) then
-         call search_from_many(case, found, error, monitor, check)
-      else if (case%refines .and. is_exact(case%model%solver)) then
-         call identify_refining(case%model, case%meshes(1), case%stages, found%experiments, &
-            found%fits, error, monitor, check)
-      else
-         call identify_meshes(case%model, case%meshes, case%stages, found%experiments, &
-            found%fits, error, monitor, check)
-      end if
+      ! A copy: what find_fits changes must not be part of the case that it reads.
+      meshes = case%meshes
+      call find_fits(case, meshes, found%experiments, found%fits, found%minima, error, &
+         monitor, check)
+      case%meshes = meshes
       if (.not. allocated(error) .and. size(found%scored) > 0) call score_fits(case%model, &
          case%meshes, found%scored, found%expected, found%fits, error)
       call locate(error, case%path)
    end subroutine fit_case
+
+   !> From one start or from several, on the meshes as they are or on one that is refined.
+   !>
+   !> meshes       the one that is refined is the last one tried on return
+   !> experiments  of the case, with any samples
+   !> fits         (stages, meshes)
+   !> minima       (meshes); of size 0: one start
+   subroutine find_fits(case, meshes, experiments, fits, minima, error, monitor, check)
+      type(case_t), intent(in) :: case
+      type(mesh_t), intent(inout) :: meshes(:)
+      type(experiment_t), intent(in) :: experiments(:)
+      type(stage_fit_t), allocatable, intent(out) :: fits(:, :)
+      type(minima_t), allocatable, intent(out) :: minima(:)
+      type(error_t), allocatable, intent(out) :: error
+      class(monitor_t), intent(inout), optional :: monitor
+      logical, intent(in), optional :: check
+      integer :: k
+
+      if (case%multistart%n == 0) then
+         allocate (minima(0))
+         if (case%refines .and. is_exact(case%model%solver)) then
+            call identify_refining(case%model, meshes(1), case%stages, experiments, fits, error, &
+               monitor, check)
+         else
+            call identify_meshes(case%model, meshes, case%stages, experiments, fits, error, &
+               monitor, check)
+         end if
+         return
+      end if
+      allocate (minima(size(meshes)), fits(size(case%stages), size(meshes)))
+      do k = 1, size(meshes)
+         call identify_from_many(case%model, meshes(k), case%stages, experiments, &
+            case%multistart, minima(k)%list, minima(k)%failures, error, monitor, check)
+         if (allocated(error)) return
+         fits(:, k) = minima(k)%list(1)%fits
+      end do
+   end subroutine find_fits
 
    !> What the mesh does to the estimates of the last stage, the verdict on it, and the fits in
    !> windows that the case asks for.
@@ -83,14 +118,8 @@ contains
       type(case_t), intent(in) :: case
       type(case_fit_t), intent(inout) :: found
       type(error_t), allocatable, intent(out) :: error
-      integer :: k
 
-      do k = 1, size(case%meshes)
-         associate (last => found%fits(size(found%fits, 1), k))
-            if (.not. allocated(last%mesh_shift)) call add_mesh_shift(case%model, case%meshes(k), &
-               found%experiments, last)
-         end associate
-      end do
+      call add_mesh_shifts(case, found)
       associate (mesh => case%meshes(size(case%meshes)), &
          last => found%fits(size(found%fits, 1), size(found%fits, 2)))
          call new_verdict(found%experiments, mesh, last, found%verdict, error)
@@ -101,25 +130,18 @@ contains
       end associate
    end subroutine judge_case
 
-   !> Several starts on each mesh; the fits of the lowest minimum count.
-   subroutine search_from_many(case, found, error, monitor, check)
+   !> What the mesh does to the estimates of the last stage, where that is not known yet.
+   subroutine add_mesh_shifts(case, found)
       type(case_t), intent(in) :: case
       type(case_fit_t), intent(inout) :: found
-      type(error_t), allocatable, intent(out) :: error
-      class(monitor_t), intent(inout), optional :: monitor
-      logical, intent(in), optional :: check
       integer :: k
 
-      deallocate (found%minima)
-      allocate (found%minima(size(case%meshes)))
-      allocate (found%fits(size(case%stages), size(case%meshes)))
       do k = 1, size(case%meshes)
-         call identify_from_many(case%model, case%meshes(k), case%stages, found%experiments, &
-            case%multistart, found%minima(k)%list, found%minima(k)%failures, error, &
-            monitor, check)
-         if (allocated(error)) return
-         found%fits(:, k) = found%minima(k)%list(1)%fits
+         associate (last => found%fits(size(found%fits, 1), k))
+            if (.not. allocated(last%mesh_shift)) call add_mesh_shift(case%model, case%meshes(k), &
+               found%experiments, last)
+         end associate
       end do
-   end subroutine search_from_many
+   end subroutine add_mesh_shifts
 
 end module beamid_case_fits

@@ -3,6 +3,9 @@ module beamid_case_inferences
    use beamid_case_files, only: case_t
    use beamid_case_fits, only: case_fit_t
    use beamid_errors, only: error_t, failure, locate
+   use beamid_experiments, only: experiment_t
+   use beamid_galerkin, only: mesh_t
+   use beamid_identification, only: stage_fit_t
    use beamid_inference, only: bootstrap_fit, bootstrap_t, posterior_draws_t, profile_fit, &
       sample_fit
    use beamid_least_squares, only: monitor_t
@@ -11,7 +14,7 @@ module beamid_case_inferences
    implicit none
    private
 
-   public :: case_inference_t, infer
+   public :: case_inference_t, infer, infer_on_mesh
 
    !> On one mesh; what the command does not ask for is not allocated.
    type :: case_inference_t
@@ -41,24 +44,40 @@ contains
       end if
       allocate (inferences(size(case%meshes)))
       do k = 1, size(case%meshes)
-         associate (mesh => case%meshes(k), last => found%fits(size(found%fits, 1), k), &
-            model => case%model, experiments => found%experiments, here => inferences(k))
-            if (command == 'bootstrap') then
-               allocate (here%resampled)
-               call bootstrap_fit(model, mesh, experiments, last, case%bootstrap, here%resampled, &
-                  error, monitor)
-            else
-               call profile_fit(model, mesh, experiments, last, here%sides, error, monitor)
-            end if
-            if (command == 'sample' .and. .not. allocated(error)) then
-               allocate (here%posterior)
-               call sample_fit(model, mesh, experiments, last, here%sides, case%sampling, &
-                  here%posterior, error, monitor)
-            end if
+         associate (mesh => case%meshes(k), last => found%fits(size(found%fits, 1), k))
+            call infer_on_mesh(command, case, mesh, found%experiments, last, inferences(k), error, &
+               monitor)
             call locate(error, case%path//': elements = '//to_text(mesh%elements))
             if (allocated(error)) return
          end associate
       end do
    end subroutine infer
+
+   !> The same on one mesh.
+   !>
+   !> fit  on the mesh, of the experiments
+   subroutine infer_on_mesh(command, case, mesh, experiments, fit, here, error, monitor)
+      character(len=*), intent(in) :: command
+      type(case_t), intent(in) :: case
+      type(mesh_t), intent(in) :: mesh
+      type(experiment_t), intent(in) :: experiments(:)
+      type(stage_fit_t), intent(in) :: fit
+      type(case_inference_t), intent(out) :: here
+      type(error_t), allocatable, intent(out) :: error
+      class(monitor_t), intent(inout), optional :: monitor
+
+      if (command == 'bootstrap') then
+         allocate (here%resampled)
+         call bootstrap_fit(case%model, mesh, experiments, fit, case%bootstrap, here%resampled, &
+            error, monitor)
+      else
+         call profile_fit(case%model, mesh, experiments, fit, here%sides, error, monitor)
+      end if
+      if (command == 'sample' .and. .not. allocated(error)) then
+         allocate (here%posterior)
+         call sample_fit(case%model, mesh, experiments, fit, here%sides, case%sampling, &
+            here%posterior, error, monitor)
+      end if
+   end subroutine infer_on_mesh
 
 end module beamid_case_inferences

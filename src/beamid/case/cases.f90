@@ -21,7 +21,7 @@ module beamid_cases
    private
 
    public :: case_t, read_case, parse_case, sample_times, measured_samples, scored_samples, &
-      load_experiments, plan_experiments
+      load_experiments, plan_experiments, grid_times
    public :: can_be_fitted, needs_nothing, needs_response, needs_fit, needs_design
 
 contains
@@ -124,13 +124,20 @@ contains
       real(wp), allocatable, intent(out) :: times(:)
       type(error_t), allocatable, intent(out) :: error
 
-      call grid(case%recordings(1)%window, times, error)
-      if (allocated(error)) then
-         call locate(error, case%path//':'//to_text(case%recordings(1)%line)//': &record t_step')
-      else
-         call check_delta(case, times, error)
-      end if
+      call grid_times(case, case%recordings(1), times, error)
+      if (.not. allocated(error)) call check_delta(case, times, error)
    end subroutine sample_times
+
+   !> The sample times of a record's grid.
+   subroutine grid_times(case, recording, times, error)
+      type(case_t), intent(in) :: case
+      type(recording_t), intent(in) :: recording
+      real(wp), allocatable, intent(out) :: times(:)
+      type(error_t), allocatable, intent(out) :: error
+
+      call grid(recording%window, times, error)
+      call locate(error, case%path//':'//to_text(recording%line)//': &record t_step')
+   end subroutine grid_times
 
    !> A Delta that the sample times cannot resolve would leave differences of round-off.
    subroutine check_delta(case, times, error)
@@ -208,8 +215,7 @@ contains
                call samples_of(case, recording, 'record', recording%line, experiment%samples, &
                   experiment%measured, notes, error)
             else
-               call grid(recording%window, experiment%samples, error)
-               call locate(error, case%path//':'//to_text(recording%line)//': &record t_step')
+               call grid_times(case, recording, experiment%samples, error)
                if (.not. allocated(error)) call check_delta(case, experiment%samples, error)
             end if
             if (allocated(error)) return

@@ -1,30 +1,28 @@
 !> Members of an ensemble: each makes a record, with parameters and noise of its own, and runs a
 !> command on it. What a member finds depends on its number alone, on no thread and no other member.
 module beamid_ensembles
-   use beamid_case_checks, only: check_needs, needs_fit
+   use beamid_case_checks, only: check_needs, has_grid, needs_fit
    use beamid_case_files, only: case_t
-   use beamid_cases, only: load_experiments
-   use beamid_chains, only: quantile
+   use beamid_case_fits, only: find_fits, minima_t
+   use beamid_case_inferences, only: case_inference_t, infer_on_mesh
+   use beamid_cases, only: grid_times, load_experiments
+   use beamid_chains, only: mean_and_deviation
    use beamid_equations, only: equations_t, new_equations
-   use beamid_errors, only: error_t, locate
+   use beamid_errors, only: error_t
    use beamid_excitation, only: new_pulse
    use beamid_experiments, only: apparatus_t, experiment_t, linear_t, new_apparatus, seen_modes_t
    use beamid_galerkin, only: galerkin_t, mesh_t, new_galerkin
-   use beamid_identification, only: identify, stage_fit_t
-   use beamid_inference, only: bootstrap_fit, bootstrap_t, posterior_draws_t, profile_fit, &
-      sample_fit
+   use beamid_identification, only: stage_fit_t
    use beamid_kinds, only: ip, wp
    use beamid_modal, only: modal_t
-   use beamid_multistart, only: identify_from_many, minimum_t
    use beamid_noise, only: gaussian_noise, uniform_noise
    use beamid_parameters, only: as_named, check_structure, get_free, offset
-   use beamid_profile_likelihood, only: is_lost, side_t
-   use beamid_records, only: grid, note_length
-   use beamid_refinement, only: identify_refining
+   use beamid_profile_likelihood, only: is_lost
+   use beamid_records, only: note_length
    use beamid_refusals, only: refuse
-   use beamid_responses, only: is_exact, work_t
+   use beamid_resampling, only: percentile_interval
+   use beamid_responses, only: work_t
    use beamid_roots, only: damped_roots
-   use beamid_sorting, only: sort
    use beamid_statistics, only: unlimited
    use beamid_strings, only: to_text
    use beamid_structure, only: of_kappa_R
@@ -122,15 +120,12 @@ contains
       integer :: i
 
       do i = 1, size(case%recordings)
-         associate (recording => case%recordings(i), window => case%recordings(i)%window)
+         associate (recording => case%recordings(i))
             if (allocated(recording%path)) cycle
-            if (.not. (allocated(window%t_first) .and. allocated(window%t_last) .and. &
-               allocated(window%t_step))) call refuse(case%path, recording%line, 'record', &
-               'neither a file nor a grid of sample times', 'file, or t_first, t_last and t_step', &
-               error)
-            if (allocated(error)) return
-            call grid(window, t, error)
-            call locate(error, case%path//':'//to_text(recording%line)//': &record t_step')
+            if (.not. has_grid(recording%window)) call refuse(case%path, recording%line, &
+               'record', 'neither a file nor a grid of sample times', &
+               'file, or t_first, t_last and t_step', error)
+            if (.not. allocated(error)) call grid_times(case, recording, t, error)
             if (allocated(error)) return
             recording%path = case%path
             recording%t = t
@@ -273,31 +268,20 @@ contains
       type(world_t), intent(in) :: world
       type(row_t), allocatable, intent(inout) :: rows(:)
       type(error_t), allocatable, intent(out) :: error
-      type(stage_fit_t), allocatable :: fits(:), refined(:, :)
-      type(minimum_t), allocatable :: minima(:)
-      type(mesh_t) :: mesh
-      integer :: failures, first, k, n
+      type(stage_fit_t), allocatable :: fits(:, :)
+      type(minima_t), allocatable :: minima(:)
+      type(mesh_t) :: meshes(1)
+      integer :: first, k, n
 
       n = size(case%stages)
+      ! One mesh is done with before the next, so that the first thing that fails is what is told.
       do k = 1, size(case%meshes)
-         mesh = case%meshes(k)
-         if (case%multistart%n > 0) then
-            call identify_from_many(case%model, mesh, case%stages, experiments, case%multistart, &
-               minima, failures, error, check=.false.)
-            if (allocated(error)) return
-            fits = minima(1)%fits
-         else if (case%refines .and. is_exact(case%model%solver)) then
-            call identify_refining(case%model, mesh, case%stages, experiments, refined, error, &
-               check=.false.)
-            if (allocated(error)) return
-            fits = refined(:, 1)
-         else
-            call identify(case%model, mesh, case%stages, experiments, fits, error, check=.false.)
-            if (allocated(error)) return
-         end if
+         meshes(1) = case%meshes(k)
+         call find_fits(case, meshes, experiments, fits, minima, error, check=.false.)
+         if (allocated(error)) return
          first = size(rows) + 1
-         call add_fit_rows(fits(n), experiments, rows, world)
-         call infer(case, mesh, experiments, fits(n), rows(first:), error)
+         call add_fit_rows(fits(n, 1), experiments, rows, world)
+         call infer(case, meshes(1), experiments, fits(n, 1), rows(first:), error)
          if (allocated(error)) return
       end do
    end subroutine fit_member
@@ -313,38 +297,27 @@ contains
       type(stage_fit_t), intent(in) :: fit
       type(row_t), intent(inout) :: rows(:)
       type(error_t), allocatable, intent(out) :: error
-      type(side_t), allocatable :: sides(:, :)
-      type(posterior_draws_t) :: posterior
-      type(bootstrap_t) :: resampled
+      type(case_inference_t) :: found
       real(wp) :: ends(2)
       real(wp), allocatable :: x(:)
       integer :: k
 
       associate (command => case%ensemble%command)
          if (command == 'identify') return
-         if (command == 'bootstrap') then
-            call bootstrap_fit(case%model, mesh, experiments, fit, case%bootstrap, resampled, error)
-         else
-            call profile_fit(case%model, mesh, experiments, fit, sides, error)
-         end if
-         if (command == 'sample' .and. .not. allocated(error)) call sample_fit(case%model, mesh, &
-            experiments, fit, sides, case%sampling, posterior, error)
+         call infer_on_mesh(command, case, mesh, experiments, fit, found, error)
          if (allocated(error)) return
          do k = 1, size(fit%free)
             associate (q => fit%quantities(k), row => rows(k))
                if (command == 'profile') then
-                  ends = sides(:, k)%end
-                  where (sides(:, k)%state == is_lost) ends = unlimited
+                  ends = found%sides(:, k)%end
+                  where (found%sides(:, k)%state == is_lost) ends = unlimited
                else if (command == 'bootstrap') then
-                  ends = resampled%corrected(:, k)
+                  ends = found%resampled%corrected(:, k)
                else
-                  x = posterior%draws%q(k, :)
+                  x = found%posterior%draws%q(k, :)
+                  ends = percentile_interval(x)
                   if (q%is_reciprocal()) x = as_named(q%parameter, x)
-                  row%estimate = sum(x)/size(x)
-                  row%std_error = sqrt(sum((x - row%estimate)**2)/(size(x) - 1))
-                  x = posterior%draws%q(k, :)
-                  call sort(x)
-                  ends = [quantile(x, 0.025_wp), quantile(x, 0.975_wp)]
+                  call mean_and_deviation(x, row%estimate, row%std_error)
                end if
                row%interval = ends
                if (q%is_reciprocal()) row%interval = as_named(q%parameter, ends(2:1:-1))

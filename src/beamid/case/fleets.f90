@@ -2,7 +2,7 @@
 !> before may start from where it ended, and one that is as it was need not be fitted again.
 module beamid_fleets
    use, intrinsic :: iso_fortran_env, only: int32
-   use beamid_case_fits, only: case_fit_t, fit_case, judge_case, load_case
+   use beamid_case_fits, only: add_mesh_shifts, case_fit_t, fit_case, judge_case, load_case
    use beamid_case_files, only: case_t
    use beamid_cases, only: needs_fit, read_case
    use beamid_ensembles, only: add_fit_rows, member_t, row_t
@@ -10,12 +10,10 @@ module beamid_fleets
    use beamid_experiments, only: experiment_t
    use beamid_files, only: read_text
    use beamid_kinds, only: ip, wp
-   use beamid_manifests, only: crc32
+   use beamid_manifests, only: crc32, hexadecimal
    use beamid_parameters, only: name_of_parameter
    use beamid_paths, only: directory_of, join_path
-   use beamid_refinement, only: add_mesh_shift
    use beamid_statistics, only: unlimited
-   use beamid_strings, only: lower
    use beamid_unknowns, only: name_of
    implicit none
    private
@@ -124,8 +122,7 @@ contains
          if (allocated(experiments(k)%excitation%t)) call add(experiments(k)%excitation%t)
          if (allocated(experiments(k)%excitation%f)) call add(experiments(k)%excitation%f)
       end do
-      write (digits, '(z8.8)') sum
-      digits = lower(digits)
+      digits = hexadecimal(sum)
 
    contains
 
@@ -178,19 +175,10 @@ contains
    !> Fits what was opened. In threads.
    subroutine fit_fleet_case(one)
       type(fleet_case_t), intent(inout) :: one
-      integer :: k
 
       if (allocated(one%error)) return
       call fit_case(one%case, one%found, one%error, check=.false.)
-      if (allocated(one%error)) return
-      associate (fits => one%found%fits)
-         do k = 1, size(fits, 2)
-            associate (last => fits(size(fits, 1), k))
-               if (.not. allocated(last%mesh_shift)) call add_mesh_shift(one%case%model, &
-                  one%case%meshes(k), one%found%experiments, last)
-            end associate
-         end do
-      end associate
+      if (.not. allocated(one%error)) call add_mesh_shifts(one%case, one%found)
    end subroutine fit_fleet_case
 
    !> Judges the fit and keeps what it has found. Where there is none from the estimates before, the

@@ -8,7 +8,7 @@ module beamid_chains
    implicit none
    private
 
-   public :: bulk_size, tail_size, scale_reduction, quantile
+   public :: bulk_size, tail_size, scale_reduction, quantile, mean_and_deviation
 
 contains
 
@@ -83,6 +83,15 @@ contains
          quantile = sorted(k) + (place - k)*(sorted(k + 1) - sorted(k))
       end if
    end function quantile
+
+   !> deviation  the standard deviation, of n - 1
+   pure subroutine mean_and_deviation(x, mean, deviation)
+      real(wp), intent(in) :: x(:)
+      real(wp), intent(out) :: mean, deviation
+
+      mean = sum(x)/size(x)
+      deviation = sqrt(sum((x - mean)**2)/(size(x) - 1))
+   end subroutine mean_and_deviation
 
    !> Each chain as two, without the draw in the middle where their number is odd.
    pure function halves(draws) result(split)

@@ -1,7 +1,7 @@
 !> A probability density to be sampled, and coordinates in which its parameters have no bounds.
 module beamid_densities
    use beamid_kinds, only: wp
-   use beamid_variables, only: unbounded, variable_t
+   use beamid_variables, only: has, unbounded, variable_t
    implicit none
    private
 
@@ -121,11 +121,5 @@ contains
 
       logistic = 1/(1 + exp(-max(x, -700.0_wp)))
    end function logistic
-
-   elemental logical function has(bound)
-      real(wp), intent(in) :: bound
-
-      has = abs(bound) < unbounded
-   end function has
 
 end module beamid_densities

@@ -7,6 +7,9 @@ module beamid_distributions
    public :: incomplete_beta, incomplete_gamma, student_probability, student_quantile, &
       chi_square_tail, normal_probability, normal_quantile
 
+   !> Half width of a 95 % interval of a standard normal variable.
+   real(wp), parameter, public :: normal_95 = 1.959963984540054_wp
+
    integer, parameter :: max_terms = 100000
 
 contains

@@ -2,6 +2,7 @@
 !> information matrix J'J/sigma**2 of relative changes (Fedorov, Theory of Optimal Experiments,
 !> 1972; Pukelsheim, Optimal Design of Experiments, 2006). Those of independent samples add up.
 module beamid_information
+   use beamid_distributions, only: normal_95
    use beamid_kinds, only: wp
    use beamid_statistics, only: unlimited
    implicit none
@@ -24,8 +25,6 @@ module beamid_information
 
    !> Eigenvalues of correlations below this are round-off, of columns parallel to 7 digits.
    real(wp), parameter :: round_off = 1e-13_wp
-   !> Half width of a 95 % interval in standard errors, of samples without number.
-   real(wp), parameter :: normal_95 = 1.959963984540054_wp
 
 contains
 

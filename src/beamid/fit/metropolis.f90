@@ -10,7 +10,7 @@ module beamid_metropolis
    implicit none
    private
 
-   public :: run_chains
+   public :: run_chains, factor_covariance
 
    !> Steps for one that is kept, and for one that only adapts.
    integer, parameter :: thin = 10, warm_up = 5000
@@ -178,17 +178,11 @@ contains
       !> A proposal shaped as the chain so far; what it began with is forgotten by halves.
       subroutine adapt()
          real(wp) :: trial(n, n)
-         integer :: k, info
+         logical :: positive
 
          trial = covariance/(seen - 1)
-         do k = 1, n
-            trial(k, k) = trial(k, k)*(1 + 1e-8_wp) + tiny(1.0_wp)
-         end do
-         call dpotrf('L', n, trial, n, info)
-         if (info /= 0) return
-         do k = 2, n
-            trial(:k - 1, k) = 0
-         end do
+         call factor_covariance(trial, positive)
+         if (.not. positive) return
          factor = scale*trial
          is_upper = .false.
          if (step == warm_up/4 + 1 .or. step == warm_up/2 + 1) then
@@ -198,5 +192,24 @@ contains
       end subroutine adapt
 
    end subroutine run_chain
+
+   !> The lower triangle L of a covariance L L', with a diagonal larger by what round-off may take.
+   !>
+   !> positive  .false.: it is no covariance, and nothing can be said of the matrix on return
+   subroutine factor_covariance(matrix, positive)
+      real(wp), intent(inout) :: matrix(:, :)
+      logical, intent(out) :: positive
+      integer :: info, k, n
+
+      n = size(matrix, 1)
+      do k = 1, n
+         matrix(k, k) = matrix(k, k)*(1 + 1e-8_wp) + tiny(1.0_wp)
+      end do
+      call dpotrf('L', n, matrix, n, info)
+      positive = info == 0
+      do k = 2, n
+         matrix(:k - 1, k) = 0
+      end do
+   end subroutine factor_covariance
 
 end module beamid_metropolis

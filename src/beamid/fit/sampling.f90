@@ -8,7 +8,7 @@ module beamid_sampling
    use beamid_densities, only: coordinate_t, density_t, impossible, new_coordinate
    use beamid_errors, only: error_t, failure
    use beamid_kinds, only: wp
-   use beamid_metropolis, only: run_chains
+   use beamid_metropolis, only: factor_covariance, run_chains
    use beamid_minpack, only: dpotrf, dtrtrs
    use beamid_noise, only: gaussian_noise, uniform_noise
    use beamid_pareto, only: smooth_weights
@@ -359,25 +359,19 @@ contains
       real(wp), parameter :: wider = 1.2_wp
       real(wp), dimension(size(x, 1), size(x, 1)) :: covariance
       real(wp) :: mean(size(x, 1)), apart(size(x, 1))
-      integer :: i, info, k, n
+      logical :: positive
+      integer :: i, k
 
-      n = size(x, 1)
       mean = matmul(x, weight)
       covariance = 0
       do i = 1, size(weight)
          apart = x(:, i) - mean
-         do k = 1, n
+         do k = 1, size(apart)
             covariance(:, k) = covariance(:, k) + weight(i)*apart*apart(k)
          end do
       end do
-      do k = 1, n
-         covariance(k, k) = covariance(k, k)*(1 + 1e-8_wp) + tiny(1.0_wp)
-      end do
-      call dpotrf('L', n, covariance, n, info)
-      if (info /= 0) return
-      do k = 2, n
-         covariance(:k - 1, k) = 0
-      end do
+      call factor_covariance(covariance, positive)
+      if (.not. positive) return
       proposal%mode = mean
       proposal%axes = covariance
       proposal%width = wider

@@ -7,7 +7,7 @@ module beamid_variables
    implicit none
    private
 
-   public :: variable_t, new_variable, unbounded
+   public :: variable_t, new_variable, unbounded, has
 
    !> Stands for a bound that is not there.
    real(wp), parameter :: unbounded = huge(1.0_wp)

@@ -1,6 +1,6 @@
 !> Are residuals white noise?
 module beamid_whiteness
-   use beamid_distributions, only: chi_square_tail
+   use beamid_distributions, only: chi_square_tail, normal_95
    use beamid_errors, only: error_t
    use beamid_kinds, only: wp
    use beamid_projection, only: new_projection, projection_t
@@ -50,7 +50,7 @@ contains
       end do
       allocate (expected(lags), source=0.0_wp)
       if (present(jacobian)) call expected_autocorrelation(jacobian, expected)
-      found%band = 1.959963984540054_wp/sqrt(real(m, wp))
+      found%band = normal_95/sqrt(real(m, wp))
       found%lags = max(1, min(lags, m/10))
       found%ljung_box = m*(m + 2.0_wp)*sum((found%autocorrelation(:found%lags) &
          - expected(:found%lags))**2/[(m - k, k=1, found%lags)])

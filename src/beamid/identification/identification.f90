@@ -142,8 +142,8 @@ contains
    !> fits   (size(stages), size(meshes)) allocated on success
    !> error  of the first mesh that failed
    !> check  as above
-   subroutine identify_meshes_experiments(model, meshes, stages, experiments, fits, error, monitor, &
-      check)
+   subroutine identify_meshes_experiments(model, meshes, stages, experiments, fits, error, &
+      monitor, check)
       type(model_t), intent(in) :: model
       type(mesh_t), intent(in) :: meshes(:)
       type(stage_t), intent(in) :: stages(:)

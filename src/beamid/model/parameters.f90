@@ -155,7 +155,11 @@ contains
    pure integer function free_index(key)
       character(len=*), intent(in) :: key
 
-      free_index = place_of_name(structure_t(), key)
+      do free_index = 1, size(parameters)
+         if (parameters(free_index)%is_free .and. lower(trim(parameters(free_index)%name)) &
+            == lower(trim(key))) return
+      end do
+      free_index = 0
    end function free_index
 
    !> Whether a row means something in a structure: there are as many sensors, one at least, and

@@ -1,7 +1,7 @@
 !> Profiles, draws from the posterior and fits of resampled records: for other programs, and for the
 !> reader.
 module beamid_inference_reports
-   use beamid_chains, only: quantile
+   use beamid_chains, only: mean_and_deviation, quantile
    use beamid_case_files, only: case_t
    use beamid_errors, only: error_t
    use beamid_experiments, only: experiment_t
@@ -12,12 +12,12 @@ module beamid_inference_reports
    use beamid_intervals, only: append_interval, end_words, interval_t
    use beamid_kinds, only: wp
    use beamid_lines, only: columns, csv_row
-   use beamid_parameters, only: as_named
    use beamid_profile_likelihood, only: is_lost, side_t
+   use beamid_resampling, only: percentile_interval
    use beamid_sampling, only: chains
    use beamid_sorting, only: sort
    use beamid_statistics, only: statistics_t
-   use beamid_strings, only: full, to_text
+   use beamid_strings, only: to_text
    use beamid_texts, only: left, right, text_t
    implicit none
    private
@@ -128,13 +128,11 @@ contains
             right('reduction'))
          do k = 1, size(fit%free)
             x = d%q(k, :)
-            mean = sum(x)/size(x)
-            sd = sqrt(sum((x - mean)**2)/(size(x) - 1))
+            call mean_and_deviation(x, mean, sd)
             call text%line(left(trim(fit%quantities(k)%searched_name()), 10)//columns([mean, sd, &
                min(d%bulk(k), d%effective), min(d%tail(k), d%effective), d%reduction(k)], 14))
-            call sort(x)
             call append_interval(intervals, 'posterior', fit, fit%quantities(k), case%units, &
-               mean, [quantile(x, 0.025_wp), quantile(x, 0.975_wp)])
+               mean, percentile_interval(x))
          end do
       end associate
       call add_motion()
@@ -219,8 +217,7 @@ contains
       call text%line(left('', 10)//right('mean')//right('sd')//right('bias'))
       do k = 1, size(fit%free)
          associate (x => bootstrap%estimates(k, :), q => fit%quantities(k))
-            mean = sum(x)/n
-            sd = sqrt(sum((x - mean)**2)/(n - 1))
+            call mean_and_deviation(x, mean, sd)
             call text%line(left(trim(q%searched_name()), 10)//columns([mean, sd, &
                mean - fit%fit%estimate(k)], 14))
             call append_interval(intervals, 'percentile', fit, q, case%units, mean, &

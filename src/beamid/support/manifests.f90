@@ -14,7 +14,7 @@ module beamid_manifests
    implicit none
    private
 
-   public :: entry_of, entry_of_file, entries_in, name_in, command_in, compare, crc32
+   public :: entry_of, entry_of_file, entries_in, name_in, command_in, compare, crc32, hexadecimal
 
    character(len=*), parameter, public :: manifest_name = 'manifest.txt'
    character(len=*), parameter, public :: manifest_header = 'name bytes crc32 command'
@@ -105,28 +105,20 @@ contains
       logical, intent(out) :: same
       !> 0, or an errno where the file is there and cannot be read.
       integer(c_int), intent(out) :: code
-      character(len=:), allocatable :: path
-      type(c_ptr) :: stream
+      character(len=:), allocatable :: path, there
       integer(ip) :: bytes
-      integer(int32) :: checksum
-      integer(c_int) :: ignored
       integer :: kind
 
       same = .false.
       code = 0
       path = join_path(directory, name_in(entry))
       if (kind_there(path) /= kind_regular) return
+      ! Of another size it need not be read.
       call file_status(path, kind, bytes, code)
       if (code /= 0) return
       if (index(entry, name_in(entry)//' '//to_text(bytes)//' ') /= 1) return
-      stream = c_fopen(path//c_null_char, 'rb'//c_null_char)
-      if (.not. c_associated(stream)) then
-         code = last_errno()
-         return
-      end if
-      call read_checksum(stream, checksum, code)
-      same = entry == line(name_in(entry), bytes, checksum, command_in(entry))
-      ignored = c_fclose(stream)
+      call entry_of_file(path, name_in(entry), command_in(entry), there, code)
+      same = entry == there
    end subroutine compare
 
    !> The checksum of an open stream, piece by piece: outputs may be larger than what is read whole.
@@ -153,11 +145,18 @@ contains
       integer(ip), intent(in) :: bytes
       integer(int32), intent(in) :: checksum
       character(len=:), allocatable :: line
+
+      line = name//' '//to_text(bytes)//' '//hexadecimal(checksum)//' '//command
+   end function line
+
+   !> A checksum in eight digits.
+   pure function hexadecimal(checksum) result(digits)
+      integer(int32), intent(in) :: checksum
       character(len=8) :: digits
 
       write (digits, '(z8.8)') checksum
-      line = name//' '//to_text(bytes)//' '//lower(digits)//' '//command
-   end function line
+      digits = lower(digits)
+   end function hexadecimal
 
    !> The checksum of a text, or of all that is behind `before` and the text.
    pure integer(int32) function crc32(text, before)

@@ -9,10 +9,10 @@ module beamid_shards
    use beamid_files, only: read_text, write_new
    use beamid_folders, only: list_folder, sync_folder
    use beamid_kinds, only: ip
-   use beamid_manifests, only: crc32
+   use beamid_manifests, only: crc32, hexadecimal
    use beamid_paths, only: join_path
    use beamid_posix, only: c_getpid, c_rename, c_unlink, errno_of, host_name, kind_there, max_name
-   use beamid_strings, only: lower, to_text
+   use beamid_strings, only: to_text
    implicit none
    private
 
@@ -171,8 +171,7 @@ contains
       character(len=*), intent(in) :: rows
       character(len=8) :: digits
 
-      write (digits, '(z8.8)') crc32(rows, 0_int32)
-      digits = lower(digits)
+      digits = hexadecimal(crc32(rows, 0_int32))
    end function checksum
 
    !> Removes what programs that have died left behind, and shards.
