@@ -5,7 +5,7 @@ program test_attachment_derivatives
    use beamid_equations, only: equations_t, new_equations
    use beamid_errors, only: error_t
    use beamid_kinds, only: wp
-   use beamid_parameters, only: free_names
+   use beamid_parameters, only: free_names, parameters
    use beamid_strings, only: to_text
    use beamid_structure, only: at_tip, of_c_R, of_g, of_gamma, of_J_T, of_kappa_R, of_length, &
       of_m_S, of_m_T, of_T, of_x_S
