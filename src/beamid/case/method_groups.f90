@@ -280,15 +280,32 @@ contains
          call spread_value(stage%start, k, coefficients)
          call spread_value(stage%lower, k, coefficients)
          call spread_value(stage%upper, k, coefficients)
-         shared = [character(len=len(free)) :: pack(shared, lower_all(shared) /= &
-            lower(trim(plain(a)))//'(x)'), names]
-         free = [character(len=len(free)) :: free(:k - 1), names, free(k + 1:)]
+         call spread_name(shared, lower(trim(plain(a)))//'(x)', names)
+         call spread_name(free, lower(trim(plain(a)))//'(x)', names)
          deallocate (names)
       end do
       if (varies) return
       call block%exclude('coefficients', 'without E(x) or c_D(x) in free')
       call block%exclude('kind', 'without E(x) or c_D(x) in free')
    end subroutine spread_along
+
+   !> Names in the place of one of a list, or at its end.
+   subroutine spread_name(list, name, names)
+      character(len=:), allocatable, intent(inout) :: list(:)
+      character(len=*), intent(in) :: name, names(:)
+      character(len=len(list)) :: before(size(list))
+      integer :: k, n
+
+      before = list
+      k = findloc(lower_all(before) == name, .true., dim=1)
+      n = size(before) + size(names) - merge(1, 0, k > 0)
+      deallocate (list)
+      allocate (character(len=len(before)) :: list(n))
+      if (k == 0) k = size(before) + 1
+      list(:k - 1) = before(:k - 1)
+      list(k:k + size(names) - 1) = names
+      list(k + size(names):) = before(min(k, size(before)) + 1:)
+   end subroutine spread_name
 
    pure function lower_all(names) result(small)
       character(len=*), intent(in) :: names(:)

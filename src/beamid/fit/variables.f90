@@ -17,6 +17,7 @@ module beamid_variables
       real(wp) :: lower = -unbounded
       real(wp) :: upper = unbounded
       real(wp) :: magnitude = 1                !< what a moderate value is
+      logical :: is_logarithmic = .false.      !< searched for by its logarithm; no bounds but 0
       real(wp), private :: scale = 1           !< size of the parameter's region of interest
       real(wp), private :: x = 1               !< x = z*self%x is the argument of the formulas below
    contains
@@ -71,7 +72,9 @@ contains
       real(wp) :: x
 
       x = z*self%x
-      if (has(self%lower) .and. has(self%upper)) then
+      if (self%is_logarithmic) then
+         value = self%start*exp(z - 1)
+      else if (has(self%lower) .and. has(self%upper)) then
          value = min(self%lower + self%scale*sin(x/2)**2, self%upper)
       else if (has(self%lower)) then
          value = self%lower + self%scale*(x**2/(sqrt(1 + x**2) + 1))
@@ -89,7 +92,9 @@ contains
       real(wp) :: x
 
       x = z*self%x
-      if (has(self%lower) .and. has(self%upper)) then
+      if (self%is_logarithmic) then
+         derivative = self%start*exp(z - 1)
+      else if (has(self%lower) .and. has(self%upper)) then
          derivative = self%x*self%scale*sin(x)/2
       else if (has(self%lower)) then
          derivative = self%x*self%scale*x/sqrt(1 + x**2)
@@ -106,6 +111,7 @@ contains
       real(wp), intent(in) :: start
 
       from = new_variable(start, self%lower, self%upper, self%magnitude)
+      from%is_logarithmic = self%is_logarithmic
    end function from
 
    !> Whether a value is so near a bound that it might as well lie on it.

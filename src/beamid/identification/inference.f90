@@ -91,6 +91,7 @@ contains
       problem%given = found%given
       problem%weight = found%weight
       problem%noise = found%noise
+      problem%strength = found%strength
       call set_free(problem, found%again())
       call variables_of(found%again(), problem%world, variables, quantities, error)
    end subroutine problem_of

@@ -84,7 +84,7 @@ contains
       change = 0
       n = size(found%estimate)
       m = problem%samples()
-      if (problem%rows() == m .and. .not. (problem%is_weighted() .and. &
+      if (problem%prior_rows() == 0 .and. .not. (problem%is_weighted() .and. &
          any(problem%is_estimated()))) return
       free = real(problem%rows() - n - problem%linear_unknowns(), wp)/m
       if (.not. free > 0) return
@@ -105,7 +105,7 @@ contains
       end do
       noise = 1
       if (.not. problem%is_weighted()) noise = sd(1)
-      if (problem%rows() > m .and. n > 0 .and. free*m > 1) then
+      if (problem%prior_rows() > 0 .and. n > 0 .and. free*m > 1) then
          ! Of coloured residuals fewer would carry as much.
          call new_statistics(found%jacobian, found%residual, found%estimate, &
             max(abs(found%estimate), tiny(free)), statistics, error, m)

@@ -99,6 +99,7 @@ contains
          problem%given = found%given
          problem%weight = found%weight
          problem%noise = found%noise
+         problem%strength = found%strength
          call variables_of(stage, found%world, variables, quantities, error)
          if (.not. allocated(error)) call fit(problem, problem%rows(), variables, &
             options_t(check=.false.), better, error)

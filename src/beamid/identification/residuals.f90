@@ -7,20 +7,27 @@ module beamid_residuals
       new_apparatus, seen_modes_t
    use beamid_galerkin, only: mesh_t
    use beamid_kinds, only: wp
+   use beamid_observation, only: new_sampling
    use beamid_priors, only: prior_t, priors_of
    use beamid_problems, only: smooth_problem_t
    use beamid_projection, only: new_projection, projection_t
    use beamid_responses, only: is_exact, work_t
    use beamid_simulation, only: model_t
+   use beamid_smoothing, only: difference_rows
+   use beamid_structure, only: c_D_at, E_at
    use beamid_unknowns, only: world_t
    implicit none
    private
 
    public :: residual_t, new_residuals
 
+   !> E(x) and c_D(x), and the order of the differences that keep them smooth.
+   integer, parameter, public :: profiles = 2, penalty_order = 1
+
    !> Rows are the samples of each record in turn, times its weight, then one for each free
    !> parameter of which something is known: its distance from that value in standard deviations,
-   !> times the noise of the other rows.
+   !> times the noise of the other rows. Of E(x) and of c_D(x) follow the differences of the logarithms
+   !> of neighbouring coefficients, times the root of a strength.
    type, extends(smooth_problem_t) :: residual_t
       type(apparatus_t), allocatable :: parts(:)   !< one for each record
       real(wp), allocatable :: weight(:)           !< (records) 1/noise; of one record 1
@@ -29,6 +36,8 @@ module beamid_residuals
       type(prior_t), allocatable :: priors(:)
       type(world_t) :: given                       !< with the values of the case
       real(wp) :: noise = 1                        !< of a weighted sample
+      !> of the penalties on E(x) and c_D(x); 0: none [1 in units of J]
+      real(wp) :: strength(profiles) = 0
       type(world_t) :: world
       integer, allocatable :: free(:)              !< (n) places in the `parameters`
       integer, allocatable :: record(:)            !< (n) the record of each; 0: all
@@ -42,6 +51,9 @@ module beamid_residuals
       procedure :: samples
       procedure :: first_rows
       procedure :: rows
+      procedure :: prior_rows
+      procedure :: penalty_rows
+      procedure :: profile_columns
       procedure :: linear_unknowns
       procedure :: is_weighted
       procedure :: is_estimated
@@ -52,6 +64,7 @@ module beamid_residuals
       procedure, private :: motion
       procedure, private :: add_priors
       procedure :: with
+      procedure :: beginning
    end type residual_t
 
 contains
@@ -107,12 +120,56 @@ contains
       end do
    end function first_rows
 
-   !> All residuals: those of the samples, and what is known of free parameters.
+   !> All residuals: those of the samples, what is known of free parameters, and the penalties.
    pure integer function rows(self)
       class(residual_t), intent(in) :: self
+      integer :: first, last
 
-      rows = self%samples() + count(priors_of(self%priors, self%free, self%record) > 0)
+      call self%penalty_rows(profiles, first, last)
+      rows = first + last - 1
    end function rows
+
+   !> How many of them are what is known of free parameters.
+   pure integer function prior_rows(self)
+      class(residual_t), intent(in) :: self
+
+      prior_rows = count(priors_of(self%priors, self%free, self%record) > 0)
+   end function prior_rows
+
+   !> Where the penalty on E(x) (1) or c_D(x) (2) begins, and how many rows it has.
+   pure subroutine penalty_rows(self, a, first, rows)
+      class(residual_t), intent(in) :: self
+      integer, intent(in) :: a
+      integer, intent(out) :: first, rows
+      integer :: k
+
+      first = self%samples() + self%prior_rows() + 1
+      rows = 0
+      do k = 1, a
+         first = first + rows
+         rows = 0
+         if (self%strength(k) > 0) rows = max(0, size(self%profile_columns(k)) - penalty_order)
+      end do
+   end subroutine penalty_rows
+
+   !> Places of the coefficients of E(x) (1) or c_D(x) (2) among the free parameters, where all of
+   !> them are; else of size 0.
+   pure function profile_columns(self, a) result(columns)
+      class(residual_t), intent(in) :: self
+      integer, intent(in) :: a
+      integer, allocatable :: columns(:)
+      integer :: coefficients, first, k
+
+      allocate (columns(0))
+      if (.not. any(self%free >= E_at(1))) return
+      associate (v => self%world%structures(1)%variations)
+         coefficients = merge(v%E_along%coefficients, v%c_D_along%coefficients, a == 1)
+      end associate
+      if (coefficients == 0) return
+      first = merge(E_at(1), c_D_at(1), a == 1)
+      columns = [(findloc(self%free, first + k, dim=1), k=0, coefficients - 1)]
+      if (any(columns == 0)) columns = [integer ::]
+   end function profile_columns
 
    !> How many unknowns enter linearly.
    pure integer function linear_unknowns(self)
@@ -191,6 +248,26 @@ contains
          call with%set(self%free(k), self%record(k), parameters(k))
       end do
    end function with
+
+   !> The problem with the first part of each record.
+   !>
+   !> share  of the time from its first sample to its last
+   function beginning(self, share) result(part)
+      class(residual_t), intent(in) :: self
+      real(wp), intent(in) :: share
+      type(residual_t) :: part
+      integer :: i, m
+
+      part = self
+      do i = 1, size(part%parts)
+         associate (apparatus => part%parts(i), t => self%parts(i)%experiment%samples)
+            m = count(t <= t(1) + share*(t(size(t)) - t(1)))
+            apparatus%experiment%samples = t(:m)
+            apparatus%experiment%measured = self%parts(i)%experiment%measured(:m)
+            apparatus%sampling = new_sampling(apparatus%sampling%observation, t(:m))
+         end associate
+      end do
+   end function beginning
 
    subroutine residuals(self, parameters, r, error)
       class(residual_t), intent(inout) :: self
@@ -378,6 +455,33 @@ contains
          end associate
          if (size(jac, 2) > 0) jac(row, k) = slope
       end do
+      call add_penalties(self, parameters, r(row + 1:), jac(row + 1:, :))
    end subroutine add_priors
+
+   !> The rows that keep E(x) and c_D(x) smooth.
+   pure subroutine add_penalties(self, parameters, r, jac)
+      type(residual_t), intent(in) :: self
+      real(wp), intent(in) :: parameters(:)
+      real(wp), intent(inout) :: r(:), jac(:, :)
+      integer, allocatable :: columns(:)
+      real(wp), allocatable :: differences(:, :)
+      integer :: a, k, row
+
+      row = 0
+      do a = 1, profiles
+         if (.not. self%strength(a) > 0) cycle
+         columns = self%profile_columns(a)
+         differences = sqrt(self%strength(a))*difference_rows(size(columns), penalty_order)
+         associate (rows => size(differences, 1))
+            r(row + 1:row + rows) = matmul(differences, log(parameters(columns)))
+            if (size(jac, 2) > 0) then
+               do k = 1, size(columns)
+                  jac(row + 1:row + rows, columns(k)) = differences(:, k)/parameters(columns(k))
+               end do
+            end if
+            row = row + rows
+         end associate
+      end do
+   end subroutine add_penalties
 
 end module beamid_residuals

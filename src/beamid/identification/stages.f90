@@ -5,11 +5,11 @@ module beamid_stages
    use beamid_held_errors, only: held_errors, held_t
    use beamid_kinds, only: wp
    use beamid_least_squares, only: fit_t, monitor_t, options_t
-   use beamid_noise_levels, only: fit_with_noise
    use beamid_parameters, only: as_named, free_magnitude, offset
    use beamid_priors, only: prior_t
-   use beamid_residuals, only: residual_t
+   use beamid_residuals, only: profiles, residual_t
    use beamid_responses, only: work_t
+   use beamid_smooth_fits, only: fit_smoothly, new_profile_fit, profile_fit_t
    use beamid_starts, only: automatic_start, set_free
    use beamid_statistics, only: new_statistics, statistics_t
    use beamid_strings, only: to_text
@@ -41,6 +41,8 @@ module beamid_stages
       real(wp), allocatable :: weight(:) !< (records) of the residuals of `fit`
       logical :: weighted = .false.      !< it is 1/noise
       real(wp) :: noise = 1              !< that stands against what else was known
+      real(wp) :: strength(profiles) = 0 !< of the penalties on E(x) and c_D(x); 0: none
+      type(profile_fit_t) :: profiles(profiles)   !< what became of these
       type(held_t), allocatable :: held(:)      !< errors of parameters that are held
       !> (n) how far finer meshes shift the estimates, of what was searched for, and how well that
       !> is known; not allocated: not asked for, or not found
@@ -184,7 +186,7 @@ contains
       call variables_of(tried, problem%world, variables, found%quantities, error)
       if (allocated(error)) return
       names = found%quantities%searched_name()
-      call fit_with_noise(problem, variables, options, found%fit, error, monitor, label, names)
+      call fit_smoothly(problem, variables, options, found%fit, error, monitor, label, names)
       if (allocated(error)) return
       if (.not. problem%exact) call verify_integrator(problem, exact, variables, names, &
          found%fit, found%moved, found%reference, error)
@@ -206,6 +208,7 @@ contains
       found%weight = problem%weight
       found%weighted = problem%is_weighted()
       found%noise = problem%noise
+      found%strength = problem%strength
       found%priors = problem%priors
       found%given = problem%given
       found%world = problem%world
@@ -213,6 +216,12 @@ contains
       found%excitation = found%world%excitations(1)
       call add_linear(problem, found, error)
       if (allocated(error)) return
+      do k = 1, profiles
+         if (.not. found%strength(k) > 0) cycle
+         call new_profile_fit(problem, found%fit%estimate, found%fit%residual, found%jacobian, k, &
+            found%profiles(k), error)
+         if (allocated(error)) return
+      end do
       found%work = problem%work
       associate (m => problem%samples())
          found%check = check_residuals(found%fit%residual(:m), found%jacobian(:m, :))
@@ -222,7 +231,8 @@ contains
          scales = q%scale
          if (problem%samples() > size(q)) call new_statistics(found%jacobian, found%fit%residual, &
             [q(:n)%searched, q(n + 1:)%scale], scales, found%statistics, error, &
-            problem%samples(), problem%noise, problem%first_rows(), q%record == 0)
+            problem%samples(), merge(problem%noise, 0.0_wp, problem%prior_rows() > 0), &
+            problem%first_rows(), q%record == 0)
          if (allocated(error) .or. size(found%priors) == 0) return
          n = merge(size(q), n, problem%exact)
          call held_errors(problem, found%fit%estimate, found%jacobian(:, :n), scales(:n), &

@@ -124,6 +124,7 @@ contains
          exact%offset = problem%offset
          exact%weight = problem%weight
          exact%noise = problem%noise
+         exact%strength = problem%strength
          call fit(exact, size(found%residual), from_there, options_t(check=.false.), better, error)
          if (.not. allocated(error)) return
       end if

@@ -1,0 +1,180 @@
+!> Start values where a property varies along the beam: each mode of the model is to have the
+!> frequency and the rate of decay of the line that is nearest to it, from the lowest mode on. How
+!> E or c_D varies is smooth, and everything else stays near its start as far as the lines let it.
+module beamid_line_matches
+   use beamid_decaying_lines, only: find_lines
+   use beamid_errors, only: error_t
+   use beamid_kinds, only: wp
+   use beamid_least_squares, only: fit, fit_t, options_t
+   use beamid_model_roots, only: belief_t, beliefs_about, model_roots
+   use beamid_parameters, only: free_names
+   use beamid_problems, only: smooth_problem_t
+   use beamid_residuals, only: penalty_order, profiles, residual_t
+   use beamid_smoothing, only: difference_rows
+   use beamid_spectra, only: line_t
+   use beamid_structure, only: E_at, of_x_D
+   use beamid_variables, only: variable_t
+   implicit none
+   private
+
+   public :: match_lines
+
+   real(wp), parameter :: two_pi = 2*acos(-1.0_wp)
+   !> Modes that are looked for at most.
+   integer, parameter :: most_modes = 8
+
+   !> How far off a line may be: the relative error of a frequency and of a rate of decay by the
+   !> model, not by noise; and what the logarithms of a function may bend from one coefficient to the
+   !> next. Starts need no better ones.
+   real(wp), parameter :: frequency_error = 1e-3_wp, rate_error = 0.3_wp, bend = 0.1_wp
+
+   !> A line of a record that a mode is to have.
+   type :: match_t
+      integer :: record = 0, mode = 0
+      real(wp) :: frequency = 0, rate = 0    !< [1/time]
+   end type match_t
+
+   type, extends(smooth_problem_t) :: matching_t
+      type(residual_t) :: problem
+      type(match_t), allocatable :: matches(:)
+      type(belief_t), allocatable :: beliefs(:)
+      integer :: modes = 0
+   contains
+      procedure :: residuals
+      procedure :: jacobian
+      procedure :: rows
+   end type matching_t
+
+contains
+
+   !> variables  on return with the starts that suit the lines
+   !> matched    how many modes have found a line, of the record that has the fewest
+   subroutine match_lines(problem, variables, matched)
+      type(residual_t), intent(in) :: problem
+      type(variable_t), intent(inout) :: variables(:)
+      integer, intent(out) :: matched
+      type(matching_t) :: matching
+      type(line_t), allocatable :: lines(:)
+      type(fit_t) :: found
+      type(error_t), allocatable :: error
+      type(options_t) :: options
+      complex(wp), allocatable :: s(:), ds(:, :)
+      integer :: before, k, nearest, r
+      real(wp) :: far, near
+
+      matched = 0
+      matching%problem = problem
+      matching%beliefs = beliefs_about(problem%world, problem%free, problem%record, &
+         [variables%start], problem%priors, problem%given)
+      do k = 1, size(variables)
+         if (problem%free(k) >= E_at(1)) matching%beliefs(k)%width = 1
+         if (problem%free(k) == of_x_D) matching%beliefs(k)%width = 0.1_wp &
+            *problem%world%structures(1)%length
+      end do
+      allocate (matching%matches(0))
+      options%check = .false.
+      options%tolerance = 1e-6_wp
+      options%max_evaluations = 200
+      do k = 1, most_modes
+         if (k > problem%parts(1)%galerkin%space%n - 2) exit
+         matching%modes = k
+         if (allocated(s)) deallocate (s, ds)
+         allocate (s(k), ds(k, size(variables)))
+         before = size(matching%matches)
+         do r = 1, size(problem%parts)
+            call model_roots(matching%problem, problem%with([variables%start]), r, s, ds, error)
+            if (allocated(error)) return
+            associate (experiment => problem%parts(r)%experiment, f => aimag(s(k))/two_pi)
+               call find_lines(experiment%samples, experiment%measured, 1.3_wp*f, &
+                  most_modes + 4, lines)
+               if (size(lines) == 0) cycle
+               nearest = minloc(abs(log(lines%frequency/f)), dim=1)
+               ! Lower modes tell where the next one is.
+               far = merge(0.3_wp, 0.1_wp, before == 0)
+               near = abs(log(lines(nearest)%frequency/f))
+               if (near > far) cycle
+               matching%matches = [matching%matches, match_t(r, k, lines(nearest)%frequency, &
+                  max(lines(nearest)%decay, 1e-6_wp*f))]
+            end associate
+         end do
+         if (size(matching%matches) == before) cycle
+         call fit(matching, matching%rows(), variables, options, found, error, &
+            label='lines', names=free_names(problem%free))
+         if (allocated(error)) return
+         variables = variables%from(found%estimate)
+      end do
+      matched = minval([(count(matching%matches%record == r), r=1, size(problem%parts))])
+   end subroutine match_lines
+
+   pure integer function rows(self)
+      class(matching_t), intent(in) :: self
+      integer :: a
+
+      rows = 2*size(self%matches) + size(self%beliefs)
+      do a = 1, profiles
+         rows = rows + max(0, size(self%problem%profile_columns(a)) - penalty_order)
+      end do
+   end function rows
+
+   subroutine residuals(self, parameters, r, error)
+      class(matching_t), intent(inout) :: self
+      real(wp), intent(in) :: parameters(:)
+      real(wp), intent(out) :: r(:)
+      type(error_t), allocatable, intent(out) :: error
+      real(wp) :: jac(size(r), size(parameters))
+
+      call self%jacobian(parameters, r, jac, error)
+   end subroutine residuals
+
+   subroutine jacobian(self, parameters, r, jac, error)
+      class(matching_t), intent(inout) :: self
+      real(wp), intent(in) :: parameters(:)
+      real(wp), intent(out) :: r(:), jac(:, :)
+      type(error_t), allocatable, intent(out) :: error
+      complex(wp) :: s(self%modes), ds(self%modes, size(parameters))
+      real(wp), allocatable :: differences(:, :)
+      integer, allocatable :: columns(:)
+      integer :: a, k, last, n, row
+
+      r = 0
+      jac = 0
+      last = 0
+      n = size(parameters)
+      do k = 1, size(self%matches)
+         associate (match => self%matches(k))
+            if (match%record /= last) call model_roots(self%problem, &
+               self%problem%with(parameters), match%record, s, ds, error)
+            if (allocated(error)) return
+            last = match%record
+            associate (root => s(match%mode), by => ds(match%mode, :))
+               r(2*k - 1) = log(aimag(root)/two_pi/match%frequency)/frequency_error
+               jac(2*k - 1, :) = aimag(by)/aimag(root)/frequency_error
+               if (.not. real(root) < 0) cycle
+               r(2*k) = log(-real(root)/match%rate)/rate_error
+               jac(2*k, :) = real(by)/real(root)/rate_error
+            end associate
+         end associate
+      end do
+      row = 2*size(self%matches)
+      do k = 1, n
+         associate (b => self%beliefs(k))
+            r(row + k) = (b%x_of(parameters(k)) - b%x_of(b%centre))/b%width
+            jac(row + k, k) = 1/(b%slope(parameters(k))*b%width)
+         end associate
+      end do
+      row = row + n
+      do a = 1, profiles
+         columns = self%problem%profile_columns(a)
+         if (size(columns) == 0) cycle
+         differences = difference_rows(size(columns), penalty_order)/bend
+         associate (m => size(differences, 1))
+            r(row + 1:row + m) = matmul(differences, log(parameters(columns)))
+            do k = 1, size(columns)
+               jac(row + 1:row + m, columns(k)) = differences(:, k)/parameters(columns(k))
+            end do
+            row = row + m
+         end associate
+      end do
+   end subroutine jacobian
+
+end module beamid_line_matches

@@ -1,0 +1,207 @@
+!> Searches for E(x) and c_D(x): as smooth as the data ask for.
+!>
+!> The coefficients' logarithms u carry a penalty strength |D u|**2 on their differences, beside the
+!> residuals. Its strength is that of the restricted marginal likelihood of the problem linearised
+!> where a search has ended; the search goes on with it, until it stays. The first search is rigid.
+module beamid_smooth_fits
+   use beamid_errors, only: error_t, failure
+   use beamid_kinds, only: wp
+   use beamid_least_squares, only: fit_t, monitor_t, options_t
+   use beamid_line_matches, only: match_lines
+   use beamid_noise_levels, only: fit_with_noise
+   use beamid_residuals, only: penalty_order, profiles, residual_t
+   use beamid_smoothing, only: choose_strength, smoothing_t
+   use beamid_structure, only: E_at, of_x_D
+   use beamid_variables, only: variable_t
+   implicit none
+   private
+
+   public :: fit_smoothly, profile_fit_t, new_profile_fit
+
+   !> What a search says of one of E(x) and c_D(x).
+   type :: profile_fit_t
+      integer, allocatable :: place(:)     !< (n) its coefficients among the parameters
+      integer :: samples = 0               !< rows of data
+      type(smoothing_t) :: smoothing       !< of their logarithms among the other parameters
+   end type profile_fit_t
+
+contains
+
+   !> As `fit_with_noise`; on return the problem has the strengths.
+   !>
+   !> Where E varies a search from afar is lost: over a long record the phase of every mode is off by
+   !> turns, each mode by another number of them. So the first search is for the first part of the
+   !> record, and each goes on from the one before on twice as much.
+   !>
+   !> error  also where a strength does not settle
+   subroutine fit_smoothly(problem, variables, options, found, error, monitor, label, names)
+      type(residual_t), intent(inout) :: problem
+      type(variable_t), intent(in) :: variables(:)
+      type(options_t), intent(in) :: options
+      type(fit_t), intent(out) :: found
+      type(error_t), allocatable, intent(out) :: error
+      class(monitor_t), intent(inout), optional :: monitor
+      character(len=*), intent(in) :: label, names(:)
+      type(variable_t) :: from(size(variables))
+      type(residual_t) :: part
+      type(options_t) :: rough
+      type(fit_t) :: near
+      type(error_t), allocatable :: reason
+      integer :: k, matched
+
+      if (.not. any(problem%free >= E_at(1) .or. problem%free == of_x_D)) then
+         call fit_with_noise(problem, variables, options, found, error, monitor, label, names)
+         return
+      end if
+      problem%strength = 0
+      from = variables
+      rough = options
+      rough%check = .false.
+      rough%tolerance = 1e-4_wp
+      rough%max_evaluations = 50
+      call match_lines(problem, from, matched)
+      do k = merge(0, doublings(problem), matched > 0), 1, -1
+         part = problem%beginning(0.5_wp**k)
+         call settle(part, from, rough, near, reason, monitor, label, names, settled=0.5_wp)
+         if (allocated(reason)) cycle
+         from = from%from(near%estimate)
+         problem%strength = part%strength
+      end do
+      call settle(problem, from, options, found, error, monitor, label, names, settled=0.02_wp)
+      if (.not. allocated(error)) found%start = variables%start
+   end subroutine fit_smoothly
+
+   !> How often a record may be halved: a part has ten samples for each parameter, of a penalised
+   !> function those that no penalty holds.
+   pure integer function doublings(problem)
+      type(residual_t), intent(in) :: problem
+      integer, parameter :: most = 10, for_each = 10
+      integer :: a, unknowns
+
+      unknowns = size(problem%free) + problem%linear_unknowns()
+      do a = 1, profiles
+         unknowns = unknowns - max(0, size(problem%profile_columns(a)) - penalty_order)
+      end do
+      doublings = max(0, min(most, int(log(problem%samples()/(for_each*real(unknowns, wp))) &
+         /log(2.0_wp))))
+   end function doublings
+
+   !> A search with strengths that suit it.
+   !>
+   !> settled  a change of log strength by less is none
+   subroutine settle(problem, variables, options, found, error, monitor, label, names, settled)
+      type(residual_t), intent(inout) :: problem
+      type(variable_t), intent(in) :: variables(:)
+      type(options_t), intent(in) :: options
+      type(fit_t), intent(out) :: found
+      type(error_t), allocatable, intent(out) :: error
+      class(monitor_t), intent(inout), optional :: monitor
+      character(len=*), intent(in) :: label, names(:)
+      real(wp), intent(in) :: settled
+      integer, parameter :: most = 60
+      type(variable_t) :: from(size(variables))
+      type(profile_fit_t) :: profile
+      type(options_t) :: quiet
+      type(fit_t) :: before
+      real(wp) :: change, step
+      integer :: a, k
+
+      do a = 1, profiles
+         if (size(problem%profile_columns(a)) > 0 .and. .not. problem%strength(a) > 0) call set_rigid(problem, variables, a, error)
+         if (allocated(error)) return
+      end do
+      call fit_with_noise(problem, variables, options, found, error, monitor, label, names)
+      if (.not. any(problem%strength > 0)) return
+      quiet = options
+      quiet%check = .false.
+      do k = 1, most
+         if (allocated(error)) return
+         change = 0
+         do a = 1, profiles
+            if (.not. problem%strength(a) > 0) cycle
+            call new_profile_fit(problem, found%estimate, found%residual, found%jacobian, a, &
+               profile, error)
+            if (allocated(error)) return
+            step = log(profile%smoothing%strength/problem%strength(a))
+            ! Where two strengths would take turns the mean of both is nearer.
+            if (k > 10) step = step/2
+            problem%strength(a) = problem%strength(a)*exp(step)
+            change = max(change, abs(step))
+         end do
+         if (change <= settled) exit
+         before = found
+         from = variables%from(found%estimate)
+         call fit_with_noise(problem, from, quiet, found, error, monitor, label, names)
+         if (allocated(error)) return
+         found%iterations = found%iterations + before%iterations
+         found%evaluations = found%evaluations + before%evaluations
+         found%shortened = found%shortened + before%shortened
+         if (allocated(before%derivative_check)) found%derivative_check = before%derivative_check
+      end do
+      if (k > most) call failure(error, 'the strength of the smoothing does not settle')
+   end subroutine settle
+
+   !> A strength beside which the data count for nothing, but for what is smooth.
+   subroutine set_rigid(problem, variables, a, error)
+      type(residual_t), intent(inout) :: problem
+      type(variable_t), intent(in) :: variables(:)
+      integer, intent(in) :: a
+      type(error_t), allocatable, intent(out) :: error
+      real(wp), parameter :: rigid = 1e4_wp
+      real(wp), allocatable :: r(:), jacobian(:, :)
+      integer, allocatable :: columns(:)
+      type(profile_fit_t) :: profile
+      integer :: k
+
+      columns = problem%profile_columns(a)
+      allocate (r(problem%rows()), jacobian(problem%rows(), size(variables)))
+      call problem%jacobian(variables%start, r, jacobian, error)
+      if (allocated(error)) return
+      problem%strength(a) = rigid*max(tiny(rigid), sum([(sum((jacobian(:, columns(k)) &
+         *variables(columns(k))%start)**2), k=1, size(columns))]))
+      if (all(abs(variables(columns)%start - variables(columns(1))%start) <= 0)) return
+      ! A start that varies already: as the data ask for.
+      deallocate (r, jacobian)
+      allocate (r(problem%rows()), jacobian(problem%rows(), size(variables)))
+      call problem%jacobian(variables%start, r, jacobian, error)
+      if (.not. allocated(error)) call new_profile_fit(problem, variables%start, r, jacobian, a, &
+         profile, error)
+      if (.not. allocated(error)) problem%strength(a) = profile%smoothing%strength
+   end subroutine set_rigid
+
+   !> The smoothing of E(x) (1) or c_D(x) (2) at an estimate, all other rows taken for data.
+   !>
+   !> estimate            (n)
+   !> residual, jacobian  (rows), (rows, n or more)
+   subroutine new_profile_fit(problem, estimate, residual, jacobian, a, profile, error)
+      type(residual_t), intent(in) :: problem
+      real(wp), intent(in) :: estimate(:), residual(:), jacobian(:, :)
+      integer, intent(in) :: a
+      type(profile_fit_t), intent(out) :: profile
+      type(error_t), allocatable, intent(out) :: error
+      real(wp), allocatable :: J(:, :), r(:), at(:), penalty(:, :)
+      logical, allocatable :: data(:)
+      integer :: first, k, n, rows
+
+      profile%place = problem%profile_columns(a)
+      n = size(estimate)
+      call problem%penalty_rows(a, first, rows)
+      allocate (data(size(residual)), source=.true.)
+      data(first:first + rows - 1) = .false.
+      profile%samples = count(data)
+      J = jacobian(pack([(k, k=1, size(data))], data), :)
+      r = pack(residual, data)
+      allocate (penalty(rows, size(J, 2)), source=0.0_wp)
+      at = [estimate, spread(0.0_wp, 1, size(J, 2) - n)]
+      penalty(:, :n) = jacobian(first:first + rows - 1, :n)/sqrt(problem%strength(a))
+      do k = 1, size(profile%place)
+         associate (p => profile%place(k))
+            at(p) = log(estimate(p))
+            J(:, p) = J(:, p)*estimate(p)
+            penalty(:, p) = penalty(:, p)*estimate(p)
+         end associate
+      end do
+      call choose_strength(J, r, at, penalty, profile%smoothing, error)
+   end subroutine new_profile_fit
+
+end module beamid_smooth_fits
