@@ -34,6 +34,10 @@ module beamid_line_matches
       real(wp) :: frequency = 0, rate = 0    !< [1/time]
    end type match_t
 
+   type :: lines_t
+      type(line_t), allocatable :: line(:)
+   end type lines_t
+
    type, extends(smooth_problem_t) :: matching_t
       type(residual_t) :: problem
       type(match_t), allocatable :: matches(:)
@@ -47,14 +51,80 @@ module beamid_line_matches
 
 contains
 
-   !> variables  on return with the starts that suit the lines
-   !> matched    how many modes have found a line, of the record that has the fewest
-   subroutine match_lines(problem, variables, matched)
+   !> Starts that suit the lines, the best first. Where the place of a dip is free it is looked for
+   !> all along the beam: what is near in frequencies may be far away.
+   !>
+   !> variables  (n) with the start of the case
+   !> starts     (n, candidates); none: the records have no lines that are the model's
+   subroutine match_lines(problem, variables, starts)
       type(residual_t), intent(in) :: problem
+      type(variable_t), intent(in) :: variables(:)
+      type(variable_t), allocatable, intent(out) :: starts(:, :)
+      integer, parameter :: places = 11, most_starts = 3
+      type(variable_t) :: tried(size(variables), 0:places)
+      type(lines_t), allocatable :: lines(:)
+      real(wp) :: cost(0:places), length
+      integer :: best, dip, k
+
+      allocate (starts(size(variables), 0))
+      call lines_of_problem(problem, variables, lines)
+      if (.not. allocated(lines)) return
+      dip = findloc(problem%free, of_x_D, dim=1)
+      length = problem%world%structures(1)%length
+      cost = huge(cost)
+      do k = 0, merge(places, 0, dip > 0)
+         tried(:, k) = variables
+         if (k > 0) tried(dip, k) = variables(dip)%from((k - 0.5_wp)*length/places)
+         call match_from(problem, lines, tried(:, k), cost(k))
+      end do
+      do k = 1, most_starts
+         best = minloc(cost, dim=1) - 1
+         if (.not. cost(best) < huge(cost)) return
+         starts = reshape([starts, tried(:, best)], [size(variables), k])
+         ! Of those that end in one place one is enough.
+         if (dip == 0) return
+         where (abs(tried(dip, :)%start - tried(dip, best)%start) < 0.01_wp*length) &
+            cost = huge(cost)
+      end do
+   end subroutine match_lines
+
+   !> The lines of each record, up to the highest mode that is looked for.
+   !>
+   !> lines  not allocated: the model has no modes, or a record no lines
+   subroutine lines_of_problem(problem, variables, lines)
+      type(residual_t), intent(in) :: problem
+      type(variable_t), intent(in) :: variables(:)
+      type(lines_t), allocatable, intent(out) :: lines(:)
+      type(residual_t) :: trial
+      type(lines_t) :: found(size(problem%parts))
+      type(error_t), allocatable :: error
+      complex(wp), allocatable :: s(:), ds(:, :)
+      integer :: modes, r
+
+      trial = problem
+      modes = min(most_modes, problem%parts(1)%galerkin%space%n - 2)
+      if (modes < 1) return
+      allocate (s(modes), ds(modes, size(variables)))
+      do r = 1, size(found)
+         call model_roots(trial, problem%with([variables%start]), r, s, ds, error)
+         if (allocated(error)) return
+         associate (experiment => problem%parts(r)%experiment)
+            call find_lines(experiment%samples, experiment%measured, &
+               1.3_wp*maxval(aimag(s))/two_pi, most_modes + 4, found(r)%line)
+         end associate
+         if (size(found(r)%line) == 0) return
+      end do
+      lines = found
+   end subroutine lines_of_problem
+
+   !> variables  on return with the start that suits the lines
+   !> cost       its sum of squares; huge: there are no lines that suit
+   subroutine match_from(problem, lines, variables, cost)
+      type(residual_t), intent(in) :: problem
+      type(lines_t), intent(in) :: lines(:)
       type(variable_t), intent(inout) :: variables(:)
-      integer, intent(out) :: matched
+      real(wp), intent(out) :: cost
       type(matching_t) :: matching
-      type(line_t), allocatable :: lines(:)
       type(fit_t) :: found
       type(error_t), allocatable :: error
       type(options_t) :: options
@@ -62,39 +132,36 @@ contains
       integer :: before, k, nearest, r
       real(wp) :: far, near
 
-      matched = 0
+      cost = huge(cost)
       matching%problem = problem
       matching%beliefs = beliefs_about(problem%world, problem%free, problem%record, &
          [variables%start], problem%priors, problem%given)
       do k = 1, size(variables)
          if (problem%free(k) >= E_at(1)) matching%beliefs(k)%width = 1
-         if (problem%free(k) == of_x_D) matching%beliefs(k)%width = 0.1_wp &
+         if (problem%free(k) == of_x_D) matching%beliefs(k)%width = 0.2_wp &
             *problem%world%structures(1)%length
       end do
       allocate (matching%matches(0))
       options%check = .false.
       options%tolerance = 1e-6_wp
       options%max_evaluations = 200
-      do k = 1, most_modes
-         if (k > problem%parts(1)%galerkin%space%n - 2) exit
+      do k = 1, min(most_modes, problem%parts(1)%galerkin%space%n - 2)
          matching%modes = k
          if (allocated(s)) deallocate (s, ds)
          allocate (s(k), ds(k, size(variables)))
          before = size(matching%matches)
-         do r = 1, size(problem%parts)
+         do r = 1, size(lines)
             call model_roots(matching%problem, problem%with([variables%start]), r, s, ds, error)
             if (allocated(error)) return
-            associate (experiment => problem%parts(r)%experiment, f => aimag(s(k))/two_pi)
-               call find_lines(experiment%samples, experiment%measured, 1.3_wp*f, &
-                  most_modes + 4, lines)
-               if (size(lines) == 0) cycle
-               nearest = minloc(abs(log(lines%frequency/f)), dim=1)
+            associate (line => lines(r)%line, f => aimag(s(k))/two_pi)
+               if (.not. f > 0) cycle
+               nearest = minloc(abs(log(line%frequency/f)), dim=1)
                ! Lower modes tell where the next one is.
                far = merge(0.3_wp, 0.1_wp, before == 0)
-               near = abs(log(lines(nearest)%frequency/f))
+               near = abs(log(line(nearest)%frequency/f))
                if (near > far) cycle
-               matching%matches = [matching%matches, match_t(r, k, lines(nearest)%frequency, &
-                  max(lines(nearest)%decay, 1e-6_wp*f))]
+               matching%matches = [matching%matches, match_t(r, k, line(nearest)%frequency, &
+                  max(line(nearest)%decay, 1e-6_wp*f))]
             end associate
          end do
          if (size(matching%matches) == before) cycle
@@ -103,8 +170,8 @@ contains
          if (allocated(error)) return
          variables = variables%from(found%estimate)
       end do
-      matched = minval([(count(matching%matches%record == r), r=1, size(problem%parts))])
-   end subroutine match_lines
+      if (size(matching%matches) > 0) cost = found%J
+   end subroutine match_from
 
    pure integer function rows(self)
       class(matching_t), intent(in) :: self

@@ -47,7 +47,8 @@ contains
       type(options_t) :: rough
       type(fit_t) :: near
       type(error_t), allocatable :: reason
-      integer :: k, matched
+      type(variable_t), allocatable :: starts(:, :)
+      integer :: k
 
       if (.not. any(problem%free >= E_at(1) .or. problem%free == of_x_D)) then
          call fit_with_noise(problem, variables, options, found, error, monitor, label, names)
@@ -59,8 +60,10 @@ contains
       rough%check = .false.
       rough%tolerance = 1e-4_wp
       rough%max_evaluations = 50
-      call match_lines(problem, from, matched)
-      do k = merge(0, doublings(problem), matched > 0), 1, -1
+      call match_lines(problem, variables, starts)
+      if (size(starts, 2) > 0) call choose_start(problem, starts, rough, from, &
+         monitor, label, names)
+      do k = merge(0, doublings(problem), size(starts, 2) > 0), 1, -1
          part = problem%beginning(0.5_wp**k)
          call settle(part, from, rough, near, reason, monitor, label, names, settled=0.5_wp)
          if (allocated(reason)) cycle
@@ -70,6 +73,34 @@ contains
       call settle(problem, from, options, found, error, monitor, label, names, settled=0.02_wp)
       if (.not. allocated(error)) found%start = variables%start
    end subroutine fit_smoothly
+
+   !> The start from which a search ends with the least J.
+   subroutine choose_start(problem, starts, options, best, monitor, label, names)
+      type(residual_t), intent(in) :: problem
+      type(variable_t), intent(in) :: starts(:, :)
+      type(options_t), intent(in) :: options
+      type(variable_t), intent(out) :: best(:)
+      class(monitor_t), intent(inout), optional :: monitor
+      character(len=*), intent(in) :: label, names(:)
+      type(residual_t) :: trial
+      type(fit_t) :: found
+      type(error_t), allocatable :: error
+      real(wp) :: least
+      integer :: k
+
+      best = starts(:, 1)
+      if (size(starts, 2) == 1) return
+      least = huge(least)
+      do k = 1, size(starts, 2)
+         trial = problem
+         call settle(trial, starts(:, k), options, found, error, monitor, label, &
+            names, settled=0.5_wp)
+         if (allocated(error)) cycle
+         if (found%J >= least) cycle
+         least = found%J
+         best = starts(:, k)%from(found%estimate)
+      end do
+   end subroutine choose_start
 
    !> How often a record may be halved: a part has ten samples for each parameter, of a penalised
    !> function those that no penalty holds.
