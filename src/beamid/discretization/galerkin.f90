@@ -248,8 +248,8 @@ contains
       end do
    end function slope_band
 
-   !> Tabulates curvatures for `bending_energy` and `subtract_bending_force`: at degree - 1 Gauss points,
-   !> which are exact, where the rule of the mesh is exact for them too, else at its own.
+   !> Tabulates curvatures for `bending_energy` and `subtract_bending_force`: at degree - 1 Gauss
+   !> points, which are exact, where the rule of the mesh is exact for them too, else at its own.
    pure subroutine tabulate_curvature(self)
       type(galerkin_t), intent(inout) :: self
       integer, parameter :: of_a_dip = 8   ! points that know one as wide as a third of an element

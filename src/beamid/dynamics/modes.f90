@@ -181,7 +181,8 @@ contains
       end do
    end subroutine tabulate_slopes
 
-   !> The integral of (a + b m) phi_i' phi_j' from the root to a place, m the mass per length beyond.
+   !> The integral of (a + b m) phi_i' phi_j' from the root to a place, m the mass per length
+   !> beyond.
    !>
    !> x     0 .. l [length]
    !> a, b  [1], [1/length]; b only where x = l

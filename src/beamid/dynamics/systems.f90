@@ -104,12 +104,14 @@ contains
       call zgetrs(side, size(pivots), size(b, 2), P, size(pivots), pivots, b, size(pivots), info)
    end subroutine solve
 
-   !> Rayleigh's quotient and inverse iteration in turn, of cubic convergence, from a point near a
-   !> root; of a multiple one it is known to a root of the round-off only.
+   !> Rayleigh's quotient and inverse iteration in turn, from a point near a root; of a multiple one
+   !> it is known to a root of the round-off only. What a last change leaves is its square, as Q is
+   !> one of s.
    subroutine improve_root(assembly, root)
       type(assembly_t), intent(in) :: assembly
       type(root_t), intent(inout) :: root
       integer, parameter :: most_steps = 20
+      real(wp), parameter :: arrived = 3e-8_wp
       complex(wp), dimension(assembly%n + size(assembly%v, 1), assembly%n &
          + size(assembly%v, 1)) :: P, dP
       complex(wp) :: z(size(P, 1), 1), driven(size(P, 1)), left(size(P, 1)), change
@@ -136,7 +138,7 @@ contains
          root%s = root%s + change
          root%offset = root%offset + change
          if (abs(change) > 1e-2_wp*abs(root%offset)) call nearest_pole(assembly, root)
-         if (abs(change) <= 1e-6_wp*max(abs(root%offset), 1e-9_wp*abs(root%s))) exit
+         if (abs(change) <= arrived*max(abs(root%offset), arrived*abs(root%s))) exit
       end do
       root%j = maxloc(assembly%pencil(1)%m*abs(z(:n, 1))**2, dim=1)
    end subroutine improve_root

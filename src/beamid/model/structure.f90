@@ -495,8 +495,8 @@ contains
    end function bare_influence
 
    !> Integral of (near - t)(far - t)/f from the root to `near`, f the factor of the stiffness, by
-   !> Gauss points between the places where it is not smooth. The integrand vanishes at its end: what
-   !> moves that counts for nothing.
+   !> Gauss points between the places where it is not smooth. The integrand vanishes at its end:
+   !> what moves that counts for nothing.
    pure complex(wp) function varied_bending(self, length, near, far, k, moved) result(bent)
       type(structure_t), intent(in) :: self
       complex(wp), intent(in) :: length, near, far
