@@ -102,7 +102,8 @@ contains
       call refused_case('no damping at all', along('parameter=''c_D'', x=0,4, value=0,0'), &
          value//'0|above 0')
       call refused_case('a spline that falls below 0', along('parameter=''E'', '// &
-         'kind=''spline'', x=0,1,2,3,4, value=80,1,80,1,80'), value//'a spline|falls to 0|kind = ''linear''')
+         'kind=''spline'', x=0,1,2,3,4, value=80,1,80,1,80'), value// &
+         'a spline|falls to 0|kind = ''linear''')
       call refused_case('another value in &beam', along('parameter=''E'', x=0,4, value=70,40'), &
          value//'40 to 70|E = 80 of &beam')
       call refused_case('another height in &beam', rectangular(along( &
@@ -132,7 +133,8 @@ contains
       call refused_case('width beside I', along('parameter=''width'', x=0,4, value=.1,.05'), &
          parameter//'''width'' beside I')
       call refused_case('height without width', rectangular(along( &
-         'parameter=''height'', x=0,4, value=.1,.05'), 'height=.1'), '2: &beam width: found nothing')
+         'parameter=''height'', x=0,4, value=.1,.05'), 'height=.1'), &
+         '2: &beam width: found nothing')
       call refused_case('a place beside values', along('parameter=''E'', x=0,4, value=80,40, '// &
          'place=2'), '5: &along place: found a value|expected none')
    end subroutine test_company
