@@ -80,7 +80,7 @@ contains
    end subroutine system_at
 
    !> LU factors, as `solve` takes them; at a root a pivot that vanishes is made tiny, as inverse
-   !> iteration asks for.
+   !> iteration asks for: far below round-off, which counts by row and column and may be less here.
    subroutine factor(P, pivots)
       complex(wp), intent(inout) :: P(:, :)
       integer, intent(out) :: pivots(:)
@@ -89,7 +89,7 @@ contains
       call zgetrf(size(pivots), size(pivots), P, size(pivots), pivots, info)
       do k = 1, size(pivots)
          if (.not. abs(real(P(k, k))) + abs(aimag(P(k, k))) > 0) &
-            P(k, k) = epsilon(1.0_wp)*maxval(abs(P(:k, k))) + tiny(1.0_wp)
+            P(k, k) = epsilon(1.0_wp)**2*maxval(abs(P(:k, k))) + tiny(1.0_wp)
       end do
    end subroutine factor
 
