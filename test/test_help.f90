@@ -34,10 +34,13 @@ contains
    subroutine test_words()
       type(block_t), allocatable :: blocks(:)
       character(len=:), allocatable :: readme, manual, group
+      type(outcome_t) :: page
       integer :: g, k
 
       outcome = beamid('help man')
       manual = outcome%out
+      call check('manual: every byte can be printed', prints(manual))
+      call check('words in the place of numbers', index(manual, '''auto'' ''case''') > 0)
       readme = read_file('../../README.md')
       call list_keys(blocks)
       do g = 1, size(blocks)
@@ -45,10 +48,14 @@ contains
          outcome = beamid('help '//group)
          call check('help '//group, outcome%status == 0 .and. outcome%err == '' .and. &
             index(outcome%out, 'group &'//group) > 0 .and. longest(outcome%out) <= 100)
+         call check('help '//group//': every byte can be printed', prints(outcome%out))
          call check('manual: '//group, index(manual, '.SS &'//group) > 0)
          call check('README: '//group, index(readme, '&'//group) > 0)
          do k = 1, size(blocks(g)%keys)
             associate (key => blocks(g)%keys(k))
+               page = beamid('help '//trim(key%name))
+               call check('help '//trim(key%name)//': every byte can be printed', &
+                  page%status == 0 .and. prints(page%out), page%out)
                call check('help '//group//': '//trim(key%name), &
                   index(outcome%out, nl//'  '//trim(key%name)//' ') > 0)
                call check('manual: '//group//' '//trim(key%name), index(manual, &
@@ -70,6 +77,15 @@ contains
             index(readme, '`'//trim(parameters(k)%name)//'`') > 0)
       end do
    end subroutine test_words
+
+   !> Whether a page is printable characters and ends of lines; UTF-8 is not.
+   pure logical function prints(page)
+      character(len=*), intent(in) :: page
+      integer :: k
+
+      prints = page /= '' .and. all([(page(k:k) == nl .or. iachar(page(k:k)) >= 32 .and. &
+         iachar(page(k:k)) < 127, k=1, len(page))])
+   end function prints
 
    !> Every word there is, and words that are nearly one.
    subroutine test_nearest()

@@ -33,7 +33,6 @@ program test_weight
    call test_buckling()
    call test_statics()
    call test_both_ways()
-   call test_wedge()
    call test_viscous_wedge()
    call finish('weight')
 
@@ -256,29 +255,6 @@ contains
       varied%height = new_variation(in_lines, [0.0_wp, 1.0_wp], [1.0_wp, 0.5_wp])
       varied%by_density = .true.
    end function wedge
-
-   !> Frequencies of a clamped wedge in units of its root section, known to twelve digits.
-   subroutine test_wedge()
-      real(wp), parameter :: known(3) = [3.82378484729_wp, 18.31726090417_wp, 47.26482701048_wp]
-      type(galerkin_t), target :: galerkin
-      type(equations_t) :: equations
-      real(wp), allocatable :: omega(:), shapes(:, :)
-      complex(wp), allocatable :: roots(:)
-      type(error_t), allocatable :: error
-      integer :: k
-
-      galerkin = new_galerkin(mesh_t(5, 24, 8, 1), 2.0_wp, variations=wedge())
-      equations = new_equations(galerkin, structure_t(length=2, rho=3, E=5, I=7), &
-         new_pulse(1.0_wp, 1.0_wp))
-      call undamped_modes(equations, omega, shapes, error)
-      call check('wedge: modes', .not. allocated(error))
-      call damped_roots(equations, roots, error)
-      call check('wedge: roots', .not. allocated(error))
-      do k = 1, 3
-         call check_close('wedge: mode', omega(k)*4*sqrt(3/35.0_wp)/known(k), 1.0_wp, 1e-8_wp)
-         call check_close('wedge: root', abs(roots(k))*4*sqrt(3/35.0_wp)/known(k), 1.0_wp, 1e-8_wp)
-      end do
-   end subroutine test_wedge
 
    !> Air, and a viscosity that varies by itself: modal against cvode, which leaves some hundred
    !> times its tolerance, with a mass at the tip, clamped and on a spring.

@@ -27,13 +27,14 @@ module exact_motions
 
 contains
 
-   !> Integrals for a structure, whose root may turn if it is soft.
+   !> Integrals for a structure, whose root may turn if it is soft, and which may vary.
    function mesh_of(mesh, structure) result(integrals)
       type(mesh_t), intent(in) :: mesh
       type(structure_t), intent(in) :: structure
       type(galerkin_t) :: integrals
 
-      integrals = new_galerkin(mesh, structure%length, turning=structure%has_root_spring())
+      integrals = new_galerkin(mesh, structure%length, turning=structure%has_root_spring(), &
+         variations=structure%variations)
    end function mesh_of
 
    !> The mesh of an experiment, and the solver ready for it.

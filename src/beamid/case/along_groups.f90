@@ -85,6 +85,7 @@ contains
       if (allocated(file)) then
          call block%exclude('x', 'beside file')
          call block%exclude('value', 'beside file')
+         if (file == '') call block%refuse('file', '''''', 'the path of a table')
          if (block%failed() .or. allocated(error)) return
          columns = ''
          call read_series(join_path(directory_of(path), file), columns, part_t(), series, error)
@@ -125,8 +126,8 @@ contains
       end do
       may_vanish = found%parameter == 'c_D' .or. found%parameter == 'gamma'
       if (any(found%value < 0)) then
-         call block%refuse('value', to_text(minval(found%value)), merge('0 or more      ', &
-            'a value above 0', may_vanish))
+         call block%refuse('value', to_text(minval(found%value)), trim(merge('0 or more      ', &
+            'a value above 0', may_vanish)))
       else if (.not. may_vanish .and. any(.not. found%value > 0) .or. &
          .not. any(found%value > 0)) then
          call block%refuse('value', '0', 'values above 0')

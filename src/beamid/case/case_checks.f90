@@ -78,12 +78,14 @@ contains
       type(block_t), intent(inout) :: blocks(:)
       type(case_t), intent(in) :: case
       type(error_t), allocatable :: error
-      integer :: place, k
+      integer :: place, j, k
 
       call check_structure(case%model%structure, error, place)
       if (allocated(error)) then
          associate (row => parameters(place))
             k = place_of(blocks, row%group, max(1, row%item))
+            if (row%group == 'along') k = findloc([(blocks(j)%name == row%group .and. &
+               blocks(j)%has(key_of(place)), j=1, size(blocks))], .true., dim=1)
             if (k > 0) call blocks(k)%refusals%add(blocks(k)%line_of(key_of(place)), '&'// &
                trim(row%group)//' '//error%message)
          end associate

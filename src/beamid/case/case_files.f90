@@ -30,7 +30,8 @@ module beamid_case_files
    public :: case_t, new_case, read_group, list_keys
 
    type(group_t), parameter, public :: groups(*) = [ &
-      group_t('beam', required=.true.), group_t('along', may_repeat=.true.), group_t('tip'), group_t('hose'), &
+      group_t('beam', required=.true.), group_t('along', may_repeat=.true.), group_t('tip'), &
+      group_t('hose'), &
       group_t('sensor', may_repeat=.true.), group_t('support', may_repeat=.true.), &
       group_t('gravity'), group_t('axial'), &
       group_t('excitation', may_repeat=.true.), group_t('discretization'), group_t('integrator'), &
@@ -86,8 +87,8 @@ contains
       if (dot > 1) case%name = case%name(:dot - 1)
       case%meshes = [mesh_t()]
       allocate (modal_t :: case%model%solver)
-      allocate (case%along(0), case%stages(0), case%stage_lines(0), case%recordings(0), case%excitations(0), &
-         case%model%priors(0), case%draws(0))
+      allocate (case%along(0), case%stages(0), case%stage_lines(0), case%recordings(0), &
+         case%excitations(0), case%model%priors(0), case%draws(0))
    end function new_case
 
    !> Every group with the keys that its reader asks for.
@@ -127,7 +128,7 @@ contains
             call read_structure(block, model%structure, case%section, case%along)
          case ('along')
             call read_along(case%path, block, model%structure, along, error)
-            if (.not. block%failed()) case%along = [case%along, along]
+            if (.not. (block%failed() .or. allocated(error))) case%along = [case%along, along]
          case ('discretization'); call read_discretization(block, case%meshes, case%refines)
          case ('integrator'); call read_integrator(block, model%solver)
          case ('observation'); call read_observation(block, model%observation)

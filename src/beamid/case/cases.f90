@@ -84,7 +84,8 @@ contains
          sound = sound .and. .not. blocks(k)%failed()
       end do
       do k = 1, size(blocks)
-         if (.not. any(blocks(k)%name == [last, 'along   '])) call read_group(blocks(k), sound, case, error)
+         if (.not. any(blocks(k)%name == [last, 'along   '])) call read_group(blocks(k), sound, &
+            case, error)
          sound = sound .and. .not. blocks(k)%failed()
       end do
       if (sound .and. .not. allocated(error)) call settle_variations(blocks, case)

@@ -12,7 +12,7 @@ module beamid_method_groups
    use beamid_numbers, only: shown
    use beamid_observation, only: from_acceleration, observation_t
    use beamid_parameters, only: amplitude, belongs_to_hose, is_there, may_be_negative, &
-      name_length, name_of_parameter, offset, parameters, place_of_name
+      name_length, name_of_parameter, offset, parameters, place_of_name, share
    use beamid_responses, only: solver_t
    use beamid_sampling, only: chains, plan_t
    use beamid_spelling, only: or_nearest
@@ -262,6 +262,9 @@ contains
 
       varies = .false.
       do a = 1, 2
+         if (count(lower_all(free) == lower(trim(plain(a)))//'(x)') > 1) call block%refuse('free', &
+            shown(trim(plain(a))//'(x)')//' twice', 'each parameter once')
+         if (block%failed()) return
          k = findloc(lower_all(free) == lower(trim(plain(a)))//'(x)', .true., dim=1)
          if (k == 0) cycle
          varies = .true.
@@ -270,8 +273,6 @@ contains
             structure%variations%E_along)
          if (a == 2) call prepare_profile(block, 'c_D(x)', coefficients, kind, &
             structure%variations%c_D%kind /= constant, structure%variations%c_D_along)
-         if (any(lower_all(free) == lower(trim(plain(a))))) call block%refuse('free', &
-            trim(plain(a))//' beside '//trim(plain(a))//'(x)', 'one of them')
          if (block%failed()) return
          allocate (names(coefficients))
          do j = 1, coefficients
@@ -284,6 +285,12 @@ contains
          call spread_name(free, lower(trim(plain(a)))//'(x)', names)
          deallocate (names)
       end do
+      associate (along => structure%variations)
+         if (along%E_along%coefficients > 0 .and. any(lower_all(free) == 'e')) call block%refuse( &
+            'free', 'E beside E(x)', 'one of them')
+         if (along%c_D_along%coefficients > 0 .and. any(lower_all(free) == 'c_d')) &
+            call block%refuse('free', 'c_D beside c_D(x)', 'one of them')
+      end associate
       if (varies) return
       call block%exclude('coefficients', 'without E(x) or c_D(x) in free')
       call block%exclude('kind', 'without E(x) or c_D(x) in free')
@@ -371,6 +378,9 @@ contains
          associate (p => stage%free(k), lower => stage%lower(k), upper => stage%upper(k))
             if (lower < 0 .and. .not. may_be_negative(p)) then
                call block%refuse('lower', to_text(lower), '0 or more')
+            else if (parameters(p)%range == share .and. upper >= 1) then
+               call block%refuse('upper', to_text(upper)//' for '//trim(name_of_parameter( &
+                  structure, p)), 'less than 1')
             else if (upper <= lower) then
                call block%refuse('upper', to_text(upper), 'more than lower = '//to_text(lower))
             else if (allocated(stage%start)) then

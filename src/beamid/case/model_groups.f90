@@ -66,8 +66,12 @@ contains
       end if
       call block%close()
       if (block%failed() .or. block%name /= 'beam') return
-      call take_reference(along, 'width', width)
-      call take_reference(along, 'height', height)
+      ! What &along has beside I or density is refused there.
+      if (.not. block%has('I')) then
+         call take_reference(along, 'width', width)
+         call take_reference(along, 'height', height)
+      end if
+      if (allocated(density) .and. .not. block%has('rho')) structure%rho = 0
       if (block%has('I') .eqv. (allocated(width) .or. allocated(height))) then
          call block%refuse('I', trim(merge('both I and width or height', &
             'no cross section          ', block%has('I'))), 'either I or width and height')

@@ -37,7 +37,9 @@ module beamid_values
       character(len=:), allocatable :: default    !< what holds without it
       type(range_t) :: range
       logical :: infinite = .false.        !< `inf` is a value
-      character(len=:), allocatable :: words(:)   !< that may stand for the numbers, in quotes
+      !> Words that may stand for the numbers, in quotes. (gfortran 12 copies but a part of an array
+      !> of texts whose length is deferred, where it belongs to an element of an array.)
+      character(len=name_length), allocatable :: words(:)
    contains
       procedure :: noun
    end type key_t

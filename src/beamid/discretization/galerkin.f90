@@ -199,23 +199,33 @@ contains
    !> Gauss points between the root and a place, exact for (l - x) b_i' b_j' whatever the mesh has
    !> for the other integrals.
    !>
-   !> x  0 .. l [length]
-   pure subroutine slope_points(space, x, points, weights)
+   !> x           0 .. l [length]
+   !> variations  where the mass beyond has kinks the elements are cut
+   pure subroutine slope_points(space, x, variations, points, weights)
       type(spline_space_t), intent(in) :: space
       real(wp), intent(in) :: x
+      type(variations_t), intent(in) :: variations
       real(wp), allocatable, intent(out) :: points(:), weights(:)
       type(rule_t) :: rule
-      real(wp) :: first, width
-      integer :: e
+      real(wp), allocatable :: breaks(:), ends(:)
+      integer, allocatable :: knots(:)
+      real(wp) :: last
+      integer :: e, k
 
       rule = gauss_legendre(space%degree)
+      call variations%breaks(space%degree, breaks, knots)
+      breaks = breaks*space%length
       allocate (points(0), weights(0))
       do e = 0, space%elements - 1
-         first = space%ends(e)
-         width = min(space%ends(e + 1), x) - first
-         if (.not. width > 0) exit
-         points = [points, first + width*rule%points]
-         weights = [weights, width*rule%weights]
+         last = min(space%ends(e + 1), x)
+         if (.not. last > space%ends(e)) exit
+         ends = [space%ends(e), pack(breaks, breaks > space%ends(e) .and. breaks < last), last]
+         do k = 1, size(ends) - 1
+            associate (width => ends(k + 1) - ends(k))
+               points = [points, ends(k) + width*rule%points]
+               weights = [weights, width*rule%weights]
+            end associate
+         end do
       end do
    end subroutine slope_points
 
@@ -231,15 +241,15 @@ contains
       integer :: q
 
       band = new_band(self%space%n, self%mesh%degree)
-      call slope_points(self%space, x, points, weights)
+      call slope_points(self%space, x, self%variations, points, weights)
       do q = 1, size(points)
          call band%add_rank_one(weights(q)*(a + b*self%space%length &
             *self%variations%mass_beyond(points(q)/self%space%length)), self%space%at(points(q), 1))
       end do
    end function slope_band
 
-   !> Tabulates curvatures for `bending_energy` and `subtract_bending_force`: at degree - 1 Gauss points,
-   !> which are exact, where the rule of the mesh is exact for them too, else at its own.
+   !> Tabulates curvatures for `bending_energy` and `subtract_bending_force`: at degree - 1 Gauss
+   !> points, which are exact, where the rule of the mesh is exact for them too, else at its own.
    pure subroutine tabulate_curvature(self)
       type(galerkin_t), intent(inout) :: self
       integer, parameter :: of_a_dip = 8   ! points that know one as wide as a third of an element

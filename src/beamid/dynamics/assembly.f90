@@ -331,7 +331,8 @@ contains
       integer :: j, k, p
 
       k = of_stiffness
-      needed = allocated(modes%rest) .or. varies_more(self) .or. any(pulls([(j, j=1, size(operators))]) .and. &
+      needed = allocated(modes%rest) .or. varies_more(self) .or. &
+         any(pulls([(j, j=1, size(operators))]) .and. &
          (abs(self%strength(:, k)) > 0 .or. any(abs(slopes(:, k, :)) > 0, dim=2)))
       if (present(whole)) needed = needed .or. whole
       if (.not. needed) return

@@ -171,7 +171,7 @@ contains
       integer :: k
 
       if (allocated(self%slopes)) return
-      call slope_points(self%space, self%space%length, self%points, self%weights)
+      call slope_points(self%space, self%space%length, self%variations, self%points, self%weights)
       allocate (self%slopes(size(self%points), size(self%mu)))
       allocate (self%beyond(size(self%points)))
       do k = 1, size(self%points)
@@ -181,7 +181,8 @@ contains
       end do
    end subroutine tabulate_slopes
 
-   !> The integral of (a + b m) phi_i' phi_j' from the root to a place, m the mass per length beyond.
+   !> The integral of (a + b m) phi_i' phi_j' from the root to a place, m the mass per length
+   !> beyond.
    !>
    !> x     0 .. l [length]
    !> a, b  [1], [1/length]; b only where x = l
@@ -190,23 +191,22 @@ contains
       real(wp), intent(in) :: x, a, b
       real(wp) :: values(size(self%mu), size(self%mu))
       real(wp), allocatable :: weights(:), slopes(:, :)
-      integer :: cut, per_element, q, whole
+      integer :: cut, q, reached, whole
 
       associate (l => self%space%length, ends => self%space%ends)
-         per_element = size(self%points)/self%space%elements
          cut = self%space%elements
          if (x < l) cut = self%space%element_of(x)
-         whole = cut*per_element
+         whole = count(self%points < ends(cut))
          weights = self%weights(:whole)*(a + b*self%beyond(:whole))
          slopes = self%slopes(:whole, :)
          if (x < l) then
             ! Of the element that is cut the part in front.
-            associate (share => (x - ends(cut))/(ends(cut + 1) - ends(cut)), &
-               points => self%points(whole + 1:whole + per_element))
-               weights = [weights, self%weights(whole + 1:whole + per_element)*share*a]
-               slopes = reshape([transpose(slopes), [(self%at(ends(cut) + (points(q) &
-                  - ends(cut))*share, 1), q=1, per_element)]], [size(weights), size(self%mu)], &
-                  order=[2, 1])
+            reached = count(self%points < ends(cut + 1))
+            associate (share => (x - ends(cut))/(ends(cut + 1) - ends(cut)))
+               weights = [weights, self%weights(whole + 1:reached)*share*a]
+               slopes = reshape([transpose(slopes), [(self%at(ends(cut) + (self%points(q) &
+                  - ends(cut))*share, 1), q=whole + 1, reached)]], [size(weights), &
+                  size(self%mu)], order=[2, 1])
             end associate
          end if
          do q = 1, size(self%mu)

@@ -80,7 +80,7 @@ contains
    end subroutine system_at
 
    !> LU factors, as `solve` takes them; at a root a pivot that vanishes is made tiny, as inverse
-   !> iteration asks for.
+   !> iteration asks for: far below round-off, which counts by row and column and may be less here.
    subroutine factor(P, pivots)
       complex(wp), intent(inout) :: P(:, :)
       integer, intent(out) :: pivots(:)
@@ -89,7 +89,7 @@ contains
       call zgetrf(size(pivots), size(pivots), P, size(pivots), pivots, info)
       do k = 1, size(pivots)
          if (.not. abs(real(P(k, k))) + abs(aimag(P(k, k))) > 0) &
-            P(k, k) = epsilon(1.0_wp)*maxval(abs(P(:k, k))) + tiny(1.0_wp)
+            P(k, k) = epsilon(1.0_wp)**2*maxval(abs(P(:k, k))) + tiny(1.0_wp)
       end do
    end subroutine factor
 
@@ -104,12 +104,14 @@ contains
       call zgetrs(side, size(pivots), size(b, 2), P, size(pivots), pivots, b, size(pivots), info)
    end subroutine solve
 
-   !> Rayleigh's quotient and inverse iteration in turn, of cubic convergence, from a point near a
-   !> root; of a multiple one it is known to a root of the round-off only.
+   !> Rayleigh's quotient and inverse iteration in turn, from a point near a root; of a multiple one
+   !> it is known to a root of the round-off only. What a last change leaves is its square, as Q is
+   !> one of s.
    subroutine improve_root(assembly, root)
       type(assembly_t), intent(in) :: assembly
       type(root_t), intent(inout) :: root
       integer, parameter :: most_steps = 20
+      real(wp), parameter :: arrived = 3e-8_wp
       complex(wp), dimension(assembly%n + size(assembly%v, 1), assembly%n &
          + size(assembly%v, 1)) :: P, dP
       complex(wp) :: z(size(P, 1), 1), driven(size(P, 1)), left(size(P, 1)), change
@@ -136,7 +138,7 @@ contains
          root%s = root%s + change
          root%offset = root%offset + change
          if (abs(change) > 1e-2_wp*abs(root%offset)) call nearest_pole(assembly, root)
-         if (abs(change) <= 1e-6_wp*max(abs(root%offset), 1e-9_wp*abs(root%s))) exit
+         if (abs(change) <= arrived*max(abs(root%offset), arrived*abs(root%s))) exit
       end do
       root%j = maxloc(assembly%pencil(1)%m*abs(z(:n, 1))**2, dim=1)
    end subroutine improve_root

@@ -308,16 +308,18 @@ contains
       associate (v => self%variations)
          along = 1
          if (allocated(v%E_along%value)) then
-            share(:v%E_along%coefficients) = v%E_along%shares(xi)
-            along = sum(share(:v%E_along%coefficients)*v%E_along%value)/self%E
-            if (k >= E_at(1) .and. k < c_D_at(1)) slopes(1) = share(k - E_at(1) + 1)/self%E
+            along = sum(v%E_along%shares(xi)*v%E_along%value)/self%E
             if (k == of_E) slopes(1) = -along/self%E
          end if
-         if (allocated(v%c_D_along%value)) then
+         if (allocated(v%c_D_along%value) .and. k == of_c_D) &
+            slopes(2) = -sum(v%c_D_along%shares(xi)*v%c_D_along%value)/self%c_D**2
+         ! Also where all coefficients have one value in common.
+         if (k >= c_D_at(1)) then
             share(:v%c_D_along%coefficients) = v%c_D_along%shares(xi)
-            if (k >= c_D_at(1)) slopes(2) = share(k - c_D_at(1) + 1)/self%c_D
-            if (k == of_c_D) slopes(2) = -sum(share(:v%c_D_along%coefficients) &
-               *v%c_D_along%value)/self%c_D**2
+            slopes(2) = share(k - c_D_at(1) + 1)/self%c_D
+         else if (k >= E_at(1)) then
+            share(:v%E_along%coefficients) = v%E_along%shares(xi)
+            slopes(1) = share(k - E_at(1) + 1)/self%E
          end if
       end associate
       if (.not. self%has_dip()) return
@@ -493,8 +495,8 @@ contains
    end function bare_influence
 
    !> Integral of (near - t)(far - t)/f from the root to `near`, f the factor of the stiffness, by
-   !> Gauss points between the places where it is not smooth. The integrand vanishes at its end: what
-   !> moves that counts for nothing.
+   !> Gauss points between the places where it is not smooth. The integrand vanishes at its end:
+   !> what moves that counts for nothing.
    pure complex(wp) function varied_bending(self, length, near, far, k, moved) result(bent)
       type(structure_t), intent(in) :: self
       complex(wp), intent(in) :: length, near, far
