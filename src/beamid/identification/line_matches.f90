@@ -60,7 +60,7 @@ contains
       type(residual_t), intent(in) :: problem
       type(variable_t), intent(in) :: variables(:)
       type(variable_t), allocatable, intent(out) :: starts(:, :)
-      integer, parameter :: places = 11, most_starts = 3
+      integer, parameter :: places = 11, most_starts = 6
       type(variable_t) :: tried(size(variables), 0:places)
       type(lines_t), allocatable :: lines(:)
       real(wp) :: cost(0:places), length
@@ -83,8 +83,9 @@ contains
          starts = reshape([starts, tried(:, best)], [size(variables), k])
          ! Of those that end in one place one is enough.
          if (dip == 0) return
-         where (abs(tried(dip, :)%start - tried(dip, best)%start) < 0.01_wp*length) &
-            cost = huge(cost)
+         where (abs(tried(dip, :)%start - tried(dip, best)%start) < 0.01_wp*length .and. &
+            abs(cost - cost(best)) <= 0.1_wp*cost(best)) cost = huge(cost)
+         cost(best) = huge(cost)
       end do
    end subroutine match_lines
 

@@ -178,10 +178,9 @@ contains
       type(variable_t), intent(in) :: variables(:)
       integer, intent(in) :: a
       type(error_t), allocatable, intent(out) :: error
-      real(wp), parameter :: rigid = 1e4_wp
+      real(wp), parameter :: rigid = 1e4_wp, steep = 2
       real(wp), allocatable :: r(:), jacobian(:, :)
       integer, allocatable :: columns(:)
-      type(profile_fit_t) :: profile
       integer :: k
 
       columns = problem%profile_columns(a)
@@ -191,13 +190,11 @@ contains
       problem%strength(a) = rigid*max(tiny(rigid), sum([(sum((jacobian(:, columns(k)) &
          *variables(columns(k))%start)**2), k=1, size(columns))]))
       if (all(abs(variables(columns)%start - variables(columns(1))%start) <= 0)) return
-      ! A start that varies already: as the data ask for.
-      deallocate (r, jacobian)
-      allocate (r(problem%rows()), jacobian(problem%rows(), size(variables)))
-      call problem%jacobian(variables%start, r, jacobian, error)
-      if (.not. allocated(error)) call new_profile_fit(problem, variables%start, r, jacobian, a, &
-         profile, error)
-      if (.not. allocated(error)) problem%strength(a) = profile%smoothing%strength
+      ! A start that varies already keeps its shape, up to a slope of `steep` in the logarithm over
+      ! the length. What is wrong with it is no noise, and no measure of what the data can tell.
+      associate (m => problem%samples())
+         problem%strength(a) = sum(r(:m)**2)/m*(size(columns)/steep)**2
+      end associate
    end subroutine set_rigid
 
    !> The smoothing of E(x) (1) or c_D(x) (2) at an estimate, all other rows taken for data.
