@@ -1,5 +1,5 @@
-!> E(x) and c_D(x) of a fit with their 95 % bands: the logarithm of a function is taken for normal, by
-!> the delta method from the errors of what was searched for, so that its limits are positive.
+!> E(x) and c_D(x) of a fit with their 95 % bands: the logarithm of a function is taken for normal,
+!> by the delta method from the errors of what was searched for, so that its limits are positive.
 !>
 !> With g the derivatives of log E at a place by the n quantities, C their covariance and h, s the
 !> half widths and standard errors of their intervals, the half width of log E is the root of

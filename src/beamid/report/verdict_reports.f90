@@ -108,7 +108,8 @@ contains
       if (.not. fit%check%white .and. any(verdict%qualities%fit_percent < good_percent)) then
          line = 'every interval is narrow, but the model leaves much of a record unexplained'
       else if (any(is_coefficient(fit%free))) then
-         line = 'every parameter is determined by this record, what varies along the beam if that is smooth'
+         line = 'every parameter is determined by this record, what varies along the beam if '// &
+            'that is smooth'
       else
          line = 'every parameter is determined by this record'
       end if
