@@ -13,8 +13,8 @@ HIGHEST = 3.0    # a band without an end is drawn up to so many times the larges
 
 
 def read_along(directory, chosen=None):
-    """Functions of the finest mesh, or the chosen one: (name, columns by name), nan where a field
-    is empty."""
+    """Functions of the finest mesh, or the chosen one: (name, unit, columns by name), nan where a
+    field is empty."""
     path = directory / "along.csv"
     names = ("x", "value", "lower95", "upper95", "start", "resolution")
     rows = p.read_table(path, "elements", "parameter", *names)
@@ -22,23 +22,15 @@ def read_along(directory, chosen=None):
     elements = chosen or max(meshes)
     if elements not in meshes:
         p.fail(f"{path}: nothing for {elements} elements")
-    functions = {}
+    functions, units = {}, {}
     for row, mesh in zip(rows, meshes):
         if mesh == elements:
+            units[row["parameter"]] = row.get("unit", "")
             functions.setdefault(row["parameter"], []).append(
                 [p.number(row, name) if name in ("x", "value") else float(row[name] or "nan")
                  for name in names])
-    return [(name, dict(zip(names, np.array(values).T))) for name, values in functions.items()]
-
-
-def units_of(directory, name):
-    """The unit of a function, which is that of its parameter; empty where nothing says it."""
-    path = directory / "estimates.csv"
-    if not path.exists():
-        return ""
-    rows = p.read_table(path, "parameter", "unit")
-    return next((row["unit"] for row in rows
-                 if row["parameter"] == name or row["parameter"].startswith(f"{name}.")), "")
+    return [(name, units[name], dict(zip(names, np.array(values).T)))
+            for name, values in functions.items()]
 
 
 def read_attached(directory):
@@ -49,7 +41,7 @@ def read_attached(directory):
     return [(row["name"], p.number(row, "x")) for row in p.read_table(path, "name", "x")]
 
 
-def draw_function(axes, name, values, unit):
+def draw_function(axes, name, unit, values):
     """One function: where it began, the estimate, its band; what was not searched for is a line."""
     x, value = values["x"], values["value"]
     factor, power = 1.0, ""
@@ -67,7 +59,7 @@ def draw_function(axes, name, values, unit):
         axes.plot(x, factor * value, color=p.BLUE, linewidth=1.8, label="fit")
     else:
         axes.plot(x, factor * value, color=p.BLUE, linewidth=1.8, label="as given")
-    axes.set_ylabel(p.with_unit(f"{p.symbol(name)}$(x)$", power + (unit or "")))
+    axes.set_ylabel(p.with_unit(f"{p.symbol(name)}$(x)$", power + unit))
     low, high = axes.get_ylim()
     middle = factor * np.median(value)    # what hardly varies is not to look as if it did
     low, high = min(low, 0.95 * middle), max(high, 1.05 * middle)
@@ -112,10 +104,10 @@ def draw(directory, chosen=None, width=6.4):
     count = len(functions)
     figure, panels = p.plt.subplots(count + 1, 1, figsize=(width, 1.4 + 2.5 * count), sharex=True,
                                     gridspec_kw={"height_ratios": [1] * count + [0.28]})
-    for axes, (name, values) in zip(panels, functions):
-        draw_function(axes, name, values, units_of(directory, name))
+    for axes, (name, unit, values) in zip(panels, functions):
+        draw_function(axes, name, unit, values)
         draw_resolution(axes, values)
-    draw_structure(panels[-1], functions[0][1]["x"], read_attached(directory))
+    draw_structure(panels[-1], functions[0][2]["x"], read_attached(directory))
     panels[-1].set_xlabel(p.with_unit("x", plot_fit.read_units(directory).get("length")))
     return figure
 

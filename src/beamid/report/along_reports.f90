@@ -11,6 +11,7 @@ module beamid_along_reports
    use beamid_strings, only: full, to_text
    use beamid_structure, only: of_c_D, of_E
    use beamid_texts, only: left, right, text_t
+   use beamid_units, only: units_t
    implicit none
    private
 
@@ -25,8 +26,9 @@ contains
    !> along.csv of the last stage on every mesh, where anything varies.
    !>
    !> fits  (meshes)
-   subroutine add_along_table(output, fits)
+   subroutine add_along_table(output, units, fits)
       type(output_t), intent(inout) :: output
+      type(units_t), intent(in) :: units
       type(stage_fit_t), intent(in) :: fits(:)
       type(text_t) :: table
       type(band_t) :: found
@@ -34,7 +36,7 @@ contains
       logical :: any_rows
 
       any_rows = .false.
-      call table%line('elements,parameter,x,value,lower95,upper95,start,resolution')
+      call table%line('elements,parameter,x,value,lower95,upper95,start,resolution,unit')
       do mesh = 1, size(fits)
          do a = 1, profiles
             if (.not. varies(fits(mesh)%structure, a)) cycle
@@ -42,7 +44,8 @@ contains
             found = band(fits(mesh), a, points)
             do k = 1, points
                call table%line(csv_row(to_text(fits(mesh)%elements)//','//trim(names(a)), &
-                  [found%x(k), found%value(k)])//limits(found, k)//further(found, k))
+                  [found%x(k), found%value(k)])//limits(found, k)//further(found, k)//','// &
+                  units%of_quantity(parameters(a), fits(mesh)%excitation))
             end do
          end do
       end do

@@ -52,7 +52,7 @@ contains
       if (allocated(error)) return
       if (present(modes)) call move_alloc(last_modes, modes)
       call add_fit_tables(output, case%units, found%fits, found%experiments)
-      call add_along_table(output, found%fits(size(found%fits, 1), :))
+      call add_along_table(output, case%units, found%fits(size(found%fits, 1), :))
       call add_verdict_tables(output, found%verdict)
       call output%add('case.txt', case%text)
       call output%add('modes.csv', table%content())
