@@ -88,7 +88,7 @@ def estimate_text(row, ends):
 def estimate_lines(rows, ends, facts):
     """Lines of the panel of estimates: symbol, text, colour, space below."""
     lines = []
-    compact = len(rows) > 6    # those then take one line each, of many the first ones
+    compact = len(rows) > 6    # what is beside the point in short then, and not all
     nuisance = [row for row in rows if NUISANCE.match(row["parameter"])]
     hidden = nuisance[max(0, 20 - len(rows) + len(nuisance)):] if compact else []
     for row in sorted(rows, key=lambda row: (row["parameter"].startswith("J"), row in nuisance)):
