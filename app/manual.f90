@@ -29,7 +29,7 @@ module beamid_manual
       command_t('identify', 'case.nml', 'fit the free parameters of each stage to the record', &
          'Writes quality.csv, modes_seen.csv, estimates.csv, fit.csv, correlations.csv, '// &
          'autocorrelation.csv, modes.csv, shapes.csv, attachments.csv, labels.csv, case.txt '// &
-         'and summary.txt; minima.csv with '// &
+         'and summary.txt; along.csv where E or c_D varies along the beam, minima.csv with '// &
          '&multistart, windows.csv with &windows. --time measures the time of a fit.'), &
       command_t('simulate', 'case.nml', 'response of the structure at the sample times', &
          'Writes response.csv and, with the noise of &noise, record.csv in the form that '// &

@@ -7,6 +7,7 @@ import re
 
 import plotting as p
 import page as h
+import plot_along
 import plot_fit
 import plot_intervals
 import plot_modes
@@ -319,6 +320,14 @@ class Fit:
         return h.picture(p.png(figure), "Mode shapes over the beam, each to a largest "
                          "displacement of 1; squares: what sits on it.")
 
+    def along(self):
+        """What varies along the beam, with its band."""
+        if not (self.folder / "along.csv").exists():
+            return ""
+        figure = plot_along.draw(self.folder, self.elements, SIZE[0])
+        return h.picture(p.png(figure), "Along the beam: the start, the fit and its 95 % band, by "
+                         "noise and by what is held. Bars: over what length the fit averages.")
+
     def correlations(self):
         """The matrix, strong ones marked."""
         names = [row["parameter"] for row in self.main]
@@ -353,6 +362,7 @@ class Fit:
         return h.document(f"{self.name}: a fit by beamid", [
             ("top", "", self.verdict()),
             ("estimates", "Estimates", self.estimates()),
+            *[("along", "Along the beam", text) for text in [self.along()] if text],
             ("curves", "Record and model", self.curves()),
             *[("beyond", "Beyond one fit", text) for text in [self.beyond()] if text],
             ("modes", "Modes", self.modes()),

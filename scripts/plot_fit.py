@@ -10,7 +10,8 @@ import plotting as p
 import signals as s
 import numpy as np
 
-NUISANCE = re.compile(r"(cos|sin)_\d+")    # how the motion began, of no interest in themselves
+# How the motion began, and coefficients of E(x) and c_D(x): of no interest in themselves.
+NUISANCE = re.compile(r"(cos|sin)_\d+|(E|c_D)\.\d+$")
 MARKED = 400                               # fewer samples are marked one by one
 LEAST = 8                                  # fewer samples have no spectrum worth the name
 
@@ -87,7 +88,7 @@ def estimate_text(row, ends):
 def estimate_lines(rows, ends, facts):
     """Lines of the panel of estimates: symbol, text, colour, space below."""
     lines = []
-    compact = len(rows) > 6    # start values then take one line each, of many the first ones
+    compact = len(rows) > 6    # what is beside the point in short then, and not all
     nuisance = [row for row in rows if NUISANCE.match(row["parameter"])]
     hidden = nuisance[max(0, 20 - len(rows) + len(nuisance)):] if compact else []
     for row in sorted(rows, key=lambda row: (row["parameter"].startswith("J"), row in nuisance)):
@@ -101,7 +102,7 @@ def estimate_lines(rows, ends, facts):
         if note:
             lines.append(("", note, colour, 1.4))
     if hidden:
-        lines.append(("", f"and {len(hidden)} more start values", p.GREY, 1.15))
+        lines.append(("", f"and {len(hidden)} more", p.GREY, 1.15))
     return lines + [(symbol, text, "black", 1.15) for symbol, text in facts]
 
 

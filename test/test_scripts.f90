@@ -91,6 +91,7 @@ contains
       outcome = run(scripts//'plot_modes.py out/case --animate && head -c 6 out/case/modes.gif')
       call check('plot_modes.py: a picture, and one that moves', outcome%out == &
          'out/case/modes.png'//nl//'out/case/modes.gif'//nl//'GIF89a', outcome%err)
+      call test_along()
       call test_intervals()
       call test_map()
       call test_page()
@@ -104,6 +105,21 @@ contains
       call judge('report.py', scripts//'report.py part', 'part/section-4: no manifest.txt')
       call test_samples()
    end subroutine test_each
+
+   !> What varies along the beam, which the page of the fit shows too; a fit in which nothing does.
+   subroutine test_along()
+      call judge('plot_along.py: nothing varies', scripts//'plot_along.py out/case', &
+         'out/case: found no along.csv|expected a fit of E(x) or c_D(x)')
+      call write_file('along.nml', case_text//'&along kind=''dip'', place=2.0, '// &
+         'width=0.5, depth=0.1 /'//nl//stage)
+      outcome = run('"'//program_path//'" identify along.nml --quiet >printed && '//scripts// &
+         'plot_along.py out/along && '//scripts//'report.py out/along && '// &
+         'grep -c ''id="along"'' out/along/report.html')
+      call check('plot_along.py: a picture, and one in the page', outcome%out == &
+         'out/along/along.png'//nl//'out/along/report.html'//nl//'1'//nl, told(outcome))
+      call judge('plot_along.py: another mesh', scripts//'plot_along.py out/along --elements 7', &
+         'along.csv: nothing for 7 elements')
+   end subroutine test_along
 
    !> Pictures of what is there: nothing, resampled records, draws; the page of the fit has a
    !> section of them.

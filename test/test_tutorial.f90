@@ -48,7 +48,7 @@ program test_tutorial
          end do
          before = ''
       end do
-      call check('commands are there', commands == 9)
+      call check('commands are there', commands == 12)
    end if
    call close_shell()
    call finish('tutorial')

@@ -3,8 +3,10 @@ module beamid_error_sources
    use beamid_identification, only: stage_fit_t
    use beamid_kinds, only: wp
    use beamid_lines, only: columns, filled
+   use beamid_profile_bands, only: is_coefficient
    use beamid_statistics, only: unlimited
    use beamid_strings, only: to_text
+   use beamid_structure, only: c_D_at
    use beamid_texts, only: left, right, text_t
    implicit none
    private
@@ -27,6 +29,7 @@ contains
          call text%line('with every source of error:')
          call text%line('              mesh shift     from held    total lower    total upper')
          do k = 1, size(fit%free)
+            if (is_coefficient(fit%free(k))) cycle
             associate (q => fit%quantities(k))
                line = left(trim(q%name), 10)
                if (allocated(fit%mesh_shift)) then
@@ -58,7 +61,8 @@ contains
       if (abs(value) < unlimited) text = columns([value], 14)
    end function finite
 
-   !> By how much an error of held parameter j, one standard deviation, moves every estimate.
+   !> By how much an error of held parameter j, one standard deviation, moves every estimate; of
+   !> the coefficients of a function the one that it moves most.
    function effects(fit, j) result(line)
       type(stage_fit_t), intent(in) :: fit
       integer, intent(in) :: j
@@ -71,8 +75,9 @@ contains
          if (held%record > 0) line = line//'('//to_text(held%record)//')'
          line = line//' moves '
          do k = 1, size(fit%free)
+            if (is_coefficient(fit%free(k)) .and. k /= most_moved(fit, held%effect, k)) cycle
             associate (q => fit%quantities(k))
-               if (k > 1) line = line//', '
+               if (line(len(line) - 6:) /= ' moves ') line = line//', '
                effect = held%effect(k)
                if (q%is_reciprocal()) effect = -effect
                line = line//trim(q%name)//' by '
@@ -86,7 +91,19 @@ contains
       end associate
    end function effects
 
-   !> Which mesh shows in which estimate.
+   !> The coefficient of the same function as the k-th which relative to its value moves most.
+   pure integer function most_moved(fit, step, k)
+      type(stage_fit_t), intent(in) :: fit
+      real(wp), intent(in) :: step(:)
+      integer, intent(in) :: k
+      integer :: j, n
+
+      n = size(fit%free)
+      most_moved = maxloc([(abs(step(j))/fit%quantities(j)%scale, j=1, n)], dim=1, mask= &
+         is_coefficient(fit%free) .and. (fit%free < c_D_at(1) .eqv. fit%free(k) < c_D_at(1)))
+   end function most_moved
+
+   !> Which mesh shows in which estimate, of the coefficients of a function in which most.
    subroutine add_mesh_warning(text, fit)
       type(text_t), intent(inout) :: text
       type(stage_fit_t), intent(in) :: fit
@@ -101,6 +118,7 @@ contains
       line = ''
       do k = 1, size(fit%mesh_shift)
          if (.not. fit%shifts(k)) cycle
+         if (is_coefficient(fit%free(k)) .and. k /= most_moved(fit, fit%mesh_shift, k)) cycle
          associate (q => fit%quantities(k))
             shift = fit%mesh_shift(k)
             if (q%is_reciprocal()) shift = -shift

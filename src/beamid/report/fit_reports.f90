@@ -1,5 +1,6 @@
 !> All that there is to say of the fit of a case: its tables and its summary.
 module beamid_fit_reports
+   use beamid_along_reports, only: add_along_table
    use beamid_case_files, only: case_t
    use beamid_case_fits, only: case_fit_t
    use beamid_errors, only: error_t
@@ -51,6 +52,7 @@ contains
       if (allocated(error)) return
       if (present(modes)) call move_alloc(last_modes, modes)
       call add_fit_tables(output, case%units, found%fits, found%experiments)
+      call add_along_table(output, case%units, found%fits(size(found%fits, 1), :))
       call add_verdict_tables(output, found%verdict)
       call output%add('case.txt', case%text)
       call output%add('modes.csv', table%content())

@@ -1,5 +1,6 @@
 !> Results for the reader: what is printed on standard output and kept in summary.txt.
 module beamid_summaries
+   use beamid_along_reports, only: add_along, add_smoothing
    use beamid_case_files, only: case_t
    use beamid_error_sources, only: add_error_sources, add_mesh_warning
    use beamid_experiments, only: experiment_t
@@ -7,6 +8,7 @@ module beamid_summaries
    use beamid_kinds, only: wp
    use beamid_lines, only: columns
    use beamid_method_groups, only: formula_names
+   use beamid_profile_bands, only: is_coefficient
    use beamid_responses, only: work_t
    use beamid_strings, only: rounded, to_text
    use beamid_statistics, only: undetermined, unlimited
@@ -37,6 +39,7 @@ contains
 
       associate (last => fits(size(fits, 1), size(fits, 2)))
          if (verdict%no_fit == '') call add_estimates(text, case, last)
+         if (verdict%no_fit == '') call add_along(text, case, last)
       end associate
       call text%line()
       do k = 1, size(experiments)
@@ -54,6 +57,7 @@ contains
          call add_stage(text, case, fits(k, :))
          call add_statistics(text, case, fits(k, size(fits, 2)), verdict)
          if (k == size(fits, 1)) call add_error_sources(text, fits(k, size(fits, 2)))
+         if (k == size(fits, 1)) call add_smoothing(text, fits(k, size(fits, 2)))
       end do
       do k = 1, size(fits, 2)
          call add_mesh_warning(warnings, fits(size(fits, 1), k))
@@ -74,6 +78,7 @@ contains
       call text%line()
       call text%line('              estimate    95 % interval, every source of error')
       do k = 1, size(fit%free)
+         if (is_coefficient(fit%free(k))) cycle
          associate (q => fit%quantities(k))
             line = left(trim(q%name), 10)
             if (fit%statistics%samples == 0) then
@@ -104,15 +109,17 @@ contains
    end function needed_digits
 
    !> One stage: starts, then estimates, J and effort for each mesh; many parameters in several
-   !> blocks.
+   !> blocks, coefficients of E(x) and c_D(x) left out.
    subroutine add_stage(text, case, fits)
       type(text_t), intent(inout) :: text
       type(case_t), intent(in) :: case
       type(stage_fit_t), intent(in) :: fits(:)
       integer, parameter :: most = 6
       integer :: first, k, n
+      integer, allocatable :: list(:)
 
-      n = size(fits(1)%free)
+      list = scalars(fits(1), size(fits(1)%free))
+      n = size(list)
       call text%line('Stage '//to_text(fits(1)%stage))
       do first = 1, n + 1, most
          call add_block(first, min(first + most - 1, n + 1))
@@ -144,7 +151,7 @@ contains
          units = '     '
          start = 'start'
          do k = first, min(last, n)
-            associate (q => fits(1)%quantities(k))
+            associate (q => fits(1)%quantities(list(k)))
                names = names//right(trim(q%name))
                units = units//right(case%units%of_quantity(q%parameter, fits(1)%excitation))
                start = start//right(to_text(q%start))
@@ -159,7 +166,7 @@ contains
          if (first <= n) call text%line(start)
          do k = 1, size(fits)
             line = right(to_text(fits(k)%elements), 5)//columns([fits(k)%quantities( &
-               first:min(last, n))%value], 14)
+               list(first:min(last, n)))%value], 14)
             if (last > n) line = line//columns([fits(k)%fit%J], 14)
             call text%line(line)
          end do
@@ -198,6 +205,7 @@ contains
       call text%line(line)
       associate (s => fit%statistics, p => fit%quantities%value)
          do k = 1, size(p)
+            if (is_coefficient(fit%quantities(k)%parameter)) cycle
             line = left(trim(names(k)), 10)//right(to_text(p(k)), 12)//interval(fit, k, &
                s%std_error(k), s%half_width(k))
             if (corrects) line = line//interval(fit, k, &
@@ -232,31 +240,43 @@ contains
       call add_residual_check(text, fit)
    end subroutine add_statistics
 
-   !> The lower triangle of what was searched for, under headings; amplitudes of a start and offsets
-   !> are in correlations.csv.
+   !> The lower triangle of what was searched for, under headings; coefficients of E(x) and c_D(x),
+   !> amplitudes of a start and offsets are in correlations.csv.
    subroutine add_correlations(text, fit, names)
       type(text_t), intent(inout) :: text
       type(stage_fit_t), intent(in) :: fit
       character(len=*), intent(in) :: names(:)
       integer, parameter :: most = 8
       character(len=:), allocatable :: line
+      integer, allocatable :: list(:)
       integer :: first, j, k, n
 
-      n = size(fit%free)
+      list = scalars(fit, size(fit%free))
+      n = size(list)
       if (n < 2) return
       call text%line('correlations')
       do first = 1, n - 1, most
          line = repeat(' ', 10)
          do j = first, min(first + most - 1, n - 1)
-            line = line//right(trim(names(j)), 11)
+            line = line//right(trim(names(list(j))), 11)
          end do
          call text%line(line)
          do k = first + 1, n
-            call text%line(left(trim(names(k)), 10)//columns([(fit%correlation(k, j), j=first, &
-               min(first + most - 1, k - 1))], 11, '#.4'))
+            call text%line(left(trim(names(list(k))), 10)//columns([(fit%correlation( &
+               list(k), list(j)), j=first, min(first + most - 1, k - 1))], 11, '#.4'))
          end do
       end do
    end subroutine add_correlations
+
+   !> Which of the first n quantities are no coefficients of E(x) or c_D(x).
+   pure function scalars(fit, n) result(list)
+      type(stage_fit_t), intent(in) :: fit
+      integer, intent(in) :: n
+      integer, allocatable :: list(:)
+      integer :: k
+
+      list = pack([(k, k=1, n)], .not. is_coefficient(fit%quantities(:n)%parameter))
+   end function scalars
 
    !> Whiteness of the residuals.
    subroutine add_residual_check(text, fit)

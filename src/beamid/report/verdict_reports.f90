@@ -5,6 +5,7 @@ module beamid_verdict_reports
    use beamid_kinds, only: wp
    use beamid_lines, only: csv_row, filled
    use beamid_outputs, only: output_t
+   use beamid_profile_bands, only: is_coefficient
    use beamid_strings, only: full, to_text
    use beamid_texts, only: text_t
    use beamid_verdicts, only: verdict_t
@@ -95,6 +96,8 @@ contains
       if (verdict%no_fit /= '') return
       do j = 1, n
          do k = j + 1, n
+            ! Coefficients of a function are held together by its smoothness.
+            if (is_coefficient(fit%free(j)) .and. is_coefficient(fit%free(k))) cycle
             if (abs(fit%statistics%correlation(j, k)) > too_close) line = &
                trim(fit%quantities(j)%name)//' and '//trim(fit%quantities(k)%name)// &
                ' cannot be told apart: their correlation is '//to_text(fit%correlation(j, k))
@@ -104,6 +107,9 @@ contains
       if (any(fit%statistics%corrected_half_width(:n) > abs(fit%quantities(:n)%searched))) return
       if (.not. fit%check%white .and. any(verdict%qualities%fit_percent < good_percent)) then
          line = 'every interval is narrow, but the model leaves much of a record unexplained'
+      else if (any(is_coefficient(fit%free))) then
+         line = 'every parameter is determined by this record, what varies along the beam if '// &
+            'that is smooth'
       else
          line = 'every parameter is determined by this record'
       end if

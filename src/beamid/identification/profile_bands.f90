@@ -1,0 +1,224 @@
+!> E(x) and c_D(x) of a fit with their 95 % bands: the logarithm of a function is taken for normal,
+!> by the delta method from the errors of what was searched for, so that its limits are positive.
+!>
+!> With g the derivatives of log E at a place by the n quantities, C their covariance and h, s the
+!> half widths and standard errors of their intervals, the half width of log E is the root of
+!>
+!>     g' (h/s C h/s) g + sum over what is held of (sum g h/s effect)**2
+!>
+!> which is h/E where only E was searched for.
+module beamid_profile_bands
+   use beamid_kinds, only: wp
+   use beamid_smoothing, only: resolution_length
+   use beamid_stages, only: stage_fit_t
+   use beamid_statistics, only: unlimited
+   use beamid_structure, only: c_D_at, E_at, of_c_D, of_d_D, of_E, of_w_D, of_x_D, structure_t
+   use beamid_variations, only: constant, profile_t
+   implicit none
+   private
+
+   public :: band, band_t, varies, of_E_x, of_c_D_x, is_coefficient
+
+   !> The functions, in the order of all that comes in pairs of them.
+   integer, parameter :: of_E_x = 1, of_c_D_x = 2
+
+   !> A function at places along the beam.
+   type :: band_t
+      real(wp), allocatable :: x(:)            !< [length] from root to tip
+      real(wp), allocatable :: start(:)        !< where the search began
+      real(wp), allocatable :: value(:)
+      logical :: is_estimate = .false.         !< something of it was searched for
+      !> Of log value, of the 95 % band; `unlimited` where the record leaves it open. Not allocated:
+      !> nothing was searched for, or no degree of freedom was left.
+      real(wp), allocatable :: half_width(:)
+      !> [length] over which the estimate averages, from a spacing of the coefficients to the whole
+      !> beam; not allocated: no penalty
+      real(wp), allocatable :: resolution(:)
+      real(wp) :: spacing = 0                  !< of the coefficients [length]; 0: there are none
+   contains
+      procedure :: lower
+      procedure :: upper
+   end type band_t
+
+contains
+
+   !> Whether a parameter is a coefficient of E(x) or c_D(x).
+   elemental logical function is_coefficient(parameter)
+      integer, intent(in) :: parameter
+
+      is_coefficient = parameter >= E_at(1)
+   end function is_coefficient
+
+   !> Whether E (1) or c_D (2) of a fit varies along the beam.
+   pure logical function varies(structure, a)
+      type(structure_t), intent(in) :: structure
+      integer, intent(in) :: a
+
+      associate (v => structure%variations)
+         if (a == of_E_x) then
+            varies = v%E%kind /= constant .or. structure%has_dip() .or. &
+               allocated(v%E_along%value)
+         else
+            varies = v%c_D%kind /= constant .or. allocated(v%c_D_along%value)
+         end if
+      end associate
+   end function varies
+
+   !> E(x) or c_D(x) of the first record, known variation included.
+   !>
+   !> a       of_E_x or of_c_D_x
+   !> points  places from root to tip, 2 or more
+   function band(fit, a, points)
+      class(stage_fit_t), intent(in) :: fit
+      integer, intent(in) :: a, points
+      type(band_t) :: band
+      type(structure_t) :: before
+      real(wp) :: slope(size(fit%quantities)), xi
+      logical :: ours(size(fit%quantities))
+      integer :: k
+
+      before = fit%structure
+      do k = 1, size(fit%quantities)
+         associate (q => fit%quantities(k))
+            ours(k) = q%record <= 1 .and. is_part(q%parameter, a)
+            if (ours(k)) call before%set(q%parameter, q%start)
+         end associate
+      end do
+      band%is_estimate = any(ours)
+      allocate (band%x(points), band%start(points), band%value(points))
+      if (band%is_estimate .and. fit%statistics%samples > 0) allocate (band%half_width(points))
+      do k = 1, points
+         xi = (k - 1.0_wp)/(points - 1)
+         band%x(k) = xi*fit%structure%length
+         band%value(k) = value_at(fit%structure, a, xi)
+         band%start(k) = value_at(before, a, xi)
+         if (.not. allocated(band%half_width)) cycle
+         slope = 0
+         where (ours) slope = slopes(fit%structure, a, xi, fit%quantities%parameter)
+         band%half_width(k) = half_width(fit, slope)
+      end do
+      call add_resolution(fit, a, band)
+   end function band
+
+   !> Whether E(x) or c_D(x) goes with a parameter.
+   pure logical function is_part(parameter, a)
+      integer, intent(in) :: parameter, a
+
+      if (a == of_E_x) then
+         is_part = any(parameter == [of_E, of_x_D, of_w_D, of_d_D]) .or. &
+            (parameter >= E_at(1) .and. parameter < c_D_at(1))
+      else
+         is_part = parameter == of_c_D .or. parameter >= c_D_at(1)
+      end if
+   end function is_part
+
+   pure real(wp) function value_at(structure, a, xi)
+      type(structure_t), intent(in) :: structure
+      integer, intent(in) :: a
+      real(wp), intent(in) :: xi
+      real(wp) :: factors(2)
+
+      factors = structure%factors(xi)
+      if (a == of_E_x) then
+         value_at = structure%E*structure%variations%E%at(xi)*factors(1)
+      else
+         value_at = structure%c_D*structure%variations%c_D%at(xi)*factors(2)
+      end if
+   end function value_at
+
+   !> Derivatives of its logarithm by parameters, 0 by those that are not its own.
+   pure function slopes(structure, a, xi, parameters)
+      type(structure_t), intent(in) :: structure
+      integer, intent(in) :: a, parameters(:)
+      real(wp), intent(in) :: xi
+      real(wp) :: slopes(size(parameters)), factors(2), by(2)
+      integer :: k
+
+      factors = structure%factors(xi)
+      slopes = 0
+      do k = 1, size(parameters)
+         if (.not. is_part(parameters(k), a)) cycle
+         by = structure%factor_slopes(xi, parameters(k))
+         slopes(k) = by(a)/factors(a)
+         ! The property itself is in front of its factors.
+         if (.not. any(parameters(k) == [of_E, of_c_D])) cycle
+         if (structure%get(parameters(k)) > 0) slopes(k) = slopes(k) &
+            + 1/structure%get(parameters(k))
+      end do
+   end function slopes
+
+   !> slope  (n) by the quantities
+   pure real(wp) function half_width(fit, slope)
+      class(stage_fit_t), intent(in) :: fit
+      real(wp), intent(in) :: slope(:)
+      real(wp) :: g(size(slope))
+      integer :: j, n
+
+      half_width = unlimited
+      associate (s => fit%statistics)
+         if (any(abs(slope) > 0 .and. .not. (s%corrected_half_width < unlimited .and. &
+            s%std_error < unlimited))) return
+         g = 0
+         where (abs(slope) > 0 .and. s%std_error > 0) g = slope*s%corrected_half_width/s%std_error
+         half_width = max(0.0_wp, dot_product(g, matmul(s%covariance, g)))
+         if (allocated(fit%held)) then
+            g = 0
+            where (abs(slope) > 0 .and. s%corrected_error > 0) g = slope*s%corrected_half_width &
+               /s%corrected_error
+            do j = 1, size(fit%held)
+               n = min(size(g), size(fit%held(j)%effect))
+               half_width = half_width + dot_product(g(:n), fit%held(j)%effect(:n))**2
+            end do
+         end if
+         half_width = sqrt(half_width)
+      end associate
+   end function half_width
+
+   !> What the estimate averages at each place, by the row of the nearest coefficient.
+   subroutine add_resolution(fit, a, found)
+      class(stage_fit_t), intent(in) :: fit
+      integer, intent(in) :: a
+      type(band_t), intent(inout) :: found
+      type(profile_t) :: along
+      real(wp), allocatable :: places(:), row(:)
+      integer :: j, k
+
+      along = fit%structure%variations%E_along
+      if (a == of_c_D_x) along = fit%structure%variations%c_D_along
+      if (.not. allocated(along%value)) return
+      found%spacing = fit%structure%length/(along%coefficients - along%degree)
+      if (.not. allocated(fit%profiles(a)%place)) return
+      places = along%places()*fit%structure%length
+      allocate (found%resolution(size(found%x)))
+      do k = 1, size(found%x)
+         j = minloc(abs(places - found%x(k)), dim=1)
+         row = fit%profiles(a)%smoothing%resolution(fit%profiles(a)%place(j), &
+            fit%profiles(a)%place)
+         found%resolution(k) = min(fit%structure%length, max(found%spacing, &
+            resolution_length(row, found%spacing)))
+      end do
+   end subroutine add_resolution
+
+   !> Lower end of the band, 0 where the record leaves it open.
+   pure real(wp) function lower(self, k)
+      class(band_t), intent(in) :: self
+      integer, intent(in) :: k
+
+      lower = self%value(k)*exp(-min(self%half_width(k), -log(tiny(lower))))
+      if (.not. self%half_width(k) < unlimited) lower = 0
+   end function lower
+
+   !> Upper end of the band, `unlimited` where the record leaves it open.
+   pure real(wp) function upper(self, k)
+      class(band_t), intent(in) :: self
+      integer, intent(in) :: k
+
+      upper = 0
+      if (.not. self%value(k) > 0) return
+      upper = unlimited
+      if (.not. self%half_width(k) < unlimited) return
+      if (log(self%value(k)) + self%half_width(k) < log(unlimited)) &
+         upper = self%value(k)*exp(self%half_width(k))
+   end function upper
+
+end module beamid_profile_bands

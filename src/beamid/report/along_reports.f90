@@ -1,0 +1,243 @@
+!> E(x) and c_D(x) of a fit, for other programs and for the reader.
+module beamid_along_reports
+   use beamid_case_files, only: case_t
+   use beamid_identification, only: stage_fit_t
+   use beamid_kinds, only: wp
+   use beamid_lines, only: columns, csv_row
+   use beamid_outputs, only: output_t
+   use beamid_profile_bands, only: band, band_t, varies
+   use beamid_residuals, only: profiles
+   use beamid_statistics, only: unlimited
+   use beamid_strings, only: full, to_text
+   use beamid_structure, only: of_c_D, of_E
+   use beamid_texts, only: left, right, text_t
+   use beamid_units, only: units_t
+   implicit none
+   private
+
+   public :: add_along_table, add_along, add_smoothing
+
+   character(len=3), parameter :: names(profiles) = [character(len=3) :: 'E', 'c_D']
+   integer, parameter :: parameters(profiles) = [of_E, of_c_D]
+   integer, parameter :: points = 101, shown = 11   !< of a table, of the summary
+
+contains
+
+   !> along.csv of the last stage on every mesh, where anything varies.
+   !>
+   !> fits  (meshes)
+   subroutine add_along_table(output, units, fits)
+      type(output_t), intent(inout) :: output
+      type(units_t), intent(in) :: units
+      type(stage_fit_t), intent(in) :: fits(:)
+      type(text_t) :: table
+      type(band_t) :: found
+      integer :: a, k, mesh
+      logical :: any_rows
+
+      any_rows = .false.
+      call table%line('elements,parameter,x,value,lower95,upper95,start,resolution,unit')
+      do mesh = 1, size(fits)
+         do a = 1, profiles
+            if (.not. varies(fits(mesh)%structure, a)) cycle
+            any_rows = .true.
+            found = band(fits(mesh), a, points)
+            do k = 1, points
+               call table%line(csv_row(to_text(fits(mesh)%elements)//','//trim(names(a)), &
+                  [found%x(k), found%value(k)])//limits(found, k)//further(found, k)//','// &
+                  units%of_quantity(parameters(a), fits(mesh)%excitation))
+            end do
+         end do
+      end do
+      if (any_rows) call output%add('along.csv', table%content())
+   end subroutine add_along_table
+
+   !> Both ends of the band as fields, empty where there is none.
+   function limits(found, k) result(fields)
+      type(band_t), intent(in) :: found
+      integer, intent(in) :: k
+      character(len=:), allocatable :: fields
+
+      fields = ',,'
+      if (.not. found%is_estimate .or. .not. allocated(found%half_width)) return
+      fields = csv_row('', [found%lower(k)])//',inf'
+      if (found%upper(k) < unlimited) fields = csv_row('', [found%lower(k), found%upper(k)])
+   end function limits
+
+   !> Start and resolution as fields.
+   function further(found, k) result(fields)
+      type(band_t), intent(in) :: found
+      integer, intent(in) :: k
+      character(len=:), allocatable :: fields
+
+      fields = ','
+      if (found%is_estimate) fields = csv_row('', [found%start(k)])
+      fields = fields//','
+      if (allocated(found%resolution)) fields = fields//full(found%resolution(k))
+   end function further
+
+   !> A short table of each function that a stage has searched for, and what it leaves open.
+   subroutine add_along(text, case, fit)
+      type(text_t), intent(inout) :: text
+      type(case_t), intent(in) :: case
+      type(stage_fit_t), intent(in) :: fit
+      type(band_t) :: found
+      integer :: a
+
+      do a = 1, profiles
+         if (.not. varies(fit%structure, a)) cycle
+         found = band(fit, a, points)
+         if (.not. (found%is_estimate .and. allocated(found%half_width))) cycle
+         call text%line()
+         call add_band(text, case, fit, found, a)
+         call add_limits_of_record(text, case, found, trim(names(a))//'(x)')
+      end do
+   end subroutine add_along
+
+   subroutine add_band(text, case, fit, found, a)
+      type(text_t), intent(inout) :: text
+      type(case_t), intent(in) :: case
+      type(stage_fit_t), intent(in) :: fit
+      type(band_t), intent(in) :: found
+      integer, intent(in) :: a
+      character(len=:), allocatable :: line, unit, length
+      logical :: resolves
+      integer :: j, k
+
+      resolves = allocated(found%resolution)
+      unit = case%units%of_quantity(parameters(a), fit%excitation)
+      length = case%units%length
+      line = right('x', 10)//right(trim(names(a))//'(x)')//right('95 % band from')//right('to')
+      if (resolves) line = line//right('averages over', 16)
+      call text%line(line)
+      line = right(length, 10)//right(unit)//right(unit)//right(unit)
+      if (resolves) line = line//right(length, 16)
+      if (unit//length /= '') call text%line(line)
+      do j = 1, shown
+         k = 1 + (j - 1)*(points - 1)/(shown - 1)
+         line = right(to_text(found%x(k)), 10)//columns(found%value(k:k), 14)
+         if (found%upper(k) < unlimited) then
+            line = line//columns([found%lower(k), found%upper(k)], 14)
+         else
+            line = line//right('unlimited')//right('-')
+         end if
+         if (resolves) line = line//right(short(found%resolution(k)), 16)
+         call text%line(line)
+      end do
+   end subroutine add_band
+
+   !> Where a record resolves nothing short, and where it does not determine a function.
+   subroutine add_limits_of_record(text, case, found, name)
+      type(text_t), intent(inout) :: text
+      type(case_t), intent(in) :: case
+      type(band_t), intent(in) :: found
+      character(len=*), intent(in) :: name
+      real(wp), parameter :: coarse = 3, wide = log(1.5_wp)
+      logical :: poor(size(found%x))
+      character(len=:), allocatable :: unit
+      integer :: first, last
+
+      unit = ''
+      if (case%units%length /= '') unit = ' '//trim(case%units%length)
+      if (allocated(found%resolution)) then
+         poor = found%resolution > coarse*found%spacing
+         last = 0
+         do while (next_range(poor, last, first))
+            call text%line('the fit resolves nothing of '//name//' that is shorter than '// &
+               short(minval(found%resolution(first:last)))//unit//' '//where_it_is(first, last))
+         end do
+      end if
+      poor = found%half_width > wide
+      last = 0
+      do while (next_range(poor, last, first))
+         call text%line(name//' is not determined to within 50 % '//where_it_is( &
+            first, last))
+      end do
+
+   contains
+
+      !> The places from one row to another, in words.
+      function where_it_is(first, last) result(words)
+         integer, intent(in) :: first, last
+         character(len=:), allocatable :: words
+
+         if (first == 1 .and. last == size(found%x)) then
+            words = 'anywhere along the beam'
+         else if (last == size(found%x)) then
+            words = 'beyond x = '//short(found%x(first))//unit
+         else
+            words = 'between x = '//short(found%x(first))//' and '//short(found%x(last))//unit
+         end if
+      end function where_it_is
+
+   end subroutine add_limits_of_record
+
+   !> The next range of places behind `last` where something is so.
+   logical function next_range(is_so, last, first) result(there)
+      logical, intent(in) :: is_so(:)
+      integer, intent(inout) :: last
+      integer, intent(out) :: first
+
+      first = last + 1
+      do while (first <= size(is_so))
+         if (is_so(first)) exit
+         first = first + 1
+      end do
+      there = first <= size(is_so)
+      last = first
+      do while (last < size(is_so))
+         if (.not. is_so(last + 1)) exit
+         last = last + 1
+      end do
+   end function next_range
+
+   !> A length as short as it can be read.
+   function short(value) result(text)
+      real(wp), intent(in) :: value
+      character(len=:), allocatable :: text
+      real(wp) :: unit
+
+      text = '0'
+      if (.not. abs(value) > 0) return
+      unit = 10.0_wp**(floor(log10(abs(value))) - 2)
+      text = to_text(anint(value/unit)*unit)
+   end function short
+
+   !> How smooth E(x) and c_D(x) are, and what other strengths would do.
+   subroutine add_smoothing(text, fit)
+      type(text_t), intent(inout) :: text
+      type(stage_fit_t), intent(in) :: fit
+      character(len=:), allocatable :: name, line
+      integer, parameter :: every = 2
+      integer :: a, k, middle
+
+      do a = 1, profiles
+         if (.not. allocated(fit%profiles(a)%place)) cycle
+         name = trim(names(a))//'(x)'
+         associate (found => fit%profiles(a)%smoothing)
+            call text%line()
+            call text%line(name//': strength of the smoothing '//to_text(found%strength)// &
+               ' by restricted marginal likelihood; '//short(found%freedom)// &
+               ' effective degrees of freedom of '//to_text(size(fit%profiles(a)%place))// &
+               ' coefficients')
+            if (found%at_end > 0) call text%line('the record asks for no variation of '// &
+               trim(names(a))//' along the beam')
+            if (found%at_end < 0) call text%line('the record asks for no smoothing of '//name)
+            if (found%at_end /= 0) cycle
+            call text%line('other strengths, for the problem linearised about the fit:')
+            call text%line(right('strength')//right('squares')//right('roughness')// &
+               right('freedom')//right('score - best'))
+            middle = (size(found%curve) + 1)/2
+            do k = 1 + mod(middle - 1, every), size(found%curve), every
+               associate (point => found%curve(k))
+                  line = columns([point%strength, point%misfit, point%roughness], 14)// &
+                     columns([point%freedom, point%score - found%curve(middle)%score], 14, '#.2')
+               end associate
+               if (k == middle) line = line//'  chosen'
+               call text%line(line)
+            end do
+         end associate
+      end do
+   end subroutine add_smoothing
+
+end module beamid_along_reports
