@@ -70,8 +70,8 @@ contains
             'Theorem 3.1 for E(x) and c_D(x) by numbers: cubic splines of N elements for the '// &
             'state, and cubic', &
             'splines of M coefficients, on M - # elements of their own, for each function', &
-            'Beam: length #, rho #, E I #, c_D I #; m_T # and J_T # at the tip; f a hat of # s, '// &
-            'in H1.', &
+            'Beam: length #, rho #, E I #, c_D I #; at the tip m_T #, J_T #; f a hat of # s, '// &
+            'in H1', &
             'Data: tip acceleration (3.13), # samples to t = #, without noise, of quintic '// &
             'splines, N = #.', &
             'smooth: E(x) = # (1 - .2 sin(pi x/l) + .1 sin(2 pi x/l)), c_D(x) = # '// &
@@ -88,8 +88,8 @@ contains
             'record''s sum', &
             'of squares, and its like for c_D stand for what is missing. J in the same units, '// &
             'of the data alone.', &
-            'Distances from the truth, relative to it, at # places: the largest (sup), root of '// &
-            'mean square (L2).', &
+            'Distances from the truth, relative to it, at # places: largest (sup), root of '// &
+            'mean square (L2)', &
             'Orders: in M as the elements of the function are halved, in N as those of the '// &
             'state are.', &
             'state: L2 distance from the minimiser of the same M at N = #', &
@@ -201,7 +201,7 @@ contains
       type(varying_t), intent(in) :: problems(:)
       type(minimiser_t), intent(in) :: held
       integer, parameter :: last = size(state_meshes), finest = size(pieces)
-      real(wp) :: orders(4), state(size(pieces)), here(4)
+      real(wp) :: orders(4), ending(4), state(size(pieces)), here(4)
       logical :: known(4)
       integer :: best(2), j, k
 
@@ -211,6 +211,7 @@ contains
          step => problems(3)%minimisers)
          best = [minloc(smooth(last, :)%L2(1), dim=1), minloc(step(last, :)%L2(1), dim=1)]
          call find_orders(smooth, last, 2, 1, orders, known)
+         call find_orders(smooth, last, finest, 1, ending, known)
          call add_lines(text, [character(len=110) :: &
             ' 1. Smooth E, N = #: L2 falls from # at M = # to # at M = #, at first with order '// &
             '#.1,', &
@@ -226,8 +227,8 @@ contains
          end do
          call add_lines(text, [character(len=110) :: &
             ' 2. The state has to be refined too. At N = #, from M = # to #, L2 goes from # '// &
-            'to # while J', &
-            '    goes from # to #: the function bends to make up for the error of the state.', &
+            'to #, while', &
+            '    J goes from # to #: the function bends to make up for the error of the state.', &
             '    With M held the minimisers approach those of N = # with orders #.1, #.1, #.1 '// &
             'and #.1 from', &
             '    N = # to #; the frequencies of cubic splines have order 4. At N = # they are '// &
@@ -240,14 +241,17 @@ contains
             state_meshes(last - 1), state_meshes(last - 1), &
             (short(smooth(last - 1, j)%state(1)), j=1, finest)])
          call add_lines(text, [character(len=110) :: &
-            ' 3. Both refined, (N, M) = (#, #), (#, #), (#, #), (#, #): L2 is #, #, # and #.', &
-            '    That is what the theorem speaks of.', &
-            ' 4. What limits on the finest meshes: a penalty # times as strong makes L2 #.1 '// &
-            'times as large.', &
-            '    The largest distance is at x/l = #.2; only the tip''s rotary inertia bends the '// &
-            'beam at its tip.'], &
+            ' 3. Both refined, which is what the theorem speaks of, (N, M) = (#, #), (#, #), '// &
+            '(#, #), (#, #):', &
+            '    L2 is #, #, # and #.', &
+            ' 4. What limits at M = #: from N = # to # L2 goes with order #.1, and a penalty # '// &
+            'times as strong', &
+            '    makes it #.1 times as large. The largest distance is at x/l = #.2; at the tip '// &
+            'only the moment', &
+            '    of J_T bends the beam, so that the record says little of E there.'], &
             [real(wp) :: (smooth(k, k)%N, smooth(k, k)%M, k=1, last), &
-            (short(smooth(k, k)%L2(1)), k=1, last), stronger, &
+            (short(smooth(k, k)%L2(1)), k=1, last), smooth(last, finest)%M, &
+            state_meshes(last - 1), state_meshes(last), ending(3), stronger, &
             held%L2(1)/smooth(last, finest)%L2(1), &
             problems(1)%x(maxloc(abs(smooth(last, finest)%found(:, 1) &
             /problems(1)%truth(:, 1) - 1), dim=1))])
