@@ -233,8 +233,7 @@ contains
             'and #.1 from', &
             '    N = # to #; the frequencies of cubic splines have order 4. At N = # they are '// &
             '#, #,', &
-            '    # and # from them: the same error of the state moves them the more the finer '// &
-            'E(x) is.'], &
+            '    # and # from them as M grows.'], &
             [real(wp) :: state_meshes(2), smooth(2, 1)%M, smooth(2, finest)%M, &
             short(smooth(2, 1)%L2(1)), short(smooth(2, finest)%L2(1)), short(smooth(2, 1)%J), &
             short(smooth(2, finest)%J), state_meshes(last), state, state_meshes(last - 2), &
@@ -245,10 +244,10 @@ contains
             '(#, #), (#, #):', &
             '    L2 is #, #, # and #.', &
             ' 4. What limits at M = #: from N = # to # L2 goes with order #.1, and a penalty # '// &
-            'times as strong', &
-            '    makes it #.1 times as large. The largest distance is at x/l = #.2; at the tip '// &
-            'only the moment', &
-            '    of J_T bends the beam, so that the record says little of E there.'], &
+            'times as', &
+            '    strong makes it #.1 times as large. The largest distance is at x/l = #.2; at the tip '// &
+            'only', &
+            '    the moment of J_T bends the beam.'], &
             [real(wp) :: (smooth(k, k)%N, smooth(k, k)%M, k=1, last), &
             (short(smooth(k, k)%L2(1)), k=1, last), smooth(last, finest)%M, &
             state_meshes(last - 1), state_meshes(last), ending(3), stronger, &

@@ -124,29 +124,31 @@ contains
       type(varying_t), intent(inout) :: problem
       integer, intent(in) :: elements(:), parts(:)
       type(error_t), allocatable, intent(out) :: error
+      type(minimiser_t), allocatable :: all(:, :)
       integer :: a, i, j, k
 
-      allocate (problem%minimisers(size(elements), size(parts)))
+      allocate (all(size(elements), size(parts)))
       !$omp parallel do schedule(dynamic, 1) private(i, j)
-      do k = size(problem%minimisers), 1, -1
+      do k = size(all), 1, -1
          i = 1 + mod(k - 1, size(elements))
          j = 1 + (k - 1)/size(elements)
-         call minimise(problem, elements(i), parts(j), strength, problem%minimisers(i, j))
+         call minimise(problem, elements(i), parts(j), strength, all(i, j))
       end do
       !$omp end parallel do
       do j = 1, size(parts)
          do i = 1, size(elements)
-            if (.not. allocated(problem%minimisers(i, j)%failure)) cycle
-            error = problem%minimisers(i, j)%failure
+            if (.not. allocated(all(i, j)%failure)) cycle
+            call move_alloc(all(i, j)%failure, error)
             return
          end do
-         associate (same => problem%minimisers(:, j), truth => problem%truth)
+         associate (same => all(:, j), truth => problem%truth)
             do i = 1, size(elements)
                same(i)%state = [(norm2((same(i)%found(:, a) - same(size(elements))%found(:, a)) &
                   /truth(:, a))/sqrt(real(points, wp)), a=1, 2)]
             end do
          end associate
       end do
+      call move_alloc(all, problem%minimisers)
    end subroutine find_minimisers
 
    !> One minimiser, from constants.
