@@ -59,8 +59,8 @@ module beamid_manual
       command_t('reproduce', 'WHAT', 'results of NASA CR-178199 beside the paper''s numbers', &
          'WHAT is '//reproducible//'. section-4 is from a reconstructed record: a check of '// &
          'consistency, not an independent confirmation. all is table-4.1 (by the exact '// &
-         'response, instead of CVODE), section-4, acceleration and convergence, each to '// &
-         'out/<name> or DIR/<name>.'), &
+         'response, instead of CVODE), section-4, acceleration, convergence and varying, each '// &
+         'to out/<name> or DIR/<name>.'), &
       command_t('ensemble', 'case.nml', 'a command on many made records, or on a list of cases', &
          'Writes members.csv and ensemble.csv, with a list also cases.csv. --only i:j does '// &
          'these members alone; whichever program does the last ones writes the tables. One '// &

@@ -12,6 +12,7 @@ module beamid_reproduction
    use beamid_table_4_1, only: reproduce_table_4_1, table_t
    use beamid_tables, only: add_fit_tables
    use beamid_terminal, only: new_progress, print_text, progress_t
+   use beamid_varying, only: reproduce_varying
    implicit none
    private
 
@@ -19,12 +20,13 @@ module beamid_reproduction
 
    !> What the command line may ask for.
    character(len=*), parameter :: reproducible = 'table-4.1, section-4, table-4.2, table-4.3, '// &
-      'table-4.4, table-4.5, table-4.6, acceleration, convergence or all'
+      'table-4.4, table-4.5, table-4.6, acceleration, convergence, varying or all'
 
-   !> The same as a list; `all` stands for the first four.
+   !> The same as a list; `all` stands for the first so many.
    character(len=*), parameter :: parts(*) = [character(len=12) :: 'table-4.1', 'section-4', &
-      'acceleration', 'convergence', 'table-4.2', 'table-4.3', 'table-4.4', 'table-4.5', &
-      'table-4.6']
+      'acceleration', 'convergence', 'varying', 'table-4.2', 'table-4.3', 'table-4.4', &
+      'table-4.5', 'table-4.6']
+   integer, parameter :: in_all = 5
 
 contains
 
@@ -41,7 +43,7 @@ contains
          call run_part(settings, .false., error)
          return
       end if
-      do k = 1, 4
+      do k = 1, in_all
          part = settings
          part%subject = trim(parts(k))
          if (allocated(settings%out)) part%out = join_path(settings%out, part%subject)
@@ -81,6 +83,8 @@ contains
          call reproduce_acceleration(data, output, summary, error)
       case ('convergence')
          call reproduce_convergence(data, output, summary, error)
+      case ('varying')
+         call reproduce_varying(output, summary, error)
       case default
          call reproduce_section_4(data, settings%subject, output, summary, error, progress)
       end select

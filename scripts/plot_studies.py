@@ -1,4 +1,4 @@
-"""Pictures of the studies `reproduce acceleration` and `reproduce convergence`; for report.py."""
+"""Pictures of the studies `reproduce acceleration`, `convergence` and `varying`; for report.py."""
 
 import plotting as p
 import numpy as np
@@ -83,3 +83,57 @@ def draw_convergence(path):
         panel.set_xticks([], minor=True)
     legend_above(figure, panels)
     return figure
+
+
+def draw_varying(path):
+    """Distances of E(x) and c_D(x) from the truth over the coefficients, by problem and state mesh;
+    where the folder has them too, below these the functions on the finest state mesh."""
+    rows = p.read_table(path, "problem", "N", "M", "parameter", "sup", "L2")
+    cases = list(dict.fromkeys((row["problem"], row["parameter"]) for row in rows))
+    beside = path.with_name("varying_functions.csv")
+    curves = p.read_table(beside, "problem", "N", "M", "parameter", "x", "value",
+                          "truth") if beside.exists() else []
+    figure, axes = p.plt.subplots(2 if curves else 1, len(cases), squeeze=False,
+                                  figsize=(2.6 * len(cases), 6.4 if curves else 3.6))
+    for (problem, parameter), panel in zip(cases, axes[0]):
+        mine = [row for row in rows if (row["problem"], row["parameter"]) == (problem, parameter)]
+        draw_lines(panel, {f"$N$ = {mesh}": [(p.number(row, "M"), p.number(row, "L2"))
+                                             for row in mine if row["N"] == mesh]
+                           for mesh in dict.fromkeys(row["N"] for row in mine)})
+        panel.set_xscale("log")
+        panel.set_yscale("log")
+        panel.set_title(f"{p.with_symbols(problem)}: {p.symbol(parameter)}$(x)$", fontsize=10)
+        panel.set_xlabel("coefficients $M$")
+        meshes = sorted({p.number(row, "M", int) for row in mine})
+        panel.set_xticks(meshes, labels=meshes)
+        panel.set_xticks([], minor=True)
+        panel.tick_params(labelsize=8.5)
+    limits = [panel.get_ylim() for panel in axes[0]]
+    for panel in axes[0]:
+        panel.set_ylim(min(low for low, _ in limits), max(high for _, high in limits))
+        panel.tick_params(labelleft=panel is axes[0, 0])
+    axes[0, 0].set_ylabel("distance from the truth, $L_2$, relative", fontsize=9)
+    legend_above(figure, axes[0])
+    if curves:
+        finest = max(curves, key=lambda row: p.number(row, "N", int))["N"]
+        for (problem, parameter), panel in zip(cases, axes[1]):
+            mine = (problem, parameter, finest)
+            draw_functions(panel, [row for row in curves
+                                   if (row["problem"], row["parameter"], row["N"]) == mine])
+            panel.set_ylabel(f"{p.symbol(parameter)}$(x)$, $N$ = {finest}", fontsize=9)
+        axes[1, 0].legend(fontsize=8)
+    return figure
+
+
+def draw_functions(panel, rows):
+    """One function by its coefficients, and the truth."""
+    for k, mesh in enumerate(dict.fromkeys(row["M"] for row in rows)):
+        mine = [row for row in rows if row["M"] == mesh]
+        xs = [p.number(row, "x") for row in mine]
+        if k == 0:
+            panel.plot(xs, [p.number(row, "truth") for row in mine], color="black", linewidth=2.4,
+                       alpha=0.35, label="truth")
+        panel.plot(xs, [p.number(row, "value") for row in mine], color=p.COLOURS[k % 6],
+                   linewidth=1, label=f"$M$ = {mesh}")
+    panel.set_xlabel("$x$")
+    panel.tick_params(labelsize=8.5)

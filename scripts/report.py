@@ -322,6 +322,12 @@ class Page:
             "convergence", "How fast the splines converge to the solution, in the norms of the "
             "paper's theory.", plot_studies.draw_convergence,
             "Errors over the number of elements, both axes logarithmic.")
+        varying = self.study(
+            "varying", "What the theorem says of parameters that vary along the beam: the distance "
+            "of E(x) and c_D(x) from the truth as the meshes of the state and of the functions are "
+            "refined.", plot_studies.draw_varying,
+            "Above: distances over the number of coefficients, both axes logarithmic. Below: the "
+            "functions on the finest mesh of the state.")
         return h.document("The identification of a flexible beam, computed again", [
             ("top", "", self.opening()),
             ("experiment", "The experiment, and what the paper did", self.experiment()),
@@ -333,6 +339,7 @@ class Page:
             ("frequencies", "Frequencies", self.frequency_table()),
             ("acceleration", "Three formulas for the acceleration", acceleration),
             ("convergence", "Convergence", convergence),
+            ("varying", "Parameters that vary along the beam", varying),
             ("made", "How this page was made", self.ending())])
 
 
