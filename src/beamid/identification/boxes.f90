@@ -7,7 +7,7 @@ module beamid_boxes
    use beamid_simulation, only: model_t
    use beamid_sorting, only: sort
    use beamid_strings, only: to_text
-   use beamid_structure, only: of_x_F
+   use beamid_structure, only: of_x_F, structure_t
    implicit none
    private
 
@@ -53,8 +53,11 @@ contains
       type(box_t), intent(inout) :: box
       type(experiment_t), intent(in) :: experiment
       type(model_t), intent(in) :: model
+      type(structure_t) :: s
 
-      associate (s => experiment%structure_of(model%structure), t => experiment%samples)
+      ! gfortran 12 frees twice what a function returns into an associate block.
+      s = experiment%structure_of(model%structure)
+      associate (t => experiment%samples)
          call settle(box%x_S, s%sensor_place())
          call settle(box%x_F, s%place(of_x_F))
          call settle(box%duration, merge(experiment%excitation%t(2), 0.0_wp, &
