@@ -245,8 +245,8 @@ contains
             '    L2 is #, #, # and #.', &
             ' 4. What limits at M = #: from N = # to # L2 goes with order #.1, and a penalty # '// &
             'times as', &
-            '    strong makes it #.1 times as large. The largest distance is at x/l = #.2; at the tip '// &
-            'only', &
+            '    strong makes it #.1 times as large. The largest distance is at x/l = #.2; at '// &
+            'the tip only', &
             '    the moment of J_T bends the beam.'], &
             [real(wp) :: (smooth(k, k)%N, smooth(k, k)%M, k=1, last), &
             (short(smooth(k, k)%L2(1)), k=1, last), smooth(last, finest)%M, &
