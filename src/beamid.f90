@@ -60,6 +60,6 @@ module beamid
    public
 
    !> Version of the library and of the program.
-   character(len=*), parameter :: version = '0.1.0'
+   character(len=*), parameter :: version = '0.2.0'
 
 end module beamid

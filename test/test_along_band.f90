@@ -189,8 +189,8 @@ contains
       call write_file('known.nml', beam//record//'&along parameter=''c_D'', x=0,0.5, '// &
          'value=2e6,2.1e6 /'//nl//'&stage free=''gamma'' /'//nl)
       call write_file('plain.nml', beam//record//'&stage free=''gamma'' /'//nl)
-      outcome = run('"'//program_path//'" simulate truth.nml --quiet && cp out/truth/record.csv '// &
-         '. && for c in fit known plain; do "'//program_path// &
+      outcome = run('"'//program_path//'" simulate truth.nml --quiet && '// &
+         'cp out/truth/record.csv . && for c in fit known plain; do "'//program_path// &
          '" identify $c.nml --quiet || exit 1; done')
       call check('three fits', outcome%status == 0, outcome%err)
       if (outcome%status /= 0) return

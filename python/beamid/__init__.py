@@ -21,4 +21,4 @@ __all__ = ["BeamidError", "Bootstrap", "ComputationError", "Estimate", "Fit", "I
            "InputError", "Interval", "Mode", "NoFit", "Posterior", "Problem", "Profile",
            "Profiles", "Record", "Response", "bootstrap", "fit", "load", "profile", "response",
            "sample"]
-__version__ = "0.1.0"
+__version__ = "0.2.0"

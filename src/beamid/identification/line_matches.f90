@@ -24,9 +24,9 @@ module beamid_line_matches
    integer, parameter :: most_modes = 8
 
    !> How far off a line may be: the relative error of a frequency and of a rate of decay by the
-   !> model, not by noise; and what the logarithms of a function may bend from one coefficient to the
-   !> next. Starts need no better ones.
-   real(wp), parameter :: frequency_error = 1e-3_wp, rate_error = 0.3_wp, bend = 0.1_wp
+   !> model, not by noise; and by how much the logarithms of neighbouring coefficients may differ.
+   !> Starts need no better ones.
+   real(wp), parameter :: frequency_error = 1e-3_wp, rate_error = 0.3_wp, unlike = 0.1_wp
 
    !> A line of a record that a mode is to have.
    type :: match_t
@@ -234,7 +234,7 @@ contains
       do a = 1, profiles
          columns = self%problem%profile_columns(a)
          if (size(columns) == 0) cycle
-         differences = difference_rows(size(columns), penalty_order)/bend
+         differences = difference_rows(size(columns), penalty_order)/unlike
          associate (m => size(differences, 1))
             r(row + 1:row + m) = matmul(differences, log(parameters(columns)))
             do k = 1, size(columns)

@@ -26,8 +26,8 @@ module beamid_residuals
 
    !> Rows are the samples of each record in turn, times its weight, then one for each free
    !> parameter of which something is known: its distance from that value in standard deviations,
-   !> times the noise of the other rows. Of E(x) and of c_D(x) follow the differences of the logarithms
-   !> of neighbouring coefficients, times the root of a strength.
+   !> times the noise of the other rows. Of E(x) and of c_D(x) follow the differences of the
+   !> logarithms of neighbouring coefficients, times the root of a strength.
    type, extends(smooth_problem_t) :: residual_t
       type(apparatus_t), allocatable :: parts(:)   !< one for each record
       real(wp), allocatable :: weight(:)           !< (records) 1/noise; of one record 1

@@ -29,9 +29,10 @@ contains
 
    !> As `fit_with_noise`; on return the problem has the strengths.
    !>
-   !> Where E varies a search from afar is lost: over a long record the phase of every mode is off by
-   !> turns, each mode by another number of them. So the first search is for the first part of the
-   !> record, and each goes on from the one before on twice as much.
+   !> Where E varies a search from afar is lost: over a long record the phase of every mode is off
+   !> by turns, each mode by another number of them. So it starts from the lines of the records.
+   !> Where there are none the first search is for the first part of the record, and each goes on
+   !> from the one before on twice as much.
    !>
    !> error  also where a strength does not settle
    subroutine fit_smoothly(problem, variables, options, found, error, monitor, label, names)
@@ -138,7 +139,8 @@ contains
       integer :: a, k
 
       do a = 1, profiles
-         if (size(problem%profile_columns(a)) > 0 .and. .not. problem%strength(a) > 0) call set_rigid(problem, variables, a, error)
+         if (size(problem%profile_columns(a)) > 0 .and. .not. problem%strength(a) > 0) &
+            call set_rigid(problem, variables, a, error)
          if (allocated(error)) return
       end do
       call fit_with_noise(problem, variables, options, found, error, monitor, label, names)
