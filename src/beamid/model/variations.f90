@@ -5,9 +5,9 @@
 !> is said. Bending by a section of width b and height h goes with b h**3, and the mass per length,
 !> where that is density b h, with b h.
 module beamid_variations
+   use beamid_b_splines, only: cardinal
    use beamid_kinds, only: wp
    use beamid_quadrature, only: gauss_legendre, rule_t
-   use beamid_splines, only: cardinal
    implicit none
    private
 
