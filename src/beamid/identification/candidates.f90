@@ -8,7 +8,7 @@ module beamid_candidates
    use beamid_identification, only: identify_meshes, model_t, stage_fit_t, stage_t
    use beamid_kinds, only: wp
    use beamid_least_squares, only: monitor_t
-   use beamid_parameters, only: get_free, offset, on_beam, parameters
+   use beamid_parameters, only: get_free, is_there, offset, on_beam, parameters
    use beamid_refinement, only: identify_refining
    use beamid_structure, only: structure_t
    implicit none
@@ -81,12 +81,20 @@ contains
          'J = 0: the criteria are not defined for a model that leaves no residual')
    end subroutine fit_candidate
 
-   !> How many numbers were fitted, by any stage, and what was eliminated.
+   !> How many numbers were fitted, by any stage, and what was eliminated; of E(x) and c_D(x) the
+   !> effective degrees of freedom, to the nearest whole number.
    pure integer function unknowns(self)
       class(candidate_t), intent(in) :: self
+      integer :: a
 
       unknowns = count(any(self%owner == shared, dim=2)) + count(self%owner > 0) &
          + size(self%fit%quantities) - size(self%fit%free)
+      do a = 1, size(self%fit%profiles)
+         if (.not. self%fit%strength(a) > 0) cycle
+         associate (profile => self%fit%profiles(a))
+            unknowns = unknowns - size(profile%place) + nint(profile%smoothing%freedom)
+         end associate
+      end do
    end function unknowns
 
    !> J; where the noise of several records is estimated from the fit itself, and J with it says
@@ -122,7 +130,8 @@ contains
       associate (a => small%fit%world, b => large%fit%world)
          do r = 1, size(small%experiments)
             do k = 1, size(parameters)
-               if (k == offset) cycle
+               if (k == offset .or. .not. (is_there(a%structures(r), k) .or. &
+                  is_there(b%structures(r), k))) cycle
                if (large%owner(k, r) < small%owner(k, r)) return
                if (large%owner(k, r) == held) then
                   if (.not. alike(k, a%structures(r), a%excitations(r), b%structures(r), &
