@@ -10,7 +10,7 @@ program test_attachments
    use beamid_kinds, only: wp
    use beamid_modes, only: undamped_modes
    use beamid_observation, only: observation_t, new_sampling
-   use beamid_parameters, only: free_names
+   use beamid_parameters, only: free_names, parameters
    use beamid_poles, only: poles_t
    use beamid_strings, only: to_text
    use beamid_structure, only: at_tip, of_c_R, of_kappa_R, of_length, of_m_S, of_m_T, of_x_S, &
@@ -310,6 +310,11 @@ contains
             if (root == 2 .and. any(k == [of_kappa_R, of_c_R])) then
                call check('rigid root: derivatives by '//trim(free_names(k))//' vanish', &
                   all(abs(d_end(:, :, k)) <= 0))
+               cycle
+            end if
+            if (parameters(k)%group == 'along') then
+               call check(name//': without a dip derivatives by its '//trim(free_names(k))// &
+                  ' vanish', all(abs(d_end(:, :, k)) <= 0))
                cycle
             end if
             ! By default the sensor stays at the tip of a beam that grows.

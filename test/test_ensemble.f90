@@ -339,9 +339,13 @@ contains
       call check('a fleet', outcome%status == 0 .and. lines_with(before, ',ok,') == 4 .and. &
          lines_with(before, '3,failed|c/record.csv') == 1, outcome%err//before)
       outcome = run('"'//program_path//'" identify fleet/a/case.nml --out single --quiet')
-      call check('as identify has it', field(before, 1, 6) == field(read_file( &
-         'single/estimates.csv'), 1, 6) .and. field(before, 1, 11) == field(read_file( &
-         'single/estimates.csv'), 1, 17))
+      table = read_file('single/estimates.csv')
+      ! identify compares derivatives with differences first, and its search begins with other roots
+      ! at hand: both end within the tolerance of a search, 1e-10 of J and of the parameters.
+      call check_close('as identify has it', number(field(before, 1, 6))/number(field(table, 1, &
+         6)), 1.0_wp, 1e-9_wp)
+      call check_close('the total interval too', number(field(before, 1, 11))/number(field( &
+         table, 1, 17)), 1.0_wp, 1e-8_wp)
       outcome = beamid('ensemble fleet/fleet.nml --out known --only-new')
       call check('nothing new', outcome%status == 0 .and. has_all(outcome%out, &
          '1 of 3 cases are new|no parameter has moved') .and. read_file('known/members.csv') == &

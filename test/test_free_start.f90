@@ -13,7 +13,7 @@ program test_free_start
    use beamid_modal, only: modal_t
    use beamid_noise, only: gaussian_noise
    use beamid_observation, only: observation_t
-   use beamid_parameters, only: free_index, offset
+   use beamid_parameters, only: free_index, offset, parameters
    use beamid_residuals, only: new_residuals, residual_t
    use beamid_responses, only: work_t
    use beamid_statistics, only: new_statistics, statistics_t
@@ -278,7 +278,8 @@ contains
       experiment%samples = 10*stamps(60, 0.05_wp, 41)
       experiment%measured = gaussian_noise(60, 1.0_wp, 91)
       ! Where a force acts means nothing here.
-      free = pack([(k, k=1, of_x_S)], [(k, k=1, of_x_S)] /= of_x_F)
+      free = pack([(k, k=1, of_x_S)], [(k /= of_x_F .and. &
+         parameters(k)%group /= 'along', k=1, of_x_S)])
       p = [(structure%get(free(k)), k=1, size(free))]
       do modes = 1, 4
          do formula = 1, 3

@@ -30,10 +30,10 @@ module beamid_case_files
    public :: case_t, new_case, read_group, list_keys
 
    type(group_t), parameter, public :: groups(*) = [ &
-      group_t('beam', required=.true.), group_t('along', may_repeat=.true.), group_t('tip'), &
+      group_t('beam', required=.true.), group_t('tip'), &
       group_t('hose'), &
       group_t('sensor', may_repeat=.true.), group_t('support', may_repeat=.true.), &
-      group_t('gravity'), group_t('axial'), &
+      group_t('gravity'), group_t('axial'), group_t('along', may_repeat=.true.), &
       group_t('excitation', may_repeat=.true.), group_t('discretization'), group_t('integrator'), &
       group_t('observation'), group_t('record', may_repeat=.true.), group_t('score'), &
       group_t('stage', may_repeat=.true.), group_t('prior', may_repeat=.true.), &

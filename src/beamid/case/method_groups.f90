@@ -17,7 +17,7 @@ module beamid_method_groups
    use beamid_sampling, only: chains, plan_t
    use beamid_spelling, only: or_nearest
    use beamid_strings, only: lower, to_text
-   use beamid_structure, only: most_coefficients, of_x_F, structure_t
+   use beamid_structure, only: most_coefficients, n_parameters, of_x_F, structure_t
    use beamid_values, only: listed, positive, range_t
    use beamid_variables, only: unbounded
    use beamid_variations, only: constant, profile_t
@@ -30,6 +30,9 @@ module beamid_method_groups
    !> Names of the formulas, by their numbers: (4.1), (4.2) and (3.13).
    character(len=*), parameter, public :: formula_names(3) = &
       [character(len=23) :: 'displacement_difference', 'velocity_difference', 'equation']
+
+   !> Names that a stage may list: every parameter, E(x) and c_D(x).
+   integer, parameter :: most_free = n_parameters + 4
 
 contains
 
@@ -196,16 +199,16 @@ contains
       integer, allocatable :: places(:)
       integer :: coefficients, k
 
-      call block%get('free', free, '', 'parameters to estimate', size(parameters), required=.true.)
+      call block%get('free', free, '', 'parameters to estimate', most_free, required=.true.)
       call block%get('shared', shared, 'all', 'those that all records have in common', &
-         size(parameters))
+         most_free)
       call block%get('start', found%start, 'where the stage before ended, free: ''auto''', &
-         'start values, one for each of free', size(parameters), ['auto', 'case'], word)
+         'start values, one for each of free', most_free, ['auto', 'case'], word)
       found%automatic = word == 'auto'
       found%declared = word == 'case'
       call block%get('lower', found%lower, '0; of amplitude and offset none', 'lower bounds', &
-         size(parameters))
-      call block%get('upper', found%upper, 'none', 'upper bounds', size(parameters))
+         most_free)
+      call block%get('upper', found%upper, 'none', 'upper bounds', most_free)
       coefficients = 16
       kind = 'spline'
       call block%get('coefficients', coefficients, 'of each of E(x) and c_D(x)', &

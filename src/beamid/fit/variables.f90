@@ -12,6 +12,9 @@ module beamid_variables
    !> Stands for a bound that is not there.
    real(wp), parameter :: unbounded = huge(1.0_wp)
 
+   !> A search by a logarithm goes no farther, and no number is lost.
+   real(wp), parameter :: farthest = 50
+
    type :: variable_t
       real(wp) :: start = 0                    !< value at z = 1
       real(wp) :: lower = -unbounded
@@ -73,7 +76,7 @@ contains
 
       x = z*self%x
       if (self%is_logarithmic) then
-         value = self%start*exp(z - 1)
+         value = self%start*exp(min(max(z - 1, -farthest), farthest))
       else if (has(self%lower) .and. has(self%upper)) then
          value = min(self%lower + self%scale*sin(x/2)**2, self%upper)
       else if (has(self%lower)) then
@@ -93,7 +96,7 @@ contains
 
       x = z*self%x
       if (self%is_logarithmic) then
-         derivative = self%start*exp(z - 1)
+         derivative = self%start*exp(min(max(z - 1, -farthest), farthest))
       else if (has(self%lower) .and. has(self%upper)) then
          derivative = self%x*self%scale*sin(x)/2
       else if (has(self%lower)) then

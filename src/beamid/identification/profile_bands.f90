@@ -75,6 +75,7 @@ contains
       type(structure_t) :: before
       real(wp) :: slope(size(fit%quantities)), xi
       logical :: ours(size(fit%quantities))
+      integer, allocatable :: which(:)
       integer :: k
 
       before = fit%structure
@@ -87,6 +88,8 @@ contains
       band%is_estimate = any(ours)
       allocate (band%x(points), band%start(points), band%value(points))
       if (band%is_estimate .and. fit%statistics%samples > 0) allocate (band%half_width(points))
+      ! (Of a component of each element the compiler makes a copy, and says so in checking builds.)
+      which = [(fit%quantities(k)%parameter, k=1, size(fit%quantities))]
       do k = 1, points
          xi = (k - 1.0_wp)/(points - 1)
          band%x(k) = xi*fit%structure%length
@@ -94,7 +97,7 @@ contains
          band%start(k) = value_at(before, a, xi)
          if (.not. allocated(band%half_width)) cycle
          slope = 0
-         where (ours) slope = slopes(fit%structure, a, xi, fit%quantities%parameter)
+         where (ours) slope = slopes(fit%structure, a, xi, which)
          band%half_width(k) = half_width(fit, slope)
       end do
       call add_resolution(fit, a, band)

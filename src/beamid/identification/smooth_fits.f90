@@ -131,6 +131,7 @@ contains
       character(len=*), intent(in) :: label, names(:)
       real(wp), intent(in) :: settled
       integer, parameter :: most = 60
+      real(wp), parameter :: most_at_once = 10
       type(variable_t) :: from(size(variables))
       type(profile_fit_t) :: profile
       type(options_t) :: quiet
@@ -155,7 +156,10 @@ contains
             call new_profile_fit(problem, found%estimate, found%residual, found%jacobian, a, &
                profile, error)
             if (allocated(error)) return
-            step = log(profile%smoothing%strength/problem%strength(a))
+            step = log(max(profile%smoothing%strength, least_strength(problem, found%J)) &
+               /problem%strength(a))
+            ! Step by step: what one function has not explained yet is nothing of the other.
+            step = max(step, -log(most_at_once))
             ! Where two strengths would take turns the mean of both is nearer.
             if (k > 10) step = step/2
             problem%strength(a) = problem%strength(a)*exp(step)
@@ -173,6 +177,16 @@ contains
       end do
       if (k > most) call failure(error, 'the strength of the smoothing does not settle')
    end subroutine settle
+
+   !> No property differs between neighbouring coefficients by more than some 60 %, as a standard
+   !> deviation: a model that is wrong would ask for any penalty to vanish.
+   pure real(wp) function least_strength(problem, J) result(strength)
+      type(residual_t), intent(in) :: problem
+      real(wp), intent(in) :: J
+      real(wp), parameter :: unlike = 0.5_wp
+
+      strength = max(J/problem%samples()/unlike**2, tiny(J))
+   end function least_strength
 
    !> A strength beside which the data count for nothing, but for what is smooth.
    subroutine set_rigid(problem, variables, a, error)
