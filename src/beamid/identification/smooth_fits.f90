@@ -201,16 +201,15 @@ contains
 
       columns = problem%profile_columns(a)
       allocate (r(problem%rows()), jacobian(problem%rows(), size(variables)))
-      call problem%jacobian(variables%start, r, jacobian, error)
+      call problem%jacobian([variables%start], r, jacobian, error)
       if (allocated(error)) return
       problem%strength(a) = rigid*max(tiny(rigid), sum([(sum((jacobian(:, columns(k)) &
          *variables(columns(k))%start)**2), k=1, size(columns))]))
       if (all(abs(variables(columns)%start - variables(columns(1))%start) <= 0)) return
       ! A start that varies already keeps its shape, up to a slope of `steep` in the logarithm over
       ! the length. What is wrong with it is no noise, and no measure of what the data can tell.
-      associate (m => problem%samples())
-         problem%strength(a) = sum(r(:m)**2)/m*(size(columns)/steep)**2
-      end associate
+      problem%strength(a) = sum(r(:problem%samples())**2)/problem%samples() &
+         *(size(columns)/steep)**2
    end subroutine set_rigid
 
    !> The smoothing of E(x) (1) or c_D(x) (2) at an estimate, all other rows taken for data.
