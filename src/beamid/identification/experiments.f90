@@ -150,7 +150,7 @@ contains
       integer :: p
 
       applied = excitation
-      call applied%fit_to(structure%stiffness())
+      if (applied%by_displacement) call applied%fit_to(structure%stiffness())
       equations = new_equations(self%galerkin, structure, applied, &
          matrices=.not. is_exact(self%solver))
       y = 0
@@ -162,7 +162,7 @@ contains
          if (p > 0) then
             ! Linear in the amplitude: the derivative is the response to a unit one.
             call applied%set_amplitude(1.0_wp)
-            call applied%fit_to(structure%stiffness())
+            if (applied%by_displacement) call applied%fit_to(structure%stiffness())
             call driven(applied, [integer ::], dy(:, p), none)
             if (allocated(error)) return
          end if
