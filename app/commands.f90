@@ -154,8 +154,7 @@ contains
       call table%line(modes_header)
       call summary%line(case%name//': natural modes')
       do k = 1, size(case%meshes)
-         galerkin = new_galerkin(case%meshes(k), case%model%structure%length, &
-            case%model%structure%has_root_spring(), case%model%structure%variations)
+         galerkin = galerkin_of(case%meshes(k), case%model%structure)
          equations = new_equations(galerkin, case%model%structure, still)
          call undamped_modes(equations, omega, shapes, error)
          if (.not. allocated(error)) call damped_roots(equations, roots, error)

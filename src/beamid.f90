@@ -33,7 +33,7 @@ module beamid
    use beamid_excitation, only: excitation_t, new_force_table, new_free, new_pulse, new_release
    use beamid_experiments, only: experiment_t
    use beamid_fitted_modes, only: fitted_mode_t, fitted_modes
-   use beamid_galerkin, only: galerkin_t, mesh_t, new_galerkin
+   use beamid_galerkin, only: galerkin_of, galerkin_t, mesh_t, new_galerkin
    use beamid_identification, only: identify, identify_meshes, model_t, simulate, simulation_t, &
       stage_fit_t, stage_t
    use beamid_kinds, only: wp

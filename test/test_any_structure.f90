@@ -5,7 +5,7 @@ program test_any_structure
    use beamid_equations, only: equations_t, new_equations
    use beamid_errors, only: error_t
    use beamid_excitation, only: excitation_t, new_force_table
-   use beamid_galerkin, only: galerkin_t, mesh_t, new_galerkin
+   use beamid_galerkin, only: galerkin_of, galerkin_t, mesh_t
    use beamid_kinds, only: wp
    use beamid_modal, only: modal_t
    use beamid_responses, only: response_t, work_t
@@ -47,7 +47,7 @@ contains
       if (uniform() < 0.1_wp) s%kappa_R = s%kappa_R*decades(-12.0_wp, 0.0_wp)
       mesh = mesh_t(3, int(decades(log10(2.0_wp), log10(most + 1.0_wp))), 4, 1)
       if (uniform() < 0.3_wp) mesh = mesh_t(5, mesh%elements, 6, 1)
-      galerkin = new_galerkin(mesh, s%length, turning=s%has_root_spring())
+      galerkin = galerkin_of(mesh, s)
    end subroutine draw
 
    !> A force of random nodes, twenty-four samples over four periods or so of the first mode.

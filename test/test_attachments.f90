@@ -6,7 +6,7 @@ program test_attachments
    use beamid_equations, only: equations_t, new_equations
    use beamid_errors, only: error_t
    use beamid_excitation, only: new_pulse
-   use beamid_galerkin, only: mesh_t
+   use beamid_galerkin, only: galerkin_of, mesh_t
    use beamid_kinds, only: wp
    use beamid_modes, only: undamped_modes
    use beamid_observation, only: observation_t, new_sampling
@@ -16,7 +16,7 @@ program test_attachments
    use beamid_structure, only: at_tip, of_c_R, of_kappa_R, of_length, of_m_S, of_m_T, of_x_S, &
       structure_t
    use checks, only: check, check_close, finish
-   use exact_motions, only: exact, galerkin, mesh_of, prepare, relative
+   use exact_motions, only: exact, galerkin, prepare, relative
    use full_matrices, only: full_t, new_full
    use random_experiments, only: experiment_t, samples
    use random_numbers, only: decades, start_random, uniform
@@ -365,7 +365,7 @@ contains
          do m = 1, size(meshes)
             name = 'LAPACK, case '//to_text(i)//', degree '//to_text(meshes(m)%degree)//', N = '// &
                to_text(meshes(m)%elements)
-            galerkin = mesh_of(meshes(m), cases(i))
+            galerkin = galerkin_of(meshes(m), cases(i))
             call poles_of(cases(i), poles, error)
             call check(name//': poles', .not. allocated(error))
             if (allocated(error)) cycle
@@ -413,7 +413,7 @@ contains
       integer :: i, k
 
       structure = structure_t(length=2, rho=0.5_wp, E=3, I=1, kappa_R=1)
-      galerkin = mesh_of(coarse, structure)
+      galerkin = galerkin_of(coarse, structure)
       equations = new_equations(galerkin, structure, new_pulse(1.0_wp, 1.0_wp))
       call undamped_modes(equations, omega, shapes, error)
       do i = -6, 4

@@ -6,7 +6,7 @@ program test_benches
    use beamid_equations, only: equations_t, new_equations
    use beamid_errors, only: error_t
    use beamid_excitation, only: excitation_t, new_base_motion, new_force_table
-   use beamid_galerkin, only: galerkin_t, mesh_t, new_galerkin
+   use beamid_galerkin, only: galerkin_of, galerkin_t, mesh_t, new_galerkin
    use beamid_kinds, only: wp, ip
    use beamid_modal, only: modal_t
    use beamid_modes, only: undamped_modes
@@ -234,7 +234,7 @@ contains
             s%sensor(k)%x_S = nint(40*s%sensor(k)%x_S/s%length)*s%length/40
             if (k <= s%supports) s%support(k)%x_P = nint(40*s%support(k)%x_P/s%length)*s%length/40
          end do
-         galerkin = new_galerkin(mesh_t(3, 80, 4, 1), s%length, s%has_root_spring())
+         galerkin = galerkin_of(mesh_t(3, 80, 4, 1), s)
          equations = new_equations(galerkin, s, excitation_of_nothing())
          call undamped_modes(equations, omega, shapes, error)
          call check(name//'modes', .not. allocated(error))
@@ -245,7 +245,7 @@ contains
                1e-5_wp)
          end do
          ! k_R on a mesh this fine costs the exact method too many digits.
-         galerkin = new_galerkin(mesh_t(3, 16, 4, 1), s%length, s%has_root_spring())
+         galerkin = galerkin_of(mesh_t(3, 16, 4, 1), s)
          equations = new_equations(galerkin, s, excitation_of_nothing())
          call undamped_modes(equations, omega, shapes, error)
          call damped_roots(equations, roots, error)

@@ -7,7 +7,7 @@ program test_clamps
    use beamid_equations, only: equations_t, new_equations
    use beamid_errors, only: error_t
    use beamid_excitation, only: new_pulse
-   use beamid_galerkin, only: galerkin_t, mesh_t, new_galerkin
+   use beamid_galerkin, only: galerkin_of, galerkin_t, mesh_t, new_galerkin
    use beamid_identification, only: identify, model_t, simulate, simulation_t, stage_fit_t
    use beamid_kinds, only: wp
    use beamid_modal, only: modal_t
@@ -18,7 +18,7 @@ program test_clamps
    use beamid_strings, only: to_text
    use beamid_structure, only: of_kappa_R, structure_t
    use checks, only: check, check_close, finish
-   use exact_motions, only: grid => galerkin, mesh_of
+   use exact_motions, only: grid => galerkin
    use models, only: model_of, stage_of
    use random_experiments, only: random_structure
    use random_numbers, only: decades, start_random, uniform
@@ -127,8 +127,8 @@ contains
          s = random_structure()
          if (uniform() < 0.1_wp) s%kappa_R = s%kappa_R*decades(-12.0_wp, 0.0_wp)
          elements = int(decades(log10(2.0_wp), log10(41.0_wp)))
-         grid = mesh_of(mesh_t(3, elements, 4, 1), s)
-         if (uniform() < 0.3_wp) grid = mesh_of(mesh_t(5, elements, 6, 1), s)
+         grid = galerkin_of(mesh_t(3, elements, 4, 1), s)
+         if (uniform() < 0.3_wp) grid = galerkin_of(mesh_t(5, elements, 6, 1), s)
          call poles_of(s, poles, error)
          if (allocated(error)) refused = refused + 1
       end do

@@ -6,13 +6,13 @@ program test_many_roots
    use beamid_equations, only: equations_t, new_equations
    use beamid_errors, only: error_t
    use beamid_excitation, only: new_pulse
-   use beamid_galerkin, only: mesh_t
+   use beamid_galerkin, only: galerkin_of, mesh_t
    use beamid_kinds, only: wp
    use beamid_poles, only: poles_t
    use beamid_strings, only: to_text
    use beamid_structure, only: structure_t
    use checks, only: check, check_close, finish
-   use exact_motions, only: galerkin, mesh_of
+   use exact_motions, only: galerkin
    use full_matrices, only: full_t, new_full, qp
    use random_experiments, only: wide_structure
    use random_numbers, only: start_random, uniform
@@ -44,7 +44,7 @@ contains
          structure = wide_structure()
          mesh = mesh_t(3, 2 + int(5*uniform()), 4, 1)
          if (uniform() < 0.3_wp) mesh = mesh_t(5, 2 + int(5*uniform()), 6, 1)
-         galerkin = mesh_of(mesh, structure)
+         galerkin = galerkin_of(mesh, structure)
          call poles_of(structure, poles, error)
          if (allocated(error)) then
             refused = refused + 1

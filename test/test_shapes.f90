@@ -3,7 +3,7 @@ program test_shapes
    use beamid_equations, only: equations_t, new_equations
    use beamid_errors, only: error_t
    use beamid_excitation, only: new_pulse
-   use beamid_galerkin, only: galerkin_t, mesh_t, new_galerkin
+   use beamid_galerkin, only: galerkin_of, galerkin_t, mesh_t
    use beamid_kinds, only: wp
    use beamid_mode_shapes, only: mode_shapes
    use beamid_roots, only: damped_roots
@@ -30,7 +30,7 @@ contains
       type(structure_t), intent(in) :: structure
       integer :: k
 
-      galerkin = new_galerkin(mesh, structure%length, structure%has_root_spring())
+      galerkin = galerkin_of(mesh, structure)
       equations = new_equations(galerkin, structure, new_pulse(0.0_wp, 1.0_wp))
       x = structure%length*[(k/(points - 1.0_wp), k=0, points - 1)]
       call damped_roots(equations, roots, error)

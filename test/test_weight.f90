@@ -8,7 +8,7 @@ program test_weight
    use beamid_equations, only: equations_t, new_equations
    use beamid_errors, only: error_t
    use beamid_excitation, only: excitation_t, new_pulse
-   use beamid_galerkin, only: galerkin_t, mesh_t, new_galerkin
+   use beamid_galerkin, only: galerkin_of, galerkin_t, mesh_t, new_galerkin
    use beamid_kinds, only: ip, wp
    use beamid_modal, only: modal_t
    use beamid_modes, only: bare_beam_modes, beam_modes_t, undamped_modes
@@ -56,7 +56,7 @@ contains
 
       by_modes = 0
       by_roots = 0
-      galerkin = new_galerkin(mesh, s%length, s%has_root_spring())
+      galerkin = galerkin_of(mesh, s)
       equations = new_equations(galerkin, s, new_pulse(1.0_wp, 1.0_wp))
       call undamped_modes(equations, omega, shapes, error)
       if (.not. allocated(error)) by_modes = omega(1)

@@ -6,7 +6,7 @@ module attached_beams
    use beamid_equations, only: equations_t, new_equations
    use beamid_errors, only: error_t
    use beamid_excitation, only: new_pulse
-   use beamid_galerkin, only: mesh_t
+   use beamid_galerkin, only: galerkin_of, mesh_t
    use beamid_kinds, only: ip, wp
    use beamid_modes, only: bare_beam_modes, beam_modes_t
    use beamid_parameters, only: magnitude
@@ -15,8 +15,7 @@ module attached_beams
    use beamid_roots, only: damped_roots
    use beamid_structure, only: sensor_t, structure_t
    use checks, only: check, check_close
-   use exact_motions, only: as_columns, exact, galerkin, kinds, march, mesh_of, prepare, relative, &
-      solver
+   use exact_motions, only: as_columns, exact, galerkin, kinds, march, prepare, relative, solver
    use full_matrices, only: full_t, new_full, qp
    use random_experiments, only: experiment_t, random_experiment
    implicit none
@@ -65,7 +64,7 @@ contains
       type(equations_t), target :: equations
       type(error_t), allocatable :: error
 
-      galerkin = mesh_of(mesh, structure)
+      galerkin = galerkin_of(mesh, structure)
       equations = new_equations(galerkin, structure, new_pulse(1.0_wp, 1.0_wp))
       call damped_roots(equations, roots, error)
       if (.not. allocated(error)) return

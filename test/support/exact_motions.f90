@@ -4,19 +4,18 @@ module exact_motions
    use beamid_equations, only: equations_t, new_equations
    use beamid_errors, only: error_t
    use beamid_excitation, only: excitation_t
-   use beamid_galerkin, only: galerkin_t, mesh_t, new_galerkin
+   use beamid_galerkin, only: galerkin_of, galerkin_t
    use beamid_kinds, only: wp
    use beamid_modal, only: modal_t
    use beamid_observation, only: sampling_t
    use beamid_responses, only: response_t, work_t
-   use beamid_structure, only: structure_t
    use checks, only: check
    use full_matrices, only: qp
    use random_experiments, only: experiment_t, samples
    implicit none
    private
 
-   public :: kinds, galerkin, solver, mesh_of, prepare, exact, motion_columns, as_columns, march, &
+   public :: kinds, galerkin, solver, prepare, exact, motion_columns, as_columns, march, &
       relative
 
    character(len=*), parameter :: kinds(4) = [character(len=12) :: 'displacement', 'velocity', &
@@ -27,22 +26,12 @@ module exact_motions
 
 contains
 
-   !> Integrals for a structure, whose root may turn if it is soft, and which may vary.
-   function mesh_of(mesh, structure) result(integrals)
-      type(mesh_t), intent(in) :: mesh
-      type(structure_t), intent(in) :: structure
-      type(galerkin_t) :: integrals
-
-      integrals = new_galerkin(mesh, structure%length, turning=structure%has_root_spring(), &
-         variations=structure%variations)
-   end function mesh_of
-
    !> The mesh of an experiment, and the solver ready for it.
    subroutine prepare(e)
       type(experiment_t), intent(in) :: e
       type(error_t), allocatable :: error
 
-      galerkin = mesh_of(e%mesh, e%structure)
+      galerkin = galerkin_of(e%mesh, e%structure)
       call solver%prepare(galerkin, error)
       if (allocated(error)) call check('a mesh', .false., error%message)
    end subroutine prepare

@@ -11,7 +11,7 @@ module beamid_ensembles
    use beamid_errors, only: error_t
    use beamid_excitation, only: new_pulse
    use beamid_experiments, only: apparatus_t, experiment_t, linear_t, new_apparatus, seen_modes_t
-   use beamid_galerkin, only: galerkin_t, mesh_t, new_galerkin
+   use beamid_galerkin, only: galerkin_of, galerkin_t, mesh_t
    use beamid_identification, only: stage_fit_t
    use beamid_kinds, only: ip, wp
    use beamid_modal, only: modal_t
@@ -378,8 +378,7 @@ contains
 
       associate (structure => world%structures(1))
          do k = 1, size(case%meshes)
-            galerkin = new_galerkin(case%meshes(k), structure%length, structure%has_root_spring(), &
-               structure%variations)
+            galerkin = galerkin_of(case%meshes(k), structure)
             equations = new_equations(galerkin, structure, world%excitations(1))
             call damped_roots(equations, roots, error)
             if (allocated(error)) return

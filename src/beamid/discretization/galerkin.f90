@@ -5,11 +5,12 @@ module beamid_galerkin
    use beamid_kinds, only: wp
    use beamid_quadrature, only: gauss_legendre, rule_t, composite
    use beamid_splines, only: new_spline_space, spline_space_t
+   use beamid_structure, only: structure_t
    use beamid_variations, only: variations_t
    implicit none
    private
 
-   public :: mesh_t, galerkin_t, new_galerkin, same_mesh, slope_points
+   public :: mesh_t, galerkin_t, galerkin_of, new_galerkin, same_mesh, slope_points
 
    !> How the beam is discretized.
    type :: mesh_t
@@ -64,6 +65,16 @@ contains
       same_mesh = all([a%degree, a%elements, a%gauss_points, a%panels] == &
                       [b%degree, b%elements, b%gauss_points, b%panels])
    end function same_mesh
+
+   !> Integrals for a structure, whose root may turn if it is soft, and which may vary.
+   pure function galerkin_of(mesh, structure) result(self)
+      type(mesh_t), intent(in) :: mesh
+      type(structure_t), intent(in) :: structure
+      type(galerkin_t) :: self
+
+      self = new_galerkin(mesh, structure%length, structure%has_root_spring(), &
+         structure%variations)
+   end function galerkin_of
 
    !> Integrals for a beam of the given length [length].
    !>

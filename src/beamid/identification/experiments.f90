@@ -7,7 +7,7 @@ module beamid_experiments
    use beamid_errors, only: error_t, bad_input, failure
    use beamid_excitation, only: excitation_t
    use beamid_free_motion, only: free_mode_t
-   use beamid_galerkin, only: galerkin_t, mesh_t, new_galerkin
+   use beamid_galerkin, only: galerkin_of, galerkin_t, mesh_t
    use beamid_kinds, only: wp
    use beamid_observation, only: observation_t, sampling_t, new_sampling
    use beamid_parameters, only: amplitude
@@ -108,8 +108,7 @@ contains
             'finds; expected the modal response')
          return
       end if
-      apparatus%galerkin = new_galerkin(mesh, structure%length, structure%has_root_spring(), &
-               structure%variations)
+      apparatus%galerkin = galerkin_of(mesh, structure)
       most = unknowns_of(mesh, structure)
       if (experiment%excitation%modes > most) then
          call bad_input(error, 'found '//to_text(experiment%excitation%modes)//' modes that '// &

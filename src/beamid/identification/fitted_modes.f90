@@ -4,7 +4,7 @@ module beamid_fitted_modes
    use beamid_equations, only: equations_t, new_equations
    use beamid_errors, only: error_t
    use beamid_excitation, only: new_pulse
-   use beamid_galerkin, only: galerkin_t, mesh_t, new_galerkin
+   use beamid_galerkin, only: galerkin_of, galerkin_t, mesh_t
    use beamid_identification, only: stage_fit_t
    use beamid_kinds, only: wp
    use beamid_modal, only: modal_t
@@ -52,8 +52,7 @@ contains
       allocate (modes(0))
       do r = 1, size(fit%world%structures)
          associate (structure => fit%world%structures(r))
-            galerkin = new_galerkin(mesh, structure%length, structure%has_root_spring(), &
-               structure%variations)
+            galerkin = galerkin_of(mesh, structure)
             call solver%prepare(galerkin, error)
             if (allocated(error)) return
             equations = new_equations(galerkin, structure, new_pulse(0.0_wp, 1.0_wp))

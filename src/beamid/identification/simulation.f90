@@ -3,7 +3,7 @@ module beamid_simulation
    use beamid_equations, only: equations_t, new_equations
    use beamid_errors, only: error_t
    use beamid_excitation, only: excitation_t
-   use beamid_galerkin, only: galerkin_t, mesh_t, new_galerkin
+   use beamid_galerkin, only: galerkin_of, galerkin_t, mesh_t
    use beamid_kinds, only: wp
    use beamid_observation, only: new_sampling, observation_t, sampling_t
    use beamid_priors, only: prior_t
@@ -50,9 +50,7 @@ contains
       type(response_t) :: wide
       class(solver_t), allocatable :: solver
 
-      galerkin = new_galerkin(mesh, model%structure%length, &
-         model%structure%has_root_spring(), &
-               model%structure%variations)
+      galerkin = galerkin_of(mesh, model%structure)
       solver = model%solver
       call prepare_for(galerkin, solver, error)
       if (allocated(error)) return

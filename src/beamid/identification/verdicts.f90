@@ -6,7 +6,7 @@ module beamid_verdicts
    use beamid_errors, only: error_t
    use beamid_excitation, only: new_pulse
    use beamid_experiments, only: experiment_t
-   use beamid_galerkin, only: galerkin_t, mesh_t, new_galerkin
+   use beamid_galerkin, only: galerkin_of, galerkin_t, mesh_t
    use beamid_gauss_newton, only: least_squares_step
    use beamid_kinds, only: wp
    use beamid_modal, only: modal_t
@@ -111,8 +111,7 @@ contains
          s = 0
          ds = 0
          do r = 1, size(structures)
-            galerkin = new_galerkin(mesh, structures(r)%length, structures(r)%has_root_spring(), &
-               structures(r)%variations)
+            galerkin = galerkin_of(mesh, structures(r))
             call solver%prepare(galerkin, error)
             if (allocated(error)) return
             equations = new_equations(galerkin, structures(r), new_pulse(0.0_wp, 1.0_wp))

@@ -3,7 +3,7 @@ module beamid_shape_tables
    use beamid_equations, only: equations_t, new_equations
    use beamid_errors, only: error_t
    use beamid_excitation, only: new_pulse
-   use beamid_galerkin, only: galerkin_t, mesh_t, new_galerkin
+   use beamid_galerkin, only: galerkin_of, galerkin_t, mesh_t
    use beamid_kinds, only: wp
    use beamid_lines, only: csv_row
    use beamid_mode_shapes, only: mode_shapes
@@ -46,8 +46,7 @@ contains
       if (size(s) == 0) return
       coarser = mesh
       coarser%elements = min(mesh%elements, finest)
-      galerkin = new_galerkin(coarser, structure%length, structure%has_root_spring(), &
-               structure%variations)
+      galerkin = galerkin_of(coarser, structure)
       equations = new_equations(galerkin, structure, new_pulse(0.0_wp, 1.0_wp))
       x = structure%length*[(k/(points - 1.0_wp), k=0, points - 1)]
       call mode_shapes(equations, s, x, shapes, error)
