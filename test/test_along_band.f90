@@ -3,11 +3,12 @@
 program test_along_band
    use beamid_kinds, only: wp
    use beamid_noise, only: gaussian_noise
-   use beamid_profile_bands, only: band, band_t, of_c_D_x, of_E_x, varies
+   use beamid_profile_bands, only: band, band_t, varies
    use beamid_stages, only: stage_fit_t
    use beamid_statistics, only: unlimited
    use beamid_strings, only: to_text
    use beamid_structure, only: E_at, of_d_D, of_E, of_w_D, of_x_D
+   use beamid_variations, only: of_c_D_x, of_E_x
    use checks, only: check, check_close, finish, skip
    use shell, only: close_shell, exists, has_all, line_count, open_shell, outcome_t, &
       program_path, read_file, run, write_file
@@ -108,7 +109,7 @@ contains
       integer :: j
 
       fit = made_fit(E_at(:8), [(10 + sin(real(j, wp)), j=1, 8)], 0.02_wp)
-      fit%structure%variations%E_along%coefficients = 8
+      fit%structure%variations%along(of_E_x)%coefficients = 8
       call check('a structure alone does not vary', .not. varies(fit%structure, of_E_x))
       do j = 1, 8
          call fit%structure%set(E_at(j), fit%quantities(j)%value)

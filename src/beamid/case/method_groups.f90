@@ -261,21 +261,20 @@ contains
       character(len=*), parameter :: plain(2) = [character(len=3) :: 'E', 'c_D']
       character(len=len(free)), allocatable :: names(:)
       integer :: a, j, k
-      logical :: varies
+      logical :: known(size(plain)), varies
 
+      known = [structure%variations%E%kind /= constant .or. structure%has_dip(), &
+         structure%variations%c_D%kind /= constant]
       varies = .false.
-      do a = 1, 2
+      do a = 1, size(plain)
          if (count(lower_all(free) == lower(trim(plain(a)))//'(x)') > 1) call block%refuse('free', &
             shown(trim(plain(a))//'(x)')//' twice', 'each parameter once')
          if (block%failed()) return
          k = findloc(lower_all(free) == lower(trim(plain(a)))//'(x)', .true., dim=1)
          if (k == 0) cycle
          varies = .true.
-         if (a == 1) call prepare_profile(block, 'E(x)', coefficients, kind, &
-            structure%variations%E%kind /= constant .or. structure%has_dip(), &
-            structure%variations%E_along)
-         if (a == 2) call prepare_profile(block, 'c_D(x)', coefficients, kind, &
-            structure%variations%c_D%kind /= constant, structure%variations%c_D_along)
+         call prepare_profile(block, trim(plain(a))//'(x)', coefficients, kind, known(a), &
+            structure%variations%along(a))
          if (block%failed()) return
          allocate (names(coefficients))
          do j = 1, coefficients
@@ -288,12 +287,11 @@ contains
          call spread_name(free, lower(trim(plain(a)))//'(x)', names)
          deallocate (names)
       end do
-      associate (along => structure%variations)
-         if (along%E_along%coefficients > 0 .and. any(lower_all(free) == 'e')) call block%refuse( &
-            'free', 'E beside E(x)', 'one of them')
-         if (along%c_D_along%coefficients > 0 .and. any(lower_all(free) == 'c_d')) &
-            call block%refuse('free', 'c_D beside c_D(x)', 'one of them')
-      end associate
+      do a = 1, size(plain)
+         if (structure%variations%along(a)%coefficients > 0 .and. &
+            any(lower_all(free) == lower(trim(plain(a))))) call block%refuse('free', &
+            trim(plain(a))//' beside '//trim(plain(a))//'(x)', 'one of them')
+      end do
       if (varies) return
       call block%exclude('coefficients', 'without E(x) or c_D(x) in free')
       call block%exclude('kind', 'without E(x) or c_D(x) in free')

@@ -275,7 +275,7 @@ contains
             self%bent = new_points(self%space, composite(max(mesh%gauss_points, of_a_dip), &
                mesh%panels), pack(breaks, knots == 0))
          else if (mesh%gauss_points >= mesh%degree - 1 .and. .not. self%varies .and. &
-            v%E_along%coefficients + v%c_D_along%coefficients == 0) then
+            all(v%along%coefficients == 0)) then
             self%bent = new_points(self%space, composite(mesh%degree - 1, 1), [real(wp) ::])
          end if
       end associate

@@ -18,7 +18,7 @@
 module beamid_assembly
    use beamid_kinds, only: wp
    use beamid_modes, only: beam_modes_t
-   use beamid_structure, only: E_at, of_g, of_length, of_x_F, structure_t
+   use beamid_structure, only: is_coefficient, of_g, of_length, of_x_F, structure_t
    use beamid_terms, only: bending, force_value, hose, inertia, is_spring, load_shape, &
       of_compliance, of_damping, of_load, of_mass, of_stiffness, operators, place_on_mesh, pulls, &
       root_slope, sensor_slope, sensor_value, strengths_and_slopes, stretch, support_value, &
@@ -378,7 +378,7 @@ contains
    pure logical function varies_more(self)
       type(assembly_t), intent(in) :: self
 
-      varies_more = self%structure%varies_further() .or. any(self%parameters >= E_at(1))
+      varies_more = self%structure%varies_further() .or. any(is_coefficient(self%parameters))
    end function varies_more
 
    !> What E(x) and c_D(x) make of the bending, beyond E, c_D and what is known to vary.

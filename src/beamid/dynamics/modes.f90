@@ -110,7 +110,7 @@ contains
          modes%bent = galerkin%bent%xi
          modes%known = galerkin%known
          associate (v => modes%variations)
-            if (v%dips .or. v%E_along%coefficients + v%c_D_along%coefficients > 0) then
+            if (v%dips .or. any(v%along%coefficients > 0)) then
                modes%curvatures = galerkin%curvatures(modes%shapes)
                if (modes%turn > 0) modes%curvatures(:, 1) = 0
             end if

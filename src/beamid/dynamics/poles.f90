@@ -16,7 +16,7 @@ module beamid_poles
    use beamid_kinds, only: wp
    use beamid_roots, only: find_roots
    use beamid_strings, only: to_text
-   use beamid_structure, only: E_at, n_parameters
+   use beamid_structure, only: is_coefficient, n_parameters
    use beamid_systems, only: differentiate_vector, find_whole_vector, vector_slope_t
    use beamid_vectors, only: answer, find_vector, root_t, solve_coupled, solve_mass, vector_t
    implicit none
@@ -130,7 +130,7 @@ contains
       integer, intent(in) :: p
 
       value_of = 0
-      if (assembly%parameters(p) <= n_parameters .or. assembly%parameters(p) >= E_at(1)) &
+      if (assembly%parameters(p) <= n_parameters .or. is_coefficient(assembly%parameters(p))) &
          value_of = assembly%structure%get(assembly%parameters(p))
    end function value_of
 

@@ -12,7 +12,7 @@ module beamid_line_matches
    use beamid_residuals, only: penalty_order, profiles, residual_t
    use beamid_smoothing, only: difference_rows
    use beamid_spectra, only: line_t
-   use beamid_structure, only: E_at, of_x_D
+   use beamid_structure, only: is_coefficient, of_x_D
    use beamid_variables, only: variable_t
    implicit none
    private
@@ -138,7 +138,7 @@ contains
       matching%beliefs = beliefs_about(problem%world, problem%free, problem%record, &
          [variables%start], problem%priors, problem%given)
       do k = 1, size(variables)
-         if (problem%free(k) >= E_at(1)) matching%beliefs(k)%width = 1
+         if (is_coefficient(problem%free(k))) matching%beliefs(k)%width = 1
          if (problem%free(k) == of_x_D) matching%beliefs(k)%width = 0.2_wp &
             *problem%world%structures(1)%length
       end do

@@ -12,15 +12,12 @@ module beamid_profile_bands
    use beamid_smoothing, only: resolution_length
    use beamid_stages, only: stage_fit_t
    use beamid_statistics, only: unlimited
-   use beamid_structure, only: c_D_at, E_at, of_c_D, of_d_D, of_E, of_w_D, of_x_D, structure_t
-   use beamid_variations, only: constant, profile_t
+   use beamid_structure, only: function_of, of_c_D, of_d_D, of_E, of_w_D, of_x_D, structure_t
+   use beamid_variations, only: constant, of_E_x, profile_t
    implicit none
    private
 
-   public :: band, band_t, varies, of_E_x, of_c_D_x, is_coefficient
-
-   !> The functions, in the order of all that comes in pairs of them.
-   integer, parameter :: of_E_x = 1, of_c_D_x = 2
+   public :: band, band_t, varies
 
    !> A function at places along the beam.
    type :: band_t
@@ -42,25 +39,20 @@ module beamid_profile_bands
 
 contains
 
-   !> Whether a parameter is a coefficient of E(x) or c_D(x).
-   elemental logical function is_coefficient(parameter)
-      integer, intent(in) :: parameter
-
-      is_coefficient = parameter >= E_at(1)
-   end function is_coefficient
-
-   !> Whether E (1) or c_D (2) of a fit varies along the beam.
+   !> Whether E or c_D of a fit varies along the beam.
+   !>
+   !> a  of_E_x or of_c_D_x
    pure logical function varies(structure, a)
       type(structure_t), intent(in) :: structure
       integer, intent(in) :: a
 
       associate (v => structure%variations)
          if (a == of_E_x) then
-            varies = v%E%kind /= constant .or. structure%has_dip() .or. &
-               allocated(v%E_along%value)
+            varies = v%E%kind /= constant .or. structure%has_dip()
          else
-            varies = v%c_D%kind /= constant .or. allocated(v%c_D_along%value)
+            varies = v%c_D%kind /= constant
          end if
+         varies = varies .or. allocated(v%along(a)%value)
       end associate
    end function varies
 
@@ -108,11 +100,11 @@ contains
       integer, intent(in) :: parameter, a
 
       if (a == of_E_x) then
-         is_part = any(parameter == [of_E, of_x_D, of_w_D, of_d_D]) .or. &
-            (parameter >= E_at(1) .and. parameter < c_D_at(1))
+         is_part = any(parameter == [of_E, of_x_D, of_w_D, of_d_D])
       else
-         is_part = parameter == of_c_D .or. parameter >= c_D_at(1)
+         is_part = parameter == of_c_D
       end if
+      is_part = is_part .or. function_of(parameter) == a
    end function is_part
 
    pure real(wp) function value_at(structure, a, xi)
@@ -186,8 +178,7 @@ contains
       real(wp), allocatable :: places(:), row(:)
       integer :: j, k
 
-      along = fit%structure%variations%E_along
-      if (a == of_c_D_x) along = fit%structure%variations%c_D_along
+      along = fit%structure%variations%along(a)
       if (.not. allocated(along%value)) return
       found%spacing = fit%structure%length/(along%coefficients - along%degree)
       if (.not. allocated(fit%profiles(a)%place)) return

@@ -14,7 +14,7 @@ module beamid_residuals
    use beamid_responses, only: is_exact, work_t
    use beamid_simulation, only: model_t
    use beamid_smoothing, only: difference_rows
-   use beamid_structure, only: c_D_at, E_at
+   use beamid_structure, only: coefficient_at, is_coefficient
    use beamid_unknowns, only: world_t
    implicit none
    private
@@ -152,22 +152,19 @@ contains
       end do
    end subroutine penalty_rows
 
-   !> Places of the coefficients of E(x) (1) or c_D(x) (2) among the free parameters, where all of
-   !> them are; else of size 0.
+   !> Places of the coefficients of a function, of_E_x or of_c_D_x, among the free parameters, where
+   !> all of them are; else of size 0.
    pure function profile_columns(self, a) result(columns)
       class(residual_t), intent(in) :: self
       integer, intent(in) :: a
       integer, allocatable :: columns(:)
-      integer :: coefficients, first, k
+      integer :: coefficients, k
 
       allocate (columns(0))
-      if (.not. any(self%free >= E_at(1))) return
-      associate (v => self%world%structures(1)%variations)
-         coefficients = merge(v%E_along%coefficients, v%c_D_along%coefficients, a == 1)
-      end associate
+      if (.not. any(is_coefficient(self%free))) return
+      coefficients = self%world%structures(1)%variations%along(a)%coefficients
       if (coefficients == 0) return
-      first = merge(E_at(1), c_D_at(1), a == 1)
-      columns = [(findloc(self%free, first + k, dim=1), k=0, coefficients - 1)]
+      columns = [(findloc(self%free, coefficient_at(k, a), dim=1), k=1, coefficients)]
       if (any(columns == 0)) columns = [integer ::]
    end function profile_columns
 

@@ -11,7 +11,7 @@ module beamid_smooth_fits
    use beamid_noise_levels, only: fit_with_noise
    use beamid_residuals, only: penalty_order, profiles, residual_t
    use beamid_smoothing, only: choose_strength, smoothing_t
-   use beamid_structure, only: E_at, of_x_D
+   use beamid_structure, only: is_coefficient, of_x_D
    use beamid_variables, only: variable_t
    implicit none
    private
@@ -51,7 +51,7 @@ contains
       type(variable_t), allocatable :: starts(:, :)
       integer :: k
 
-      if (.not. any(problem%free >= E_at(1) .or. problem%free == of_x_D)) then
+      if (.not. any(is_coefficient(problem%free) .or. problem%free == of_x_D)) then
          call fit_with_noise(problem, variables, options, found, error, monitor, label, names)
          return
       end if

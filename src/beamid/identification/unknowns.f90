@@ -8,7 +8,7 @@ module beamid_unknowns
       name_of_parameter, offset, on_beam, parameters, parameter_name_length => name_length, &
       set_free, share
    use beamid_strings, only: to_text
-   use beamid_structure, only: E_at, n_parameters, of_length, structure_t, x_P_at
+   use beamid_structure, only: is_coefficient, n_parameters, of_length, structure_t, x_P_at
    use beamid_variables, only: new_variable, unbounded, variable_t
    implicit none
    private
@@ -306,8 +306,8 @@ contains
             variables(k) = new_variable(min(max(start(k), q%lower), q%upper), q%lower, q%upper, &
                moderate)
             ! Differences of logarithms keep E(x) and c_D(x) smooth.
-            variables(k)%is_logarithmic = stage%free(k) >= E_at(1) .and. .not. q%lower > 0 .and. &
-               .not. q%upper < unbounded
+            variables(k)%is_logarithmic = is_coefficient(stage%free(k)) .and. &
+               .not. q%lower > 0 .and. .not. q%upper < unbounded
             q%start = as_named(stage%free(k), variables(k)%start)
             range = [q%lower, q%upper]
             if (q%is_reciprocal()) range = reciprocals(range)

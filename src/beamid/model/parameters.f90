@@ -7,7 +7,7 @@ module beamid_parameters
    use beamid_monomials, only: monomial_t, value_of
    use beamid_strings, only: lower, to_text
    use beamid_structure, only: item_name_length, most_sensors, most_supports, n_parameters, &
-      of_c_D, &
+      of_c_D, function_of, is_coefficient, &
       of_c_H, c_P_at, of_c_R, of_E, of_g, of_gamma, of_I, J_S_at, of_J_T, of_k_H, kappa_P_at, &
       of_kappa_R, of_length, of_m_H, m_S_at, of_m_T, of_rho, of_T, of_x_F, x_P_at, x_S_at, &
       c_D_at, E_at, most_coefficients, of_d_D, of_w_D, of_x_D, structure_t, values_of
@@ -173,10 +173,8 @@ contains
          structure%sensors)
       if (parameters(k)%group == 'support') is_there = parameters(k)%item <= structure%supports
       if (parameters(k)%group == 'along') is_there = structure%has_dip()
-      if (parameters(k)%group == 'E(x)') is_there = parameters(k)%item <= &
-         structure%variations%E_along%coefficients
-      if (parameters(k)%group == 'c_D(x)') is_there = parameters(k)%item <= &
-         structure%variations%c_D_along%coefficients
+      if (is_coefficient(k)) is_there = parameters(k)%item <= &
+         structure%variations%along(function_of(k))%coefficients
    end function is_there
 
    !> Name of parameter k as it is printed: of one of several sensors or supports 'm_S.a', where
@@ -190,7 +188,7 @@ contains
       if (parameters(k)%group == 'sensor' .and. structure%sensors > 1 .or. &
          parameters(k)%group == 'support' .and. structure%supports > 1) &
          name = labelled(structure, k)
-      if (k >= E_at(1)) name = trim(name)//'.'//to_text(parameters(k)%item)
+      if (is_coefficient(k)) name = trim(name)//'.'//to_text(parameters(k)%item)
    end function name_of_parameter
 
    !> Place of what a fit may free, by its name in any case, with that of the sensor or support

@@ -9,11 +9,11 @@ module beamid_structure
    use beamid_columns, only: column_buckles, column_deflection, column_t
    use beamid_kinds, only: wp
    use beamid_quadrature, only: gauss_legendre, rule_t
-   use beamid_variations, only: profile_t, variations_t
+   use beamid_variations, only: of_c_D_x, of_E_x, profile_t, variations_t
    implicit none
    private
 
-   public :: structure_t, same_structure, values_of
+   public :: structure_t, same_structure, values_of, is_coefficient, function_of
 
    !> A place that nobody has chosen: the tip.
    real(wp), parameter, public :: at_tip = -1
@@ -117,7 +117,10 @@ module beamid_structure
    !> Coefficients of E(x) and of c_D(x) at most, and their places: behind amplitude and offset.
    integer, parameter, public :: most_coefficients = 64, &
       E_at(most_coefficients) = [(n_parameters + 2 + i, i=1, most_coefficients)], &
-      c_D_at(most_coefficients) = E_at + most_coefficients
+      c_D_at(most_coefficients) = E_at + most_coefficients, &
+      coefficient_at(most_coefficients, 2) = reshape([E_at, c_D_at], [most_coefficients, 2])
+   !> Of each function the parameter that all its coefficients are before a fit.
+   integer, parameter :: common_of(2) = [of_E, of_c_D]
    !> Of the first sensor, or the only one.
    integer, parameter, public :: of_m_S = m_S_at(1), of_J_S = J_S_at(1), of_x_S = x_S_at(1)
 
@@ -130,6 +133,21 @@ contains
 
       q = transfer(structure%values_t, q)
    end function values_of
+
+   !> Whether a parameter is a coefficient of E(x) or c_D(x).
+   elemental logical function is_coefficient(k)
+      integer, intent(in) :: k
+
+      is_coefficient = k >= E_at(1)
+   end function is_coefficient
+
+   !> Of which function a parameter is a coefficient, of_E_x or of_c_D_x; 0: of none.
+   elemental integer function function_of(k)
+      integer, intent(in) :: k
+
+      function_of = 0
+      if (is_coefficient(k)) function_of = merge(of_c_D_x, of_E_x, k >= c_D_at(1))
+   end function function_of
 
    !> Without a hose the coordinate y is absent from the equations.
    pure logical function has_hose(self)
@@ -192,16 +210,14 @@ contains
       class(structure_t), intent(in) :: self
       integer, intent(in) :: k
       real(wp) :: q(n_parameters)
+      integer :: a
 
       q = values_of(self)
-      if (k >= E_at(1)) then
-         get = q(merge(of_c_D, of_E, k >= c_D_at(1)))
-         if (k >= c_D_at(1)) then
-            if (allocated(self%variations%c_D_along%value)) &
-               get = self%variations%c_D_along%value(k - c_D_at(1) + 1)
-         else if (allocated(self%variations%E_along%value)) then
-            get = self%variations%E_along%value(k - E_at(1) + 1)
-         end if
+      a = function_of(k)
+      if (a > 0) then
+         get = q(common_of(a))
+         if (allocated(self%variations%along(a)%value)) &
+            get = self%variations%along(a)%value(k - coefficient_at(1, a) + 1)
          return
       end if
       get = q(k)
@@ -214,13 +230,14 @@ contains
       integer, intent(in) :: k
       real(wp), intent(in) :: value
       real(wp) :: q(n_parameters)
+      integer :: a
 
-      if (k >= c_D_at(1)) then
-         call set_coefficient(self%variations%c_D_along, k - c_D_at(1) + 1, self%c_D, value)
-      else if (k >= E_at(1)) then
-         call set_coefficient(self%variations%E_along, k - E_at(1) + 1, self%E, value)
+      q = values_of(self)
+      a = function_of(k)
+      if (a > 0) then
+         call set_coefficient(self%variations%along(a), k - coefficient_at(1, a) + 1, &
+            q(common_of(a)), value)
       else
-         q = values_of(self)
          q(k) = value
          self%values_t = transfer(q, values_t())
          if (k == of_w_D) self%variations%dips = value > 0
@@ -244,11 +261,10 @@ contains
       same_structure = all(abs(values_of(a) - values_of(b)) <= 0) .and. &
          a%supports == b%supports .and. a%observer == b%observer .and. (a%stands .eqv. b%stands)
       if (same_structure) same_structure = &
-         same_values(a%variations%E_along, b%variations%E_along) .and. &
-         same_values(a%variations%c_D_along, b%variations%c_D_along)
+         all(same_values(a%variations%along, b%variations%along))
    end function same_structure
 
-   pure logical function same_values(a, b)
+   elemental logical function same_values(a, b)
       type(profile_t), intent(in) :: a, b
 
       same_values = allocated(a%value) .eqv. allocated(b%value)
@@ -267,8 +283,8 @@ contains
    pure logical function varies_further(self)
       class(structure_t), intent(in) :: self
 
-      varies_further = self%has_dip() .or. allocated(self%variations%E_along%value) .or. &
-         allocated(self%variations%c_D_along%value)
+      varies_further = self%has_dip() .or. allocated(self%variations%along(of_E_x)%value) .or. &
+         allocated(self%variations%along(of_c_D_x)%value)
    end function varies_further
 
    !> E(x) and c_D(x) over E and c_D, beyond what is known of them.
@@ -277,16 +293,17 @@ contains
    pure function factors(self, xi)
       class(structure_t), intent(in) :: self
       real(wp), intent(in) :: xi
-      real(wp) :: factors(2)
+      real(wp) :: factors(2), common(2)
+      integer :: a
 
       factors = 1
-      associate (v => self%variations)
-         if (allocated(v%E_along%value)) factors(1) = sum(v%E_along%shares(xi) &
-            *v%E_along%value)/self%E
-         if (allocated(v%c_D_along%value)) factors(2) = sum(v%c_D_along%shares(xi) &
-            *v%c_D_along%value)/self%c_D
-      end associate
-      if (self%has_dip()) factors(1) = factors(1)*(1 - self%d_D*dip_at(self, xi))
+      common = [self%E, self%c_D]
+      do a = 1, size(factors)
+         associate (along => self%variations%along(a))
+            if (allocated(along%value)) factors(a) = sum(along%shares(xi)*along%value)/common(a)
+         end associate
+      end do
+      if (self%has_dip()) factors(of_E_x) = factors(of_E_x)*(1 - self%d_D*dip_at(self, xi))
    end function factors
 
    !> The dip by itself, 1 at its place.
@@ -302,33 +319,33 @@ contains
       class(structure_t), intent(in) :: self
       real(wp), intent(in) :: xi
       integer, intent(in) :: k
-      real(wp) :: slopes(2), along, share(most_coefficients), z
+      real(wp) :: slopes(2), along, common(2), share(most_coefficients), z
+      integer :: a
 
       slopes = 0
-      associate (v => self%variations)
-         along = 1
-         if (allocated(v%E_along%value)) then
-            along = sum(v%E_along%shares(xi)*v%E_along%value)/self%E
-            if (k == of_E) slopes(1) = -along/self%E
+      along = 1
+      associate (E_x => self%variations%along(of_E_x), c_D_x => self%variations%along(of_c_D_x))
+         if (allocated(E_x%value)) then
+            along = sum(E_x%shares(xi)*E_x%value)/self%E
+            if (k == of_E) slopes(of_E_x) = -along/self%E
          end if
-         if (allocated(v%c_D_along%value) .and. k == of_c_D) &
-            slopes(2) = -sum(v%c_D_along%shares(xi)*v%c_D_along%value)/self%c_D**2
-         ! Also where all coefficients have one value in common.
-         if (k >= c_D_at(1)) then
-            share(:v%c_D_along%coefficients) = v%c_D_along%shares(xi)
-            slopes(2) = share(k - c_D_at(1) + 1)/self%c_D
-         else if (k >= E_at(1)) then
-            share(:v%E_along%coefficients) = v%E_along%shares(xi)
-            slopes(1) = share(k - E_at(1) + 1)/self%E
-         end if
+         if (allocated(c_D_x%value) .and. k == of_c_D) &
+            slopes(of_c_D_x) = -sum(c_D_x%shares(xi)*c_D_x%value)/self%c_D**2
       end associate
+      a = function_of(k)
+      if (a > 0) then
+         ! Also where all coefficients have one value in common.
+         common = [self%E, self%c_D]
+         share(:self%variations%along(a)%coefficients) = self%variations%along(a)%shares(xi)
+         slopes(a) = share(k - coefficient_at(1, a) + 1)/common(a)
+      end if
       if (.not. self%has_dip()) return
       z = (xi*self%length - self%x_D)/self%w_D
-      slopes(1) = slopes(1)*(1 - self%d_D*dip_at(self, xi))
-      if (k == of_d_D) slopes(1) = -along*dip_at(self, xi)
-      if (k == of_x_D) slopes(1) = -along*self%d_D*dip_at(self, xi)*z/self%w_D
-      if (k == of_w_D) slopes(1) = -along*self%d_D*dip_at(self, xi)*z**2/self%w_D
-      if (k == of_length) slopes(1) = along*self%d_D*dip_at(self, xi)*z*xi/self%w_D
+      slopes(of_E_x) = slopes(of_E_x)*(1 - self%d_D*dip_at(self, xi))
+      if (k == of_d_D) slopes(of_E_x) = -along*dip_at(self, xi)
+      if (k == of_x_D) slopes(of_E_x) = -along*self%d_D*dip_at(self, xi)*z/self%w_D
+      if (k == of_w_D) slopes(of_E_x) = -along*self%d_D*dip_at(self, xi)*z**2/self%w_D
+      if (k == of_length) slopes(of_E_x) = along*self%d_D*dip_at(self, xi)*z*xi/self%w_D
    end function factor_slopes
 
    !> Static stiffness where the force acts [force/length].
@@ -348,7 +365,7 @@ contains
       real(wp) :: moved
 
       stiffening = 0
-      if (k > n_parameters .and. k < E_at(1)) return
+      if (k > n_parameters .and. .not. is_coefficient(k)) return
       q = values_of(self)
       q(of_x_F) = self%place(of_x_F)
       moved = step*max(abs(self%get(k)), tiny(step)/step)

@@ -12,11 +12,14 @@ module beamid_variations
    private
 
    public :: variation_t, new_variation, profile_t, variations_t, constant, in_steps, in_lines, &
-      as_spline
+      as_spline, of_E_x, of_c_D_x
 
    !> How a factor goes between its places: it keeps the value of the last one, or on straight
    !> lines, or as the natural cubic spline.
    integer, parameter :: constant = 0, in_steps = 1, in_lines = 2, as_spline = 3
+
+   !> The functions of x that a fit looks for, in the order of all that comes in pairs of them.
+   integer, parameter :: of_E_x = 1, of_c_D_x = 2
 
    !> A factor that is known.
    type :: variation_t
@@ -41,7 +44,7 @@ module beamid_variations
    type :: variations_t
       type(variation_t) :: E, c_D, rho, gamma, width, height
       logical :: by_density = .false.        !< the mass goes with width and height
-      type(profile_t) :: E_along, c_D_along  !< what a fit looks for
+      type(profile_t) :: along(2)            !< what a fit looks for: E(x) and c_D(x)
       logical :: dips = .false.              !< the stiffness has a dip, or a fit looks for one
    contains
       procedure :: bending
@@ -219,6 +222,7 @@ contains
       integer, intent(in) :: degree
       real(wp), allocatable, intent(out) :: xi(:)
       integer, allocatable, intent(out) :: knots(:)
+      integer :: a
 
       allocate (xi(0), knots(0))
       call add_variation(self%E, 2, degree, xi, knots)
@@ -227,8 +231,9 @@ contains
       call add_variation(self%height, 2, degree, xi, knots)
       call add_variation(self%rho, 4, degree, xi, knots)
       call add_variation(self%gamma, 4, degree, xi, knots)
-      call add_profile(self%E_along, degree, xi, knots)
-      call add_profile(self%c_D_along, degree, xi, knots)
+      do a = 1, size(self%along)
+         call add_profile(self%along(a), degree, xi, knots)
+      end do
    end subroutine breaks
 
    !> order  of the derivative of w that it bends

@@ -3,10 +3,9 @@ module beamid_error_sources
    use beamid_identification, only: stage_fit_t
    use beamid_kinds, only: wp
    use beamid_lines, only: columns, filled
-   use beamid_profile_bands, only: is_coefficient
    use beamid_statistics, only: unlimited
    use beamid_strings, only: to_text
-   use beamid_structure, only: c_D_at
+   use beamid_structure, only: function_of, is_coefficient
    use beamid_texts, only: left, right, text_t
    implicit none
    private
@@ -100,7 +99,7 @@ contains
 
       n = size(fit%free)
       most_moved = maxloc([(abs(step(j))/fit%quantities(j)%scale, j=1, n)], dim=1, mask= &
-         is_coefficient(fit%free) .and. (fit%free < c_D_at(1) .eqv. fit%free(k) < c_D_at(1)))
+         function_of(fit%free) == function_of(fit%free(k)))
    end function most_moved
 
    !> Which mesh shows in which estimate, of the coefficients of a function in which most.

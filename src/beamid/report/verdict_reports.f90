@@ -5,8 +5,8 @@ module beamid_verdict_reports
    use beamid_kinds, only: wp
    use beamid_lines, only: csv_row, filled
    use beamid_outputs, only: output_t
-   use beamid_profile_bands, only: is_coefficient
    use beamid_strings, only: full, to_text
+   use beamid_structure, only: is_coefficient
    use beamid_texts, only: text_t
    use beamid_verdicts, only: verdict_t
    implicit none
