@@ -2,6 +2,7 @@
 !> frequency and the rate of decay of the line that is nearest to it, from the lowest mode on. How
 !> E or c_D varies is smooth, and everything else stays near its start as far as the lines let it.
 module beamid_line_matches
+   use beamid_assignments, only: lines_t
    use beamid_decaying_lines, only: find_lines
    use beamid_errors, only: error_t
    use beamid_kinds, only: wp
@@ -11,7 +12,6 @@ module beamid_line_matches
    use beamid_problems, only: smooth_problem_t
    use beamid_residuals, only: penalty_order, profiles, residual_t
    use beamid_smoothing, only: difference_rows
-   use beamid_spectra, only: line_t
    use beamid_structure, only: is_coefficient, of_x_D
    use beamid_variables, only: variable_t
    implicit none
@@ -33,10 +33,6 @@ module beamid_line_matches
       integer :: record = 0, mode = 0
       real(wp) :: frequency = 0, rate = 0    !< [1/time]
    end type match_t
-
-   type :: lines_t
-      type(line_t), allocatable :: line(:)
-   end type lines_t
 
    type, extends(smooth_problem_t) :: matching_t
       type(residual_t) :: problem
