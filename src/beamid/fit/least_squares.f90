@@ -30,6 +30,8 @@ module beamid_least_squares
       !> differences could not be computed
       real(wp), allocatable :: derivative_check(:)
       character(len=:), allocatable :: reason !< why the search stopped, in words
+   contains
+      procedure :: add_earlier
    end type fit_t
 
    !> Beside MINPACK's own values of info, and all of them in words.
@@ -132,6 +134,18 @@ contains
       if (compares) call compare(search, result%estimate, result%jacobian, at_end, error)
       if (allocated(at_start) .and. allocated(at_end)) result%derivative_check = [at_start, at_end]
    end subroutine fit
+
+   !> Counts what an earlier search has cost, from whose end this one went on; derivatives were
+   !> compared there.
+   subroutine add_earlier(self, before)
+      class(fit_t), intent(inout) :: self
+      type(fit_t), intent(in) :: before
+
+      self%iterations = self%iterations + before%iterations
+      self%evaluations = self%evaluations + before%evaluations
+      self%shortened = self%shortened + before%shortened
+      if (allocated(before%derivative_check)) self%derivative_check = before%derivative_check
+   end subroutine add_earlier
 
    !> Compares exact derivatives with differences: a fit by derivatives that are not those of the
    !> residuals is none.

@@ -53,10 +53,7 @@ contains
          call fit(problem, problem%rows(), from, quiet, found, error, monitor, label, names)
          if (allocated(error)) return
          found%start = before%start
-         found%iterations = found%iterations + before%iterations
-         found%evaluations = found%evaluations + before%evaluations
-         found%shortened = found%shortened + before%shortened
-         if (allocated(before%derivative_check)) found%derivative_check = before%derivative_check
+         call found%add_earlier(before)
       end do
       if (k > most) call failure(error, 'the noise of the records does not settle: it still '// &
          'changes by '//to_text(100*change)//' %; expected sd of each record')

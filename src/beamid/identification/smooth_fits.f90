@@ -170,10 +170,7 @@ contains
          from = variables%from(found%estimate)
          call fit_with_noise(problem, from, quiet, found, error, monitor, label, names)
          if (allocated(error)) return
-         found%iterations = found%iterations + before%iterations
-         found%evaluations = found%evaluations + before%evaluations
-         found%shortened = found%shortened + before%shortened
-         if (allocated(before%derivative_check)) found%derivative_check = before%derivative_check
+         call found%add_earlier(before)
       end do
       if (k > most) call failure(error, 'the strength of the smoothing does not settle')
    end subroutine settle
