@@ -21,7 +21,6 @@ module beamid_smooth_fits
    !> What a search says of one of E(x) and c_D(x).
    type :: profile_fit_t
       integer, allocatable :: place(:)     !< (n) its coefficients among the parameters
-      integer :: samples = 0               !< rows of data
       type(smoothing_t) :: smoothing       !< of their logarithms among the other parameters
    end type profile_fit_t
 
@@ -228,7 +227,6 @@ contains
       call problem%penalty_rows(a, first, rows)
       allocate (data(size(residual)), source=.true.)
       data(first:first + rows - 1) = .false.
-      profile%samples = count(data)
       J = jacobian(pack([(k, k=1, size(data))], data), :)
       r = pack(residual, data)
       allocate (penalty(rows, size(J, 2)), source=0.0_wp)
