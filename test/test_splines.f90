@@ -1,21 +1,11 @@
 !> The clamped spline space against truncated powers, the paper's nodal values and polynomials.
 program test_splines
    use beamid_kinds, only: wp
+   use beamid_lapack, only: dgels
    use beamid_splines, only: new_spline_space, spline_space_t
    use beamid_strings, only: to_text
    use checks, only: check, check_close, finish, of_mesh
    implicit none
-
-   interface
-      subroutine dgels(trans, m, n, nrhs, a, lda, b, ldb, work, lwork, info)
-         import :: wp
-         character, intent(in) :: trans
-         integer, intent(in) :: m, n, nrhs, lda, ldb, lwork
-         real(wp), intent(inout) :: a(lda, *), b(ldb, *)
-         real(wp), intent(out) :: work(*)
-         integer, intent(out) :: info
-      end subroutine dgels
-   end interface
 
    integer, parameter :: degrees(*) = [3, 5, 7], meshes(*) = [1, 2, 3, 5, 16]
    real(wp), parameter :: eps = epsilon(1.0_wp)

@@ -10,6 +10,7 @@ module whole_problem
    use beamid_experiments, only: experiment_t
    use beamid_galerkin, only: galerkin_t, mesh_t, new_galerkin
    use beamid_kinds, only: wp
+   use beamid_lapack, only: dgeev, dgesv
    use beamid_observation, only: observation_t
    use beamid_problems, only: smooth_problem_t
    use beamid_structure, only: structure_t
@@ -31,23 +32,6 @@ module whole_problem
       procedure :: jacobian
       procedure, private :: roots
    end type whole_t
-
-   interface
-      subroutine dgesv(n, nrhs, a, lda, ipiv, b, ldb, info)
-         import :: wp
-         integer, intent(in) :: n, nrhs, lda, ldb
-         real(wp), intent(inout) :: a(lda, *), b(ldb, *)
-         integer, intent(out) :: ipiv(*), info
-      end subroutine dgesv
-      subroutine dgeev(jobvl, jobvr, n, a, lda, wr, wi, vl, ldvl, vr, ldvr, work, lwork, info)
-         import :: wp
-         character, intent(in) :: jobvl, jobvr
-         integer, intent(in) :: n, lda, ldvl, ldvr, lwork
-         real(wp), intent(inout) :: a(lda, *)
-         real(wp), intent(out) :: wr(*), wi(*), vl(ldvl, *), vr(ldvr, *), work(*)
-         integer, intent(out) :: info
-      end subroutine dgeev
-   end interface
 
 contains
 

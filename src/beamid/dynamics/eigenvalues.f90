@@ -9,29 +9,13 @@ module beamid_eigenvalues
    use beamid_assembly, only: assembly_t
    use beamid_errors, only: error_t, failure
    use beamid_kinds, only: wp
+   use beamid_lapack, only: dgeev, dgesv
    use beamid_terms, only: bending, of_damping, of_stiffness
    use beamid_vectors, only: nearest_pole, root_t
    implicit none
    private
 
    public :: roots_of_matrix
-
-   interface
-      subroutine dgesv(n, nrhs, a, lda, ipiv, b, ldb, info)
-         import :: wp
-         integer, intent(in) :: n, nrhs, lda, ldb
-         real(wp), intent(inout) :: a(lda, *), b(ldb, *)
-         integer, intent(out) :: ipiv(*), info
-      end subroutine dgesv
-      subroutine dgeev(jobvl, jobvr, n, a, lda, wr, wi, vl, ldvl, vr, ldvr, work, lwork, info)
-         import :: wp
-         character, intent(in) :: jobvl, jobvr
-         integer, intent(in) :: n, lda, ldvl, ldvr, lwork
-         real(wp), intent(inout) :: a(lda, *)
-         real(wp), intent(out) :: wr(*), wi(*), vl(ldvl, *), vr(ldvr, *), work(*)
-         integer, intent(out) :: info
-      end subroutine dgeev
-   end interface
 
 contains
 

@@ -5,6 +5,7 @@ module beamid_starting_roots
    use beamid_assembly, only: assembly_t, quadratic
    use beamid_errors, only: error_t, failure
    use beamid_kinds, only: wp
+   use beamid_lapack, only: dpotrf
    use beamid_terms, only: bending, of_damping, of_stiffness
    use beamid_vectors, only: nearest_pole, root_t
    implicit none
@@ -16,13 +17,6 @@ module beamid_starting_roots
    real(wp), parameter, public :: nudge = 1e-3_wp
 
    interface
-      subroutine dpotrf(uplo, n, a, lda, info)
-         import :: wp
-         character, intent(in) :: uplo
-         integer, intent(in) :: n, lda
-         real(wp), intent(inout) :: a(lda, *)
-         integer, intent(out) :: info
-      end subroutine dpotrf
       subroutine dsygs2(itype, uplo, n, a, lda, b, ldb, info)
          import :: wp
          integer, intent(in) :: itype, n, lda, ldb

@@ -11,6 +11,7 @@
 module beamid_vectors
    use beamid_assembly, only: assembly_t, pencil_t
    use beamid_kinds, only: wp
+   use beamid_lapack, only: dgesv
    use beamid_structure, only: most_sensors, most_supports
    implicit none
    private
@@ -41,15 +42,6 @@ module beamid_vectors
       complex(wp) :: A = 0                   !< x'(2 s M + C) x
       real(wp) :: inertia = 0                !< M on x and its conjugate, real and positive
    end type vector_t
-
-   interface
-      subroutine dgesv(n, nrhs, a, lda, ipiv, b, ldb, info)
-         import :: wp
-         integer, intent(in) :: n, nrhs, lda, ldb
-         real(wp), intent(inout) :: a(lda, *), b(ldb, *)
-         integer, intent(out) :: ipiv(*), info
-      end subroutine dgesv
-   end interface
 
 contains
 

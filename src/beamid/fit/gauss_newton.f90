@@ -2,7 +2,7 @@
 !> step within the bounds, what is left of the residuals behind it, and how far that is.
 module beamid_gauss_newton
    use beamid_kinds, only: wp
-   use beamid_minpack, only: dgelsy
+   use beamid_lapack, only: dgelsy
    use beamid_variables, only: variable_t
    implicit none
    private

@@ -4,7 +4,7 @@ module beamid_least_squares
    use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
    use beamid_errors, only: error_t, failure
    use beamid_kinds, only: wp
-   use beamid_minpack, only: dgels
+   use beamid_lapack, only: dgels
    use beamid_optimality, only: check_minimum
    use beamid_problems, only: compare_derivatives, differences, problem_t, smooth_problem_t
    use beamid_searches, only: monitor_t, options_t, run_search, search_t

@@ -1,10 +1,10 @@
-!> Explicit interfaces of the MINPACK and LAPACK procedures of the least-squares search.
+!> Explicit interfaces of the MINPACK procedures of the least-squares search.
 module beamid_minpack
    use beamid_kinds, only: wp
    implicit none
    private
 
-   public :: dgels, dgelsy, dpotrf, dtrtrs, lmder, lmdif
+   public :: lmder, lmdif
 
    abstract interface
       subroutine residual_callback(m, n, x, fvec, iflag)
@@ -44,41 +44,6 @@ module beamid_minpack
          integer, intent(out) :: info, nfev, njev, ipvt(n)
          real(wp), intent(out) :: fvec(m), fjac(ldfjac, n), qtf(n), wa1(n), wa2(n), wa3(n), wa4(m)
       end subroutine lmder
-   end interface
-
-   interface
-      subroutine dpotrf(uplo, n, a, lda, info)
-         import :: wp
-         character, intent(in) :: uplo
-         integer, intent(in) :: n, lda
-         real(wp), intent(inout) :: a(lda, *)
-         integer, intent(out) :: info
-      end subroutine dpotrf
-      subroutine dtrtrs(uplo, trans, diag, n, nrhs, a, lda, b, ldb, info)
-         import :: wp
-         character, intent(in) :: uplo, trans, diag
-         integer, intent(in) :: n, nrhs, lda, ldb
-         real(wp), intent(in) :: a(lda, *)
-         real(wp), intent(inout) :: b(ldb, *)
-         integer, intent(out) :: info
-      end subroutine dtrtrs
-      subroutine dgels(trans, m, n, nrhs, a, lda, b, ldb, work, lwork, info)
-         import :: wp
-         character, intent(in) :: trans
-         integer, intent(in) :: m, n, nrhs, lda, ldb, lwork
-         real(wp), intent(inout) :: a(lda, *), b(ldb, *)
-         real(wp), intent(out) :: work(*)
-         integer, intent(out) :: info
-      end subroutine dgels
-      subroutine dgelsy(m, n, nrhs, a, lda, b, ldb, jpvt, rcond, rank, work, lwork, info)
-         import :: wp
-         integer, intent(in) :: m, n, nrhs, lda, ldb, lwork
-         real(wp), intent(inout) :: a(lda, *), b(ldb, *)
-         integer, intent(inout) :: jpvt(*)
-         real(wp), intent(in) :: rcond
-         integer, intent(out) :: rank, info
-         real(wp), intent(out) :: work(*)
-      end subroutine dgelsy
    end interface
 
 end module beamid_minpack

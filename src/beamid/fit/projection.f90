@@ -4,7 +4,7 @@
 module beamid_projection
    use beamid_errors, only: error_t, failure
    use beamid_kinds, only: wp
-   use beamid_minpack, only: dtrtrs
+   use beamid_lapack, only: dgeqrf, dtrtrs
    use beamid_strings, only: to_text
    implicit none
    private
@@ -21,13 +21,6 @@ module beamid_projection
    end type projection_t
 
    interface
-      subroutine dgeqrf(m, n, a, lda, tau, work, lwork, info)
-         import :: wp
-         integer, intent(in) :: m, n, lda, lwork
-         real(wp), intent(inout) :: a(lda, *)
-         real(wp), intent(out) :: tau(*), work(*)
-         integer, intent(out) :: info
-      end subroutine dgeqrf
       subroutine dorgqr(m, n, k, a, lda, tau, work, lwork, info)
          import :: wp
          integer, intent(in) :: m, n, k, lda, lwork

@@ -8,8 +8,8 @@ module beamid_sampling
    use beamid_densities, only: coordinate_t, density_t, impossible, new_coordinate
    use beamid_errors, only: error_t, failure
    use beamid_kinds, only: wp
+   use beamid_lapack, only: dpotrf, dtrtrs
    use beamid_metropolis, only: factor_covariance, run_chains
-   use beamid_minpack, only: dpotrf, dtrtrs
    use beamid_noise, only: gaussian_noise, uniform_noise
    use beamid_pareto, only: smooth_weights
    use beamid_searches, only: monitor_t

@@ -25,7 +25,7 @@ module beamid_smoothing
    use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
    use beamid_errors, only: error_t, failure
    use beamid_kinds, only: wp
-   use beamid_minpack, only: dtrtrs
+   use beamid_lapack, only: dgeqrf, dgesvd, dtrtrs
    use beamid_strings, only: to_text
    implicit none
    private
@@ -89,13 +89,6 @@ module beamid_smoothing
    real(wp), parameter :: end_effect = 1e-6_wp
 
    interface
-      subroutine dgeqrf(m, n, a, lda, tau, work, lwork, info)
-         import :: wp
-         integer, intent(in) :: m, n, lda, lwork
-         real(wp), intent(inout) :: a(lda, *)
-         real(wp), intent(out) :: tau(*), work(*)
-         integer, intent(out) :: info
-      end subroutine dgeqrf
       subroutine dgeqp3(m, n, a, lda, jpvt, tau, work, lwork, info)
          import :: wp
          integer, intent(in) :: m, n, lda, lwork
@@ -113,14 +106,6 @@ module beamid_smoothing
          real(wp), intent(out) :: work(*)
          integer, intent(out) :: info
       end subroutine dormqr
-      subroutine dgesvd(jobu, jobvt, m, n, a, lda, s, u, ldu, vt, ldvt, work, lwork, info)
-         import :: wp
-         character, intent(in) :: jobu, jobvt
-         integer, intent(in) :: m, n, lda, ldu, ldvt, lwork
-         real(wp), intent(inout) :: a(lda, *)
-         real(wp), intent(out) :: s(*), u(ldu, *), vt(ldvt, *), work(*)
-         integer, intent(out) :: info
-      end subroutine dgesvd
    end interface
 
 contains

@@ -4,6 +4,7 @@ module beamid_statistics
    use beamid_distributions, only: chi_square_tail, student_quantile
    use beamid_errors, only: error_t, failure
    use beamid_kinds, only: wp
+   use beamid_lapack, only: dgesvd
    use beamid_strings, only: fixed, to_text
    implicit none
    private
@@ -42,17 +43,6 @@ module beamid_statistics
       logical, allocatable :: disputed(:)
       real(wp) :: effective = 0
    end type statistics_t
-
-   interface
-      subroutine dgesvd(jobu, jobvt, m, n, a, lda, s, u, ldu, vt, ldvt, work, lwork, info)
-         import :: wp
-         character, intent(in) :: jobu, jobvt
-         integer, intent(in) :: m, n, lda, ldu, ldvt, lwork
-         real(wp), intent(inout) :: a(lda, *)
-         real(wp), intent(out) :: s(*), u(ldu, *), vt(ldvt, *), work(*)
-         integer, intent(out) :: info
-      end subroutine dgesvd
-   end interface
 
 contains
 
