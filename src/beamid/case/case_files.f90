@@ -13,7 +13,7 @@ module beamid_case_files
    use beamid_inference, only: bootstrap_plan_t
    use beamid_kinds, only: wp
    use beamid_method_groups, only: read_bootstrap, read_discretization, read_integrator, &
-      read_multistart, read_observation, read_sample, read_stage, read_windows
+      read_multistart, read_observation, read_sample, read_windows
    use beamid_modal, only: modal_t
    use beamid_model_groups, only: read_excitation, read_noise, read_structure, read_units, section_t
    use beamid_multistart, only: multistart_t
@@ -23,6 +23,7 @@ module beamid_case_files
    use beamid_record_groups, only: get_window, read_recording
    use beamid_records, only: append_recording, recording_t, window_t
    use beamid_sampling, only: plan_t
+   use beamid_stage_groups, only: read_stage
    use beamid_units, only: units_t
    implicit none
    private

@@ -3,12 +3,12 @@ module beamid_prior_groups
    use beamid_blocks, only: block_t
    use beamid_excitation, only: excitation_t
    use beamid_kinds, only: wp
-   use beamid_method_groups, only: check_free
    use beamid_model_groups, only: section_t
    use beamid_numbers, only: shown
    use beamid_parameters, only: is_there, name_of_parameter, offset, parameters, &
       place_of_name
    use beamid_priors, only: prior_t
+   use beamid_stage_groups, only: check_free
    use beamid_strings, only: lower, to_text
    use beamid_structure, only: of_I, of_rho, structure_t
    use beamid_values, only: listed, positive, range_t

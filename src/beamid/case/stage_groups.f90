@@ -1,0 +1,274 @@
+!> Stages of a case file: what is free in each, where it starts and between which bounds.
+module beamid_stage_groups
+   use beamid_blocks, only: block_t
+   use beamid_excitation, only: excitation_t
+   use beamid_identification, only: stage_t
+   use beamid_kinds, only: wp
+   use beamid_numbers, only: shown
+   use beamid_parameters, only: amplitude, belongs_to_hose, is_there, may_be_negative, &
+      name_length, name_of_parameter, offset, parameters, place_of_name, share
+   use beamid_spelling, only: or_nearest
+   use beamid_strings, only: lower, to_text
+   use beamid_structure, only: most_coefficients, n_parameters, of_x_F, structure_t
+   use beamid_values, only: listed, range_t
+   use beamid_variables, only: unbounded
+   use beamid_variations, only: constant, profile_t
+   implicit none
+   private
+
+   public :: read_stage, check_free
+
+   !> Names that a stage may list: every parameter, E(x) and c_D(x).
+   integer, parameter :: most_free = n_parameters + 4
+
+contains
+
+   !> structure, excitations  of the case; a stage may make E or c_D vary along the beam
+   !> records  how many there are: a parameter that is not shared gets a value for each
+   !> sound    whether all of these have been read without a problem
+   subroutine read_stage(block, structure, excitations, records, sound, found)
+      type(block_t), intent(inout) :: block
+      type(structure_t), intent(inout) :: structure
+      type(excitation_t), intent(in) :: excitations(:)
+      integer, intent(in) :: records
+      logical, intent(in) :: sound
+      type(stage_t), intent(out) :: found
+      character(len=:), allocatable :: free(:), shared(:), kind
+      character(len=4) :: word
+      character(len=name_length), allocatable :: names(:)
+      character(len=:), allocatable :: perhaps
+      integer, allocatable :: places(:)
+      integer :: coefficients, k
+
+      call block%get('free', free, '', 'parameters to estimate', most_free, required=.true.)
+      call block%get('shared', shared, 'all', 'those that all records have in common', &
+         most_free)
+      call block%get('start', found%start, 'where the stage before ended, free: ''auto''', &
+         'start values, one for each of free', most_free, ['auto', 'case'], word)
+      found%automatic = word == 'auto'
+      found%declared = word == 'case'
+      call block%get('lower', found%lower, '0; of amplitude and offset none', 'lower bounds', &
+         most_free)
+      call block%get('upper', found%upper, 'none', 'upper bounds', most_free)
+      coefficients = 16
+      kind = 'spline'
+      call block%get('coefficients', coefficients, 'of each of E(x) and c_D(x)', &
+         range_t(4, most_coefficients))
+      call block%get('kind', kind, 'cubic splines, or straight lines, of E(x) and c_D(x)', &
+         [character(len=6) :: 'spline', 'linear'])
+      call block%close()
+      if (block%failed()) return
+      call check_count(block, 'start', found%start, size(free))
+      call check_count(block, 'lower', found%lower, size(free))
+      call check_count(block, 'upper', found%upper, size(free))
+      if (.not. allocated(shared)) shared = free
+      call spread_along(block, structure, coefficients, kind, found, free, shared)
+      if (block%failed()) return
+      found%free = place_of_name(structure, free)
+      do k = 1, size(free)
+         if (found%free(k) == 0 .and. .not. any(free(:k - 1) == free(k))) then
+            names = pack(name_of_parameter(structure, parameters%place), parameters%is_free .and. &
+               is_there(structure, parameters%place))
+            call or_nearest(free(k), names, perhaps)
+            call block%refuse('free', shown(free(k)), 'one of '//listed(names, ' ')//perhaps)
+         else if (found%free(k) > 0 .and. count(found%free(:k - 1) == found%free(k)) == 1) then
+            call block%refuse('free', shown(free(k))//' twice', 'each parameter once')
+         end if
+      end do
+      places = place_of_name(structure, shared)
+      do k = 1, size(shared)
+         if (any(found%free == places(k))) cycle
+         call block%refuse('shared', shown(shared(k)), 'parameters that are free')
+      end do
+      if (.not. block%failed()) call check_bounds(block, structure, found)
+      if (sound .and. .not. block%failed()) call check_free(block, found%free, structure, &
+         excitations, 'free')
+      if (block%failed()) return
+      found%offset = any(found%free == offset)
+      call found%distribute(places, records)
+   end subroutine read_stage
+
+   !> E(x) and c_D(x) stand for all their coefficients, which all records have in common.
+   !>
+   !> stage         its starts and bounds, on return one for each coefficient
+   !> free, shared  names
+   subroutine spread_along(block, structure, coefficients, kind, stage, free, shared)
+      type(block_t), intent(inout) :: block
+      type(structure_t), intent(inout) :: structure
+      integer, intent(in) :: coefficients
+      character(len=*), intent(in) :: kind
+      type(stage_t), intent(inout) :: stage
+      character(len=:), allocatable, intent(inout) :: free(:), shared(:)
+      character(len=*), parameter :: plain(2) = [character(len=3) :: 'E', 'c_D']
+      character(len=len(free)), allocatable :: names(:)
+      integer :: a, j, k
+      logical :: known(size(plain)), varies
+
+      known = [structure%variations%E%kind /= constant .or. structure%has_dip(), &
+         structure%variations%c_D%kind /= constant]
+      varies = .false.
+      do a = 1, size(plain)
+         if (count(lower_all(free) == lower(trim(plain(a)))//'(x)') > 1) call block%refuse('free', &
+            shown(trim(plain(a))//'(x)')//' twice', 'each parameter once')
+         if (block%failed()) return
+         k = findloc(lower_all(free) == lower(trim(plain(a)))//'(x)', .true., dim=1)
+         if (k == 0) cycle
+         varies = .true.
+         call prepare_profile(block, trim(plain(a))//'(x)', coefficients, kind, known(a), &
+            structure%variations%along(a))
+         if (block%failed()) return
+         allocate (names(coefficients))
+         do j = 1, coefficients
+            names(j) = trim(plain(a))//'.'//to_text(j)
+         end do
+         call spread_value(stage%start, k, coefficients)
+         call spread_value(stage%lower, k, coefficients)
+         call spread_value(stage%upper, k, coefficients)
+         call spread_name(shared, lower(trim(plain(a)))//'(x)', names)
+         call spread_name(free, lower(trim(plain(a)))//'(x)', names)
+         deallocate (names)
+      end do
+      do a = 1, size(plain)
+         if (structure%variations%along(a)%coefficients > 0 .and. &
+            any(lower_all(free) == lower(trim(plain(a))))) call block%refuse('free', &
+            trim(plain(a))//' beside '//trim(plain(a))//'(x)', 'one of them')
+      end do
+      if (varies) return
+      call block%exclude('coefficients', 'without E(x) or c_D(x) in free')
+      call block%exclude('kind', 'without E(x) or c_D(x) in free')
+   end subroutine spread_along
+
+   !> Names in the place of one of a list, or at its end.
+   subroutine spread_name(list, name, names)
+      character(len=:), allocatable, intent(inout) :: list(:)
+      character(len=*), intent(in) :: name, names(:)
+      character(len=len(list)) :: before(size(list))
+      integer :: k, n
+
+      before = list
+      k = findloc(lower_all(before) == name, .true., dim=1)
+      n = size(before) + size(names) - merge(1, 0, k > 0)
+      deallocate (list)
+      allocate (character(len=len(before)) :: list(n))
+      if (k == 0) k = size(before) + 1
+      list(:k - 1) = before(:k - 1)
+      list(k:k + size(names) - 1) = names
+      list(k + size(names):) = before(min(k, size(before)) + 1:)
+   end subroutine spread_name
+
+   pure function lower_all(names) result(small)
+      character(len=*), intent(in) :: names(:)
+      character(len=len(names)) :: small(size(names))
+      integer :: k
+
+      do k = 1, size(names)
+         small(k) = lower(names(k))
+      end do
+   end function lower_all
+
+   !> Value k stands for `times` ones.
+   subroutine spread_value(values, k, times)
+      real(wp), allocatable, intent(inout) :: values(:)
+      integer, intent(in) :: k, times
+
+      if (allocated(values)) values = [values(:k - 1), spread(values(k), 1, times), values(k + 1:)]
+   end subroutine spread_value
+
+   !> How E or c_D varies along the beam in a fit, the same in all stages.
+   !>
+   !> known  whether the case says already how it does
+   subroutine prepare_profile(block, name, coefficients, kind, known, profile)
+      type(block_t), intent(inout) :: block
+      character(len=*), intent(in) :: name, kind
+      integer, intent(in) :: coefficients
+      logical, intent(in) :: known
+      type(profile_t), intent(inout) :: profile
+      integer :: degree
+
+      degree = merge(3, 1, kind == 'spline')
+      if (known) call block%refuse('free', name//' beside &along of the same parameter', &
+         'one of them')
+      if (profile%coefficients > 0 .and. (profile%coefficients /= coefficients .or. &
+         profile%degree /= degree)) call block%refuse('coefficients', to_text(coefficients)// &
+         ' of kind '//kind, 'the same number and kind in all stages')
+      profile%coefficients = coefficients
+      profile%degree = degree
+   end subroutine prepare_profile
+
+   !> As many numbers as there are free parameters.
+   subroutine check_count(block, key, values, n)
+      type(block_t), intent(inout) :: block
+      character(len=*), intent(in) :: key
+      real(wp), allocatable, intent(in) :: values(:)
+      integer, intent(in) :: n
+
+      if (.not. allocated(values)) return
+      if (size(values) /= n) call block%refuse(key, to_text(size(values))//' values', &
+         to_text(n)//', one for each of free')
+   end subroutine check_count
+
+   !> Bounds in their order, with the start between them.
+   subroutine check_bounds(block, structure, stage)
+      type(block_t), intent(inout) :: block
+      type(structure_t), intent(in) :: structure
+      type(stage_t), intent(inout) :: stage
+      character(len=:), allocatable :: larger
+      integer :: k
+
+      call stage%set_bounds()
+      do k = 1, size(stage%free)
+         associate (p => stage%free(k), lower => stage%lower(k), upper => stage%upper(k))
+            if (lower < 0 .and. .not. may_be_negative(p)) then
+               call block%refuse('lower', to_text(lower), '0 or more')
+            else if (parameters(p)%range == share .and. upper >= 1) then
+               call block%refuse('upper', to_text(upper)//' for '//trim(name_of_parameter( &
+                  structure, p)), 'less than 1')
+            else if (upper <= lower) then
+               call block%refuse('upper', to_text(upper), 'more than lower = '//to_text(lower))
+            else if (allocated(stage%start)) then
+               larger = 'any larger one'
+               if (upper < unbounded) larger = to_text(upper)
+               if (parameters(p)%is_reciprocal .and. .not. stage%start(k) > 0) call block%refuse( &
+                  'start', to_text(stage%start(k))//' for '//trim(name_of_parameter(structure, &
+                  p)), 'a value above 0')
+               if (stage%start(k) < lower .or. stage%start(k) > upper) call block%refuse('start', &
+                  to_text(stage%start(k))//' for '//trim(name_of_parameter(structure, p)), &
+                  'a value between '//to_text(lower)//' and '//larger)
+            end if
+         end associate
+      end do
+   end subroutine check_bounds
+
+   !> What is free must be there.
+   !>
+   !> key  that names it
+   subroutine check_free(block, free, structure, excitations, key)
+      type(block_t), intent(inout) :: block
+      integer, intent(in) :: free(:)
+      type(structure_t), intent(in) :: structure
+      type(excitation_t), intent(in) :: excitations(:)
+      character(len=*), intent(in) :: key
+      character(len=:), allocatable :: lacking
+      integer :: k, needs
+
+      do k = 1, size(free)
+         lacking = ''
+         needs = parameters(free(k))%needs
+         if (needs > 0) then
+            if (.not. (structure%is_given(needs) .or. any(free == needs))) lacking = &
+               'a value of '// &
+               trim(parameters(needs)%name)//' in &'//trim(parameters(needs)%group)//' for it'
+         end if
+         if (free(k) == amplitude .and. any(excitations%modes > 0)) &
+            lacking = 'no amplitude beside a free start'
+         if (free(k) == of_x_F .and. any(excitations%modes > 0 .or. excitations%is_base .or. &
+            excitations%distributed)) lacking = 'a force at a point for it'
+         if (belongs_to_hose(free(k)) .and. .not. structure%has_hose()) &
+            lacking = 'a &hose group with m_H > 0 for it'
+         if (lacking == '') cycle
+         call block%refuse(key, shown(name_of_parameter(structure, free(k))), lacking)
+         return
+      end do
+   end subroutine check_free
+
+end module beamid_stage_groups
