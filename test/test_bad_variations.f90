@@ -53,6 +53,13 @@ contains
       text = freeing(text, stages)
    end function staged
 
+   !> Values of a parameter along the beam that are refused.
+   subroutine refuse_values(what, parameter, keys, words)
+      character(len=*), intent(in) :: what, parameter, keys, words
+
+      call refused_case(what, along('parameter='''//parameter//''', '//keys), words)
+   end subroutine refuse_values
+
    subroutine test_places()
       character(len=*), parameter :: x = '5: &along x: found '
 
@@ -63,24 +70,23 @@ contains
          along('parameter=''E'', kind=''steps'', x=0,2,4, value=80,40'))
       call accepted('a spline', 'simulate', &
          along('parameter=''rho'', kind=''spline'', x=0,1,4, value=.03,.02,.025'))
-      call refused_case('x not ascending', along('parameter=''E'', x=0,3,2,4, value=80,9,9,9'), &
+      call refuse_values('x not ascending', 'E', 'x=0,3,2,4, value=80,9,9,9', &
          x//'2 after 3|ascending')
-      call refused_case('x twice', along('parameter=''E'', x=0,2,2,4, value=80,9,9,9'), &
-         x//'2 after 2|ascending')
-      call refused_case('x not from 0', along('parameter=''E'', x=1,4, value=80,9'), &
+      call refuse_values('x twice', 'E', 'x=0,2,2,4, value=80,9,9,9', x//'2 after 2|ascending')
+      call refuse_values('x not from 0', 'E', 'x=1,4, value=80,9', &
          x//'1 as the first place|expected 0')
-      call refused_case('x from below 0', along('parameter=''E'', x=-1,4, value=80,9'), &
+      call refuse_values('x from below 0', 'E', 'x=-1,4, value=80,9', &
          x//'-1 as the first place|expected 0')
-      call refused_case('x beyond the length', along('parameter=''E'', x=0,5, value=80,9'), &
+      call refuse_values('x beyond the length', 'E', 'x=0,5, value=80,9', &
          x//'5|places up to the length 4')
-      call refused_case('steps beyond the length', along('parameter=''E'', x=0,5, value=80,9, '// &
-         'kind=''steps'''), x//'5|places up to the length 4')
-      call refused_case('x short of the length', along('parameter=''E'', x=0,3, value=80,9'), &
+      call refuse_values('steps beyond the length', 'E', 'x=0,5, value=80,9, kind=''steps''', &
+         x//'5|places up to the length 4')
+      call refuse_values('x short of the length', 'E', 'x=0,3, value=80,9', &
          x//'3 as the last place|expected the length 4')
-      call refused_case('spline short of the length', along('parameter=''E'', x=0,3, '// &
-         'value=80,9, kind=''spline'''), x//'3 as the last place|expected the length 4')
-      call refused_case('one place', along('parameter=''E'', x=0, value=80'), x//'1 place|two')
-      call refused_case('no x', along('parameter=''E'', value=80,40'), x//'nothing')
+      call refuse_values('spline short of the length', 'E', 'x=0,3, value=80,9, kind=''spline''', &
+         x//'3 as the last place|expected the length 4')
+      call refuse_values('one place', 'E', 'x=0, value=80', x//'1 place|two')
+      call refuse_values('no x', 'E', 'value=80,40', x//'nothing')
    end subroutine test_places
 
    subroutine test_values()
@@ -88,30 +94,26 @@ contains
 
       call accepted('a viscosity that vanishes', 'simulate', &
          along('parameter=''c_D'', x=0,4, value=.005,0'))
-      call refused_case('more values than places', along('parameter=''E'', x=0,4, value=80,9,9'), &
+      call refuse_values('more values than places', 'E', 'x=0,4, value=80,9,9', &
          value//'3 values|expected 2, one for each x')
-      call refused_case('fewer values than places', along('parameter=''E'', x=0,4, value=80'), &
+      call refuse_values('fewer values than places', 'E', 'x=0,4, value=80', &
          value//'1 values|expected 2')
-      call refused_case('no values', along('parameter=''E'', x=0,4'), value//'nothing')
-      call refused_case('a value of 0', along('parameter=''E'', x=0,4, value=80,0'), &
-         value//'0|above 0')
-      call refused_case('a value below 0', along('parameter=''rho'', x=0,4, value=.03,-1'), &
-         value//'-1|above 0')
-      call refused_case('damping below 0', along('parameter=''gamma'', x=0,4, value=.03,-1'), &
+      call refuse_values('no values', 'E', 'x=0,4', value//'nothing')
+      call refuse_values('a value of 0', 'E', 'x=0,4, value=80,0', value//'0|above 0')
+      call refuse_values('a value below 0', 'rho', 'x=0,4, value=.03,-1', value//'-1|above 0')
+      call refuse_values('damping below 0', 'gamma', 'x=0,4, value=.03,-1', &
          value//'-1|expected 0 or more')
-      call refused_case('no damping at all', along('parameter=''c_D'', x=0,4, value=0,0'), &
-         value//'0|above 0')
-      call refused_case('a spline that falls below 0', along('parameter=''E'', '// &
-         'kind=''spline'', x=0,1,2,3,4, value=80,1,80,1,80'), value// &
-         'a spline|falls to 0|kind = ''linear''')
-      call refused_case('another value in &beam', along('parameter=''E'', x=0,4, value=70,40'), &
+      call refuse_values('no damping at all', 'c_D', 'x=0,4, value=0,0', value//'0|above 0')
+      call refuse_values('a spline that falls below 0', 'E', 'kind=''spline'', x=0,1,2,3,4, '// &
+         'value=80,1,80,1,80', value//'a spline|falls to 0|kind = ''linear''')
+      call refuse_values('another value in &beam', 'E', 'x=0,4, value=70,40', &
          value//'40 to 70|E = 80 of &beam')
       call refused_case('another height in &beam', rectangular(along( &
          'parameter=''height'', x=0,4, value=.1,.05'), 'width=1, height=.2'), &
          value//'0.05 to 0.1|height = 0.2 of &beam')
       call accepted('a height that &beam leaves out', 'simulate', rectangular(along( &
          'parameter=''height'', x=0,4, value=.2,.1'), 'width=1'))
-      call refused_case('no numbers', along('parameter=''E'', x=0,4, value=''a'',''b'''), &
+      call refuse_values('no numbers', 'E', 'x=0,4, value=''a'',''b''', &
          '5: &along value: found the text')
    end subroutine test_values
 
