@@ -11,8 +11,8 @@ program test_section_4
    use beamid_strings, only: to_text
    use beamid_csv, only: column_length, read_columns
    use checks, only: check, check_close, finish, skip
-   use shell, only: call_program => beamid, close_shell, exists, has_all, in_scratch, line_count, &
-      open_shell, outcome_t, program_path, read_file, replaced, run, scratch
+   use shell, only: call_program => beamid, close_shell, exists, has_all, in_root, in_scratch, &
+      line_count, open_shell, outcome_t, read_file
    implicit none
 
    !> Models, in the order of data/paper/section_4.csv.
@@ -369,14 +369,6 @@ contains
          has_all(read_file('all/table-4.1/summary.txt'), 'Table 4.1|exact responses'))
       call close_shell()
    end subroutine test_program
-
-   !> Runs the program where the project's data are; `@` stands for the scratch folder.
-   function in_root(arguments) result(outcome)
-      character(len=*), intent(in) :: arguments
-      type(outcome_t) :: outcome
-
-      outcome = run('cd ../.. && '//program_path//' '//replaced(arguments, '@', scratch))
-   end function in_root
 
    !> valley.csv is what its name and header say.
    subroutine test_valley()

@@ -6,8 +6,7 @@ program test_studies
    use beamid_observation, only: new_sampling, sampling_t
    use beamid_strings, only: to_text
    use checks, only: check, check_close, finish, skip
-   use shell, only: close_shell, line_count, open_shell, outcome_t, program_path, read_file, &
-      replaced, run, scratch
+   use shell, only: close_shell, in_root, line_count, open_shell, outcome_t, read_file
    use tables, only: line_of => line, number
    implicit none
 
@@ -135,15 +134,13 @@ contains
          call skip('program', reason)
          return
       end if
-      outcome = run('cd ../.. && '//program_path// &
-         replaced(' reproduce acceleration --quiet --out @/a', '@', scratch))
+      outcome = in_root('reproduce acceleration --quiet --out @/a')
       call check('acceleration: status, streams', outcome%status == 0 .and. &
          index(outcome%err, 'beamid:') == 0 .and. outcome%out == &
          read_file('a/summary.txt'), outcome%err)
       if (outcome%status == 0) call test_acceleration(read_file('a/acceleration.csv'))
       if (outcome%status == 0) call test_modes(read_file('a/modes.csv'))
-      outcome = run('cd ../.. && '//program_path// &
-         replaced(' reproduce convergence --quiet --out @/c', '@', scratch))
+      outcome = in_root('reproduce convergence --quiet --out @/c')
       call check('convergence: status, streams', outcome%status == 0 .and. &
          index(outcome%err, 'beamid:') == 0 .and. outcome%out == &
          read_file('c/summary.txt'), outcome%err)

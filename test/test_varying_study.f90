@@ -9,8 +9,7 @@ program test_varying_study
    use beamid_unknowns, only: quantity_t, variables_of
    use beamid_variations, only: as_spline, in_steps, new_variation, of_E_x, variation_t
    use checks, only: check, check_close, finish, in_long_run, skip
-   use shell, only: close_shell, line_count, open_shell, outcome_t, program_path, read_file, &
-      replaced, run, scratch
+   use shell, only: close_shell, in_root, line_count, open_shell, outcome_t, read_file
    use tables, only: line_of => line, number
    implicit none
 
@@ -147,8 +146,7 @@ contains
          call skip('program', reason)
          return
       end if
-      outcome = run('cd ../.. && '//program_path// &
-         replaced(' reproduce varying --quiet --out @/v', '@', scratch))
+      outcome = in_root('reproduce varying --quiet --out @/v')
       call check('varying: status, streams', outcome%status == 0 .and. &
          index(outcome%err, 'beamid:') == 0 .and. outcome%out == &
          read_file('v/summary.txt'), outcome%err)

@@ -4,9 +4,9 @@ module shell
    implicit none
    private
 
-   public :: outcome_t, open_shell, close_shell, program_path, scratch, beamid, run, own_path
-   public :: write_file, read_file, exists, remove_tree, in_scratch, line_count, replaced, has_all
-   public :: python_with
+   public :: outcome_t, open_shell, close_shell, program_path, scratch, beamid, in_root, run
+   public :: own_path, write_file, read_file, exists, remove_tree, in_scratch, line_count, replaced
+   public :: has_all, python_with
 
    character(len=*), parameter :: line_feed = achar(10)
 
@@ -87,6 +87,14 @@ contains
 
       outcome = run(quoted(program_path)//' '//arguments, folder)
    end function beamid
+
+   !> Runs the program where the project's data are; `@` stands for the scratch folder.
+   function in_root(arguments) result(outcome)
+      character(len=*), intent(in) :: arguments
+      type(outcome_t) :: outcome
+
+      outcome = run('cd ../.. && '//quoted(program_path)//' '//replaced(arguments, '@', scratch))
+   end function in_root
 
    !> Runs a shell command in the scratch folder, or in a folder below it, without standard input.
    function run(command, folder) result(outcome)
