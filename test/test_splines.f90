@@ -1,4 +1,5 @@
-!> The clamped spline space against truncated powers, the paper's nodal values and polynomials.
+!> The clamped spline space against truncated powers, the paper's nodal values and polynomials; what
+!> it holds with knots where something jumps or has a kink.
 program test_splines
    use beamid_kinds, only: wp
    use beamid_lapack, only: dgels
@@ -24,6 +25,8 @@ program test_splines
          end do
          call test_turning(degrees(d), meshes(m))
       end do
+      call test_knots(degrees(d), .false.)
+      call test_knots(degrees(d), .true.)
    end do
    call test_paper_values()
    call test_tip()
@@ -306,6 +309,87 @@ contains
             *product([((degree**2 - k**2)/(2*k + 1.0_wp), k=0, order - 1)]))
       end do
    end subroutine test_polynomials
+
+   !> Of a space with knots: its dimension; x**2 .. x**p, and behind a knot of multiplicity m
+   !> (x - b)_+**(p - m + 1) .. p, are in it, one power less is not; x too where the root turns.
+   subroutine test_knots(degree, turning)
+      integer, intent(in) :: degree
+      logical, intent(in) :: turning
+      real(wp), parameter :: breaks(3) = [0.11_wp, 0.407_wp, 0.73_wp]
+      integer, parameter :: elements = 5
+      type(spline_space_t) :: space
+      integer :: times(3), e, k, n, order, rows, powers, info, q
+      real(wp), allocatable :: a(:, :), b(:, :), work(:), left(:), right(:)
+      real(wp) :: x, unity, worst(0:degree), unit, miss
+
+      ! A jump, one that moves a knot of the mesh (.4), and a kink.
+      times = [degree - 1, degree - 1, degree - 2]
+      space = new_spline_space(degree, elements, length, turning, breaks, times)
+      associate (name => of_mesh(degree, elements, turning)//'knots at breaks, ')
+         call check(name//'dimension', space%n == elements + degree - 2 + sum(times) - 1 + &
+            merge(1, 0, turning) .and. space%elements == elements + 2, to_text(space%n))
+         ! A knot of the mesh that is near has made way, one that is not remains.
+         call check(name//'ends', all([(minval(abs(space%ends - breaks(k)*length)) <= 4*eps, &
+            k=1, 3)]) .and. minval(abs(space%ends - 0.4_wp*length)) > 1e-3_wp .and. &
+            minval(abs(space%ends - 0.2_wp*length)) <= 4*eps)
+
+         unity = 0
+         do e = 0, space%elements - 1
+            ! Behind the functions at the root, which are combinations.
+            if (space%first_on_element(e) < degree - 1 + space%turning) cycle
+            do k = 0, 10
+               unity = max(unity, abs(sum(space%on_element(e, k/10.0_wp, 0))/gamma(degree &
+                  + 1.0_wp) - 1))
+            end do
+         end do
+         call check_close(name//'partition of unity', unity, 0.0_wp, 20*eps)
+
+         ! On both sides of a break w, w' and more are alike, w'' (a jump) or w''' (a kink) not.
+         do k = 1, 3
+            e = minloc(abs(space%ends(1:) - breaks(k)*length), dim=1)
+            worst = 0
+            do order = 0, degree - times(k) + 1
+               left = spread_out(space, e - 1, 1.0_wp, order)
+               right = spread_out(space, e, 0.0_wp, order)
+               unit = max(maxval(abs(left)), maxval(abs(right)))
+               worst(order) = maxval(abs(right - left))/unit
+            end do
+            ! The two sides sum different terms of size degree! or so times spans of knots as short
+            ! as a tenth of an interval, to that power.
+            call check_close(name//'continuous at '//to_text(breaks(k)), maxval(worst(:degree &
+               - times(k))), 0.0_wp, 1e-12_wp)
+            call check(name//'derivative '//to_text(degree - times(k) + 1)//' jumps at '// &
+               to_text(breaks(k)), worst(degree - times(k) + 1) > 0.1_wp, &
+               to_text(worst(degree - times(k) + 1)))
+         end do
+
+         powers = degree - 1 + space%turning
+         n = powers + sum(times) + 3
+         rows = 40*space%elements
+         allocate (a(rows, space%n), b(rows, n), work(64*(rows + space%n + n)))
+         do k = 1, rows
+            x = (k - 0.5_wp)*length/rows
+            a(k, :) = space%at(x, 0)
+            b(k, :powers) = [((x/length)**q, q=degree - powers + 1, degree)]
+            b(k, powers + 1:) = [(((max(0.0_wp, x/length - breaks(e)))**q, q=degree - times(e), &
+               degree), e=1, 3)]
+         end do
+         call dgels('N', rows, space%n, n, a, rows, b, rows, work, size(work), info)
+         call check(name//'independent', info == 0)
+         q = powers
+         ! A fit leaves round-off of functions of size one, as sums of B-splines that are larger.
+         worst = 0
+         worst(0) = maxval([(norm2(b(space%n + 1:, k)), k=1, powers)])
+         miss = 1
+         do e = 1, 3
+            miss = min(miss, norm2(b(space%n + 1:, q + 1)))
+            worst(0) = maxval([worst(0), (norm2(b(space%n + 1:, k)), k=q + 2, q + 1 + times(e))])
+            q = q + 1 + times(e)
+         end do
+         call check_close(name//'powers and their parts', worst(0), 0.0_wp, 1e-12_wp)
+         call check(name//'no more than these', miss > 1e-6_wp, to_text(miss))
+      end associate
+   end subroutine test_knots
 
    !> The cubic basis at nodes and between, by hand from B = 4 - 6 x^2 + 3 |x|^3 (|x| <= 1),
    !> (2 - |x|)^3 (1 <= |x| <= 2), and b_1 = B_0 - 2 B_1 - 2 B_{-1}, b_2 = B_2.

@@ -1,6 +1,5 @@
 !> Beams that vary along their length: frequencies of tapered and stepped ones against exact values,
-!> how fast they converge with knots where something jumps and without them, what the spline spaces
-!> with such knots hold, weight, statics.
+!> how fast they converge with knots where something jumps and without them, weight, statics.
 program test_varying
    use beamid_bands, only: band_t
    use beamid_equations, only: equations_t, new_equations
@@ -14,7 +13,6 @@ program test_varying
    use beamid_parameters, only: is_there, name_of_parameter, parameters
    use beamid_roots, only: damped_roots
    use beamid_simulation, only: simulate, simulation_t
-   use beamid_splines, only: new_spline_space, spline_space_t
    use beamid_strings, only: to_text
    use beamid_structure, only: E_at, is_coefficient, n_parameters, of_d_D, of_w_D, of_x_D, &
       structure_t
@@ -23,28 +21,10 @@ program test_varying
    use stepped_beams, only: stepped_frequencies
    implicit none
 
-   interface
-      subroutine dgels(trans, m, n, nrhs, a, lda, b, ldb, work, lwork, info)
-         import :: wp
-         character, intent(in) :: trans
-         integer, intent(in) :: m, n, nrhs, lda, ldb, lwork
-         real(wp), intent(inout) :: a(lda, *), b(ldb, *)
-         real(wp), intent(out) :: work(*)
-         integer, intent(out) :: info
-      end subroutine dgels
-   end interface
-
-   real(wp), parameter :: eps = epsilon(1.0_wp)
-   integer :: d
-
    call test_tapers()
    call test_steps()
    call test_kink()
    call test_weight_of_steps()
-   do d = 3, 7, 2
-      call test_space(d, .false.)
-      call test_space(d, .true.)
-   end do
    call test_wedge_statics()
    call test_statics()
    call test_release()
@@ -260,101 +240,6 @@ contains
             to_text(order)//', off '//to_text(off(i, 2)))
       end do
    end subroutine test_weight_of_steps
-
-   !> Of a space with knots: its dimension; x**2 .. x**p, and behind a knot of multiplicity m
-   !> (x - b)_+**(p - m + 1) .. p, are in it, one power less is not; x too where the root turns.
-   subroutine test_space(degree, turning)
-      integer, intent(in) :: degree
-      logical, intent(in) :: turning
-      real(wp), parameter :: length = 2.5_wp, breaks(3) = [0.11_wp, 0.407_wp, 0.73_wp]
-      integer, parameter :: elements = 5
-      type(spline_space_t) :: space
-      integer :: times(3), e, k, n, order, rows, powers, info, q
-      real(wp), allocatable :: a(:, :), b(:, :), work(:), left(:), right(:)
-      real(wp) :: x, unity, worst(0:degree), unit, miss
-
-      ! A jump, one that moves a knot of the mesh (.4), and a kink.
-      times = [degree - 1, degree - 1, degree - 2]
-      space = new_spline_space(degree, elements, length, turning, breaks, times)
-      associate (name => of_mesh(degree, elements, turning)//'knots at breaks, ')
-         call check(name//'dimension', space%n == elements + degree - 2 + sum(times) - 1 + &
-            merge(1, 0, turning) .and. space%elements == elements + 2, to_text(space%n))
-         ! A knot of the mesh that is near has made way, one that is not remains.
-         call check(name//'ends', all([(minval(abs(space%ends - breaks(k)*length)) <= 4*eps, &
-            k=1, 3)]) .and. minval(abs(space%ends - 0.4_wp*length)) > 1e-3_wp .and. &
-            minval(abs(space%ends - 0.2_wp*length)) <= 4*eps)
-
-         unity = 0
-         do e = 0, space%elements - 1
-            ! Behind the functions at the root, which are combinations.
-            if (space%first_on_element(e) < degree - 1 + space%turning) cycle
-            do k = 0, 10
-               unity = max(unity, abs(sum(space%on_element(e, k/10.0_wp, 0))/gamma(degree &
-                  + 1.0_wp) - 1))
-            end do
-         end do
-         call check_close(name//'partition of unity', unity, 0.0_wp, 20*eps)
-
-         ! On both sides of a break w, w' and more are alike, w'' (a jump) or w''' (a kink) not.
-         do k = 1, 3
-            e = minloc(abs(space%ends(1:) - breaks(k)*length), dim=1)
-            worst = 0
-            do order = 0, degree - times(k) + 1
-               left = on_all(space, e - 1, 1.0_wp, order)
-               right = on_all(space, e, 0.0_wp, order)
-               unit = max(maxval(abs(left)), maxval(abs(right)))
-               worst(order) = maxval(abs(right - left))/unit
-            end do
-            ! The two sides sum different terms of size degree! or so times spans of knots as short
-            ! as a tenth of an interval, to that power.
-            call check_close(name//'continuous at '//to_text(breaks(k)), maxval(worst(:degree &
-               - times(k))), 0.0_wp, 1e-12_wp)
-            call check(name//'derivative '//to_text(degree - times(k) + 1)//' jumps at '// &
-               to_text(breaks(k)), worst(degree - times(k) + 1) > 0.1_wp, &
-               to_text(worst(degree - times(k) + 1)))
-         end do
-
-         powers = degree - 1 + space%turning
-         n = powers + sum(times) + 3
-         rows = 40*space%elements
-         allocate (a(rows, space%n), b(rows, n), work(64*(rows + space%n + n)))
-         do k = 1, rows
-            x = (k - 0.5_wp)*length/rows
-            a(k, :) = space%at(x, 0)
-            b(k, :powers) = [((x/length)**q, q=degree - powers + 1, degree)]
-            b(k, powers + 1:) = [(((max(0.0_wp, x/length - breaks(e)))**q, q=degree - times(e), &
-               degree), e=1, 3)]
-         end do
-         call dgels('N', rows, space%n, n, a, rows, b, rows, work, size(work), info)
-         call check(name//'independent', info == 0)
-         q = powers
-         ! A fit leaves round-off of functions of size one, as sums of B-splines that are larger.
-         worst = 0
-         worst(0) = maxval([(norm2(b(space%n + 1:, k)), k=1, powers)])
-         miss = 1
-         do e = 1, 3
-            miss = min(miss, norm2(b(space%n + 1:, q + 1)))
-            worst(0) = maxval([worst(0), (norm2(b(space%n + 1:, k)), k=q + 2, q + 1 + times(e))])
-            q = q + 1 + times(e)
-         end do
-         call check_close(name//'powers and their parts', worst(0), 0.0_wp, 1e-12_wp)
-         call check(name//'no more than these', miss > 1e-6_wp, to_text(miss))
-      end associate
-   end subroutine test_space
-
-   !> `on_element` in a vector over all basis functions.
-   function on_all(space, element, s, order) result(values)
-      type(spline_space_t), intent(in) :: space
-      integer, intent(in) :: element, order
-      real(wp), intent(in) :: s
-      real(wp) :: values(space%n), local(space%degree + 1)
-
-      local = space%on_element(element, s, order)
-      values = 0
-      associate (first => space%first_on_element(element), last => space%last_on_element(element))
-         values(first:last) = local(:last - first + 1)
-      end associate
-   end function on_all
 
    !> The tip of a wedge: l**3/(E I) times the integral of (1 - xi)**2/(1 - k xi)**3, k = 1 - c. By
    !> Gauss points that know it to round-off.
