@@ -1,7 +1,6 @@
 !> Beams that vary along their length: frequencies of tapered and stepped ones against exact values,
 !> how fast they converge with knots where something jumps and without them, weight, statics.
 program test_varying
-   use beamid_bands, only: band_t
    use beamid_equations, only: equations_t, new_equations
    use beamid_errors, only: error_t
    use beamid_excitation, only: new_pulse, new_release
@@ -10,14 +9,13 @@ program test_varying
    use beamid_kinds, only: wp
    use beamid_modal, only: modal_t
    use beamid_modes, only: undamped_modes
-   use beamid_parameters, only: is_there, name_of_parameter, parameters
    use beamid_roots, only: damped_roots
    use beamid_simulation, only: simulate, simulation_t
    use beamid_strings, only: to_text
-   use beamid_structure, only: E_at, is_coefficient, n_parameters, of_d_D, of_w_D, of_x_D, &
-      structure_t
+   use beamid_structure, only: E_at, of_d_D, of_w_D, of_x_D, structure_t
    use beamid_variations, only: as_spline, in_lines, in_steps, new_variation, of_E_x, variations_t
    use checks, only: check, check_close, finish, of_mesh
+   use static_checks, only: check_statics
    use stepped_beams, only: stepped_frequencies
    implicit none
 
@@ -291,47 +289,14 @@ contains
       end do
    end function varied_beam
 
-   !> Stiffness against that of quintics on a fine mesh, which errs by h**8 here and h**6 elsewhere,
-   !> 1e-10, and by some N**4 units of round-off, 2e-9; its change by each parameter against
-   !> differences, of 1e-5: 1e-9 and round-off.
+   !> Quintics err by h**8 here and h**6 elsewhere, 1e-10, and by some N**4 units of round-off,
+   !> 2e-9.
    subroutine test_statics()
-      type(structure_t) :: s, above, below
-      type(galerkin_t), target :: galerkin
-      type(equations_t) :: equations
-      type(band_t) :: factor
-      logical :: positive
-      real(wp), allocatable :: x(:)
-      real(wp) :: h
-      integer :: kind, k, compared
+      integer :: kind
 
       do kind = 1, 4
-         s = varied_beam(kind)
-         galerkin = new_galerkin(mesh_t(5, 52, 8, 1), s%length, .true., s%variations)
-         equations = new_equations(galerkin, s, new_pulse(1.0_wp, 1.0_wp))
-         factor = equations%stiffness
-         call factor%factor(positive)
-         x = equations%load
-         call factor%solve(x)
-         call check_close('statics '//to_text(kind)//': stiffness', s%stiffness() &
-            *dot_product(x, equations%load), 1.0_wp, 5e-9_wp)
-         call check_close('statics '//to_text(kind)//': at another place', &
-            s%static_deflection(0.5_wp)/dot_product(x, galerkin%space%at(0.5_wp, 0)), 1.0_wp, &
+         call check_statics('statics '//to_text(kind), varied_beam(kind), mesh_t(5, 52, 8, 1), &
             5e-9_wp)
-         compared = 0
-         do k = 1, size(parameters)
-            if (k > n_parameters .and. .not. is_coefficient(k) .or. .not. is_there(s, k)) cycle
-            if (.not. s%get(k) > 0) cycle
-            h = 1e-5_wp*s%get(k)
-            above = s
-            call above%set(k, s%get(k) + h)
-            below = s
-            call below%set(k, s%get(k) - h)
-            call check_close('statics '//to_text(kind)//': change by '// &
-               trim(name_of_parameter(s, k)), s%stiffening(k)*s%get(k), s%get(k) &
-               *(above%stiffness() - below%stiffness())/(2*h*s%stiffness()), 1e-8_wp)
-            compared = compared + 1
-         end do
-         call check('statics '//to_text(kind)//': parameters', compared >= 10, to_text(compared))
       end do
    end subroutine test_statics
 

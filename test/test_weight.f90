@@ -3,7 +3,6 @@
 !> one by oscillators that touch at few points.
 program test_weight
    use beamid_assembly, only: assembly_t, new_assembly
-   use beamid_bands, only: band_t
    use beamid_cvode, only: cvode_t
    use beamid_equations, only: equations_t, new_equations
    use beamid_errors, only: error_t
@@ -16,13 +15,13 @@ program test_weight
    use beamid_poles, only: differentiate_poles, find_poles, poles_t
    use beamid_responses, only: response_t, work_t
    use beamid_roots, only: damped_roots
-   use beamid_structure, only: n_parameters, of_c_D, of_E, of_g, of_length, of_T, sensor_t, &
-      structure_t
+   use beamid_structure, only: of_c_D, of_E, of_length, sensor_t, structure_t
    use beamid_variations, only: as_spline, in_lines, new_variation, variations_t
    use checks, only: check, check_close, finish
    use hermite_beams, only: hermite_frequencies
    use random_experiments, only: random_structure
    use random_numbers, only: start_random
+   use static_checks, only: check_statics
    implicit none
 
    real(wp), parameter :: pi = acos(-1.0_wp)
@@ -162,44 +161,18 @@ contains
       end do
    end subroutine test_buckling
 
-   !> Static stiffness against that of 80 cubics with joints where something is, which errs like
-   !> h**4; its change by each parameter against differences, of 1e-5: 1e-9 and round-off.
+   !> 80 cubics with joints where something is err like h**4.
    subroutine test_statics()
-      type(structure_t) :: s, above, below
-      type(galerkin_t), target :: galerkin
-      type(equations_t) :: equations
-      type(band_t) :: factor
-      logical :: positive
-      real(wp), allocatable :: x(:)
-      real(wp) :: h
-      integer :: k
+      type(structure_t) :: s
 
       s = structure_t(length=1.3_wp, rho=1, E=1, I=1, m_T=0.1_wp, kappa_R=0.1_wp, T=0.2_wp, &
          g=0.5_wp, x_F=0.975_wp)
       s%stands = .true.
       s%sensor(1) = sensor_t(m_S=0.3_wp, x_S=0.65_wp)
-      s%sensor(2:)%x_S = 0.65_wp
       s%supports = 1
       s%support(1)%x_P = 0.325_wp
       s%support(1)%kappa_P = 0.02_wp
-      galerkin = new_galerkin(mesh_t(3, 80, 4, 1), s%length, .true.)
-      equations = new_equations(galerkin, s, new_pulse(1.0_wp, 1.0_wp))
-      factor = equations%stiffness
-      call factor%factor(positive)
-      x = equations%load
-      call factor%solve(x)
-      call check_close('statics: stiffness', s%stiffness()*dot_product(x, equations%load), 1.0_wp, &
-         1e-6_wp)
-      do k = 1, n_parameters
-         if (.not. s%get(k) > 0) cycle
-         h = 1e-5_wp*s%get(k)
-         above = s
-         call above%set(k, s%get(k) + h)
-         below = s
-         call below%set(k, s%get(k) - h)
-         call check_close('statics: changes', s%stiffening(k)*s%get(k), s%get(k) &
-            *(above%stiffness() - below%stiffness())/(2*h*s%stiffness()), 1e-8_wp)
-      end do
+      call check_statics('statics', s, mesh_t(3, 80, 4, 1), 1e-6_wp)
    end subroutine test_statics
 
    !> Ordinary structures both ways: poles, residues and their derivatives. Random ones have a pair
