@@ -327,18 +327,16 @@ contains
       logical, intent(in), optional :: whole
       type(beam_modes_t) :: own
       real(wp), allocatable :: tension(:, :), turning(:), moves(:)
-      logical :: needed
+      logical :: needed, pull(size(operators))
       integer :: j, k, p
 
       k = of_stiffness
-      needed = allocated(modes%rest) .or. varies_more(self) .or. &
-         any(pulls([(j, j=1, size(operators))]) .and. &
-         (abs(self%strength(:, k)) > 0 .or. any(abs(slopes(:, k, :)) > 0, dim=2)))
+      pull = pulls([(j, j=1, size(operators))]) .and. &
+         (abs(self%strength(:, k)) > 0 .or. any(abs(slopes(:, k, :)) > 0, dim=2))
+      needed = allocated(modes%rest) .or. varies_more(self) .or. any(pull)
       if (present(whole)) needed = needed .or. whole
       if (.not. needed) return
       call set_pencil_slopes(self, modes, slopes)
-      own = modes
-      call own%tabulate_slopes()
       allocate (self%dense(self%beam, self%beam, 2), &
          self%dense_slope(self%beam, self%beam, 2, size(self%parameters)), source=0.0_wp)
       if (allocated(modes%rest)) then
@@ -354,10 +352,13 @@ contains
          end do
       end if
       if (varies_more(self)) call add_varied_bending(self, modes, slopes)
+      if (.not. any(pull)) return
+      own = modes
+      call own%tabulate_slopes()
       do k = 1, size(operators)
          associate (s => self%strength(k, of_stiffness), s_p => slopes(k, of_stiffness, :), &
             x => place_on_mesh(k, self%structure, modes%space%length))
-            if (.not. (pulls(k) .and. (abs(s) > 0 .or. any(abs(s_p) > 0)))) cycle
+            if (.not. pull(k)) cycle
             tension = own%tension(x, merge(0.0_wp, 1.0_wp, k == weight), &
                merge(1.0_wp, 0.0_wp, k == weight))
             self%dense(:, :, 2) = self%dense(:, :, 2) + s*tension
@@ -387,13 +388,15 @@ contains
       type(beam_modes_t), intent(in) :: modes
       real(wp), intent(in) :: slopes(:, :, :)
       integer, parameter :: matrix(2) = [of_damping, of_stiffness]
-      real(wp) :: factor(size(modes%bent), 2), slope(size(modes%bent), 2), both(2)
+      real(wp) :: factor(size(modes%bent), 2)
+      real(wp) :: slope(2, size(self%parameters), size(modes%bent))
       real(wp) :: products(self%beam, self%beam, 2)
       integer :: j, k, p, q
 
       ! What `factors` has first is of the stiffness, here it is second.
       do q = 1, size(modes%bent)
          factor(q, :) = self%structure%factors(modes%bent(q)) - 1
+         slope(:, :, q) = self%structure%factor_slopes(modes%bent(q), self%parameters)
       end do
       do j = 1, 2
          k = 3 - j
@@ -407,19 +410,15 @@ contains
             + self%strength(bending, matrix(j))*products(:, :, j)
       end do
       do p = 1, size(self%parameters)
-         do q = 1, size(modes%bent)
-            both = self%structure%factor_slopes(modes%bent(q), self%parameters(p))
-            slope(q, :) = both
-         end do
          do j = 1, 2
             k = 3 - j
             associate (s => self%strength(bending, matrix(j)), s_p => slopes(bending, matrix(j), p))
                if (.not. s > 0) cycle
                if (abs(s_p) > 0) self%dense_slope(:, :, j, p) = self%dense_slope(:, :, j, p) &
                   + s_p*products(:, :, j)
-               if (any(abs(slope(:, k)) > 0)) self%dense_slope(:, :, j, p) = &
+               if (any(abs(slope(k, p, :)) > 0)) self%dense_slope(:, :, j, p) = &
                   self%dense_slope(:, :, j, p) + s*modes%bending_products(modes%known(:, k) &
-                  *slope(:, k))
+                  *slope(k, p, :))
             end associate
          end do
       end do

@@ -196,10 +196,14 @@ contains
       call factor(P, pivots)
       z = 1
       do step = 1, 3
+         ! By P itself, not by what is balanced: where next to nothing couples an oscillator with
+         ! others its row is round-off at its root, and balanced it would be of order one.
+         if (step > 1) z(:, 1) = matmul(dP, z(:, 1))
+         z(:, 1) = rows*z(:, 1)
          call solve(P, pivots, z, 'N')
+         z(:, 1) = columns*z(:, 1)
          z = z/maxval(abs(z))
       end do
-      z(:, 1) = z(:, 1)*columns
       z = z/z(root%j, 1)
       vector%x = z(:n, 1)
       vector%y(:r) = z(n + 1:, 1)

@@ -126,15 +126,15 @@ contains
       type(structure_t), intent(in) :: structure
       integer, intent(in) :: a, parameters(:)
       real(wp), intent(in) :: xi
-      real(wp) :: slopes(size(parameters)), factors(2), by(2)
+      real(wp) :: slopes(size(parameters)), factors(2), by(2, size(parameters))
       integer :: k
 
       factors = structure%factors(xi)
+      by = structure%factor_slopes(xi, parameters)
       slopes = 0
       do k = 1, size(parameters)
          if (.not. is_part(parameters(k), a)) cycle
-         by = structure%factor_slopes(xi, parameters(k))
-         slopes(k) = by(a)/factors(a)
+         slopes(k) = by(a, k)/factors(a)
          ! The property itself is in front of its factors.
          if (.not. any(parameters(k) == [of_E, of_c_D])) cycle
          if (structure%get(parameters(k)) > 0) slopes(k) = slopes(k) &

@@ -314,38 +314,53 @@ contains
       dip_at = exp(-((xi*self%length - self%x_D)/self%w_D)**2/2)
    end function dip_at
 
-   !> Their derivatives with respect to parameter k, the place xi on the beam being kept.
-   pure function factor_slopes(self, xi, k) result(slopes)
+   !> Their derivatives with respect to parameters, the place xi on the beam being kept.
+   !>
+   !> parameters  (n)
+   !> slopes      (2, n)
+   pure function factor_slopes(self, xi, parameters) result(slopes)
       class(structure_t), intent(in) :: self
       real(wp), intent(in) :: xi
-      integer, intent(in) :: k
-      real(wp) :: slopes(2), along, common(2), share(most_coefficients), z
-      integer :: a
+      integer, intent(in) :: parameters(:)
+      real(wp) :: slopes(2, size(parameters)), common(2), along(2), dip, z
+      real(wp), allocatable :: share(:)
+      integer :: a, p
 
       slopes = 0
       along = 1
-      associate (E_x => self%variations%along(of_E_x), c_D_x => self%variations%along(of_c_D_x))
-         if (allocated(E_x%value)) then
-            along = sum(E_x%shares(xi)*E_x%value)/self%E
-            if (k == of_E) slopes(of_E_x) = -along/self%E
-         end if
-         if (allocated(c_D_x%value) .and. k == of_c_D) &
-            slopes(of_c_D_x) = -sum(c_D_x%shares(xi)*c_D_x%value)/self%c_D**2
-      end associate
-      a = function_of(k)
-      if (a > 0) then
-         ! Also where all coefficients have one value in common.
-         common = [self%E, self%c_D]
-         share(:self%variations%along(a)%coefficients) = self%variations%along(a)%shares(xi)
-         slopes(a) = share(k - coefficient_at(1, a) + 1)/common(a)
-      end if
+      common = [self%E, self%c_D]
+      do a = 1, size(along)
+         share = self%variations%along(a)%shares(xi)
+         if (allocated(self%variations%along(a)%value)) &
+            along(a) = sum(share*self%variations%along(a)%value)/common(a)
+         do p = 1, size(parameters)
+            if (function_of(parameters(p)) == a) then
+               ! Also where all coefficients have one value in common.
+               slopes(a, p) = share(parameters(p) - coefficient_at(1, a) + 1)/common(a)
+            else if (parameters(p) == common_of(a) .and. &
+               allocated(self%variations%along(a)%value)) then
+               slopes(a, p) = -along(a)/common(a)
+            end if
+         end do
+      end do
       if (.not. self%has_dip()) return
+      dip = dip_at(self, xi)
       z = (xi*self%length - self%x_D)/self%w_D
-      slopes(of_E_x) = slopes(of_E_x)*(1 - self%d_D*dip_at(self, xi))
-      if (k == of_d_D) slopes(of_E_x) = -along*dip_at(self, xi)
-      if (k == of_x_D) slopes(of_E_x) = -along*self%d_D*dip_at(self, xi)*z/self%w_D
-      if (k == of_w_D) slopes(of_E_x) = -along*self%d_D*dip_at(self, xi)*z**2/self%w_D
-      if (k == of_length) slopes(of_E_x) = along*self%d_D*dip_at(self, xi)*z*xi/self%w_D
+      slopes(of_E_x, :) = slopes(of_E_x, :)*(1 - self%d_D*dip)
+      do p = 1, size(parameters)
+         associate (slope => slopes(of_E_x, p), E => along(of_E_x))
+            select case (parameters(p))
+            case (of_d_D)
+               slope = -E*dip
+            case (of_x_D)
+               slope = -E*self%d_D*dip*z/self%w_D
+            case (of_w_D)
+               slope = -E*self%d_D*dip*z**2/self%w_D
+            case (of_length)
+               slope = E*self%d_D*dip*z*xi/self%w_D
+            end select
+         end associate
+      end do
    end function factor_slopes
 
    !> Static stiffness where the force acts [force/length].
@@ -523,7 +538,7 @@ contains
       type(rule_t) :: rule
       real(wp), allocatable :: ends(:)
       integer, allocatable :: knots(:)
-      real(wp) :: h, last, slopes(2), values(2), xi
+      real(wp) :: h, last, slopes(2, 1), values(2), xi
       complex(wp) :: factor
       integer :: i, p, q
 
@@ -540,8 +555,8 @@ contains
                values = self%factors(xi)
                factor = values(1)
                if (present(k)) then
-                  slopes = self%factor_slopes(xi, k)
-                  factor = cmplx(values(1), slopes(1)*moved, wp)
+                  slopes = self%factor_slopes(xi, [k])
+                  factor = cmplx(values(1), slopes(1, 1)*moved, wp)
                end if
                bent = bent + h*rule%weights(q)*length*(near - length*xi)*(far - length*xi) &
                   /(self%variations%bending(xi)*factor)

@@ -120,7 +120,7 @@ contains
    !> How much each coefficient counts at a place.
    !>
    !> xi      x/l, 0 .. 1
-   !> shares  (coefficients), of sum 1
+   !> shares  (coefficients), of sum 1; none where there are none
    pure function shares(self, xi)
       class(profile_t), intent(in) :: self
       real(wp), intent(in) :: xi
@@ -128,6 +128,7 @@ contains
       integer :: element, elements
 
       shares = 0
+      if (self%coefficients == 0) return
       elements = self%coefficients - self%degree
       element = min(max(int(xi*elements), 0), elements - 1)
       shares(element + 1:element + self%degree + 1) = cardinal(self%degree, 0, &
