@@ -190,6 +190,8 @@ contains
          '5: &along depth: found -0.1|0 or more')
       call refused_case('width 0', along('kind=''dip'', place=2, width=0, depth=.1'), &
          '5: &along width: found 0|above 0')
+      call refused_case('a dip between the points of the mesh', along('kind=''dip'', place=2, '// &
+         'width=.01, depth=.1'), '5: &along width: found 0.01|half an element|200 elements')
       call refused_case('no depth', along('kind=''dip'', place=2, width=.2'), &
          '5: &along depth: found nothing')
       call refused_case('no place', along('kind=''dip'', depth=.2, width=.2'), &

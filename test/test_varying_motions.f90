@@ -35,6 +35,7 @@ program test_varying_motions
    end do
    call test_derivatives()
    call test_nothing()
+   call test_flat_dips()
    call finish('varying_motions')
 
 contains
@@ -378,5 +379,52 @@ contains
          end do
       end do
    end subroutine test_nothing
+
+   !> Dips so flat that E is a constant again, next to nothing and then nothing acts between the
+   !> modes, of which from none to nearly all are overdamped. The motion is that of the plain beam
+   !> with what the dip leaves of E: a dip of width l/delta lacks delta**2 d/2, 5e-11 and less.
+   subroutine test_flat_dips()
+      type(experiment_t) :: e
+      type(error_t), allocatable :: error
+      real(wp), parameter :: depths(5) = [0.0_wp, 1e-14_wp, 1e-9_wp, 1e-3_wp, 0.13_wp], &
+         viscosities(5) = [1e-6_wp, 2e-5_wp, 1e-4_wp, 1e-3_wp, 0.1_wp]
+      real(wp), allocatable :: columns(:, :), slopes(:, :, :), u(:, :), d(:, :, :)
+      character(len=:), allocatable :: name
+      integer :: i, j, k, m, width
+
+      do j = 1, size(viscosities)
+         do i = 1, size(depths)
+            do width = 5, 9, 2
+               name = 'a dip of depth '//to_text(depths(i))//', width 1E'//to_text(width)// &
+                  ', c_D = '//to_text(viscosities(j))
+               e%structure = structure_t(length=1, rho=1, E=1, I=1, c_D=viscosities(j), &
+                  gamma=0.1_wp)
+               e%mesh = mesh_t(5, 16, 6, 1)
+               e%excitation = new_pulse(1.0_wp, 0.5_wp)
+               e%sampling = new_sampling(observation_t(), [(0.4_wp*k, k=1, 12)])
+               e%structure%E = 1 - depths(i)
+               call prepare(e)
+               call exact(e, [of_rho, of_gamma], columns, slopes, error)
+               call check(name//': plain', .not. allocated(error))
+               e%structure%E = 1
+               call e%structure%set(of_x_D, 0.4_wp)
+               call e%structure%set(of_w_D, 10.0_wp**width)
+               call e%structure%set(of_d_D, depths(i))
+               call prepare(e)
+               call exact(e, [of_rho, of_gamma], u, d, error)
+               if (allocated(error)) then
+                  call check(name, .false., error%message)
+                  cycle
+               end if
+               do m = 1, 3
+                  call check_close(name//': '//trim(kinds(m)), relative(u(:, m), &
+                     columns(:, m)), 0.0_wp, 1e-9_wp)
+                  call check_close(name//': '//trim(kinds(m))//' by rho', relative(d(:, m, 1), &
+                     slopes(:, m, 1)), 0.0_wp, 1e-8_wp)
+               end do
+            end do
+         end do
+      end do
+   end subroutine test_flat_dips
 
 end program test_varying_motions

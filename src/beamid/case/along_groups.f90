@@ -55,7 +55,8 @@ contains
       call block%get('value', found%value, 'file, or a dip', 'of the parameter at each place', most)
       call block%get('file', file, 'a table of x and value instead', default='x and value')
       call block%get('place', place, 'a dip needs it', 'of the middle of a dip', positive)
-      call block%get('width', width, 'a dip needs it', 'of a dip, a standard deviation', positive)
+      call block%get('width', width, 'a dip needs it', 'of a dip, a standard deviation, '// &
+         'at least half an element', positive)
       call block%get('depth', depth, 'a dip needs it', &
          'of a dip: the share of E that is missing in its middle', range_t(0))
       call block%close()

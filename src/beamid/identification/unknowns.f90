@@ -8,7 +8,7 @@ module beamid_unknowns
       name_of_parameter, offset, on_beam, parameters, parameter_name_length => name_length, &
       set_free, share
    use beamid_strings, only: to_text
-   use beamid_structure, only: is_coefficient, n_parameters, of_length, structure_t, x_P_at
+   use beamid_structure, only: is_coefficient, n_parameters, of_length, of_w_D, structure_t, x_P_at
    use beamid_variables, only: new_variable, unbounded, variable_t
    implicit none
    private
@@ -145,7 +145,7 @@ contains
 
    !> The range in which everything stays on every beam of a record, or of all: of a place up to the
    !> end, of the length down to the outermost place. Where both move they meet halfway between the
-   !> values that they have.
+   !> values that they have. A dip that is wider than the beam is none.
    !>
    !> free  parameters that move
    pure function range_on_beam(self, parameter, record, free) result(range)
@@ -158,7 +158,9 @@ contains
       do r = 1, size(self%structures)
          if (record > 0 .and. r /= record) cycle
          associate (s => self%structures(r))
-            if (parameter == of_length) then
+            if (parameter == of_w_D) then
+               range(2) = min(range(2), s%length)
+            else if (parameter == of_length) then
                do k = 1, n_parameters
                   if (parameters(k)%range /= on_beam .or. .not. is_there(s, k)) cycle
                   if (any(free == k)) then

@@ -103,7 +103,8 @@ module beamid_parameters
       parameter_t(of_x_D, 'place', 'along', [0, 1, 0], on_beam, 'x or a dip', &
          monomial_t(place=[of_length, 0, 0]), help='of the middle of a dip'), &
       parameter_t(of_w_D, 'width', 'along', [0, 1, 0], positive, 'x or a dip', &
-         monomial_t(0.1_wp, [of_length, 0, 0]), help='of a dip, a standard deviation'), &
+         monomial_t(0.1_wp, [of_length, 0, 0]), help='of a dip, a standard deviation, '// &
+         'at least half an element'), &
       parameter_t(of_d_D, 'depth', 'along', [0, 0, 0], share, 'x or a dip', &
          monomial_t(0.1_wp), help='of a dip, the share that is missing in its middle'), &
       (parameter_t(m_S_at(i), 'm_S', 'sensor', [1, 0, 0], not_negative, '0', tenth_of_mass, &
