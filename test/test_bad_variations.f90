@@ -174,7 +174,7 @@ contains
    end subroutine test_files
 
    subroutine test_dips()
-      character(len=*), parameter :: dip = 'kind=''dip'', place=2, width=.2, depth=.3'
+      character(len=*), parameter :: dip = 'kind=''dip'', place=2, width=1.2, depth=.3'
 
       call accepted('a dip', 'simulate', along(dip))
       call accepted('a dip of what varies', 'simulate', along('parameter=''E'', x=0,4, '// &
@@ -184,24 +184,24 @@ contains
       call refused_case('two dips', along(dip, dip), '6: &along kind: found a second dip')
       call refused_case('a dip of rho', along('parameter=''rho'', '//dip), &
          '5: &along parameter: found ''rho'' with a dip|expected ''E''')
-      call refused_case('depth 1', along('kind=''dip'', place=2, width=.2, depth=1'), &
+      call refused_case('depth 1', along('kind=''dip'', place=2, width=1.2, depth=1'), &
          '5: &along depth: found 1|less than 1')
-      call refused_case('depth below 0', along('kind=''dip'', place=2, width=.2, depth=-.1'), &
+      call refused_case('depth below 0', along('kind=''dip'', place=2, width=1.2, depth=-.1'), &
          '5: &along depth: found -0.1|0 or more')
       call refused_case('width 0', along('kind=''dip'', place=2, width=0, depth=.1'), &
          '5: &along width: found 0|above 0')
       call refused_case('a dip between the points of the mesh', along('kind=''dip'', place=2, '// &
          'width=.01, depth=.1'), '5: &along width: found 0.01|half an element|200 elements')
-      call refused_case('no depth', along('kind=''dip'', place=2, width=.2'), &
+      call refused_case('no depth', along('kind=''dip'', place=2, width=1.2'), &
          '5: &along depth: found nothing')
-      call refused_case('no place', along('kind=''dip'', depth=.2, width=.2'), &
+      call refused_case('no place', along('kind=''dip'', depth=.2, width=1.2'), &
          '5: &along place: found nothing')
-      call refused_case('a dip at the root', along('kind=''dip'', place=0, width=.2, depth=.1'), &
+      call refused_case('a dip at the root', along('kind=''dip'', place=0, width=1.2, depth=.1'), &
          '5: &along place: found 0|above 0')
-      call refused_case('a dip beyond the tip', along('kind=''dip'', place=5, width=.2, '// &
+      call refused_case('a dip beyond the tip', along('kind=''dip'', place=5, width=1.2, '// &
          'depth=.1'), '5: &along place: found 5|up to the length 4')
       call refused_case('it in a second group', along('parameter=''E'', x=0,4, value=80,40', &
-         'kind=''dip'', place=5, width=.2, depth=.1'), &
+         'kind=''dip'', place=5, width=1.2, depth=.1'), &
          '6: &along place: found 5|up to the length 4')
       call refused_case('a dip with places', along(dip//', x=0,4'), &
          '5: &along x: found a value|expected none')

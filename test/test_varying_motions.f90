@@ -382,7 +382,8 @@ contains
 
    !> Dips so flat that E is a constant again, next to nothing and then nothing acts between the
    !> modes, of which from none to nearly all are overdamped. The motion is that of the plain beam
-   !> with what the dip leaves of E: a dip of width l/delta lacks delta**2 d/2, 5e-11 and less.
+   !> with what the dip leaves of E: a dip of width l/delta lacks delta**2 d/2, 1e-11 of E and less,
+   !> times phases of a hundred; derivatives of residues lose some digits beside it.
    subroutine test_flat_dips()
       type(experiment_t) :: e
       type(error_t), allocatable :: error
