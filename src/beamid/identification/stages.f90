@@ -1,5 +1,6 @@
 !> One stage of a fit: a search, and what it says of the parameters.
 module beamid_stages
+   use beamid_distributions, only: chi_square_tail
    use beamid_errors, only: error_t
    use beamid_excitation, only: excitation_t
    use beamid_held_errors, only: held_errors, held_t
@@ -11,9 +12,9 @@ module beamid_stages
    use beamid_responses, only: work_t
    use beamid_smooth_fits, only: fit_smoothly, new_profile_fit, profile_fit_t
    use beamid_starts, only: automatic_start, set_free
-   use beamid_statistics, only: new_statistics, statistics_t
+   use beamid_statistics, only: new_statistics, statistics_t, unlimited
    use beamid_strings, only: to_text
-   use beamid_structure, only: structure_t
+   use beamid_structure, only: of_d_D, of_w_D, of_x_D, structure_t
    use beamid_unknowns, only: name_length, name_of, quantity_t, stage_t, variables_of, world_t
    use beamid_variables, only: unbounded, variable_t
    use beamid_verification, only: verify_integrator
@@ -233,12 +234,40 @@ contains
             [q(:n)%searched, q(n + 1:)%scale], scales, found%statistics, error, &
             problem%samples(), merge(problem%noise, 0.0_wp, problem%prior_rows() > 0), &
             problem%first_rows(), q%record == 0)
-         if (allocated(error) .or. size(found%priors) == 0) return
+         if (allocated(error)) return
+         call judge_dip(found)
+         if (size(found%priors) == 0) return
          n = merge(size(q), n, problem%exact)
          call held_errors(problem, found%fit%estimate, found%jacobian(:, :n), scales(:n), &
             found%held, error)
       end associate
    end subroutine run_stage
+
+   !> Without a depth a dip has no place and no width, and a search along the beam finds one in
+   !> mere noise: linear theory then says that both are known. A dip is there where its depth is
+   !> more than the best of `places` that noise offers, each with a depth, a place and a width to
+   !> choose, would reach in one record of twenty.
+   subroutine judge_dip(found)
+      type(stage_fit_t), intent(inout) :: found
+      integer, parameter :: places = 11
+      real(wp), parameter :: choices = 3, chance = 0.05_wp
+      integer :: depth, k
+
+      depth = findloc(found%free, of_d_D, dim=1)
+      if (depth == 0 .or. found%statistics%samples == 0) return
+      associate (s => found%statistics, value => found%quantities(depth)%value)
+         if (chi_square_tail((value/s%corrected_error(depth))**2, choices) < chance/places) return
+         do k = 1, size(found%free)
+            if (.not. any(found%free(k) == [of_x_D, of_w_D, of_d_D])) cycle
+            s%determined(k) = .false.
+            if (k == depth) cycle
+            s%half_width(k) = unlimited
+            s%corrected_half_width(k) = unlimited
+         end do
+         found%other = 'this record does not tell that there is a dip: its depth is no more than '// &
+            'noise would give one somewhere along the beam'
+      end associate
+   end subroutine judge_dip
 
    !> The quantities that were eliminated, and derivatives with respect to all.
    subroutine add_linear(problem, found, error)
