@@ -8,7 +8,7 @@ module problems
    implicit none
    private
 
-   public :: mistaken, mistaken_t, rosenbrock_t, edge_t, line_t, history_t
+   public :: mistaken, mistaken_t, rosenbrock_t, edge_t, valley_t, line_t, history_t
 
    !> A regression with a mistake in its derivatives.
    type, extends(regression_t) :: mistaken_t
@@ -33,6 +33,14 @@ module problems
       procedure :: residuals => edge_residuals
       procedure :: jacobian => edge_jacobian
    end type edge_t
+
+   !> A narrow bent valley, a parabola, with residuals of 10 at its lowest point (3, 9), where J is
+   !> 100: along it J'J is 0.01 there, half the second derivative of J 20.
+   type, extends(smooth_problem_t) :: valley_t
+   contains
+      procedure :: residuals => valley_residuals
+      procedure :: jacobian => valley_jacobian
+   end type valley_t
 
    !> parameters - target, one residual each: the minimum is the target, or the nearest bound.
    type, extends(problem_t) :: line_t
@@ -116,6 +124,31 @@ contains
       jac = reshape([-20*parameters(1), -1.0_wp, 10.0_wp, 0.0_wp], [2, 2])
    end subroutine edge_jacobian
 
+   subroutine valley_residuals(self, parameters, r, error)
+      class(valley_t), intent(inout) :: self
+      real(wp), intent(in) :: parameters(:)
+      real(wp), intent(out) :: r(:)
+      type(error_t), allocatable, intent(out) :: error
+      real(wp) :: jac(size(r), size(parameters))
+
+      call self%jacobian(parameters, r, jac, error)
+   end subroutine valley_residuals
+
+   subroutine valley_jacobian(self, parameters, r, jac, error)
+      class(valley_t), intent(inout) :: self
+      real(wp), intent(in) :: parameters(:)
+      real(wp), intent(out) :: r(:), jac(:, :)
+      type(error_t), allocatable, intent(out) :: error
+      real(wp) :: off
+
+      off = parameters(1) - 3
+      r = [1e4_wp*(parameters(2) - parameters(1)**2), 10 + off**2, 0.1_wp*off]
+      jac(1, :) = 1e4_wp*[-2*parameters(1), 1.0_wp]
+      jac(2, :) = [2*off, 0.0_wp]
+      jac(3, :) = [0.1_wp, 0.0_wp]
+      if (.not. self%exact) call failure(error, 'the valley: derivatives are exact')
+   end subroutine valley_jacobian
+
    subroutine line_residuals(self, parameters, r, error)
       class(line_t), intent(inout) :: self
       real(wp), intent(in) :: parameters(:)
@@ -149,7 +182,7 @@ program test_least_squares
    use beamid_strings, only: to_text
    use beamid_variables, only: new_variable, unbounded, variable_t
    use checks, only: check, check_close, finish
-   use problems, only: edge_t, history_t, line_t, mistaken, mistaken_t, rosenbrock_t
+   use problems, only: edge_t, history_t, line_t, mistaken, mistaken_t, rosenbrock_t, valley_t
    use regressions, only: boxbod, mgh09, misra1a, regression_t
    implicit none
 
@@ -158,6 +191,7 @@ program test_least_squares
    call test_mistakes()
    call test_no_differences()
    call test_edge()
+   call test_valley()
    call test_monitor()
    call test_forbidden()
    call test_never()
@@ -337,6 +371,29 @@ contains
       call fit(problem, 2, variables([-1.2_wp, 0.2_wp], .false.), options_t(), result, error)
       call check('minimum at the edge: converges', .not. allocated(error))
    end subroutine test_edge
+
+   !> Large residuals in a bent valley: Levenberg-Marquardt creeps, Newton's method arrives.
+   subroutine test_valley()
+      type(valley_t) :: problem
+      type(fit_t) :: result
+      type(error_t), allocatable :: error
+      integer, parameter :: few = 50
+
+      problem%exact = .true.
+      call fit(problem, 3, variables([-1.0_wp, 1.0_wp], .false.), &
+         options_t(max_evaluations=few), result, error)
+      call fails('valley: a few evaluations', error, 'evaluations allowed are used up')
+      call fit(problem, 3, variables([-1.0_wp, 1.0_wp], .false.), &
+         options_t(max_evaluations=few, persistent=.true.), result, error)
+      call check('valley: goes on and arrives', .not. allocated(error))
+      if (allocated(error)) return
+      ! A step that promises 1e-8 of the variance, 100, of half of J is none: with a curvature of 20
+      ! a distance of sqrt(2e-6/20).
+      call check_close('valley: along', result%estimate(1), 3.0_wp, 4e-4_wp)
+      call check_close('valley: across', result%estimate(2), result%estimate(1)**2, 1e-4_wp)
+      call check('valley: in how many evaluations', result%evaluations < 8*few, &
+         to_text(result%evaluations))
+   end subroutine test_valley
 
    !> J never rises from one iteration to the next; the last report is the result.
    subroutine test_monitor()

@@ -5,6 +5,7 @@ module beamid_least_squares
    use beamid_errors, only: error_t, failure
    use beamid_kinds, only: wp
    use beamid_lapack, only: dgels
+   use beamid_newton_searches, only: search_by_newton
    use beamid_optimality, only: check_minimum
    use beamid_problems, only: compare_derivatives, differences, problem_t, smooth_problem_t
    use beamid_searches, only: monitor_t, options_t, run_search, search_t
@@ -199,6 +200,8 @@ contains
          search%near_bound = 0
          search%lingering = 0
          call run_search(search, options, tolerance, z, result%residual, info)
+         if (info == 5 .and. options%persistent .and. associated(search%smooth)) &
+            call search_by_newton(search, z, result%residual, info)
          if (allocated(search%error)) then
             call move_alloc(search%error, error)
             return

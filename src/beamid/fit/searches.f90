@@ -28,6 +28,8 @@ module beamid_searches
       real(wp) :: relative_error = 0
       real(wp) :: tolerance = 1e-10_wp     !< relative, on J and on the parameters
       integer :: max_evaluations = 2000
+      !> where these do not do, go on by Newton's method if derivatives are exact
+      logical :: persistent = .false.
       logical :: check = .true.            !< compare exact derivatives with differences
    end type options_t
 
