@@ -32,6 +32,7 @@ program test_smoothing
    call test_several_minima()
    call test_graded()
    call test_ends()
+   call test_least()
    call test_null_truth()
    call test_prior_truth()
    call test_refused()
@@ -558,6 +559,57 @@ contains
       call choose_strength(jacobian, 0*noise, 0*truth, difference_rows(n, 2), smoothing, error)
       call check('zeros: zero', .not. allocated(error) .and. all(abs(smoothing%estimate) <= 0))
    end subroutine test_ends
+
+   !> A strength that may not be lower than some value: below the one that is chosen without it does
+   !> nothing, above that it is the strength, and all that is told belongs to it.
+   subroutine test_least()
+      integer, parameter :: m = 60, n = 12
+      type(smoothing_t) :: free, held
+      type(smoother_t) :: smoother
+      type(smoothing_point_t) :: point
+      type(error_t), allocatable :: error
+      real(wp) :: jacobian(m, n), truth(n), r(m), penalty(n - 1, n), least
+      integer :: j
+
+      jacobian = random(m, n, 18)
+      truth = [(sin(0.7_wp*j), j=1, n)]
+      r = gaussian_noise(m, 0.1_wp, 19) - matmul(jacobian, truth)
+      penalty = difference_rows(n, 1)
+      call choose_strength(jacobian, r, 0*truth, penalty, free, error)
+      if (.not. allocated(error)) call choose_strength(jacobian, r, 0*truth, penalty, held, error, &
+         0.1_wp*free%strength)
+      call check('least: done', .not. allocated(error))
+      if (allocated(error)) return
+      call check('least: below the minimum', free%at_end == 0 .and. held%at_end == 0 .and. &
+         .not. held%bounded)
+      ! Both halve down to the last digits of log s.
+      call check_close('least: the same minimum', log(held%strength/free%strength), 0.0_wp, &
+         1e-12_wp)
+
+      least = 30*free%strength
+      call choose_strength(jacobian, r, 0*truth, penalty, held, error, least)
+      if (.not. allocated(error)) call new_smoother(jacobian, r, 0*truth, penalty, smoother, error)
+      call check('least: done above', .not. allocated(error))
+      if (allocated(error)) return
+      point = smoother%point(least)
+      call check('least: it is the strength, and said so', held%at_end == -1 .and. held%bounded &
+         .and. abs(held%strength - least) <= 0, to_text(held%strength/least))
+      ! One computation, done twice.
+      call check_close('least: its freedom', held%freedom, point%freedom, 1e-14_wp)
+      call check_close('least: its estimate', maxval(abs(held%estimate &
+         - smoother%estimate(least))), 0.0_wp, 1e-14_wp)
+      call check_close('least: its resolution', maxval(abs(held%resolution &
+         - smoother%resolution(least))), 0.0_wp, 1e-14_wp)
+
+      call choose_strength(jacobian, r, 0*truth, penalty, held, error, used=least)
+      call check('used: another than the one asked for', .not. allocated(error) .and. &
+         abs(held%strength - least) <= 0 .and. abs(held%asked - free%strength) <= 0 .and. &
+         held%at_end == 0 .and. abs(held%freedom - point%freedom) < 1e-14_wp)
+
+      call choose_strength(jacobian, r, 0*truth, penalty, held, error, 1e30_wp*free%strength)
+      call check('least: beyond all is rigid', .not. allocated(error) .and. held%at_end == 1 .and. &
+         .not. held%bounded)
+   end subroutine test_least
 
    !> The part of y in the range of a matrix.
    function projected(matrix, y) result(part)

@@ -69,10 +69,12 @@ module beamid_smoothing
    !> The strength of least score, and what follows from it.
    type :: smoothing_t
       real(wp) :: strength = 0
+      real(wp) :: asked = 0                        !< the one of least score, where another is used
       real(wp) :: freedom = 0                      !< as of `smoothing_point_t`
-      !> The score falls to an end of the range, which `strength` then is: +1 rigid, nothing but the
-      !> null space of L is left; -1 no penalty at all; 0 neither.
+      !> The score falls to an end of the range, which `asked` then is: +1 rigid, nothing but the
+      !> null space of L is left; -1 no penalty at all, or the least that is allowed; 0 neither.
       integer :: at_end = 0
+      logical :: bounded = .false.                 !< -1 is the least that is allowed
       real(wp) :: variance = 0                     !< sigma**2 of the noise, min S/(m - q)
       real(wp), allocatable :: estimate(:)         !< (n) v of the linearised problem
       !> (n, n) of v, sigma**2 (J'J + s L'L)^-1, as if the strength were known
@@ -117,10 +119,14 @@ contains
    !> at        (n) the v at which they are
    !> penalty   (p, n) L; a zero column for a parameter without penalty
    !> error     as of `new_smoother`
-   subroutine choose_strength(jacobian, residual, at, penalty, smoothing, error)
+   !> least     no strength below this one is chosen, whatever the score is there; default: none
+   !> used      the strength of which all the rest is told, where that is not to be the one of least
+   !>           score
+   subroutine choose_strength(jacobian, residual, at, penalty, smoothing, error, least, used)
       real(wp), intent(in) :: jacobian(:, :), residual(:), at(:), penalty(:, :)
       type(smoothing_t), intent(out) :: smoothing
       type(error_t), allocatable, intent(out) :: error
+      real(wp), intent(in), optional :: least, used
       !> To either side three decades, within which the freedom of second differences changes by a
       !> factor of about five.
       integer, parameter :: each_side = 6
@@ -130,7 +136,11 @@ contains
 
       call new_smoother(jacobian, residual, at, penalty, smoother, error)
       if (allocated(error)) return
-      call find_minimum(smoother, smoothing%strength, smoothing%at_end)
+      call find_minimum(smoother, smoothing%strength, smoothing%at_end, least)
+      if (present(least)) smoothing%bounded = smoothing%at_end < 0 .and. &
+         smoothing%strength <= least
+      smoothing%asked = smoothing%strength
+      if (present(used)) smoothing%strength = used
       chosen = smoother%point(smoothing%strength)
       smoothing%freedom = chosen%freedom
       smoothing%variance = (chosen%misfit + chosen%strength*chosen%roughness)/smoother%contrasts
@@ -338,24 +348,33 @@ contains
    !> good as flat: it is made of logistic curves in log s, some units wide.
    !>
    !> at_end  as of `smoothing_t`
-   pure subroutine find_minimum(smoother, strength, at_end)
+   !> least   where the range begins at the lowest
+   pure subroutine find_minimum(smoother, strength, at_end, least)
       type(smoother_t), intent(in) :: smoother
       real(wp), intent(out) :: strength
       integer, intent(out) :: at_end
+      real(wp), intent(in), optional :: least
       real(wp), parameter :: step = 0.25_wp
       type(smoothing_point_t) :: here
       real(wp), allocatable :: gamma(:), place(:), rise(:), candidate(:)
       integer, allocatable :: ends(:)
-      real(wp) :: least, lower, upper
+      real(wp) :: best, lowest, lower, upper
       integer :: j, last
 
       gamma = pack(smoother%singular**2, smoother%singular**2 > 0)
       ! The data say nothing of what is penalised: all strengths are alike, and the fit is rigid.
       strength = 1
+      if (present(least)) strength = max(strength, least)
       at_end = 1
       if (size(gamma) == 0) return
-      lower = -log(sum(1/gamma)/end_effect)
+      lowest = end_effect/sum(1/gamma)
       upper = log(sum(gamma)/end_effect)
+      if (present(least)) then
+         strength = least
+         if (least >= exp(upper)) return
+         lowest = max(lowest, least)
+      end if
+      lower = log(lowest)
       last = 2 + int((upper - lower)/step)
       place = [(lower + (upper - lower)*(j - 1)/(last - 1), j=1, last)]
       rise = [(smoother%slope(exp(place(j))), j=1, last)]
@@ -370,14 +389,14 @@ contains
          ends = [ends, 0]
       end do
       if (rise(1) > 0) then
-         candidate = [candidate, exp(lower)]
+         candidate = [candidate, lowest]
          ends = [ends, -1]
       end if
-      least = huge(least)
+      best = huge(best)
       do j = 1, size(candidate)
          here = smoother%point(candidate(j))
-         if (here%score >= least) cycle
-         least = here%score
+         if (here%score >= best) cycle
+         best = here%score
          strength = candidate(j)
          at_end = ends(j)
       end do
