@@ -27,6 +27,7 @@ program test_along_band
       call skip('along.csv', reason)
    else
       call test_program()
+      call test_searches()
    end if
    call close_shell()
    call finish('along band')
@@ -223,5 +224,62 @@ contains
          part(row, 5, ',') == '' .and. part(row, 6, ',') == '', row)
       call check_close('a known variation: value', number(part(row, 4, ',')), 2.1e6_wp, 1.0_wp)
    end subroutine test_program
+
+   !> A dip by coefficients that are too few for it: the search ends at a smooth function, and what
+   !> that is worth is said. E(x) and c_D(x) at once, of which one varies.
+   subroutine test_searches()
+      character(len=*), parameter :: beam = '&beam length=0.5, width=0.03, height=0.002, '// &
+         'density=7850, E=2.05e11, c_D=2e6, gamma=0.02 /'//nl// &
+         '&excitation kind=''pulse'', amplitude=1, duration=0.005 /'//nl// &
+         '&discretization degree=5, elements=12 /'//nl, &
+         record = '&record file=''record.csv'' /'//nl
+      character(len=*), parameter :: coarse(2) = ['6', '8']
+      type(outcome_t) :: outcome
+      character(len=:), allocatable :: table
+      real(wp) :: E
+      integer :: j, k, near
+
+      call write_file('dip.nml', beam//'&along kind=''dip'', place=0.2, width=0.05, depth=0.2 /'// &
+         nl//'&record t_first=0.01, t_last=1, t_step=0.001 /'//nl//'&noise sd=0.1, seed=3 /'//nl)
+      do j = 1, size(coarse)
+         call write_file('coarse'//coarse(j)//'.nml', beam//record// &
+            '&stage free=''E(x)'',''c_D'',''gamma'', coefficients='//coarse(j)//' /'//nl)
+      end do
+      call write_file('both.nml', beam//record// &
+         '&stage free=''E(x)'',''c_D(x)'',''gamma'', coefficients=14 /'//nl)
+      outcome = run('"'//program_path//'" simulate dip.nml --quiet && cp out/dip/record.csv .')
+      do j = 1, size(coarse)
+         outcome = run('"'//program_path//'" identify coarse'//coarse(j)//'.nml --quiet')
+         call check('too few coefficients: a fit, '//coarse(j), outcome%status == 0, outcome%err)
+         if (outcome%status /= 0) cycle
+         table = read_file('out/coarse'//coarse(j)//'/summary.txt')
+         call check('too few coefficients: said so, '//coarse(j), has_all(table, &
+            'residuals are NOT white|would bend further|the least that is allowed'), table)
+         table = read_file('out/coarse'//coarse(j)//'/along.csv')
+         near = 0
+         do k = 1, line_count(table) - 1
+            E = number(part(line(table, k + 1), 4, ','))
+            if (abs(log(E/2.05e11_wp)) < log(1.5_wp)) near = near + 1
+         end do
+         ! The dip takes 20 % away; none of it may come back as a multiple elsewhere.
+         call check('too few coefficients: nothing absurd, '//coarse(j), near == 101, to_text(near))
+      end do
+
+      outcome = run('"'//program_path//'" identify both.nml --quiet')
+      call check('E(x) and c_D(x): a fit', outcome%status == 0, outcome%err)
+      if (outcome%status == 0) then
+         table = read_file('out/both/summary.txt')
+         call check('E(x) and c_D(x): both are told', has_all(table, &
+            'E(x): strength|c_D(x): strength|residuals pass for white noise'), table)
+         table = read_file('out/both/along.csv')
+         near = 0
+         do k = 1, line_count(table) - 1
+            if (part(line(table, k + 1), 2, ',') /= 'c_D') cycle
+            if (abs(number(part(line(table, k + 1), 4, ','))/2e6_wp - 1) < 0.1_wp) near = near + 1
+         end do
+         ! c_D is known to some per cent where it varies at all.
+         call check('E(x) and c_D(x): c_D hardly varies', near == 101, to_text(near))
+      end if
+   end subroutine test_searches
 
 end program test_along_band

@@ -11,8 +11,10 @@ module beamid_smooth_fits
    use beamid_noise_levels, only: fit_with_noise
    use beamid_residuals, only: penalty_order, profiles, residual_t
    use beamid_smoothing, only: choose_strength, smoothing_t
+   use beamid_strings, only: to_text
    use beamid_structure, only: is_coefficient, of_x_D
    use beamid_variables, only: variable_t
+   use beamid_whiteness, only: effective_samples
    implicit none
    private
 
@@ -44,7 +46,7 @@ contains
       character(len=*), intent(in) :: label, names(:)
       type(variable_t) :: from(size(variables))
       type(residual_t) :: part
-      type(options_t) :: rough
+      type(options_t) :: rough, persistent
       type(fit_t) :: near
       type(error_t), allocatable :: reason
       type(variable_t), allocatable :: starts(:, :)
@@ -60,6 +62,9 @@ contains
       rough%check = .false.
       rough%tolerance = 1e-4_wp
       rough%max_evaluations = 50
+      persistent = options
+      persistent%max_evaluations = 300
+      persistent%persistent = .true.
       call match_lines(problem, variables, starts)
       if (size(starts, 2) > 0) call choose_start(problem, starts, rough, from, &
          monitor, label, names)
@@ -70,8 +75,14 @@ contains
          from = from%from(near%estimate)
          problem%strength = part%strength
       end do
-      call settle(problem, from, options, found, error, monitor, label, names, settled=0.02_wp)
-      if (.not. allocated(error)) found%start = variables%start
+      call settle(problem, from, persistent, found, error, monitor, label, names, settled=0.02_wp)
+      if (allocated(error)) then
+         error%message = error%message//'; perhaps '//to_text(maxval([(size( &
+            problem%profile_columns(k)), k=1, profiles)]))//' coefficients are too few for '// &
+            'what varies along the beam, or a shorter record does better'
+         return
+      end if
+      found%start = variables%start
    end subroutine fit_smoothly
 
    !> The start from which a search ends with the least J.
@@ -129,13 +140,13 @@ contains
       class(monitor_t), intent(inout), optional :: monitor
       character(len=*), intent(in) :: label, names(:)
       real(wp), intent(in) :: settled
-      integer, parameter :: most = 60
+      integer, parameter :: most = 60, patience = 10
       real(wp), parameter :: most_at_once = 10
       type(variable_t) :: from(size(variables))
       type(profile_fit_t) :: profile
       type(options_t) :: quiet
       type(fit_t) :: before
-      real(wp) :: change, step
+      real(wp), dimension(profiles) :: step, limit, last
       integer :: a, k
 
       do a = 1, profiles
@@ -147,24 +158,27 @@ contains
       if (.not. any(problem%strength > 0)) return
       quiet = options
       quiet%check = .false.
+      limit = log(most_at_once)
+      last = 0
       do k = 1, most
          if (allocated(error)) return
-         change = 0
+         step = 0
          do a = 1, profiles
             if (.not. problem%strength(a) > 0) cycle
             call new_profile_fit(problem, found%estimate, found%residual, found%jacobian, a, &
                profile, error)
             if (allocated(error)) return
-            step = log(max(profile%smoothing%strength, least_strength(problem, found%J)) &
-               /problem%strength(a))
-            ! Step by step: what one function has not explained yet is nothing of the other.
-            step = max(step, -log(most_at_once))
-            ! Where two strengths would take turns the mean of both is nearer.
-            if (k > 10) step = step/2
-            problem%strength(a) = problem%strength(a)*exp(step)
-            change = max(change, abs(step))
+            step(a) = log(profile%smoothing%strength/problem%strength(a))
+            ! Step by step: what one function has not explained yet is nothing of the other. And
+            ! where each fit has another of two maxima of the likelihood for its largest, or two
+            ! functions take turns, shorter ones from turn to turn.
+            if (k > patience .and. step(a)*last(a) < 0) limit(a) = limit(a)/2
+            step(a) = max(step(a), -limit(a))
+            if (k > patience) step(a) = min(step(a), limit(a))
          end do
-         if (change <= settled) exit
+         last = step
+         if (all(abs(step) <= settled)) exit
+         problem%strength = problem%strength*exp(step)
          before = found
          from = variables%from(found%estimate)
          call fit_with_noise(problem, from, quiet, found, error, monitor, label, names)
@@ -174,14 +188,24 @@ contains
       if (k > most) call failure(error, 'the strength of the smoothing does not settle')
    end subroutine settle
 
-   !> No property differs between neighbouring coefficients by more than some 60 %, as a standard
-   !> deviation: a model that is wrong would ask for any penalty to vanish.
-   pure real(wp) function least_strength(problem, J) result(strength)
+   !> No property differs between neighbouring coefficients by more than some 25 %, as a standard
+   !> deviation: a model that is wrong would ask for any penalty to vanish. What it cannot explain
+   !> goes on for long, and counts as noise of the few samples that it is worth.
+   !>
+   !> residual  (samples)
+   pure real(wp) function least_strength(problem, residual) result(strength)
       type(residual_t), intent(in) :: problem
-      real(wp), intent(in) :: J
-      real(wp), parameter :: unlike = 0.5_wp
+      real(wp), intent(in) :: residual(:)
+      real(wp), parameter :: unlike = 0.25_wp
+      real(wp) :: effective
+      integer :: first(size(problem%parts) + 1), i
 
-      strength = max(J/problem%samples()/unlike**2, tiny(J))
+      first = [problem%first_rows(), size(residual) + 1]
+      effective = 0
+      do i = 1, size(first) - 1
+         effective = effective + effective_samples(residual(first(i):first(i + 1) - 1))
+      end do
+      strength = max(sum(residual**2)/effective/unlike**2, tiny(strength))
    end function least_strength
 
    !> A strength beside which the data count for nothing, but for what is smooth.
@@ -212,13 +236,15 @@ contains
    !>
    !> estimate            (n)
    !> residual, jacobian  (rows), (rows, n or more)
-   subroutine new_profile_fit(problem, estimate, residual, jacobian, a, profile, error)
+   !> as_used             .true.: all but `asked` belongs to the strength of the problem
+   subroutine new_profile_fit(problem, estimate, residual, jacobian, a, profile, error, as_used)
       type(residual_t), intent(in) :: problem
       real(wp), intent(in) :: estimate(:), residual(:), jacobian(:, :)
       integer, intent(in) :: a
       type(profile_fit_t), intent(out) :: profile
       type(error_t), allocatable, intent(out) :: error
-      real(wp), allocatable :: J(:, :), r(:), at(:), penalty(:, :)
+      logical, intent(in), optional :: as_used
+      real(wp), allocatable :: J(:, :), r(:), at(:), penalty(:, :), used
       logical, allocatable :: data(:)
       integer :: first, k, n, rows
 
@@ -239,7 +265,11 @@ contains
             penalty(:, p) = penalty(:, p)*estimate(p)
          end associate
       end do
-      call choose_strength(J, r, at, penalty, profile%smoothing, error)
+      if (present(as_used)) then
+         if (as_used) used = problem%strength(a)
+      end if
+      call choose_strength(J, r, at, penalty, profile%smoothing, error, &
+         least_strength(problem, residual(:problem%samples())), used)
    end subroutine new_profile_fit
 
 end module beamid_smooth_fits

@@ -220,7 +220,7 @@ contains
       do k = 1, profiles
          if (.not. found%strength(k) > 0) cycle
          call new_profile_fit(problem, found%fit%estimate, found%fit%residual, found%jacobian, k, &
-            found%profiles(k), error)
+            found%profiles(k), error, as_used=.true.)
          if (allocated(error)) return
       end do
       found%work = problem%work

@@ -9,7 +9,7 @@ module beamid_along_reports
    use beamid_residuals, only: profiles
    use beamid_statistics, only: unlimited
    use beamid_strings, only: full, to_text
-   use beamid_structure, only: of_c_D, of_E
+   use beamid_structure, only: most_coefficients, of_c_D, of_E
    use beamid_texts, only: left, right, text_t
    use beamid_units, only: units_t
    implicit none
@@ -91,8 +91,28 @@ contains
          call text%line()
          call add_band(text, case, fit, found, a)
          call add_limits_of_record(text, case, found, trim(names(a))//'(x)')
+         if (allocated(fit%profiles(a)%place)) call add_coarseness(text, fit, a)
       end do
    end subroutine add_along
+
+   !> Where a function has used up its coefficients and leaves something of the record.
+   subroutine add_coarseness(text, fit, a)
+      type(text_t), intent(inout) :: text
+      type(stage_fit_t), intent(in) :: fit
+      integer, intent(in) :: a
+      real(wp), parameter :: nearly_all = 0.9_wp
+      character(len=:), allocatable :: line
+
+      associate (found => fit%profiles(a)%smoothing, n => size(fit%profiles(a)%place))
+         if (fit%check%white .or. .not. (found%bounded .or. found%at_end < 0 .or. &
+            found%freedom > nearly_all*n)) return
+         line = 'the residuals are not white, and '//trim(names(a))//'(x) by '//to_text(n)// &
+            ' coefficients would bend further to follow them: do not trust it'
+         if (n < most_coefficients) line = line//', try coefficients='// &
+            to_text(min(2*n, most_coefficients))
+         call text%line(line)
+      end associate
+   end subroutine add_coarseness
 
    subroutine add_band(text, case, fit, found, a)
       type(text_t), intent(inout) :: text
@@ -216,13 +236,20 @@ contains
          name = trim(names(a))//'(x)'
          associate (found => fit%profiles(a)%smoothing)
             call text%line()
+            line = ' by restricted marginal likelihood; '
+            if (found%bounded) line = ', the least that is allowed; '
             call text%line(name//': strength of the smoothing '//to_text(found%strength)// &
-               ' by restricted marginal likelihood; '//short(found%freedom)// &
-               ' effective degrees of freedom of '//to_text(size(fit%profiles(a)%place))// &
-               ' coefficients')
+               line//short(found%freedom)//' effective degrees of freedom of '// &
+               to_text(size(fit%profiles(a)%place))//' coefficients')
             if (found%at_end > 0) call text%line('the record asks for no variation of '// &
                trim(names(a))//' along the beam')
-            if (found%at_end < 0) call text%line('the record asks for no smoothing of '//name)
+            if (found%at_end < 0 .and. .not. found%bounded) call text%line( &
+               'the record asks for no smoothing of '//name)
+            if (found%bounded) call text%line('restricted marginal likelihood asks for less '// &
+               'smoothing, as if neighbouring coefficients differed by more than 25 %')
+            if (abs(log(found%asked/found%strength)) > log(2.0_wp)) call text%line( &
+               'the likelihood goes to and fro between strengths, a lower one and a higher one '// &
+               'do as well: about this fit it asks for '//to_text(found%asked))
             if (found%at_end /= 0) cycle
             call text%line('other strengths, for the problem linearised about the fit:')
             call text%line(right('strength')//right('squares')//right('roughness')// &
