@@ -226,7 +226,7 @@ contains
    end subroutine test_program
 
    !> A dip by coefficients that are too few for it: the search ends at a smooth function, and what
-   !> that is worth is said. E(x) and c_D(x) at once, of which one varies.
+   !> that is worth is said. E(x) and c_D(x) at once, of which one varies; a start from the record.
    subroutine test_searches()
       character(len=*), parameter :: beam = '&beam length=0.5, width=0.03, height=0.002, '// &
          'density=7850, E=2.05e11, c_D=2e6, gamma=0.02 /'//nl// &
@@ -247,6 +247,8 @@ contains
       end do
       call write_file('both.nml', beam//record// &
          '&stage free=''E(x)'',''c_D(x)'',''gamma'', coefficients=14 /'//nl)
+      call write_file('auto.nml', beam//record// &
+         '&stage free=''E(x)'',''c_D'',''gamma'', coefficients=12, start=''auto'' /'//nl)
       outcome = run('"'//program_path//'" simulate dip.nml --quiet && cp out/dip/record.csv .')
       do j = 1, size(coarse)
          outcome = run('"'//program_path//'" identify coarse'//coarse(j)//'.nml --quiet')
@@ -280,6 +282,9 @@ contains
          ! c_D is known to some per cent where it varies at all.
          call check('E(x) and c_D(x): c_D hardly varies', near == 101, to_text(near))
       end if
+
+      outcome = run('"'//program_path//'" identify auto.nml --quiet')
+      call check('a start from the record', outcome%status == 0, outcome%err)
    end subroutine test_searches
 
 end program test_along_band

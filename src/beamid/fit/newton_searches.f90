@@ -7,7 +7,7 @@
 module beamid_newton_searches
    use beamid_errors, only: error_t
    use beamid_kinds, only: wp
-   use beamid_minpack, only: dpotrf, dtrtrs
+   use beamid_lapack, only: dpotrf, dtrtrs
    use beamid_searches, only: search_t
    implicit none
    private

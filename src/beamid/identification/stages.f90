@@ -14,7 +14,7 @@ module beamid_stages
    use beamid_starts, only: automatic_start, set_free
    use beamid_statistics, only: new_statistics, statistics_t, unlimited
    use beamid_strings, only: to_text
-   use beamid_structure, only: of_d_D, of_w_D, of_x_D, structure_t
+   use beamid_structure, only: is_coefficient, of_d_D, of_w_D, of_x_D, structure_t
    use beamid_unknowns, only: name_length, name_of, quantity_t, stage_t, variables_of, world_t
    use beamid_variables, only: unbounded, variable_t
    use beamid_verification, only: verify_integrator
@@ -180,8 +180,9 @@ contains
       tried = stage
       call set_free(problem, stage)
       problem%work = work_t()
-      if (stage%automatic .and. size(stage%free) > 0) call automatic_start(problem, &
-         tried, options, found%note, found%doubt, found%other, error)
+      ! What varies along the beam is started from the lines of the record in any case.
+      if (stage%automatic .and. size(stage%free) > 0 .and. .not. any(is_coefficient(stage%free))) &
+         call automatic_start(problem, tried, options, found%note, found%doubt, found%other, error)
       if (allocated(error)) return
       n = size(tried%free)
       call variables_of(tried, problem%world, variables, found%quantities, error)
