@@ -50,7 +50,8 @@ contains
    !> Largest relative difference, over the columns, between a Jacobian and central differences.
    !>
    !> A column is mistaken when the two are further apart than three times what another step, longer
-   !> or shorter, makes of the differences: however little or much a parameter counts.
+   !> or shorter, makes of the differences, or the round-off of what counts most: however little or
+   !> much a parameter counts.
    !>
    !> exact     (m, n) the Jacobian at the parameters
    !> worst     not allocated where the differences cannot be computed
@@ -78,7 +79,8 @@ contains
       if (allocated(error)) return
       call differences(problem, parameters, variables, eps/longer**3, narrow, error)
       if (allocated(error)) return
-      unsure = max(norm2(wide - approximate, dim=1), norm2(narrow - approximate, dim=1))/length
+      unsure = max(norm2(wide - approximate, dim=1), norm2(narrow - approximate, dim=1), &
+         eps*maxval(norm2(exact, dim=1)*abs(parameters))/steps(eps, parameters, variables))/length
       mistaken = maxloc(wrong, dim=1, mask=wrong > allowed .and. .not. wrong <= 3*unsure)
    end subroutine compare_derivatives
 
@@ -93,12 +95,13 @@ contains
       type(variable_t), intent(in) :: variables(:)
       real(wp), intent(out) :: jac(:, :)
       type(error_t), allocatable, intent(out) :: error
-      real(wp) :: p(size(parameters)), step
+      real(wp) :: all_steps(size(parameters)), p(size(parameters)), step
       real(wp), dimension(size(jac, 1)) :: above, below
       integer :: k
 
+      all_steps = steps(relative_error, parameters, variables)
       do k = 1, size(parameters)
-         step = relative_error**(1/3.0_wp)*max(abs(parameters(k)), 1e-3_wp*variables(k)%magnitude)
+         step = all_steps(k)
          p = parameters
          p(k) = max(min(parameters(k), variables(k)%upper - step) - step, variables(k)%lower)
          call problem%residuals(p, below, error)
@@ -109,6 +112,15 @@ contains
          jac(:, k) = (above - below)/(2*step)
       end do
    end subroutine differences
+
+   !> The steps of those differences.
+   pure function steps(relative_error, parameters, variables)
+      real(wp), intent(in) :: relative_error, parameters(:)
+      type(variable_t), intent(in) :: variables(:)
+      real(wp) :: steps(size(parameters))
+
+      steps = relative_error**(1/3.0_wp)*max(abs(parameters), 1e-3_wp*variables%magnitude)
+   end function steps
 
    !> Relative error of such a Jacobian, with some reserve: that of the residuals over the step.
    pure real(wp) function error_of_differences(relative_error) result(error)

@@ -42,6 +42,8 @@ module beamid_statistics
       !> corrected error is from that
       logical, allocatable :: disputed(:)
       real(wp) :: effective = 0
+   contains
+      procedure :: withdraw
    end type statistics_t
 
 contains
@@ -92,6 +94,20 @@ contains
       statistics%determined = statistics%half_width < abs(estimate)
       call correct_errors(jacobian, residual(:m), statistics, noise, first, shared)
    end subroutine new_statistics
+
+   !> Takes back what linear theory says of a parameter, by one who knows better.
+   !>
+   !> error_too  the interval as well
+   pure subroutine withdraw(self, parameter, error_too)
+      class(statistics_t), intent(inout) :: self
+      integer, intent(in) :: parameter
+      logical, intent(in) :: error_too
+
+      self%determined(parameter) = .false.
+      if (.not. error_too) return
+      self%half_width(parameter) = unlimited
+      self%corrected_half_width(parameter) = unlimited
+   end subroutine withdraw
 
    !> Covariance sigma**2 V S**-2 V', undone for the scale. A parameter with a part in a direction
    !> whose singular value is round-off has no limits at all.

@@ -17,7 +17,10 @@ module beamid_line_matches
    implicit none
    private
 
-   public :: match_lines
+   public :: match_lines, starts_along
+
+   !> Where along the beam a dip is looked for.
+   integer, parameter, public :: dip_places = 11
 
    real(wp), parameter :: two_pi = 2*acos(-1.0_wp)
    !> Modes that are looked for at most.
@@ -56,10 +59,11 @@ contains
       type(residual_t), intent(in) :: problem
       type(variable_t), intent(in) :: variables(:)
       type(variable_t), allocatable, intent(out) :: starts(:, :)
-      integer, parameter :: places = 11, most_starts = 6
-      type(variable_t) :: tried(size(variables), 0:places)
+      integer, parameter :: most_starts = 6
+      type(variable_t), allocatable :: tried(:, :)
       type(lines_t), allocatable :: lines(:)
-      real(wp) :: cost(0:places), length
+      real(wp), allocatable :: cost(:)
+      real(wp) :: length
       integer :: best, dip, k
 
       allocate (starts(size(variables), 0))
@@ -67,14 +71,13 @@ contains
       if (.not. allocated(lines)) return
       dip = findloc(problem%free, of_x_D, dim=1)
       length = problem%world%structures(1)%length
-      cost = huge(cost)
-      do k = 0, merge(places, 0, dip > 0)
-         tried(:, k) = variables
-         if (k > 0) tried(dip, k) = variables(dip)%from((k - 0.5_wp)*length/places)
+      tried = starts_along(problem, variables)
+      allocate (cost(size(tried, 2)))
+      do k = 1, size(cost)
          call match_from(problem, lines, tried(:, k), cost(k))
       end do
       do k = 1, most_starts
-         best = minloc(cost, dim=1) - 1
+         best = minloc(cost, dim=1)
          if (.not. cost(best) < huge(cost)) return
          starts = reshape([starts, tried(:, best)], [size(variables), k])
          ! Of those that end in one place one is enough.
@@ -84,6 +87,25 @@ contains
          cost(best) = huge(cost)
       end do
    end subroutine match_lines
+
+   !> The start of a case, and where the place of a dip is free the same with it here and there along
+   !> the beam.
+   !>
+   !> starts  (n, 1 or more)
+   pure function starts_along(problem, variables) result(starts)
+      type(residual_t), intent(in) :: problem
+      type(variable_t), intent(in) :: variables(:)
+      type(variable_t), allocatable :: starts(:, :)
+      integer :: dip, k
+
+      dip = findloc(problem%free, of_x_D, dim=1)
+      allocate (starts(size(variables), merge(dip_places + 1, 1, dip > 0)))
+      do k = 1, size(starts, 2)
+         starts(:, k) = variables
+         if (k > 1) starts(dip, k) = variables(dip)%from((k - 1.5_wp) &
+            *problem%world%structures(1)%length/dip_places)
+      end do
+   end function starts_along
 
    !> The lines of each record, up to the highest mode that is looked for.
    !>

@@ -7,24 +7,30 @@ module beamid_smooth_fits
    use beamid_errors, only: error_t, failure
    use beamid_kinds, only: wp
    use beamid_least_squares, only: fit_t, monitor_t, options_t
-   use beamid_line_matches, only: match_lines
+   use beamid_line_matches, only: match_lines, starts_along
    use beamid_noise_levels, only: fit_with_noise
    use beamid_residuals, only: penalty_order, profiles, residual_t
    use beamid_smoothing, only: choose_strength, smoothing_t
    use beamid_strings, only: to_text
    use beamid_structure, only: is_coefficient, of_x_D
    use beamid_variables, only: variable_t
-   use beamid_whiteness, only: effective_samples
+   use beamid_whiteness, only: check_residuals, effective_samples, residual_check_t
    implicit none
    private
 
-   public :: fit_smoothly, profile_fit_t, new_profile_fit
+   public :: fit_smoothly, profile_fit_t, new_profile_fit, trial_t
 
    !> What a search says of one of E(x) and c_D(x).
    type :: profile_fit_t
       integer, allocatable :: place(:)     !< (n) its coefficients among the parameters
       type(smoothing_t) :: smoothing       !< of their logarithms among the other parameters
    end type profile_fit_t
+
+   !> Where a search has ended.
+   type :: trial_t
+      real(wp), allocatable :: estimate(:)
+      real(wp) :: J = 0
+   end type trial_t
 
 contains
 
@@ -35,23 +41,27 @@ contains
    !> Where there are none the first search is for the first part of the record, and each goes on
    !> from the one before on twice as much.
    !>
-   !> error  also where a strength does not settle
-   subroutine fit_smoothly(problem, variables, options, found, error, monitor, label, names)
+   !> Where a dip is looked for there are several starts, and where none of them leaves what looks
+   !> like noise others all along the beam.
+   !>
+   !> trials  where searches from other starts have ended, roughly
+   !> error   also where a strength does not settle
+   subroutine fit_smoothly(problem, variables, options, found, trials, error, monitor, label, names)
       type(residual_t), intent(inout) :: problem
       type(variable_t), intent(in) :: variables(:)
       type(options_t), intent(in) :: options
       type(fit_t), intent(out) :: found
+      type(trial_t), allocatable, intent(out) :: trials(:)
       type(error_t), allocatable, intent(out) :: error
       class(monitor_t), intent(inout), optional :: monitor
       character(len=*), intent(in) :: label, names(:)
       type(variable_t) :: from(size(variables))
-      type(residual_t) :: part
       type(options_t) :: rough, persistent
-      type(fit_t) :: near
-      type(error_t), allocatable :: reason
       type(variable_t), allocatable :: starts(:, :)
+      logical :: dips, suits
       integer :: k
 
+      allocate (trials(0))
       if (.not. any(is_coefficient(problem%free) .or. problem%free == of_x_D)) then
          call fit_with_noise(problem, variables, options, found, error, monitor, label, names)
          return
@@ -66,17 +76,22 @@ contains
       persistent%max_evaluations = 300
       persistent%persistent = .true.
       call match_lines(problem, variables, starts)
-      if (size(starts, 2) > 0) call choose_start(problem, starts, rough, from, &
-         monitor, label, names)
-      do k = merge(0, doublings(problem), size(starts, 2) > 0), 1, -1
-         part = problem%beginning(0.5_wp**k)
-         call settle(part, from, rough, near, reason, monitor, label, names, settled=0.5_wp)
-         if (allocated(reason)) cycle
-         from = from%from(near%estimate)
-         problem%strength = part%strength
-      end do
+      dips = any(problem%free == of_x_D)
+      suits = size(starts, 2) == 1 .and. .not. dips
+      if (suits) from = starts(:, 1)
+      if (.not. suits .and. size(starts, 2) > 0) call try_starts(problem, starts, rough, trials, &
+         from, suits, monitor, label, names)
+      if (dips .and. .not. suits) then
+         ! Lines may mislead, where a record has few samples in a period or is short.
+         starts = starts_along(problem, variables)
+         call try_starts(problem, starts, rough, trials, from, suits, monitor, label, names, &
+            grows=.true.)
+      else if (size(starts, 2) == 0) then
+         call grow(problem, from, rough, monitor, label, names)
+      end if
       call settle(problem, from, persistent, found, error, monitor, label, names, settled=0.02_wp)
       if (allocated(error)) then
+         if (.not. any(is_coefficient(problem%free))) return
          error%message = error%message//'; perhaps '//to_text(maxval([(size( &
             problem%profile_columns(k)), k=1, profiles)]))//' coefficients are too few for '// &
             'what varies along the beam, or a shorter record does better'
@@ -85,33 +100,65 @@ contains
       found%start = variables%start
    end subroutine fit_smoothly
 
-   !> The start from which a search ends with the least J.
-   subroutine choose_start(problem, starts, options, best, monitor, label, names)
+   !> Searches from several starts.
+   !>
+   !> trials  where they end, added to those that are there
+   !> best    the start of the least J of all, where a search succeeds
+   !> suits   whether what that leaves looks like noise
+   !> grows   whether each begins with a short piece of the record
+   subroutine try_starts(problem, starts, options, trials, best, suits, monitor, label, names, grows)
       type(residual_t), intent(in) :: problem
       type(variable_t), intent(in) :: starts(:, :)
       type(options_t), intent(in) :: options
-      type(variable_t), intent(out) :: best(:)
+      type(trial_t), allocatable, intent(inout) :: trials(:)
+      type(variable_t), intent(inout) :: best(:)
+      logical, intent(inout) :: suits
       class(monitor_t), intent(inout), optional :: monitor
       character(len=*), intent(in) :: label, names(:)
-      type(residual_t) :: trial
+      logical, intent(in), optional :: grows
+      type(residual_t) :: part
       type(fit_t) :: found
+      type(variable_t) :: from(size(best))
+      type(residual_check_t) :: check
       type(error_t), allocatable :: error
-      real(wp) :: least
       integer :: k
 
-      best = starts(:, 1)
-      if (size(starts, 2) == 1) return
-      least = huge(least)
       do k = 1, size(starts, 2)
-         trial = problem
-         call settle(trial, starts(:, k), options, found, error, monitor, label, &
-            names, settled=0.5_wp)
+         from = starts(:, k)
+         part = problem
+         if (present(grows)) call grow(part, from, options, monitor, label, names)
+         call settle(part, from, options, found, error, monitor, label, names, settled=0.5_wp)
          if (allocated(error)) cycle
-         if (found%J >= least) cycle
-         least = found%J
-         best = starts(:, k)%from(found%estimate)
+         trials = [trials, trial_t(found%estimate, found%J)]
+         if (found%J > minval(trials%J)) cycle
+         best = from%from(found%estimate)
+         associate (m => problem%samples())
+            check = check_residuals(found%residual(:m), found%jacobian(:m, :))
+         end associate
+         suits = check%white
       end do
-   end subroutine choose_start
+   end subroutine try_starts
+
+   !> Moves a start to where it suits longer and longer pieces of the record.
+   subroutine grow(problem, from, options, monitor, label, names)
+      type(residual_t), intent(inout) :: problem
+      type(variable_t), intent(inout) :: from(:)
+      type(options_t), intent(in) :: options
+      class(monitor_t), intent(inout), optional :: monitor
+      character(len=*), intent(in) :: label, names(:)
+      type(residual_t) :: part
+      type(fit_t) :: found
+      type(error_t), allocatable :: error
+      integer :: k
+
+      do k = doublings(problem), 1, -1
+         part = problem%beginning(0.5_wp**k)
+         call settle(part, from, options, found, error, monitor, label, names, settled=0.5_wp)
+         if (allocated(error)) cycle
+         from = from%from(found%estimate)
+         problem%strength = part%strength
+      end do
+   end subroutine grow
 
    !> How often a record may be halved: a part has ten samples for each parameter, of a penalised
    !> function those that no penalty holds.

@@ -6,13 +6,14 @@ module beamid_stages
    use beamid_held_errors, only: held_errors, held_t
    use beamid_kinds, only: wp
    use beamid_least_squares, only: fit_t, monitor_t, options_t
+   use beamid_line_matches, only: dip_places
    use beamid_parameters, only: as_named, free_magnitude, offset
    use beamid_priors, only: prior_t
    use beamid_residuals, only: profiles, residual_t
    use beamid_responses, only: work_t
-   use beamid_smooth_fits, only: fit_smoothly, new_profile_fit, profile_fit_t
+   use beamid_smooth_fits, only: fit_smoothly, new_profile_fit, profile_fit_t, trial_t
    use beamid_starts, only: automatic_start, set_free
-   use beamid_statistics, only: new_statistics, statistics_t, unlimited
+   use beamid_statistics, only: new_statistics, statistics_t
    use beamid_strings, only: to_text
    use beamid_structure, only: is_coefficient, of_d_D, of_w_D, of_x_D, structure_t
    use beamid_unknowns, only: name_length, name_of, quantity_t, stage_t, variables_of, world_t
@@ -66,6 +67,7 @@ module beamid_stages
       procedure :: total
       procedure :: shifts
       procedure :: shifted
+      procedure :: is_too_coarse
    end type stage_fit_t
 
    !> A mesh shows where it shifts an estimate by more than this of its half width.
@@ -170,6 +172,7 @@ contains
       type(variable_t), allocatable :: variables(:)
       character(len=name_length), allocatable :: names(:)
       type(stage_t) :: tried
+      type(trial_t), allocatable :: trials(:)
       real(wp), allocatable :: scales(:)
       real(wp) :: moderate
       integer :: k, n, r
@@ -188,7 +191,7 @@ contains
       call variables_of(tried, problem%world, variables, found%quantities, error)
       if (allocated(error)) return
       names = found%quantities%searched_name()
-      call fit_smoothly(problem, variables, options, found%fit, error, monitor, label, names)
+      call fit_smoothly(problem, variables, options, found%fit, trials, error, monitor, label, names)
       if (allocated(error)) return
       if (.not. problem%exact) call verify_integrator(problem, exact, variables, names, &
          found%fit, found%moved, found%reference, error)
@@ -236,7 +239,8 @@ contains
             problem%samples(), merge(problem%noise, 0.0_wp, problem%prior_rows() > 0), &
             problem%first_rows(), q%record == 0)
          if (allocated(error)) return
-         call judge_dip(found)
+         call judge_dip(found, trials)
+         call judge_functions(found)
          if (size(found%priors) == 0) return
          n = merge(size(q), n, problem%exact)
          call held_errors(problem, found%fit%estimate, found%jacobian(:, :n), scales(:n), &
@@ -246,29 +250,72 @@ contains
 
    !> Without a depth a dip has no place and no width, and a search along the beam finds one in
    !> mere noise: linear theory then says that both are known. A dip is there where its depth is
-   !> more than the best of `places` that noise offers, each with a depth, a place and a width to
-   !> choose, would reach in one record of twenty.
-   subroutine judge_dip(found)
+   !> more than the best of all places that noise offers, each with a depth, a place and a width to
+   !> choose, would reach in one record of twenty; and it is where it is found if none that a search
+   !> has found elsewhere leaves as little, to the same chance.
+   subroutine judge_dip(found, trials)
       type(stage_fit_t), intent(inout) :: found
-      integer, parameter :: places = 11
-      real(wp), parameter :: choices = 3, chance = 0.05_wp
-      integer :: depth, k
+      type(trial_t), intent(in) :: trials(:)
+      real(wp), parameter :: choices = 3, chance = 0.05_wp/dip_places
+      integer :: depth, k, place
+      character(len=:), allocatable :: doubt
+      real(wp) :: variance
 
+      place = findloc(found%free, of_x_D, dim=1)
       depth = findloc(found%free, of_d_D, dim=1)
-      if (depth == 0 .or. found%statistics%samples == 0) return
-      associate (s => found%statistics, value => found%quantities(depth)%value)
-         if (chi_square_tail((value/s%corrected_error(depth))**2, choices) < chance/places) return
-         do k = 1, size(found%free)
-            if (.not. any(found%free(k) == [of_x_D, of_w_D, of_d_D])) cycle
-            s%determined(k) = .false.
-            if (k == depth) cycle
-            s%half_width(k) = unlimited
-            s%corrected_half_width(k) = unlimited
+      if (place == 0 .or. found%statistics%samples == 0) return
+      doubt = ''
+      associate (s => found%statistics)
+         if (depth > 0) then
+            if (.not. chi_square_tail((found%fit%estimate(depth)/s%corrected_error(depth))**2, &
+               choices) < chance) doubt = 'this record does not tell that there is a dip: '// &
+               'its depth is no more than noise would give one somewhere along the beam'
+         end if
+         ! As much as the residuals count, if they are not white.
+         variance = s%variance*(s%corrected_error(place)/s%std_error(place))**2
+         do k = 1, size(trials)
+            if (doubt /= '' .or. found%weighted) exit
+            if (abs(trials(k)%estimate(place) - found%fit%estimate(place)) &
+               <= 2*s%corrected_half_width(place)) cycle
+            if (chi_square_tail((trials(k)%J - found%fit%J)/variance, 1.0_wp) > chance) &
+               doubt = 'a dip elsewhere does nearly as well: J = '//to_text(trials(k)%J)// &
+               ' with place = '//to_text(trials(k)%estimate(place))
          end do
-         found%other = 'this record does not tell that there is a dip: its depth is no more than '// &
-            'noise would give one somewhere along the beam'
       end associate
+      if (doubt == '') return
+      found%other = doubt
+      do k = 1, size(found%free)
+         if (any(found%free(k) == [of_x_D, of_w_D, of_d_D])) &
+            call found%statistics%withdraw(k, error_too=k /= depth)
+      end do
    end subroutine judge_dip
+
+   !> Linear theory knows nothing of what a function cannot do that has used up its coefficients and
+   !> leaves something of the record.
+   subroutine judge_functions(found)
+      type(stage_fit_t), intent(inout) :: found
+      integer :: a, k
+
+      do a = 1, profiles
+         if (.not. found%is_too_coarse(a)) cycle
+         do k = 1, size(found%profiles(a)%place)
+            call found%statistics%withdraw(found%profiles(a)%place(k), error_too=.true.)
+         end do
+      end do
+   end subroutine judge_functions
+
+   !> Whether E(x) or c_D(x) would bend further than its coefficients let it, to follow residuals
+   !> that are not noise.
+   pure logical function is_too_coarse(self, a)
+      class(stage_fit_t), intent(in) :: self
+      integer, intent(in) :: a
+      real(wp), parameter :: nearly_all = 0.9_wp
+
+      is_too_coarse = allocated(self%profiles(a)%place) .and. .not. self%check%white
+      if (is_too_coarse) is_too_coarse = self%profiles(a)%smoothing%bounded .or. &
+         self%profiles(a)%smoothing%at_end < 0 .or. self%profiles(a)%smoothing%freedom &
+         > nearly_all*size(self%profiles(a)%place)
+   end function is_too_coarse
 
    !> The quantities that were eliminated, and derivatives with respect to all.
    subroutine add_linear(problem, found, error)

@@ -91,27 +91,23 @@ contains
          call text%line()
          call add_band(text, case, fit, found, a)
          call add_limits_of_record(text, case, found, trim(names(a))//'(x)')
-         if (allocated(fit%profiles(a)%place)) call add_coarseness(text, fit, a)
+         if (fit%is_too_coarse(a)) call add_coarseness(text, fit, a)
       end do
    end subroutine add_along
 
-   !> Where a function has used up its coefficients and leaves something of the record.
    subroutine add_coarseness(text, fit, a)
       type(text_t), intent(inout) :: text
       type(stage_fit_t), intent(in) :: fit
       integer, intent(in) :: a
-      real(wp), parameter :: nearly_all = 0.9_wp
       character(len=:), allocatable :: line
 
-      associate (found => fit%profiles(a)%smoothing, n => size(fit%profiles(a)%place))
-         if (fit%check%white .or. .not. (found%bounded .or. found%at_end < 0 .or. &
-            found%freedom > nearly_all*n)) return
+      associate (n => size(fit%profiles(a)%place))
          line = 'the residuals are not white, and '//trim(names(a))//'(x) by '//to_text(n)// &
-            ' coefficients would bend further to follow them: do not trust it'
+            ' coefficients would bend further to follow them: it has no band, do not trust it'
          if (n < most_coefficients) line = line//', try coefficients='// &
             to_text(min(2*n, most_coefficients))
-         call text%line(line)
       end associate
+      call text%line(line)
    end subroutine add_coarseness
 
    subroutine add_band(text, case, fit, found, a)
