@@ -28,6 +28,7 @@ program test_along_band
    else
       call test_program()
       call test_searches()
+      call test_no_dip()
    end if
    call close_shell()
    call finish('along band')
@@ -258,6 +259,9 @@ contains
          call check('too few coefficients: said so, '//coarse(j), has_all(table, &
             'residuals are NOT white|would bend further|the least that is allowed'), table)
          table = read_file('out/coarse'//coarse(j)//'/along.csv')
+         call check('too few coefficients: no band, '//coarse(j), &
+            number(part(line(table, 50), 5, ',')) <= 0 .and. part(line(table, 50), 6, ',') == 'inf', &
+            line(table, 50))
          near = 0
          do k = 1, line_count(table) - 1
             E = number(part(line(table, k + 1), 4, ','))
@@ -286,5 +290,48 @@ contains
       outcome = run('"'//program_path//'" identify auto.nml --quiet')
       call check('a start from the record', outcome%status == 0, outcome%err)
    end subroutine test_searches
+
+   !> A dip where there is none, and one in a record of 50 samples a second, whose second line is not
+   !> where the second mode is: 41 Hz.
+   subroutine test_no_dip()
+      character(len=*), parameter :: beam = '&beam length=0.5, width=0.03, height=0.002, '// &
+         'density=7850, E=2.05e11, c_D=2e6, gamma=0.02 /'//nl// &
+         '&excitation kind=''pulse'', amplitude=1, duration=0.005 /'//nl// &
+         '&discretization degree=5, elements=16 /'//nl, &
+         dip = '&along kind=''dip'', place=0.3, width=0.04, depth=0.1 /'//nl, &
+         stage = '&stage free=''E'',''c_D'',''gamma'',''place'',''width'',''depth'' /'//nl
+      type(outcome_t) :: outcome
+      character(len=:), allocatable :: table
+      integer :: k
+
+      call write_file('none.nml', beam//'&record t_first=0.01, t_last=1, t_step=0.001 /'//nl// &
+         '&noise sd=0.1, seed=11 /'//nl)
+      call write_file('find.nml', beam//dip//'&record file=''none.csv'' /'//nl//stage)
+      outcome = run('"'//program_path//'" simulate none.nml --quiet && '// &
+         'cp out/none/record.csv none.csv && "'//program_path//'" identify find.nml --quiet')
+      call check('no dip: a fit', outcome%status == 0, outcome%err)
+      if (outcome%status /= 0) return
+      table = read_file('out/find/estimates.csv')
+      do k = 5, 7
+         call check('no dip: not determined, '//part(line(table, k), 3, ','), &
+            part(line(table, k), 10, ',') == 'no', line(table, k))
+      end do
+      call check('no dip: no place', part(line(table, 5), 3, ',') == 'place' .and. &
+         part(line(table, 5), 8, ',') == '', line(table, 5))
+      call check('no dip: said so', index(outcome%out, 'does not tell that there is a dip') > 0, &
+         outcome%out)
+
+      call write_file('far.nml', beam//'&along kind=''dip'', place=0.1, width=0.05, depth=0.4 /'// &
+         nl//'&record t_first=0.06, t_last=3, t_step=0.02 /'//nl//'&noise sd=0.5, seed=4 /'//nl)
+      call write_file('near.nml', beam//dip//'&record file=''far.csv'' /'//nl//stage)
+      outcome = run('"'//program_path//'" simulate far.nml --quiet && '// &
+         'cp out/far/record.csv far.csv && "'//program_path//'" identify near.nml --quiet')
+      call check('a dip far away: a fit', outcome%status == 0, outcome%err)
+      if (outcome%status /= 0) return
+      table = read_file('out/near/estimates.csv')
+      ! Found, or not told: that is honest as well. A wrong place that passes for known is neither.
+      call check('a dip far away', part(line(table, 5), 10, ',') == 'no' .or. &
+         abs(number(part(line(table, 5), 6, ',')) - 0.1_wp) < 0.02_wp, line(table, 5))
+   end subroutine test_no_dip
 
 end program test_along_band

@@ -8,7 +8,7 @@ module problems
    implicit none
    private
 
-   public :: mistaken, mistaken_t, rosenbrock_t, edge_t, valley_t, line_t, history_t
+   public :: mistaken, mistaken_t, rosenbrock_t, edge_t, faint_t, valley_t, line_t, history_t
 
    !> A regression with a mistake in its derivatives.
    type, extends(regression_t) :: mistaken_t
@@ -41,6 +41,14 @@ module problems
       procedure :: residuals => valley_residuals
       procedure :: jacobian => valley_jacobian
    end type valley_t
+
+   !> Of the second parameter less than the round-off of what the first does; its derivatives.
+   type, extends(smooth_problem_t) :: faint_t
+      real(wp) :: told = 1e-30_wp
+   contains
+      procedure :: residuals => faint_residuals
+      procedure :: jacobian => faint_jacobian
+   end type faint_t
 
    !> parameters - target, one residual each: the minimum is the target, or the nearest bound.
    type, extends(problem_t) :: line_t
@@ -172,6 +180,28 @@ contains
       self%last = parameters
    end subroutine iteration
 
+   subroutine faint_residuals(self, parameters, r, error)
+      class(faint_t), intent(inout) :: self
+      real(wp), intent(in) :: parameters(:)
+      real(wp), intent(out) :: r(:)
+      type(error_t), allocatable, intent(out) :: error
+      integer :: k
+
+      r = [((parameters(1) + 1e-30_wp*parameters(2) - 1)*k, k=1, size(r))]
+   end subroutine faint_residuals
+
+   subroutine faint_jacobian(self, parameters, r, jac, error)
+      class(faint_t), intent(inout) :: self
+      real(wp), intent(in) :: parameters(:)
+      real(wp), intent(out) :: r(:), jac(:, :)
+      type(error_t), allocatable, intent(out) :: error
+      integer :: k
+
+      call self%residuals(parameters, r, error)
+      jac(:, 1) = [(real(k, wp), k=1, size(r))]
+      jac(:, 2) = self%told*jac(:, 1)
+   end subroutine faint_jacobian
+
 end module problems
 
 program test_least_squares
@@ -179,16 +209,18 @@ program test_least_squares
    use beamid_kinds, only: wp
    use beamid, only: fit, fit_t, options_t
    use beamid_gauss_newton, only: gauss_newton_step, gauss_newton_t
+   use beamid_problems, only: compare_derivatives
    use beamid_strings, only: to_text
    use beamid_variables, only: new_variable, unbounded, variable_t
    use checks, only: check, check_close, finish
-   use problems, only: edge_t, history_t, line_t, mistaken, mistaken_t, rosenbrock_t, valley_t
+   use problems, only: edge_t, faint_t, history_t, line_t, mistaken, mistaken_t, rosenbrock_t, valley_t
    use regressions, only: boxbod, mgh09, misra1a, regression_t
    implicit none
 
    call test_nist()
    call test_box_trap()
    call test_mistakes()
+   call test_faint()
    call test_no_differences()
    call test_edge()
    call test_valley()
@@ -333,6 +365,26 @@ contains
             'the derivatives promise a J')
       end do
    end subroutine test_mistakes
+
+   !> What differences cannot see at all they do not deny; a derivative that they would have seen
+   !> they do.
+   subroutine test_faint()
+      type(faint_t) :: problem
+      type(error_t), allocatable :: error
+      real(wp), parameter :: told(2) = [1e-30_wp, 1e-6_wp]
+      real(wp) :: r(8), jac(8, 2)
+      real(wp), allocatable :: worst
+      integer :: found, k
+
+      do k = 1, size(told)
+         problem%told = told(k)
+         call problem%jacobian([1.5_wp, 1.0_wp], r, jac, error)
+         call compare_derivatives(problem, [1.5_wp, 1.0_wp], variables([1.5_wp, 1.0_wp], .true.), &
+            jac, worst, found)
+         call check('a derivative of '//to_text(told(k)), found == merge(2, 0, k == 2), &
+            to_text(found))
+      end do
+   end subroutine test_faint
 
    !> At a start on the edge of where the model can be computed there are derivatives and no
    !> differences: the fit goes on, and no comparison is told of.
