@@ -70,7 +70,8 @@ contains
             names = pack(name_of_parameter(structure, parameters%place), parameters%is_free .and. &
                is_there(structure, parameters%place))
             call or_nearest(free(k), names, perhaps)
-            call block%refuse('free', shown(free(k)), 'one of '//listed(names, ' ')//perhaps)
+            call block%refuse('free', shown(free(k)), 'one of '//listed(names, ' ')// &
+               ' E(x) c_D(x)'//perhaps)
          else if (found%free(k) > 0 .and. count(found%free(:k - 1) == found%free(k)) == 1) then
             call block%refuse('free', shown(free(k))//' twice', 'each parameter once')
          end if

@@ -1,6 +1,6 @@
 !> One stage of a fit: a search, and what it says of the parameters.
 module beamid_stages
-   use beamid_distributions, only: chi_square_tail
+   use beamid_distributions, only: chi_square_tail, normal_quantile
    use beamid_errors, only: error_t
    use beamid_excitation, only: excitation_t
    use beamid_held_errors, only: held_errors, held_t
@@ -259,7 +259,7 @@ contains
       real(wp), parameter :: choices = 3, chance = 0.05_wp/dip_places
       integer :: depth, k, place
       character(len=:), allocatable :: doubt
-      real(wp) :: variance
+      real(wp) :: beyond, variance
 
       place = findloc(found%free, of_x_D, dim=1)
       depth = findloc(found%free, of_d_D, dim=1)
@@ -267,17 +267,23 @@ contains
       doubt = ''
       associate (s => found%statistics)
          if (depth > 0) then
-            if (.not. chi_square_tail((found%fit%estimate(depth)/s%corrected_error(depth))**2, &
-               choices) < chance) doubt = 'this record does not tell that there is a dip: '// &
-               'its depth is no more than noise would give one somewhere along the beam'
+            ! Beyond a thousand standard errors no chance is left; of none there is no ratio.
+            beyond = 1e3_wp
+            if (s%corrected_error(depth) > 0) beyond = min(beyond, &
+               found%fit%estimate(depth)/s%corrected_error(depth))
+            if (.not. chi_square_tail(beyond**2, choices) < chance) doubt = 'this record does '// &
+               'not tell that there is a dip: its depth is no more than noise would give one '// &
+               'somewhere along the beam'
          end if
          ! As much as the residuals count, if they are not white.
-         variance = s%variance*(s%corrected_error(place)/s%std_error(place))**2
+         variance = s%variance
+         if (s%std_error(place) > 0) variance = variance*(s%corrected_error(place) &
+            /s%std_error(place))**2
          do k = 1, size(trials)
             if (doubt /= '' .or. found%weighted) exit
             if (abs(trials(k)%estimate(place) - found%fit%estimate(place)) &
                <= 2*s%corrected_half_width(place)) cycle
-            if (chi_square_tail((trials(k)%J - found%fit%J)/variance, 1.0_wp) > chance) &
+            if (trials(k)%J - found%fit%J < variance*normal_quantile(1 - chance/2)**2) &
                doubt = 'a dip elsewhere does nearly as well: J = '//to_text(trials(k)%J)// &
                ' with place = '//to_text(trials(k)%estimate(place))
          end do
