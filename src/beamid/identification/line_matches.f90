@@ -4,7 +4,7 @@
 module beamid_line_matches
    use beamid_assignments, only: lines_t
    use beamid_decaying_lines, only: find_lines
-   use beamid_errors, only: error_t
+   use beamid_errors, only: error_t, failure
    use beamid_kinds, only: wp
    use beamid_least_squares, only: fit, fit_t, options_t
    use beamid_model_roots, only: belief_t, beliefs_about, model_roots
@@ -12,6 +12,7 @@ module beamid_line_matches
    use beamid_problems, only: smooth_problem_t
    use beamid_residuals, only: penalty_order, profiles, residual_t
    use beamid_smoothing, only: difference_rows
+   use beamid_strings, only: to_text
    use beamid_structure, only: is_coefficient, of_x_D
    use beamid_variables, only: variable_t
    implicit none
@@ -233,6 +234,10 @@ contains
             if (allocated(error)) return
             last = match%record
             associate (root => s(match%mode), by => ds(match%mode, :))
+               if (.not. aimag(root) > 0) then
+                  call failure(error, 'lines: mode '//to_text(match%mode)//' is overdamped')
+                  return
+               end if
                r(2*k - 1) = log(aimag(root)/two_pi/match%frequency)/frequency_error
                jac(2*k - 1, :) = aimag(by)/aimag(root)/frequency_error
                if (.not. real(root) < 0) cycle
