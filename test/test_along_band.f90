@@ -29,6 +29,7 @@ program test_along_band
       call test_program()
       call test_searches()
       call test_no_dip()
+      call test_two_records()
    end if
    call close_shell()
    call finish('along band')
@@ -333,5 +334,44 @@ contains
       call check('a dip far away', part(line(table, 5), 10, ',') == 'no' .or. &
          abs(number(part(line(table, 5), 6, ',')) - 0.1_wp) < 0.02_wp, line(table, 5))
    end subroutine test_no_dip
+
+   !> Two records whose noise is not stated: J is about m at every minimum then, and says nothing of
+   !> which is the right one. And as many unknowns as samples, which leave no statistics.
+   subroutine test_two_records()
+      character(len=*), parameter :: beam = '&beam length=0.5, width=0.03, height=0.002, '// &
+         'density=7850, E=2.05e11, c_D=2e6, gamma=0.02 /'//nl// &
+         '&excitation kind=''pulse'', amplitude=1, duration=0.005 /'//nl// &
+         '&discretization degree=5, elements=8 /'//nl
+      type(outcome_t) :: outcome
+      character(len=:), allocatable :: table
+      character :: digit
+      integer :: k
+
+      do k = 1, 2
+         digit = achar(iachar('0') + k)
+         call write_file('r'//digit//'.nml', beam//'&along kind=''dip'', place=0.42, '// &
+            'width=0.04, depth=0.3 /'//nl//'&record t_first=0.01, t_last=0.4, t_step=0.002 /'// &
+            nl//'&noise sd=0.3, seed='//digit//' /'//nl)
+         outcome = run('"'//program_path//'" simulate r'//digit//'.nml --quiet && cp out/r'// &
+            digit//'/record.csv r'//digit//'.csv')
+      end do
+      call write_file('two.nml', beam//'&along kind=''dip'', place=0.1, width=0.035, '// &
+         'depth=0.05 /'//nl//'&record file=''r1.csv'' /'//nl//'&record file=''r2.csv'' /'//nl// &
+         '&stage free=''E'',''place'',''depth'',''width'' /'//nl)
+      outcome = run('"'//program_path//'" identify two.nml --quiet')
+      call check('two records: a fit', outcome%status == 0, outcome%err)
+      if (outcome%status == 0) then
+         table = read_file('out/two/estimates.csv')
+         ! Its standard error is .3 mm.
+         call check('two records: the place', part(line(table, 3), 3, ',') == 'place' .and. &
+            abs(number(part(line(table, 3), 6, ',')) - 0.42_wp) < 2e-3_wp, line(table, 3))
+      end if
+
+      call write_file('many.nml', beam//'&record file=''r1.csv'', t_last=0.041 /'//nl// &
+         '&stage free=''E(x)'', coefficients=16 /'//nl)
+      outcome = run('"'//program_path//'" identify many.nml --quiet')
+      call check('as many unknowns as samples: it ends', outcome%status == 0 .or. &
+         outcome%status == 1, outcome%err)
+   end subroutine test_two_records
 
 end program test_along_band

@@ -191,7 +191,7 @@ contains
       call refused_case('width 0', along('kind=''dip'', place=2, width=0, depth=.1'), &
          '5: &along width: found 0|above 0')
       call refused_case('a dip between the points of the mesh', along('kind=''dip'', place=2, '// &
-         'width=.01, depth=.1'), '5: &along width: found 0.01|half an element|200 elements')
+         'width=.01, depth=.1'), '5: &along width: found 0.01|half an element, 1, or more elements')
       call refused_case('no depth', along('kind=''dip'', place=2, width=1.2'), &
          '5: &along depth: found nothing')
       call refused_case('no place', along('kind=''dip'', depth=.2, width=1.2'), &

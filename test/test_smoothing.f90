@@ -607,8 +607,8 @@ contains
          held%at_end == 0 .and. abs(held%freedom - point%freedom) < 1e-14_wp)
 
       call choose_strength(jacobian, r, 0*truth, penalty, held, error, 1e30_wp*free%strength)
-      call check('least: beyond all is rigid', .not. allocated(error) .and. held%at_end == 1 .and. &
-         .not. held%bounded)
+      call check('least: beyond all it is the bound', .not. allocated(error) .and. &
+         held%at_end == -1 .and. held%bounded)
    end subroutine test_least
 
    !> The part of y in the range of a matrix.

@@ -14,12 +14,13 @@ module beamid_case_checks
    use beamid_records, only: window_t
    use beamid_refusals, only: refuse
    use beamid_responses, only: is_exact
+   use beamid_stage_groups, only: narrowest_dip
    use beamid_strings, only: lower, to_text
-   use beamid_structure, only: of_w_D, of_x_F, structure_t
+   use beamid_structure, only: is_coefficient, of_w_D, of_x_F, structure_t
    implicit none
    private
 
-   public :: settle_variations, check_whole, bound_dip, check_needs, can_be_fitted, place_experiment, &
+   public :: settle_variations, check_whole, check_needs, can_be_fitted, place_experiment, &
       settle_box, has_grid
    public :: needs_nothing, needs_response, needs_fit, needs_design
 
@@ -130,37 +131,18 @@ contains
    subroutine check_dip(blocks, case)
       type(block_t), intent(inout) :: blocks(:)
       type(case_t), intent(in) :: case
+      real(wp) :: least
       integer :: j, k
 
       associate (s => case%model%structure)
-         if (.not. s%has_dip() .or. s%w_D >= narrowest_dip(case)) return
+         least = narrowest_dip(s, case%meshes%elements)
+         if (.not. s%has_dip() .or. s%w_D >= least) return
          k = findloc([(blocks(j)%name == 'along' .and. blocks(j)%has(key_of(of_w_D)), &
             j=1, size(blocks))], .true., dim=1)
          call blocks(k)%refuse(key_of(of_w_D), to_text(s%w_D), 'at least half an element, '// &
-            to_text(narrowest_dip(case))//', or a mesh of '//to_text(ceiling(s%length/(2*s%w_D))) &
-            //' elements')
+            to_text(least)//', or more elements')
       end associate
    end subroutine check_dip
-
-   !> The width of a dip that is free stays one that every mesh resolves.
-   subroutine bound_dip(case)
-      type(case_t), intent(inout) :: case
-      integer :: k
-
-      do k = 1, size(case%stages)
-         call case%stages(k)%set_bounds()
-         associate (stage => case%stages(k))
-            where (stage%free == of_w_D) stage%lower = max(stage%lower, narrowest_dip(case))
-         end associate
-      end do
-   end subroutine bound_dip
-
-   !> Half an element of the coarsest mesh [length].
-   pure real(wp) function narrowest_dip(case) result(width)
-      type(case_t), intent(in) :: case
-
-      width = case%model%structure%length/(2*minval(case%meshes%elements))
-   end function narrowest_dip
 
    !> A force acts on the beam. Where a record has a beam of its own length that shows later.
    subroutine check_forces(blocks, case)
@@ -227,6 +209,9 @@ contains
       if (any(case%excitations%modes > 0) .and. .not. is_exact(case%model%solver)) call refuse( &
          case%path, 0, 'integrator method', '''cvode'' beside a start that is not known', &
          '''modal'', which knows the modes', error)
+      if (any([(any(is_coefficient(case%stages(k)%free)), k=1, size(case%stages))]) .and. .not. &
+         is_exact(case%model%solver)) call refuse(case%path, 0, 'integrator method', &
+         '''cvode'' beside E(x) or c_D(x) to find', '''modal'', which has their derivatives', error)
       if (allocated(error)) return
       most = unknowns_of(case%meshes(minloc(case%meshes%elements, dim=1)), case%model%structure)
       if (any(case%excitations%modes > most)) call refuse(case%path, 0, 'excitation modes', &

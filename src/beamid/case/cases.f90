@@ -2,7 +2,7 @@
 module beamid_cases
    use beamid_blocks, only: block_t
    use beamid_boxes, only: box_t
-   use beamid_case_checks, only: bound_dip, can_be_fitted, check_needs, check_whole, needs_design, needs_fit, &
+   use beamid_case_checks, only: can_be_fitted, check_needs, check_whole, needs_design, needs_fit, &
       needs_nothing, needs_response, place_experiment, settle_box, &
       settle_variations
    use beamid_case_files, only: case_t, groups, new_case, read_group
@@ -101,7 +101,6 @@ contains
       if (allocated(error)) return
       if (size(case%excitations) > 0) case%model%excitation = case%excitations(1)
       if (size(case%stages) > 0) call set_default_start(case%stages(1))
-      call bound_dip(case)
       if (size(case%excitations) > 1 .and. size(case%excitations) /= size(case%recordings)) &
          call refuse(case%path, 0, 'excitation', to_text(size(case%excitations))// &
          ' such groups for '//to_text(size(case%recordings))//' of &record', &

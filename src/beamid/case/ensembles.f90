@@ -351,7 +351,8 @@ contains
                   world%excitations(r), q%parameter))
             end if
             if (s%samples == 0) cycle
-            if (s%std_error(k) < unlimited .and. s%half_width(k) < unlimited) then
+            if (s%std_error(k) < unlimited .and. s%half_width(k) < unlimited .and. &
+               .not. s%is_withdrawn(k)) then
                limits = q%limits(s%std_error(k), s%half_width(k))
                if (limits(1) <= unlimited) row%std_error = limits(1)
                row%interval = limits(2:)

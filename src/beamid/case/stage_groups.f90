@@ -9,14 +9,14 @@ module beamid_stage_groups
       name_length, name_of_parameter, offset, parameters, place_of_name, share
    use beamid_spelling, only: or_nearest
    use beamid_strings, only: lower, to_text
-   use beamid_structure, only: most_coefficients, n_parameters, of_x_F, structure_t
+   use beamid_structure, only: most_coefficients, n_parameters, of_w_D, of_x_F, structure_t
    use beamid_values, only: listed, range_t
    use beamid_variables, only: unbounded
    use beamid_variations, only: constant, profile_t
    implicit none
    private
 
-   public :: read_stage, check_free
+   public :: read_stage, check_free, narrowest_dip
 
    !> Names that a stage may list: every parameter, E(x) and c_D(x).
    integer, parameter :: most_free = n_parameters + 4
@@ -25,12 +25,13 @@ contains
 
    !> structure, excitations  of the case; a stage may make E or c_D vary along the beam
    !> records  how many there are: a parameter that is not shared gets a value for each
+   !> elements of the meshes
    !> sound    whether all of these have been read without a problem
-   subroutine read_stage(block, structure, excitations, records, sound, found)
+   subroutine read_stage(block, structure, excitations, records, elements, sound, found)
       type(block_t), intent(inout) :: block
       type(structure_t), intent(inout) :: structure
       type(excitation_t), intent(in) :: excitations(:)
-      integer, intent(in) :: records
+      integer, intent(in) :: records, elements(:)
       logical, intent(in) :: sound
       type(stage_t), intent(out) :: found
       character(len=:), allocatable :: free(:), shared(:), kind
@@ -81,7 +82,7 @@ contains
          if (any(found%free == places(k))) cycle
          call block%refuse('shared', shown(shared(k)), 'parameters that are free')
       end do
-      if (.not. block%failed()) call check_bounds(block, structure, found)
+      if (.not. block%failed()) call check_bounds(block, structure, elements, found)
       if (sound .and. .not. block%failed()) call check_free(block, found%free, structure, &
          excitations, 'free')
       if (block%failed()) return
@@ -208,10 +209,19 @@ contains
          to_text(n)//', one for each of free')
    end subroutine check_count
 
+   !> The narrowest dip that all meshes resolve, half an element of the coarsest [length].
+   pure real(wp) function narrowest_dip(structure, elements) result(width)
+      type(structure_t), intent(in) :: structure
+      integer, intent(in) :: elements(:)
+
+      width = structure%length/(2*real(minval(elements), wp))
+   end function narrowest_dip
+
    !> Bounds in their order, with the start between them.
-   subroutine check_bounds(block, structure, stage)
+   subroutine check_bounds(block, structure, elements, stage)
       type(block_t), intent(inout) :: block
       type(structure_t), intent(in) :: structure
+      integer, intent(in) :: elements(:)
       type(stage_t), intent(inout) :: stage
       character(len=:), allocatable :: larger
       integer :: k
@@ -219,7 +229,11 @@ contains
       call stage%set_bounds()
       do k = 1, size(stage%free)
          associate (p => stage%free(k), lower => stage%lower(k), upper => stage%upper(k))
-            if (lower < 0 .and. .not. may_be_negative(p)) then
+            if (p == of_w_D .and. .not. lower > 0) lower = narrowest_dip(structure, elements)
+            if (p == of_w_D .and. lower < narrowest_dip(structure, elements)) then
+               call block%refuse('lower', to_text(lower)//' for width', 'half an element, '// &
+                  to_text(narrowest_dip(structure, elements))//', or more')
+            else if (lower < 0 .and. .not. may_be_negative(p)) then
                call block%refuse('lower', to_text(lower), '0 or more')
             else if (parameters(p)%range == share .and. upper >= 1) then
                call block%refuse('upper', to_text(upper)//' for '//trim(name_of_parameter( &

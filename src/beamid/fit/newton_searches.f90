@@ -5,7 +5,8 @@
 !> of it. Here these are differences of the gradient J'r, one evaluation for each variable; and a
 !> step that leaves the valley is led back into it, across, before it is judged.
 module beamid_newton_searches
-   use beamid_errors, only: error_t
+   use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
+   use beamid_errors, only: error_t, failure
    use beamid_kinds, only: wp
    use beamid_lapack, only: dpotrf, dtrtrs
    use beamid_searches, only: search_t
@@ -133,6 +134,7 @@ contains
       end do
       hill%direction = (hessian + transpose(hessian))/2
       call dsyev('V', 'U', n, hill%direction, n, hill%curvature, work, size(work), info)
+      if (info /= 0) call failure(error, 'LAPACK finds no eigenvalues of the second derivatives')
    end subroutine survey
 
    !> z with variable k moved.
@@ -225,6 +227,8 @@ contains
       parameters = search%parameters
       parameters(search%moving) = search%variables(search%moving)%value(z)
       call search%evaluate_at(parameters, r, error)
+      if (allocated(error)) return
+      if (.not. ieee_is_finite(sum(r**2))) call failure(error, 'the residuals are not finite')
    end subroutine residuals_at
 
    !> And their derivatives by z.

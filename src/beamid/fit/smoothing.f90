@@ -371,6 +371,7 @@ contains
       upper = log(sum(gamma)/end_effect)
       if (present(least)) then
          strength = least
+         if (smoother%slope(exp(upper)) > 0) at_end = merge(-1, 1, least >= exp(upper))
          if (least >= exp(upper)) return
          lowest = max(lowest, least)
       end if

@@ -42,8 +42,11 @@ module beamid_statistics
       !> corrected error is from that
       logical, allocatable :: disputed(:)
       real(wp) :: effective = 0
+      !> (n) somebody knows better than linear theory that a parameter is not determined
+      logical, allocatable :: withdrawn(:)
    contains
       procedure :: withdraw
+      procedure :: is_withdrawn
    end type statistics_t
 
 contains
@@ -92,22 +95,26 @@ contains
       statistics%half_width = merge(unlimited, t*min(statistics%std_error, unlimited/t), &
          statistics%std_error >= unlimited/t)
       statistics%determined = statistics%half_width < abs(estimate)
+      allocate (statistics%withdrawn(n), source=.false.)
       call correct_errors(jacobian, residual(:m), statistics, noise, first, shared)
    end subroutine new_statistics
 
-   !> Takes back what linear theory says of a parameter, by one who knows better.
-   !>
-   !> error_too  the interval as well
-   pure subroutine withdraw(self, parameter, error_too)
+   !> Takes back what linear theory says of a parameter.
+   pure subroutine withdraw(self, parameter)
       class(statistics_t), intent(inout) :: self
       integer, intent(in) :: parameter
-      logical, intent(in) :: error_too
 
       self%determined(parameter) = .false.
-      if (.not. error_too) return
-      self%half_width(parameter) = unlimited
-      self%corrected_half_width(parameter) = unlimited
+      self%withdrawn(parameter) = .true.
    end subroutine withdraw
+
+   pure logical function is_withdrawn(self, parameter)
+      class(statistics_t), intent(in) :: self
+      integer, intent(in) :: parameter
+
+      is_withdrawn = .false.
+      if (allocated(self%withdrawn)) is_withdrawn = self%withdrawn(parameter)
+   end function is_withdrawn
 
    !> Covariance sigma**2 V S**-2 V', undone for the scale. A parameter with a part in a direction
    !> whose singular value is round-off has no limits at all.

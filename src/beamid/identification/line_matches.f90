@@ -89,22 +89,25 @@ contains
       end do
    end subroutine match_lines
 
-   !> The start of a case, and where the place of a dip is free the same with it here and there along
-   !> the beam.
+   !> The start of a case, and where the place of a dip is free the same with it here and there
+   !> along the beam.
    !>
    !> starts  (n, 1 or more)
    pure function starts_along(problem, variables) result(starts)
       type(residual_t), intent(in) :: problem
       type(variable_t), intent(in) :: variables(:)
       type(variable_t), allocatable :: starts(:, :)
+      real(wp) :: first, last
       integer :: dip, k
 
       dip = findloc(problem%free, of_x_D, dim=1)
       allocate (starts(size(variables), merge(dip_places + 1, 1, dip > 0)))
       do k = 1, size(starts, 2)
          starts(:, k) = variables
-         if (k > 1) starts(dip, k) = variables(dip)%from((k - 1.5_wp) &
-            *problem%world%structures(1)%length/dip_places)
+         if (k == 1) cycle
+         first = max(0.0_wp, variables(dip)%lower)
+         last = min(problem%world%structures(1)%length, variables(dip)%upper)
+         starts(dip, k) = variables(dip)%from(first + (k - 1.5_wp)*(last - first)/dip_places)
       end do
    end function starts_along
 

@@ -12,7 +12,8 @@ module beamid_profile_bands
    use beamid_smoothing, only: resolution_length
    use beamid_stages, only: stage_fit_t
    use beamid_statistics, only: unlimited
-   use beamid_structure, only: function_of, of_c_D, of_d_D, of_E, of_w_D, of_x_D, structure_t
+   use beamid_structure, only: function_of, is_coefficient, of_c_D, of_d_D, of_E, of_w_D, of_x_D, &
+      structure_t
    use beamid_variations, only: constant, of_E_x, profile_t
    implicit none
    private
@@ -153,6 +154,9 @@ contains
       associate (s => fit%statistics)
          if (any(abs(slope) > 0 .and. .not. (s%corrected_half_width < unlimited .and. &
             s%std_error < unlimited))) return
+         ! A dip that may be none leaves E known, a function that is too coarse does not.
+         if (any([(abs(slope(j)) > 0 .and. is_coefficient(fit%quantities(j)%parameter) .and. &
+            s%is_withdrawn(j), j=1, size(slope))])) return
          g = 0
          where (abs(slope) > 0 .and. s%std_error > 0) g = slope*s%corrected_half_width/s%std_error
          half_width = max(0.0_wp, dot_product(g, matmul(s%covariance, g)))

@@ -18,7 +18,7 @@ module beamid_smooth_fits
    implicit none
    private
 
-   public :: fit_smoothly, profile_fit_t, new_profile_fit, trial_t
+   public :: fit_smoothly, misfit_of, profile_fit_t, new_profile_fit, trial_t
 
    !> What a search says of one of E(x) and c_D(x).
    type :: profile_fit_t
@@ -29,7 +29,7 @@ module beamid_smooth_fits
    !> Where a search has ended.
    type :: trial_t
       real(wp), allocatable :: estimate(:)
-      real(wp) :: J = 0
+      real(wp) :: misfit = 0               !< as of `misfit_of`
    end type trial_t
 
 contains
@@ -71,10 +71,11 @@ contains
       rough = options
       rough%check = .false.
       rough%tolerance = 1e-4_wp
-      rough%max_evaluations = 50
       persistent = options
-      persistent%max_evaluations = 300
       persistent%persistent = .true.
+      ! Differences take evaluations of their own.
+      rough%max_evaluations = 50*merge(1, size(variables) + 1, problem%exact)
+      persistent%max_evaluations = 300*merge(1, size(variables) + 1, problem%exact)
       call match_lines(problem, variables, starts)
       dips = any(problem%free == of_x_D)
       suits = size(starts, 2) == 1 .and. .not. dips
@@ -91,7 +92,8 @@ contains
       end if
       call settle(problem, from, persistent, found, error, monitor, label, names, settled=0.02_wp)
       if (allocated(error)) then
-         if (.not. any(is_coefficient(problem%free))) return
+         if (.not. any(is_coefficient(problem%free)) .or. index(error%message, &
+            'no convergence') + index(error%message, 'does not settle') == 0) return
          error%message = error%message//'; perhaps '//to_text(maxval([(size( &
             problem%profile_columns(k)), k=1, profiles)]))//' coefficients are too few for '// &
             'what varies along the beam, or a shorter record does better'
@@ -106,7 +108,8 @@ contains
    !> best    the start of the least J of all, where a search succeeds
    !> suits   whether what that leaves looks like noise
    !> grows   whether each begins with a short piece of the record
-   subroutine try_starts(problem, starts, options, trials, best, suits, monitor, label, names, grows)
+   subroutine try_starts(problem, starts, options, trials, best, suits, monitor, label, names, &
+      grows)
       type(residual_t), intent(in) :: problem
       type(variable_t), intent(in) :: starts(:, :)
       type(options_t), intent(in) :: options
@@ -129,8 +132,8 @@ contains
          if (present(grows)) call grow(part, from, options, monitor, label, names)
          call settle(part, from, options, found, error, monitor, label, names, settled=0.5_wp)
          if (allocated(error)) cycle
-         trials = [trials, trial_t(found%estimate, found%J)]
-         if (found%J > minval(trials%J)) cycle
+         trials = [trials, trial_t(found%estimate, misfit_of(part, found))]
+         if (trials(size(trials))%misfit > minval(trials%misfit)) cycle
          best = from%from(found%estimate)
          associate (m => problem%samples())
             check = check_residuals(found%residual(:m), found%jacobian(:m, :))
@@ -138,6 +141,28 @@ contains
          suits = check%white
       end do
    end subroutine try_starts
+
+   !> J; where the noise of several records is estimated from the fit itself, and J with it says
+   !> nothing, m times the geometric mean of the variances of all m samples.
+   pure real(wp) function misfit_of(problem, found) result(misfit)
+      type(residual_t), intent(in) :: problem
+      type(fit_t), intent(in) :: found
+      real(wp), allocatable :: plain(:)
+      real(wp) :: likelihood
+      integer :: i, m, row
+
+      misfit = found%J
+      if (size(problem%parts) == 1 .or. .not. any(problem%is_estimated())) return
+      plain = problem%without_weights(found%residual)
+      likelihood = 0
+      row = 0
+      do i = 1, size(problem%parts)
+         m = size(problem%parts(i)%experiment%samples)
+         likelihood = likelihood + m*log(max(tiny(misfit), sum(plain(row + 1:row + m)**2)/m))
+         row = row + m
+      end do
+      misfit = row*exp(likelihood/row)
+   end function misfit_of
 
    !> Moves a start to where it suits longer and longer pieces of the record.
    subroutine grow(problem, from, options, monitor, label, names)

@@ -11,9 +11,9 @@ module beamid_stages
    use beamid_priors, only: prior_t
    use beamid_residuals, only: profiles, residual_t
    use beamid_responses, only: work_t
-   use beamid_smooth_fits, only: fit_smoothly, new_profile_fit, profile_fit_t, trial_t
+   use beamid_smooth_fits, only: fit_smoothly, misfit_of, new_profile_fit, profile_fit_t, trial_t
    use beamid_starts, only: automatic_start, set_free
-   use beamid_statistics, only: new_statistics, statistics_t
+   use beamid_statistics, only: new_statistics, statistics_t, unlimited
    use beamid_strings, only: to_text
    use beamid_structure, only: is_coefficient, of_d_D, of_w_D, of_x_D, structure_t
    use beamid_unknowns, only: name_length, name_of, quantity_t, stage_t, variables_of, world_t
@@ -57,7 +57,8 @@ module beamid_stages
       real(wp) :: score = -1             !< squared residuals over another window; -1: not asked for
       type(work_t) :: work
       !> Which parameters are held because a mode is not in the record, '';
-      !> why no fit is to be trusted, ''; another minimum of nearly the same J, ''
+      !> why no fit is to be trusted, ''; another minimum of nearly the same J, or a dip that may be
+      !> none or elsewhere, ''
       character(len=:), allocatable :: note, doubt, other
    contains
       procedure :: correlation
@@ -117,6 +118,8 @@ contains
       integer, intent(in) :: k
 
       associate (s => self%statistics)
+         half_width = unlimited
+         if (s%is_withdrawn(k)) return
          half_width = s%corrected_half_width(k)
          if (s%corrected_error(k) > 0) half_width = half_width*hypot(1.0_wp, &
             self%from_held(k)/s%corrected_error(k))
@@ -145,7 +148,7 @@ contains
       class(stage_fit_t), intent(in) :: self
       integer, intent(in) :: k
 
-      shifts = abs(self%mesh_shift(k)) > shows*self%half_width(k)
+      shifts = abs(self%mesh_shift(k))/shows > self%half_width(k)
    end function shifts
 
    !> Whether the mesh shows in any estimate.
@@ -191,7 +194,8 @@ contains
       call variables_of(tried, problem%world, variables, found%quantities, error)
       if (allocated(error)) return
       names = found%quantities%searched_name()
-      call fit_smoothly(problem, variables, options, found%fit, trials, error, monitor, label, names)
+      call fit_smoothly(problem, variables, options, found%fit, trials, error, monitor, label, &
+         names)
       if (allocated(error)) return
       if (.not. problem%exact) call verify_integrator(problem, exact, variables, names, &
          found%fit, found%moved, found%reference, error)
@@ -239,7 +243,7 @@ contains
             problem%samples(), merge(problem%noise, 0.0_wp, problem%prior_rows() > 0), &
             problem%first_rows(), q%record == 0)
          if (allocated(error)) return
-         call judge_dip(found, trials)
+         call judge_dip(found, trials, misfit_of(problem, found%fit))
          call judge_functions(found)
          if (size(found%priors) == 0) return
          n = merge(size(q), n, problem%exact)
@@ -252,47 +256,52 @@ contains
    !> mere noise: linear theory then says that both are known. A dip is there where its depth is
    !> more than the best of all places that noise offers, each with a depth, a place and a width to
    !> choose, would reach in one record of twenty; and it is where it is found if none that a search
-   !> has found elsewhere leaves as little, to the same chance.
-   subroutine judge_dip(found, trials)
+   !> has found elsewhere is as likely, to the same chance.
+   !>
+   !> misfit  what the trials' are compared with
+   subroutine judge_dip(found, trials, misfit)
       type(stage_fit_t), intent(inout) :: found
       type(trial_t), intent(in) :: trials(:)
+      real(wp), intent(in) :: misfit
       real(wp), parameter :: choices = 3, chance = 0.05_wp/dip_places
-      integer :: depth, k, place
+      integer :: j, k, place
       character(len=:), allocatable :: doubt
-      real(wp) :: beyond, variance
+      real(wp) :: beyond, inflation
 
-      place = findloc(found%free, of_x_D, dim=1)
-      depth = findloc(found%free, of_d_D, dim=1)
-      if (place == 0 .or. found%statistics%samples == 0) return
-      doubt = ''
-      associate (s => found%statistics)
-         if (depth > 0) then
-            ! Beyond a thousand standard errors no chance is left; of none there is no ratio.
-            beyond = 1e3_wp
-            if (s%corrected_error(depth) > 0) beyond = min(beyond, &
-               found%fit%estimate(depth)/s%corrected_error(depth))
-            if (.not. chi_square_tail(beyond**2, choices) < chance) doubt = 'this record does '// &
-               'not tell that there is a dip: its depth is no more than noise would give one '// &
-               'somewhere along the beam'
-         end if
-         ! As much as the residuals count, if they are not white.
-         variance = s%variance
-         if (s%std_error(place) > 0) variance = variance*(s%corrected_error(place) &
-            /s%std_error(place))**2
-         do k = 1, size(trials)
-            if (doubt /= '' .or. found%weighted) exit
-            if (abs(trials(k)%estimate(place) - found%fit%estimate(place)) &
-               <= 2*s%corrected_half_width(place)) cycle
-            if (trials(k)%J - found%fit%J < variance*normal_quantile(1 - chance/2)**2) &
-               doubt = 'a dip elsewhere does nearly as well: J = '//to_text(trials(k)%J)// &
-               ' with place = '//to_text(trials(k)%estimate(place))
-         end do
-      end associate
-      if (doubt == '') return
-      found%other = doubt
-      do k = 1, size(found%free)
-         if (any(found%free(k) == [of_x_D, of_w_D, of_d_D])) &
-            call found%statistics%withdraw(k, error_too=k /= depth)
+      if (found%statistics%samples == 0) return
+      do place = 1, size(found%free)
+         if (found%free(place) /= of_x_D) cycle
+         doubt = ''
+         associate (s => found%statistics, record => found%quantities(place)%record)
+            do k = 1, size(found%free)
+               if (found%free(k) /= of_d_D .or. found%quantities(k)%record /= record) cycle
+               ! Beyond a thousand standard errors no chance is left; of none there is no ratio.
+               beyond = 1e3_wp
+               if (s%corrected_error(k) > 0) beyond = min(beyond, &
+                  found%fit%estimate(k)/s%corrected_error(k))
+               if (.not. chi_square_tail(beyond**2, choices) < chance) doubt = 'this record '// &
+                  'does not tell that there is a dip: its depth is no more than noise would '// &
+                  'give one somewhere along the beam'
+            end do
+            ! As much as the residuals count, if they are not white.
+            inflation = 1
+            if (s%std_error(place) > 0) inflation = (s%corrected_error(place)/s%std_error(place))**2
+            do k = 1, size(trials)
+               if (doubt /= '' .or. .not. misfit > 0) exit
+               if (abs(trials(k)%estimate(place) - found%fit%estimate(place))/2 &
+                  <= s%corrected_half_width(place)) cycle
+               if (s%samples*log(trials(k)%misfit/misfit) < inflation &
+                  *normal_quantile(1 - chance/2)**2) doubt = 'a dip at '// &
+                  to_text(trials(k)%estimate(place))//' does nearly as well'
+            end do
+            if (doubt == '') cycle
+            if (found%other /= '') doubt = found%other//'; '//doubt
+            found%other = doubt
+            do j = 1, size(found%free)
+               if (any(found%free(j) == [of_x_D, of_w_D, of_d_D]) .and. &
+                  found%quantities(j)%record == record) call found%statistics%withdraw(j)
+            end do
+         end associate
       end do
    end subroutine judge_dip
 
@@ -302,10 +311,11 @@ contains
       type(stage_fit_t), intent(inout) :: found
       integer :: a, k
 
+      if (found%statistics%samples == 0) return
       do a = 1, profiles
          if (.not. found%is_too_coarse(a)) cycle
          do k = 1, size(found%profiles(a)%place)
-            call found%statistics%withdraw(found%profiles(a)%place(k), error_too=.true.)
+            call found%statistics%withdraw(found%profiles(a)%place(k))
          end do
       end do
    end subroutine judge_functions

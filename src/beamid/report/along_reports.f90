@@ -103,9 +103,10 @@ contains
 
       associate (n => size(fit%profiles(a)%place))
          line = 'the residuals are not white, and '//trim(names(a))//'(x) by '//to_text(n)// &
-            ' coefficients would bend further to follow them: it has no band, do not trust it'
-         if (n < most_coefficients) line = line//', try coefficients='// &
-            to_text(min(2*n, most_coefficients))
+            ' coefficients would bend further to follow them: it has no band, do not trust it; '
+         if (n < most_coefficients) line = line//'try coefficients='// &
+            to_text(min(2*n, most_coefficients))//', or '
+         line = line//'look for what else of the model may be wrong'
       end associate
       call text%line(line)
    end subroutine add_coarseness

@@ -311,6 +311,7 @@ contains
       associate (q => fit%quantities(k))
          line = right('unlimited', 12)//right('-', 13)//right('-', 13)
          if (.not. (std_error < unlimited .and. half_width < unlimited)) return
+         if (fit%statistics%is_withdrawn(k)) return
          ends = q%limits(std_error, half_width)
          line = right('-', 12)
          if (abs(ends(1)) <= unlimited) line = columns(ends(:1), 12)

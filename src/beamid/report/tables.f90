@@ -108,6 +108,7 @@ contains
       associate (q => fit%quantities(k))
          fields = ',,'
          if (.not. (std_error < unlimited .and. half_width < unlimited)) return
+         if (fit%statistics%is_withdrawn(k)) return
          ends = q%limits(std_error, half_width)
          fields = ''
          if (abs(ends(1)) <= unlimited) fields = full(ends(1))
