@@ -135,7 +135,7 @@ contains
       integer :: j, k
 
       associate (s => case%model%structure)
-         least = narrowest_dip(s, case%meshes%elements)
+         least = narrowest_dip(s, minval(case%meshes%elements))
          if (.not. s%has_dip() .or. s%w_D >= least) return
          k = findloc([(blocks(j)%name == 'along' .and. blocks(j)%has(key_of(of_w_D)), &
             j=1, size(blocks))], .true., dim=1)

@@ -156,7 +156,7 @@ contains
             call append_recording(case%recordings, recording)
          case ('stage')
             call read_stage(block, model%structure, case%excitations, size(case%recordings), &
-               case%meshes%elements, sound, stage)
+               minval(case%meshes%elements), sound, stage)
             if (block%failed()) return
             case%stages = [case%stages, stage]
             case%stage_lines = [case%stage_lines, block%line]

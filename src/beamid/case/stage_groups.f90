@@ -25,13 +25,13 @@ contains
 
    !> structure, excitations  of the case; a stage may make E or c_D vary along the beam
    !> records  how many there are: a parameter that is not shared gets a value for each
-   !> elements of the meshes
+   !> elements  of the coarsest mesh
    !> sound    whether all of these have been read without a problem
    subroutine read_stage(block, structure, excitations, records, elements, sound, found)
       type(block_t), intent(inout) :: block
       type(structure_t), intent(inout) :: structure
       type(excitation_t), intent(in) :: excitations(:)
-      integer, intent(in) :: records, elements(:)
+      integer, intent(in) :: records, elements
       logical, intent(in) :: sound
       type(stage_t), intent(out) :: found
       character(len=:), allocatable :: free(:), shared(:), kind
@@ -209,19 +209,19 @@ contains
          to_text(n)//', one for each of free')
    end subroutine check_count
 
-   !> The narrowest dip that all meshes resolve, half an element of the coarsest [length].
+   !> The narrowest dip that a mesh resolves, half an element [length].
    pure real(wp) function narrowest_dip(structure, elements) result(width)
       type(structure_t), intent(in) :: structure
-      integer, intent(in) :: elements(:)
+      integer, intent(in) :: elements
 
-      width = structure%length/(2*real(minval(elements), wp))
+      width = structure%length/(2*real(elements, wp))
    end function narrowest_dip
 
    !> Bounds in their order, with the start between them.
    subroutine check_bounds(block, structure, elements, stage)
       type(block_t), intent(inout) :: block
       type(structure_t), intent(in) :: structure
-      integer, intent(in) :: elements(:)
+      integer, intent(in) :: elements
       type(stage_t), intent(inout) :: stage
       character(len=:), allocatable :: larger
       integer :: k
