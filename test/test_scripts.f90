@@ -111,7 +111,7 @@ contains
       call judge('plot_along.py: nothing varies', scripts//'plot_along.py out/case', &
          'out/case: found no along.csv|expected a fit of E(x) or c_D(x)')
       call write_file('along.nml', case_text//'&along kind=''dip'', place=2.0, '// &
-         'width=1.0, depth=0.1 /'//nl//stage)
+         'width=1.0, depth=0.001 /'//nl//stage)
       outcome = run('"'//program_path//'" identify along.nml --quiet >printed && '//scripts// &
          'plot_along.py out/along && '//scripts//'report.py out/along && '// &
          'grep -c ''id="along"'' out/along/report.html')

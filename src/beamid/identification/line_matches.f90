@@ -252,6 +252,10 @@ contains
       row = 2*size(self%matches)
       do k = 1, n
          associate (b => self%beliefs(k))
+            if (.not. b%slope(parameters(k)) > 0) then
+               call failure(error, 'lines: a parameter at 0 that is believed to be above')
+               return
+            end if
             r(row + k) = (b%x_of(parameters(k)) - b%x_of(b%centre))/b%width
             jac(row + k, k) = 1/(b%slope(parameters(k))*b%width)
          end associate
