@@ -126,9 +126,7 @@ contains
          driven = z(:, 1)
          call balance(P, rows, columns)
          call factor(P, pivots)
-         z(:, 1) = rows*z(:, 1)
-         call solve(P, pivots, z, 'N')
-         z(:, 1) = columns*z(:, 1)
+         call solve_balanced(P, pivots, rows, columns, z)
          driven = driven/maxval(abs(z))
          z = z/maxval(abs(z))
          left = left_of(assembly, root%s, z(:, 1))
@@ -161,6 +159,18 @@ contains
          P(:, k) = P(:, k)*columns(k)
       end do
    end subroutine balance
+
+   !> z := P**-1 z of the matrix that has been balanced and factored.
+   subroutine solve_balanced(P, pivots, rows, columns, z)
+      complex(wp), intent(in) :: P(:, :)
+      integer, intent(in) :: pivots(:)
+      real(wp), intent(in) :: rows(:), columns(:)
+      complex(wp), intent(inout) :: z(:, :)
+
+      z(:, 1) = rows*z(:, 1)
+      call solve(P, pivots, z, 'N')
+      z(:, 1) = columns*z(:, 1)
+   end subroutine solve_balanced
 
    !> (x, f) of (x, y).
    pure function left_of(assembly, s, z) result(left)
@@ -199,9 +209,7 @@ contains
          ! By P itself, not by what is balanced: where next to nothing couples an oscillator with
          ! others its row is round-off at its root, and balanced it would be of order one.
          if (step > 1) z(:, 1) = matmul(dP, z(:, 1))
-         z(:, 1) = rows*z(:, 1)
-         call solve(P, pivots, z, 'N')
-         z(:, 1) = columns*z(:, 1)
+         call solve_balanced(P, pivots, rows, columns, z)
          z = z/maxval(abs(z))
       end do
       z = z/z(root%j, 1)
