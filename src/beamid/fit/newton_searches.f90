@@ -9,7 +9,7 @@ module beamid_newton_searches
    use beamid_errors, only: error_t, failure
    use beamid_kinds, only: wp
    use beamid_lapack, only: dpotrf, dtrtrs
-   use beamid_searches, only: search_t
+   use beamid_searches, only: search_t, tell, trial
    implicit none
    private
 
@@ -54,7 +54,7 @@ contains
       type(error_t), allocatable :: error
       real(wp), dimension(size(z)) :: step, next
       integer, parameter :: most_corrections = 3
-      real(wp) :: radius, promise, variance, fall, shift, trial(size(r))
+      real(wp) :: radius, promise, variance, fall, shift, left(size(r))
       logical :: inside
       integer :: k, n
 
@@ -67,23 +67,23 @@ contains
          inside = .not. shift > 0
          variance = 2*hill%half/max(1, size(r) - size(z))
          next = z + step
-         call residuals_at(search, next, trial, error)
+         call residuals_at(search, next, left, error)
          do n = 1, most_corrections
             if (allocated(error)) exit
-            fall = hill%half - sum(trial**2)/2
+            fall = hill%half - sum(left**2)/2
             if (fall >= 0.25_wp*promise) exit
             call lead_back(search, max(shift, 1e-3_wp*hill%curvature(size(z))), hill%unit, next, &
-               trial, error)
+               left, error)
          end do
          fall = -1
-         if (.not. allocated(error)) fall = hill%half - sum(trial**2)/2
+         if (.not. allocated(error)) fall = hill%half - sum(left**2)/2
          if (inside .and. promise <= max(nothing*variance, round_off*hill%half) .and. &
             (fall > 0 .or. promise <= round_off*hill%half)) then
             ! This last step goes twice as many digits.
             info = 1
             if (.not. fall > 0) return
             z = next
-            r = trial
+            r = left
             return
          end if
          if (fall < 0.25_wp*promise) then
@@ -95,8 +95,8 @@ contains
          if (promise <= round_off*hill%half .or. .not. radius > 0) return
          if (.not. fall > 1e-4_wp*promise) cycle
          z = next
-         r = trial
-         call tell(search, z, r)
+         r = left
+         call tell(search, trial(search, z), sum(r**2))
          call survey(search, z, r, hill, error)
          if (allocated(error)) return
       end do
@@ -222,11 +222,8 @@ contains
       real(wp), intent(in) :: z(:)
       real(wp), intent(out) :: r(:)
       type(error_t), allocatable, intent(out) :: error
-      real(wp) :: parameters(size(search%variables))
 
-      parameters = search%parameters
-      parameters(search%moving) = search%variables(search%moving)%value(z)
-      call search%evaluate_at(parameters, r, error)
+      call search%evaluate_at(trial(search, z), r, error)
       if (allocated(error)) return
       if (.not. ieee_is_finite(sum(r**2))) call failure(error, 'the residuals are not finite')
    end subroutine residuals_at
@@ -247,18 +244,5 @@ contains
          jacobian(:, k) = slope(k)*search%jacobian(:, search%moving(k))
       end do
    end subroutine derivatives_at
-
-   !> Counts an iteration, and tells the monitor of it.
-   subroutine tell(search, z, r)
-      type(search_t), intent(inout) :: search
-      real(wp), intent(in) :: z(:), r(:)
-      real(wp) :: parameters(size(search%variables))
-
-      parameters = search%parameters
-      parameters(search%moving) = search%variables(search%moving)%value(z)
-      if (associated(search%monitor)) call search%monitor%iteration(search%label, &
-         search%iterations, search%evaluations, sum(r**2), search%names, parameters)
-      search%iterations = search%iterations + 1
-   end subroutine tell
 
 end module beamid_newton_searches

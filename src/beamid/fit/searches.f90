@@ -13,7 +13,7 @@ module beamid_searches
    implicit none
    private
 
-   public :: monitor_t, options_t, search_t, run_search
+   public :: monitor_t, options_t, search_t, run_search, tell, trial
 
    !> Is told of every iteration, and of several searches how many are done.
    type, abstract :: monitor_t
@@ -229,7 +229,7 @@ contains
       self%point = parameters
    end subroutine evaluate_at
 
-   !> The physical parameters at x of MINPACK.
+   !> The physical parameters at a point of the moving variables.
    function trial(search, x) result(parameters)
       type(search_t), intent(in) :: search
       real(wp), intent(in) :: x(:)
@@ -238,6 +238,18 @@ contains
       parameters = search%parameters
       parameters(search%moving) = search%variables(search%moving)%value(x)
    end function trial
+
+   !> Counts an iteration, and tells the monitor of it.
+   !>
+   !> parameters  physical
+   subroutine tell(search, parameters, J)
+      type(search_t), intent(inout) :: search
+      real(wp), intent(in) :: parameters(:), J
+
+      if (associated(search%monitor)) call search%monitor%iteration(search%label, &
+         search%iterations, search%evaluations, J, search%names, parameters)
+      search%iterations = search%iterations + 1
+   end subroutine tell
 
    !> Passes an iteration on to the monitor, and stops MINPACK (iflag < 0) when a variable has spent
    !> some iterations at a bound.
@@ -250,9 +262,7 @@ contains
       integer :: k, near
 
       parameters = trial(search, x)
-      if (associated(search%monitor)) call search%monitor%iteration(search%label, &
-         search%iterations, search%evaluations, sum(r**2), search%names, parameters)
-      search%iterations = search%iterations + 1
+      call tell(search, parameters, sum(r**2))
       near = 0
       do k = 1, size(search%variables)
          if (search%held(k) .or. .not. any(search%moving == k)) cycle
