@@ -261,8 +261,8 @@ contains
             'residuals are NOT white|would bend further|the least that is allowed'), table)
          table = read_file('out/coarse'//coarse(j)//'/along.csv')
          call check('too few coefficients: no band, '//coarse(j), &
-            number(part(line(table, 50), 5, ',')) <= 0 .and. part(line(table, 50), 6, ',') == 'inf', &
-            line(table, 50))
+            number(part(line(table, 50), 5, ',')) <= 0 .and. &
+            part(line(table, 50), 6, ',') == 'inf', line(table, 50))
          near = 0
          do k = 1, line_count(table) - 1
             E = number(part(line(table, k + 1), 4, ','))
@@ -292,8 +292,8 @@ contains
       call check('a start from the record', outcome%status == 0, outcome%err)
    end subroutine test_searches
 
-   !> A dip where there is none, and one in a record of 50 samples a second, whose second line is not
-   !> where the second mode is: 41 Hz.
+   !> A dip where there is none, and one in a record of 50 samples a second, whose second line is
+   !> not where the second mode is: 41 Hz.
    subroutine test_no_dip()
       character(len=*), parameter :: beam = '&beam length=0.5, width=0.03, height=0.002, '// &
          'density=7850, E=2.05e11, c_D=2e6, gamma=0.02 /'//nl// &

@@ -213,7 +213,8 @@ program test_least_squares
    use beamid_strings, only: to_text
    use beamid_variables, only: new_variable, unbounded, variable_t
    use checks, only: check, check_close, finish
-   use problems, only: edge_t, faint_t, history_t, line_t, mistaken, mistaken_t, rosenbrock_t, valley_t
+   use problems, only: edge_t, faint_t, history_t, line_t, mistaken, mistaken_t, rosenbrock_t, &
+      valley_t
    use regressions, only: boxbod, mgh09, misra1a, regression_t
    implicit none
 

@@ -9,7 +9,7 @@ module beamid_statistics
    implicit none
    private
 
-   public :: statistics_t, new_statistics, undetermined
+   public :: statistics_t, new_statistics, undetermined, misfit_of_records
    public :: aicc, bic, nested_test, unlimited
 
    !> Stands for the error of a parameter that the record says nothing about.
@@ -115,6 +115,28 @@ contains
       is_withdrawn = .false.
       if (allocated(self%withdrawn)) is_withdrawn = self%withdrawn(parameter)
    end function is_withdrawn
+
+   !> What takes the place of J where the noise of several records is estimated from the fit itself,
+   !> and J with it says nothing: m times the geometric mean of the variances of all m samples.
+   !>
+   !> residual  (m) without weights
+   !> samples   (records) of each, one after the other
+   pure real(wp) function misfit_of_records(residual, samples) result(J)
+      real(wp), intent(in) :: residual(:)
+      integer, intent(in) :: samples(:)
+      real(wp) :: likelihood
+      integer :: k, row
+
+      likelihood = 0
+      row = 0
+      do k = 1, size(samples)
+         associate (m => samples(k))
+            likelihood = likelihood + m*log(max(tiny(J), sum(residual(row + 1:row + m)**2)/m))
+            row = row + m
+         end associate
+      end do
+      J = row*exp(likelihood/row)
+   end function misfit_of_records
 
    !> Covariance sigma**2 V S**-2 V', undone for the scale. A parameter with a part in a direction
    !> whose singular value is round-off has no limits at all.

@@ -10,6 +10,7 @@ module beamid_candidates
    use beamid_least_squares, only: monitor_t
    use beamid_parameters, only: get_free, is_there, offset, on_beam, parameters
    use beamid_refinement, only: identify_refining
+   use beamid_statistics, only: misfit_of_records
    use beamid_structure, only: structure_t
    implicit none
    private
@@ -97,25 +98,16 @@ contains
       end do
    end function unknowns
 
-   !> J; where the noise of several records is estimated from the fit itself, and J with it says
-   !> nothing, m times the geometric mean of the variances of all m samples.
+   !> J, or what takes its place for several records whose noise is not stated.
    pure real(wp) function sum_of_squares(self) result(J)
       class(candidate_t), intent(in) :: self
-      real(wp) :: likelihood
-      integer :: k, row
+      integer :: k
 
       J = self%fit%fit%J
       if (size(self%experiments) == 1 .or. &
          all([(allocated(self%experiments(k)%sd), k=1, size(self%experiments))])) return
-      likelihood = 0
-      row = 0
-      do k = 1, size(self%experiments)
-         associate (m => size(self%experiments(k)%samples))
-            likelihood = likelihood + m*log(sum(self%fit%residual(row + 1:row + m)**2)/m)
-            row = row + m
-         end associate
-      end do
-      J = row*exp(likelihood/row)
+      J = misfit_of_records(self%fit%residual, [(size(self%experiments(k)%samples), &
+         k=1, size(self%experiments))])
    end function sum_of_squares
 
    !> Whether `small` is `large` with some of its free parameters held: what `large` holds fixed is

@@ -11,6 +11,7 @@ module beamid_smooth_fits
    use beamid_noise_levels, only: fit_with_noise
    use beamid_residuals, only: penalty_order, profiles, residual_t
    use beamid_smoothing, only: choose_strength, smoothing_t
+   use beamid_statistics, only: misfit_of_records
    use beamid_strings, only: to_text
    use beamid_structure, only: is_coefficient, of_x_D
    use beamid_variables, only: variable_t
@@ -142,26 +143,16 @@ contains
       end do
    end subroutine try_starts
 
-   !> J; where the noise of several records is estimated from the fit itself, and J with it says
-   !> nothing, m times the geometric mean of the variances of all m samples.
+   !> J, or what takes its place for several records whose noise is not stated.
    pure real(wp) function misfit_of(problem, found) result(misfit)
       type(residual_t), intent(in) :: problem
       type(fit_t), intent(in) :: found
-      real(wp), allocatable :: plain(:)
-      real(wp) :: likelihood
-      integer :: i, m, row
+      integer :: i
 
       misfit = found%J
       if (size(problem%parts) == 1 .or. .not. any(problem%is_estimated())) return
-      plain = problem%without_weights(found%residual)
-      likelihood = 0
-      row = 0
-      do i = 1, size(problem%parts)
-         m = size(problem%parts(i)%experiment%samples)
-         likelihood = likelihood + m*log(max(tiny(misfit), sum(plain(row + 1:row + m)**2)/m))
-         row = row + m
-      end do
-      misfit = row*exp(likelihood/row)
+      misfit = misfit_of_records(problem%without_weights(found%residual), &
+         [(size(problem%parts(i)%experiment%samples), i=1, size(problem%parts))])
    end function misfit_of
 
    !> Moves a start to where it suits longer and longer pieces of the record.
