@@ -99,7 +99,7 @@ contains
       compares = associated(search%smooth) .and. options%check
       if (compares) then
          call search%evaluate_at(result%start, result%residual, error)
-         if (.not. allocated(error)) call compare(search, result%start, search%jacobian, at_start, &
+         if (.not. allocated(error)) call compare(search, result%start, search%here%jacobian, at_start, &
             error)
          if (allocated(error)) return
       end if
@@ -222,7 +222,7 @@ contains
          result%estimate = search%parameters
          if (associated(search%smooth)) then
             call search%evaluate_at(search%parameters, result%residual, error)
-            if (.not. allocated(error)) result%jacobian = search%jacobian
+            if (.not. allocated(error)) result%jacobian = search%here%jacobian
          else
             call differences(search%problem, search%parameters, search%variables, &
                search%relative_error, result%jacobian, error)

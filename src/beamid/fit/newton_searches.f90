@@ -241,7 +241,7 @@ contains
       if (allocated(error)) return
       slope = search%variables(search%moving)%derivative(z)
       do k = 1, size(z)
-         jacobian(:, k) = slope(k)*search%jacobian(:, search%moving(k))
+         jacobian(:, k) = slope(k)*search%here%jacobian(:, search%moving(k))
       end do
    end subroutine derivatives_at
 

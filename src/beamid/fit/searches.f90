@@ -6,6 +6,7 @@
 module beamid_searches
    use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
    use beamid_errors, only: error_t, failure
+   use beamid_gauss_newton, only: gauss_newton_step, gauss_newton_t
    use beamid_kinds, only: wp
    use beamid_minpack, only: lmder, lmdif
    use beamid_problems, only: problem_t, smooth_problem_t
@@ -48,6 +49,12 @@ module beamid_searches
       end subroutine iteration
    end interface
 
+   !> A point at which a problem that knows its derivatives was evaluated.
+   type :: evaluated_t
+      real(wp), allocatable :: parameters(:), residual(:), jacobian(:, :)   !< (n), (m), (m, n)
+      real(wp) :: J = huge(1.0_wp)
+   end type evaluated_t
+
    !> What the callback needs to know.
    type :: search_t
       class(problem_t), pointer :: problem => null()
@@ -69,8 +76,10 @@ module beamid_searches
       real(wp), allocatable :: first_norm   !< of the residuals at the start
       integer :: iterations = 0, evaluations = 0, shortened = 0, failures_in_a_row = 0
       type(error_t), allocatable :: error
-      !> (m, n) derivatives of the last point that was evaluated, and that point
-      real(wp), allocatable :: jacobian(:, :), residual(:), point(:)
+      !> the point asked for last, and one to which a search may come back from a trial step
+      type(evaluated_t) :: here, kept
+      real(wp) :: J = huge(1.0_wp)             !< where the last step began
+      logical :: is_settled = .false.          !< no step is worth while
    contains
       procedure :: evaluate_at
    end type search_t
@@ -80,6 +89,10 @@ module beamid_searches
 
    !> So many failing trial steps in a row, each a tenth of the one before, end a search.
    integer, parameter :: max_failures = 10
+   !> A minimum this near, in standard errors, is where the search is: the relative offset of Bates
+   !> and Watts (Technometrics 23, 1981, 179), who stop at 1e-3. Round-off of a response sees some
+   !> 1e-7. Asked for where a step has changed J by no more than `little`, relatively.
+   real(wp), parameter :: settled = 1e-6_wp, little = 1e-5_wp
 
 contains
 
@@ -122,12 +135,15 @@ contains
 
       allocate (fjac(size(r), size(z)), wa4(size(r)))
       active => search
+      search%J = huge(search%J)
+      search%is_settled = .false.
       ftol = merge(tolerance, 1e-14_wp, options%relative_error > 0)
       associate (m => size(r), n => size(z))
          if (associated(search%smooth)) then
             call lmder(evaluate_both, m, n, z, r, fjac, m, ftol, tolerance, gtol, &
                options%max_evaluations, diag, 1, search%factor, 1, info, nfev, njev, ipvt, qtf, &
                wa1, wa2, wa3, wa4)
+            if (search%is_settled) info = 2
          else
             call lmdif(evaluate, m, n, z, r, ftol, tolerance, gtol, options%max_evaluations, &
                search%relative_error, diag, 1, search%factor, 1, info, nfev, fjac, m, ipvt, qtf, &
@@ -137,14 +153,17 @@ contains
       active => null()
    end subroutine run_search
 
-   !> The callback of `lmder`: residuals through `evaluate`, derivatives for iflag = 2.
+   !> The callback of `lmder`: residuals through `evaluate`, derivatives for iflag = 2, and there the
+   !> end of a search that has settled.
    subroutine evaluate_both(m, n, x, fvec, fjac, ldfjac, iflag)
       integer, intent(in) :: m, n, ldfjac
       real(wp), intent(in) :: x(n)
       real(wp), intent(inout) :: fvec(m), fjac(ldfjac, n)
       integer, intent(inout) :: iflag
       type(error_t), allocatable :: error
+      type(gauss_newton_t) :: ahead
       real(wp) :: r(m)
+      integer :: k
 
       if (iflag /= 2) then
          call evaluate(m, n, x, fvec, iflag)
@@ -156,8 +175,22 @@ contains
          iflag = -1
          return
       end if
-      fjac(:m, :) = active%jacobian(:, active%moving) &
-         *spread(active%variables(active%moving)%derivative(x), 1, m)
+      do k = 1, n
+         associate (moving => active%moving(k))
+            fjac(:m, k) = active%here%jacobian(:, moving)*active%variables(moving)%derivative(x(k))
+         end associate
+      end do
+      if (.not. active%here%J < (1 - little)*active%J) then
+         associate (variables => active%variables(active%moving), &
+            parameters => active%here%parameters(active%moving))
+            ahead = gauss_newton_step(active%here%jacobian(:, active%moving), r, parameters, &
+               variables, m*epsilon(r))
+            active%is_settled = ahead%distance <= settled .and. ahead%rank == n .and. &
+               .not. any(variables%is_at_bound(parameters))
+         end associate
+         if (active%is_settled) iflag = -1
+      end if
+      active%J = active%here%J
    end subroutine evaluate_both
 
    !> The callback of MINPACK. iflag = 0: a new iteration; 2: a difference for the Jacobian; 1: the
@@ -197,7 +230,8 @@ contains
    end subroutine evaluate
 
    !> Residuals, and with them the derivatives of a problem that knows them: most trial steps are
-   !> taken, and the next thing that is wanted are the derivatives there.
+   !> taken, and the next thing that is wanted are the derivatives there; `here` has them. From those
+   !> that are not taken a search comes back to where it was, and does not pay for it again.
    subroutine evaluate_at(self, parameters, r, error)
       class(search_t), intent(inout) :: self
       real(wp), intent(in) :: parameters(:)
@@ -209,25 +243,66 @@ contains
          call self%problem%residuals(parameters, r, error)
          return
       end if
-      if (allocated(self%point)) then
-         if (all(abs(parameters - self%point) <= 0)) then
-            r = self%residual
+      if (is_at(self%here, parameters)) then
+         r = self%here%residual
+         return
+      end if
+      if (is_at(self%kept, parameters)) then
+         call swap(self%here, self%kept)
+         r = self%here%residual
+         return
+      end if
+      if (self%here%J <= self%kept%J) call swap(self%here, self%kept)
+      self%evaluations = self%evaluations + 1
+      associate (here => self%here)
+         here%J = huge(here%J)
+         if (.not. allocated(here%jacobian)) allocate (here%jacobian(size(r), size(parameters)), &
+            here%residual(size(r)))
+         here%parameters = parameters
+         call self%smooth%jacobian(parameters, here%residual, here%jacobian, error)
+         if (.not. allocated(error)) then
+            if (.not. all(ieee_is_finite(here%jacobian))) call failure(error, &
+               'the derivatives are not finite')
+         end if
+         if (allocated(error)) then
+            deallocate (here%parameters)
             return
          end if
-         deallocate (self%point)
-      end if
-      self%evaluations = self%evaluations + 1
-      if (.not. allocated(self%jacobian)) allocate (self%jacobian(size(r), size(parameters)), &
-         self%residual(size(r)))
-      call self%smooth%jacobian(parameters, self%residual, self%jacobian, error)
-      if (.not. allocated(error)) then
-         if (.not. all(ieee_is_finite(self%jacobian))) call failure(error, &
-            'the derivatives are not finite')
-      end if
-      if (allocated(error)) return
-      r = self%residual
-      self%point = parameters
+         r = here%residual
+         here%J = sum(r**2)
+      end associate
    end subroutine evaluate_at
+
+   !> Whether a point has been evaluated there.
+   pure logical function is_at(evaluated, parameters)
+      type(evaluated_t), intent(in) :: evaluated
+      real(wp), intent(in) :: parameters(:)
+
+      is_at = allocated(evaluated%parameters)
+      if (is_at) is_at = all(abs(parameters - evaluated%parameters) <= 0)
+   end function is_at
+
+   subroutine swap(a, b)
+      type(evaluated_t), intent(inout) :: a, b
+      type(evaluated_t) :: c
+
+      call move(a, c)
+      call move(b, a)
+      call move(c, b)
+
+   contains
+
+      subroutine move(from, to)
+         type(evaluated_t), intent(inout) :: from
+         type(evaluated_t), intent(out) :: to
+
+         call move_alloc(from%parameters, to%parameters)
+         call move_alloc(from%residual, to%residual)
+         call move_alloc(from%jacobian, to%jacobian)
+         to%J = from%J
+      end subroutine move
+
+   end subroutine swap
 
    !> The physical parameters at a point of the moving variables.
    function trial(search, x) result(parameters)
