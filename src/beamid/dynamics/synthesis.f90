@@ -17,18 +17,23 @@ module beamid_synthesis
 
    !> Real and imaginary parts of z of all poles, and of y = dz/ds where derivatives are wanted.
    type :: states_t
-      real(wp), allocatable :: z(:, :), y(:, :)       !< (poles, 2); y of no poles: not wanted
+      real(wp), allocatable :: z(:, :), y(:, :)       !< (2, poles); y of no poles: not wanted
       type(cluster_state_t), allocatable :: cluster(:)
       real(wp) :: t = 0                               !< where they have got to [time]
       integer :: node = 1                             !< of the force, at or before t
-      real(wp), allocatable :: growth(:, :)           !< e**(s step)
-      real(wp) :: step = -1                           !< of `growth` [time]
-      integer :: repeated = 0                         !< how often in a row it was used
    contains
       procedure :: columns
       procedure :: through
-      procedure, private :: advance
+      procedure, private :: plan
    end type states_t
+
+   !> One step within a segment of the force.
+   type :: step_t
+      real(wp) :: length = 0                !< [time]
+      real(wp) :: force = 0, slope = 0      !< at its beginning, and its slope
+      integer :: row = 0                    !< the sample it ends at; 0: none
+      logical :: same = .false.             !< as long as the one before
+   end type step_t
 
    !> Times at once: the states of so many stay in the cache of a processor.
    integer, parameter :: block = 500
@@ -55,7 +60,7 @@ contains
       weights = weights_of(poles, which, states%columns(), size(motion, 2) - 1)
       do first = 1, size(times), block
          last = min(first + block - 1, size(times))
-         call states%through(poles, excitation, times(first:last), x(:last - first + 1, :))
+         call states%through(poles, excitation, times(first:last), x)
          do q = 1, size(which)
             motion(first:last, :, q) = matmul(x(:last - first + 1, :), weights(:, :, q))
          end do
@@ -126,8 +131,8 @@ contains
       integer :: k, n
 
       n = size(poles%s)
-      allocate (states%z(n, 2), states%y(merge(n, 0, with_slopes), 2), source=0.0_wp)
-      allocate (states%growth(n, 2), states%cluster(size(poles%cluster)))
+      allocate (states%z(2, n), states%y(2, merge(n, 0, with_slopes)), source=0.0_wp)
+      allocate (states%cluster(size(poles%cluster)))
       do k = 1, size(poles%cluster)
          allocate (states%cluster(k)%x(merge(2, 1, with_slopes)*poles%cluster(k)%m), &
             source=(0.0_wp, 0.0_wp))
@@ -140,120 +145,179 @@ contains
       class(states_t), intent(in) :: self
       integer :: k
 
-      columns = 2*(size(self%z, 1) + size(self%y, 1) &
-         + sum([(size(self%cluster(k)%x), k=1, size(self%cluster))]))
+      columns = size(self%z) + size(self%y) &
+         + 2*sum([(size(self%cluster(k)%x), k=1, size(self%cluster))])
    end function columns
 
-   !> Marches through times and the nodes of the force.
+   !> Marches through times and the nodes of the force, pole by pole.
    !>
    !> times  ascending, from where the states are [time]; before the first node they are 0
-   !> x      (times, columns) real parts, then imaginary parts: of z, of y, of each cluster
-   pure subroutine through(self, poles, excitation, times, x)
+   !> x      (times or more, columns) real parts, then imaginary parts: of z, of y, of each cluster
+   subroutine through(self, poles, excitation, times, x)
       class(states_t), intent(inout) :: self
       type(poles_t), intent(in) :: poles
       type(excitation_t), intent(in) :: excitation
       real(wp), intent(in) :: times(:)
-      real(wp), intent(out) :: x(:, :)
-      integer :: at, i, k, m, n
+      real(wp), intent(inout), contiguous :: x(:, :)
+      type(step_t), allocatable :: steps(:)
+      integer :: at, count, i, j, k, n
 
-      n = size(self%z, 1)
-      m = size(self%y, 1)
-      do k = 1, size(times)
-         do while (self%node < size(excitation%t))
-            if (excitation%t(self%node + 1) > times(k)) exit
-            call self%advance(poles, excitation, excitation%t(self%node + 1))
-            self%node = self%node + 1
-         end do
-         if (times(k) > self%t) call self%advance(poles, excitation, times(k))
-         x(k, :n) = self%z(:, 1)
-         x(k, n + 1:2*n) = self%z(:, 2)
-         at = 2*(n + m)
-         x(k, 2*n + 1:2*n + m) = self%y(:, 1)
-         x(k, 2*n + m + 1:at) = self%y(:, 2)
-         do i = 1, size(self%cluster)
-            associate (states => self%cluster(i)%x)
-               x(k, at + 1:at + size(states)) = real(states)
-               at = at + size(states)
-               x(k, at + 1:at + size(states)) = aimag(states)
-               at = at + size(states)
-            end associate
-         end do
+      call self%plan(excitation, times, steps, count)
+      n = size(poles%s)
+      do k = 1, n
+         if (size(self%y) > 0) then
+            call march(poles%s(k), steps(:count), self%z(:, k), x(:, k), x(:, n + k), &
+               self%y(:, k), x(:, 2*n + k), x(:, 3*n + k))
+         else
+            call march(poles%s(k), steps(:count), self%z(:, k), x(:, k), x(:, n + k))
+         end if
+      end do
+      at = size(self%z) + size(self%y)
+      do i = 1, size(self%cluster)
+         associate (cluster => self%cluster(i), m => size(self%cluster(i)%x))
+            do j = 1, count
+               associate (by => steps(j))
+                  call cluster%advance(poles%cluster(i), by%force, by%slope, by%length, by%same)
+                  if (by%row == 0) cycle
+                  x(by%row, at + 1:at + m) = real(cluster%x)
+                  x(by%row, at + m + 1:at + 2*m) = aimag(cluster%x)
+               end associate
+            end do
+            at = at + 2*m
+         end associate
       end do
    end subroutine through
 
-   !> From t to `finish`, within one segment of the force.
-   pure subroutine advance(self, poles, excitation, finish)
+   !> The steps to some times, from node to node of the force and to each of them.
+   !>
+   !> steps  the first n are they
+   subroutine plan(self, excitation, times, steps, n)
       class(states_t), intent(inout) :: self
-      type(poles_t), intent(in) :: poles
       type(excitation_t), intent(in) :: excitation
-      real(wp), intent(in) :: finish
-      real(wp) :: step, force, slope, re
-      logical :: same
-      integer :: k
+      real(wp), intent(in) :: times(:)
+      type(step_t), allocatable, intent(out) :: steps(:)
+      integer, intent(out) :: n
+      real(wp) :: usual
+      integer :: k, last, repeated
 
-      step = finish - self%t
-      ! On a uniform grid the exponentials serve again; now and then they are computed afresh, so
-      ! that differences in the last digit of the step do not add up.
-      same = abs(step - self%step) <= 4*epsilon(finish)*abs(finish) .and. self%repeated < 64
-      if (.not. same) then
-         do k = 1, size(poles%s)
-            associate (growth => exp(poles%s(k)*step))
-               self%growth(k, 1) = real(growth)
-               self%growth(k, 2) = aimag(growth)
-            end associate
-         end do
-         self%step = step
-         self%repeated = 0
-      end if
-      self%repeated = self%repeated + 1
-      associate (z => self%z, y => self%y, g => self%growth)
-         do k = 1, size(y, 1)
-            re = y(k, 1) + step*z(k, 1)
-            y(k, 2) = y(k, 2) + step*z(k, 2)
-            y(k, 1) = g(k, 1)*re - g(k, 2)*y(k, 2)
-            y(k, 2) = g(k, 1)*y(k, 2) + g(k, 2)*re
-         end do
-         do k = 1, size(z, 1)
-            re = z(k, 1)
-            z(k, 1) = g(k, 1)*re - g(k, 2)*z(k, 2)
-            z(k, 2) = g(k, 1)*z(k, 2) + g(k, 2)*re
+      last = size(times)
+      associate (t => excitation%t)
+         n = 0
+         if (last > 0) n = last + count(t(self%node + 1:) <= times(last))
+         allocate (steps(n))
+         n = 0
+         usual = -1
+         repeated = 0
+         do k = 1, last
+            do while (self%node < size(t))
+               if (t(self%node + 1) > times(k)) exit
+               call add(t(self%node + 1))
+               self%node = self%node + 1
+            end do
+            if (times(k) > self%t .or. n == 0) then
+               call add(max(self%t, times(k)))
+            else if (steps(n)%row > 0) then
+               call add(self%t)
+            end if
+            steps(n)%row = k
          end do
       end associate
-      force = 0
-      slope = 0
-      if (self%node < size(excitation%t)) then
-         associate (t => excitation%t, f => excitation%f, node => self%node)
-            slope = (f(node + 1) - f(node))/(t(node + 1) - t(node))
-            force = f(node) + slope*(self%t - t(node))
+
+   contains
+
+      subroutine add(finish)
+         real(wp), intent(in) :: finish
+
+         n = n + 1
+         associate (by => steps(n), t => excitation%t, f => excitation%f, node => self%node)
+            by%length = finish - self%t
+            ! On a uniform grid the exponentials serve again; now and then they are computed
+            ! afresh, so that differences in the last digit of the step do not add up.
+            by%same = abs(by%length - usual) <= 4*epsilon(finish)*abs(finish) .and. repeated < 64
+            if (by%same) by%length = usual
+            if (.not. by%same) repeated = 0
+            repeated = repeated + 1
+            usual = by%length
+            if (node < size(t)) then
+               by%slope = (f(node + 1) - f(node))/(t(node + 1) - t(node))
+               by%force = f(node) + by%slope*(self%t - t(node))
+            end if
          end associate
+         self%t = finish
+      end subroutine add
+
+   end subroutine plan
+
+   !> One pole through steps: z' = s z + f, and y' = s y + z where it is wanted.
+   !>
+   !> s               [1/time]
+   !> z, y            (2) real and imaginary part, in and out
+   !> x, x_i, w, w_i  (times) both at the samples: of z, and of y
+   pure subroutine march(s, steps, z, x, x_i, y, w, w_i)
+      complex(wp), intent(in) :: s
+      type(step_t), intent(in) :: steps(:)
+      real(wp), intent(inout) :: z(2)
+      real(wp), intent(inout), contiguous :: x(:), x_i(:)
+      real(wp), intent(inout), optional :: y(2)
+      real(wp), intent(inout), optional, contiguous :: w(:), w_i(:)
+      complex(wp) :: growth, phi(4), more
+      real(wp) :: zr, zi, yr, yi, gr, gi, re
+      logical :: known, slopes
+      integer :: j
+
+      slopes = present(y)
+      zr = z(1)
+      zi = z(2)
+      yr = 0
+      yi = 0
+      if (slopes) then
+         yr = y(1)
+         yi = y(2)
       end if
-      do k = 1, size(poles%cluster)
-         call self%cluster(k)%advance(poles%cluster(k), force, slope, step, same)
+      gr = 1
+      gi = 0
+      known = .false.
+      do j = 1, size(steps)
+         associate (by => steps(j), h => steps(j)%length)
+            if (.not. by%same) then
+               growth = exp(s*h)
+               gr = real(growth)
+               gi = aimag(growth)
+               known = .false.
+            end if
+            if (slopes) then
+               re = yr + h*zr
+               yi = yi + h*zi
+               yr = gr*re - gi*yi
+               yi = gr*yi + gi*re
+            end if
+            re = zr
+            zr = gr*re - gi*zi
+            zi = gr*zi + gi*re
+            if (abs(by%force) + abs(by%slope) > 0) then
+               ! To z force h phi_1 + slope h**2 phi_2, to y its derivative.
+               if (.not. known) phi = phi_functions(s*h, cmplx(gr, gi, wp))
+               known = .true.
+               more = h*(by%force*phi(1) + by%slope*h*phi(2))
+               zr = zr + real(more)
+               zi = zi + aimag(more)
+               if (slopes) then
+                  more = h**2*(by%force*phi(3) + by%slope*h*phi(4))
+                  yr = yr + real(more)
+                  yi = yi + aimag(more)
+               end if
+            end if
+            if (by%row == 0) cycle
+            x(by%row) = zr
+            x_i(by%row) = zi
+            if (.not. slopes) cycle
+            w(by%row) = yr
+            w_i(by%row) = yi
+         end associate
       end do
-      if (abs(force) + abs(slope) > 0) call drive(self, poles, force, slope)
-      self%t = finish
-   end subroutine advance
-
-   !> What the force adds within a step: to z force step phi_1 + slope step**2 phi_2, to y its
-   !> derivative.
-   pure subroutine drive(self, poles, force, slope)
-      type(states_t), intent(inout) :: self
-      type(poles_t), intent(in) :: poles
-      real(wp), intent(in) :: force, slope
-      complex(wp) :: phi(4), more
-      integer :: k
-
-      associate (step => self%step)
-         do k = 1, size(poles%s)
-            phi = phi_functions(poles%s(k)*step, cmplx(self%growth(k, 1), self%growth(k, 2), wp))
-            more = step*(force*phi(1) + slope*step*phi(2))
-            self%z(k, :) = self%z(k, :) + [real(more), aimag(more)]
-            if (size(self%y) == 0) cycle
-            more = step**2*(force*phi(3) + slope*step*phi(4))
-            self%y(k, :) = self%y(k, :) + [real(more), aimag(more)]
-         end do
-      end associate
-   end subroutine drive
+      z = [zr, zi]
+      if (slopes) y = [yr, yi]
+   end subroutine march
 
    !> phi_1 = (e**x - 1)/x, phi_2 = (phi_1 - 1)/x, and their derivatives phi_1' = phi_1 - phi_2 and
    !> phi_2' = phi_2 - 2 phi_3, phi_3 = (phi_2 - 1/2)/x. By the series of phi_3 for small x; for
