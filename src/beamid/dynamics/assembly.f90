@@ -64,6 +64,7 @@ module beamid_assembly
       real(wp), allocatable :: push(:, :), push_slope(:, :, :)
       !> the rest of F, (n), (n, parameters), and of what goes with 1/s the derivatives
       real(wp), allocatable :: rest(:), rest_slope(:, :), carried_slope(:, :)
+      logical, allocatable :: load_changes(:)  !< (parameters) whether any of these is not 0
       !> (r) by which a row is longer as the base moves: support to ground, over s**2
       real(wp), allocatable :: lift(:)
       !> Whether velocity or displacement of the base drive the structure too.
@@ -74,6 +75,7 @@ module beamid_assembly
       !> derivatives of what stands before them in M, C and K
       integer, allocatable :: changing(:)
       real(wp), allocatable :: change(:, :, :)
+      logical, allocatable :: acts(:, :)       !< (operators, parameters) whether any of these is not 0
       !> (2, parameters) d pencil/d parameter, where something acts between all oscillators
       type(pencil_t), allocatable :: slope(:, :)
       real(wp), allocatable :: mu(:)           !< (beam) bending of the modes, of which inertia is 1
@@ -124,8 +126,9 @@ contains
       type(assembly_t) :: self
       type(load_t) :: applied
       real(wp), allocatable :: slopes(:, :, :)
-      logical :: used(size(operators))
-      integer :: form, p, i
+      real(wp) :: reach(size(operators))
+      logical, dimension(size(operators)) :: needed, used
+      integer :: form, matrix, p, i
 
       if (present(load)) applied = load
       self%structure = structure
@@ -134,16 +137,26 @@ contains
       allocate (self%strength(size(operators), of_compliance), &
          slopes(size(operators), of_compliance, size(parameters)))
       call strengths_and_slopes(structure, modes%space%length, parameters, self%strength, slopes)
-      call lay_out(self, modes, needed=[(any(abs(self%strength(i, :)) > 0) .or. &
-         any(abs(slopes(i, :, :)) > 0) .or. is_spring(i, structure), i=1, size(self%strength, 1))])
+      reach = 0
+      do matrix = 1, size(slopes, 2)
+         do p = 1, size(parameters)
+            reach = reach + abs(slopes(:, matrix, p))
+         end do
+      end do
+      used = reach > 0
+      do matrix = 1, size(slopes, 2)
+         reach = reach + abs(self%strength(:, matrix))
+      end do
+      needed = reach > 0
+      do i = root_slope, size(operators)
+         needed(i) = needed(i) .or. is_spring(i, structure)
+      end do
+      call lay_out(self, modes, needed)
       self%mu = modes%mu
       do form = 1, 2
          self%pencil(form) = new_pencil(self, modes, self%strength, form)
       end do
-      do i = 1, size(operators)
-         used(i) = operators(i)%derivative < 0 .or. self%row(i) > 0
-         if (used(i)) used(i) = any(abs(slopes(i, :, :)) > 0)
-      end do
+      used = used .and. (operators%derivative < 0 .or. self%row > 0)
       self%changing = pack([(i, i=1, size(operators))], used)
       allocate (self%change(3, size(self%changing), size(parameters)))
       do p = 1, size(parameters)
@@ -156,6 +169,7 @@ contains
             self%pencil(1)%k(i))
       end do
       call set_springs(self, modes, slopes)
+      self%acts = any(abs(self%change) > 0, dim=1)
       call set_dense(self, modes, slopes, whole)
    end function new_assembly
 
@@ -330,9 +344,11 @@ contains
       logical :: needed, pull(size(operators))
       integer :: j, k, p
 
-      k = of_stiffness
-      pull = pulls([(j, j=1, size(operators))]) .and. &
-         (abs(self%strength(:, k)) > 0 .or. any(abs(slopes(:, k, :)) > 0, dim=2))
+      do j = 1, size(operators)
+         pull(j) = pulls(j)
+         if (pull(j)) pull(j) = abs(self%strength(j, of_stiffness)) > 0 .or. &
+            any(abs(slopes(j, of_stiffness, :)) > 0)
+      end do
       needed = allocated(modes%rest) .or. varies_more(self) .or. any(pull)
       if (present(whole)) needed = needed .or. whole
       if (.not. needed) return
@@ -463,6 +479,8 @@ contains
          self%rest_slope(:, p) = rest_load(slopes(:, :, p)) &
             + self%strength(force_value, of_load)*moves(p)*moving
       end do
+      self%load_changes = [(applied%base .or. any(abs(self%push_slope(:, :, p)) > 0) .or. &
+         any(abs(self%rest_slope(:, p)) > 0), p=1, size(self%parameters))]
       do form = 1, 2
          self%load(:, 1, form) = self%rest + matmul(self%push(:, form), self%v)
       end do
@@ -529,11 +547,12 @@ contains
    !>
    !> form  of the pencil
    !> x, y  (n), (r) one motion; z, w the other
-   pure function products(self, form, x, y, z, w) result(q)
+   !> q     (operators that change)
+   pure subroutine products(self, form, x, y, z, w, q)
       class(assembly_t), intent(in) :: self
       integer, intent(in) :: form
       complex(wp), intent(in) :: x(:), y(:), z(:), w(:)
-      complex(wp) :: q(size(self%changing))
+      complex(wp), intent(out) :: q(:)
       integer :: i
 
       associate (b => self%beam, tip => self%tip, A => self%compliance)
@@ -558,7 +577,7 @@ contains
             end associate
          end do
       end associate
-   end function products
+   end subroutine products
 
    !> The same of the trace of Op Q**-1.
    !>
@@ -606,7 +625,7 @@ contains
 
    !> Sum of s**2 M_p + s C_p + K_p over the operators.
    !>
-   !> q  (operators that change) `products` or `traces`
+   !> q  (operators that change) `traces`
    !> p  place among the parameters
    pure complex(wp) function varied(self, q, s, p)
       class(assembly_t), intent(in) :: self
@@ -616,6 +635,7 @@ contains
 
       varied = 0
       do i = 1, size(q)
+         if (.not. self%acts(i, p)) cycle
          varied = varied + ((self%change(1, i, p)*s + self%change(2, i, p))*s &
             + self%change(3, i, p))*q(i)
       end do
@@ -630,6 +650,7 @@ contains
 
       grown = 0
       do i = 1, size(q)
+         if (.not. self%acts(i, p)) cycle
          grown = grown + (2*self%change(1, i, p)*s + self%change(2, i, p))*q(i)
       end do
    end function grown
@@ -642,6 +663,8 @@ contains
       integer, intent(in) :: form, p
       complex(wp), intent(in) :: x(:), y(:), s
 
+      change = 0
+      if (.not. self%load_changes(p)) return
       change = sum(self%rest_slope(:, p)*x) + sum(self%push_slope(:, form, p)*y)
       if (allocated(self%carried_slope)) change = change + sum(self%carried_slope(:, p)*x)/s
    end function load_change
@@ -765,9 +788,13 @@ contains
       class(assembly_t), intent(in) :: self
       complex(wp), intent(in) :: s
 
+      complex(wp) :: held, moved
+
       associate (st => self%structure)
-         form = merge(1, 2, abs(st%c_H*s + st%k_H) <= abs(st%m_H*s**2))
+         held = st%c_H*s + st%k_H
+         moved = st%m_H*s**2
       end associate
+      form = merge(1, 2, real(held)**2 + aimag(held)**2 <= real(moved)**2 + aimag(moved)**2)
    end function form_at
 
    !> Relative distance of s from -E/c_D, next to which the slow roots of overdamped modes lie: in a

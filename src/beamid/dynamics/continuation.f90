@@ -25,23 +25,26 @@ module beamid_continuation
 
 contains
 
-   !> root      in: one of each pair and the real ones, where they are expected; out: where they are
+   !> root      in: one of each pair and the real ones, where they are expected; out: where those
+   !>           that were followed are
    !> vector    of each
-   !> followed  .false.: some have not been found, or have met, or left the axis or come to it; both
-   !>           are of no use then
+   !> followed  .false.: one that was not found, or met another, or left the axis or came to it
    subroutine follow_roots(assembly, root, vector, followed)
       type(assembly_t), intent(in) :: assembly
       type(root_t), intent(inout) :: root(:)
       type(vector_t), intent(inout) :: vector(:)
-      logical, intent(out) :: followed
+      logical, intent(out) :: followed(:)
+      type(root_t) :: expected
       integer :: k
 
-      followed = 2*size(root) - count(.not. abs(aimag(root%s)) > 0) == assembly%roots() .and. &
-         .not. assembly%is_bare()
+      followed = .false.
+      if (2*size(root) - count(.not. abs(aimag(root%s)) > 0) /= assembly%roots() .or. &
+         assembly%is_bare()) return
       do k = 1, size(root)
-         if (.not. followed) return
-         call follow(assembly, root(k), vector(k), followed)
-         if (followed) followed = .not. meets(root(k), root(:k - 1))
+         expected = root(k)
+         call follow(assembly, root(k), vector(k), followed(k))
+         if (followed(k)) followed(k) = .not. meets(root(k), pack(root(:k - 1), followed(:k - 1)))
+         if (.not. followed(k)) root(k) = expected
       end do
    end subroutine follow_roots
 

@@ -102,7 +102,7 @@ contains
       type(poles_t), intent(in) :: poles
       complex(wp), intent(out) :: shapes(:, :, 0:)
       real(wp), allocatable, intent(out) :: impulse(:)
-      real(wp) :: x(assembly%n), y(size(assembly%v, 1))
+      real(wp) :: x(assembly%n, 1), y(size(assembly%v, 1), 1)
       complex(wp) :: factor
       integer :: k, n, unknowns
 
@@ -121,9 +121,10 @@ contains
          end associate
       end do
       allocate (impulse(unknowns), source=0.0_wp)
-      call solve_mass(assembly, assembly%load(:, 1, 1), x, y)
-      impulse(:n) = matmul(modes%shapes, x(:n))
-      if (assembly%hose > 0) impulse(unknowns) = x(n + 1)
+      x(:, 1) = assembly%load(:, 1, 1)
+      call solve_mass(assembly, x, y)
+      impulse(:n) = matmul(modes%shapes, x(:n, 1))
+      if (assembly%hose > 0) impulse(unknowns) = x(n + 1, 1)
    end subroutine unknowns_of_poles
 
    !> What the states of a cluster move: moments of the motion Q**-1 F over its contour.
@@ -194,7 +195,7 @@ contains
       at = 0
       from = 0
       do i = 0, size(states%cluster)
-         m = size(states%z, 1)
+         m = size(poles%s)
          if (i > 0) m = size(states%cluster(i)%x)
          z(:, at + 1:at + m) = cmplx(x(:, from + 1:from + m), x(:, from + m + 1:from + 2*m), wp)
          at = at + m

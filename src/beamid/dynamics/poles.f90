@@ -14,11 +14,13 @@ module beamid_poles
    use beamid_continuation, only: all_of, follow_roots
    use beamid_errors, only: error_t, failure
    use beamid_kinds, only: wp
-   use beamid_roots, only: find_roots
+   use beamid_roots, only: find_others, find_roots
    use beamid_strings, only: to_text
    use beamid_structure, only: is_coefficient, n_parameters
    use beamid_systems, only: differentiate_vector, find_whole_vector, vector_slope_t
-   use beamid_vectors, only: answer, find_vector, root_t, solve_coupled, solve_mass, vector_t
+   use beamid_terms, only: operators
+   use beamid_vectors, only: add_answer, find_vector, most, root_t, solve_coupled, solve_mass, &
+      vector_t
    implicit none
    private
 
@@ -70,16 +72,25 @@ contains
       type(poles_t), intent(inout) :: poles
       type(error_t), allocatable, intent(out) :: error
       type(root_t), allocatable :: moved(:)
-      logical :: followed
+      logical, allocatable :: followed(:)
+      logical :: found
       integer :: way
 
       if (allocated(poles%all)) then
          moved = poles%root
          moved%s = predicted(assembly, poles)
+         allocate (followed(size(moved)))
          call follow_roots(assembly, moved, poles%vector, followed)
-         if (followed) then
+         found = all(followed)
+         if (found) then
             poles%root = moved
             poles%all = all_of(assembly, moved)
+         else if (4*count(.not. followed) <= size(moved) .and. .not. assembly%is_dense()) then
+            ! Of many that went astray a start of their own is the shorter way.
+            call find_others(assembly, moved, followed, poles%all, poles%root, found)
+            if (found) call find_vectors(assembly, poles)
+         end if
+         if (found) then
             call residues(assembly, poles, error)
             if (.not. allocated(error)) return
             deallocate (error)
@@ -101,18 +112,19 @@ contains
       type(assembly_t), intent(in) :: assembly
       type(poles_t), intent(in) :: poles
       complex(wp) :: s(size(poles%root)), change(size(poles%root))
-      real(wp) :: step
+      real(wp) :: new(size(assembly%parameters)), step
       integer :: p
 
       s = poles%root%s
       if (.not. allocated(poles%values)) return
       if (size(poles%values) /= size(assembly%parameters)) return
       if (any(poles%parameters /= assembly%parameters)) return
+      new = values_of(assembly)
       change = 0
-      do p = 1, size(poles%values)
-         associate (new => value_of(assembly, p), old => poles%values(p))
-            step = new - old
-            if (min(new, old) > 0) step = old*log(new/old)
+      do p = 1, size(new)
+         associate (old => poles%values(p))
+            step = new(p) - old
+            if (min(new(p), old) > 0) step = old*log(new(p)/old)
             change = change + poles%ds(:, p)*step
          end associate
       end do
@@ -124,15 +136,19 @@ contains
       where (.not. abs(aimag(poles%root%s)) > 0) s = real(s)
    end function predicted
 
-   !> Value of the p-th parameter of an assembly; of one that is none of the structure 0.
-   pure real(wp) function value_of(assembly, p)
+   !> Values of the parameters of an assembly; of one that is none of the structure 0.
+   pure function values_of(assembly) result(values)
       type(assembly_t), intent(in) :: assembly
-      integer, intent(in) :: p
+      real(wp) :: values(size(assembly%parameters))
+      integer :: p
 
-      value_of = 0
-      if (assembly%parameters(p) <= n_parameters .or. is_coefficient(assembly%parameters(p))) &
-         value_of = assembly%structure%get(assembly%parameters(p))
-   end function value_of
+      values = 0
+      do p = 1, size(values)
+         associate (k => assembly%parameters(p))
+            if (k <= n_parameters .or. is_coefficient(k)) values(p) = assembly%structure%get(k)
+         end associate
+      end do
+   end function values_of
 
    subroutine find_vectors(assembly, poles)
       type(assembly_t), intent(in) :: assembly
@@ -253,8 +269,9 @@ contains
       if (allocated(poles%pushed)) deallocate (poles%pushed)
       allocate (poles%pushed(n + size(assembly%v, 1), 2))
       associate (x => poles%pushed(:n, :), y => poles%pushed(n + 1:, :))
-         call solve_mass(assembly, assembly%load(:, 1, 1), x(:, 1), y(:, 1), -assembly%lift)
-         call solve_mass(assembly, assembly%v(assembly%sensor, :), x(:, 2), y(:, 2))
+         x(:, 1) = assembly%load(:, 1, 1)
+         x(:, 2) = assembly%vt(:, assembly%sensor)
+         call solve_mass(assembly, x, y, -assembly%lift)
          poles%impulse = y(assembly%sensor, 1)
          ordinary = abs(dot_product(assembly%load(:, 1, 1), x(:, 1)))*abs(y(assembly%sensor, 2))
       end associate
@@ -283,10 +300,16 @@ contains
       type(assembly_t), intent(in) :: assembly
       type(vector_t), intent(in) :: vector
       complex(wp), intent(in) :: s
+      integer :: i
 
       ! Nothing is pushed along the row of a spring: y is the motion where it counts.
-      driven = sum(assembly%rest*vector%x) &
-         + sum(assembly%push(:, vector%form)*vector%y(:size(assembly%push, 1)))
+      driven = 0
+      do i = 1, assembly%n
+         driven = driven + assembly%rest(i)*vector%x(i)
+      end do
+      do i = 1, size(assembly%push, 1)
+         driven = driven + assembly%push(i, vector%form)*vector%y(i)
+      end do
       if (assembly%is_carried) driven = driven + (sum(assembly%load(:, 2, vector%form)*vector%x) &
          - sum(assembly%lift*vector%f(:size(assembly%lift)))/s)/s
    end function driven_by
@@ -298,6 +321,7 @@ contains
       type(assembly_t), intent(in) :: assembly
       type(poles_t), intent(inout) :: poles
       type(poles_t), intent(in), optional :: also
+      complex(wp), dimension(size(assembly%parameters)) :: ds, dr
       integer :: k, p, n
 
       n = size(assembly%parameters)
@@ -308,7 +332,7 @@ contains
             call measure(assembly, poles%cluster(k))
       end do
       poles%parameters = assembly%parameters
-      poles%values = [(value_of(assembly, p), p=1, n)]
+      poles%values = values_of(assembly)
       if (n == 0) return
       if (assembly%is_dense() .and. .not. present(also)) then
          if (allocated(poles%slope)) deallocate (poles%slope)
@@ -331,9 +355,9 @@ contains
             end if
             cycle
          end if
-         call differentiate_root(assembly, poles%root(k), poles%vector(k), poles%ds(k, :), &
-            poles%dr(k, :))
-         poles%dr(k, :) = weight(poles%s(k))*poles%dr(k, :)
+         call differentiate_root(assembly, poles%root(k), poles%vector(k), ds, dr)
+         poles%ds(k, :) = ds
+         poles%dr(k, :) = weight(poles%s(k))*dr
       end do
       do k = 1, size(poles%cluster)
          associate (cluster => poles%cluster(k))
@@ -359,41 +383,58 @@ contains
       type(root_t), intent(in) :: root
       type(vector_t), intent(in) :: vector
       complex(wp), intent(out) :: ds(:), dr(:)
-      complex(wp), dimension(assembly%n) :: z
-      complex(wp), dimension(size(assembly%v, 1)) :: w, mu, turned
-      complex(wp), dimension(size(assembly%changing)) :: xx, xz
-      complex(wp) :: seen, driven, r, along, x_x, x_z
-      integer :: p, l
+      complex(wp) :: z(assembly%n)
+      complex(wp), dimension(most) :: w, mu, turned, dHy
+      complex(wp), dimension(size(operators)) :: xx, xz
+      complex(wp) :: seen, driven, r, along, x_x, x_z, hmy
+      integer :: c, i, p, l, rows
 
-      associate (x => vector%x, y => vector%y(:size(w)), f => vector%f(:size(w)), s => root%s, &
+      rows = size(assembly%v, 1)
+      c = size(assembly%changing)
+      associate (x => vector%x, y => vector%y(:rows), f => vector%f(:rows), s => root%s, &
          form => vector%form, hm => assembly%pencil(vector%form)%hm, A => assembly%compliance, &
-         dH => vector%dH(:size(w), :size(w)), pencil => assembly%pencil(1))
+         dH => vector%dH, m => assembly%pencil(1)%m)
          driven = driven_by(assembly, vector, s)
          seen = y(assembly%sensor)/vector%A
          r = seen*driven/vector%A
-         call adjoint(assembly, root, vector, seen, driven/vector%A, z, w, mu)
-         xx = assembly%products(form, x, y, x, y)
-         xz = assembly%products(form, x, y, z, w)
+         call adjoint(assembly, root, vector, seen, driven/vector%A, z, w(:rows), mu(:rows))
+         call assembly%products(form, x, y, x, y, xx(:c))
+         call assembly%products(form, x, y, z, w(:rows), xz(:c))
          ! What goes with ds/dp, from Q' and from A and F, which know s by themselves.
-         along = -sum(z*vector%dD*x) - sum(A*w*matmul(dH, y)) &
-            - 2*r*(sum(pencil%m*x**2) + sum(A*y*matmul(hm, y)))
+         along = 0
+         do i = 1, assembly%n
+            along = along - x(i)*(vector%dD(i)*z(i) + 2*m(i)*(r*x(i)))
+         end do
+         do i = 1, rows
+            dHy(i) = 0
+            hmy = 0
+            do l = 1, rows
+               dHy(i) = dHy(i) + dH(i, l)*y(l)
+               hmy = hmy + hm(i, l)*y(l)
+            end do
+            along = along - A(i)*(w(i)*dHy(i) + 2*r*y(i)*hmy)
+         end do
          if (assembly%is_carried) along = along - seen*(sum(assembly%load(:, 2, form)*x) &
             - 2*sum(assembly%lift*f)/s)/s**2
          do p = 1, size(ds)
             associate (A_p => assembly%compliance_slope(:, p), moves => assembly%moves(:, p))
-               x_x = assembly%varied(xx, s, p) - sum(A_p*f*y)
-               x_z = assembly%varied(xz, s, p) - sum(A_p*f*w)
+               x_x = assembly%varied(xx(:c), s, p)
+               x_z = assembly%varied(xz(:c), s, p) + r*assembly%grown(xx(:c), s, p)
+               if (any(abs(A_p) > 0)) then
+                  x_x = x_x - sum(A_p*f*y)
+                  x_z = x_z - sum(A_p*f*w(:rows)) - r*sum(A_p*y*dHy(:rows))
+               end if
                if (any(abs(moves) > 0)) then
                   turned = 0
-                  do l = 1, size(w)
+                  do l = 1, rows
                      if (abs(moves(l)) > 0) turned(l) = moves(l)*sum(assembly%v_slope(l, :)*x)
                   end do
-                  x_x = x_x + 2*sum(turned*f)
-                  x_z = x_z + sum(turned*mu) + sum(moves*matmul(assembly%v_slope, z)*f)
+                  x_x = x_x + 2*sum(turned(:rows)*f)
+                  x_z = x_z + sum(turned(:rows)*mu(:rows)) &
+                     + sum(moves*matmul(assembly%v_slope, z)*f)
                end if
                ds(p) = -x_x/vector%A
-               dr(p) = along*ds(p) - x_z + seen*assembly%load_change(form, x, y, s, p) &
-                  - r*(assembly%grown(xx, s, p) - sum(A_p*y*matmul(dH, y)))
+               dr(p) = along*ds(p) - x_z + seen*assembly%load_change(form, x, y, s, p)
             end associate
          end do
       end associate
@@ -451,7 +492,7 @@ contains
       type(vector_t), intent(in) :: vector
       complex(wp), intent(in) :: seen, driven
       complex(wp), intent(out) :: z(:), w(:), mu(:)
-      complex(wp) :: force, held(size(z))
+      complex(wp) :: force
       integer :: i, l
 
       associate (v => assembly%v, y => vector%y, G => vector%G, H => vector%H, dH => vector%dH)
@@ -477,8 +518,7 @@ contains
          do l = 1, size(w)
             mu(l) = sum(H(:, l)*w) - mu(l)
          end do
-         call answer(assembly%n, size(w), assembly%vt, mu, vector%inverse, held)
-         z = z + held
+         call add_answer(assembly%n, size(w), assembly%vt, mu, vector%inverse, z)
       end associate
    end subroutine adjoint
 
@@ -514,8 +554,8 @@ contains
       n = assembly%n
       associate (x => pushed(:n, 1), yx => pushed(n + 1:, 1), o => pushed(:n, 2), &
          yo => pushed(n + 1:, 2), d => assembly%v_slope)
-         moved = assembly%products(1, cmplx(x, kind=wp), cmplx(yx, kind=wp), cmplx(o, kind=wp), &
-            cmplx(yo, kind=wp))
+         call assembly%products(1, cmplx(x, kind=wp), cmplx(yx, kind=wp), cmplx(o, kind=wp), &
+            cmplx(yo, kind=wp), moved)
          do p = 1, size(slopes)
             associate (moves => assembly%moves(:, p))
                slopes(p) = -sum(assembly%change(1, :, p)*real(moved)) &

@@ -4,20 +4,20 @@
 !> eigenvalues by LAPACK.
 module beamid_roots
    use beamid_assembly, only: assembly_t, new_assembly
-   use beamid_continuation, only: follow, meets, mirrored
+   use beamid_continuation, only: all_of, follow, meets, mirrored
    use beamid_equations, only: equations_t
    use beamid_eigenvalues, only: roots_of_matrix
    use beamid_errors, only: error_t, failure
    use beamid_kinds, only: wp
    use beamid_modes, only: bare_beam_modes, beam_modes_t
-   use beamid_starting_roots, only: nudge, starting_points
+   use beamid_starting_roots, only: leave_axis, nudge, starting_points
    use beamid_strings, only: to_text
    use beamid_systems, only: improve_root
    use beamid_vectors, only: logarithmic_derivative, nearest_pole, root_t, vector_t
    implicit none
    private
 
-   public :: find_roots, damped_roots
+   public :: find_roots, find_others, damped_roots
 
    !> Sweeps at most, and those within which a root that has not arrived must come nearer.
    integer, parameter :: max_sweeps = 1000, patience = 20
@@ -102,6 +102,35 @@ contains
       half = all
       call select_half(assembly, half)
    end subroutine find_roots
+
+   !> The same where most are known already, as from a structure that has changed a little.
+   !>
+   !> some   one of each complex pair with the real ones
+   !> known  which of them are in place; where the others are expected
+   !> found  .false.: the iteration does not converge, or is doubtful
+   subroutine find_others(assembly, some, known, all, half, found)
+      type(assembly_t), intent(in) :: assembly
+      type(root_t), intent(in) :: some(:)
+      logical, intent(in) :: known(:)
+      type(root_t), allocatable, intent(out) :: all(:), half(:)
+      logical, intent(out) :: found
+      type(error_t), allocatable :: error
+      logical, allocatable :: done(:)
+      logical :: doubtful
+      integer :: k
+
+      all = all_of(assembly, some)
+      allocate (done(size(all)))
+      do k = 1, size(all)
+         done(k) = any(known .and. abs(real(some%s - all(k)%s)) &
+            + abs(abs(aimag(some%s)) - abs(aimag(all(k)%s))) <= 0)
+         if (.not. done(k)) call leave_axis(assembly, merge(1, 2, 2*k <= size(all)), all(k))
+      end do
+      call iterate(assembly, all, done, doubtful, error)
+      found = .not. (doubtful .or. allocated(error))
+      half = all
+      if (found) call select_half(assembly, half)
+   end subroutine find_others
 
    !> Each root by itself, the second of a complex pair from the first.
    subroutine improve(assembly, roots)

@@ -11,7 +11,7 @@ module beamid_starting_roots
    implicit none
    private
 
-   public :: starting_points
+   public :: starting_points, leave_axis
 
    !> How far from the axis a root that may be real starts, relatively at most.
    real(wp), parameter, public :: nudge = 1e-3_wp
@@ -70,16 +70,25 @@ contains
             next = next - 1
          end if
          do side = 1, 2
-            associate (root => roots(j + (side - 1)*half))
-               root%s = pair(side)
-               if (.not. abs(aimag(root%s)) > 0) root%s = root%s &
-                  + (0.0_wp, 1.0_wp)*nudge*(3 - 2*side)*room(assembly, root%s)
-               root%origin = 0
-               call nearest_pole(assembly, root)
-            end associate
+            roots(j + (side - 1)*half)%s = pair(side)
+            call leave_axis(assembly, side, roots(j + (side - 1)*half))
          end do
       end do
    end subroutine starting_points
+
+   !> Moves a real starting point off the axis; one that is not real stays where it is.
+   !>
+   !> side  1: upwards, 2: downwards
+   subroutine leave_axis(assembly, side, root)
+      type(assembly_t), intent(in) :: assembly
+      integer, intent(in) :: side
+      type(root_t), intent(inout) :: root
+
+      if (.not. abs(aimag(root%s)) > 0) root%s = root%s &
+         + (0.0_wp, 1.0_wp)*nudge*(3 - 2*side)*room(assembly, root%s)
+      root%origin = 0
+      call nearest_pole(assembly, root)
+   end subroutine leave_axis
 
    !> Slow roots of overdamped modes, near -E/c_D: there the inertia is that at -E/c_D, and with
    !> s = -E/c_D + epsilon/c_D and B the bending stiffness per unit of E the vectors are those of

@@ -174,7 +174,7 @@ contains
       if (.not. allocated(value%dh)) allocate (value%dh(size(assembly%parameters)), &
          value%dlog_p(size(assembly%parameters)))
       associate (u => value%u(:size(u_o)), d => assembly%v_slope, form => value%form)
-         moved = assembly%products(form, value%q, u, o, u_o)
+         call assembly%products(form, value%q, u, o, u_o, moved)
          trace = assembly%traces(form, diagonal, T)
          do p = 1, size(assembly%parameters)
             associate (moves => assembly%moves(:, p), A_p => assembly%compliance_slope(:, p))

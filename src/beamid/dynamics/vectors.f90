@@ -16,7 +16,7 @@ module beamid_vectors
    implicit none
    private
 
-   public :: root_t, vector_t, answer, find_vector, logarithmic_derivative, nearest_pole, &
+   public :: root_t, vector_t, add_answer, find_vector, logarithmic_derivative, nearest_pole, &
       solve_coupled, solve_mass
 
    !> The highest order of H: every coupling that `beamid_assembly` knows.
@@ -95,9 +95,14 @@ contains
       type(pencil_t), intent(in) :: pencil
       complex(wp), intent(in) :: s
       complex(wp), intent(out) :: H(:, :), dH(:, :)
+      integer :: k, l
 
-      H = (pencil%hm*s + pencil%hc)*s + pencil%hk
-      dH = 2*pencil%hm*s + pencil%hc
+      do l = 1, size(H, 2)
+         do k = 1, size(H, 1)
+            H(k, l) = (pencil%hm(k, l)*s + pencil%hc(k, l))*s + pencil%hk(k, l)
+            dH(k, l) = 2*pencil%hm(k, l)*s + pencil%hc(k, l)
+         end do
+      end do
    end subroutine couplings
 
    !> W'/W of the characteristic polynomial, W(s) = det(A + G H)(D_j + v_j'f) times D_i of all
@@ -275,7 +280,8 @@ contains
                   *vector%y(l))
             end do
          end do
-         call answer(self%n, r, self%vt, vector%f, vector%inverse, vector%x)
+         vector%x = 0
+         call add_answer(self%n, r, self%vt, vector%f, vector%inverse, vector%x)
          vector%x(root%j) = 1
          do i = 1, self%n
             vector%A = vector%A + vector%dD(i)*vector%x(i)**2
@@ -322,24 +328,23 @@ contains
       end do
    end function real_sum
 
-   !> x = -D**-1 V f
-   pure subroutine answer(n, r, vt, f, inverse, x)
+   !> x := x - D**-1 V f, the answer of the oscillators to forces along the rows.
+   pure subroutine add_answer(n, r, vt, f, inverse, x)
       integer, intent(in) :: n, r
       real(wp), intent(in) :: vt(n, r)
       complex(wp), intent(in) :: f(r), inverse(n)
-      complex(wp), intent(out) :: x(n)
+      complex(wp), intent(inout) :: x(n)
+      complex(wp) :: force
       integer :: i, k
 
-      x = 0
-      do k = 1, r
-         do i = 1, n
-            x(i) = x(i) - vt(i, k)*f(k)
-         end do
-      end do
       do i = 1, n
-         x(i) = x(i)*inverse(i)
+         force = 0
+         do k = 1, r
+            force = force + vt(i, k)*f(k)
+         end do
+         x(i) = x(i) - force*inverse(i)
       end do
-   end subroutine answer
+   end subroutine add_answer
 
    !> b := (A + G H)**-1 b; zero where there is no inverse.
    pure subroutine solve_coupled(self, vector, b)
@@ -366,36 +371,51 @@ contains
       if (regular) b = columns(:r, 1)
    end subroutine solve_coupled
 
-   !> x = M**-1 b and y = V'x, the latter without the cancellation of a sum over x; of a row that is
+   !> x := M**-1 x and y = V'x, the latter without the cancellation of a sum over x; of a row that is
    !> held y is the force.
    !>
-   !> b, x   (n)
-   !> y      (r)
-   !> moved  (r) by which the rows that are held are moved; left out: by nothing
-   subroutine solve_mass(self, b, x, y, moved)
+   !> x      (n, columns)
+   !> y      (r, columns)
+   !> moved  (r) by which the rows that are held are moved, for the first column; left out: by nothing
+   subroutine solve_mass(self, x, y, moved)
       type(assembly_t), intent(in) :: self
-      real(wp), intent(in) :: b(:)
-      real(wp), intent(out) :: x(:), y(:)
+      real(wp), intent(inout) :: x(:, :)
+      real(wp), intent(out) :: y(:, :)
       real(wp), intent(in), optional :: moved(:)
-      real(wp) :: h(size(self%v, 1), size(self%v, 1))
-      real(wp) :: a(size(self%v, 1), size(self%v, 1)), c(size(self%v, 1), 1), &
-         scaled(size(self%v, 1), self%n)
-      integer :: pivots(size(self%v, 1)), info, k, r
+      real(wp), dimension(most, most) :: h, a, c
+      integer :: pivots(most), info, k, l, r
 
-      associate (p => self%pencil(1), v => self%v)
-         r = size(v, 1)
-         scaled = v/spread(p%m, 1, r)
-         h = self%mass_couplings()
-         a = matmul(matmul(scaled, transpose(v)), h)
-         do k = 1, r
-            a(k, k) = a(k, k) + merge(0.0_wp, 1.0_wp, self%held(k))
+      r = size(self%v, 1)
+      h(:r, :r) = self%mass_couplings()
+      associate (vt => self%vt, m => self%pencil(1)%m)
+         do l = 1, r
+            do k = 1, l
+               a(k, l) = sum(vt(:, k)*vt(:, l)/m)
+               a(l, k) = a(k, l)
+            end do
          end do
-         c(:, 1) = matmul(scaled, b)
-         if (present(moved)) c(:, 1) = c(:, 1) - merge(moved, 0.0_wp, self%held)
-         call dgesv(r, 1, a, r, pivots, c, r, info)
+         a(:r, :r) = matmul(a(:r, :r), h(:r, :r))
+         do l = 1, size(x, 2)
+            x(:, l) = x(:, l)/m
+            do k = 1, r
+               c(k, l) = sum(vt(:, k)*x(:, l))
+            end do
+         end do
+         do k = 1, r
+            if (.not. self%held(k)) then
+               a(k, k) = a(k, k) + 1
+            else if (present(moved)) then
+               c(k, 1) = c(k, 1) - moved(k)
+            end if
+         end do
+         call dgesv(r, size(x, 2), a, most, pivots, c, most, info)
          if (info /= 0) c = 0
-         y = c(:, 1)
-         x = b/p%m - matmul(matmul(h, y), scaled)
+         y = c(:r, :size(x, 2))
+         do l = 1, size(x, 2)
+            do k = 1, r
+               x(:, l) = x(:, l) - sum(h(k, :r)*y(:, l))*vt(:, k)/m
+            end do
+         end do
       end associate
    end subroutine solve_mass
 

@@ -131,7 +131,7 @@ contains
       type(structure_t), intent(in) :: structure
       real(wp) :: q(n_parameters)
 
-      q = transfer(structure%values_t, q)
+      q = transfer(structure%values_t, q, n_parameters)
    end function values_of
 
    !> Whether a parameter is a coefficient of E(x) or c_D(x).
