@@ -8,12 +8,12 @@ program test_modal
    use beamid_galerkin, only: galerkin_t, mesh_t, new_galerkin
    use beamid_kinds, only: wp
    use beamid_modal, only: modal_t
-   use beamid_assembly, only: new_assembly
+   use beamid_assembly, only: assembly_t, new_assembly
    use beamid_modes, only: bare_beam_modes, beam_modes_t, undamped_modes
-   use beamid_poles, only: find_poles, poles_t
+   use beamid_poles, only: differentiate_poles, find_poles, poles_t
    use beamid_responses, only: response_t, work_t
    use beamid_strings, only: to_text
-   use beamid_structure, only: structure_t
+   use beamid_structure, only: of_c_D, structure_t
    use checks, only: check, check_close, finish, in_long_run
    use single_responses, only: against_closed, assembly, attempt, compare, cvode_error, fresh, &
       grid, refused_clearly, relative, run, table_4_1
@@ -31,6 +31,8 @@ program test_modal
    call test_tables()
    call test_distributed()
    call test_times()
+   call test_force_in_step()
+   call test_followed()
    call test_consistency()
    call test_refused()
    call finish('modal')
@@ -346,6 +348,79 @@ contains
       call run(fresh, table_4_1, mesh, new_pulse(1.0_wp, 0.05_wp), [0.5_wp, 0.5_wp], short, 'twice')
       call check_close('a time twice', short%acceleration(1), short%acceleration(2), 0.0_wp)
    end subroutine test_times
+
+   !> A force that is recorded with the samples, whose times differ from those of the force by a
+   !> last digit or by none, has one step for each; between the samples it has two. Undamped modes
+   !> would tell of 2000 steps of which each were off by a digit: the phase 10*omega, 1e-11, stays.
+   subroutine test_force_in_step()
+      type(mesh_t), parameter :: mesh = mesh_t(3, 6, 4, 1)
+      integer, parameter :: m = 2000
+      real(wp) :: t(m), f(m), beside(m), between(2*m - 1)
+      type(excitation_t) :: table
+      type(response_t) :: response, judge
+      type(error_t), allocatable :: error
+      integer :: i
+
+      t = [(0.005_wp*(i - 1), i=1, m)]
+      f = [(sin(7.0_wp*i) + cos(0.1_wp*i**2), i=1, m)]
+      beside = [(t(i) + (modulo(i, 3) - 1)*spacing(t(i)), i=1, m)]
+      between(1::2) = t
+      between(2::2) = (t(2:) + t(:m - 1))/2
+      call new_force_table(t, f, table, error)
+      call check('force in step: a table', .not. allocated(error))
+      call run(fresh, assembly, mesh, table, between, judge, 'samples between')
+      call run(fresh, assembly, mesh, table, t, response, 'samples in step')
+      call check_close('samples in step, displacement', relative(response%displacement, &
+         judge%displacement(1::2)), 0.0_wp, 1e-11_wp)
+      call check_close('samples in step, acceleration', relative(response%acceleration, &
+         judge%acceleration(1::2)), 0.0_wp, 1e-11_wp)
+      call run(fresh, assembly, mesh, table, beside(2:m - 1), response, 'a digit beside')
+      call check_close('a digit beside, displacement', relative(response%displacement, &
+         judge%displacement(3:2*m - 3:2)), 0.0_wp, 1e-11_wp)
+      call check_close('a digit beside, acceleration', relative(response%acceleration, &
+         judge%acceleration(3:2*m - 3:2)), 0.0_wp, 1e-11_wp)
+   end subroutine test_force_in_step
+
+   !> Roots that are followed as the structure changes are those that are found afresh: also where
+   !> c_D makes pairs of fast modes real ones and the other way round, and predictions meet.
+   subroutine test_followed()
+      integer, parameter :: elements(3) = [4, 16, 32]
+      real(wp), parameter :: factors(6) = [1.02_wp, 2.3_wp, 0.4_wp, 6.0_wp, 0.1_wp, 1.3_wp]
+      type(structure_t) :: structure
+      type(beam_modes_t) :: modes
+      type(assembly_t) :: now
+      type(poles_t) :: followed, afresh
+      type(error_t), allocatable :: error
+      real(wp) :: worst
+      integer :: i, j, k
+
+      do i = 1, size(elements)
+         call bare_beam_modes(new_galerkin(mesh_t(3, elements(i), 4, 1), table_4_1%length), modes, &
+            error)
+         structure = table_4_1
+         do j = 0, size(factors)
+            if (j > 0) structure%c_D = factors(j)*structure%c_D
+            now = new_assembly(structure, modes, [of_c_D])
+            call find_poles(now, followed, error)
+            if (.not. allocated(error)) call differentiate_poles(now, followed)
+            if (.not. allocated(error)) call find_poles(now, afresh, error)
+            call check('followed, '//to_text(elements(i))//' elements, c_D = '// &
+               to_text(structure%c_D), .not. allocated(error))
+            if (allocated(error)) return
+            call check('followed: as many', size(followed%s) == size(afresh%s), &
+               to_text(size(followed%s)))
+            if (size(followed%s) /= size(afresh%s)) cycle
+            worst = 0
+            do k = 1, size(afresh%s)
+               worst = max(worst, minval(abs(followed%s - afresh%s(k)))/abs(afresh%s(k)))
+            end do
+            ! Slow real roots lie within 1e-2 of each other and are known to 1e-12 of that.
+            call check_close('followed: the same roots', worst, 0.0_wp, 1e-10_wp)
+            deallocate (afresh%all)
+         end do
+         deallocate (followed%all)
+      end do
+   end subroutine test_followed
 
    !> Velocity is the derivative of displacement, acceleration that of velocity, away from jumps:
    !> central differences of eighth order with h = 1e-3. Modes with omega > 100, on which the

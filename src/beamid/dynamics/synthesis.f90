@@ -188,7 +188,8 @@ contains
       end do
    end subroutine through
 
-   !> The steps to some times, from node to node of the force and to each of them.
+   !> The steps to some times, from node to node of the force and to each of them. What differs in
+   !> the last digits only is one time: a force in step with the samples takes one step for each.
    !>
    !> steps  the first n are they
    subroutine plan(self, excitation, times, steps, n)
@@ -197,24 +198,25 @@ contains
       real(wp), intent(in) :: times(:)
       type(step_t), allocatable, intent(out) :: steps(:)
       integer, intent(out) :: n
-      real(wp) :: usual
+      real(wp) :: usual, near
       integer :: k, last, repeated
 
       last = size(times)
       associate (t => excitation%t)
          n = 0
-         if (last > 0) n = last + count(t(self%node + 1:) <= times(last))
+         if (last > 0) n = last + count(t(self%node + 1:) <= times(last) + digits_of(times(last)))
          allocate (steps(n))
          n = 0
          usual = -1
          repeated = 0
          do k = 1, last
+            near = times(k) + digits_of(times(k))
             do while (self%node < size(t))
-               if (t(self%node + 1) > times(k)) exit
+               if (t(self%node + 1) > near) exit
                call add(t(self%node + 1))
                self%node = self%node + 1
             end do
-            if (times(k) > self%t .or. n == 0) then
+            if (times(k) > self%t + digits_of(times(k)) .or. n == 0) then
                call add(max(self%t, times(k)))
             else if (steps(n)%row > 0) then
                call add(self%t)
@@ -233,7 +235,7 @@ contains
             by%length = finish - self%t
             ! On a uniform grid the exponentials serve again; now and then they are computed
             ! afresh, so that differences in the last digit of the step do not add up.
-            by%same = abs(by%length - usual) <= 4*epsilon(finish)*abs(finish) .and. repeated < 64
+            by%same = abs(by%length - usual) <= digits_of(finish) .and. repeated < 64
             if (by%same) by%length = usual
             if (.not. by%same) repeated = 0
             repeated = repeated + 1
@@ -247,6 +249,13 @@ contains
       end subroutine add
 
    end subroutine plan
+
+   !> The last digits of a time.
+   pure real(wp) function digits_of(t)
+      real(wp), intent(in) :: t
+
+      digits_of = 4*epsilon(t)*abs(t)
+   end function digits_of
 
    !> One pole through steps: z' = s z + f, and y' = s y + z where it is wanted.
    !>

@@ -194,6 +194,10 @@ contains
          low = 1
          high = size(nodes)
          if (t < nodes(low) .or. t > nodes(high) + same_time*spacing(nodes(high))) return
+         ! Most tables are uniform: about there.
+         middle = 1 + int((t - nodes(low))/(nodes(high) - nodes(low))*(high - 1))
+         if (nodes(max(low, middle - 1)) <= t) low = max(low, middle - 1)
+         if (t < nodes(min(high, middle + 2))) high = min(high, middle + 2)
          do while (high - low > 1)
             middle = (low + high)/2
             if (t < nodes(middle)) then
