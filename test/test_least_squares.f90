@@ -8,7 +8,8 @@ module problems
    implicit none
    private
 
-   public :: mistaken, mistaken_t, rosenbrock_t, edge_t, faint_t, valley_t, line_t, history_t
+   public :: mistaken, mistaken_t, rosenbrock_t, edge_t, faint_t, valley_t, line_t, history_t, &
+      diary_t
 
    !> A regression with a mistake in its derivatives.
    type, extends(regression_t) :: mistaken_t
@@ -16,6 +17,14 @@ module problems
    contains
       procedure :: jacobian => mistaken_jacobian
    end type mistaken_t
+
+   !> A regression with a list of the points where it was evaluated.
+   type, extends(regression_t) :: diary_t
+      real(wp) :: point(4, 1000) = 0
+      integer :: points = 0, repeated = 0
+   contains
+      procedure :: jacobian => diary_jacobian
+   end type diary_t
 
    !> 10 (b - a^2), 1 - a; b outside [least, largest] cannot be computed, in one of three ways.
    type, extends(problem_t) :: rosenbrock_t
@@ -96,6 +105,23 @@ contains
       case (6); jac(:, 2) = 2*jac(:, 2)
       end select
    end subroutine mistaken_jacobian
+
+   subroutine diary_jacobian(self, parameters, r, jac, error)
+      class(diary_t), intent(inout) :: self
+      real(wp), intent(in) :: parameters(:)
+      real(wp), intent(out) :: r(:), jac(:, :)
+      type(error_t), allocatable, intent(out) :: error
+      integer :: k
+
+      call self%regression_t%jacobian(parameters, r, jac, error)
+      associate (n => size(parameters))
+         do k = 1, self%points
+            if (all(abs(self%point(:n, k) - parameters) <= 0)) self%repeated = self%repeated + 1
+         end do
+         self%points = self%points + 1
+         self%point(:n, self%points) = parameters
+      end associate
+   end subroutine diary_jacobian
 
    subroutine rosenbrock_residuals(self, parameters, r, error)
       class(rosenbrock_t), intent(inout) :: self
@@ -214,7 +240,7 @@ program test_least_squares
    use beamid_variables, only: new_variable, unbounded, variable_t
    use checks, only: check, check_close, finish
    use problems, only: edge_t, faint_t, history_t, line_t, mistaken, mistaken_t, rosenbrock_t, &
-      valley_t
+      diary_t, valley_t
    use regressions, only: boxbod, mgh09, misra1a, regression_t
    implicit none
 
@@ -222,6 +248,7 @@ program test_least_squares
    call test_box_trap()
    call test_mistakes()
    call test_faint()
+   call test_no_repetition()
    call test_no_differences()
    call test_edge()
    call test_valley()
@@ -386,6 +413,43 @@ contains
             to_text(found))
       end do
    end subroutine test_faint
+
+   !> By derivatives no point is evaluated twice, also where the search comes back to it from a last
+   !> step that it refused, as it does where the tolerance is beyond round-off. Else it does not end
+   !> before linear theory sees the minimum within a tenth of sqrt(tolerance) of a standard error.
+   subroutine test_no_repetition()
+      type(diary_t) :: problem
+      type(fit_t) :: result
+      type(error_t), allocatable :: error
+      type(gauss_newton_t) :: ahead
+      real(wp), parameter :: starts(4, 2) = reshape([0.25_wp, 0.39_wp, 0.415_wp, 0.39_wp, 25.0_wp, &
+         39.0_wp, 41.5_wp, 39.0_wp], [4, 2])
+      character(len=:), allocatable :: title
+      integer :: k
+
+      problem = diary_t(regression_t=misra1a(.true.))
+      call fit(problem, 14, variables([500.0_wp, 1e-4_wp], .true.), options_t(check=.false., &
+         tolerance=1e-30_wp), result, error)
+      call check('Misra1a beyond round-off: converges', .not. allocated(error))
+      call check('Misra1a beyond round-off: no point twice', problem%repeated == 0 .and. &
+         problem%points == result%evaluations, to_text(problem%repeated)//' of '// &
+         to_text(problem%points))
+      do k = 1, 2
+         problem = diary_t(regression_t=mgh09(.true.))
+         title = 'MGH09 from '//to_text(starts(1, k))//', exact: '
+         call fit(problem, 11, variables(starts(:, k), .false.), options_t(check=.false.), result, &
+            error)
+         call check(title//'converges', .not. allocated(error))
+         if (allocated(error)) cycle
+         call check(title//'no point twice', problem%repeated == 0 .and. &
+            problem%points == result%evaluations, to_text(problem%repeated)//' of '// &
+            to_text(problem%points))
+         ahead = gauss_newton_step(result%jacobian, result%residual, result%estimate, &
+            variables(starts(:, k), .false.), 1e-14_wp)
+         call check(title//'nothing ahead', ahead%distance <= 1e-6_wp, to_text(ahead%distance))
+         call check_close(title//'J', result%J/problem%J, 1.0_wp, 2e-10_wp)
+      end do
+   end subroutine test_no_repetition
 
    !> At a start on the edge of where the model can be computed there are derivatives and no
    !> differences: the fit goes on, and no comparison is told of.

@@ -99,8 +99,8 @@ contains
       compares = associated(search%smooth) .and. options%check
       if (compares) then
          call search%evaluate_at(result%start, result%residual, error)
-         if (.not. allocated(error)) call compare(search, result%start, search%here%jacobian, at_start, &
-            error)
+         if (.not. allocated(error)) call compare(search, result%start, search%here%jacobian, &
+            at_start, error)
          if (allocated(error)) return
       end if
 

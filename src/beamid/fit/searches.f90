@@ -79,6 +79,7 @@ module beamid_searches
       !> the point asked for last, and one to which a search may come back from a trial step
       type(evaluated_t) :: here, kept
       real(wp) :: J = huge(1.0_wp)             !< where the last step began
+      real(wp) :: nothing = 0                  !< a distance that is none, in standard errors
       logical :: is_settled = .false.          !< no step is worth while
    contains
       procedure :: evaluate_at
@@ -89,10 +90,11 @@ module beamid_searches
 
    !> So many failing trial steps in a row, each a tenth of the one before, end a search.
    integer, parameter :: max_failures = 10
-   !> A minimum this near, in standard errors, is where the search is: the relative offset of Bates
-   !> and Watts (Technometrics 23, 1981, 179), who stop at 1e-3. Round-off of a response sees some
-   !> 1e-7. Asked for where a step has changed J by no more than `little`, relatively.
-   real(wp), parameter :: settled = 1e-6_wp, little = 1e-5_wp
+   !> A minimum as near as this, in standard errors and in square roots of the tolerance, is where
+   !> the search is: 1e-6 by default. It is the relative offset of Bates and Watts (Technometrics
+   !> 23, 1981, 179), who stop at 1e-3; round-off of a response sees some 1e-7. Asked for where a
+   !> step has changed J by no more than `little`, relatively.
+   real(wp), parameter :: settled = 0.1_wp, little = 1e-5_wp
 
 contains
 
@@ -137,6 +139,7 @@ contains
       active => search
       search%J = huge(search%J)
       search%is_settled = .false.
+      search%nothing = settled*sqrt(options%tolerance)
       ftol = merge(tolerance, 1e-14_wp, options%relative_error > 0)
       associate (m => size(r), n => size(z))
          if (associated(search%smooth)) then
@@ -153,8 +156,8 @@ contains
       active => null()
    end subroutine run_search
 
-   !> The callback of `lmder`: residuals through `evaluate`, derivatives for iflag = 2, and there the
-   !> end of a search that has settled.
+   !> The callback of `lmder`: residuals through `evaluate`, derivatives for iflag = 2, and there
+   !> the end of a search that has settled.
    subroutine evaluate_both(m, n, x, fvec, fjac, ldfjac, iflag)
       integer, intent(in) :: m, n, ldfjac
       real(wp), intent(in) :: x(n)
@@ -185,7 +188,7 @@ contains
             parameters => active%here%parameters(active%moving))
             ahead = gauss_newton_step(active%here%jacobian(:, active%moving), r, parameters, &
                variables, m*epsilon(r))
-            active%is_settled = ahead%distance <= settled .and. ahead%rank == n .and. &
+            active%is_settled = ahead%distance <= active%nothing .and. ahead%rank == n .and. &
                .not. any(variables%is_at_bound(parameters))
          end associate
          if (active%is_settled) iflag = -1
@@ -230,8 +233,8 @@ contains
    end subroutine evaluate
 
    !> Residuals, and with them the derivatives of a problem that knows them: most trial steps are
-   !> taken, and the next thing that is wanted are the derivatives there; `here` has them. From those
-   !> that are not taken a search comes back to where it was, and does not pay for it again.
+   !> taken, and the next thing that is wanted are the derivatives there; `here` has them. From
+   !> those that are not taken a search comes back to where it was, and does not pay for it again.
    subroutine evaluate_at(self, parameters, r, error)
       class(search_t), intent(inout) :: self
       real(wp), intent(in) :: parameters(:)
