@@ -132,21 +132,26 @@ contains
       type(rule_t), intent(in) :: rule
       real(wp), intent(in) :: breaks(:)
       type(points_t) :: points
+      real(wp), dimension((space%elements + size(breaks))*size(rule%points)) :: s, weight
+      integer :: element(size(s)), e, k, n
       real(wp), allocatable :: ends(:)
-      integer :: e, k
 
-      allocate (points%element(0), points%s(0), points%weight(0))
+      n = 0
       do e = 0, space%elements - 1
-         associate (h => space%ends(e + 1) - space%ends(e))
+         associate (h => space%ends(e + 1) - space%ends(e), m => size(rule%points))
             ends = (breaks*space%length - space%ends(e))/h
             ends = [0.0_wp, pack(ends, ends > 1e-9_wp .and. ends < 1 - 1e-9_wp), 1.0_wp]
             do k = 1, size(ends) - 1
-               points%element = [points%element, spread(e, 1, size(rule%points))]
-               points%s = [points%s, ends(k) + (ends(k + 1) - ends(k))*rule%points]
-               points%weight = [points%weight, (ends(k + 1) - ends(k))*h*rule%weights]
+               element(n + 1:n + m) = e
+               s(n + 1:n + m) = ends(k) + (ends(k + 1) - ends(k))*rule%points
+               weight(n + 1:n + m) = (ends(k + 1) - ends(k))*h*rule%weights
+               n = n + m
             end do
          end associate
       end do
+      points%element = element(:n)
+      points%s = s(:n)
+      points%weight = weight(:n)
       points%xi = (space%ends(points%element) + points%s*(space%ends(points%element + 1) &
          - space%ends(points%element)))/space%length
    end function new_points

@@ -75,7 +75,8 @@ module beamid_assembly
       !> derivatives of what stands before them in M, C and K
       integer, allocatable :: changing(:)
       real(wp), allocatable :: change(:, :, :)
-      logical, allocatable :: acts(:, :)       !< (operators, parameters) whether any of these is not 0
+      !> (operators, parameters) whether any of these is not 0
+      logical, allocatable :: acts(:, :)
       !> (2, parameters) d pencil/d parameter, where something acts between all oscillators
       type(pencil_t), allocatable :: slope(:, :)
       real(wp), allocatable :: mu(:)           !< (beam) bending of the modes, of which inertia is 1

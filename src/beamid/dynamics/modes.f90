@@ -99,8 +99,10 @@ contains
          call shapes_of(galerkin%bending, galerkin%inertia, 12/length**4, modes%shapes, error)
          if (allocated(error)) return
          allocate (modes%total(size(modes%shapes, 2), 2))
-         modes%total(:, 1) = matmul(galerkin%moments(0.0_wp, mass=.true.), modes%shapes)
          modes%total(:, 2) = matmul(galerkin%moments(0.0_wp), modes%shapes)
+         modes%total(:, 1) = modes%total(:, 2)
+         if (galerkin%varies) modes%total(:, 1) = matmul(galerkin%moments(0.0_wp, mass=.true.), &
+            modes%shapes)
          if (galerkin%space%turning > 0) call make_turn(galerkin, modes)
          modes%mu = [(galerkin%bending_energy(modes%shapes(:, k)), k=1, size(modes%shapes, 2))]
          if (galerkin%space%turning > 0) modes%mu(1) = 0

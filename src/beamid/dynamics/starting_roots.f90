@@ -94,7 +94,7 @@ contains
    !> s = -E/c_D + epsilon/c_D and B the bending stiffness per unit of E the vectors are those of
    !> (s**2 M + K_rest) x = -epsilon B x, K_rest the stiffness but for bending.
    !>
-   !> slow  (n) the nearest to -E/c_D last; 0: no Kelvin-Voigt damping
+   !> slow  (n) the nearest to -E/c_D last; 0: no mode of the bare beam is overdamped
    subroutine slow_roots(assembly, M, C, K, slow)
       type(assembly_t), intent(in) :: assembly
       real(wp), intent(in) :: M(:, :), C(:, :), K(:, :)
@@ -108,7 +108,7 @@ contains
       slow = 0
       associate (c_D => assembly%strength(bending, of_damping), p => assembly%pencil(1), &
          E => assembly%strength(bending, of_stiffness))
-         if (.not. c_D > 0) return
+         if (all(abs(aimag(assembly%pole(:assembly%beam, 1))) > 0) .or. .not. c_D > 0) return
          x = 0
          rest = (E/c_D)**2*M + K
          do i = 1, assembly%beam

@@ -371,12 +371,12 @@ contains
       if (regular) b = columns(:r, 1)
    end subroutine solve_coupled
 
-   !> x := M**-1 x and y = V'x, the latter without the cancellation of a sum over x; of a row that is
-   !> held y is the force.
+   !> x := M**-1 x and y = V'x, the latter without the cancellation of a sum over x; of a row that
+   !> is held y is the force.
    !>
    !> x      (n, columns)
    !> y      (r, columns)
-   !> moved  (r) by which the rows that are held are moved, for the first column; left out: by nothing
+   !> moved  (r) by which rows that are held are moved, for the first column; left out: by nothing
    subroutine solve_mass(self, x, y, moved)
       type(assembly_t), intent(in) :: self
       real(wp), intent(inout) :: x(:, :)

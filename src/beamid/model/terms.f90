@@ -110,6 +110,7 @@ contains
       integer, intent(in) :: parameters(:)
       real(wp), intent(out) :: s(:, :), slopes(:, :, :)
       real(wp) :: q(n_parameters), value, scale
+      logical :: enters(size(parameters))
       integer :: p, power, t
 
       q = values_of(structure)
@@ -117,15 +118,20 @@ contains
       slopes = 0
       do t = 1, size(terms)
          associate (k => terms(t)%operator, matrix => terms(t)%matrix, factor => terms(t)%factor)
+            value = value_of(factor, q)
+            do p = 1, size(parameters)
+               enters(p) = any(terms(t)%factor%place == parameters(p))
+            end do
+            if (.not. (abs(value) > 0 .or. any(enters))) cycle
             if (.not. is_there(k, structure)) cycle
             power = growth(k, matrix)
             scale = side(t, structure)
             if (power /= 0) scale = scale*(structure%length/mesh_length)**power
-            value = scale*value_of(factor, q)
+            value = scale*value
             s(k, matrix) = s(k, matrix) + value
             do p = 1, size(parameters)
-               slopes(k, matrix, p) = slopes(k, matrix, p) + scale*slope_of(factor, q, &
-                  parameters(p))
+               if (enters(p)) slopes(k, matrix, p) = slopes(k, matrix, p) &
+                  + scale*slope_of(factor, q, parameters(p))
                if (parameters(p) == of_length) slopes(k, matrix, p) = slopes(k, matrix, p) &
                   + value*power/structure%length
             end do

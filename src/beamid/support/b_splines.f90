@@ -51,7 +51,7 @@ contains
          values(2:p + 1) = values(1:p) - values(2:p + 1)
          values(1) = -values(1)
       end do
-      values = values*gamma(degree + 1.0_wp)
+      values = values*product([(real(p, wp), p=2, degree)])
    end function b_splines
 
 end module beamid_b_splines
