@@ -106,14 +106,15 @@ contains
       end do
    end subroutine find_poles
 
-   !> Where the derivatives of the last structure's roots say that they are now, as if powers of
-   !> the parameters: undamped frequencies and the real roots of overdamped modes nearly are.
+   !> Where the derivatives of the last structure's roots say that they are now, as if what makes
+   !> them were powers of the parameters: the real roots of overdamped modes nearly are, and of a
+   !> pair the square of its modulus and its real part.
    pure function predicted(assembly, poles) result(s)
       type(assembly_t), intent(in) :: assembly
       type(poles_t), intent(in) :: poles
       complex(wp) :: s(size(poles%root)), change(size(poles%root))
-      real(wp) :: new(size(assembly%parameters)), step
-      integer :: p
+      real(wp) :: new(size(assembly%parameters)), step, square, half
+      integer :: k, p
 
       s = poles%root%s
       if (.not. allocated(poles%values)) return
@@ -128,13 +129,26 @@ contains
             change = change + poles%ds(:, p)*step
          end associate
       end do
-      where (abs(real(s)) + abs(aimag(s)) > 0)
-         s = s*exp(change/s)
-      elsewhere
-         s = s + change
-      end where
-      where (.not. abs(aimag(poles%root%s)) > 0) s = real(s)
+      do k = 1, size(s)
+         if (abs(aimag(s(k))) > 0) then
+            square = real(s(k))**2 + aimag(s(k))**2
+            square = power(square, 2*real(conjg(s(k))*change(k)))
+            half = power(real(s(k)), real(change(k)))
+            ! What becomes overdamped is near the axis, a little above it.
+            s(k) = cmplx(half, sqrt(max(square - half**2, 1e-4_wp*square)), wp)
+         else
+            s(k) = power(real(s(k)), real(change(k)))
+         end if
+      end do
    end function predicted
+
+   !> x changed by `change` to first order: a power where that is no leap, else linear.
+   pure real(wp) function power(x, change)
+      real(wp), intent(in) :: x, change
+
+      power = x + change
+      if (abs(change) < 3*abs(x)) power = x*exp(change/x)
+   end function power
 
    !> Values of the parameters of an assembly; of one that is none of the structure 0.
    pure function values_of(assembly) result(values)
