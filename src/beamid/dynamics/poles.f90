@@ -132,7 +132,7 @@ contains
       do k = 1, size(s)
          if (abs(aimag(s(k))) > 0) then
             square = real(s(k))**2 + aimag(s(k))**2
-            square = power(square, 2*real(conjg(s(k))*change(k)))
+            square = abs(power(square, 2*real(conjg(s(k))*change(k))))
             half = power(real(s(k)), real(change(k)))
             ! What becomes overdamped is near the axis, a little above it.
             s(k) = cmplx(half, sqrt(max(square - half**2, 1e-4_wp*square)), wp)

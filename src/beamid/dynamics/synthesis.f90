@@ -199,13 +199,16 @@ contains
       type(step_t), allocatable, intent(out) :: steps(:)
       integer, intent(out) :: n
       real(wp) :: usual, near
-      integer :: k, last, repeated
+      integer :: k, last, nodes, repeated
 
       last = size(times)
       associate (t => excitation%t)
-         n = 0
-         if (last > 0) n = last + count(t(self%node + 1:) <= times(last) + digits_of(times(last)))
-         allocate (steps(n))
+         nodes = self%node
+         do while (nodes < size(t) .and. last > 0)
+            if (t(nodes + 1) > times(last) + digits_of(times(last))) exit
+            nodes = nodes + 1
+         end do
+         allocate (steps(last + nodes - self%node))
          n = 0
          usual = -1
          repeated = 0
