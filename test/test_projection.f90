@@ -188,13 +188,13 @@ contains
       variables = [(new_variable(1.0_wp, -unbounded, unbounded, 1.0_wp), k=1, 2 + linear)]
       variables(1) = new_variable(0.5_wp, 0.0_wp, unbounded, 1.0_wp)
       variables(2) = new_variable(4.5_wp, 0.0_wp, unbounded, 1.0_wp)
-      call fit(reduced, m, variables(:2), options_t(), short, error)
+      call fit(reduced, m, variables(:2), options_t(tolerance=1e-14_wp), short, error)
       call check('the search with c eliminated converges', .not. allocated(error))
-      call fit(whole, m, variables, options_t(), long, error)
+      call fit(whole, m, variables, options_t(tolerance=1e-14_wp), long, error)
       call check('the search for all converges', .not. allocated(error))
       if (.not. (allocated(short%estimate) .and. allocated(long%estimate))) return
-      ! Both searches stop when J falls by less than 1e-14 of it. J is a parabola there: the
-      ! parameters are within 1e-7 sqrt(m) of their standard errors, some tenths of them.
+      ! Both searches stop when J falls by less than 1e-14 of it, or at 1e-8 standard errors. J is a
+      ! parabola there: the parameters are within 1e-7 sqrt(m) of these, some tenths of them.
       call check_close('J', short%J/long%J, 1.0_wp, 2e-14_wp)
       do k = 1, 2
          call check_close('p('//to_text(k)//')', short%estimate(k)/long%estimate(k), 1.0_wp, &
