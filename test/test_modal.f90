@@ -32,6 +32,7 @@ program test_modal
    call test_distributed()
    call test_times()
    call test_force_in_step()
+   call test_long_day()
    call test_followed()
    call test_consistency()
    call test_refused()
@@ -380,6 +381,34 @@ contains
       call check_close('a digit beside, acceleration', relative(response%acceleration, &
          judge%acceleration(3:2*m - 3:2)), 0.0_wp, 1e-11_wp)
    end subroutine test_force_in_step
+
+   !> Equal steps late in the day, of which one in 64 is three digits longer: 6400 of them end where
+   !> one long step does, to the digits of the time, 1e-10, times the frequencies alive. If
+   !> each were taken for the longer one they would be 3e-7 late.
+   subroutine test_long_day()
+      type(mesh_t), parameter :: mesh = mesh_t(3, 6, 4, 1)
+      integer, parameter :: m = 6401
+      real(wp), parameter :: day = 1e5_wp, h = 2.0_wp**(-10)
+      real(wp) :: t(m)
+      type(excitation_t) :: push
+      type(response_t) :: steps, leap
+      type(error_t), allocatable :: error
+      integer :: i
+
+      t(1) = day
+      do i = 2, m
+         t(i) = t(i - 1) + h
+         if (modulo(i, 64) == 2) t(i) = t(i) + 3*spacing(day)
+      end do
+      call new_force_table([day, day + h], [1.0_wp, 1.0_wp], push, error)
+      call check('long day: a force', .not. allocated(error))
+      call run(fresh, table_4_1, mesh, push, t, steps, 'steps')
+      call run(fresh, table_4_1, mesh, push, [t(m)], leap, 'one step')
+      call check_close('long day: displacement', steps%displacement(m)/maxval(abs( &
+         steps%displacement)), leap%displacement(1)/maxval(abs(steps%displacement)), 1e-8_wp)
+      call check_close('long day: velocity', steps%velocity(m)/maxval(abs(steps%velocity)), &
+         leap%velocity(1)/maxval(abs(steps%velocity)), 2e-9_wp)
+   end subroutine test_long_day
 
    !> Roots that are followed as the structure changes are those that are found afresh: also where
    !> c_D makes pairs of fast modes real ones and the other way round, and predictions meet.

@@ -25,10 +25,14 @@ module beamid_continuation
 
 contains
 
+   !> Gives up when more than a quarter has been lost, or one where something acts between all
+   !> oscillators.
+   !>
    !> root      in: one of each pair and the real ones, where they are expected; out: where those
    !>           that were followed are
-   !> vector    of each
-   !> followed  .false.: one that was not found, or met another, or left the axis or came to it
+   !> vector    of each that was followed
+   !> followed  .false.: one that was not found, or met another, or left the axis or came to it, or
+   !>           that was not looked for any more
    subroutine follow_roots(assembly, root, vector, followed)
       type(assembly_t), intent(in) :: assembly
       type(root_t), intent(inout) :: root(:)
@@ -43,18 +47,24 @@ contains
       do k = 1, size(root)
          expected = root(k)
          call follow(assembly, root(k), vector(k), followed(k))
-         if (followed(k)) followed(k) = .not. meets(root(k), pack(root(:k - 1), followed(:k - 1)))
-         if (.not. followed(k)) root(k) = expected
+         if (followed(k)) followed(k) = .not. meets(root(k), root(:k - 1), followed(:k - 1))
+         if (followed(k)) cycle
+         root(k) = expected
+         if (assembly%is_dense() .or. 4*count(.not. followed(:k)) > size(root)) return
       end do
    end subroutine follow_roots
 
    !> Whether a root is one of others.
-   pure logical function meets(root, others)
+   !>
+   !> known  which of them count
+   pure logical function meets(root, others, known)
       type(root_t), intent(in) :: root, others(:)
+      logical, intent(in) :: known(:)
       integer :: i
 
       meets = .true.
       do i = 1, size(others)
+         if (.not. known(i)) cycle
          associate (gap => root%s - others(i)%s, s => root%s)
             if (real(gap)**2 + aimag(gap)**2 <= apart**2*(real(s)**2 + aimag(s)**2)) return
          end associate
@@ -77,6 +87,7 @@ contains
 
       followed = .false.
       is_real = .not. abs(aimag(root%s)) > 0
+      if (assembly%is_undamped()) root%s = cmplx(0.0_wp, aimag(root%s), wp)
       root%origin = 0
       call nearest_pole(assembly, root)
       if (assembly%is_dense()) then

@@ -79,6 +79,7 @@ contains
       if (allocated(poles%all)) then
          moved = poles%root
          moved%s = predicted(assembly, poles)
+         if (allocated(poles%values)) deallocate (poles%values)    ! of other roots, from here on
          allocate (followed(size(moved)))
          call follow_roots(assembly, moved, poles%vector, followed)
          found = all(followed)
@@ -112,8 +113,8 @@ contains
    pure function predicted(assembly, poles) result(s)
       type(assembly_t), intent(in) :: assembly
       type(poles_t), intent(in) :: poles
-      complex(wp) :: s(size(poles%root)), change(size(poles%root))
-      real(wp) :: new(size(assembly%parameters)), step, square, half
+      complex(wp), dimension(size(poles%root)) :: s, change, rest
+      real(wp) :: new(size(assembly%parameters)), square, half
       integer :: k, p
 
       s = poles%root%s
@@ -122,32 +123,35 @@ contains
       if (any(poles%parameters /= assembly%parameters)) return
       new = values_of(assembly)
       change = 0
+      rest = 0
       do p = 1, size(new)
          associate (old => poles%values(p))
-            step = new(p) - old
-            if (min(new(p), old) > 0) step = old*log(new(p)/old)
-            change = change + poles%ds(:, p)*step
+            if (min(new(p), old) > 0) then
+               change = change + poles%ds(:, p)*(old*log(new(p)/old))
+            else
+               rest = rest + poles%ds(:, p)*(new(p) - old)
+            end if
          end associate
       end do
       do k = 1, size(s)
          if (abs(aimag(s(k))) > 0) then
             square = real(s(k))**2 + aimag(s(k))**2
-            square = abs(power(square, 2*real(conjg(s(k))*change(k))))
-            half = power(real(s(k)), real(change(k)))
+            square = abs(power(square, 2*real(conjg(s(k))*change(k))) + 2*real(conjg(s(k))*rest(k)))
+            half = power(real(s(k)), real(change(k))) + real(rest(k))
             ! What becomes overdamped is near the axis, a little above it.
             s(k) = cmplx(half, sqrt(max(square - half**2, 1e-4_wp*square)), wp)
          else
-            s(k) = power(real(s(k)), real(change(k)))
+            s(k) = power(real(s(k)), real(change(k))) + real(rest(k))
          end if
       end do
    end function predicted
 
-   !> x changed by `change` to first order: a power where that is no leap, else linear.
+   !> x changed by `change` to first order, as a power: by a factor of twenty at most.
    pure real(wp) function power(x, change)
       real(wp), intent(in) :: x, change
 
       power = x + change
-      if (abs(change) < 3*abs(x)) power = x*exp(change/x)
+      if (abs(x) > 0) power = x*exp(max(-3.0_wp, min(change/x, 3.0_wp)))
    end function power
 
    !> Values of the parameters of an assembly; of one that is none of the structure 0.

@@ -105,8 +105,8 @@ contains
 
    !> The same where most are known already, as from a structure that has changed a little.
    !>
-   !> some   one of each complex pair with the real ones
-   !> known  which of them are in place; where the others are expected
+   !> some   one of each complex pair with the real ones, where they are or are expected
+   !> known  which of them are in place
    !> found  .false.: the iteration does not converge, or is doubtful
    subroutine find_others(assembly, some, known, all, half, found)
       type(assembly_t), intent(in) :: assembly
@@ -169,7 +169,7 @@ contains
          if (is_real) root%s = real(root%s)
          if (.not. is_real .and. k > half) cycle
          call follow(assembly, root, vector, arrived)
-         if (arrived) arrived = .not. meets(root, pack(roots, done))
+         if (arrived) arrived = .not. meets(root, roots, done)
          if (.not. arrived) cycle
          roots(k) = root
          done(k) = .true.
@@ -191,7 +191,7 @@ contains
       logical, allocatable, intent(inout) :: done(:)
       logical, intent(out) :: doubtful
       type(error_t), allocatable, intent(out) :: error
-      logical :: settled(size(roots))
+      logical :: settled(size(roots)), given(size(roots))
       real(wp) :: moved(size(roots)), before(size(roots)), least
       integer :: half, k, sweep
 
@@ -208,6 +208,7 @@ contains
          return
       end if
       settled = done
+      given = done
       moved = 0
       before = huge(before)
       least = nothing*maxval(abs(roots%s))
@@ -220,7 +221,7 @@ contains
             done(k) = moved(k) <= 1e-6_wp*max(abs(roots(k)%offset), 1e-14_wp*abs(roots(k)%s)) &
                .or. abs(roots(k)%s) <= least
             ! Its mirror image has arrived when it has.
-            if (k <= half .and. .not. done(k)) done(k + half) = .false.
+            if (k <= half .and. .not. done(k)) done(k + half) = given(k + half)
          end do
          if (modulo(sweep, patience) == 0) then
             doubtful = doubtful .or. any(.not. done .and. moved > before/2 .and. &

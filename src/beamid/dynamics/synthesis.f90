@@ -21,6 +21,7 @@ module beamid_synthesis
       type(cluster_state_t), allocatable :: cluster(:)
       real(wp) :: t = 0                               !< where they have got to [time]
       integer :: node = 1                             !< of the force, at or before t
+      real(wp) :: behind = 0                          !< what the steps so far lack to t [time]
    contains
       procedure :: columns
       procedure :: through
@@ -198,8 +199,8 @@ contains
       real(wp), intent(in) :: times(:)
       type(step_t), allocatable, intent(out) :: steps(:)
       integer, intent(out) :: n
-      real(wp) :: usual, near
-      integer :: k, last, nodes, repeated
+      real(wp) :: near
+      integer :: k, last, nodes
 
       last = size(times)
       associate (t => excitation%t)
@@ -210,8 +211,6 @@ contains
          end do
          allocate (steps(last + nodes - self%node))
          n = 0
-         usual = -1
-         repeated = 0
          do k = 1, last
             near = times(k) + digits_of(times(k))
             do while (self%node < size(t))
@@ -235,14 +234,13 @@ contains
 
          n = n + 1
          associate (by => steps(n), t => excitation%t, f => excitation%f, node => self%node)
-            by%length = finish - self%t
-            ! On a uniform grid the exponentials serve again; now and then they are computed
-            ! afresh, so that differences in the last digit of the step do not add up.
-            by%same = abs(by%length - usual) <= digits_of(finish) .and. repeated < 64
-            if (by%same) by%length = usual
-            if (.not. by%same) repeated = 0
-            repeated = repeated + 1
-            usual = by%length
+            ! On a uniform grid the exponentials serve again. What their steps lack the next one
+            ! has more: differences in the last digits do not add up.
+            self%behind = self%behind + (finish - self%t)
+            by%length = max(0.0_wp, self%behind)
+            if (n > 1) by%same = abs(by%length - steps(n - 1)%length) <= digits_of(finish)
+            if (by%same) by%length = steps(n - 1)%length
+            self%behind = self%behind - by%length
             if (node < size(t)) then
                by%slope = (f(node + 1) - f(node))/(t(node + 1) - t(node))
                by%force = f(node) + by%slope*(self%t - t(node))

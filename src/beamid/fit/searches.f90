@@ -76,7 +76,8 @@ module beamid_searches
       real(wp), allocatable :: first_norm   !< of the residuals at the start
       integer :: iterations = 0, evaluations = 0, shortened = 0, failures_in_a_row = 0
       type(error_t), allocatable :: error
-      !> the point asked for last, and one to which a search may come back from a trial step
+      !> the point asked for last, if it could be evaluated, and one to which a search may come back
+      !> from a trial step
       type(evaluated_t) :: here, kept
       real(wp) :: J = huge(1.0_wp)             !< where the last step began
       real(wp) :: nothing = 0                  !< a distance that is none, in standard errors
@@ -138,6 +139,7 @@ contains
       allocate (fjac(size(r), size(z)), wa4(size(r)))
       active => search
       search%J = huge(search%J)
+      search%kept%J = huge(search%J)
       search%is_settled = .false.
       search%nothing = settled*sqrt(options%tolerance)
       ftol = merge(tolerance, 1e-14_wp, options%relative_error > 0)
@@ -273,6 +275,7 @@ contains
          end if
          r = here%residual
          here%J = sum(r**2)
+         if (.not. ieee_is_finite(here%J)) here%J = huge(here%J)
       end associate
    end subroutine evaluate_at
 

@@ -196,6 +196,7 @@ contains
          if (t < nodes(low) .or. t > nodes(high) + same_time*spacing(nodes(high))) return
          ! Most tables are uniform: about there.
          middle = 1 + int((t - nodes(low))/(nodes(high) - nodes(low))*(high - 1))
+         middle = max(low, min(middle, high))
          if (nodes(max(low, middle - 1)) <= t) low = max(low, middle - 1)
          if (t < nodes(min(high, middle + 2))) high = min(high, middle + 2)
          do while (high - low > 1)

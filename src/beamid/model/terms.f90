@@ -122,7 +122,7 @@ contains
             do p = 1, size(parameters)
                enters(p) = any(terms(t)%factor%place == parameters(p))
             end do
-            if (.not. (abs(value) > 0 .or. any(enters))) cycle
+            if (abs(value) <= 0 .and. .not. any(enters)) cycle
             if (.not. is_there(k, structure)) cycle
             power = growth(k, matrix)
             scale = side(t, structure)
