@@ -109,11 +109,12 @@ contains
          do k = n + 5, n + linear, 5
             expected(k) = expected(k) + first_offset
          end do
-         ! J is flat to 1e-14 of itself where a search stops: 1e-7 sqrt(m) standard errors, some
-         ! 1e-6.
+         ! The differences of the first formula leave J digits of 3e-12 (seen from twelve starts,
+         ! however the search ends): sqrt(3e-12 m), 2e-5 standard errors, by which E and rho go
+         ! together.
          worst = maxval(abs(found - expected)/stated%std_error)
          call check_close(what//': estimates, largest difference over standard error', worst, &
-            0.0_wp, 1e-5_wp)
+            0.0_wp, 5e-5_wp)
          worst = maxval(abs(stated%std_error/statistics%std_error - 1))
          call check_close(what//': standard errors, largest relative difference', worst, 0.0_wp, &
             1e-6_wp)
