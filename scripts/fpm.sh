@@ -32,22 +32,45 @@ forget_moved_sources() {
    mv "$list.new" "$list"
 }
 
-# build PROFILE [FLAG...]: compiles what is out of date, with one line on standard error that is
-# written over in a terminal; fpm's own words only where the build fails.
+# fpm 0.12 spells the include folder of a dependency differently until build/cache.toml exists. With
+# another spelling the flags differ, and a second build would compile every source again.
+resolve_dependencies() {
+   [[ -f $checkout/build/cache.toml ]] || (cd "$checkout" && "$fpm" update </dev/null >/dev/null 2>&1)
+}
+
+# Reads fpm's output and reports the progress of a build on standard error: in a terminal on one line
+# that is overwritten, elsewhere with a new line every half minute. The remaining time is an
+# extrapolation from the share of the files that are compiled.
+show_progress() {
+   local line percent message shown=-30
+   SECONDS=0
+   while IFS= read -r line; do
+      [[ $line =~ ^\[\ *([0-9]+)%\] ]] || continue
+      percent=${BASH_REMATCH[1]}
+      [[ -t 2 || $((SECONDS - shown)) -ge 30 ]] || continue
+      shown=$SECONDS
+      message="building, $1 profile: $percent %"
+      if [[ $percent -lt 5 || $SECONDS -lt 5 ]]; then
+         message+=', a few minutes remain'
+      else
+         message+=", about $((SECONDS * (100 - percent) / percent + 1)) s remain"
+      fi
+      if [[ -t 2 ]]; then printf '\r%s\033[K' "$message" >&2; else echo "$message" >&2; fi
+   done
+   [[ ! -t 2 || $shown -lt 0 ]] || printf '\r\033[K' >&2
+}
+
+# build PROFILE [FLAG...]: compiles the sources that are out of date and shows the progress. fpm's own
+# output appears only if the build fails.
 build() {
-   local profile=$1 log line told=
+   local profile=$1 log
    shift
    log=$(mktemp)
    forget_moved_sources
+   resolve_dependencies
    if (cd "$checkout" && "$fpm" build --profile "$profile" "$@" </dev/null 2>&1) | tee "$log" |
-      while IFS= read -r line; do
-         [[ $line == '['* ]] || continue
-         [[ -n $told ]] || echo "building, $profile profile: a minute or two" >&2
-         told=yes
-         [[ ! -t 2 ]] || printf '\r%.60s\033[K' "$line" >&2
-      done; then
+      show_progress "$profile"; then
       rm "$log"
-      [[ ! -t 2 ]] || printf '\r\033[K' >&2
       return
    fi
    cat "$log" >&2

@@ -52,7 +52,7 @@ module beamid_section_4_results
 
    !> All of Section 4.
    type :: results_t
-      type(entry_t) :: entries(6)
+      type(entry_t), allocatable :: entries(:)           !< of the six models
       real(wp), allocatable :: samples(:), measured(:)   !< of the fits, t = 3 to 5 by .1
       real(wp), allocatable :: scored(:), expected(:)    !< of the sums, t = 0 to 5 by .1
       real(wp), allocatable :: t(:), z(:)                !< the whole record
@@ -78,6 +78,7 @@ contains
       class(monitor_t), intent(inout) :: monitor
       integer :: k
 
+      allocate (results%entries(size(model_names)))
       do k = 1, size(results%entries)
          results%entries(k)%name = trim(model_names(k))
          call read_case(join_path(data, trim(case_files(k))), merge(needs_response, needs_fit, &
