@@ -4,24 +4,29 @@
 #     scripts/test.sh [debug]    with every check that the compiler can build in
 #     scripts/test.sh release    as the program is built to be used
 #     scripts/test.sh long       release, and with it what takes too long for every day
+#     scripts/test.sh perturbed [SEED [debug]]    release or debug, with the last bits of results of
+#                                the mathematics library and of BLAS changed (scripts/perturb.c)
 set -euo pipefail
 
 # fpm puts these flags in front of the profile's own. Not trapped: invalid and overflow, which
 # comparing a NaN and reading 1e999 raise, and tests do both.
 checks='-fcheck=all -finit-real=snan -ffpe-trap=zero'
-profile=${1:-debug} flags=()
+profile=${1:-debug} flags=() seed= most=1
 case $profile in
-debug) flags=(--flag "$checks") ;;
-release) ;;
+debug | release) ;;
 long)
    profile=release
    export BEAMID_LONG_TESTS=yes
    ;;
-*)
-   echo "usage: test.sh [debug|release|long], not '$profile'" >&2
-   exit 2
+perturbed)
+   seed=${2:-1} profile=${3:-release} most=3
    ;;
 esac
+if [[ ! $profile =~ ^(debug|release)$ || ! $seed =~ ^[0-9]*$ || $# -gt $most ]]; then
+   echo "usage: test.sh [debug|release|long|perturbed [SEED [debug|release]]], not '$*'" >&2
+   exit 2
+fi
+[[ $profile == release ]] || flags=(--flag "$checks")
 
 checkout=$(dirname "$(dirname "$(realpath "${BASH_SOURCE[0]}")")")
 "$checkout/scripts/setup.sh"
@@ -32,12 +37,18 @@ cd "$checkout"
 
 passed=0 failed=0 skipped=0
 log=$(mktemp)
-trap 'rm -f "$log"' EXIT
+library=$(mktemp --suffix=.so)
+trap 'rm -f "$log" "$library"' EXIT
+preload=()
+if [[ -n $seed ]]; then
+   cc -O2 -shared -fPIC scripts/perturb.c -o "$library" -ldl -lm
+   preload=(env "PERTURB_SEED=$seed" "LD_PRELOAD=$library${LD_PRELOAD:+:$LD_PRELOAD}")
+fi
 
 # Runs one test program; no closing line, or a bad exit status after a clean one, is a failure.
 run_suite() {
    local status=0 closing counts
-   "$1" </dev/null 2>&1 | tee "$log" || status=$?
+   "${preload[@]}" "$1" </dev/null 2>&1 | tee "$log" || status=$?
    closing=$(grep -Eax '.+: [0-9]+ passed, [0-9]+ failed, [0-9]+ skipped' "$log") || true
    closing=${closing##*$'\n'}
    read -ra counts <<<"$(tr -cd '0-9 ' <<<"${closing##*: }")"
