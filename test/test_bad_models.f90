@@ -391,7 +391,11 @@ contains
       character(len=:), allocatable :: roller
 
       roller = carrying(group('support', 'x_P=2'))
-      call accepted('roller', 'identify', roller)
+      ! By the exact response: the record is of a beam without a roller, so that a fit by the
+      ! integrator may or may not pass the check of its tolerance.
+      call accepted('roller', 'identify', replaced(roller, &
+         'method=''cvode'', rtol=1e-8, atol=1e-11, max_order=5, max_steps=20000', &
+         'method=''modal'''))
       call accepted('roller', 'simulate', roller)
       call accepted('spring and dashpot', 'simulate', carrying(group('support', &
          'x_P=2, k_P=100, c_P=1')))

@@ -2,6 +2,7 @@
 !> scan, limits, units, what the estimate averages, and many simulated data.
 program test_smoothing
    use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
+   use, intrinsic :: iso_fortran_env, only: qp => real128
    use beamid_errors, only: error_t
    use beamid_kinds, only: wp
    use beamid_noise, only: gaussian_noise, uniform_noise
@@ -73,13 +74,13 @@ contains
       matrix = reshape(gaussian_noise(m*n, 1.0_wp, seed), [m, n])
    end function random
 
-   !> Solves with a symmetric positive definite matrix by elimination, and the log of its
-   !> determinant.
+   !> Solves with a symmetric positive definite matrix by elimination in quadruple precision, and
+   !> returns the log of its determinant.
    subroutine solve(matrix, x, log_det)
-      real(wp), intent(in) :: matrix(:, :)
-      real(wp), intent(inout) :: x(:, :)
-      real(wp), intent(out) :: log_det
-      real(wp) :: a(size(matrix, 1), size(matrix, 1)), factor
+      real(qp), intent(in) :: matrix(:, :)
+      real(qp), intent(inout) :: x(:, :)
+      real(qp), intent(out) :: log_det
+      real(qp) :: a(size(matrix, 1), size(matrix, 1)), factor
       integer :: i, j, n
 
       a = matrix
@@ -104,29 +105,29 @@ contains
    !> A basis of the null space of the penalty, what it leaves of anything, and L^+.
    subroutine split(penalty, null, image)
       real(wp), intent(in) :: penalty(:, :)
-      real(wp), allocatable, intent(out) :: null(:, :), image(:, :)
-      real(wp), allocatable :: x(:, :)
-      real(wp) :: unused
+      real(qp), allocatable, intent(out) :: null(:, :), image(:, :)
+      real(qp), allocatable :: x(:, :)
+      real(qp) :: unused
       integer :: n, p
 
       p = size(penalty, 1)
       n = size(penalty, 2)
       x = penalty
-      call solve(matmul(penalty, transpose(penalty)), x, unused)
+      call solve(matmul(x, transpose(x)), x, unused)
       image = transpose(x)
       null = random(n, n - p, 77)
-      null = null - matmul(image, matmul(penalty, null))
+      null = null - matmul(image, matmul(real(penalty, qp), null))
    end subroutine split
 
    !> The data J v0 - r are normal with the mean X b, X = J N, and the covariance sigma**2 V,
    !> V = 1 + Z Z'/s, Z = J L^+: -2 log of their restricted likelihood at the best sigma**2 is
    !> log |V| + log |X'V^-1 X| + (m - q) log y'P y (Patterson and Thompson).
-   real(wp) function covariance_score(problem, strength) result(score)
+   real(qp) function covariance_score(problem, strength) result(score)
       type(problem_t), intent(in) :: problem
       real(wp), intent(in) :: strength
-      real(wp), allocatable :: null(:, :), image(:, :), x(:, :), z(:, :), y(:, :), v(:, :), &
+      real(qp), allocatable :: null(:, :), image(:, :), x(:, :), z(:, :), y(:, :), v(:, :), &
          vxy(:, :), b(:, :)
-      real(wp) :: log_v, log_x
+      real(qp) :: log_v, log_x
       integer :: j, m, q
 
       call split(problem%penalty, null, image)
@@ -190,12 +191,13 @@ contains
    !> Differences of the score between strengths are those of the restricted likelihood.
    subroutine test_score(problem)
       type(problem_t), intent(in) :: problem
-      !> Covariances of a condition of 1e6 by elimination without pivoting: 1e-10 at worst.
+      !> The smoother's own round-off: eps times a condition of 1e6 of the problem.
       real(wp), parameter :: tolerance = 1e-9_wp, h = 1e-4_wp
       type(smoother_t) :: smoother
       type(smoothing_point_t) :: point
       type(error_t), allocatable :: error
-      real(wp) :: first, reference, strength
+      real(wp) :: first, strength
+      real(qp) :: reference
       integer :: j
 
       call new_smoother(problem%jacobian, problem%residual, problem%at, problem%penalty, &
@@ -210,13 +212,13 @@ contains
          strength = 10.0_wp**j
          point = smoother%point(strength)
          call check_close(problem%name//'score at 10**'//to_text(j), point%score - first, &
-            covariance_score(problem, strength) - reference, &
+            real(covariance_score(problem, strength) - reference, wp), &
             tolerance*max(1.0_wp, abs(point%score - first)))
-         ! Central differences: h**2/6 of a third derivative of order one, and over h the round-off
-         ! of the reference, 1e-10 at worst.
+         ! Central differences in quadruple precision err by h**2/6 = 2e-9 of a third derivative
+         ! by the log of the strength, which is of order one, and the smoother by its round-off.
          call check_close(problem%name//'slope at 10**'//to_text(j), smoother%slope(strength), &
-            (covariance_score(problem, strength*exp(h)) &
-            - covariance_score(problem, strength*exp(-h)))/(2*h), 1e-6_wp)
+            real((covariance_score(problem, strength*exp(h)) &
+            - covariance_score(problem, strength*exp(-h)))/(2*h), wp), 1e-8_wp)
       end do
    end subroutine test_score
 
@@ -227,7 +229,7 @@ contains
       integer, parameter :: steps = 1000
       type(smoothing_t) :: smoothing
       type(error_t), allocatable :: error
-      real(wp) :: score(-steps:steps)
+      real(qp) :: score(-steps:steps)
       integer :: best, j
 
       call choose_strength(problem%jacobian, problem%residual, problem%at, problem%penalty, &
@@ -241,15 +243,15 @@ contains
       if (smoothing%at_end == 0) then
          call check_close(problem%name//'minimum', log(smoothing%strength), step*best, step)
       else
-         ! The scan is flat there, but for the round-off of covariances of a condition of 1e10:
-         ! some eps of it for each of their elements.
-         call check_close(problem%name//'minimum at an end', score(steps*smoothing%at_end), &
-            minval(score), 1e-4_wp)
+         ! The scan is flat there: it falls by as much as the freedom still changes, 1e-6 or so
+         ! times the number of residuals.
+         call check_close(problem%name//'minimum at an end', &
+            real(score(steps*smoothing%at_end) - minval(score), wp), 0.0_wp, 1e-4_wp)
       end if
       ! Nothing of the scan lies lower, but for round-off; at an end, which is where the freedom is
       ! off by 1e-6, by what the score still falls beyond: as much times the condition.
-      call check_close(problem%name//'least', min(0.0_wp, minval(score) &
-         - covariance_score(problem, smoothing%strength)), 0.0_wp, merge(1e-10_wp, 1e-4_wp, &
+      call check_close(problem%name//'least', real(min(0.0_qp, minval(score) &
+         - covariance_score(problem, smoothing%strength)), wp), 0.0_wp, merge(1e-10_wp, 1e-4_wp, &
          smoothing%at_end == 0))
       call check(problem%name//'the choice is in the middle of the curve', &
          size(smoothing%curve) == 13 .and. abs(smoothing%curve(7)%strength/smoothing%strength &
@@ -271,8 +273,9 @@ contains
       type(smoothing_t) :: smoothing
       type(smoothing_point_t) :: point
       type(error_t), allocatable :: error
-      real(wp), allocatable :: matrix(:, :), x(:, :), v(:), truth(:), resolution(:, :)
-      real(wp) :: unused
+      real(wp), allocatable :: v(:), truth(:), resolution(:, :)
+      real(qp), allocatable :: matrix(:, :), x(:, :)
+      real(qp) :: unused
       integer :: j, n
 
       call new_smoother(problem%jacobian, problem%residual, problem%at, problem%penalty, &
@@ -296,10 +299,10 @@ contains
          do j = 1, n
             x(j, j) = x(j, j) - 1
          end do
-         call check_close(problem%name//'covariance', maxval(abs(x)), 0.0_wp, tolerance)
+         call check_close(problem%name//'covariance', real(maxval(abs(x)), wp), 0.0_wp, tolerance)
          resolution = smoother%resolution(strength)
-         call check_close(problem%name//'resolution', maxval(abs(matmul(matrix, resolution) &
-            - matmul(transpose(a), a))), 0.0_wp, tolerance)
+         call check_close(problem%name//'resolution', real(maxval(abs(matmul(matrix, &
+            resolution) - matmul(transpose(a), a))), wp), 0.0_wp, tolerance)
          call check_close(problem%name//'freedom', point%freedom, sum([(resolution(j, j), j=1, &
             n)]) - count(norm2(l, dim=1) <= 0), tolerance)
          truth = gaussian_noise(n, 1.0_wp, 5)
@@ -322,8 +325,9 @@ contains
       type(smoother_t) :: smoother
       type(smoothing_point_t) :: point
       type(error_t), allocatable :: error
-      real(wp), allocatable :: null(:, :), image(:, :), x(:, :), b(:, :), v(:)
-      real(wp) :: unused
+      real(qp), allocatable :: null(:, :), image(:, :), x(:, :), b(:, :)
+      real(wp), allocatable :: v(:)
+      real(qp) :: unused
       integer :: n, zero
 
       call new_smoother(problem%jacobian, problem%residual, problem%at, problem%penalty, &
@@ -614,12 +618,13 @@ contains
    !> The part of y in the range of a matrix.
    function projected(matrix, y) result(part)
       real(wp), intent(in) :: matrix(:, :), y(:)
-      real(wp) :: part(size(y)), unused
-      real(wp) :: b(size(matrix, 2), 1)
+      real(wp) :: part(size(y))
+      real(qp) :: b(size(matrix, 2), 1), a(size(matrix, 1), size(matrix, 2)), unused
 
-      b(:, 1) = matmul(y, matrix)
-      call solve(matmul(transpose(matrix), matrix), b, unused)
-      part = matmul(matrix, b(:, 1))
+      a = matrix
+      b(:, 1) = matmul(y, a)
+      call solve(matmul(transpose(a), a), b, unused)
+      part = real(matmul(a, b(:, 1)), wp)
    end function projected
 
    !> Averages over neighbouring coefficients, and two parameters without penalty.
@@ -677,7 +682,7 @@ contains
       real(wp), parameter :: strength = 0.02_wp, sd = 0.3_wp
       type(smoothing_t) :: smoothing
       type(error_t), allocatable :: error
-      real(wp), allocatable :: null(:, :), image(:, :)
+      real(qp), allocatable :: null(:, :), image(:, :)
       real(wp) :: jacobian(m, n + 2), penalty(n - 2, n + 2), truth(n + 2), found(sets), &
          freedom, variance, mean, deviation
       integer :: i, inside, j

@@ -1,7 +1,7 @@
 !> Motions of beams that vary along their length: the exact solver against CVODE, its derivatives
 !> against differences, and what varies by nothing against the plain beam.
 program test_varying_motions
-   use attached_beams, only: compare, cvode_error
+   use attached_beams, only: compare
    use beamid_equations, only: equations_t, new_equations
    use beamid_errors, only: error_t
    use beamid_excitation, only: new_base_motion, new_pulse
@@ -109,7 +109,7 @@ contains
                s%variations%rho = new_variation(in_steps, [0.0_wp, 0.47_wp], [1.0_wp, 1.6_wp])
             end select
          end associate
-         call compare(trim(ways(way))//', '//trim(names(i)), e, cvode_error)
+         call compare(trim(ways(way))//', '//trim(names(i)), e)
       end do
    end subroutine test_against_cvode
 

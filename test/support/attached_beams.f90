@@ -17,11 +17,12 @@ module attached_beams
    use checks, only: check, check_close
    use exact_motions, only: as_columns, exact, galerkin, kinds, march, prepare, relative, solver
    use full_matrices, only: full_t, new_full, qp
+   use integration_errors, only: accumulated_error
    use random_experiments, only: experiment_t, random_experiment
    implicit none
    private
 
-   public :: everything, fine, coarse, cvode_error, experiment_on, references, starting_vector, &
+   public :: everything, fine, coarse, experiment_on, references, starting_vector, &
       poles_of, compare, compare_full, all_roots
 
    !> Everything at once: rho = E I = l = 1.
@@ -30,8 +31,6 @@ module attached_beams
       kappa_R=0.2_wp, sensor=sensor_t(m_S=0.1_wp, x_S=0.6_wp))
    !> Quintics: their frequencies are wrong by (beta h)**8/3e6.
    type(mesh_t), parameter :: fine = mesh_t(5, 24, 6, 1), coarse = mesh_t(5, 3, 6, 1)
-   !> What CVODE leaves with rtol = 1e-11: some hundred times as much of the largest displacement.
-   real(wp), parameter :: cvode_error = 1e-8_wp
 
 contains
 
@@ -152,11 +151,11 @@ contains
       end do
    end function starting_vector
 
-   !> modal against cvode, displacement relative to its maximum.
-   subroutine compare(name, e, allowed)
+   !> Compares modal with cvode: displacement relative to its maximum.
+   subroutine compare(name, e)
       character(len=*), intent(in) :: name
       type(experiment_t), intent(in) :: e
-      real(wp), intent(in) :: allowed
+      real(wp), parameter :: rtol = 1e-11_wp
       type(cvode_t) :: integrator
       type(equations_t), target :: equations
       type(response_t) :: summed, integrated
@@ -164,7 +163,7 @@ contains
       type(error_t), allocatable :: error
 
       call prepare(e)
-      integrator = cvode_t(rtol=1e-11_wp, max_steps=5000000_ip)
+      integrator = cvode_t(rtol=rtol, max_steps=5000000_ip)
       equations = new_equations(galerkin, e%structure, e%excitation)
       call solver%respond(equations, e%excitation, e%sampling%times, summed, work, error)
       if (allocated(error)) then
@@ -177,7 +176,8 @@ contains
          return
       end if
       call check_close(name//', modal against cvode', maxval(abs(summed%displacement &
-         - integrated%displacement))/maxval(abs(integrated%displacement)), 0.0_wp, allowed)
+         - integrated%displacement))/maxval(abs(integrated%displacement)), 0.0_wp, &
+         accumulated_error(rtol, work%steps))
    end subroutine compare
 
    !> modal against the full matrices in quadruple precision.

@@ -107,7 +107,7 @@ contains
          galerkin%space%length, 1)/longer)
       v = s%rho*whole + s%m_T*tip
       if (s%has_root_spring()) then
-         K = K + 1/s%kappa_R*square(at(0.0_qp, 0.0_wp, 1)/longer)
+         K = K + 1/real(s%kappa_R, qp)*square(at(0.0_qp, 0.0_wp, 1)/longer)
          C = C + s%c_R*square(at(0.0_qp, 0.0_wp, 1)/longer)
       end if
       if (s%has_hose()) then
@@ -139,10 +139,10 @@ contains
             held = reshape([held, v], [size(v), size(held, 2) + 1])
             cycle
          end if
-         K = K + 1/s%support(i)%kappa_P*square(v)
+         K = K + 1/real(s%support(i)%kappa_P, qp)*square(v)
          C = C + s%support(i)%c_P*square(v)
          if (is_base) loads(:, 2:) = loads(:, 2:) - spread(v, 2, 2) &
-            *spread(real([s%support(i)%c_P, 1/s%support(i)%kappa_P], qp), 1, size(v))
+            *spread([real(s%support(i)%c_P, qp), 1/real(s%support(i)%kappa_P, qp)], 1, size(v))
       end do
       o = point(x_S_at(s%observer), 0)
       tilt = g*point(x_S_at(s%observer), 1)/longer
