@@ -101,22 +101,36 @@ contains
       folder = path(:index(path, '/') - 1)
    end function folder_of
 
-   !> Takes away the modules that use no other of those that are left, again and again: those that
-   !> stay stand in a circle or above one.
+   !> Removes the modules that use no other of the remaining ones, repeatedly. Those that remain
+   !> depend on each other or use a module that does.
    integer function count_left()
-      logical :: left(size(files))
+      logical :: left(0:size(files))
+      integer, dimension(size(uses, 2)) :: user, used
       integer :: i, before
 
+      do i = 1, size(uses, 2)
+         user(i) = place_of(uses(1, i))
+         used(i) = place_of(path_of(uses(2, i)))
+      end do
       left = .true.
+      left(0) = .false.
       do
          before = count(left)
          do i = 1, size(files)
-            left(i) = any([(uses(1, k) == files(i) .and. any(left .and. files == &
-               path_of(uses(2, k))), k=1, size(uses, 2))])
+            left(i) = any(user == i .and. left(used))
          end do
          count_left = count(left)
          if (count_left == before) return
       end do
    end function count_left
+
+   !> Returns the index of `folder/module` in `files`, or 0.
+   pure integer function place_of(path) result(place)
+      character(len=*), intent(in) :: path
+
+      do place = size(files), 1, -1
+         if (files(place) == path) return
+      end do
+   end function place_of
 
 end program test_modules
