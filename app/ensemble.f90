@@ -257,7 +257,7 @@ contains
       integer :: k
 
       allocate (parts(block%first:block%last))
-      !$omp parallel do schedule(dynamic, 1) private(member)
+      !$omp parallel do schedule(dynamic, 1) private(member) copyin(stop_flag)
       do k = block%first, block%last
          call maker%run_member(k, member)
          parts(k)%text = ''
@@ -278,7 +278,7 @@ contains
       do k = block%first, block%last
          if (.not. fleet(k)%is_as_before) call open_fleet_case(fleet(k))
       end do
-      !$omp parallel do schedule(dynamic, 1)
+      !$omp parallel do schedule(dynamic, 1) copyin(stop_flag)
       do k = block%first, block%last
          if (.not. fleet(k)%is_as_before) call fit_fleet_case(fleet(k))
       end do

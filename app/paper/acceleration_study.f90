@@ -102,7 +102,7 @@ contains
       places = reshape([((0, tolerance, setting, setting=size(study%settings), 1, -1), &
          tolerance=size(tolerances), 1, -1), ((mode, closer(2, k), closer(1, k), mode=1, modes), &
          k=1, size(closer, 2))], [3, size(outcomes)])
-      !$omp parallel do schedule(dynamic, 1)
+      !$omp parallel do schedule(dynamic, 1) copyin(stop_flag)
       do k = 1, size(outcomes)
          call compare(study, places(:, k), study%deviations(places(1, k), places(2, k), &
             places(3, k)), outcomes(k)%error)

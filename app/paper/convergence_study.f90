@@ -55,7 +55,7 @@ contains
       if (.not. allocated(error)) call sample_times(truth, samples, error)
       if (.not. allocated(error)) call make_forces(truth%model%excitation, studies, error)
       if (allocated(error)) return
-      !$omp parallel do schedule(dynamic, 1)
+      !$omp parallel do schedule(dynamic, 1) copyin(stop_flag)
       do k = 1, size(studies)
          call find_motions(studies(k), truth%model%structure, samples(size(samples)))
       end do

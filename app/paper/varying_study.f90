@@ -128,7 +128,7 @@ contains
       integer :: a, i, j, k
 
       allocate (all(size(elements), size(parts)))
-      !$omp parallel do schedule(dynamic, 1) private(i, j)
+      !$omp parallel do schedule(dynamic, 1) private(i, j) copyin(stop_flag)
       do k = size(all), 1, -1
          i = 1 + mod(k - 1, size(elements))
          j = 1 + (k - 1)/size(elements)

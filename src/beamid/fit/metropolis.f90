@@ -41,7 +41,7 @@ contains
 
       finished = 0
       allocate (q(size(mode), chains*length), log_density(chains*length))
-      !$omp parallel do schedule(dynamic, 1)
+      !$omp parallel do schedule(dynamic, 1) copyin(stop_flag)
       do c = 1, chains
          call run_chain(density, coordinate, mode, axes, seed + 611953*c, &
             q(:, (c - 1)*length + 1:c*length), log_density((c - 1)*length + 1:c*length), &

@@ -305,7 +305,7 @@ contains
       value = [value, spread(impossible, 1, wanted - had)]
       log_weight = [log_weight, spread(impossible, 1, wanted - had)]
       finished = had
-      !$omp parallel do schedule(dynamic, 1) private(first, last)
+      !$omp parallel do schedule(dynamic, 1) private(first, last) copyin(stop_flag)
       do b = had/block + 1, (wanted + block - 1)/block
          first = max((b - 1)*block, had) + 1
          last = min(b*block, wanted)

@@ -96,7 +96,7 @@ contains
       n_S = size(designs%box%x_S)
       n_F = size(designs%box%x_F)
       allocate (shares(size(designs%box%duration)*n_F*n_S))
-      !$omp parallel do schedule(dynamic, 1)
+      !$omp parallel do schedule(dynamic, 1) copyin(stop_flag)
       do k = 0, n_F*n_S - 1
          call inform(setup, designs, k, windows, shares)
       end do
@@ -374,7 +374,7 @@ contains
       type(share_t), intent(in) :: shares(:)
       integer :: k
 
-      !$omp parallel do
+      !$omp parallel do copyin(stop_flag)
       do k = 1, size(designs%list)
          call add_shares(designs, shares, k)
       end do

@@ -158,7 +158,7 @@ contains
       ! The finest mesh takes longest: it goes first.
       allocate (outcomes(size(meshes)))
       finished = 0
-      !$omp parallel do schedule(dynamic, 1)
+      !$omp parallel do schedule(dynamic, 1) copyin(stop_flag)
       do k = size(meshes), 1, -1
          call identify(model, meshes(k), stages, experiments, outcomes(k)%fits, outcomes(k)%error, &
             monitor, check)

@@ -130,7 +130,7 @@ contains
       end associate
       allocate (sides(2, n))
       finished = 0
-      !$omp parallel do schedule(dynamic, 1)
+      !$omp parallel do schedule(dynamic, 1) copyin(stop_flag)
       do task = 1, 2*n
          call follow((task + 1)/2, 2 - modulo(task, 2))
          !$omp critical (one_side_done)
@@ -280,7 +280,7 @@ contains
       finished = 0
       first_failed = plan%n + 1
       bootstrap%reason = ''
-      !$omp parallel do schedule(dynamic, 8) private(failed)
+      !$omp parallel do schedule(dynamic, 8) private(failed) copyin(stop_flag)
       do number = 1, plan%n
          call fit_one(number, failed)
          done(number) = .not. allocated(failed)

@@ -58,7 +58,7 @@ contains
 
       allocate (outcomes(plan%n), minima(0))
       finished = 0
-      !$omp parallel do schedule(dynamic, 1)
+      !$omp parallel do schedule(dynamic, 1) copyin(stop_flag)
       do k = 1, plan%n
          call identify(model, mesh, from_elsewhere(model, stages, plan, k), experiments, &
             outcomes(k)%fits, outcomes(k)%error, monitor, check)

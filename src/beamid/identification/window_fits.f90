@@ -43,7 +43,7 @@ contains
       integer :: k
 
       allocate (windows(n))
-      !$omp parallel do schedule(dynamic, 1)
+      !$omp parallel do schedule(dynamic, 1) copyin(stop_flag)
       do k = 1, n
          call fit_one(model, mesh, experiments, fit, k, n, windows(k))
       end do

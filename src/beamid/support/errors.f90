@@ -10,11 +10,13 @@ module beamid_errors
    integer, parameter, public :: status_failed = 1
    !> Exit status of an input that cannot be accepted.
    integer, parameter, public :: status_bad_input = 2
+   !> A signal or the caller has stopped the computation (`beamid_interrupts`).
+   integer, parameter, public :: status_interrupted = 3
 
    type :: error_t
       !> What happened: where (file, group, key or line), what was found, what was expected.
       character(len=:), allocatable :: message
-      !> `status_failed` or `status_bad_input`.
+      !> `status_failed`, `status_bad_input` or `status_interrupted`.
       integer :: status = status_failed
    end type error_t
 

@@ -2,22 +2,22 @@
 !> Linux (glibc): the same values and layouts on x86-64 and aarch64.
 module beamid_posix
    use, intrinsic :: iso_c_binding, only: c_associated, c_char, c_f_pointer, c_int, c_int8_t, &
-      c_int16_t, c_int32_t, c_int64_t, c_intptr_t, c_null_char, c_ptr, c_size_t
+      c_int16_t, c_int32_t, c_int64_t, c_intptr_t, c_long, c_null_char, c_ptr, c_size_t
    use beamid_kinds, only: ip
    implicit none
    private
 
    public :: c_fopen, c_fread, c_ferror, c_fclose, c_creat, c_fsync, c_close
    public :: c_link, c_rename, c_unlink, c_mkdir, c_rmdir, c_opendir, c_closedir, c_dirfd, c_flock
-   public :: c_getpid, c_signal, c_raise, c_usleep
+   public :: c_getpid, c_raise, c_setitimer, c_sigaction, c_signal, c_usleep
    public :: file_status, same_file, kind_there, entry_name, host_name, write_bytes, last_errno
    public :: errno_of, reason
 
    integer(c_int), parameter, public :: enoent = 2, eintr = 4, eio = 5, eagain = 11, eexist = 17, &
       enotdir = 20, eisdir = 21, einval = 22, efbig = 27, enospc = 28, edquot = 122
-   integer(c_int), parameter, public :: sighup = 1, sigint = 2, sigpipe = 13, sigterm = 15, &
-      sigxfsz = 25
-   integer(c_intptr_t), parameter, public :: sig_ign = 1
+   integer(c_int), parameter, public :: sighup = 1, sigint = 2, sigpipe = 13, sigalrm = 14, &
+      sigterm = 15, sigxfsz = 25
+   integer(c_intptr_t), parameter, public :: sig_dfl = 0, sig_ign = 1
    !> Operations of `c_flock`: take for oneself, and fail instead of waiting.
    integer(c_int), parameter, public :: lock_exclusive = 2, lock_nonblocking = 4
    !> What a path leads to, as `file_status` says it.
@@ -27,6 +27,11 @@ module beamid_posix
    integer, parameter :: kind_mask = int(o'170000')
    !> The longest name of a file inside a folder.
    integer, parameter, public :: max_name = 255
+
+   !> Room for `struct sigaction`, which is only kept and given back.
+   type, bind(c), public :: signal_action_t
+      integer(c_int64_t) :: bytes(32) = 0
+   end type signal_action_t
 
    !> The head of `struct statx`, and room for the rest of its 256 bytes.
    type, bind(c) :: statx_t
@@ -159,6 +164,22 @@ module beamid_posix
          integer(c_int), value :: number
          integer(c_intptr_t), value :: handler
       end function c_signal
+      !> Replaces (unless `action` is null) and returns (unless `before` is null) the action of a
+      !> signal. Unlike `c_signal` it keeps the flags of an action that another library has set.
+      integer(c_int) function c_sigaction(number, action, before) bind(c, name='sigaction')
+         import :: c_int, c_ptr
+         integer(c_int), value :: number
+         type(c_ptr), value :: action, before
+      end function c_sigaction
+      !> Sets a timer, 0: of real time.
+      !>
+      !> times  interval and first delay, each in seconds and microseconds
+      integer(c_int) function c_setitimer(which, times, before) bind(c, name='setitimer')
+         import :: c_int, c_long, c_ptr
+         integer(c_int), value :: which
+         integer(c_long), intent(in) :: times(4)
+         type(c_ptr), value :: before
+      end function c_setitimer
       integer(c_int) function c_raise(number) bind(c, name='raise')
          import :: c_int
          integer(c_int), value :: number
