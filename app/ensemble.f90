@@ -12,6 +12,7 @@ module beamid_ensemble
    use beamid_fleets, only: fit_fleet_case, fleet_case_t, judge_fleet_case, moved, &
       open_fleet_case, read_fleet
    use beamid_folders, only: lock_folder, make_folders, open_folder
+   use beamid_interrupts, only: check_interrupt, stop_flag
    use beamid_lines, only: csv_row
    use beamid_manifests, only: crc32, hexadecimal
    use beamid_numbers, only: shown
@@ -222,6 +223,8 @@ contains
             else
                call run_block(run%maker, block, rows)
             end if
+            call check_interrupt(error)
+            if (allocated(error)) return
             code = write_shard(shard_path(run%shards, run%fingerprint, block), rows)
             if (code /= 0) then
                call failure(error, run%shards//': cannot be written: '//reason(code))

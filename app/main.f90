@@ -2,6 +2,7 @@
 program beamid_main
    use beamid, only: error_t, version
    use beamid_errors, only: bad_input
+   use beamid_interrupts, only: check_interrupt
    use beamid_spelling, only: or_nearest
    use beamid_strings, only: to_text
    use beamid_comparison, only: run_compare
@@ -12,12 +13,14 @@ program beamid_main
    use beamid_manual, only: command_names, commands_in_words, run_help
    use beamid_new_case, only: check_new, run_new
    use beamid_reproduction, only: reproducible, run_reproduce
+   use beamid_signals, only: catch_signals, end_by_signal
    use beamid_terminal, only: complain, print_text
    implicit none
 
    type(settings_t) :: settings
    type(error_t), allocatable :: error
 
+   call catch_signals()
    call parse(settings, error)
    if (allocated(error)) then
       error%message = 'command line: '//error%message
@@ -36,8 +39,10 @@ program beamid_main
       case ('version'); call print_text('beamid '//version//new_line('a'), error)
       end select
    end if
+   call check_interrupt(error)
    if (allocated(error)) then
       call complain(error%message)
+      call end_by_signal()
       stop error%status, quiet=.true.
    end if
 

@@ -5,6 +5,7 @@ module beamid_acceleration_study
    use beamid
    use beamid_amplification, only: deviation_t, equation_row, formula_times, measure, mode_observers
    use beamid_fields, only: field_t, find_field
+   use beamid_interrupts, only: stop_flag
    use beamid_paths, only: join_path
    implicit none
    private

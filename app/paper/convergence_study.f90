@@ -3,6 +3,7 @@
 module beamid_convergence_study
    use beamid
    use beamid_fields, only: field_t, find_field, graded_times, motion_size
+   use beamid_interrupts, only: stop_flag
    use beamid_paths, only: join_path
    implicit none
    private

@@ -2,6 +2,7 @@
 !> meshes for the state and for the functions that are refined one beside the other.
 module beamid_varying_study
    use beamid
+   use beamid_interrupts, only: stop_flag
    use beamid_residuals, only: new_residuals, residual_t
    use beamid_starts, only: set_unknowns => set_free
    use beamid_structure, only: c_D_at, E_at

@@ -11,6 +11,7 @@ module beamid_cvode
    use beamid_equations, only: equations_t
    use beamid_errors, only: error_t, failure
    use beamid_excitation, only: excitation_t, same_time
+   use beamid_interrupts, only: check_interrupt
    use beamid_kinds, only: wp, ip
    use beamid_modes, only: buckled
    use beamid_newton, only: motion_t, new_motion
@@ -154,6 +155,8 @@ contains
       if (allocated(error)) return
       t = -huge(t)
       do while (t(1) < finish .and. next <= size(response%t))
+         call check_interrupt(error)
+         if (allocated(error)) return
          if (steps >= self%max_steps) then
             call failure(error, 'CVODE: max_steps = '//to_text(self%max_steps)// &
                ' steps used up at t = '//to_text(t(1))//' of '// &

@@ -8,6 +8,7 @@ module beamid_modal
    use beamid_excitation, only: excitation_t, new_pulse
    use beamid_free_motion, only: find_free_modes, free_mode_t
    use beamid_galerkin, only: galerkin_t, mesh_t, same_mesh
+   use beamid_interrupts, only: check_interrupt
    use beamid_kinds, only: wp
    use beamid_modes, only: bare_beam_modes, beam_modes_t, buckled
    use beamid_poles, only: differentiate_poles, find_poles, observe_also, poles_t
@@ -115,6 +116,8 @@ contains
       logical :: same
 
       work%solves = work%solves + 1
+      call check_interrupt(error)
+      if (allocated(error)) return
       if (.not. allocated(self%modes)) then
          call failure(error, 'modal: the modes of the mesh have not been prepared')
          return

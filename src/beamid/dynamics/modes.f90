@@ -5,6 +5,7 @@ module beamid_modes
    use beamid_equations, only: equations_t
    use beamid_errors, only: error_t, failure
    use beamid_galerkin, only: galerkin_t, slope_points
+   use beamid_interrupts, only: check_interrupt
    use beamid_kinds, only: wp
    use beamid_splines, only: spline_space_t
    use beamid_variations, only: variations_t
@@ -265,6 +266,8 @@ contains
       integer, allocatable :: iwork(:)
       integer :: n, k, info
 
+      call check_interrupt(error)
+      if (allocated(error)) return
       n = mass_matrix%n
       mass = mass_matrix
       shifted = stiffness

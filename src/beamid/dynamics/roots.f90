@@ -8,6 +8,7 @@ module beamid_roots
    use beamid_equations, only: equations_t
    use beamid_eigenvalues, only: roots_of_matrix
    use beamid_errors, only: error_t, failure
+   use beamid_interrupts, only: check_interrupt, interrupted
    use beamid_kinds, only: wp
    use beamid_modes, only: bare_beam_modes, beam_modes_t
    use beamid_starting_roots, only: leave_axis, nudge, starting_points
@@ -98,6 +99,7 @@ contains
             call iterate(assembly, all, done, doubtful, error)
          end if
       end if
+      if (.not. allocated(error)) call check_interrupt(error)
       if (allocated(error)) return
       half = all
       call select_half(assembly, half)
@@ -140,6 +142,7 @@ contains
 
       half = size(roots)/2
       do k = 1, half
+         if (interrupted()) return
          call improve_root(assembly, roots(k))
          if (abs(aimag(roots(k)%s)) > 0) then
             roots(k + half) = mirrored(assembly, roots(k))
@@ -164,6 +167,7 @@ contains
       if (assembly%is_bare()) return
       half = size(roots)/2
       do k = 1, size(roots)
+         if (interrupted()) return
          root = roots(k)
          is_real = abs(aimag(root%s)) <= nudge*abs(root%s)
          if (is_real) root%s = real(root%s)
@@ -213,6 +217,8 @@ contains
       before = huge(before)
       least = nothing*maxval(abs(roots%s))
       do sweep = 1, max_sweeps
+         call check_interrupt(error)
+         if (allocated(error)) return
          do k = 1, size(roots)
             if (done(k)) cycle
             call correct(assembly, roots, k, moved(k))

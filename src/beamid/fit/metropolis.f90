@@ -3,6 +3,7 @@
 module beamid_metropolis
    use beamid_densities, only: coordinate_t, density_t, impossible
    use beamid_errors, only: error_t, failure
+   use beamid_interrupts, only: stop_flag
    use beamid_kinds, only: wp
    use beamid_lapack, only: dpotrf
    use beamid_noise, only: gaussian_noise, uniform_noise

@@ -7,6 +7,7 @@ module beamid_sampling
    use beamid_chains, only: bulk_size, scale_reduction, tail_size
    use beamid_densities, only: coordinate_t, density_t, impossible, new_coordinate
    use beamid_errors, only: error_t, failure
+   use beamid_interrupts, only: stop_flag
    use beamid_kinds, only: wp
    use beamid_lapack, only: dpotrf, dtrtrs
    use beamid_metropolis, only: factor_covariance, run_chains

@@ -11,6 +11,7 @@ module beamid_designs
    use beamid_experiments, only: experiment_t
    use beamid_galerkin, only: mesh_t
    use beamid_information, only: eliminate, predict, prediction_t
+   use beamid_interrupts, only: stop_flag
    use beamid_kinds, only: wp
    use beamid_parameters, only: as_named, free_magnitude, get_free, name_of_parameter
    use beamid_priors, only: priors_of

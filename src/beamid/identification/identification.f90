@@ -4,6 +4,7 @@ module beamid_identification
    use beamid_errors, only: error_t, failure
    use beamid_experiments, only: experiment_t
    use beamid_galerkin, only: mesh_t
+   use beamid_interrupts, only: stop_flag
    use beamid_kinds, only: wp
    use beamid_least_squares, only: monitor_t, options_t
    use beamid_residuals, only: new_residuals, residual_t

@@ -5,6 +5,7 @@ module beamid_inference
    use beamid_errors, only: error_t, failure
    use beamid_experiments, only: experiment_t
    use beamid_galerkin, only: mesh_t
+   use beamid_interrupts, only: stop_flag
    use beamid_kinds, only: wp
    use beamid_least_squares, only: fit, fit_t, monitor_t, options_t
    use beamid_noise, only: gaussian_noise

@@ -4,6 +4,7 @@ module beamid_multistart
    use beamid_experiments, only: experiment_t
    use beamid_galerkin, only: mesh_t
    use beamid_identification, only: identify, model_t, outcome_t, stage_fit_t
+   use beamid_interrupts, only: stop_flag
    use beamid_kinds, only: wp
    use beamid_least_squares, only: monitor_t
    use beamid_noise, only: uniform_noise

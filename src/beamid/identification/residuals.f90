@@ -6,6 +6,7 @@ module beamid_residuals
    use beamid_experiments, only: apparatus_t, experiment_t, is_first, linear_t, &
       new_apparatus, seen_modes_t
    use beamid_galerkin, only: mesh_t
+   use beamid_interrupts, only: check_interrupt
    use beamid_kinds, only: wp
    use beamid_observation, only: new_sampling
    use beamid_priors, only: prior_t, priors_of
@@ -306,6 +307,8 @@ contains
       integer :: i, k, last, n, m, row, column
 
       self%log_volume = 0
+      call check_interrupt(error)
+      if (allocated(error)) return
       world = self%with(parameters)
       n = size(parameters)
       jac = 0

@@ -6,6 +6,7 @@ module beamid_window_fits
    use beamid_experiments, only: experiment_t
    use beamid_galerkin, only: mesh_t
    use beamid_identification, only: model_t, stage_fit_t
+   use beamid_interrupts, only: stop_flag
    use beamid_kinds, only: wp
    use beamid_least_squares, only: options_t
    use beamid_residuals, only: new_residuals, residual_t

@@ -5,6 +5,7 @@ module beamid_outputs
    use beamid_exchange, only: exchange, named_text_t
    use beamid_folders, only: make_folders
    use beamid_files, only: read_text
+   use beamid_interrupts, only: check_interrupt
    use beamid_kinds, only: ip
    use beamid_manifests, only: entries_in, entry_length, manifest_name, name_in
    use beamid_paths, only: join_path
@@ -193,6 +194,7 @@ contains
       integer :: i
 
       call check_inputs(self, directory, error)
+      if (.not. allocated(error)) call check_interrupt(error)
       if (allocated(error)) return
       left = ''
       kind = 'run'
