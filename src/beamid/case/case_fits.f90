@@ -7,6 +7,7 @@ module beamid_case_fits
    use beamid_experiments, only: experiment_t
    use beamid_galerkin, only: mesh_t
    use beamid_identification, only: identify_meshes, score_fits, stage_fit_t
+   use beamid_interrupts, only: check_interrupt
    use beamid_kinds, only: wp
    use beamid_least_squares, only: monitor_t
    use beamid_multistart, only: identify_from_many, minimum_t
@@ -71,6 +72,7 @@ contains
       if (.not. allocated(error) .and. size(found%scored) > 0) call score_fits(case%model, &
          case%meshes, found%scored, found%expected, found%fits, error)
       call locate(error, case%path)
+      call check_interrupt(error)
    end subroutine fit_case
 
    !> From one start or from several, on the meshes as they are or on one that is refined.
@@ -124,10 +126,12 @@ contains
          last => found%fits(size(found%fits, 1), size(found%fits, 2)))
          call new_verdict(found%experiments, mesh, last, found%verdict, error)
          call locate(error, case%path)
+         call check_interrupt(error)
          if (allocated(error) .or. case%windows == 0) return
          deallocate (found%windows)
          call fit_windows(case%model, mesh, found%experiments, last, case%windows, found%windows)
       end associate
+      call check_interrupt(error)
    end subroutine judge_case
 
    !> What the mesh does to the estimates of the last stage, where that is not known yet.

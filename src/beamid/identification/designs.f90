@@ -11,7 +11,7 @@ module beamid_designs
    use beamid_experiments, only: experiment_t
    use beamid_galerkin, only: mesh_t
    use beamid_information, only: eliminate, predict, prediction_t
-   use beamid_interrupts, only: stop_flag
+   use beamid_interrupts, only: check_interrupt, stop_flag
    use beamid_kinds, only: wp
    use beamid_parameters, only: as_named, free_magnitude, get_free, name_of_parameter
    use beamid_priors, only: priors_of
@@ -102,6 +102,8 @@ contains
          call inform(setup, designs, k, windows, shares)
       end do
       !$omp end parallel do
+      call check_interrupt(error)
+      if (allocated(error)) return
       do k = 1, size(shares)
          if (.not. allocated(shares(k)%error)) cycle
          call move_alloc(shares(k)%error, error)

@@ -4,7 +4,7 @@ module beamid_identification
    use beamid_errors, only: error_t, failure
    use beamid_experiments, only: experiment_t
    use beamid_galerkin, only: mesh_t
-   use beamid_interrupts, only: stop_flag
+   use beamid_interrupts, only: check_interrupt, interrupted, stop_flag
    use beamid_kinds, only: wp
    use beamid_least_squares, only: monitor_t, options_t
    use beamid_residuals, only: new_residuals, residual_t
@@ -79,6 +79,8 @@ contains
             .not. any(fits(1)%free == stage%free(p)), p=1, size(stage%free))])
          call run_stage(problem, exact, stage, options, 'N = '//to_text(mesh%elements)// &
             ', stage '//to_text(k), fits(k), error, monitor)
+         call check_interrupt(error)
+         if (interrupted()) return
          if (k == 1) then
             if (is_poor(problem, fits(1)%residual, failed=allocated(error))) then
                ! Perhaps because the model is given in other units than the record.
@@ -169,6 +171,8 @@ contains
          !$omp end critical (one_mesh_done)
       end do
       !$omp end parallel do
+      call check_interrupt(error)
+      if (allocated(error)) return
       do k = 1, size(meshes)
          if (.not. allocated(outcomes(k)%error)) cycle
          call move_alloc(outcomes(k)%error, error)

@@ -5,7 +5,7 @@ module beamid_inference
    use beamid_errors, only: error_t, failure
    use beamid_experiments, only: experiment_t
    use beamid_galerkin, only: mesh_t
-   use beamid_interrupts, only: stop_flag
+   use beamid_interrupts, only: check_interrupt, stop_flag
    use beamid_kinds, only: wp
    use beamid_least_squares, only: fit, fit_t, monitor_t, options_t
    use beamid_noise, only: gaussian_noise
@@ -140,6 +140,7 @@ contains
          !$omp end critical (one_side_done)
       end do
       !$omp end parallel do
+      call check_interrupt(error)
 
    contains
 
@@ -198,6 +199,7 @@ contains
          variables(k)%lower = max(variables(k)%lower, -limit(k))
       end do
       call sample(density, variables, found%fit%estimate, plan, posterior%draws, error, monitor)
+      call check_interrupt(error)
       if (allocated(error)) return
       do k = 1, size(variables)
          if (count(abs(posterior%draws%q(k, :)) > limit(k)/2) <= leaning &
@@ -209,6 +211,7 @@ contains
          posterior%shown = [(1 + (k - 1)*(draws/min(shown, draws)), k=1, min(shown, draws))]
       end associate
       call predict(problem, posterior)
+      call check_interrupt(error)
 
    contains
 
@@ -298,6 +301,8 @@ contains
          !$omp end critical (one_replicate_done)
       end do
       !$omp end parallel do
+      call check_interrupt(error)
+      if (allocated(error)) return
       bootstrap%number = pack([(k, k=1, plan%n)], done)
       bootstrap%estimates = estimates(:, bootstrap%number)
       bootstrap%failures = count(.not. done)

@@ -4,7 +4,7 @@ module beamid_multistart
    use beamid_experiments, only: experiment_t
    use beamid_galerkin, only: mesh_t
    use beamid_identification, only: identify, model_t, outcome_t, stage_fit_t
-   use beamid_interrupts, only: stop_flag
+   use beamid_interrupts, only: check_interrupt, stop_flag
    use beamid_kinds, only: wp
    use beamid_least_squares, only: monitor_t
    use beamid_noise, only: uniform_noise
@@ -65,11 +65,14 @@ contains
             outcomes(k)%fits, outcomes(k)%error, monitor, check)
          !$omp critical (one_start_done)
          finished = finished + 1
-         if (present(monitor)) call monitor%done(finished, plan%n)
+         if (present(monitor)) call monitor%advanced(finished, plan%n, &
+            'starts')
          !$omp end critical (one_start_done)
       end do
       !$omp end parallel do
       failures = 0
+      call check_interrupt(error)
+      if (allocated(error)) return
       do k = 1, plan%n
          if (allocated(outcomes(k)%error)) then
             failures = failures + 1

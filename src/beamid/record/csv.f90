@@ -3,6 +3,7 @@ module beamid_csv
    use beamid_errors, only: error_t, bad_input
    use beamid_files, only: read_text
    use beamid_headers, only: find_rows
+   use beamid_interrupts, only: check_interrupt
    use beamid_kinds, only: wp, ip
    use beamid_numbers, only: is_decimal, parse_number, shown, trim_blanks, with_point
    use beamid_rows, only: column_length, reader_t, tab
@@ -108,6 +109,7 @@ contains
       behind = 0
       do
          call read_row(reader, columns, row, error)
+         call check_interrupt(error)
          if (allocated(error)) then
             kept = 0
             exit

@@ -1,0 +1,160 @@
+!> Interrupts: every command of the library ends with the status of an interruption wherever the flag
+!> is set, and afterwards finds what it found before; the program ends by the signal and writes
+!> nothing.
+program test_interrupts
+   use beamid_case_files, only: case_t
+   use beamid_case_fits, only: case_fit_t, fit_case, judge_case, load_case
+   use beamid_case_inferences, only: case_inference_t, infer
+   use beamid_cases, only: needs_fit, read_case
+   use beamid_errors, only: error_t, status_interrupted
+   use beamid_interrupts, only: check_interrupt, checks_until_interrupt, interrupt_at_check
+   use beamid_kinds, only: wp
+   use beamid_strings, only: to_text
+   use checks, only: check, finish
+   use random_numbers, only: between, start_random
+   use shell, only: close_shell, exists, in_scratch, open_shell, outcome_t, program_path, read_file, &
+      replaced, run, write_file
+   implicit none
+
+   character(len=*), parameter :: nl = new_line('a')
+   character(len=:), allocatable :: reason
+
+   call open_shell(reason)
+   call check('program', reason == '', reason)
+   if (reason == '') then
+      call start_random(20261124)
+      call write_file('table_4_1_noisy.csv', read_file('../../data/table_4_1_noisy.csv'))
+      call write_file('short.nml', case_text('''modal''', '2', '100', '1000'))
+      call write_file('starts.nml', case_text('''cvode'', rtol=1e-6', '2,3', '100', '1000')// &
+         '&multistart n=3 /'//nl)
+      call write_file('long.nml', case_text('''modal''', '4', '100000', '1000000'))
+      call test_library('short', [character(len=9) :: 'profile', 'sample', 'bootstrap'], 24)
+      call test_library('starts', [character(len=9) ::], 12)
+      call test_program('INT', 130)
+      call test_program('TERM', 143)
+      call close_shell()
+   end if
+   call finish('interrupts')
+
+contains
+
+   !> Returns the case of Table 4.1 with noise.
+   !>
+   !> method  of the integrator, quoted, and further keys of its group
+   function case_text(method, elements, replicates, draws) result(text)
+      character(len=*), intent(in) :: method, elements, replicates, draws
+      character(len=:), allocatable :: text
+
+      text = '&beam length=4.0, rho=0.03, E=80.0, I=1.0, c_D=0.0045 /'//nl// &
+         '&tip m_T=0.15 /'//nl// &
+         '&hose m_H=0.038, c_H=0.0038, k_H=0.33 /'//nl// &
+         '&excitation kind=''pulse'', amplitude=1.0, duration=0.05 /'//nl// &
+         '&discretization degree=3, elements='//elements//' /'//nl// &
+         '&integrator method='//method//' /'//nl// &
+         '&observation formula=''displacement_difference'', delta=0.1 /'//nl// &
+         '&record file=''table_4_1_noisy.csv'', t_first=0.2, t_last=5.0, t_step=0.1 /'//nl// &
+         '&stage free=''m_H'',''k_H'' /'//nl// &
+         '&bootstrap n='//replicates//' /'//nl// &
+         '&sample draws='//draws//' /'//nl
+   end function case_text
+
+   !> Sets the flag at random checks of a fit and of what follows it.
+   !>
+   !> commands  that follow the fit
+   !> times     number of interruptions
+   subroutine test_library(name, commands, times)
+      character(len=*), intent(in) :: name, commands(:)
+      integer, intent(in) :: times
+      type(error_t), allocatable :: error
+      real(wp), allocatable :: again(:), estimate(:)
+      integer :: checks, k, n
+      integer, parameter :: never = huge(never)
+
+      call interrupt_at_check(never)
+      call compute(name, commands, estimate, error)
+      checks = never - checks_until_interrupt()
+      call check(name//': uninterrupted', .not. allocated(error), text_of(error))
+      call check(name//': many checks', checks > 100, to_text(checks))
+      do k = 1, times
+         ! Threads share the work in another order each time: not quite up to the last check.
+         n = 1 + int(0.9_wp*checks**between(0.0_wp, 1.0_wp))
+         call interrupt_at_check(n)
+         call compute(name, commands, again, error)
+         call check(name//': interrupted at check '//to_text(n), is_interruption(error))
+      end do
+      call interrupt_at_check(0)
+      call compute(name, commands, again, error)
+      call check(name//': works again', .not. allocated(error))
+      if (allocated(error)) return
+      call check(name//': the same estimates', all(abs(again - estimate) <= 0))
+   end subroutine test_library
+
+   function text_of(error) result(text)
+      type(error_t), allocatable, intent(in) :: error
+      character(len=:), allocatable :: text
+
+      text = ''
+      if (allocated(error)) text = error%message
+   end function text_of
+
+   logical function is_interruption(error)
+      type(error_t), allocatable, intent(in) :: error
+
+      is_interruption = allocated(error)
+      if (is_interruption) is_interruption = error%status == status_interrupted
+   end function is_interruption
+
+   !> Reads and fits a case, and runs commands on the fit.
+   !>
+   !> estimate  (n) of the last stage on the finest mesh, then the first replicate of the bootstrap
+   !>           and the first draw of the posterior where the commands make them
+   subroutine compute(name, commands, estimate, error)
+      character(len=*), intent(in) :: name, commands(:)
+      real(wp), allocatable, intent(out) :: estimate(:)
+      type(error_t), allocatable, intent(out) :: error
+      type(case_t) :: case
+      type(case_fit_t) :: found
+      type(case_inference_t), allocatable :: inferences(:)
+      integer :: k
+
+      allocate (estimate(0))
+      call read_case(in_scratch(name//'.nml'), needs_fit, case, error)
+      if (.not. allocated(error)) call load_case(case, found, error)
+      if (.not. allocated(error)) call fit_case(case, found, error)
+      if (.not. allocated(error)) call judge_case(case, found, error)
+      if (allocated(error)) return
+      estimate = found%fits(1, size(found%fits, 2))%fit%estimate
+      do k = 1, size(commands)
+         call infer(trim(commands(k)), case, found, inferences, error)
+         if (allocated(error)) return
+         associate (last => inferences(size(inferences)))
+            if (allocated(last%resampled)) estimate = [estimate, last%resampled%estimates(:, 1)]
+            if (allocated(last%posterior)) estimate = [estimate, last%posterior%draws%q(:, 1)]
+         end associate
+      end do
+   end subroutine compute
+
+   !> Sends a signal while the program computes what would take minutes. If the program does not end
+   !> within 20 s, `timeout` kills it and the status is 137.
+   !>
+   !> expected  status that a shell reports
+   subroutine test_program(signal, expected)
+      character(len=*), intent(in) :: signal
+      integer, intent(in) :: expected
+      type(outcome_t) :: outcome
+      character(len=*), parameter :: commands(2) = [character(len=9) :: 'sample', 'bootstrap']
+      integer :: k
+
+      do k = 1, size(commands)
+         associate (what => trim(commands(k))//', '//signal//': ')
+            outcome = run('env --default-signal='//signal//' timeout --preserve-status -k 20 -s '// &
+               signal//' 1 '''//program_path//''' '//trim(commands(k))//' long.nml --quiet --out out')
+            call check(what//'ends by the signal', outcome%status == expected, &
+               to_text(outcome%status))
+            call check(what//'one line', outcome%err == 'beamid: interrupted'//nl, outcome%err)
+            call check(what//'no output', outcome%out == '' .and. .not. exists('out'))
+         end associate
+      end do
+   end subroutine test_program
+
+end program test_interrupts
