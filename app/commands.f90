@@ -6,6 +6,7 @@ module beamid_commands
    use beamid_cases, only: can_be_fitted
    use beamid_errors, only: bad_input, locate
    use beamid_fit_reports, only: add_modes_of_fits, report_fit
+   use beamid_interrupts, only: check_interrupt
    use beamid_mode_summaries, only: modes_summary
    use beamid_outputs, only: output_t
    use beamid_sorting, only: median
@@ -232,6 +233,8 @@ contains
          end do
       end if
       call output%commit(folder, error, kind)
+      ! A signal that came during the exchange of the files.
+      if (.not. allocated(error)) call check_interrupt(error)
       if (allocated(error)) return
       call print_text(lines, error)
       if (allocated(error)) error%message = error%message//'; the outputs are in '//folder

@@ -5,33 +5,36 @@ from typing import Any, Iterable, Mapping, Sequence
 
 import numpy as np
 
-from ._library import InputError
-
-#: Groups that stand once, and groups that may repeat.
-SINGLE = ("beam", "tip", "hose", "gravity", "axial", "discretization", "integrator", "observation",
-          "score", "multistart", "windows", "sample", "bootstrap", "noise", "units")
-REPEATED = ("sensor", "support", "excitation", "prior")
-
+from ._library import InputError, groups as known_groups, numbers
 
 class Record:
     """Samples of one accelerometer.
 
     t     (m) ascending times
-    a     (m) values, of which scale*(a - offset) is an acceleration
+    a     (m) values; the acceleration is scale*(a - offset). Masked samples are left out
     keys  of &record, as sd=..., sensor='tip', t_first=..., thin=...
     """
 
     def __init__(self, t, a, **keys: Any) -> None:
-        self.t = np.ascontiguousarray(t, dtype=float).ravel()
-        self.a = np.ascontiguousarray(a, dtype=float).ravel()
+        if np.ma.is_masked(t) or np.ma.is_masked(a):
+            sizes = np.size(t), np.size(a)
+            if sizes[0] == sizes[1]:
+                kept = ~(np.ma.getmaskarray(t).ravel() | np.ma.getmaskarray(a).ravel())
+                t, a = (np.ma.getdata(values).ravel()[kept] for values in (t, a))
+        self.t = numbers(t, "times of a record").copy()
+        self.a = numbers(a, "values of a record").copy()
         self.keys = keys
-        if self.t.size != self.a.size:
-            raise InputError(f"Record: found {self.t.size} times and {self.a.size} values, "
+        self.check()
+
+    def check(self) -> None:
+        """Raises InputError if the numbers of times and values differ."""
+        if np.size(self.t) != np.size(self.a):
+            raise InputError(f"Record: found {np.size(self.t)} times and {np.size(self.a)} values, "
                              "expected as many of one as of the other")
 
 
 def written(value: Any) -> str:
-    """A value as a case file has it."""
+    """Returns a value as a case file has it."""
     if isinstance(value, str):
         return "'" + value.replace("'", "''") + "'"
     if isinstance(value, (bool, np.bool_)):
@@ -40,8 +43,12 @@ def written(value: Any) -> str:
         return str(int(value))
     if isinstance(value, (float, np.floating)):
         return repr(float(value))
+    if np.ma.is_masked(value):
+        raise InputError("found a masked value, expected a number")
+    if isinstance(value, np.ndarray):
+        return written(value.item()) if value.size == 1 else ", ".join(map(written, value.ravel()))
     if isinstance(value, Iterable):
-        return ", ".join(written(item) for item in value)
+        return ", ".join(map(written, value))
     raise InputError(f"found {value!r}, expected a number, a text or several of these")
 
 
@@ -55,15 +62,20 @@ def group(name: str, keys: Mapping[str, Any]) -> str:
 
 def case_text(records: Sequence[Mapping[str, Any]], stages: Sequence[Mapping[str, Any]],
               groups: Mapping[str, Any]) -> str:
-    """The case file that says the same as the arguments."""
+    """Returns the case file that says the same as the arguments.
+
+    records, stages  keys of each group &record and &stage
+    groups           keys of any other group by its name, or a list of these if the group repeats
+    """
+    known = [name for name in known_groups() if name not in ("record", "stage")]
     text = ""
     for name, keys in groups.items():
-        if name not in SINGLE + REPEATED:
-            raise InputError(f"found {name}, expected {', '.join(sorted(SINGLE + REPEATED))}")
+        if name not in known:
+            raise InputError(f"found {name}, expected one of {', '.join(known)}")
         if keys is None:
             continue
-        if name in SINGLE or isinstance(keys, Mapping):
-            keys = [keys]
-        text += "".join(group(name, item) for item in keys)
+        several = [keys] if isinstance(keys, (Mapping, str)) or not isinstance(keys, Iterable) \
+            else keys
+        text += "".join(group(name, item) for item in several)
     text += "".join(group("record", keys) for keys in records)
     return text + "".join(group("stage", keys) for keys in stages)

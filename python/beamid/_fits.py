@@ -3,14 +3,13 @@ from __future__ import annotations
 
 import ctypes
 import io
-import weakref
-from ctypes import byref, c_int, c_void_p
-from typing import Any, Iterator, Mapping, NamedTuple, Sequence
+from ctypes import byref, c_int
+from typing import Any, Iterator, Mapping, NamedTuple, Optional, Sequence
 
 import numpy as np
 
 from ._cases import Record, case_text
-from ._library import ROOM, NoFit, check, library, message_buffer
+from ._library import Handle, NoFit, Progress, call, compute, numbers
 
 
 class Estimate(NamedTuple):
@@ -37,42 +36,42 @@ class Mode(NamedTuple):
 
 
 class Fit:
-    """What a search has found. Arrays are views of the library's own and live with the fit."""
+    """The result of a search. Arrays are copies: a change of one does not change the fit."""
 
-    def __init__(self, handle: c_void_p) -> None:
+    def __init__(self, handle: Handle) -> None:
         self._handle = handle
-        weakref.finalize(self, library.beamid_forget, handle)
 
     def _array(self, name: str) -> np.ndarray:
-        data, rows, columns = c_void_p(), c_int(), c_int()
-        key = name.encode()
-        library.beamid_array(self._handle, key, len(key), byref(data), byref(rows), byref(columns))
-        shape = (columns.value, rows.value)
-        if not data.value:
-            return np.empty(shape).T
-        memory = (ctypes.c_double*(shape[0]*shape[1])).from_address(data.value)
-        memory.owner = self
-        return np.frombuffer(memory).reshape(shape).T
+        rows, columns, key = c_int(), c_int(), name.encode()
+        with self._handle.lock:
+            call("beamid_array", self._handle.number, key, len(key), 0, None, byref(rows),
+                 byref(columns))
+            array = np.empty((columns.value, rows.value))
+            call("beamid_array", self._handle.number, key, len(key), array.size,
+                 array.ctypes.data, byref(rows), byref(columns))
+        return array.T
 
     def _text(self, name: str) -> str:
-        key, room = name.encode(), 4096
-        while True:
-            buffer = ctypes.create_string_buffer(room)
-            length = library.beamid_text(self._handle, key, len(key), buffer, room)
-            if length <= room:
-                return buffer.raw[:length].decode()
-            room = length
+        key, length, room = name.encode(), c_int(), 4096
+        with self._handle.lock:
+            while True:
+                buffer = ctypes.create_string_buffer(room)
+                call("beamid_text", self._handle.number, key, len(key), buffer, room, byref(length))
+                if length.value <= room:
+                    return buffer.raw[:length.value].decode()
+                room = length.value
 
     def _judge(self) -> None:
-        message = message_buffer()
-        check(library.beamid_judge(self._handle, message, ROOM), message)
+        with self._handle.lock:
+            compute("beamid_judge", self._handle.number)
 
-    def _infer(self, command: str) -> None:
-        """Has the library add what a command finds out to the tables."""
+    def _infer(self, command: str, progress: Optional[Progress]) -> None:
+        """Adds the tables of a command to those of the fit."""
         if self.no_fit:
             raise NoFit(self.no_fit, self)
-        message, name = message_buffer(), command.encode()
-        check(library.beamid_infer(self._handle, name, len(name), message, ROOM), message)
+        name = command.encode()
+        with self._handle.lock:
+            compute("beamid_infer", self._handle.number, name, len(name), progress=progress)
 
     @property
     def names(self) -> list[str]:
@@ -204,8 +203,8 @@ class Problem:
     shared     names of those that several records have in common
     stages     several of &stage instead, each its keys
     record     keys of &record of the one record
-    groups     any other group of a case file by its name, its keys as a dict; several of &sensor,
-               &support, &excitation and &prior as a list
+    groups     any other group of a case file by its name, its keys as a dict; a list of dicts for
+               several groups of one name
     """
 
     def __init__(self, t=None, a=None, *, records: Sequence[Record] | None = None,
@@ -221,31 +220,34 @@ class Problem:
         self._open("beamid", text, records)
 
     def _open(self, path: str, text: str, records: Sequence[Record]) -> None:
-        handle, message = c_void_p(), message_buffer()
-        sizes = (c_int*max(len(records), 1))(*[item.t.size for item in records])
-        t = np.concatenate([item.t for item in records]) if records else np.empty(0)
-        z = np.concatenate([item.a for item in records]) if records else np.empty(0)
+        for item in records:
+            item.check()
+        sizes = (c_int*max(len(records), 1))(*[np.size(item.t) for item in records])
+        t = np.concatenate([numbers(item.t, "times of a record") for item in records] or [[]])
+        z = np.concatenate([numbers(item.a, "values of a record") for item in records] or [[]])
         where, what = path.encode(), text.encode()
-        check(library.beamid_open(where, len(where), what, len(what), len(records), sizes,
-                                  t.ctypes.data, z.ctypes.data, 1, byref(handle), message, ROOM),
-              message)
-        self._handle = handle
-        weakref.finalize(self, library.beamid_close, handle)
+        self._handle = Handle()
+        compute("beamid_open", where, len(where), what, len(what), len(records), sizes, t.size,
+                t.ctypes.data, z.ctypes.data, 1, byref(self._handle.number))
 
-    def fit(self, start: Sequence[float] | None = None, *, judge: bool = True) -> Fit:
-        """Searches.
+    def fit(self, start: Sequence[float] | None = None, *, judge: bool = True,
+            progress: Optional[Progress] = None) -> Fit:
+        """Searches for the minimum.
 
-        start  of the free parameters of the first stage, in their order; default: as prepared
-        judge  whether exact derivatives are compared with differences before the search and the
-               verdict is asked for behind it; without it a fit is several times faster, and the
-               verdict comes when it is asked for (`fit.no_fit`)
+        start     of the free parameters of the first stage, in their order; default: as prepared
+        judge     whether exact derivatives are compared with differences before the search, and the
+                  verdict is made after it. Without it a fit is several times faster, and the verdict
+                  is made when it is needed (`fit.no_fit`)
+        progress  True: shows a progress bar; or a function of pieces done, pieces in all (0: not
+                  known) and their name, called at most ten times a second
 
-        InputError, ComputationError; NoFit where the search has ended, but not at a fit.
+        Raises InputError; ComputationError; NoFit if the search ends, but not at a fit;
+        KeyboardInterrupt.
         """
-        handle, message = c_void_p(), message_buffer()
-        values = np.ascontiguousarray([] if start is None else start, dtype=float)
-        check(library.beamid_fit(self._handle, int(judge), values.size, values.ctypes.data,
-                                 byref(handle), message, ROOM), message)
+        values = numbers([] if start is None else start, "start")
+        handle = Handle()
+        compute("beamid_fit", self._handle.number, int(judge), values.size, values.ctypes.data,
+                byref(handle.number), progress=progress)
         found = Fit(handle)
         if judge and found.no_fit:
             raise NoFit(found.no_fit, found)
@@ -253,12 +255,12 @@ class Problem:
 
 
 def load(path) -> Problem:
-    """The problem of a case file, with the records that it names."""
+    """Returns the problem of a case file, with the records that it names."""
     problem = Problem.__new__(Problem)
     problem._open(str(path), "", [])
     return problem
 
 
-def fit(t=None, a=None, **arguments: Any) -> Fit:
-    """One fit; arguments as of `Problem`. Raises NoFit where what was found is no fit."""
-    return Problem(t, a, **arguments).fit()
+def fit(t=None, a=None, *, progress: Optional[Progress] = None, **arguments: Any) -> Fit:
+    """Returns one fit; arguments as of `Problem` and `Problem.fit`. Raises NoFit if it is none."""
+    return Problem(t, a, **arguments).fit(progress=progress)

@@ -4,11 +4,12 @@ from __future__ import annotations
 import io
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, Optional
 
 import numpy as np
 
 from ._fits import Fit, Problem, load
+from ._library import Progress
 
 if TYPE_CHECKING:
     import arviz
@@ -143,9 +144,9 @@ def _profiles(text: str, elements: int) -> tuple[list[str], dict[str, Profile]]:
     return names, found
 
 
-def infer(command: str, fit: Fit) -> Inference:
-    """What a command adds to a fit."""
-    fit._infer(command)
+def infer(command: str, fit: Fit, progress: Optional[Progress]) -> Inference:
+    """Returns what a command adds to a fit."""
+    fit._infer(command, progress)
     tables = {name: text for name, text in fit.tables.items() if name in (
         "intervals.csv", "profiles.csv", "posterior.csv", "posterior_motion.csv",
         "posterior_modes.csv", "bootstrap.csv")}
@@ -166,7 +167,7 @@ def infer(command: str, fit: Fit) -> Inference:
                      **known)
 
 
-def _fitted(case: Any, t: Any, arguments: dict[str, Any]) -> Fit:
+def _fitted(case: Any, t: Any, arguments: dict[str, Any], progress: Optional[Progress]) -> Fit:
     if isinstance(case, Fit):
         if t is not None or arguments:
             raise TypeError("found arguments behind a fit, expected none: it has its own")
@@ -174,30 +175,34 @@ def _fitted(case: Any, t: Any, arguments: dict[str, Any]) -> Fit:
     if isinstance(case, (str, Path)):
         if t is not None or arguments:
             raise TypeError("found arguments behind a case file, expected none: it has all of them")
-        return load(case).fit()
+        return load(case).fit(progress=progress)
     if isinstance(case, Problem):
-        return case.fit()
-    return Problem(case, t, **arguments).fit()
+        return case.fit(progress=progress)
+    return Problem(case, t, **arguments).fit(progress=progress)
 
 
-def profile(t: Any = None, a: Any = None, **arguments: Any) -> Profiles:
+def profile(t: Any = None, a: Any = None, *, progress: Optional[Progress] = None,
+            **arguments: Any) -> Profiles:
     """Intervals from the profile of J, which may be lopsided, end at a bound or have no end.
 
     t, a, arguments  as of `fit`; or the path of a case file, a `Problem` or a `Fit` alone
+    progress         as of `Problem.fit`, for the fit and for what follows it
 
     Raises NoFit where the search ends, but not at a fit.
     """
-    return infer("profile", _fitted(t, a, arguments))
+    return infer("profile", _fitted(t, a, arguments, progress), progress)
 
 
-def sample(t: Any = None, a: Any = None, **arguments: Any) -> Posterior:
+def sample(t: Any = None, a: Any = None, *, progress: Optional[Progress] = None,
+           **arguments: Any) -> Posterior:
     """Draws from the posterior; arguments as of `profile`, and sample=dict(draws=..., seed=...).
 
     Draws are the same for the same seed. ComputationError where they cannot be trusted.
     """
-    return infer("sample", _fitted(t, a, arguments))
+    return infer("sample", _fitted(t, a, arguments, progress), progress)
 
 
-def bootstrap(t: Any = None, a: Any = None, **arguments: Any) -> Bootstrap:
+def bootstrap(t: Any = None, a: Any = None, *, progress: Optional[Progress] = None,
+              **arguments: Any) -> Bootstrap:
     """Fits of resampled records; arguments as of `profile`, and bootstrap=dict(n=..., seed=...)."""
-    return infer("bootstrap", _fitted(t, a, arguments))
+    return infer("bootstrap", _fitted(t, a, arguments, progress), progress)

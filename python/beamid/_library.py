@@ -1,10 +1,19 @@
-"""The shared library: its routines, and its messages as exceptions."""
+"""The shared library: its routines, handles, interrupts and progress; its messages as exceptions."""
 from __future__ import annotations
 
 import ctypes
+import signal
+import sys
 import threading
-from ctypes import POINTER, c_char_p, c_int, c_void_p
+import weakref
+from ctypes import CFUNCTYPE, POINTER, c_char, c_char_p, c_int, c_longlong, c_void_p
 from pathlib import Path
+from typing import Any, Callable, Optional, Union
+
+import numpy as np
+
+#: Hears of the progress: pieces done, pieces in all (0: not known), name of the pieces.
+Progress = Union[bool, Callable[[int, int, str], Any]]
 
 
 class BeamidError(Exception):
@@ -27,25 +36,31 @@ class NoFit(ComputationError):
         self.fit = fit
 
 
+_CALLBACK = CFUNCTYPE(c_int, c_int, c_int, POINTER(c_char), c_int)
+
+
 def _open_library() -> ctypes.CDLL:
     path = Path(__file__).parent / "lib" / "libbeamid_c.so"
     if not path.exists():
         raise ImportError(f"found no {path}, expected the library that 'pip install ./python' "
                           "builds in a checkout of beamid")
     library = ctypes.CDLL(str(path))
+    message = (c_char_p, c_int)
     signatures = {
-        "beamid_open": (c_int, c_char_p, c_int, c_char_p, c_int, c_int, POINTER(c_int), c_void_p,
-                        c_void_p, c_int, POINTER(c_void_p), c_char_p, c_int),
-        "beamid_close": (None, c_void_p),
-        "beamid_fit": (c_int, c_void_p, c_int, c_int, c_void_p, POINTER(c_void_p), c_char_p, c_int),
-        "beamid_judge": (c_int, c_void_p, c_char_p, c_int),
-        "beamid_infer": (c_int, c_void_p, c_char_p, c_int, c_char_p, c_int),
-        "beamid_forget": (None, c_void_p),
-        "beamid_respond": (c_int, c_void_p, c_int, c_void_p, c_int, c_void_p, c_void_p, c_char_p,
-                           c_int),
-        "beamid_array": (None, c_void_p, c_char_p, c_int, POINTER(c_void_p), POINTER(c_int),
-                         POINTER(c_int)),
-        "beamid_text": (c_int, c_void_p, c_char_p, c_int, c_char_p, c_int),
+        "beamid_watch_forks": (None,),
+        "beamid_begin": (c_int, c_int, c_void_p, *message),
+        "beamid_end": (c_int,),
+        "beamid_open": (c_int, c_char_p, c_int, c_char_p, c_int, c_int, POINTER(c_int), c_int,
+                        c_void_p, c_void_p, c_int, POINTER(c_longlong), *message),
+        "beamid_fit": (c_int, c_longlong, c_int, c_int, c_void_p, POINTER(c_longlong), *message),
+        "beamid_judge": (c_int, c_longlong, *message),
+        "beamid_infer": (c_int, c_longlong, c_char_p, c_int, *message),
+        "beamid_respond": (c_int, c_longlong, c_int, c_void_p, c_int, c_void_p, c_void_p, *message),
+        "beamid_array": (c_int, c_longlong, c_char_p, c_int, c_longlong, c_void_p, POINTER(c_int),
+                         POINTER(c_int), *message),
+        "beamid_text": (c_int, c_longlong, c_char_p, c_int, c_char_p, c_int, POINTER(c_int),
+                        *message),
+        "beamid_groups": (c_int, c_char_p, c_int),
     }
     for name, (result, *arguments) in signatures.items():
         routine = getattr(library, name)
@@ -55,12 +70,18 @@ def _open_library() -> ctypes.CDLL:
 
 
 library = _open_library()
+# Before any fit, so that a forked child knows that threads of the parent are gone.
+library.beamid_watch_forks()
+# Handles are closed without giving up the interpreter's lock: no other thread can fork meanwhile.
+_close = ctypes.PyDLL(library._name).beamid_close
+_close.restype = c_int
+_close.argtypes = (c_longlong, c_char_p, c_int)
 ROOM = 65536
 _of_thread = threading.local()
 
 
-def message_buffer() -> ctypes.Array:
-    """Where the library puts a message; each thread has one."""
+def _message_buffer() -> ctypes.Array:
+    """Returns the buffer of this thread for a message of the library."""
     try:
         return _of_thread.message
     except AttributeError:
@@ -68,7 +89,157 @@ def message_buffer() -> ctypes.Array:
         return _of_thread.message
 
 
-def check(status: int, message: ctypes.Array) -> None:
-    """Raises what a status other than 0 stands for."""
+def _check(status: int, message: ctypes.Array) -> None:
+    """Raises the exception that a status other than 0 stands for."""
     if status:
         raise (InputError if status == 2 else ComputationError)(message.value.decode())
+
+
+def call(name: str, *arguments: Any) -> None:
+    """Calls a routine that computes nothing, and raises its error."""
+    message = _message_buffer()
+    _check(getattr(library, name)(*arguments, message, ROOM), message)
+
+
+def compute(name: str, *arguments: Any, progress: Optional[Progress] = None) -> None:
+    """Calls a routine that computes, and raises its error.
+
+    Ctrl-C stops a computation of the main thread and raises KeyboardInterrupt. An exception of
+    `progress` stops the computation as well, and is raised.
+    """
+    message = _message_buffer()
+    with _Listener(progress) as listener:
+        # A handler written in Python would have to wait until the library returns.
+        catch = (threading.current_thread() is threading.main_thread()
+                 and callable(signal.getsignal(signal.SIGINT)))
+        refused = None
+        try:
+            refused = library.beamid_begin(catch, listener.pointer, message, ROOM)
+            status = refused or getattr(library, name)(*arguments, message, ROOM)
+        finally:
+            # Also if a signal from before the beginning is raised right behind it.
+            flag = 0 if refused else library.beamid_end()
+        if listener.raised:
+            raise listener.raised
+        if flag > 0:
+            signal.raise_signal(flag)
+            raise KeyboardInterrupt
+        _check(status, message)
+
+
+class _Listener:
+    """Passes the progress of a computation on: to a function, or to a bar on standard error."""
+
+    def __init__(self, progress: Optional[Progress]) -> None:
+        self.raised: Optional[BaseException] = None
+        self._bar = None
+        self.pointer = None
+        if not progress:
+            return
+        if not callable(progress):
+            progress = self._bar = _Bar()
+
+        def hear(part: int, whole: int, what: Any, length: int) -> int:
+            try:
+                progress(part, whole, ctypes.string_at(what, length).decode())
+            except BaseException as error:
+                self.raised = error
+                return 1
+            return 0
+
+        self._callback = _CALLBACK(hear)
+        self.pointer = ctypes.cast(self._callback, c_void_p)
+
+    def __enter__(self) -> _Listener:
+        return self
+
+    def __exit__(self, *_: Any) -> None:
+        if self._bar:
+            self._bar.close()
+
+
+class _Bar:
+    """A progress bar: by tqdm if that is installed, else a line on standard error."""
+
+    def __init__(self) -> None:
+        self._what = self._bar = None
+        try:
+            from tqdm.auto import tqdm
+            self._tqdm = tqdm
+        except ImportError:
+            self._tqdm = None
+
+    def __call__(self, part: int, whole: int, what: str) -> None:
+        if not self._tqdm:
+            print(f"\r{part}{f' of {whole}' if whole else ''} {what} ", end="", file=sys.stderr,
+                  flush=True)
+            self._what = what
+            return
+        if what != self._what:
+            self.close()
+            self._bar = self._tqdm(total=whole or None, desc=what, leave=False)
+            self._what = what
+        self._bar.n = part
+        self._bar.refresh()
+
+    def close(self) -> None:
+        if self._bar is not None:
+            self._bar.close()
+        elif self._what and not self._tqdm:
+            print(file=sys.stderr)
+
+
+class Handle:
+    """An object inside the library, closed when nothing refers to it any more.
+
+    Copies of a fit or a problem share the handle. It cannot be sent to another process.
+    """
+
+    def __init__(self) -> None:
+        self.number = c_longlong(0)     #: 0 until the library has written it
+        self.lock = threading.RLock()   #: the library allows one call at a time for a fit
+        weakref.finalize(self, _close_number, self.number)
+
+    def __deepcopy__(self, _: Any) -> Handle:
+        return self
+
+    def __reduce__(self) -> Any:
+        raise TypeError("found a fit or a problem of beamid to be pickled, expected what it is made "
+                        "of: pickle the arguments, and fit in the other process")
+
+
+def _close_number(number: c_longlong) -> None:
+    if number.value:
+        _close(number, None, 0)
+
+
+def groups() -> list[str]:
+    """Returns the names of the groups of a case file, as the library knows them."""
+    length = library.beamid_groups(None, 0)
+    buffer = ctypes.create_string_buffer(length)
+    library.beamid_groups(buffer, length)
+    return buffer.raw[:length].decode().split()
+
+
+def numbers(values: Any, what: str) -> np.ndarray:
+    """Returns values as an array (n) of doubles.
+
+    what  name of the values in errors. Masked values and whatever is not a real number are rejected
+    """
+    if np.ma.is_masked(values):
+        raise InputError(f"{what}: found {np.ma.count_masked(values)} masked values, expected none")
+    try:
+        array = np.asarray(values)
+        if array.size and array.dtype.kind not in "iufO":
+            raise TypeError
+        array = np.ascontiguousarray(array, dtype=float)
+    except (TypeError, ValueError):
+        raise InputError(f"{what}: found {_shortened(values)}, expected real numbers") from None
+    if array.ndim > 1 and max(array.shape) != array.size:
+        raise InputError(f"{what}: found an array of shape {array.shape}, expected one dimension")
+    return array.ravel()
+
+
+def _shortened(value: Any) -> str:
+    text = repr(value)
+    return text if len(text) < 60 else text[:57] + "..."

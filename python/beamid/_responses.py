@@ -1,14 +1,14 @@
 """The response of a structure, with exact derivatives."""
 from __future__ import annotations
 
-from ctypes import byref, c_int, c_void_p
+from ctypes import byref, c_int
 from dataclasses import dataclass
 from typing import Any, Sequence
 
 import numpy as np
 
 from ._cases import case_text
-from ._library import ROOM, InputError, check, library, message_buffer
+from ._library import Handle, InputError, call, compute, numbers
 
 
 @dataclass
@@ -29,19 +29,16 @@ def response(t, *, derivatives: Sequence[str] = (), **groups: Any) -> Response:
     derivatives  names of parameters
     groups       of a case file, as of `Problem`: beam=dict(...), excitation=dict(...), ...
     """
-    t = np.ascontiguousarray(t, dtype=float).ravel()
+    t = numbers(t, "response: times")
     if t.size == 0 or not np.isfinite(t).all() or (np.diff(t) <= 0).any():
         raise InputError("response: found times that do not grow, expected finite ascending ones")
     names = [derivatives] if isinstance(derivatives, str) else list(derivatives)
     text = case_text([{}], [dict(free=names)] if names else [], groups).encode()
-    handle, message, no_sizes = c_void_p(), message_buffer(), (c_int*1)()
-    check(library.beamid_open(b"beamid", 6, text, len(text), 0, no_sizes, t.ctypes.data,
-                              t.ctypes.data, 0, byref(handle), message, ROOM), message)
-    try:
-        motion = np.empty((3, t.size))
-        by = np.empty((len(names), t.size))
-        check(library.beamid_respond(handle, t.size, t.ctypes.data, len(names), motion.ctypes.data,
-                                     by.ctypes.data, message, ROOM), message)
-    finally:
-        library.beamid_close(handle)
+    handle = Handle()
+    call("beamid_open", b"beamid", 6, text, len(text), 0, (c_int*1)(), 0, None, None, 0,
+         byref(handle.number))
+    motion = np.empty((3, t.size))
+    by = np.empty((len(names), t.size))
+    compute("beamid_respond", handle.number, t.size, t.ctypes.data, len(names),
+            motion.ctypes.data, by.ctypes.data)
     return Response(t, *motion, dict(zip(names, by)))

@@ -1,6 +1,12 @@
 """The package against the program, against differences, and against what should be refused."""
+import copy
+import ctypes
+import gc
 import json
+import multiprocessing
 import os
+import pickle
+import signal
 import subprocess
 import threading
 from pathlib import Path
@@ -9,9 +15,12 @@ import numpy as np
 import pytest
 
 import beamid
+from beamid import _library as library
+from beamid._cases import case_text
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 DATA = CHECKOUT / "data"
+NOISY = DATA / "table_4_1_noisy.nml"
 MODEL = dict(
     beam=dict(length=4.0, rho=0.03, E=80.0, I=1.0, c_D=0.0035), tip=dict(m_T=0.15),
     hose=dict(m_H=0.035, c_H=0.0035, k_H=0.4),
@@ -127,18 +136,20 @@ def test_pandas(fit):
         fit.to_pandas("nonsense")
 
 
-def test_arrays_outlive_their_fit(problem):
-    values = problem.fit(judge=False).residuals
-    again = [problem.fit(judge=False).residuals.copy() for _ in range(50)]
-    assert all((values == other).all() for other in again)
-
-
-def test_arrays_stay_when_their_fit_is_judged(problem):
+def test_arrays_are_copies(problem):
+    """They outlive their fit, and a change of one changes neither the fit nor a later array."""
     fit = problem.fit(judge=False)
-    values, t = fit.values, fit.t
-    before = values.copy(), t.copy()
-    assert len(fit.estimates) == len(FREE) and fit.values.ctypes.data == values.ctypes.data
-    assert (values == before[0]).all() and (t == before[1]).all()
+    names = ("values", "covariance", "correlation", "jacobian", "residuals", "t", "measured")
+    before = {name: getattr(fit, name).copy() for name in names}
+    for name in names:
+        getattr(fit, name)[...] = np.nan
+    assert len(fit.estimates) == len(FREE)
+    for name in names:
+        np.testing.assert_array_equal(getattr(fit, name), before[name])
+    residuals = fit.residuals
+    del fit
+    again = [problem.fit(judge=False).residuals for _ in range(50)]
+    assert all((residuals == other).all() for other in again)
 
 
 def test_start_values(problem, fit):
@@ -148,6 +159,21 @@ def test_start_values(problem, fit):
     assert other.estimates["k_H"].start == 0.25
     with pytest.raises(beamid.InputError, match="found 2 start values, expected 4"):
         problem.fit([1.0, 2.0])
+
+
+@pytest.mark.parametrize("start, message", [
+    ([np.nan, 0.04, 0.003, 0.3], "no finite start value for c_D"),
+    ([0.004, np.inf, 0.003, 0.3], "no finite start value for m_H"),
+    ([0.004, 0.04, None, 0.3], "no finite start value for c_H"),
+    ([0.004, 0.04, 0.003, -0.3], r"start value -0?\.3 for k_H, expected a value between its bounds"),
+    (["0.004", "0.04", "0.003", "0.3"], "start: found .*expected real numbers"),
+    ([0.004, 0.04, 0.003j, 0.3], "start: found .*expected real numbers"),
+    (np.ma.masked_less([0.004, 0.04, 0.003, 0.3], 0.0035), "start: found 1 masked values"),
+    ([[0.004, 0.04], [0.003, 0.3]], r"start: found an array of shape \(2, 2\)"),
+])
+def test_bad_start_values(problem, start, message):
+    with pytest.raises(beamid.InputError, match=message):
+        problem.fit(start)
 
 
 def test_two_threads(problem, fit):
@@ -260,7 +286,9 @@ def test_no_fit_is_raised_with_its_evidence(record):
     (dict(beam=dict(MODEL["beam"], E=-1)), r"&beam E: found -1, expected a value above 0"),
     (dict(beam=dict(MODEL["beam"], EE=1)), r"&beam EE: .*perhaps E"),
     (dict(beam=4), r"beam: found 4, expected its keys"),
-    (dict(baem=MODEL["beam"]), r"found baem, expected .*beam"),
+    (dict(baem=MODEL["beam"]), r"found baem, expected one of .*beam.*along"),
+    (dict(hose=[MODEL["hose"]]*2), r"found &hose again, expected it once"),
+    (dict(beam=dict(MODEL["beam"], E=np.ma.masked)), r"found a masked value"),
     (dict(beam=dict(MODEL["beam"], E=True)), r"found True, expected a number"),
     (dict(record=dict(t_first=7.0)), r"record 1: .*expected"),
     (dict(excitation=None), r"&excitation: found no such group, expected one"),
@@ -281,6 +309,210 @@ def test_bad_input(record, change, message):
 def test_bad_records(t, a, message):
     with pytest.raises(beamid.InputError, match=message):
         beamid.fit(t, a, free=FREE, **MODEL)
+
+
+def test_every_group_of_the_library_is_accepted(record):
+    """Whatever `help` lists can be given: the library has the only list."""
+    names = library.groups()
+    assert len(names) > 20 and {"along", "design", "draw", "ensemble", "gravity"} <= set(names)
+    for name in set(names) - {"record", "stage"}:
+        text = case_text([], [], {name: [dict(x=1), dict(x=2)]})
+        assert text == f"&{name} x=1 /\n&{name} x=2 /\n"
+    wedge = dict(parameter="height", x=[0.0, 4.0], value=[0.1, 0.2])
+    beam = dict(length=4.0, width=0.1, height=0.1, density=3.0, E=9.6e6, c_D=0.005)
+    t = np.linspace(0.1, 1, 10)
+    model = {**MODEL, "beam": beam}
+    plain = beamid.response(t, **model).acceleration
+    assert not np.allclose(beamid.response(t, along=wedge, **model).acceleration, plain, rtol=.01)
+    hanging = dict(g=9.81, direction="hanging")
+    assert not (beamid.response(t, gravity=hanging, **model).acceleration == plain).all()
+
+
+def test_masked_samples_are_left_out(record):
+    t, a = record
+    spoilt = np.where(np.arange(t.size) % 10 == 3, 1e3, a)
+    masked = np.ma.masked_array(spoilt, spoilt == 1e3)
+    found = beamid.fit(t, masked, free=FREE, **MODEL)
+    expected = beamid.fit(t[~masked.mask], a[~masked.mask], free=FREE, **MODEL)
+    assert (found.values == expected.values).all() and found.t.size == expected.t.size < t.size
+    with pytest.raises(beamid.InputError, match="times: found 1 masked values"):
+        beamid.response(np.ma.masked_equal(t, t[3]), **MODEL)
+    with pytest.raises(beamid.InputError, match="values of a record: found .*real numbers"):
+        beamid.Record(t, a*1j)
+
+
+def test_a_changed_record_is_checked_again(record):
+    item = beamid.Record(*record)
+    item.a = item.a[:3]
+    with pytest.raises(beamid.InputError, match="found 49 times and 3 values"):
+        beamid.fit(records=[item], free=FREE, **MODEL)
+
+
+def test_derivatives_fit_their_room():
+    """A name that stands for many parameters would need more room than was made."""
+    t = np.linspace(0, 1, 5)
+    with pytest.raises(beamid.InputError, match="found 1 names for 16 parameters"):
+        beamid.response(t, derivatives=["E(x)"], **MODEL)
+    with pytest.raises(beamid.InputError, match="found 1 names for 0 parameters"):
+        beamid.response(t, derivatives=["offset"], **MODEL)
+
+
+def test_handles(record):
+    """Handles that are null, closed, of another kind or invented are errors; copies share theirs."""
+    problem = beamid.Problem(*record, free=FREE, **MODEL)
+    fit = problem.fit()
+    values = fit.values
+    twins = copy.copy(fit), copy.deepcopy(fit), copy.copy(problem)
+    del fit, problem
+    gc.collect()
+    assert (twins[0].values == values).all() and twins[1].summary
+    assert (twins[2].fit().values == values).all()
+    with pytest.raises(TypeError, match="pickle the arguments"):
+        pickle.dumps(twins[0])
+    n, key = ctypes.c_int(), b"names"
+    for number, message in [(0, "null or closed"), (-1, "null or closed"), (2**62, "null or closed"),
+                            (twins[2]._handle.number, "handle of a case, expected a fit")]:
+        for name, more in [("beamid_text", (key, len(key), None, 0, ctypes.byref(n))),
+                           ("beamid_judge", ()), ("beamid_infer", (b"profile", 7))]:
+            with pytest.raises(beamid.InputError, match=message):
+                library.call(name, number, *more)
+    number = ctypes.c_longlong(twins[0]._handle.number.value)
+    with pytest.raises(beamid.InputError, match="handle of a fit, expected an open case"):
+        library.call("beamid_respond", number, 0, None, 0, None, None)
+    del twins
+    gc.collect()
+    with pytest.raises(beamid.InputError, match="null or closed"):
+        library.call("beamid_judge", number)
+    with pytest.raises(beamid.InputError, match="sum of the records' sizes"):
+        library.call("beamid_open", b"x", 1, b"y", 1, 1, (ctypes.c_int*1)(5), 3, None, None, 1,
+                     ctypes.byref(number))
+    # Buffers that are too small are left alone, and the size is told.
+    fit = beamid.fit(*record, free=FREE, **MODEL)
+    buffer, rows, columns = np.full(8, 7.0), ctypes.c_int(), ctypes.c_int()
+    library.call("beamid_array", fit._handle.number, b"covariance", 10, 8, buffer.ctypes.data,
+                 ctypes.byref(rows), ctypes.byref(columns))
+    assert (buffer == 7).all() and (rows.value, columns.value) == (4, 4)
+
+
+def slow(record, kind):
+    """A computation of an hour or more."""
+    keys = dict(free=FREE, **MODEL)
+    if kind == "bootstrap":
+        return beamid.bootstrap(*record, bootstrap=dict(n=10**6), **keys)
+    if kind == "sample":
+        return beamid.sample(*record, sample=dict(draws=10**7, method="chains"), **keys)
+    if kind == "multistart":
+        return beamid.fit(*record, multistart=dict(n=10**5), **keys)
+    keys["integrator"] = dict(method="cvode", rtol=1e-11)
+    keys["discretization"] = dict(elements=list(range(79, 129)))
+    return beamid.fit(*record, **keys)
+
+
+@pytest.mark.parametrize("kind", ["bootstrap", "sample", "multistart", "cvode"])
+@pytest.mark.parametrize("after", [0.0, 0.02, 0.3])
+def test_interrupt(record, problem, fit, kind, after):
+    """Ctrl-C ends each of them, and the next fit finds the same as ever."""
+    timer = threading.Timer(after, os.kill, (os.getpid(), signal.SIGINT))
+    with pytest.raises(KeyboardInterrupt):
+        timer.start()
+        slow(record, kind)
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    timer.join()
+    assert (problem.fit().values == fit.values).all()
+
+
+def test_progress(record):
+    """Pieces grow to all of them; the callback's exception stops the computation."""
+    heard = []
+    beamid.bootstrap(NOISY, progress=lambda *piece: heard.append(piece))
+    replicates = [piece[:2] for piece in heard if piece[2] == "resampled records"]
+    assert replicates[-1][0] == replicates[-1][1] > 100
+    assert [part for part, _ in replicates] == sorted(part for part, _ in replicates)
+
+    class Enough(Exception):
+        pass
+
+    def stop(part, whole, what):
+        if what == "resampled records":
+            raise Enough(part)
+
+    with pytest.raises(Enough):
+        beamid.bootstrap(*record, bootstrap=dict(n=10**6), free=FREE, progress=stop, **MODEL)
+
+    def fit_inside(*_):
+        beamid.fit(*record, free=FREE, **MODEL)
+
+    with pytest.raises(beamid.ComputationError, match="call inside another one"):
+        beamid.bootstrap(NOISY, progress=fit_inside)
+    assert beamid.fit(*record, free=FREE, progress=True, **MODEL).no_fit == ""
+
+
+def values_elsewhere(send, record, kind):
+    """Runs in another process."""
+    if kind == "fit":
+        values = beamid.fit(*record, free=FREE, **MODEL).values
+    else:
+        values = beamid.bootstrap(NOISY, ).estimates
+    send.send(values)
+
+
+@pytest.mark.parametrize("method", ["fork", "spawn", "forkserver"])
+@pytest.mark.parametrize("kind", ["fit", "bootstrap"])
+def test_other_processes(record, fit, method, kind):
+    """The same in a child, though the parent has used threads, of which a forked child has none."""
+    expected = fit.values if kind == "fit" else beamid.bootstrap(NOISY).estimates
+    context = multiprocessing.get_context(method)
+    receive, send = context.Pipe(duplex=False)
+    child = context.Process(target=values_elsewhere, args=(send, record, kind))
+    child.start()
+    try:
+        assert receive.poll(120), "no answer from the child"
+        assert (receive.recv() == expected).all()
+    finally:
+        child.kill()
+        child.join()
+
+
+def test_fork_during_a_computation(record):
+    """A child forked while another thread computes says so, instead of waiting for ever."""
+    stop = threading.Event()
+
+    def until_stopped(*_):
+        if stop.is_set():
+            raise RuntimeError("stopped")
+
+    def compute():
+        with pytest.raises(RuntimeError, match="stopped"):
+            beamid.bootstrap(*record, bootstrap=dict(n=10**6), free=FREE, progress=running, **MODEL)
+
+    begun = threading.Event()
+
+    def running(*piece):
+        begun.set()
+        until_stopped()
+
+    thread = threading.Thread(target=compute)
+    thread.start()
+    assert begun.wait(60)
+    context = multiprocessing.get_context("fork")
+    receive, send = context.Pipe(duplex=False)
+
+    def child():
+        try:
+            beamid.fit(*record, free=FREE, **MODEL)
+        except beamid.ComputationError as error:
+            send.send(str(error))
+
+    process = context.Process(target=child)
+    process.start()
+    try:
+        assert receive.poll(60), "no answer from the child"
+        assert "'spawn' or 'forkserver'" in receive.recv()
+    finally:
+        process.kill()
+        process.join()
+        stop.set()
+        thread.join()
 
 
 def test_bad_responses():
@@ -308,7 +540,6 @@ def test_notebook(monkeypatch):
     assert space["fit"].no_fit == ""
 
 
-NOISY = DATA / "table_4_1_noisy.nml"
 COMMANDS = {"profile": beamid.profile, "sample": beamid.sample, "bootstrap": beamid.bootstrap}
 
 

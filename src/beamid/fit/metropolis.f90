@@ -3,7 +3,7 @@
 module beamid_metropolis
    use beamid_densities, only: coordinate_t, density_t, impossible
    use beamid_errors, only: error_t, failure
-   use beamid_interrupts, only: stop_flag
+   use beamid_interrupts, only: interrupted, stop_flag
    use beamid_kinds, only: wp
    use beamid_lapack, only: dpotrf
    use beamid_noise, only: gaussian_noise, uniform_noise
@@ -102,6 +102,7 @@ contains
       do step = 1, total
          place = modulo(step - 1, block)
          if (place == 0) then
+            if (interrupted()) exit
             !$omp critical (one_block_done)
             finished = finished + min(block, total - step + 1)
             if (present(monitor)) call monitor%advanced(finished, whole, 'steps of chains')

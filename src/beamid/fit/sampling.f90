@@ -7,7 +7,7 @@ module beamid_sampling
    use beamid_chains, only: bulk_size, scale_reduction, tail_size
    use beamid_densities, only: coordinate_t, density_t, impossible, new_coordinate
    use beamid_errors, only: error_t, failure
-   use beamid_interrupts, only: stop_flag
+   use beamid_interrupts, only: check_interrupt, interrupted, stop_flag
    use beamid_kinds, only: wp
    use beamid_lapack, only: dpotrf, dtrtrs
    use beamid_metropolis, only: factor_covariance, run_chains
@@ -77,15 +77,16 @@ contains
       if (allocated(error)) return
       good = .false.
       if (plan%importance) call draw_weighted(density, proposal, plan, draws, good, monitor)
-      if (.not. good) then
+      if (.not. (good .or. interrupted())) then
          draws%weighted = .false.
          counted = draws%evaluations
          call run_chains(density, proposal%coordinate, proposal%mode, proposal%axes, chains, &
             plan%draws/chains, plan%seed, draws%q, draws%log_density, draws%evaluations, error, &
             monitor)
          draws%evaluations = draws%evaluations + counted
-         if (allocated(error)) return
       end if
+      call check_interrupt(error)
+      if (allocated(error)) return
       call judge(draws, error)
    end subroutine sample
 
@@ -100,6 +101,7 @@ contains
       n = size(draws%q, 1)
       allocate (draws%bulk(n), draws%tail(n), draws%reduction(n))
       do k = 1, n
+         if (interrupted()) return
          values = reshape(draws%q(k, :), [size(draws%q, 2)/chains, chains])
          draws%bulk(k) = bulk_size(values)
          draws%tail(k) = tail_size(values)
@@ -262,6 +264,7 @@ contains
          do
             call draw_more(density, proposal, plan%seed + 104729*round, wanted, x, value, &
                log_weight, monitor)
+            if (interrupted()) return
             if (.not. any(log_weight > impossible)) then
                draws%evaluations = draws%evaluations + wanted
                return
@@ -308,6 +311,7 @@ contains
       finished = had
       !$omp parallel do schedule(dynamic, 1) private(first, last) copyin(stop_flag)
       do b = had/block + 1, (wanted + block - 1)/block
+         if (interrupted()) cycle
          first = max((b - 1)*block, had) + 1
          last = min(b*block, wanted)
          call draw_block(density, proposal, seed + 7919*b, first - (b - 1)*block, &

@@ -11,7 +11,7 @@ module beamid_designs
    use beamid_experiments, only: experiment_t
    use beamid_galerkin, only: mesh_t
    use beamid_information, only: eliminate, predict, prediction_t
-   use beamid_interrupts, only: check_interrupt, stop_flag
+   use beamid_interrupts, only: check_interrupt, interrupted, stop_flag
    use beamid_kinds, only: wp
    use beamid_parameters, only: as_named, free_magnitude, get_free, name_of_parameter
    use beamid_priors, only: priors_of
@@ -99,6 +99,7 @@ contains
       allocate (shares(size(designs%box%duration)*n_F*n_S))
       !$omp parallel do schedule(dynamic, 1) copyin(stop_flag)
       do k = 0, n_F*n_S - 1
+         if (interrupted()) cycle
          call inform(setup, designs, k, windows, shares)
       end do
       !$omp end parallel do
@@ -379,6 +380,7 @@ contains
 
       !$omp parallel do copyin(stop_flag)
       do k = 1, size(designs%list)
+         if (interrupted()) cycle
          call add_shares(designs, shares, k)
       end do
       !$omp end parallel do

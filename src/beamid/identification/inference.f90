@@ -5,7 +5,7 @@ module beamid_inference
    use beamid_errors, only: error_t, failure
    use beamid_experiments, only: experiment_t
    use beamid_galerkin, only: mesh_t
-   use beamid_interrupts, only: check_interrupt, stop_flag
+   use beamid_interrupts, only: check_interrupt, interrupted, stop_flag
    use beamid_kinds, only: wp
    use beamid_least_squares, only: fit, fit_t, monitor_t, options_t
    use beamid_noise, only: gaussian_noise
@@ -133,6 +133,7 @@ contains
       finished = 0
       !$omp parallel do schedule(dynamic, 1) copyin(stop_flag)
       do task = 1, 2*n
+         if (interrupted()) cycle
          call follow((task + 1)/2, 2 - modulo(task, 2))
          !$omp critical (one_side_done)
          finished = finished + 1
@@ -286,6 +287,7 @@ contains
       bootstrap%reason = ''
       !$omp parallel do schedule(dynamic, 8) private(failed) copyin(stop_flag)
       do number = 1, plan%n
+         if (interrupted()) cycle
          call fit_one(number, failed)
          done(number) = .not. allocated(failed)
          !$omp critical (one_replicate_done)

@@ -4,7 +4,7 @@ module beamid_multistart
    use beamid_experiments, only: experiment_t
    use beamid_galerkin, only: mesh_t
    use beamid_identification, only: identify, model_t, outcome_t, stage_fit_t
-   use beamid_interrupts, only: check_interrupt, stop_flag
+   use beamid_interrupts, only: check_interrupt, interrupted, stop_flag
    use beamid_kinds, only: wp
    use beamid_least_squares, only: monitor_t
    use beamid_noise, only: uniform_noise
@@ -61,6 +61,7 @@ contains
       finished = 0
       !$omp parallel do schedule(dynamic, 1) copyin(stop_flag)
       do k = 1, plan%n
+         if (interrupted()) cycle
          call identify(model, mesh, from_elsewhere(model, stages, plan, k), experiments, &
             outcomes(k)%fits, outcomes(k)%error, monitor, check)
          !$omp critical (one_start_done)

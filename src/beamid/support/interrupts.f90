@@ -31,15 +31,12 @@ module beamid_interrupts
    integer(c_int), target, save, volatile :: flag_of_process = 0
    integer(c_int), target, save, volatile :: flag_of_thread = 0
    integer(c_int), pointer, save, volatile :: stop_flag => flag_of_process
-   !> Calls by C that are in hand in this thread, one inside the other.
-   integer, save :: depth = 0
-   !$omp threadprivate(flag_of_thread, stop_flag, depth)
+   !$omp threadprivate(flag_of_thread, stop_flag)
 
    !> Checks left before the flag is set by itself; 0: never (tests).
    integer, save, volatile :: countdown = 0
 
-   !> Whether a call by C has replaced the action of `sigint`, and the action before that.
-   logical, save :: catches = .false.
+   !> The action of `sigint` before a call by C replaced it.
    type(signal_action_t), target, save :: action_before
 
    integer(c_int), parameter :: numbers(*) = [sighup, sigint, sigterm, sigxfsz, sigalrm]
@@ -92,18 +89,15 @@ contains
       flag_of_process = number
    end subroutine set_flag
 
-   !> Begins a call by C; to be ended by `end_call` in the same thread. A call inside another one, as
-   !> from a progress callback, shares the flag of the outer one.
+   !> Begins a call by C; to be ended by `end_call` in the same thread.
    !>
    !> catch  whether `sigint` is to stop the call: at most one thread at a time may ask for that. The
-   !>        action of `sigint` is replaced until the outermost call ends.
+   !>        action of `sigint` is replaced until the call ends.
    subroutine begin_call(catch)
       logical, intent(in) :: catch
       integer(c_intptr_t) :: ignored
       integer(c_int) :: failed
 
-      depth = depth + 1
-      if (depth > 1) return
       if (.not. catch) then
          flag_of_thread = 0
          stop_flag => flag_of_thread
@@ -113,24 +107,17 @@ contains
       stop_flag => flag_of_process
       failed = c_sigaction(sigint, c_null_ptr, c_loc(action_before))
       ignored = c_signal(sigint, transfer(c_funloc(set_flag), 0_c_intptr_t))
-      catches = .true.
    end subroutine begin_call
 
    !> Ends a call by C, and restores the action of `sigint`.
    !>
-   !> flag  0; a signal that has come since the outermost call began, which nobody has acted on yet;
-   !>       or `stopped_by_caller`. 0 for a call inside another one.
+   !> flag  0; a signal that has come since the call began; or `stopped_by_caller`
    subroutine end_call(flag)
       integer(c_int), intent(out) :: flag
+      integer(c_int) :: failed
 
-      flag = 0
-      if (depth == 0) return
-      depth = depth - 1
-      if (depth > 0) return
-      if (associated(stop_flag, flag_of_process) .and. catches) then
-         flag = c_sigaction(sigint, c_loc(action_before), c_null_ptr)
-         catches = .false.
-      end if
+      if (associated(stop_flag, flag_of_process)) failed = c_sigaction(sigint, c_loc(action_before), &
+         c_null_ptr)
       flag = stop_flag
       stop_flag = 0
    end subroutine end_call

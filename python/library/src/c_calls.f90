@@ -1,0 +1,203 @@
+!> What surrounds each call by C that computes: interrupts, progress, and processes that were
+!> forked.
+!>
+!> `beamid_begin` and `beamid_end` enclose a call. In between, the flag of an interrupt belongs to
+!> the call (`beamid_interrupts`), and a callback hears of the progress.
+module beamid_c_calls
+   use, intrinsic :: iso_c_binding, only: c_associated, c_char, c_f_procpointer, c_funloc, &
+      c_funptr, c_int, c_null_char, c_null_funptr
+   use, intrinsic :: iso_fortran_env, only: int64
+   use omp_lib, only: omp_get_thread_num, omp_set_num_threads
+   use beamid_errors, only: error_t, failure
+   use beamid_interrupts, only: begin_call, end_call, stop_call
+   use beamid_kinds, only: wp
+   use beamid_least_squares, only: monitor_t
+   implicit none
+   private
+
+   public :: beamid_watch_forks, beamid_begin, beamid_end, progress_t, progress_of_call
+   public :: characters, told
+
+   !> Passes the progress of a computation on to the callback of the call.
+   type, extends(monitor_t) :: progress_t
+      procedure(callback), pointer, nopass, private :: tell => null()
+      integer(int64), private :: last = -huge(1_int64)   !< when the callback was called
+   contains
+      procedure :: iteration
+      procedure :: done
+      procedure :: advanced
+   end type progress_t
+
+   abstract interface
+      !> Hears of the progress, in the thread of the call, at most ten times a second.
+      !>
+      !> part, whole  how many pieces are done, and of how many; whole = 0: not known
+      !> what         (length) name of the pieces
+      !> result       other than 0: the computation is to stop
+      integer(c_int) function callback(part, whole, what, length) bind(c)
+         import :: c_char, c_int
+         integer(c_int), value :: part, whole, length
+         character(kind=c_char), intent(in) :: what(length)
+      end function callback
+
+      subroutine fork_handler() bind(c)
+      end subroutine fork_handler
+   end interface
+
+   interface
+      integer(c_int) function c_atfork(prepare, parent, child) bind(c, name='pthread_atfork')
+         import :: c_funptr, c_int
+         type(c_funptr), value :: prepare, parent, child
+      end function c_atfork
+   end interface
+
+   !> Calls between `beamid_begin` and `beamid_end` in all threads.
+   integer, save :: in_hand = 0
+   logical, save :: watches = .false.
+   !> Whether this process was forked from one that had loaded the library, and whether a call was
+   !> in hand in it then.
+   logical, save :: is_forked = .false., was_busy = .false.
+
+   logical, save :: calling = .false.
+   type(c_funptr), save :: callback_of_call
+   !$omp threadprivate(calling, callback_of_call)
+
+contains
+
+   !> Has the library notice when the process is forked; to be called before any OpenMP region of
+   !> the process. Threads of libgomp do not survive a fork, and a region in the child would wait
+   !> for them for ever: in the child every region runs in one thread.
+   subroutine beamid_watch_forks() bind(c)
+      integer(c_int) :: ignored
+
+      if (.not. watches) ignored = c_atfork(c_null_funptr, c_null_funptr, c_funloc(note_fork))
+      watches = .true.
+   end subroutine beamid_watch_forks
+
+   !> Notes, in the child, that the process was forked.
+   subroutine note_fork() bind(c)
+      is_forked = .true.
+      was_busy = was_busy .or. in_hand > 0
+   end subroutine note_fork
+
+   !> Begins a call; to be ended by `beamid_end` in the same thread.
+   !>
+   !> catch     1: `SIGINT` stops the call; at most one thread at a time may ask for that
+   !> progress  a `callback`, or null
+   !> result    0; 1: not begun, and `message` (room) says why
+   integer(c_int) function beamid_begin(catch, progress, message, room) result(status) bind(c)
+      integer(c_int), value, intent(in) :: catch, room
+      type(c_funptr), value, intent(in) :: progress
+      character(kind=c_char), intent(inout) :: message(room)
+      type(error_t), allocatable :: error
+
+      call beamid_watch_forks()
+      if (calling) then
+         call failure(error, 'found a call inside another one, as from a progress callback; '// &
+            'expected one call at a time in each thread')
+      else if (was_busy) then
+         call failure(error, 'this process was forked while a computation was running, and '// &
+            'cannot compute: start processes by ''spawn'' or ''forkserver''')
+      else
+         if (is_forked) call omp_set_num_threads(1)
+         calling = .true.
+         callback_of_call = progress
+         !$omp atomic
+         in_hand = in_hand + 1
+         call begin_call(catch == 1)
+      end if
+      status = told(error, message)
+   end function beamid_begin
+
+   !> Ends the call of this thread; does nothing if there is none.
+   !>
+   !> result  0: the call was not interrupted; the number of the signal that came since it began,
+   !>         even if the computation had ended before; -1: the callback has stopped it
+   integer(c_int) function beamid_end() result(flag) bind(c)
+      flag = 0
+      if (.not. calling) return
+      call end_call(flag)
+      !$omp atomic
+      in_hand = in_hand - 1
+      calling = .false.
+      callback_of_call = c_null_funptr
+   end function beamid_end
+
+   !> Returns a monitor for the callback of the call; null if there is none.
+   function progress_of_call() result(monitor)
+      type(progress_t), pointer :: monitor
+
+      monitor => null()
+      if (.not. calling) return
+      if (.not. c_associated(callback_of_call)) return
+      allocate (monitor)
+      call c_f_procpointer(callback_of_call, monitor%tell)
+   end function progress_of_call
+
+   subroutine iteration(self, label, number, evaluations, J, names, parameters)
+      class(progress_t), intent(inout) :: self
+      character(len=*), intent(in) :: label, names(:)
+      integer, intent(in) :: number, evaluations
+      real(wp), intent(in) :: J, parameters(:)
+
+      call report(self, evaluations, 0, 'evaluations, '//label)
+   end subroutine iteration
+
+   subroutine done(self, part, whole)
+      class(progress_t), intent(inout) :: self
+      integer, intent(in) :: part, whole
+   end subroutine done
+
+   subroutine advanced(self, part, whole, pieces)
+      class(progress_t), intent(inout) :: self
+      integer, intent(in) :: part, whole
+      character(len=*), intent(in) :: pieces
+
+      call report(self, part, whole, pieces)
+   end subroutine advanced
+
+   !> Calls the callback if this is the thread of the call and a tenth of a second has passed, or
+   !> all is done.
+   subroutine report(self, part, whole, what)
+      class(progress_t), intent(inout) :: self
+      integer, intent(in) :: part, whole
+      character(len=*), intent(in) :: what
+      integer(int64) :: now, rate
+
+      if (omp_get_thread_num() /= 0 .or. .not. calling) return
+      call system_clock(now, rate)
+      if (part /= whole .and. now < self%last + rate/10) return
+      self%last = now
+      if (self%tell(int(part, c_int), int(whole, c_int), what, len(what, c_int)) /= 0) &
+         call stop_call()
+   end subroutine report
+
+   !> Returns the status of an error, 0 for none, and copies its message as far as there is room.
+   integer(c_int) function told(error, message) result(status)
+      type(error_t), allocatable, intent(in) :: error
+      character(kind=c_char), intent(inout) :: message(:)
+      integer :: k, length
+
+      status = 0
+      if (allocated(error)) status = error%status
+      if (size(message) == 0) return
+      length = 0
+      if (allocated(error)) length = min(len(error%message), size(message) - 1)
+      do k = 1, length
+         message(k) = error%message(k:k)
+      end do
+      message(length + 1) = c_null_char
+   end function told
+
+   !> Returns characters of C as a text.
+   pure function characters(letters) result(text)
+      character(kind=c_char), intent(in) :: letters(:)
+      character(len=size(letters)) :: text
+      integer :: k
+
+      do k = 1, size(letters)
+         text(k:k) = letters(k)
+      end do
+   end function characters
+
+end module beamid_c_calls

@@ -1,0 +1,135 @@
+!> Handles: numbers that stand for the objects that C holds. A number is never used twice, so that a
+!> null, invented or closed handle is an error and never a pointer to something else.
+module beamid_c_handles
+   use, intrinsic :: iso_c_binding, only: c_int64_t
+   use beamid_errors, only: bad_input, error_t
+   implicit none
+   private
+
+   public :: new_handle, borrow, give_back, close_handle
+
+   type :: slot_t
+      class(*), pointer :: item => null()
+      integer(c_int64_t) :: handle = 0    !< 0: the slot is vacant
+      integer :: borrowers = 0            !< calls that use the item
+      logical :: lent_alone = .false.     !< to one call that may change it
+      integer :: next_vacant = 0          !< 0: none
+   end type slot_t
+
+   !> A handle is a serial number times this, plus the place of its slot.
+   integer(c_int64_t), parameter :: most_slots = 2_c_int64_t**24
+
+   type(slot_t), allocatable, save :: slots(:)
+   integer, save :: first_vacant = 0
+   integer(c_int64_t), save :: serial = 0
+
+contains
+
+   !> Returns a handle for an item, which belongs to the table from now on.
+   integer(c_int64_t) function new_handle(item) result(handle)
+      class(*), pointer, intent(in) :: item
+      integer :: k
+
+      !$omp critical (handles_of_beamid)
+      if (first_vacant == 0) call add_slots()
+      k = first_vacant
+      first_vacant = slots(k)%next_vacant
+      serial = serial + 1
+      handle = serial*most_slots + k
+      slots(k) = slot_t(item, handle)
+      !$omp end critical (handles_of_beamid)
+   end function new_handle
+
+   subroutine add_slots()
+      type(slot_t), allocatable :: more(:)
+      integer :: k, n
+
+      n = 0
+      if (allocated(slots)) n = size(slots)
+      allocate (more(2*n + 16))
+      if (n > 0) more(:n) = slots
+      do k = n + 1, size(more) - 1
+         more(k)%next_vacant = k + 1
+      end do
+      first_vacant = n + 1
+      call move_alloc(more, slots)
+   end subroutine add_slots
+
+   !> Borrows the item of a handle; to be given back.
+   !>
+   !> alone  whether the caller may change the item: no other call may have borrowed it
+   !> what   name of such an item in the error, as 'a fit'
+   !> item   not associated if there is an error
+   subroutine borrow(handle, alone, what, item, error)
+      integer(c_int64_t), intent(in) :: handle
+      logical, intent(in) :: alone
+      character(len=*), intent(in) :: what
+      class(*), pointer, intent(out) :: item
+      type(error_t), allocatable, intent(out) :: error
+      integer :: k
+      logical :: in_use
+
+      item => null()
+      in_use = .false.
+      !$omp critical (handles_of_beamid)
+      k = place_of(handle)
+      if (k > 0) then
+         in_use = slots(k)%lent_alone .or. (alone .and. slots(k)%borrowers > 0)
+         if (.not. in_use) then
+            item => slots(k)%item
+            slots(k)%borrowers = slots(k)%borrowers + 1
+            slots(k)%lent_alone = alone
+         end if
+      end if
+      !$omp end critical (handles_of_beamid)
+      if (k == 0) call bad_input(error, 'found a handle that is null or closed, expected '//what)
+      if (in_use) call bad_input(error, 'found '//what//' that another call is using, expected '// &
+         'one call at a time')
+   end subroutine borrow
+
+   !> Gives back what `borrow` has lent.
+   subroutine give_back(handle)
+      integer(c_int64_t), intent(in) :: handle
+      integer :: k
+
+      !$omp critical (handles_of_beamid)
+      k = place_of(handle)
+      if (k > 0) then
+         slots(k)%borrowers = slots(k)%borrowers - 1
+         slots(k)%lent_alone = .false.
+      end if
+      !$omp end critical (handles_of_beamid)
+   end subroutine give_back
+
+   !> Deletes the item of a handle. An item in use is an error.
+   subroutine close_handle(handle, error)
+      integer(c_int64_t), intent(in) :: handle
+      type(error_t), allocatable, intent(out) :: error
+      class(*), pointer :: item
+
+      call borrow(handle, .true., 'an open one', item, error)
+      if (allocated(error)) return
+      !$omp critical (handles_of_beamid)
+      associate (k => place_of(handle))
+         slots(k) = slot_t(next_vacant=first_vacant)
+         first_vacant = k
+      end associate
+      !$omp end critical (handles_of_beamid)
+      deallocate (item)
+   end subroutine close_handle
+
+   !> Returns the place of the slot of a handle; 0: there is none.
+   integer function place_of(handle) result(k)
+      integer(c_int64_t), intent(in) :: handle
+
+      k = int(modulo(handle, most_slots))
+      if (handle <= 0 .or. .not. allocated(slots)) k = 0
+      if (k == 0) return
+      if (k > size(slots)) then
+         k = 0
+      else if (slots(k)%handle /= handle) then
+         k = 0
+      end if
+   end function place_of
+
+end module beamid_c_handles

@@ -1,0 +1,209 @@
+!> Results of a fit for C: arrays and texts, copied out by name.
+module beamid_c_results
+   use, intrinsic :: iso_c_binding, only: c_char, c_double, c_int, c_int64_t
+   use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
+   use beamid_c_calls, only: characters, told
+   use beamid_c_handles, only: give_back
+   use beamid_c_objects, only: borrow_outcome, outcome_t
+   use beamid_case_files, only: groups
+   use beamid_errors, only: bad_input, error_t
+   use beamid_identification, only: stage_fit_t
+   use beamid_kinds, only: wp
+   use beamid_statistics, only: unlimited
+   implicit none
+   private
+
+   public :: beamid_array, beamid_text, beamid_groups
+
+contains
+
+   !> Copies an array of a fit.
+   !>
+   !> name     estimates  (n, 11) start, value, its bounds, standard error, and the ends of the 95 %
+   !>                     intervals from white noise, from the noise as it is, from every source of
+   !>                     error
+   !>          covariance, correlation  (n, n) of the variables of the search
+   !>          residual (m), jacobian (m, n), t (m), measured (m)
+   !>          modes      (k, 7) record, s, |s|/(2 pi), damping ratio, half widths of both; none
+   !>                     before the fit is judged
+   !>          J          (2) sum of squares, and over the window of the score or -1
+   !> places         size of `data`
+   !> data           (rows*columns) column by column; left alone if `places` is smaller
+   !> rows, columns  of the array
+   integer(c_int) function beamid_array(handle, name, name_length, places, data, rows, columns, &
+      message, room) result(status) bind(c)
+      integer(c_int64_t), value, intent(in) :: handle
+      integer(c_int), value, intent(in) :: name_length, room
+      integer(c_int64_t), value, intent(in) :: places
+      character(kind=c_char), intent(in) :: name(name_length)
+      real(c_double), intent(inout) :: data(places)
+      integer(c_int), intent(out) :: rows, columns
+      character(kind=c_char), intent(inout) :: message(room)
+      type(outcome_t), pointer :: outcome
+      type(stage_fit_t), pointer :: fit
+      type(error_t), allocatable :: error
+      integer :: k
+
+      rows = 0
+      columns = 0
+      call borrow_outcome(handle, outcome, error)
+      if (.not. allocated(error)) then
+         fit => outcome%last_fit()
+         associate (found => outcome%found)
+            select case (characters(name))
+            case ('estimates'); call give_matrix(estimates_of(fit))
+            case ('covariance'); call give_matrix(fit%statistics%covariance)
+            case ('correlation'); call give_matrix(fit%statistics%correlation)
+            case ('jacobian'); call give_matrix(fit%jacobian)
+            case ('modes')
+               if (allocated(outcome%modes)) call give_matrix(outcome%modes)
+            case ('residual'); call give_vector(fit%residual)
+            case ('t')
+               call give_vector([(found%experiments(k)%samples, k=1, size(found%experiments))])
+            case ('measured')
+               call give_vector([(found%experiments(k)%measured, k=1, size(found%experiments))])
+            case ('J'); call give_vector([fit%fit%J, fit%score])
+            case default
+               call bad_input(error, 'found an unknown name of an array, expected one of '// &
+                  'estimates, covariance, correlation, jacobian, modes, residual, t, measured, J')
+            end select
+         end associate
+         call give_back(handle)
+      end if
+      status = told(error, message)
+
+   contains
+
+      subroutine give_vector(values)
+         real(wp), intent(in) :: values(:)
+
+         rows = size(values)
+         columns = 1
+         if (places >= size(values)) data(:size(values)) = values
+      end subroutine give_vector
+
+      subroutine give_matrix(values)
+         real(wp), intent(in) :: values(:, :)
+         integer :: j
+
+         rows = size(values, 1)
+         columns = size(values, 2)
+         if (places < size(values)) return
+         do j = 1, size(values, 2)
+            data((j - 1)*size(values, 1) + 1:j*size(values, 1)) = values(:, j)
+         end do
+      end subroutine give_matrix
+
+   end function beamid_array
+
+   !> Returns the rows of 'estimates' (n, 11); NaN: not determined.
+   function estimates_of(fit) result(table)
+      type(stage_fit_t), intent(in) :: fit
+      real(wp) :: table(size(fit%quantities), 11)
+      integer :: k
+
+      table(:, :) = ieee_value(1.0_wp, ieee_quiet_nan)
+      do k = 1, size(table, 1)
+         associate (q => fit%quantities(k), s => fit%statistics, row => table(k, :))
+            row(:4) = [q%start, q%value, q%lower, q%upper]
+            if (s%samples == 0) cycle
+            if (.not. s%std_error(k) < unlimited) cycle
+            row(5:7) = q%limits(s%std_error(k), s%half_width(k))
+            if (.not. fit%half_width(k) < unlimited) cycle
+            row(8:9) = q%ends([1, 1]*s%corrected_half_width(k))
+            row(10:11) = q%ends(fit%total(k))
+         end associate
+      end do
+   end function estimates_of
+
+   !> Copies a text of a fit, as far as there is room.
+   !>
+   !> name    names       of the estimates, one a line
+   !>         units       of the estimates
+   !>         note        parameters that the program holds because a mode is not in the record
+   !>   and of a fit that was judged
+   !>         summary     as the program prints it
+   !>         no_fit      why this is no fit
+   !>         intervals   text of the last `beamid_infer`
+   !>         tables      names of the tables, one a line; each is the name of a text as well
+   !> length  of the whole text
+   integer(c_int) function beamid_text(handle, name, name_length, text, places, length, message, &
+      room) result(status) bind(c)
+      integer(c_int64_t), value, intent(in) :: handle
+      integer(c_int), value, intent(in) :: name_length, places, room
+      character(kind=c_char), intent(in) :: name(name_length)
+      character(kind=c_char), intent(inout) :: text(places), message(room)
+      integer(c_int), intent(out) :: length
+      type(outcome_t), pointer :: outcome
+      type(stage_fit_t), pointer :: fit
+      character(len=:), allocatable :: content
+      type(error_t), allocatable :: error
+      integer :: k
+
+      length = 0
+      call borrow_outcome(handle, outcome, error)
+      if (.not. allocated(error)) then
+         !$omp critical (texts_of_beamid)
+         content = ''
+         fit => outcome%last_fit()
+         associate (found => outcome%found)
+            select case (characters(name))
+            case ('names')
+               do k = 1, size(fit%quantities)
+                  content = content//trim(fit%quantities(k)%name)//new_line('a')
+               end do
+            case ('units')
+               do k = 1, size(fit%quantities)
+                  content = content//outcome%case%units%of_quantity(fit%quantities(k)%parameter, &
+                     fit%excitation)//new_line('a')
+               end do
+            case ('note')
+               if (allocated(fit%note)) content = fit%note
+            case ('summary')
+               if (allocated(outcome%summary)) content = outcome%summary
+            case ('intervals')
+               if (allocated(outcome%intervals)) content = outcome%intervals
+            case ('no_fit')
+               if (allocated(found%verdict%no_fit)) content = found%verdict%no_fit
+            case ('tables'); content = outcome%tables%names()
+            case default; content = outcome%tables%text_of(characters(name))
+            end select
+         end associate
+         call copy(content, text)
+         length = len(content)
+         !$omp end critical (texts_of_beamid)
+         call give_back(handle)
+      end if
+      status = told(error, message)
+   end function beamid_text
+
+   !> Copies the names of the groups of a case file, one a line, as far as there is room. Returns
+   !> the length of the whole text.
+   integer(c_int) function beamid_groups(text, places) result(length) bind(c)
+      integer(c_int), value, intent(in) :: places
+      character(kind=c_char), intent(inout) :: text(places)
+      character(len=:), allocatable :: content
+      integer :: k
+
+      !$omp critical (texts_of_beamid)
+      content = ''
+      do k = 1, size(groups)
+         content = content//trim(groups(k)%name)//new_line('a')
+      end do
+      call copy(content, text)
+      length = len(content)
+      !$omp end critical (texts_of_beamid)
+   end function beamid_groups
+
+   !> Copies a text into characters of C, as far as there is room.
+   subroutine copy(content, text)
+      character(len=*), intent(in) :: content
+      character(kind=c_char), intent(inout) :: text(:)
+      integer :: k
+
+      do k = 1, min(len(content), size(text))
+         text(k) = content(k:k)
+      end do
+   end subroutine copy
+
+end module beamid_c_results
