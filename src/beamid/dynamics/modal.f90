@@ -70,6 +70,8 @@ contains
       call synthesize(self%poles, excitation, times, which(:n), motion(:, :, :n))
       if (n < size(which)) call turn(self, equations, excitation, times, parameters, &
          motion(:, :, n + 1))
+      call check_interrupt(error)
+      if (allocated(error)) return
       if (.not. all(ieee_is_finite(motion(:, 0, :)))) &
          call failure(error, 'modal: the response is not finite')
    end subroutine motions

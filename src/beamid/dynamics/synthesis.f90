@@ -8,6 +8,7 @@
 module beamid_synthesis
    use beamid_cluster_motion, only: cluster_state_t
    use beamid_excitation, only: excitation_t
+   use beamid_interrupts, only: interrupted
    use beamid_kinds, only: wp
    use beamid_poles, only: poles_t
    implicit none
@@ -60,6 +61,7 @@ contains
       allocate (x(min(block, size(times)), states%columns()))
       weights = weights_of(poles, which, states%columns(), size(motion, 2) - 1)
       do first = 1, size(times), block
+         if (interrupted()) return
          last = min(first + block - 1, size(times))
          call states%through(poles, excitation, times(first:last), x)
          do q = 1, size(which)
