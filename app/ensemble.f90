@@ -2,26 +2,27 @@
 !> part of them; parts of any number of programs make one table.
 module beamid_ensemble
    use, intrinsic :: iso_c_binding, only: c_associated, c_int, c_ptr
-   use, intrinsic :: iso_fortran_env, only: int32, int64
+   use, intrinsic :: iso_fortran_env, only: int64
    use beamid, only: case_t, error_t, failure, needs_nothing, read_case, version, wp
+   use beamid_case_files, only: add_case
    use beamid_commands, only: deliver, folder_of, settings_t
-   use beamid_ensemble_reports, only: add_member, merge_shards, read_members, tally_t
+   use beamid_ensemble_reports, only: merge_shards, tally_t
    use beamid_ensembles, only: ensemble_maker_t, member_t, new_ensemble
    use beamid_errors, only: bad_input, locate
-   use beamid_files, only: read_text
-   use beamid_fleets, only: fit_fleet_case, fleet_case_t, judge_fleet_case, moved, &
-      open_fleet_case, read_fleet
+   use beamid_fingerprints, only: fingerprint_length, fingerprint_t
+   use beamid_fleet_reports, only: add_fleet, recall_fleet
+   use beamid_fleets, only: fit_fleet_case, fleet_case_t, judge_fleet_case, open_fleet_case, &
+      read_fleet
    use beamid_folders, only: lock_folder, make_folders, open_folder
    use beamid_interrupts, only: check_interrupt, stop_flag
-   use beamid_lines, only: csv_row
-   use beamid_manifests, only: crc32, hexadecimal
+   use beamid_member_rows, only: add_member
    use beamid_numbers, only: shown
    use beamid_outputs, only: output_t
-   use beamid_paths, only: directory_of, join_path
+   use beamid_paths, only: join_path
    use beamid_posix, only: c_closedir, reason
    use beamid_refusals, only: refuse
-   use beamid_shards, only: gaps, list_shards, range_of_members_t, remove_shards, shard_path, &
-      temporary_path, write_shard
+   use beamid_shards, only: gaps, list_shards, range_of_members_t, remove_damaged, remove_shards, &
+      shard_path, temporary_path, write_shard
    use beamid_strings, only: to_text
    use beamid_terminal, only: new_progress, print_text, progress_t, tell
    use beamid_texts, only: text_t
@@ -40,7 +41,7 @@ module beamid_ensemble
       type(fleet_case_t), allocatable :: fleet(:)   !< not allocated: records are made
       integer :: members = 0
       character(len=:), allocatable :: folder, shards
-      character(len=8) :: fingerprint = ''
+      character(len=fingerprint_length) :: fingerprint = ''
    end type ensemble_run_t
 
    !> Rows of one member.
@@ -56,13 +57,14 @@ contains
       type(error_t), allocatable, intent(out) :: error
       type(case_t) :: case
       type(ensemble_run_t) :: run
-      type(range_of_members_t) :: wanted
+      type(range_of_members_t) :: missing, wanted
       type(range_of_members_t), allocatable :: shards(:)
       integer, allocatable :: created(:)
-      type(c_ptr) :: folder
-      integer(c_int) :: code, ignored
-      integer :: others
-      logical :: locked
+      integer(c_int) :: code
+      integer :: others, round
+      logical :: is_done
+      !> Rounds in which damaged shards are computed again.
+      integer, parameter :: most_rounds = 3
 
       call read_case(settings%subject, needs_nothing, case, error)
       if (allocated(error)) return
@@ -78,28 +80,85 @@ contains
       if (.not. allocated(error)) call read_part(settings, run%members, wanted, error)
       if (allocated(error)) return
       call make_folders(run%shards, created, code)
-      if (code == 0) call list_shards(run%shards, run%fingerprint, shards, others, code)
       if (code /= 0) then
          call bad_input(error, run%shards//': the folder cannot be written: '//reason(code))
          return
       end if
-      if (others > 0) call tell('beamid: '//run%shards//': found members of another case or '// &
-         'record; they are not used, and removed when this ensemble is complete')
-      call compute(run, gaps(shards, wanted), settings%quiet, error)
+      call list_shards(run%shards, run%fingerprint, shards, others, error)
       if (allocated(error)) return
+      if (others > 0) call tell('beamid: '//run%shards//': found members of another case or of '// &
+         'other files; they are not used, and removed when this ensemble is complete')
+      missing = wanted
+      call drop_damaged(run, missing, shards, error)
+      if (allocated(error)) return
+      do round = 1, most_rounds
+         call compute(run, gaps(shards, missing), settings%quiet, error)
+         if (.not. allocated(error)) call complete(case, run, wanted, settings, shards, is_done, &
+            error)
+         if (allocated(error) .or. is_done) return
+         missing = range_of_members_t(1, run%members)
+      end do
+      call failure(error, run%shards//': found damaged shards again after their members had '// &
+         'been computed '//to_text(most_rounds)//' times; check the disk')
+   end subroutine run_ensemble
+
+   !> Makes the tables if no member is missing.
+   !>
+   !> wanted   members of this run, for its message
+   !> shards   on return the sound ones
+   !> is_done  .false.: shards were damaged, and their members must be computed again
+   subroutine complete(case, run, wanted, settings, shards, is_done, error)
+      type(case_t), intent(in) :: case
+      type(ensemble_run_t), intent(in) :: run
+      type(range_of_members_t), intent(in) :: wanted
+      type(settings_t), intent(in) :: settings
+      type(range_of_members_t), allocatable, intent(inout) :: shards(:)
+      logical, intent(out) :: is_done
+      type(error_t), allocatable, intent(out) :: error
+      type(range_of_members_t) :: members
+      type(c_ptr) :: folder
+      integer(c_int) :: code, ignored
+      integer :: others
+      logical :: locked
+
+      is_done = .true.
+      members = range_of_members_t(1, run%members)
       ! Of several programs that end together one makes the tables before the next looks.
       code = open_folder(run%shards, folder)
       if (code == 0) locked = lock_folder(folder)
-      call list_shards(run%shards, run%fingerprint, shards, others, code)
-      if (size(gaps(shards, range_of_members_t(1, run%members))) > 0) then
+      call list_shards(run%shards, run%fingerprint, shards, others, error)
+      if (.not. allocated(error) .and. size(gaps(shards, members)) > 0) then
          call print_text(case%name//': members '//to_text(wanted%first)//' to '// &
             to_text(wanted%last)//' of '//to_text(run%members)//' are done; the tables follow '// &
             'when all are'//new_line('a'), error)
-      else
-         call finish(case, run, shards, settings, error)
+      else if (.not. allocated(error)) then
+         call drop_damaged(run, members, shards, error)
+         is_done = size(gaps(shards, members)) == 0
+         if (is_done .and. .not. allocated(error)) call finish(case, run, shards, settings, error)
       end if
       if (c_associated(folder)) ignored = c_closedir(folder)
-   end subroutine run_ensemble
+   end subroutine complete
+
+   !> Removes damaged shards that hold members of a range, with one message on standard error.
+   !>
+   !> range   on return it holds all members of the removed shards
+   !> shards  on return without them
+   subroutine drop_damaged(run, range, shards, error)
+      type(ensemble_run_t), intent(in) :: run
+      type(range_of_members_t), intent(inout) :: range
+      type(range_of_members_t), allocatable, intent(inout) :: shards(:)
+      type(error_t), allocatable, intent(out) :: error
+      character(len=:), allocatable :: first
+      integer :: removed
+
+      call remove_damaged(run%shards, run%fingerprint, range, shards, removed, first, error)
+      range%last = min(range%last, run%members)
+      if (removed == 1) call tell('beamid: '//first//': found a damaged shard; it has been '// &
+         'removed, and its members are computed again')
+      if (removed > 1) call tell('beamid: '//first//': found a damaged shard, and '// &
+         to_text(removed - 1)//' more; they have been removed, and their members are computed '// &
+         'again')
+   end subroutine drop_damaged
 
    !> Members first to last, from `--only i:j`; all without it.
    subroutine read_part(settings, members, wanted, error)
@@ -126,76 +185,42 @@ contains
       wanted%last = min(wanted%last, members)
    end subroutine read_part
 
-   !> Reads what all members need, and what the result depends on for the fingerprint.
+   !> Reads what all members need, and takes the fingerprint of everything that results depend on.
    subroutine prepare(case, only_new, run, error)
       type(case_t), intent(in) :: case
       logical, intent(in) :: only_new
       type(ensemble_run_t), intent(inout) :: run
       type(error_t), allocatable, intent(out) :: error
-      character(len=:), allocatable :: bytes, text
+      type(fingerprint_t) :: fingerprint
+      character(len=:), allocatable :: tables
       integer :: k
 
-      bytes = version//new_line('a')//case%text
+      call fingerprint%add(version)
       if (allocated(case%ensemble%cases)) then
-         call read_fleet(join_path(directory_of(case%path), case%ensemble%cases), run%fleet, error)
+         call read_fleet(case%ensemble%cases, version, run%fleet, error)
          call locate(error, case%path//':'//to_text(case%ensemble%line)//': &ensemble cases')
          if (allocated(error)) return
          run%members = size(run%fleet)
-         if (only_new) call recall(run%folder, run%fleet)
          do k = 1, size(run%fleet)
-            bytes = bytes//run%fleet(k)%name//run%fleet(k)%fingerprint
+            call fingerprint%add(run%fleet(k)%name)
+            call fingerprint%add(run%fleet(k)%fingerprint)
          end do
          if (only_new) then
-            call read_text(join_path(run%folder, 'members.csv'), text, error)
-            bytes = bytes//text
-            if (allocated(error)) deallocate (error)
+            call recall_fleet(run%folder, run%fleet, tables, error)
+            if (allocated(error)) then
+               call tell('beamid: '//error%message//'; all cases are fitted as if they were new')
+               deallocate (error)
+            end if
+            call fingerprint%add(tables)
          end if
       else
          call new_ensemble(case, run%maker, error)
          if (allocated(error)) return
          run%members = case%ensemble%members
-         do k = 1, size(case%recordings)
-            if (.not. allocated(case%recordings(k)%path)) cycle
-            call read_text(case%recordings(k)%path, text, error)
-            if (allocated(error)) return
-            bytes = bytes//text
-         end do
       end if
-      run%fingerprint = hexadecimal(crc32(bytes, 0_int32))
+      call add_case(fingerprint, case)
+      run%fingerprint = fingerprint%digits()
    end subroutine prepare
-
-   !> What an earlier run has found: its members by the names of their cases.
-   subroutine recall(folder, fleet)
-      character(len=*), intent(in) :: folder
-      type(fleet_case_t), intent(inout) :: fleet(:)
-      type(member_t), allocatable :: members(:)
-      type(error_t), allocatable :: error
-      character(len=:), allocatable :: cases, line, text
-      integer :: first, j, k, length, status
-
-      call read_text(join_path(folder, 'members.csv'), text, error)
-      if (.not. allocated(error)) call read_text(join_path(folder, 'cases.csv'), cases, error)
-      if (allocated(error)) return
-      call read_members(text, members)
-      first = index(cases, new_line('a')) + 1
-      do while (first <= len(cases))
-         length = index(cases(first:), new_line('a')) - 1
-         if (length < 0) exit
-         ! member,fingerprint,case
-         line = cases(first:first + length - 1)
-         first = first + length + 1
-         read (line(:max(index(line, ',') - 1, 0)), *, iostat=status) j
-         line = line(index(line, ',') + 1:)
-         if (status /= 0 .or. index(line, ',') == 0) cycle
-         if (j < 1 .or. j > size(members)) cycle
-         do k = 1, size(fleet)
-            if (fleet(k)%name /= line(index(line, ',') + 1:)) cycle
-            fleet(k)%before = members(j)%rows
-            fleet(k)%is_as_before = size(fleet(k)%before) > 0 .and. fleet(k)%fingerprint == &
-               line(:index(line, ',') - 1) .and. fleet(k)%fingerprint /= ''
-         end do
-      end do
-   end subroutine recall
 
    !> Runs the members that are missing, and writes a shard for each block of them.
    subroutine compute(run, missing, quiet, error)
@@ -219,15 +244,16 @@ contains
             block%last = min(block%last, missing(k)%last)
             call system_clock(begin, rate)
             if (allocated(run%fleet)) then
-               call run_fleet_block(run%fleet, block, rows)
+               call run_fleet_block(run%fleet, block, rows, error)
             else
                call run_block(run%maker, block, rows)
             end if
             call check_interrupt(error)
             if (allocated(error)) return
-            code = write_shard(shard_path(run%shards, run%fingerprint, block), rows)
+            code = write_shard(run%shards, run%fingerprint, block, rows)
             if (code /= 0) then
-               call failure(error, run%shards//': cannot be written: '//reason(code))
+               call failure(error, shard_path(run%shards, run%fingerprint, block)// &
+                  ': cannot be written: '//reason(code))
                return
             end if
             call system_clock(now)
@@ -271,13 +297,18 @@ contains
    end subroutine run_block
 
    !> Rows of cases. What reads and judges them works with text, and runs in one thread.
-   subroutine run_fleet_block(fleet, block, rows)
+   !>
+   !> error  a file has changed since the fingerprint of the fleet was taken
+   subroutine run_fleet_block(fleet, block, rows, error)
       type(fleet_case_t), intent(inout) :: fleet(:)
       type(range_of_members_t), intent(in) :: block
       character(len=:), allocatable, intent(out) :: rows
+      type(error_t), allocatable, intent(out) :: error
+      character(len=fingerprint_length), allocatable :: expected(:)
       type(rows_t), allocatable :: parts(:)
       integer :: k
 
+      expected = fleet%fingerprint
       do k = block%first, block%last
          if (.not. fleet(k)%is_as_before) call open_fleet_case(fleet(k))
       end do
@@ -292,6 +323,8 @@ contains
             fleet(k)%member%rows = fleet(k)%before
          else
             call judge_fleet_case(fleet(k))
+            if (fleet(k)%fingerprint /= expected(k)) call failure(error, fleet(k)%path// &
+               ': the case or a file that it names has changed since this run began; run it again')
          end if
          parts(k)%text = ''
          call add_member(parts(k)%text, k, fleet(k)%member)
@@ -337,7 +370,9 @@ contains
       call tally%add_to(summary)
       call output%add_file('members.csv', path)
       call output%add('ensemble.csv', tally%table())
-      if (allocated(run%fleet)) call add_fleet(run%fleet, path, settings%only_new, output, summary)
+      if (allocated(run%fleet)) call add_fleet(run%fleet, path, settings%only_new, output, &
+         summary, error)
+      if (allocated(error)) return
       call deliver(output, summary%content(), settings, case%name, error, case%recordings)
       if (allocated(error)) return
       if (allocated(run%fleet)) then
@@ -346,56 +381,5 @@ contains
          call remove_shards(run%shards, but_of=run%fingerprint)
       end if
    end subroutine finish
-
-   !> cases.csv, and changed.csv with what has moved since an earlier run.
-   !>
-   !> path  of the table of all members
-   subroutine add_fleet(fleet, path, only_new, output, summary)
-      type(fleet_case_t), intent(in) :: fleet(:)
-      character(len=*), intent(in) :: path
-      logical, intent(in) :: only_new
-      type(output_t), intent(inout) :: output
-      type(text_t), intent(inout) :: summary
-      type(member_t), allocatable :: members(:)
-      type(error_t), allocatable :: error
-      type(text_t) :: cases, changed
-      character(len=:), allocatable :: text
-      integer :: i, j, k, moves
-
-      call cases%line('member,fingerprint,case')
-      do k = 1, size(fleet)
-         call cases%line(to_text(k)//','//trim(fleet(k)%fingerprint)//','//fleet(k)%name)
-      end do
-      call output%add('cases.csv', cases%content())
-      if (.not. only_new) return
-      call read_text(path, text, error)
-      if (allocated(error)) return
-      call read_members(text, members)
-      call changed%line('member,case,elements,parameter,before,before_lower95,before_upper95,'// &
-         'estimate,total_lower95,total_upper95')
-      moves = 0
-      call summary%line()
-      call summary%line('  '//to_text(count(.not. fleet%is_as_before))//' of '// &
-         to_text(size(fleet))//' cases are new, have changed or had no result, and were fitted')
-      do k = 1, size(fleet)
-         do i = 1, size(members(k)%rows)
-            do j = 1, size(fleet(k)%before)
-               associate (old => fleet(k)%before(j), row => members(k)%rows(i))
-                  if (old%parameter /= row%parameter .or. old%elements /= row%elements) cycle
-                  if (.not. moved(old, row)) cycle
-                  moves = moves + 1
-                  call changed%line(csv_row(to_text(k)//','//fleet(k)%name//','// &
-                     to_text(row%elements)//','//trim(row%parameter), [old%estimate, old%total, &
-                     row%estimate, row%total]))
-                  call summary%line('  moved: '//fleet(k)%name//': '//trim(row%parameter)// &
-                     ' from '//to_text(old%estimate)//' to '//to_text(row%estimate)// &
-                     ', 95 % interval '//to_text(row%total(1))//' to '//to_text(row%total(2)))
-               end associate
-            end do
-         end do
-      end do
-      if (moves == 0) call summary%line('  no parameter has moved by more than its intervals')
-      call output%add('changed.csv', changed%content())
-   end subroutine add_fleet
 
 end module beamid_ensemble

@@ -65,8 +65,8 @@ module beamid_manual
          'Writes members.csv and ensemble.csv, with a list also cases.csv. --only i:j does '// &
          'these members alone; whichever program does the last ones writes the tables. One '// &
          'that was interrupted goes on when it is run again. --only-new fits those cases of a '// &
-         'list that are new or have changed, each from its last estimate, and writes in '// &
-         'changed.csv what has moved.'), &
+         'list that are new, or of which the text or a file has changed, each from its last '// &
+         'estimate, and writes in changed.csv what has moved.'), &
       command_t('new', '[KIND] [DIR]', &
          'a case file with comments and a small record, to begin with', &
          'KIND is free-decay (default), impulse, base or paper; writes case.nml and record.csv '// &
@@ -82,7 +82,7 @@ module beamid_manual
       'no progress on standard error', &
       'identify: the time of a fit, on standard error', &
       'ensemble: these members alone', &
-      'ensemble: only cases without a result, or with another record']
+      'ensemble: only cases without a result, or with changed files']
 
    character(len=*), parameter :: &
       purpose = 'physical parameters of a flexible beam from an accelerometer record', &

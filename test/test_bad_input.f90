@@ -258,7 +258,7 @@ contains
       call refused('no record file', 'file=''record.csv'', ', '', &
          '11: &record file: found nothing|expected the path of a record')
       call refused('empty record file', '''record.csv''', '''''', &
-         '11: &record file: found ''''|expected the path of a record')
+         '11: &record file: found ''''|expected the path of a file')
    end subroutine test_needs
 
    !> An output folder whose path leads through a file, or that the system does not allow.

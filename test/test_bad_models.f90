@@ -562,7 +562,7 @@ contains
       call refused_case('base without a file', replaced(moved(''), 'file=''force.csv''', ''), &
          '6: &excitation file: found nothing|expected')
       call refused_case('base with an empty file', replaced(moved(''), 'force.csv', ''), &
-         '6: &excitation file: found ''''|expected the path of a table')
+         '6: &excitation file: found ''''|expected the path of a file')
       call refused_case('base with no such file', replaced(moved(''), 'force.csv', 'none.csv'), &
          'none.csv: found no such file|expected')
       call refused('frame without a base that moves', delta, delta//', frame=''relative''', &

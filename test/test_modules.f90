@@ -41,6 +41,12 @@ program test_modules
       call check(trim(uses(1, k))//' may use '//trim(uses(2, k)), .false.)
    end do
    call check('no two modules need each other', count_left() == 0)
+   call search("-lE 'use beamid_(paths|files)' --include='*_groups.f90' src/beamid/case", lines)
+   call check('readers of groups take the paths of files from the case, which lists them', &
+      size(lines) == 0)
+   do k = 1, size(lines)
+      call check(trim(lines(k)), .false.)
+   end do
    call search("-niE '^ *(print|stop|error stop)\b|write *\(\*|(output|error)_unit' src/beamid", &
       lines)
    call check('only the command line prints and stops', size(lines) == 0)

@@ -4,7 +4,6 @@ module beamid_along_groups
    use beamid_blocks, only: block_t
    use beamid_errors, only: error_t
    use beamid_kinds, only: wp
-   use beamid_paths, only: directory_of, join_path
    use beamid_series, only: part_t, read_series, series_t
    use beamid_strings, only: to_text
    use beamid_structure, only: of_d_D, of_w_D, of_x_D, structure_t
@@ -28,10 +27,8 @@ module beamid_along_groups
 
 contains
 
-   !> path   of the case file
    !> error  of a file that the group names
-   subroutine read_along(path, block, structure, found, error)
-      character(len=*), intent(in) :: path
+   subroutine read_along(block, structure, found, error)
       type(block_t), intent(inout) :: block
       type(structure_t), intent(inout) :: structure
       type(along_t), intent(out) :: found
@@ -53,7 +50,7 @@ contains
       call block%get('x', found%x, 'file, or a dip', 'places from 0 to the length; of steps '// &
          'where each begins', most)
       call block%get('value', found%value, 'file, or a dip', 'of the parameter at each place', most)
-      call block%get('file', file, 'a table of x and value instead', default='x and value')
+      call block%get_file('file', file, 'a table of x and value instead', default='x and value')
       call block%get('place', place, 'a dip needs it', 'of the middle of a dip', positive)
       call block%get('width', width, 'a dip needs it', 'of a dip, a standard deviation, '// &
          'at least half an element', positive)
@@ -86,10 +83,9 @@ contains
       if (allocated(file)) then
          call block%exclude('x', 'beside file')
          call block%exclude('value', 'beside file')
-         if (file == '') call block%refuse('file', '''''', 'the path of a table')
          if (block%failed() .or. allocated(error)) return
          columns = ''
-         call read_series(join_path(directory_of(path), file), columns, part_t(), series, error)
+         call read_series(file, columns, part_t(), series, error)
          if (allocated(error)) return
          found%x = series%t
          found%value = series%z

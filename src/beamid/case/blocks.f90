@@ -6,6 +6,8 @@
 !>     call block%close()
 !>     if (block%failed()) return
 !>
+!> A reader gets the path of a file by `get_file` alone, which also resolves it.
+!>
 !> A value that is not given, or refused, keeps what it had: the default. Where no value can stand
 !> for the default it is given in words, and the value is allocatable. A reader asks for all its
 !> keys before it looks at any, so that `keys` lists them also where none is given.
@@ -13,6 +15,7 @@ module beamid_blocks
    use beamid_entries, only: entries_t
    use beamid_kinds, only: wp
    use beamid_numbers, only: shown
+   use beamid_paths, only: append_path, join_path, path_t
    use beamid_strings, only: to_text
    use beamid_values, only: key_t, kind_integer, kind_real, kind_text, new_key, number, one_of, &
       range_t
@@ -22,9 +25,12 @@ module beamid_blocks
    public :: block_t
 
    type, extends(entries_t) :: block_t
+      character(len=:), allocatable :: folder    !< of the case file; paths are relative to it
+      type(path_t), allocatable :: files(:)      !< that the group names; not allocated: none
    contains
       generic :: get => get_real, get_real_or_none, get_reals, get_integer, get_integers, &
          get_text, get_texts
+      procedure :: get_file
       procedure, private :: get_real, get_real_or_none, get_reals, get_integer, get_integers, &
          get_text, get_texts
    end type block_t
@@ -139,6 +145,29 @@ contains
       end if
       value = trim(texts(1))
    end subroutine get_text
+
+   !> Gets the path of a file that the case reads, and adds it to `files`. Every file that a case
+   !> names passes through here: the fingerprint of a case covers the files in this list.
+   subroutine get_file(self, name, path, help, default)
+      class(block_t), intent(inout) :: self
+      character(len=*), intent(in) :: name
+      !> On return relative to the current folder, as `open` takes it; not allocated: not given
+      character(len=:), allocatable, intent(out) :: path
+      character(len=*), intent(in) :: help, default
+      type(key_t) :: key
+      character(len=:), allocatable :: texts(:)
+
+      key = new_key(name, kind_text, default, help, 1)
+      key%is_file = .true.
+      call self%take(key, texts=texts)
+      if (size(texts) == 0) return
+      if (texts(1) == '') then
+         call self%refuse(name, '''''', 'the path of a file')
+         return
+      end if
+      path = join_path(self%folder, trim(texts(1)))
+      call append_path(self%files, path)
+   end subroutine get_file
 
    !> Several texts.
    subroutine get_texts(self, name, values, default, help, most, required)

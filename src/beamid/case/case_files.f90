@@ -8,6 +8,7 @@ module beamid_case_files
    use beamid_ensemble_groups, only: draw_t, ensemble_t, read_draw, read_ensemble
    use beamid_errors, only: error_t
    use beamid_excitation, only: excitation_t
+   use beamid_fingerprints, only: fingerprint_t
    use beamid_galerkin, only: mesh_t
    use beamid_identification, only: model_t, stage_t
    use beamid_inference, only: bootstrap_plan_t
@@ -18,6 +19,7 @@ module beamid_case_files
    use beamid_model_groups, only: read_excitation, read_noise, read_structure, read_units, section_t
    use beamid_multistart, only: multistart_t
    use beamid_namelist, only: group_t
+   use beamid_paths, only: append_path, directory_of, path_t
    use beamid_prior_groups, only: read_prior
    use beamid_priors, only: prior_t
    use beamid_record_groups, only: get_window, read_recording
@@ -28,7 +30,7 @@ module beamid_case_files
    implicit none
    private
 
-   public :: case_t, new_case, read_group, list_keys
+   public :: case_t, new_case, read_group, list_keys, add_case
 
    type(group_t), parameter, public :: groups(*) = [ &
       group_t('beam', required=.true.), group_t('tip'), &
@@ -72,6 +74,7 @@ module beamid_case_files
       integer :: noise_seed = 1
       type(ensemble_t) :: ensemble
       type(draw_t), allocatable :: draws(:)     !< of its members
+      type(path_t), allocatable :: files(:)     !< every file that the case names, in their order
    end type case_t
 
 contains
@@ -89,7 +92,7 @@ contains
       case%meshes = [mesh_t()]
       allocate (modal_t :: case%model%solver)
       allocate (case%along(0), case%stages(0), case%stage_lines(0), case%recordings(0), &
-         case%excitations(0), case%model%priors(0), case%draws(0))
+         case%excitations(0), case%model%priors(0), case%draws(0), case%files(0))
    end function new_case
 
    !> Every group with the keys that its reader asks for.
@@ -122,13 +125,15 @@ contains
       type(prior_t) :: prior
       type(draw_t) :: draw
       type(along_t) :: along
+      integer :: k
 
+      block%folder = directory_of(case%path)
       associate (model => case%model)
          select case (block%name)
          case ('beam', 'tip', 'hose', 'sensor', 'support', 'gravity', 'axial')
             call read_structure(block, model%structure, case%section, case%along)
          case ('along')
-            call read_along(case%path, block, model%structure, along, error)
+            call read_along(block, model%structure, along, error)
             if (.not. (block%failed() .or. allocated(error))) case%along = [case%along, along]
          case ('discretization'); call read_discretization(block, case%meshes, case%refines)
          case ('integrator'); call read_integrator(block, model%solver)
@@ -149,17 +154,16 @@ contains
             call get_window(block, case%score)
             call block%close()
          case ('excitation')
-            call read_excitation(case%path, block, excitation, error)
+            call read_excitation(block, excitation, error)
             if (.not. block%failed()) case%excitations = [case%excitations, excitation]
          case ('record')
-            call read_recording(case%path, block, recording)
+            call read_recording(block, recording)
             call append_recording(case%recordings, recording)
          case ('stage')
             call read_stage(block, model%structure, case%excitations, size(case%recordings), &
                minval(case%meshes%elements), sound, stage)
-            if (block%failed()) return
-            case%stages = [case%stages, stage]
-            case%stage_lines = [case%stage_lines, block%line]
+            if (.not. block%failed()) case%stages = [case%stages, stage]
+            if (.not. block%failed()) case%stage_lines = [case%stage_lines, block%line]
          case ('prior')
             call read_prior(block, model%structure, case%section, case%excitations, &
                size(case%recordings), sound, model%priors, prior)
@@ -170,6 +174,27 @@ contains
             if (.not. block%failed()) case%draws = [case%draws, draw]
          end select
       end associate
+      if (.not. allocated(block%files)) return
+      do k = 1, size(block%files)
+         call append_path(case%files, block%files(k)%text)
+      end do
    end subroutine read_group
+
+   !> Adds the text of a case and the bytes of every file that it names to a fingerprint.
+   subroutine add_case(fingerprint, case)
+      type(fingerprint_t), intent(inout) :: fingerprint
+      !> As `read_case` returns it, with an error as well: a case without a text has no files.
+      type(case_t), intent(in) :: case
+      integer :: k
+
+      if (.not. allocated(case%text)) then
+         call fingerprint%add('no case')
+         return
+      end if
+      call fingerprint%add(case%text)
+      do k = 1, size(case%files)
+         call fingerprint%add_file(case%files(k)%text)
+      end do
+   end subroutine add_case
 
 end module beamid_case_files

@@ -28,7 +28,7 @@ module beamid_ensemble_groups
       integer :: members = 1000
       integer :: seed = 1
       integer :: elements = 0                    !< of the beam that makes a record; 0: of the fit
-      character(len=:), allocatable :: cases     !< path of a list; not allocated: records are made
+      character(len=:), allocatable :: cases     !< path of a list; not allocated: made records
       integer :: line = 0
    end type ensemble_t
 
@@ -50,7 +50,7 @@ contains
       call block%get('seed', found%seed, 'of the random numbers')
       call block%get('elements', found%elements, 'of the mesh of the beam that makes a record', &
          range_t(1, 10000), default='that of the fit')
-      call block%get('cases', found%cases, 'a file with the path of a case in each line, '// &
+      call block%get_file('cases', found%cases, 'a file with the path of a case in each line, '// &
          'each of which is a member', default='none, members are made from this case')
       call block%close()
       if (block%failed()) return

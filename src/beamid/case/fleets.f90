@@ -1,16 +1,14 @@
 !> A fleet: a list of case files, each of which is a member of an ensemble. A case that was fitted
 !> before may start from where it ended, and one that is as it was need not be fitted again.
 module beamid_fleets
-   use, intrinsic :: iso_fortran_env, only: int32
    use beamid_case_fits, only: add_mesh_shifts, case_fit_t, fit_case, judge_case, load_case
-   use beamid_case_files, only: case_t
+   use beamid_case_files, only: add_case, case_t
    use beamid_cases, only: needs_fit, read_case
    use beamid_ensembles, only: add_fit_rows, member_t, row_t
    use beamid_errors, only: bad_input, error_t, failure
-   use beamid_experiments, only: experiment_t
    use beamid_files, only: read_text
+   use beamid_fingerprints, only: fingerprint_length, fingerprint_t
    use beamid_kinds, only: ip, wp
-   use beamid_manifests, only: crc32, hexadecimal
    use beamid_parameters, only: name_of_parameter
    use beamid_paths, only: directory_of, join_path
    use beamid_statistics, only: unlimited
@@ -25,11 +23,12 @@ module beamid_fleets
    type :: fleet_case_t
       character(len=:), allocatable :: name    !< as in the list
       character(len=:), allocatable :: path
-      !> of its text and samples; '': it cannot be read
-      character(len=8) :: fingerprint = ''
+      !> of the program, the case's text and every file that the case names
+      character(len=fingerprint_length) :: fingerprint = ''
       type(row_t), allocatable :: before(:)    !< what an earlier run has found; none
-      logical :: is_as_before = .false.        !< that is of the same text and samples
+      logical :: is_as_before = .false.        !< that is of the same fingerprint
       type(member_t) :: member                 !< what this run finds
+      character(len=:), allocatable, private :: program  !< its version
       type(case_t), allocatable, private :: case         !< between `open` and `close`
       type(case_fit_t), allocatable, private :: found
       type(error_t), allocatable, private :: error
@@ -42,9 +41,10 @@ contains
 
    !> Reads the list, and the cases on it for their fingerprints.
    !>
-   !> list  paths, relative to its folder, a line each; behind ! or # a comment
-   subroutine read_fleet(list, fleet, error)
-      character(len=*), intent(in) :: list
+   !> list     paths, relative to its folder, a line each; behind ! or # a comment
+   !> program  the version of the program, on which results depend too
+   subroutine read_fleet(list, program, fleet, error)
+      character(len=*), intent(in) :: list, program
       type(fleet_case_t), allocatable, intent(out) :: fleet(:)
       type(error_t), allocatable, intent(out) :: error
       character(len=:), allocatable :: line, text
@@ -67,8 +67,10 @@ contains
             if (pass == 1) cycle
             fleet(n)%name = line
             fleet(n)%path = join_path(directory_of(list), line)
-            allocate (fleet(n)%before(0))
-            call open_fleet_case(fleet(n))
+            fleet(n)%program = program
+            allocate (fleet(n)%before(0), fleet(n)%case)
+            call read_case(fleet(n)%path, needs_fit, fleet(n)%case, fleet(n)%error)
+            call set_fingerprint(fleet(n))
             call close_fleet_case(fleet(n))
          end do
          if (n == 0) call bad_input(error, list//': found no path of a case, expected one a line')
@@ -77,7 +79,9 @@ contains
       end do
    end subroutine read_fleet
 
-   !> Reads a case and its records; where there are estimates from before it starts from them.
+   !> Reads a case and its records; where there are estimates from before it starts from them. The
+   !> fingerprint is taken once all files have been read: if it is still that of the list, no file
+   !> has changed since.
    !>
    !> declared  .true.: from the declared start all the same
    subroutine open_fleet_case(one, declared)
@@ -89,9 +93,9 @@ contains
       one%is_warm = .false.
       call read_case(one%path, needs_fit, one%case, one%error)
       if (.not. allocated(one%error)) call load_case(one%case, one%found, one%error)
+      call set_fingerprint(one)
       if (allocated(one%error)) return
       one%case%windows = 0
-      one%fingerprint = fingerprint_of(one%case%text, one%found%experiments)
       if (present(declared)) then
          if (declared) return
       end if
@@ -107,39 +111,15 @@ contains
       if (allocated(one%error)) deallocate (one%error)
    end subroutine close_fleet_case
 
-   !> Checksum of a case's text, its samples and its forces.
-   function fingerprint_of(text, experiments) result(digits)
-      character(len=*), intent(in) :: text
-      type(experiment_t), intent(in) :: experiments(:)
-      character(len=8) :: digits
-      integer(int32) :: sum
-      integer :: k
+   !> Sets the fingerprint of a case that has been read.
+   subroutine set_fingerprint(one)
+      type(fleet_case_t), intent(inout) :: one
+      type(fingerprint_t) :: fingerprint
 
-      sum = crc32(text, 0_int32)
-      do k = 1, size(experiments)
-         call add(experiments(k)%samples)
-         call add(experiments(k)%measured)
-         if (allocated(experiments(k)%excitation%t)) call add(experiments(k)%excitation%t)
-         if (allocated(experiments(k)%excitation%f)) call add(experiments(k)%excitation%f)
-      end do
-      digits = hexadecimal(sum)
-
-   contains
-
-      subroutine add(values)
-         real(wp), intent(in) :: values(:)
-         integer, parameter :: n = 1024
-         character(len=8*n) :: bytes
-         integer :: first, last
-
-         do first = 1, size(values), n
-            last = min(first + n - 1, size(values))
-            bytes = transfer(values(first:last), bytes)
-            sum = crc32(bytes(:8*(last - first + 1)), sum)
-         end do
-      end subroutine add
-
-   end function fingerprint_of
+      call fingerprint%add(one%program)
+      call add_case(fingerprint, one%case)
+      one%fingerprint = fingerprint%digits()
+   end subroutine set_fingerprint
 
    !> Gives each stage whose parameters all have estimates these as its start.
    subroutine start_from(rows, case, is_warm)

@@ -5,7 +5,6 @@ module beamid_model_groups
    use beamid_errors, only: bad_input, error_t, locate
    use beamid_excitation, only: excitation_t, new_base_motion, new_force_table, new_free, &
       new_pulse, new_release
-   use beamid_paths, only: directory_of, join_path
    use beamid_kinds, only: wp
    use beamid_numbers, only: shown
    use beamid_parameters, only: any_value, as_named, key_of, parameters, &
@@ -163,10 +162,8 @@ contains
       names(n) = name
    end subroutine read_name
 
-   !> path   of the case file
    !> error  of the table of a force or of the acceleration of the base
-   subroutine read_excitation(path, block, found, error)
-      character(len=*), intent(in) :: path
+   subroutine read_excitation(block, found, error)
       type(block_t), intent(inout) :: block
       type(excitation_t), intent(out) :: found
       type(error_t), allocatable, intent(inout) :: error
@@ -192,8 +189,8 @@ contains
          [character(len=7) :: 'pulse', 'table', 'release', 'free', 'base'], required=.true.)
       call block%get('amplitude', amplitude, 'a pulse needs it', 'force of a pulse')
       call block%get('duration', duration, 'a pulse needs it', 'of a pulse, from t = 0', positive)
-      call block%get('file', file, 'time and force of a table, time and acceleration of the '// &
-         'base, linear between the rows', default='table and base need it')
+      call block%get_file('file', file, 'time and force of a table, time and acceleration of '// &
+         'the base, linear between the rows', default='table and base need it')
       columns = ''
       call get_columns(block, columns(1), columns(2), rate)
       call block%get('load', load, 'where a pulse or a table acts', [character(len=11) :: 'point', &
@@ -219,11 +216,6 @@ contains
       case ('table', 'base')
          call block%require('file')
          if (block%failed() .or. allocated(error)) return
-         if (file == '') then
-            call block%refuse('file', '''''', 'the path of a table')
-            return
-         end if
-         file = join_path(directory_of(path), file)
          call read_series(file, columns, part_t(), series, error, rate)
          if (allocated(error)) return
          if (kind == 'base') call new_base_motion(series%t, series%z, found, error)

@@ -2,7 +2,6 @@
 !> samples are wanted.
 module beamid_record_groups
    use beamid_blocks, only: block_t
-   use beamid_paths, only: directory_of, join_path
    use beamid_kinds, only: wp
    use beamid_numbers, only: shown
    use beamid_records, only: recording_t, window_t
@@ -15,15 +14,13 @@ module beamid_record_groups
 
 contains
 
-   !> path  of the case file
-   subroutine read_recording(path, block, found)
-      character(len=*), intent(in) :: path
+   subroutine read_recording(block, found)
       type(block_t), intent(inout) :: block
       type(recording_t), intent(out) :: found
-      character(len=:), allocatable :: file
 
       found%line = block%line
-      call block%get('file', file, 'columns of numbers', default='none, where it is simulated')
+      call block%get_file('file', found%path, 'columns of numbers', &
+         default='none, where it is simulated')
       call get_window(block, found%window)
       call block%get('scale', found%scale, 'acceleration = scale (value - offset)')
       call block%get('offset', found%offset, 'in the unit of the record')
@@ -52,10 +49,6 @@ contains
          if (found%clip_low >= found%clip_high) call block%refuse('clip_high', &
             to_text(found%clip_high), 'more than clip_low = '//to_text(found%clip_low))
       end if
-      if (.not. allocated(file)) return
-      if (file == '') call block%refuse('file', '''''', 'the path of a record')
-      found%path = join_path(directory_of(path), file)
-
    end subroutine read_recording
 
    !> Which columns of a table are read, or how many samples there are per unit of time.

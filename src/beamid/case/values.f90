@@ -37,6 +37,7 @@ module beamid_values
       character(len=:), allocatable :: default    !< what holds without it
       type(range_t) :: range
       logical :: infinite = .false.        !< `inf` is a value
+      logical :: is_file = .false.         !< the value is the path of a file that the case reads
       !> Words that may stand for the numbers, in quotes. (gfortran 12 copies but a part of an array
       !> of texts whose length is deferred, where it belongs to an element of an array.)
       character(len=name_length), allocatable :: words(:)

@@ -1,13 +1,12 @@
 !> The table of an ensemble's members, row by row, and what it says of each parameter, added up as
 !> the rows pass: memory does not grow with the number of members.
 module beamid_ensemble_reports
-   use, intrinsic :: ieee_arithmetic, only: ieee_positive_inf, ieee_value
    use, intrinsic :: iso_c_binding, only: c_int, c_null_char
-   use beamid_ensembles, only: member_t, row_t
+   use beamid_ensembles, only: row_t
    use beamid_errors, only: error_t, failure
    use beamid_kinds, only: ip, wp
    use beamid_lines, only: csv_row
-   use beamid_numbers, only: parse_number
+   use beamid_member_rows, only: members_header, read_row, whole_number
    use beamid_posix, only: c_close, c_creat, c_fsync, c_unlink, errno_of, last_errno, reason, &
       write_bytes
    use beamid_shards, only: range_of_members_t, read_shard, shard_path
@@ -18,14 +17,11 @@ module beamid_ensemble_reports
    implicit none
    private
 
-   public :: tally_t, add_member, merge_shards, read_members
+   public :: tally_t, merge_shards
 
-   character(len=*), parameter, public :: members_header = 'member,status,message,elements,'// &
-      'parameter,estimate,std_error,lower95,upper95,total_lower95,total_upper95,truth'
    character(len=*), parameter, public :: ensemble_header = 'elements,parameter,members,mean,'// &
       'sd,mean_std_error,bias,bias_error,covered,covered_error'
    character(len=*), parameter :: line_feed = achar(10)
-   integer, parameter :: fields_before = 5, columns = 12
 
    !> One parameter over all members so far.
    type :: sums_t
@@ -49,130 +45,15 @@ module beamid_ensemble_reports
 
 contains
 
-   !> The rows of one member. In threads, which is why no text comes out of a function.
-   subroutine add_member(text, k, member)
-      character(len=:), allocatable, intent(inout) :: text
-      integer, intent(in) :: k
-      type(member_t), intent(in) :: member
-      character(len=512) :: line
-      integer :: i, j, n
-
-      if (allocated(member%message)) then
-         text = text//to_text(k)//',failed,"'
-         do i = 1, len(member%message)
-            ! A quote inside of quotes is doubled; a line ends a row.
-            if (member%message(i:i) == '"') text = text//'"'
-            if (member%message(i:i) == line_feed) then
-               text = text//'; '
-            else
-               text = text//member%message(i:i)
-            end if
-         end do
-         text = text//'"'//repeat(',', columns - 3)//line_feed
-         return
-      end if
-      do i = 1, size(member%rows)
-         associate (row => member%rows(i))
-            write (line, '(i0,a,i0,2a)') k, ',ok,,', row%elements, ',', row%parameter
-            n = len_trim(line)
-            call put(row%estimate)
-            call put(row%std_error)
-            do j = 1, 2
-               call put(row%interval(j))
-            end do
-            do j = 1, 2
-               call put(row%total(j))
-            end do
-            call put(row%truth)
-            text = text//line(:n)//line_feed
-         end associate
-      end do
-
-   contains
-
-      !> A field; empty where nothing is known.
-      subroutine put(value)
-         real(wp), intent(in) :: value
-         character(len=24) :: digits
-         integer :: first
-
-         n = n + 1
-         line(n:n) = ','
-         if (value > huge(value)) then
-            line(n + 1:n + 3) = 'inf'
-            n = n + 3
-         else if (value < unlimited) then
-            write (digits, '(es24.16e3)') value
-            first = verify(digits, ' ')
-            line(n + 1:n + 25 - first) = digits(first:)
-            n = n + 25 - first
-         end if
-      end subroutine put
-
-   end subroutine add_member
-
-   !> Reads a row; `failed` where it is that of a member that failed.
-   subroutine read_row(line, member, row, failed)
-      character(len=*), intent(in) :: line
-      integer, intent(out) :: member
-      type(row_t), intent(out) :: row
-      logical, intent(out) :: failed
-      integer :: comma(columns), k
-      real(wp) :: values(columns - fields_before)
-
-      comma = len(line) + 1
-      comma(1) = index(line, ',')
-      member = whole_number(line(:comma(1) - 1))
-      failed = index(line(comma(1):), ',ok,,') /= 1
-      if (failed) return
-      do k = 2, columns - 1
-         comma(k) = comma(k - 1) + index(line(comma(k - 1) + 1:), ',')
-      end do
-      row%elements = whole_number(line(comma(3) + 1:comma(4) - 1))
-      row%parameter = line(comma(4) + 1:comma(5) - 1)
-      do k = 1, size(values)
-         values(k) = number(line(comma(k + fields_before - 1) + 1:comma(k + fields_before) - 1))
-      end do
-      row%estimate = values(1)
-      row%std_error = values(2)
-      row%interval = values(3:4)
-      row%total = values(5:6)
-      row%truth = values(7)
-   end subroutine read_row
-
-   !> A number of digits; 0 where it is none.
-   pure integer function whole_number(field) result(n)
-      character(len=*), intent(in) :: field
-      integer :: k
-
-      n = 0
-      if (len(field) > 9 .or. verify(field, '0123456789') > 0) return
-      do k = 1, len(field)
-         n = 10*n + iachar(field(k:k)) - iachar('0')
-      end do
-   end function whole_number
-
-   real(wp) function number(field)
-      character(len=*), intent(in) :: field
-      logical :: ok
-
-      number = unlimited
-      if (field == '') return
-      if (field == 'inf') number = ieee_value(number, ieee_positive_inf)
-      if (field == 'inf') return
-      call parse_number(field, number, ok)
-      if (.not. ok) number = unlimited
-   end function number
-
    !> Adds up one row.
    subroutine take(self, line)
       class(tally_t), intent(inout) :: self
       character(len=*), intent(in) :: line
       type(row_t) :: row
       integer :: member
-      logical :: failed
+      logical :: failed, sound
 
-      call read_row(line, member, row, failed)
+      call read_row(line, member, row, failed, sound)
       if (member /= self%last) then
          self%members = self%members + 1
          self%next = 1
@@ -348,38 +229,6 @@ contains
          'hold it')
    end subroutine add_to
 
-   !> Members of a table that is held in memory.
-   !>
-   !> members  by their numbers
-   subroutine read_members(text, members)
-      character(len=*), intent(in) :: text
-      type(member_t), allocatable, intent(out) :: members(:)
-      type(row_t) :: row
-      integer(ip) :: first, length
-      integer :: k, n, most, pass
-      logical :: failed
-
-      most = 0
-      do pass = 1, 2
-         if (pass == 2) allocate (members(most))
-         first = index(text, line_feed, kind=ip) + 1
-         do while (first <= len(text, ip))
-            length = index(text(first:), line_feed, kind=ip) - 1
-            if (length < 0) exit
-            call read_row(text(first:first + length - 1), k, row, failed)
-            most = max(most, k)
-            if (pass == 2 .and. k > 0) then
-               if (.not. allocated(members(k)%rows)) allocate (members(k)%rows(0))
-               if (.not. failed) members(k)%rows = [members(k)%rows, row]
-            end if
-            first = first + length + 1
-         end do
-      end do
-      do n = 1, most
-         if (.not. allocated(members(n)%rows)) allocate (members(n)%rows(0))
-      end do
-   end subroutine read_members
-
    !> Writes the rows of all members, each once, to a new file, and adds them up.
    !>
    !> shards  by their first members, which hold all
@@ -390,9 +239,9 @@ contains
       integer, intent(in) :: members
       type(tally_t), intent(out) :: tally
       type(error_t), allocatable, intent(out) :: error
-      character(len=:), allocatable :: rows, shard
+      character(len=:), allocatable :: rows
       integer(c_int) :: code, fd, ignored
-      logical :: whole
+      logical :: sound
       integer :: k, next
 
       next = 1
@@ -403,14 +252,10 @@ contains
       do k = 1, size(shards)
          if (code /= 0 .or. next > members) exit
          if (shards(k)%last < next) cycle
-         shard = shard_path(folder, fingerprint, shards(k))
-         call read_shard(shard, rows, whole)
-         if (.not. whole) then
-            ignored = c_unlink(shard//c_null_char)
-            call failure(error, shard//': found a shard that is not whole; it has been '// &
-               'removed, run the ensemble again')
-            exit
-         end if
+         call read_shard(folder, fingerprint, shards(k), rows, sound, error)
+         if (.not. (sound .or. allocated(error))) call failure(error, shard_path(folder, &
+            fingerprint, shards(k))//': has been damaged just now; run the ensemble again')
+         if (allocated(error)) exit
          call pass_on(rows)
          next = shards(k)%last + 1
       end do

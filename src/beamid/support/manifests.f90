@@ -6,6 +6,8 @@
 module beamid_manifests
    use, intrinsic :: iso_c_binding, only: c_associated, c_int, c_null_char, c_ptr, c_size_t
    use, intrinsic :: iso_fortran_env, only: int32
+   use beamid_errors, only: bad_input, error_t
+   use beamid_files, only: read_text
    use beamid_kinds, only: ip
    use beamid_paths, only: join_path
    use beamid_posix, only: c_fclose, c_ferror, c_fopen, c_fread, file_status, kind_regular, &
@@ -14,7 +16,7 @@ module beamid_manifests
    implicit none
    private
 
-   public :: entry_of, entry_of_file, entries_in, name_in, command_in, compare, crc32, hexadecimal
+   public :: entry_of, entry_of_file, entries_in, name_in, command_in, compare, read_listed
 
    character(len=*), parameter, public :: manifest_name = 'manifest.txt'
    character(len=*), parameter, public :: manifest_header = 'name bytes crc32 command'
@@ -120,6 +122,34 @@ contains
       call entry_of_file(path, name_in(entry), command_in(entry), there, code)
       same = entry == there
    end subroutine compare
+
+   !> Reads a file of an output folder, which must have the bytes that the manifest lists.
+   !>
+   !> text   of the file; empty: there is no such file
+   !> error  the file or the manifest cannot be read, or the file has other bytes
+   subroutine read_listed(directory, name, text, error)
+      character(len=*), intent(in) :: directory, name
+      character(len=:), allocatable, intent(out) :: text
+      type(error_t), allocatable, intent(out) :: error
+      character(len=entry_length), allocatable :: entries(:)
+      character(len=:), allocatable :: manifest, path
+      integer :: k
+
+      text = ''
+      path = join_path(directory, name)
+      if (kind_there(path) == 0) return
+      call read_text(path, text, error)
+      if (.not. allocated(error)) call read_text(join_path(directory, manifest_name), manifest, &
+         error)
+      if (allocated(error)) return
+      entries = entries_in(manifest)
+      do k = 1, size(entries)
+         if (name_in(entries(k)) /= name) cycle
+         if (entries(k) == entry_of(name, text, command_in(entries(k)))) return
+      end do
+      call bad_input(error, path//': found another size or checksum than in '//manifest_name// &
+         ', expected the file as a run has written it')
+   end subroutine read_listed
 
    !> The checksum of an open stream, piece by piece: outputs may be larger than what is read whole.
    subroutine read_checksum(stream, checksum, code)

@@ -3,9 +3,27 @@ module beamid_paths
    implicit none
    private
 
-   public :: directory_of, join_path
+   public :: path_t, append_path, directory_of, join_path
+
+   !> An element of a list of paths.
+   type :: path_t
+      character(len=:), allocatable :: text
+   end type path_t
 
 contains
+
+   !> Appends a path to a list. (An array constructor would not do for texts of their own length.)
+   pure subroutine append_path(list, path)
+      type(path_t), allocatable, intent(inout) :: list(:)
+      character(len=*), intent(in) :: path
+      type(path_t), allocatable :: longer(:)
+
+      if (.not. allocated(list)) allocate (list(0))
+      allocate (longer(size(list) + 1))
+      longer(:size(list)) = list
+      longer(size(longer))%text = path
+      call move_alloc(longer, list)
+   end subroutine append_path
 
    !> The folder part of a path, without the last '/'; '.' when there is none.
    pure function directory_of(path) result(directory)

@@ -1,23 +1,23 @@
-!> A long table in pieces: each shard holds the rows of some consecutive members, written to a
-!> temporary name, then renamed, so that one that is there is whole; its last line has the checksum
-!> of what is above. Its name says which members it holds and, by a fingerprint, of what: several
-!> programs on several machines may add to one folder.
+!> A long table in pieces: each shard holds the rows of some consecutive members. Its name and its
+!> first line say which members these are and, by a fingerprint, of which ensemble; its last line
+!> has the checksum of everything above. A shard is written to a temporary name and then renamed, so
+!> that several programs on several machines may add to one folder.
 module beamid_shards
    use, intrinsic :: iso_c_binding, only: c_int, c_null_char
-   use, intrinsic :: iso_fortran_env, only: int32
-   use beamid_errors, only: error_t
+   use beamid_errors, only: bad_input, error_t
    use beamid_files, only: read_text, write_new
+   use beamid_fingerprints, only: fingerprint_length, fingerprint_t
    use beamid_folders, only: list_folder, sync_folder
    use beamid_kinds, only: ip
-   use beamid_manifests, only: crc32, hexadecimal
    use beamid_paths, only: join_path
-   use beamid_posix, only: c_getpid, c_rename, c_unlink, errno_of, host_name, kind_there, max_name
+   use beamid_posix, only: c_getpid, c_rename, c_unlink, errno_of, file_status, host_name, &
+      kind_directory, kind_regular, kind_there, max_name, reason
    use beamid_strings, only: to_text
    implicit none
    private
 
-   public :: range_of_members_t, gaps, list_shards, read_shard, remove_shards, shard_path, &
-      temporary_path, write_shard
+   public :: range_of_members_t, gaps, list_shards, read_shard, remove_damaged, remove_shards, &
+      shard_path, temporary_path, write_shard
 
    !> Consecutive members.
    type :: range_of_members_t
@@ -47,18 +47,21 @@ contains
       temporary = path//part//host_name()//'-'//to_text(int(c_getpid()))
    end function temporary_path
 
-   !> The shards of a fingerprint, by their first members.
+   !> Lists the shards of a fingerprint, by their first members.
    !>
    !> others  how many there are of other fingerprints
-   !> code    0 or an errno
-   subroutine list_shards(folder, fingerprint, shards, others, code)
+   !> error   the folder cannot be read, or something else than a file has the name of a shard
+   subroutine list_shards(folder, fingerprint, shards, others, error)
       character(len=*), intent(in) :: folder, fingerprint
       type(range_of_members_t), allocatable, intent(out) :: shards(:)
       integer, intent(out) :: others
-      integer(c_int), intent(out) :: code
+      type(error_t), allocatable, intent(out) :: error
       character(len=max_name), allocatable :: names(:)
+      character(len=:), allocatable :: path
       type(range_of_members_t) :: range
-      integer :: k, n
+      integer(c_int) :: absent, code
+      integer(ip) :: bytes
+      integer :: k, kind, n
 
       code = list_folder(folder, prefix, names)
       allocate (shards(size(names)))
@@ -66,34 +69,42 @@ contains
       others = 0
       do k = 1, size(names)
          if (index(names(k), part) > 0) cycle
+         path = join_path(folder, trim(names(k)))
          if (index(names(k), prefix//fingerprint//'-') /= 1) then
-            others = others + 1
-         else if (named(names(k)(len(prefix//fingerprint) + 2:))) then
-            n = n + 1
-            shards(n) = range
+            if (kind_there(path) == kind_regular) others = others + 1
+            cycle
          end if
+         range = range_in(names(k)(len(prefix//fingerprint) + 2:))
+         if (path /= shard_path(folder, fingerprint, range)) cycle
+         call file_status(path, kind, bytes, absent)
+         if (absent /= 0) cycle   ! Another program has removed it just now.
+         if (kind /= kind_regular) then
+            call bad_input(error, path//': found a '//trim(merge('directory       ', &
+               'pipe or a device', kind == kind_directory))//' with the name of a shard, '// &
+               'expected a file; move it elsewhere and run the ensemble again')
+            return
+         end if
+         n = n + 1
+         shards(n) = range
       end do
       call sort(shards(:n))
       shards = shards(:n)
-
-   contains
-
-      !> Reads `1-100.csv`.
-      logical function named(text)
-         character(len=*), intent(in) :: text
-         integer :: dash, dot, status
-
-         dash = index(text, '-')
-         dot = index(text, ending)
-         named = dash > 1 .and. dot > dash + 1 .and. dash < 12 .and. dot < dash + 12
-         if (named) named = verify(text(:dash - 1)//text(dash + 1:dot - 1), '0123456789') == 0
-         if (.not. named) return
-         read (text(:dash - 1), *, iostat=status) range%first
-         if (status == 0) read (text(dash + 1:dot - 1), *, iostat=status) range%last
-         named = status == 0
-      end function named
-
+      if (code /= 0) call bad_input(error, folder//': the folder cannot be read: '//reason(code))
    end subroutine list_shards
+
+   !> Returns the range of `1-100.csv`; one without members where there is none.
+   type(range_of_members_t) function range_in(name) result(range)
+      character(len=*), intent(in) :: name
+      integer :: dash, dot, status
+
+      dash = index(name, '-')
+      dot = index(name, '.')
+      if (dash < 2 .or. dash > 11 .or. dot < dash + 2 .or. dot > dash + 11) return
+      if (verify(name(:dash - 1)//name(dash + 1:dot - 1), '0123456789') > 0) return
+      read (name(:dash - 1), *, iostat=status) range%first
+      if (status == 0) read (name(dash + 1:dot - 1), *, iostat=status) range%last
+      if (status /= 0) range = range_of_members_t()
+   end function range_in
 
    !> Ascending first members, by merging: there may be thousands.
    recursive subroutine sort(shards)
@@ -131,47 +142,112 @@ contains
          if (shards(k)%first > range%last .or. next > range%last) exit
          if (shards(k)%first > next) missing = [missing, range_of_members_t(next, &
             shards(k)%first - 1)]
-         next = max(next, shards(k)%last + 1)
+         next = max(next, min(shards(k)%last, range%last) + 1)
       end do
       if (next <= range%last) missing = [missing, range_of_members_t(next, range%last)]
    end function gaps
 
    !> Writes a shard; returns 0 or an errno, and then there is none.
-   integer(c_int) function write_shard(path, rows) result(code)
-      character(len=*), intent(in) :: path, rows
-      character(len=:), allocatable :: temporary
+   integer(c_int) function write_shard(folder, fingerprint, range, rows) result(code)
+      character(len=*), intent(in) :: folder, fingerprint, rows
+      type(range_of_members_t), intent(in) :: range
+      character(len=:), allocatable :: path, temporary, text
       integer(c_int) :: ignored
 
+      path = shard_path(folder, fingerprint, range)
       temporary = temporary_path(path)
-      code = write_new(temporary, rows//closing//checksum(rows)//line_feed)
+      text = opening(fingerprint, range)//rows
+      code = write_new(temporary, text//closing//checksum(text)//line_feed)
       if (code == 0) code = errno_of(c_rename(temporary//c_null_char, path//c_null_char))
       if (code /= 0) ignored = c_unlink(temporary//c_null_char)
    end function write_shard
 
-   !> The rows of a shard; one that is not whole is an error.
-   subroutine read_shard(path, rows, whole)
-      character(len=*), intent(in) :: path
+   !> Reads the rows of a shard.
+   !>
+   !> sound  .true.: its checksum is right, and it belongs to this fingerprint and range
+   !> error  the file cannot be read
+   subroutine read_shard(folder, fingerprint, range, rows, sound, error)
+      character(len=*), intent(in) :: folder, fingerprint
+      type(range_of_members_t), intent(in) :: range
       character(len=:), allocatable, intent(out) :: rows
-      logical, intent(out) :: whole
-      character(len=:), allocatable :: text
-      type(error_t), allocatable :: error
+      logical, intent(out) :: sound
+      type(error_t), allocatable, intent(out) :: error
+      character(len=:), allocatable :: first_line, text
       integer(ip) :: n
 
       rows = ''
-      whole = .false.
-      call read_text(path, text, error)
+      sound = .false.
+      call read_text(shard_path(folder, fingerprint, range), text, error)
       if (allocated(error)) return
-      n = len(text, ip) - len(closing) - 9
-      if (n < 0) return
-      rows = text(:n)
-      whole = text(n + 1:) == closing//checksum(rows)//line_feed
+      first_line = opening(fingerprint, range)
+      n = len(text, ip) - len(closing) - fingerprint_length - 1
+      if (n < len(first_line)) return
+      sound = text(:len(first_line)) == first_line .and. &
+         text(n + 1:) == closing//checksum(text(:n))//line_feed
+      if (sound) rows = text(len(first_line) + 1:n)
    end subroutine read_shard
 
-   pure function checksum(rows) result(digits)
-      character(len=*), intent(in) :: rows
-      character(len=8) :: digits
+   !> Reads the shards that hold members of a range, and removes the damaged ones, from the folder
+   !> and from the list: those whose checksum is wrong, and those that are not what their names say.
+   !>
+   !> range    on return it holds the members of the removed shards as well
+   !> removed  how many there were
+   !> first    path of the first one; '': there was none
+   !> error    a shard cannot be read, and stays
+   subroutine remove_damaged(folder, fingerprint, range, shards, removed, first, error)
+      character(len=*), intent(in) :: folder, fingerprint
+      type(range_of_members_t), intent(inout) :: range
+      type(range_of_members_t), allocatable, intent(inout) :: shards(:)
+      integer, intent(out) :: removed
+      character(len=:), allocatable, intent(out) :: first
+      type(error_t), allocatable, intent(out) :: error
+      type(range_of_members_t) :: wanted
+      character(len=:), allocatable :: path, rows
+      integer(c_int) :: ignored
+      logical :: keeps(size(shards)), sound
+      integer :: k
 
-      digits = hexadecimal(crc32(rows, 0_int32))
+      removed = 0
+      first = ''
+      wanted = range
+      keeps = .true.
+      do k = 1, size(shards)
+         if (shards(k)%last < wanted%first .or. shards(k)%first > wanted%last) cycle
+         path = shard_path(folder, fingerprint, shards(k))
+         call read_shard(folder, fingerprint, shards(k), rows, sound, error)
+         if (allocated(error)) then
+            if (kind_there(path) /= 0) return
+            deallocate (error)   ! Another program has removed it just now.
+         else if (.not. sound) then
+            ignored = c_unlink(path//c_null_char)
+            removed = removed + 1
+            if (first == '') first = path
+            range%first = min(range%first, max(shards(k)%first, 1))
+            range%last = max(range%last, shards(k)%last)
+         end if
+         keeps(k) = sound
+      end do
+      shards = pack(shards, keeps)
+   end subroutine remove_damaged
+
+   !> Returns the first line of a shard.
+   pure function opening(fingerprint, range) result(line)
+      character(len=*), intent(in) :: fingerprint
+      type(range_of_members_t), intent(in) :: range
+      character(len=:), allocatable :: line
+
+      line = '# members '//to_text(range%first)//' to '//to_text(range%last)//' of '// &
+         fingerprint//line_feed
+   end function opening
+
+   !> Returns the checksum of all that is above the last line of a shard.
+   pure function checksum(text) result(digits)
+      character(len=*), intent(in) :: text
+      character(len=fingerprint_length) :: digits
+      type(fingerprint_t) :: fingerprint
+
+      call fingerprint%add(text)
+      digits = fingerprint%digits()
    end function checksum
 
    !> Removes what programs that have died left behind, and shards.

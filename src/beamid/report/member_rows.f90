@@ -1,0 +1,200 @@
+!> The rows of `members.csv`, the table of all members of an ensemble: written and read.
+module beamid_member_rows
+   use, intrinsic :: ieee_arithmetic, only: ieee_positive_inf, ieee_value
+   use beamid_ensembles, only: member_t, row_t
+   use beamid_errors, only: bad_input, error_t
+   use beamid_kinds, only: ip, wp
+   use beamid_numbers, only: parse_number, shown
+   use beamid_statistics, only: unlimited
+   use beamid_strings, only: to_text
+   implicit none
+   private
+
+   public :: add_member, read_members, read_row, whole_number
+
+   character(len=*), parameter, public :: members_header = 'member,status,message,elements,'// &
+      'parameter,estimate,std_error,lower95,upper95,total_lower95,total_upper95,truth'
+   character(len=*), parameter :: line_feed = achar(10)
+   integer, parameter :: fields_before = 5, columns = 12
+
+contains
+
+   !> The rows of one member. In threads, which is why no text comes out of a function.
+   subroutine add_member(text, k, member)
+      character(len=:), allocatable, intent(inout) :: text
+      integer, intent(in) :: k
+      type(member_t), intent(in) :: member
+      character(len=512) :: line
+      integer :: i, j, n
+
+      if (allocated(member%message)) then
+         text = text//to_text(k)//',failed,"'
+         do i = 1, len(member%message)
+            ! A quote inside of quotes is doubled; a line ends a row.
+            if (member%message(i:i) == '"') text = text//'"'
+            if (member%message(i:i) == line_feed) then
+               text = text//'; '
+            else
+               text = text//member%message(i:i)
+            end if
+         end do
+         text = text//'"'//repeat(',', columns - 3)//line_feed
+         return
+      end if
+      do i = 1, size(member%rows)
+         associate (row => member%rows(i))
+            write (line, '(i0,a,i0,2a)') k, ',ok,,', row%elements, ',', row%parameter
+            n = len_trim(line)
+            call put(row%estimate)
+            call put(row%std_error)
+            do j = 1, 2
+               call put(row%interval(j))
+            end do
+            do j = 1, 2
+               call put(row%total(j))
+            end do
+            call put(row%truth)
+            text = text//line(:n)//line_feed
+         end associate
+      end do
+
+   contains
+
+      !> A field; empty where nothing is known.
+      subroutine put(value)
+         real(wp), intent(in) :: value
+         character(len=24) :: digits
+         integer :: first
+
+         n = n + 1
+         line(n:n) = ','
+         if (value > huge(value)) then
+            line(n + 1:n + 3) = 'inf'
+            n = n + 3
+         else if (value < unlimited) then
+            write (digits, '(es24.16e3)') value
+            first = verify(digits, ' ')
+            line(n + 1:n + 25 - first) = digits(first:)
+            n = n + 25 - first
+         end if
+      end subroutine put
+
+   end subroutine add_member
+
+   !> Reads a row.
+   !>
+   !> member  its number; 0: there is none
+   !> failed  .true.: it is the row of a member that failed, and `row` is empty
+   !> sound   .false.: it is no row that `add_member` writes
+   subroutine read_row(line, member, row, failed, sound)
+      character(len=*), intent(in) :: line
+      integer, intent(out) :: member
+      type(row_t), intent(out) :: row
+      logical, intent(out) :: failed, sound
+      logical :: is_number(columns - fields_before)
+      integer :: comma(columns), k
+      real(wp) :: values(columns - fields_before)
+
+      comma = len(line) + 1
+      comma(1) = index(line, ',')
+      member = whole_number(line(:comma(1) - 1))
+      associate (rest => line(max(comma(1), 1):))
+         failed = index(rest, ',ok,,') /= 1
+         sound = member > 0 .and. index(rest, ',failed,"') == 1
+      end associate
+      if (failed) return
+      do k = 2, columns - 1
+         comma(k) = comma(k - 1) + index(line(comma(k - 1) + 1:), ',')
+      end do
+      row%elements = whole_number(line(comma(3) + 1:comma(4) - 1))
+      row%parameter = line(comma(4) + 1:comma(5) - 1)
+      do k = 1, size(values)
+         call read_number(line(comma(k + fields_before - 1) + 1:comma(k + fields_before) - 1), &
+            values(k), is_number(k))
+      end do
+      sound = member > 0 .and. row%elements > 0 .and. all(is_number) .and. &
+         count([(line(k:k) == ',', k=1, len(line))]) == columns - 1
+      row%estimate = values(1)
+      row%std_error = values(2)
+      row%interval = values(3:4)
+      row%total = values(5:6)
+      row%truth = values(7)
+   end subroutine read_row
+
+   !> A number of digits; 0 where it is none.
+   pure integer function whole_number(field) result(n)
+      character(len=*), intent(in) :: field
+      integer :: k
+
+      n = 0
+      if (len(field) > 9 .or. verify(field, '0123456789') > 0) return
+      do k = 1, len(field)
+         n = 10*n + iachar(field(k:k)) - iachar('0')
+      end do
+   end function whole_number
+
+   !> Reads a number; `unlimited` where the field is empty or no number.
+   !>
+   !> ok  .true.: the field is a number, or empty
+   subroutine read_number(field, value, ok)
+      character(len=*), intent(in) :: field
+      real(wp), intent(out) :: value
+      logical, intent(out) :: ok
+
+      value = unlimited
+      ok = field == '' .or. field == '-Infinity'
+      if (ok) return
+      if (field == 'inf') then
+         value = ieee_value(value, ieee_positive_inf)
+         ok = .true.
+         return
+      end if
+      call parse_number(field, value, ok)
+      if (.not. ok) value = unlimited
+   end subroutine read_number
+
+   !> Reads the members of a table.
+   !>
+   !> text     of the table
+   !> path     of its file, for messages
+   !> members  (n) by their numbers; those without an estimate have no rows
+   !> error    the first row that belongs to none of `n` members in ascending order
+   subroutine read_members(text, path, n, members, error)
+      character(len=*), intent(in) :: text, path
+      integer, intent(in) :: n
+      type(member_t), allocatable, intent(out) :: members(:)
+      type(error_t), allocatable, intent(out) :: error
+      type(row_t) :: row
+      integer(ip) :: first, length
+      integer :: k, last, number
+      logical :: failed, sound
+
+      allocate (members(n))
+      do k = 1, n
+         allocate (members(k)%rows(0))
+      end do
+      if (index(text, members_header//line_feed) /= 1) then
+         call bad_input(error, path//':1: found another header, expected '//members_header)
+         return
+      end if
+      first = len(members_header) + 2
+      number = 1
+      last = 1
+      do while (first <= len(text, ip))
+         number = number + 1
+         length = index(text(first:), line_feed, kind=ip) - 1
+         if (length < 0) length = len(text, ip) - first + 1
+         call read_row(text(first:first + length - 1), k, row, failed, sound)
+         if (.not. sound .or. k < last .or. k > n) then
+            call bad_input(error, path//':'//to_text(number)//': found '//shown(text(first: &
+               first + length - 1))//', expected a row of one of members '//to_text(last)// &
+               ' to '//to_text(n))
+            return
+         end if
+         if (.not. failed) members(k)%rows = [members(k)%rows, row]
+         last = k
+         first = first + length + 1
+      end do
+   end subroutine read_members
+
+end module beamid_member_rows

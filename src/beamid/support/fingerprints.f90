@@ -1,0 +1,91 @@
+!> Fingerprints: 64 bits that tell whether the inputs of a result are those of an earlier run.
+!>
+!> The checksum is CRC-64/XZ (ECMA-182, reflected). Two different inputs share it with a probability
+!> of 5e-20; with 32 bits it would be 2e-10, so that 10,000 cases compared daily for a year would
+!> overlook a change with a probability of 1e-3. It detects accidental changes, not forged files.
+module beamid_fingerprints
+   use, intrinsic :: iso_fortran_env, only: int64
+   use beamid_errors, only: error_t
+   use beamid_files, only: read_text
+   use beamid_kinds, only: ip
+   use beamid_strings, only: lower, to_text
+   implicit none
+   private
+
+   public :: fingerprint_t, crc64
+
+   !> Number of hexadecimal digits of a fingerprint.
+   integer, parameter, public :: fingerprint_length = 16
+
+   !> A checksum over all texts and files that were added, in their order. Each has its length in
+   !> front, so that bytes that move from one to the next change the fingerprint.
+   type :: fingerprint_t
+      integer(int64), private :: checksum = 0
+   contains
+      procedure :: add
+      procedure :: add_file
+      procedure :: digits
+   end type fingerprint_t
+
+   !> The polynomial of ECMA-182, its lowest coefficient in the highest bit.
+   integer(int64), parameter :: polynomial = int(z'c96c5795d7870f42', int64)
+
+contains
+
+   !> Adds a text.
+   pure subroutine add(self, text)
+      class(fingerprint_t), intent(inout) :: self
+      character(len=*), intent(in) :: text
+
+      self%checksum = crc64(to_text(len(text, ip))//':', self%checksum)
+      self%checksum = crc64(text, self%checksum)
+   end subroutine add
+
+   !> Adds the bytes of a file, but not its path: a folder may be moved, and another machine may
+   !> know it by another name. A file that cannot be read differs from every file that can.
+   subroutine add_file(self, path)
+      class(fingerprint_t), intent(inout) :: self
+      character(len=*), intent(in) :: path
+      character(len=:), allocatable :: text
+      type(error_t), allocatable :: error
+
+      call read_text(path, text, error)
+      if (allocated(error)) then
+         self%checksum = crc64('unreadable:', self%checksum)
+      else
+         call self%add(text)
+      end if
+   end subroutine add_file
+
+   !> Returns the fingerprint of all that was added, in hexadecimal digits.
+   pure function digits(self)
+      class(fingerprint_t), intent(in) :: self
+      character(len=fingerprint_length) :: digits
+
+      write (digits, '(z16.16)') self%checksum
+      digits = lower(digits)
+   end function digits
+
+   !> Returns the CRC-64/XZ of a text, or of everything that `before` stands for and the text.
+   !>
+   !> before  the checksum of the preceding bytes; 0: there are none
+   pure integer(int64) function crc64(text, before)
+      character(len=*), intent(in) :: text
+      integer(int64), intent(in) :: before
+      integer(int64) :: rest(0:255)   !< remainders of single bytes
+      integer(ip) :: at
+      integer :: k
+
+      rest = [(k, k=0, 255)]
+      do k = 1, 8
+         rest = merge(ieor(shiftr(rest, 1), polynomial), shiftr(rest, 1), btest(rest, 0))
+      end do
+      crc64 = not(before)
+      do at = 1, len(text, ip)
+         crc64 = ieor(shiftr(crc64, 8), &
+            rest(iand(ieor(crc64, iachar(text(at:at), int64)), 255_int64)))
+      end do
+      crc64 = not(crc64)
+   end function crc64
+
+end module beamid_fingerprints
