@@ -4,6 +4,8 @@
 #     scripts/test.sh [debug]    with every check that the compiler can build in
 #     scripts/test.sh release    as the program is built to be used
 #     scripts/test.sh long       release, and with it what takes too long for every day
+#     scripts/test.sh sanitized  the tests of bad input, with a program that checks every access to
+#                                memory, undefined behaviour and leaks
 #     scripts/test.sh perturbed [SEED [debug]]    release or debug, with the last bits of results of
 #                                the mathematics library and of BLAS changed (scripts/perturb.c)
 set -euo pipefail
@@ -11,19 +13,25 @@ set -euo pipefail
 # fpm puts these flags in front of the profile's own. Not trapped: invalid and overflow, which
 # comparing a NaN and reading 1e999 raise, and tests do both.
 checks='-fcheck=all -finit-real=snan -ffpe-trap=zero'
-profile=${1:-debug} flags=() seed= most=1
+sanitizers='-O1 -fno-omit-frame-pointer -fsanitize=address,undefined -fno-sanitize-recover=all'
+profile=${1:-debug} flags=() seed= most=1 sanitized=
 case $profile in
 debug | release) ;;
 long)
    profile=release
    export BEAMID_LONG_TESTS=yes
    ;;
+sanitized)
+   # A status that the program never has marks a finding.
+   profile=release sanitized=yes
+   export ASAN_OPTIONS=exitcode=99 UBSAN_OPTIONS=exitcode=99:print_stacktrace=1
+   ;;
 perturbed)
    seed=${2:-1} profile=${3:-release} most=3
    ;;
 esac
 if [[ ! $profile =~ ^(debug|release)$ || ! $seed =~ ^[0-9]*$ || $# -gt $most ]]; then
-   echo "usage: test.sh [debug|release|long|perturbed [SEED [debug|release]]], not '$*'" >&2
+   echo "usage: test.sh [debug|release|long|sanitized|perturbed [SEED [debug|release]]], not '$*'" >&2
    exit 2
 fi
 [[ $profile == release ]] || flags=(--flag "$checks")
@@ -61,10 +69,14 @@ run_suite() {
    fi
 }
 
-if build "$profile" "${flags[@]}" --tests; then
-   BEAMID_PROGRAM=$checkout/$(paths run beamid --profile "$profile" "${flags[@]}" | tail -n 1)
+program=("$profile" "${flags[@]}") chosen=''
+if [[ -n $sanitized ]]; then
+   program=(debug --flag "$sanitizers") chosen='/test_(bad_.*|mutations|csv|namelist|records)$'
+fi
+if build "$profile" "${flags[@]}" --tests && { [[ -z $sanitized ]] || build "${program[@]}"; }; then
+   BEAMID_PROGRAM=$checkout/$(paths run beamid --profile "${program[@]}" | tail -n 1)
    export BEAMID_PROGRAM
-   for test in $(paths test --profile "$profile" "${flags[@]}"); do
+   for test in $(paths test --profile "$profile" "${flags[@]}" | grep -E "$chosen"); do
       run_suite "$test"
    done
    [[ $((passed + failed)) -gt 0 ]] || { failed=1 && echo "FAIL  no check ran"; }
