@@ -4,7 +4,7 @@ module beamid_commands
    use beamid
    use beamid_case_fits, only: case_fit_t, fit_case, judge_case, load_case
    use beamid_cases, only: can_be_fitted
-   use beamid_errors, only: bad_input, locate
+   use beamid_errors, only: locate
    use beamid_fit_reports, only: add_modes_of_fits, report_fit
    use beamid_interrupts, only: check_interrupt
    use beamid_mode_summaries, only: modes_summary
@@ -132,7 +132,6 @@ contains
    subroutine run_modes(settings, error)
       type(settings_t), intent(in) :: settings
       type(error_t), allocatable, intent(out) :: error
-      integer, parameter :: max_unknowns = 2000
       type(case_t) :: case
       type(galerkin_t), target :: galerkin
       type(equations_t) :: equations
@@ -145,12 +144,6 @@ contains
 
       call read_case(settings%subject, needs_nothing, case, error)
       if (allocated(error)) return
-      if (any(case%meshes%elements > max_unknowns)) then
-         call bad_input(error, case%path//': &discretization elements: found '// &
-            to_text(maxval(case%meshes%elements))//', expected at most '//to_text(max_unknowns)// &
-            ' for all modes at once')
-         return
-      end if
       still = new_pulse(0.0_wp, 1.0_wp)
       call table%line(modes_header)
       call summary%line(case%name//': natural modes')
@@ -168,14 +161,15 @@ contains
          call modes_summary(summary, case, case%meshes(k)%elements, omega, roots)
       end do
       call output%add('modes.csv', table%content())
-      if (can_be_fitted(case)) call add_fit_of_modes(case, summary, output)
+      if (can_be_fitted(case)) call add_fit_of_modes(case, settings%quiet, summary, output)
       call deliver(output, summary%content(), settings, case%name, error, case%recordings)
    end subroutine run_modes
 
    !> A case that says how to fit a record has intervals for its modes too. What keeps it from being
    !> fitted is told, and is no failure: the modes of the structure as it is declared are above.
-   subroutine add_fit_of_modes(case, summary, output)
+   subroutine add_fit_of_modes(case, quiet, summary, output)
       type(case_t), intent(in) :: case
+      logical, intent(in) :: quiet
       type(text_t), intent(inout) :: summary
       type(output_t), intent(inout) :: output
       type(case_t) :: exact
@@ -183,15 +177,18 @@ contains
       type(experiment_t), allocatable :: experiments(:)
       character(len=note_length), allocatable :: notes(:)
       type(fitted_mode_t), allocatable :: modes(:)
+      type(progress_t) :: progress
       type(error_t), allocatable :: error
       type(text_t) :: table
 
+      progress = new_progress(quiet)
       exact = case
       deallocate (exact%model%solver)
       allocate (modal_t :: exact%model%solver)
       call load_experiments(exact, experiments, notes, error)
       if (.not. allocated(error)) call identify_meshes(exact%model, exact%meshes, exact%stages, &
-         experiments, fits, error)
+         experiments, fits, error, progress)
+      call progress%finish()
       call summary%line()
       if (.not. allocated(error)) call add_modes_of_fits(exact, fits, summary, table, &
          modes, error)

@@ -1,6 +1,6 @@
-!> What Ctrl-C and `kill` do to the program: the computation stops at its next check of the flag, and
-!> the program ends by the signal, so that the caller sees the status of an interrupted program (130
-!> or 143 in a shell).
+!> What Ctrl-C and `kill` do to the program: the computation stops at its next check of the flag,
+!> and the program ends by the signal, so that the caller sees the status of an interrupted program
+!> (130 or 143 in a shell).
 module beamid_signals
    use, intrinsic :: iso_c_binding, only: c_funloc, c_int, c_intptr_t, c_long, c_null_ptr
    use beamid_interrupts, only: interruption, set_flag
@@ -31,8 +31,8 @@ contains
       end do
    end subroutine catch_signals
 
-   !> Handler: sets the flag. A program that has not ended after `patience`, because it is inside one
-   !> long call of another library or of the system, is ended by `give_up`.
+   !> Handler: sets the flag. A program that has not ended after `patience`, because it is inside
+   !> one long call of another library or of the system, is ended by `give_up`.
    subroutine stop_computation(number) bind(c)
       integer(c_int), value :: number
       integer(c_intptr_t) :: ignored

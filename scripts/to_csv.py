@@ -7,6 +7,7 @@ it states, in its own unit. What else the file says of its channels stands above
 Nothing is converted. Channels with other times go into a file of their own.
 """
 
+import math
 import os
 import re
 import subprocess
@@ -44,6 +45,10 @@ class Channel:
     notes: list = field(default_factory=list)
 
 
+class BadTimes(Exception):
+    """A rate, a step or times that cannot be those of a record."""
+
+
 def need(module, package, install):
     """Restarts with the Python of .venv where that has the module; installs it there only when
     asked to."""
@@ -62,10 +67,18 @@ def need(module, package, install):
     fail(f"no module {module}: install it by --install, or by .venv/bin/pip install '{package}'", 1)
 
 
-def stepped(n, step, start=0.0, rate=None):
-    """Times of n samples; by the rate where the file has that, so that they are rounded once."""
+def stepped(n, step, start=0.0, rate=None, name="the step"):
+    """Returns the times of n samples; by the rate where the file has that, so that they are rounded
+    once. Raises BadTimes if they do not grow; `name` is that of the rate or step in the file."""
     import numpy as np
-    return start + (np.arange(n) / rate if rate else np.arange(n) * step)
+    given = step if rate is None else rate
+    if not 0 < given < math.inf:
+        raise BadTimes(f"{name}: found {given}, expected a finite value above 0")
+    times = start + (np.arange(n) / rate if rate else np.arange(n) * step)
+    if not np.isfinite(times).all() or (np.diff(times) <= 0).any():
+        raise BadTimes(f"{name}: found {given}, which with the start {start} makes no times that "
+                       "grow from sample to sample")
+    return times
 
 
 def text_of(value):
@@ -124,7 +137,8 @@ def read_tdms(path):
             for one in found:
                 one.unit = one.unit or text_of(unit)
                 one.notes += properties(known)
-                one.times = stepped(len(one.values), step, start) if step else None
+                one.times = (None if step is None else
+                             stepped(len(one.values), step, start, name="wf_increment"))
                 one.time_unit = "s"
             channels += found
     return channels, texts
@@ -140,7 +154,7 @@ def read_wav(path):
     from scipy.io import wavfile
     rate, data = wavfile.read(path)
     columns = data.reshape(len(data), -1).T
-    return [Channel(f"channel {k + 1}", column, times=stepped(len(column), 0, rate=rate),
+    return [Channel(f"channel {k + 1}", column, times=stepped(len(column), 0, rate=rate, name="rate"),
                     time_unit="s", notes=[f"{rate} samples per s, {column.dtype}"])
             for k, column in enumerate(columns)], []
 
@@ -215,6 +229,8 @@ def columns_of(name, values):
         return []
     if values.dtype.kind == "b":
         values = values.astype(int)
+    if values.dtype.kind == "f":
+        values = values.astype(float)    # NumPy prints those of extended precision with their type
     if values.ndim == 1:
         return [Channel(name, values)]
     columns = values.T if values.shape[0] >= values.shape[1] else values
@@ -256,9 +272,8 @@ def set_times(channel, channels, known, others):
               and len(one.values) == len(channel.values) and (np.diff(one.values) > 0).all()}
     numbers = {name: float(value) for name, value in known.items()
                if isinstance(value, (int, float, np.integer, np.floating))}
-    positive = {name: value for name, value in numbers.items() if value > 0}
     times = near_to(channel, series, TIMES, others)
-    rates = near_to(channel, positive, RATES | STEPS, others)
+    rates = near_to(channel, numbers, RATES | STEPS, others)
     starts = near_to(channel, numbers, STARTS, others)
     if last(channel.name) in TIMES:
         return
@@ -270,7 +285,7 @@ def set_times(channel, channels, known, others):
         start = numbers[starts[0]] if len(starts) == 1 else 0.0
         step = numbers[rates[0]]
         rate = step if last(rates[0]) in RATES else None
-        channel.times = stepped(len(channel.values), step, start, rate)
+        channel.times = stepped(len(channel.values), step, start, rate, rates[0])
 
 
 def label(channel, taken=()):
@@ -353,6 +368,8 @@ def main():
     need(module, package, arguments.install)
     try:
         channels, texts = globals()[f"read_{reader}"](path)
+    except BadTimes as error:
+        fail(f"{path}: {error}")
     except Exception as error:    # what the libraries raise is of every kind
         fail(f"{path}: {module} cannot read it: {text_of(error) or type(error).__name__}")
     if not channels:

@@ -4,7 +4,7 @@
 program test_any_structure
    use beamid_equations, only: equations_t, new_equations
    use beamid_errors, only: error_t
-   use beamid_excitation, only: excitation_t, new_force_table
+   use beamid_excitation, only: excitation_t, new_force_table, new_pulse
    use beamid_galerkin, only: galerkin_of, galerkin_t, mesh_t
    use beamid_kinds, only: wp
    use beamid_modal, only: modal_t
@@ -32,6 +32,7 @@ program test_any_structure
       call test_all(745739799, 200)
    end if
    call test_some(merge(400, 12, in_long_run()))
+   call test_impossible()
    call finish('any_structure')
 
 contains
@@ -166,6 +167,34 @@ contains
       call check_close('motions', worst(1), 0.0_wp, 1e-8_wp)
       call check_close('derivatives', worst(2), 0.0_wp, 1e-6_wp)
    end subroutine test_some
+
+   !> Refuses values that no number can be computed of, in words: neither a NaN nor an infinity, and
+   !> the name of the parameter.
+   subroutine test_impossible()
+      integer, parameter :: parameters(*) = [of_m_T, of_c_D, of_gamma, of_J_T]
+      character(len=*), parameter :: names(*) = [character(len=5) :: 'm_T', 'c_D', 'gamma', 'J_T']
+      type(structure_t) :: s
+      type(equations_t), target :: equations
+      type(modal_t) :: modal
+      type(response_t) :: response
+      type(work_t) :: work
+      type(error_t), allocatable :: error
+      integer :: k
+
+      do k = 1, size(parameters)
+         s = structure_t(length=1, rho=1, E=1, I=1)
+         call s%set(parameters(k), 1e250_wp)
+         galerkin = galerkin_of(mesh_t(3, 4, 4, 1), s)
+         call modal%prepare(galerkin, error)
+         equations = new_equations(galerkin, s, new_pulse(1.0_wp, 1.0_wp), matrices=.false.)
+         call modal%respond(equations, new_pulse(1.0_wp, 1.0_wp), [0.5_wp], response, work, error)
+         call check('impossible '//trim(names(k))//': refused', allocated(error))
+         if (.not. allocated(error)) cycle
+         call check('impossible '//trim(names(k))//': in words', index(error%message, 'NaN') == 0 &
+            .and. index(error%message, 'inf') == 0 .and. index(error%message, ' '// &
+            trim(names(k))//' = ') > 0, error%message)
+      end do
+   end subroutine test_impossible
 
    !> The largest difference of motion k.
    pure real(wp) function apart(response, known, k)

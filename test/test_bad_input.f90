@@ -274,12 +274,12 @@ contains
          call judge(trim(commands(k))//': output through a file', outcome, &
             'record.csv/result|output folder cannot be written|Not a directory', 1)
       end do
-      outcome = beamid('modes case.nml --out case.nml', 'bad')
+      outcome = beamid('modes case.nml --quiet --out case.nml', 'bad')
       call judge('modes: output folder is a file', outcome, &
          'case.nml: |cannot be written|Not a directory', 1)
-      outcome = beamid('modes case.nml --out /proc/beamid/result', 'bad')
+      outcome = beamid('modes case.nml --quiet --out /proc/beamid/result', 'bad')
       call judge('modes: output below /proc', outcome, '/proc/beamid/result|cannot be written', 1)
-      outcome = beamid('modes case.nml --out '//repeat('x', 300), 'bad')
+      outcome = beamid('modes case.nml --quiet --out '//repeat('x', 300), 'bad')
       call judge('modes: name too long', outcome, repeat('x', 300)//'|cannot be written', 1)
    end subroutine test_output_folder
 

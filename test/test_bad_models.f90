@@ -26,6 +26,8 @@ program test_bad_models
       call test_supports()
       call test_several_supports()
       call test_weight()
+      call test_heavy_loads()
+      call test_proportions()
       call test_place_of_force()
       call test_moved_base()
       call test_free_length()
@@ -455,6 +457,101 @@ contains
          'g=100, direction=''standing''')), &
          '5: &gravity g: found 100|buckles the beam|expected less compression')
    end subroutine test_weight
+
+   !> Loads that the beam cannot carry, or beside which its stiffness counts for nothing: the number
+   !> of pieces of the column would grow beyond bounds.
+   subroutine test_heavy_loads()
+      character(len=*), parameter :: commands(*) = [character(len=8) :: 'identify', 'simulate', &
+         'modes'], tension = 'a tension beside which the bending stiffness has no effect', &
+         units = '|check the units: E I/length^2 is only 5 (E = 80 lb/ft^2)', &
+         no_units = '|(E = 7 looks like GPa: with m, s and kg, E is in N/m^2; aluminium: 7e10)'
+      character(len=:), allocatable :: hanging, standing
+      integer :: k
+
+      hanging = strip('hanging')
+      standing = strip('standing')
+      do k = 1, size(commands)
+         call refused_case('modulus in GPa, hanging', hanging, '7: &gravity g: found 9.81, '// &
+            tension//'|(E = 7), expected at most 0.00'//no_units, trim(commands(k)))
+         call refused_case('modulus in GPa, standing', standing, '7: &gravity g: found 9.81, '// &
+            'which buckles the beam|expected less compression or more than E = 7'//no_units, &
+            trim(commands(k)))
+         call refused_case('gravity of 1e30', carrying(group('gravity', 'g=1e30')), &
+            '5: &gravity g: found 1E+30, '//tension//units, trim(commands(k)))
+         call refused_case('tension of 1e300', carrying(group('axial', 'force=1e300')), &
+            '5: &axial force: found 1E+300, '//tension//'|(E = 80), expected at most '// &
+            '1.25E+06'//units, trim(commands(k)))
+         call refused_case('compression of 1e300', carrying(group('axial', 'force=-1e300')), &
+            '5: &axial force: found -1E+300, which buckles the beam'//units, trim(commands(k)))
+         call refused_case('compression of 1e300 with a support', carrying(group('axial', &
+            'force=-1e300')//group('support', 'x_P=4')), &
+            '5: &axial force: found -1E+300, which buckles the beam'//units, trim(commands(k)))
+      end do
+      call refused_case('a strip of 22 km, standing', replaced(replaced(standing, 'E=7,', &
+         'E=7e10,'), 'length=0.6', 'length=22377.249367708933'), &
+         '7: &gravity g: found 9.81, which buckles the beam|E I/length^2 is only 4.65976E-09', &
+         'simulate')
+      call accepted('a heavy rope', 'modes', carrying(group('axial', 'force=1e6')))
+      call refused_case('many elements whose modes are coupled', replaced(carrying( &
+         group('gravity', 'g=1')), 'elements=2', 'elements=201'), &
+         'case.nml|&discretization elements: found 201|expected at most 200 with gravity', 'modes')
+      call refused_case('many elements with the exact response', replaced(replaced(case_text, &
+         'elements=2', 'elements=1001'), &
+         'method=''cvode'', rtol=1e-8, atol=1e-11, max_order=5, max_steps=20000', &
+         'method=''modal'''), &
+         'case.nml|&discretization elements: found 1001|expected at most 1000')
+   end subroutine test_heavy_loads
+
+   !> A strip whose modulus is given in GPa; the other values are in m, s and kg.
+   function strip(direction) result(text)
+      character(len=*), intent(in) :: direction
+      character(len=:), allocatable :: text
+
+      text = '&beam length=0.6, rho=0.27, E=7, width=0.05, height=0.002, c_D=5e-6 /'// &
+         group('excitation', 'kind=''pulse'', amplitude=1, duration=0.05')// &
+         group('observation', 'formula=''displacement_difference'', delta=0.1')// &
+         group('discretization', 'elements=2')//group('record', 'file=''record.csv'', '// &
+         't_first=0.1, t_last=0.6, t_step=0.1')//group('stage', 'free=''E''')// &
+         group('gravity', 'g=9.81, direction='''//direction//'''')//nl
+   end function strip
+
+   !> Values that are numbers, but not beside the others: each is refused by its own name.
+   subroutine test_proportions()
+      character(len=*), parameter :: beside = '|out of proportion to the beam, expected at ', &
+         beam = 'c_D=0.005', tip = 'm_T=0.15', hose = '5: &hose '
+      character(len=*), parameter :: frequency = '|first natural angular frequency|'// &
+         'expected 1E-20 to 1E+20: check the units'
+
+      call refused('modulus of 1e300', 'E=80.0', 'E=1e300', &
+         '2: &beam E: found 1E+300|expected 1E-40 to 1E+40')
+      call refused('length of 1e-200', 'length=4.0', 'length=1e-200', &
+         '2: &beam length: found 1E-200|expected 1E-40 to 1E+40')
+      call refused('length of 1e200', 'length=4.0', 'length=1e200', &
+         '2: &beam length: found 1E+200|expected 1E-40 to 1E+40', 'modes')
+      call refused('a frequency beyond any clock', 'length=4.0', 'length=1e-15', &
+         '2: &beam length: found 1E-15|E = 80, I = 1, length = 1E-15 and rho = 0.03'//frequency)
+      call refused('mass per length of 1e-39', 'rho=0.03', 'rho=3e-40', &
+         '2: &beam rho: found 3E-40'//frequency, 'modes')
+      call refused('viscosity of 1e100', beam, 'c_D=1e100', '3: &beam c_D: found 1E+100'//beside// &
+         'most')
+      call refused('air damping of 1e300', beam, beam//', gamma=1e300', &
+         '3: &beam gamma: found 1E+300'//beside//'most', 'simulate')
+      call refused('a clamp of 1e-300', beam, beam//', k_R=1e-300', &
+         '3: &beam k_R: found 1E-300'//beside//'least 2E-12', 'modes')
+      call refused('tip mass of 1e75', tip, 'm_T=1e75', '4: &tip m_T: found 1E+75'//beside// &
+         'most 1.2E+12', 'modes')
+      call refused('hose damping of 1e100', 'c_H=0.004', 'c_H=1e100', &
+         hose//'c_H: found 1E+100'//beside//'most', 'modes')
+      call refused_case('a sensor at the root', carrying(group('sensor', 'x_S=1e-100')), &
+         '5: &sensor x_S: found 1E-100'//beside//'least 4E-09', 'modes')
+      call refused_case('a support that does not hold', carrying(group('support', &
+         'x_P=2, k_P=1e-200')), '5: &support k_P: found 1E-200'//beside//'least')
+      call refused('width of 1e300', 'I=1.0', 'width=1e300, height=1', &
+         '2: &beam width: found 1E+300|expected 1E-30 to 1E+30')
+      call refused('times of 1e300', 't_first=0.1, t_last=0.6, t_step=0.1', &
+         't_first=1e299, t_last=1e300, t_step=1e299', '11: &record t_step: found sample times '// &
+         'from 1E+299 to 1E+300|expected times within 1E+40', 'simulate')
+   end subroutine test_proportions
 
    !> One support that is refused.
    subroutine misplaced(what, keys, words)

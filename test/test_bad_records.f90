@@ -44,9 +44,11 @@ contains
       call refused('no t_last', 't_last=0.6,', '', grid, command='simulate')
       call refused('no t_step', ', t_step=0.1', '', grid, command='simulate')
       call refused('5 million samples', 't_step=0.1', 't_step=1e-7', place// &
-         't_step: found|samples|expected at most 1000000', command='simulate')
+         't_step: found 1E-07|more than 1000000 samples|expected a larger step', &
+         command='simulate')
       call refused('10**300 samples', 't_step=0.1', 't_step=1e-300', place// &
-         't_step: found|samples|expected at most 1000000', command='simulate')
+         't_step: found 1E-300|more than 1000000 samples|expected a larger step', &
+         command='simulate')
    end subroutine test_window
 
    subroutine test_window_of_fit()
@@ -63,7 +65,7 @@ contains
       call refused('times shifted', 't_first=0.1', 't_first=0.12', place// &
          'found no sample at t = 0.12|every step of 0.1')
       call refused('5 million samples', 't_step=0.1', 't_step=1e-7', place// &
-         'found|samples|expected at most 1000000')
+         'found 1E-07|more than 1000000 samples|expected a larger step')
       call refused('no sample in the window', 't_first=0.1, t_last=0.6, t_step=0.1', &
          't_first=0.32, t_last=0.38', place//'found no sample')
    end subroutine test_window_of_fit

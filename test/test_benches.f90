@@ -119,9 +119,9 @@ contains
    end subroutine drive
 
    !> Compares the motions, and their derivatives with respect to every parameter, with a matrix
-   !> exponential in quadruple precision, on three cubics. The reference for a derivative is a central
-   !> difference over 1e-8 of the parameter. Its truncation error grows with the square of the step,
-   !> from 1e-10 here, because the highest modes turn through 1e4 radians.
+   !> exponential in quadruple precision, on three cubics. The reference for a derivative is a
+   !> central difference over 1e-8 of the parameter. Its truncation error grows with the square of
+   !> the step, from 1e-10 here, because the highest modes turn through 1e4 radians.
    !>
    !> heavy  with weight and axial force
    subroutine test_motions(number, heavy)

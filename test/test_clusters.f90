@@ -594,7 +594,8 @@ contains
          all(-real(modes%s) > 0.5_wp) .and. all(modes(2:)%frequency > modes(:3)%frequency))
       ! The modulus of a complex number is known to one unit in the last place.
       call check('overdamped: a damping ratio of 1 has no interval, the frequency has', &
-         all(abs(modes%damping_ratio - 1) <= epsilon(1.0_wp) .and. modes%damping_half_width >= huge(1.0_wp) &
+         all(abs(modes%damping_ratio - 1) <= epsilon(1.0_wp) .and. &
+            modes%damping_half_width >= huge(1.0_wp) &
          .and. modes%frequency_half_width < 1e-3_wp*modes%frequency))
    end subroutine test_fitted_modes
 

@@ -96,7 +96,7 @@ contains
       call refused_by('version >/dev/full', 'No space left on device')
       call refused_by('version >&-', 'Bad file descriptor')
       call remove_tree('full')
-      call refused_by('modes case.nml --out full >/dev/full', &
+      call refused_by('modes case.nml --quiet --out full >/dev/full', &
          'No space left|the outputs are in full')
       call check('full device: the outputs are there', &
          index(read_file('full/summary.txt'), 'natural modes') > 0 .and. &

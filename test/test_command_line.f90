@@ -404,6 +404,12 @@ contains
       quiet = beamid('identify case.nml --out progress --quiet')
       call check('progress: none with --quiet', quiet%status == 0 .and. quiet%err == '')
       call check('progress: --quiet changes no result', quiet%out == outcome%out)
+      outcome = beamid('modes case.nml --out progress')
+      call check('progress: of the fit behind the modes', outcome%status == 0 .and. &
+         has_all(outcome%err, 'N = 2, stage 1: iteration 0|N = 3, stage 1: iteration 0'))
+      quiet = beamid('modes case.nml --out progress --quiet')
+      call check('progress: none of that fit with --quiet', quiet%status == 0 .and. &
+         quiet%err == '' .and. quiet%out == outcome%out)
       call write_file('case.nml', case_text//'&multistart n=6, seed=1 /'//achar(10))
       outcome = beamid('identify case.nml --out progress')
       call check('progress: time left once a start of several is done', outcome%status == 0 .and. &

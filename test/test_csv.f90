@@ -143,7 +143,7 @@ contains
       call bad('0,5;1'//lf//'1.000,5;1'//lf, ':2: column 1', 'found ''1.000,5''')
       call bad('0;1'//lf//'1,000,5;1'//lf, ':2: column 1', 'found ''1,000,5''')
       call bad('0,1'//lf//'1,5;1'//lf, ':2: ', 'found both '';'' and '',''')
-      call bad('t,a'//lf//'0,5,1,5'//lf, ':2: ', 'a decimal point is ''.''')
+      call bad('t,a'//lf//'0,5,1,5'//lf, ':2: ', 'with a decimal point, not a decimal comma')
       call bad('0 1'//lf//'1 2'//lf, ':1: column 1', 'found ''0 1''')
       call bad('time accel'//lf//'1 2'//lf, ':1: ', 'expected 2 columns')
       call bad('0,1'//lf//'1/2,1'//lf, ':2: column 1', 'found ''1/2''')

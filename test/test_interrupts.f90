@@ -1,5 +1,5 @@
-!> Interrupts: every command of the library ends with the status of an interruption wherever the flag
-!> is set, and afterwards finds what it found before; the program ends by the signal and writes
+!> Interrupts: every command of the library ends with the status of an interruption wherever the
+!> flag is set, and afterwards finds what it found before; the program ends by the signal and writes
 !> nothing.
 program test_interrupts
    use beamid_case_files, only: case_t
@@ -12,7 +12,8 @@ program test_interrupts
    use beamid_strings, only: to_text
    use checks, only: check, finish
    use random_numbers, only: between, start_random
-   use shell, only: close_shell, exists, in_scratch, open_shell, outcome_t, program_path, read_file, &
+   use shell, only: close_shell, exists, in_scratch, open_shell, outcome_t, program_path, &
+      read_file, &
       replaced, run, write_file
    implicit none
 
@@ -147,8 +148,9 @@ contains
 
       do k = 1, size(commands)
          associate (what => trim(commands(k))//', '//signal//': ')
-            outcome = run('env --default-signal='//signal//' timeout --preserve-status -k 20 -s '// &
-               signal//' 1 '''//program_path//''' '//trim(commands(k))//' long.nml --quiet --out out')
+            outcome = run('env --default-signal='//signal// &
+               ' timeout --preserve-status -k 20 -s '//signal//' 1 '''//program_path//''' '// &
+               trim(commands(k))//' long.nml --quiet --out out')
             call check(what//'ends by the signal', outcome%status == expected, &
                to_text(outcome%status))
             call check(what//'one line', outcome%err == 'beamid: interrupted'//nl, outcome%err)

@@ -1,7 +1,9 @@
-!> The quick reading of numbers against the runtime's own `read`, bit for bit.
+!> The quick reading of numbers against the runtime's own `read`, bit for bit; and numbers as text.
 program test_numbers
    use beamid_kinds, only: wp, ip
+   use beamid_lines, only: filled
    use beamid_numbers, only: parse_number
+   use beamid_strings, only: fixed, full, to_text
    use checks, only: check, finish
    use random_numbers, only: pick, start_random
    implicit none
@@ -14,9 +16,25 @@ program test_numbers
    call test_halves()
    call test_edges()
    call test_zero()
+   call test_text()
    call finish('numbers')
 
 contains
+
+   !> Zero has no sign, and a number that does not fit is not replaced by asterisks.
+   subroutine test_text()
+      real(wp), volatile :: zero
+
+      zero = -0.0_wp
+      call check('text of -0', to_text(zero) == '0', to_text(zero))
+      call check('full text of -0', full(zero) == full(0.0_wp), full(zero))
+      call check('decimals of -0', fixed(zero, 8, 2) == '    0.00', fixed(zero, 8, 2))
+      call check('what rounds to 0', fixed(-4e-3_wp, 8, 2) == '    0.00', fixed(-4e-3_wp, 8, 2))
+      call check('what does not', fixed(-6e-3_wp, 8, 2) == '   -0.01', fixed(-6e-3_wp, 8, 2))
+      call check('per cent', filled('#%', [0.125_wp]) == '12.5 %')
+      call check('very many per cent', filled('#%', [-1e30_wp]) == '-1E+32 %', &
+         filled('#%', [-1e30_wp]))
+   end subroutine test_text
 
    !> Digits, point and exponent anywhere: short and long ones, inside and outside of what the quick
    !> way takes.

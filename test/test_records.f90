@@ -160,7 +160,13 @@ contains
       call bad_columns('rate: several columns', three, '', '', &
          'record.csv: found 3 columns, expected value_column to name one of them', 4.0_wp)
       call bad_columns('rate: decimal commas or two columns', '1,0'//nl//'2,0'//nl, '', '', &
+         'record.csv:1: found ''1,0'', which reads as 2 columns, expected a decimal point in '// &
+         'place of the decimal comma, or value_column', 4.0_wp)
+      call bad_columns('rate: two columns', '1.5,2'//nl//'2,3'//nl, '', '', &
          'record.csv: found 2 columns, expected value_column to name one of them', 4.0_wp)
+      call bad_columns('one column with decimal commas', '0,29'//nl//'-0,97'//nl, '', '', &
+         'record.csv:2: column 1: found ''-0'' after ''0'', expected a larger number (or a '// &
+         'decimal point in ''-0,97'' in place of the decimal comma)')
       call bad_columns('rate: decimal commas below a name', 'acc'//nl//'1,0'//nl//'2,0'//nl, '', &
          '', 'record.csv:2: found twice as many fields as names', 4.0_wp)
       call bad_columns('rate: a line is empty', '1'//nl//'-2'//nl//nl//'4'//nl, '', '', &

@@ -7,8 +7,9 @@ program test_structure
    use beamid_kinds, only: wp
    use beamid_quadrature, only: gauss_legendre, rule_t
    use beamid_strings, only: to_text
-   use beamid_parameters, only: check_structure, free_index, magnitude, free_names, parameters
+   use beamid_parameters, only: free_index, magnitude, free_names, parameters
    use beamid_structure, only: of_x_S, structure_t
+   use beamid_structure_checks, only: check_structure
    use checks, only: check, check_close, finish, of_mesh
    use dense_matrices, only: dense_of, half_bandwidth
    implicit none

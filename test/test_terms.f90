@@ -54,13 +54,14 @@ program test_terms
    use beamid_galerkin, only: galerkin_t, mesh_t, new_galerkin
    use beamid_kinds, only: wp
    use beamid_modes, only: bare_beam_modes, beam_modes_t
-   use beamid_parameters, only: amplitude, any_value, check_structure, is_there, key_of, &
+   use beamid_parameters, only: amplitude, any_value, is_there, key_of, &
       magnitude, name_of_parameter, not_negative, on_beam, parameters, positive
    use beamid_problems, only: compare_derivatives
    use beamid_residuals, only: new_residuals
    use beamid_strings, only: to_text
    use beamid_structure, only: at_tip, n_parameters, of_c_R, of_g, of_kappa_R, of_length, &
       of_T, of_x_F, structure_t, x_S_at
+   use beamid_structure_checks, only: check_structure
    use beamid_terms, only: of_compliance, operators, root_slope, strengths, strengths_and_slopes
    use beamid_units, only: units_t
    use beamid_variables, only: new_variable, unbounded, variable_t

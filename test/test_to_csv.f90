@@ -70,7 +70,9 @@ contains
    end subroutine test_arguments
 
    subroutine test_numpy()
+      character(len=*), parameter :: rates(*) = [character(len=6) :: 'np.inf', 'np.nan', '0', '-8']
       character(len=:), allocatable :: text
+      integer :: k
 
       call convert('npz', 'np.savez("x.npz", time=t, acc=a, force=f, acc_unit="g", '// &
          'serial="A, 1")', 'x.npz')
@@ -103,6 +105,17 @@ contains
       call convert('complex', 'np.save("i.npy", 1j * a)', '')
       call refused('complex numbers', 'i.npy', 2, 'i.npy: found no series of real numbers|'// &
          'i holds no series of real numbers')
+      call convert('extended precision', 'np.savez("l.npz", t=t.astype(np.longdouble), '// &
+         'acc=a.astype(np.longdouble))', 'l.npz')
+      call column('extended precision', 'l.csv', 'acc', a)
+      do k = 1, size(rates)
+         call convert('a rate of '//trim(rates(k)), 'np.savez("b.npz", fs='//trim(rates(k))// &
+            ', acc=a)', '')
+         call refused('a rate of '//trim(rates(k)), 'b.npz', 2, 'b.npz: fs: found |'// &
+            'expected a finite value above 0')
+      end do
+      call convert('a step that is lost', 'np.savez("b.npz", t0=1e9, dt=1e-9, acc=a)', '')
+      call refused('a step that is lost', 'b.npz', 2, 'b.npz: dt: found 1e-09|no times that grow')
       call convert('not finite', 'np.save("n.npy", np.r_[a, np.nan])', 'n.npy', &
          'n.npy: n: 1 of 9 samples are no finite numbers')
    end subroutine test_numpy

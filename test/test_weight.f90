@@ -3,6 +3,7 @@
 !> one by oscillators that touch at few points.
 program test_weight
    use beamid_assembly, only: assembly_t, new_assembly
+   use beamid_columns, only: column_buckles, column_t, most_pieces, new_column
    use beamid_cvode, only: cvode_t
    use beamid_equations, only: equations_t, new_equations
    use beamid_errors, only: error_t
@@ -11,11 +12,11 @@ program test_weight
    use beamid_kinds, only: ip, wp
    use beamid_modal, only: modal_t
    use beamid_modes, only: bare_beam_modes, beam_modes_t, undamped_modes
-   use beamid_parameters, only: check_structure
    use beamid_poles, only: differentiate_poles, find_poles, poles_t
    use beamid_responses, only: response_t, work_t
    use beamid_roots, only: damped_roots
    use beamid_structure, only: of_c_D, of_E, of_length, sensor_t, structure_t
+   use beamid_structure_checks, only: check_structure
    use beamid_variations, only: as_spline, in_lines, new_variation, variations_t
    use checks, only: check, check_close, finish
    use hermite_beams, only: hermite_frequencies
@@ -32,6 +33,8 @@ program test_weight
    call test_axial_force()
    call test_buckling()
    call test_after_buckling()
+   call test_pieces()
+   call test_strings()
    call test_statics()
    call test_both_ways()
    call test_viscous_wedge()
@@ -176,6 +179,69 @@ contains
       s%support(1)%kappa_P = 0.02_wp
       call check_statics('statics', s, mesh_t(3, 80, 4, 1), 1e-6_wp)
    end subroutine test_statics
+
+   !> A column has at most `most_pieces` pieces, whatever its force: none at all beyond that.
+   subroutine test_pieces()
+      type(column_t) :: column
+      complex(wp), parameter :: ends(3) = [(0.0_wp, 0.0_wp), (0.25_wp, 0.0_wp), (1.0_wp, 0.0_wp)], &
+         unit = (1.0_wp, 0.0_wp), none = (0.0_wp, 0.0_wp)
+      integer :: k, n
+
+      do k = -300, 300, 10
+         column = new_column(unit, none, ends, [unit, unit]*10.0_wp**k, [none, none])
+         n = size(column%N)
+         call check('pieces: bounded', n <= most_pieces .and. size(column%slope) == n .and. &
+            size(column%ends) == n + 1)
+         call check('pieces: none beyond that', (n == 0) .eqv. k > 5)
+         call check('pieces: in tension nothing buckles', column_buckles(column) .eqv. k > 5)
+         column = new_column(unit, none, ends, -[unit, unit]*10.0_wp**k, [none, none])
+         call check('pieces: compression', column_buckles(column) .eqv. k > 0)
+      end do
+   end subroutine test_pieces
+
+   !> The static deflection of a beam in strong tension T, l/T (1 - tanh(a l)/(a l)) under a unit
+   !> force at the tip with a = sqrt(T/E I), to the round-off of some 500 pieces; and a beam in
+   !> stronger tension, which is refused by all that compute anything of it.
+   subroutine test_strings()
+      type(structure_t) :: s
+      type(galerkin_t), target :: galerkin
+      type(equations_t), target :: equations
+      type(modal_t) :: modal
+      type(cvode_t) :: cvode
+      type(response_t) :: response
+      type(work_t) :: work
+      type(error_t), allocatable :: error
+      real(wp) :: by_modes, by_roots, a
+
+      s = structure_t(length=1, rho=1, E=1, I=1, T=2e5_wp)
+      a = sqrt(s%T)
+      call check_close('string: deflection', s%static_deflection(1.0_wp)*s%T/(1 - tanh(a)/a), &
+         1.0_wp, 500*epsilon(a))
+      call check_structure(s, error)
+      call check('string: accepted', .not. allocated(error))
+      s%T = 1e12_wp
+      call check_structure(s, error)
+      call tell('string: the structure', error)
+      call first_frequency(s, mesh_t(5, 8, 6, 1), by_modes, by_roots, error)
+      call tell('string: frequencies', error)
+      galerkin = new_galerkin(mesh_t(5, 8, 6, 1), 1.0_wp)
+      equations = new_equations(galerkin, s, new_pulse(1.0_wp, 0.1_wp))
+      call modal%prepare(galerkin, error)
+      call modal%respond(equations, new_pulse(1.0_wp, 0.1_wp), [0.5_wp], response, work, error)
+      call tell('string: modal', error)
+      call cvode%respond(equations, new_pulse(1.0_wp, 0.1_wp), [0.5_wp], response, work, error)
+      call tell('string: cvode', error)
+   end subroutine test_strings
+
+   !> Checks that a beam is refused because of its tension.
+   subroutine tell(what, error)
+      character(len=*), intent(in) :: what
+      type(error_t), allocatable, intent(in) :: error
+
+      call check(what, allocated(error))
+      if (allocated(error)) call check(what//' in words', index(error%message, &
+         'the bending stiffness has no effect') > 0, error%message)
+   end subroutine tell
 
    !> A search may try a beam that buckles: what the solver knows of that one's roots, of which two
    !> are real, is of no use for the next. The same response as by a solver that has seen neither.

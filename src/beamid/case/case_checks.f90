@@ -10,13 +10,14 @@ module beamid_case_checks
    use beamid_experiments, only: experiment_t
    use beamid_kinds, only: wp
    use beamid_numbers, only: shown
-   use beamid_parameters, only: check_structure, free_index, key_of, name_of_parameter, parameters
+   use beamid_parameters, only: free_index, key_of, name_of_parameter, parameters
    use beamid_records, only: window_t
    use beamid_refusals, only: refuse
    use beamid_responses, only: is_exact
    use beamid_stage_groups, only: narrowest_dip
    use beamid_strings, only: lower, to_text
-   use beamid_structure, only: is_coefficient, of_w_D, of_x_F, structure_t
+   use beamid_structure, only: is_coefficient, of_g, of_T, of_w_D, of_x_F, structure_t
+   use beamid_structure_checks, only: add_unit_hint, check_structure
    implicit none
    private
 
@@ -82,6 +83,7 @@ contains
       integer :: place, j, k
 
       call check_structure(case%model%structure, error, place)
+      call add_unit_hint(case%model%structure, place, case%units, error)
       if (allocated(error)) then
          associate (row => parameters(place))
             k = place_of(blocks, row%group, max(1, row%item))
@@ -187,7 +189,8 @@ contains
       type(error_t), allocatable, intent(out) :: error
       integer :: k, most
 
-      if (needs == needs_nothing) return
+      call check_elements(case, needs, error)
+      if (needs == needs_nothing .or. allocated(error)) return
       if (size(case%excitations) == 0) call refuse(case%path, 0, 'excitation', 'no such group', &
          'one', error)
       if (size(case%recordings) == 0) call refuse(case%path, 0, 'record', 'no such group', 'one', &
@@ -223,6 +226,32 @@ contains
          'it beside several records, a free start or a free offset', &
          'one record with a known start', error)
    end subroutine check_needs
+
+   !> Refuses meshes on which the modes take minutes without a sign of progress. They are needed for
+   !> the structure alone, and by the exact solver.
+   subroutine check_elements(case, needs, error)
+      type(case_t), intent(in) :: case
+      integer, intent(in) :: needs
+      type(error_t), allocatable, intent(inout) :: error
+      !> The time of one response grows with the square of the number of elements, and with its cube
+      !> where all modes are coupled.
+      integer, parameter :: most = 1000, most_coupled = 200
+      character(len=:), allocatable :: reason
+      logical :: coupled
+      integer :: k
+
+      if (needs /= needs_nothing .and. .not. is_exact(case%model%solver)) return
+      associate (s => case%model%structure, found => maxval(case%meshes%elements))
+         coupled = abs(s%g) + abs(s%T) > 0 .or. s%variations%are_known() .or. s%has_dip() .or. &
+            any([(any(is_coefficient(case%stages(k)%free) .or. case%stages(k)%free == of_g .or. &
+            case%stages(k)%free == of_T), k=1, size(case%stages))])
+         reason = ' for all modes at once'
+         if (coupled) reason = ' with gravity, an axial force or &along, which couple all modes'
+         if (found > merge(most_coupled, most, coupled)) call refuse(case%path, 0, &
+            'discretization elements', to_text(found), 'at most '// &
+            to_text(merge(most_coupled, most, coupled))//reason, error)
+      end associate
+   end subroutine check_elements
 
    subroutine check_response(case, error)
       type(case_t), intent(in) :: case
@@ -342,7 +371,8 @@ contains
             ' groups &support', 'one such group', error)
          if (allocated(error)) return
          s = experiment%structure_of(structure)
-         call check_structure(s, error)
+         call check_structure(s, error, n)
+         call add_unit_hint(s, n, case%units, error)
          if (allocated(error)) error%message = case%path//':'//to_text(recording%line)// &
             ': &record '//error%message
       end associate

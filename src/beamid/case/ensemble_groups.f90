@@ -6,11 +6,12 @@ module beamid_ensemble_groups
    use beamid_excitation, only: excitation_t
    use beamid_kinds, only: wp
    use beamid_numbers, only: shown
-   use beamid_parameters, only: as_named, check_structure, is_there, name_of_parameter, offset, &
+   use beamid_parameters, only: as_named, is_there, name_of_parameter, offset, &
       parameters, place_of_name, set_free
    use beamid_stage_groups, only: check_free
    use beamid_strings, only: to_text
    use beamid_structure, only: structure_t
+   use beamid_structure_checks, only: check_structure
    use beamid_values, only: listed, range_t
    implicit none
    private

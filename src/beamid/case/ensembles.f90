@@ -16,7 +16,7 @@ module beamid_ensembles
    use beamid_kinds, only: ip, wp
    use beamid_modal, only: modal_t
    use beamid_noise, only: gaussian_noise, uniform_noise
-   use beamid_parameters, only: as_named, check_structure, get_free, offset
+   use beamid_parameters, only: as_named, get_free, offset
    use beamid_profile_likelihood, only: is_lost
    use beamid_records, only: note_length
    use beamid_refusals, only: refuse
@@ -26,6 +26,7 @@ module beamid_ensembles
    use beamid_statistics, only: unlimited
    use beamid_strings, only: to_text
    use beamid_structure, only: of_kappa_R
+   use beamid_structure_checks, only: check_structure
    use beamid_unknowns, only: name_length, world_t
    implicit none
    private

@@ -65,6 +65,9 @@ contains
       end if
       call block%close()
       if (block%failed() .or. block%name /= 'beam') return
+      call check_dimension(block, 'width', width)
+      call check_dimension(block, 'height', height)
+      call check_dimension(block, 'density', density)
       ! What &along has beside I or density is refused there.
       if (.not. block%has('I')) then
          call take_reference(along, 'width', width)
@@ -94,6 +97,18 @@ contains
       if (allocated(height)) section%height = height
       if (allocated(density)) section%density = density
    end subroutine read_structure
+
+   !> Refuses a dimension whose powers would overflow or underflow.
+   subroutine check_dimension(block, key, value)
+      type(block_t), intent(inout) :: block
+      character(len=*), intent(in) :: key
+      real(wp), allocatable, intent(in) :: value
+      real(wp), parameter :: smallest = 1e-30_wp, largest = 1e30_wp
+
+      if (.not. allocated(value)) return
+      if (value > 0 .and. (value < smallest .or. value > largest)) call block%refuse(key, &
+         to_text(value), to_text(smallest)//' to '//to_text(largest)//' in any units')
+   end subroutine check_dimension
 
    !> The value of parameter k, as its row has it; not allocated: none was given.
    !>

@@ -14,6 +14,7 @@ module beamid_modal
    use beamid_poles, only: differentiate_poles, find_poles, observe_also, poles_t
    use beamid_responses, only: exact_solver_t, of_tilt, work_t
    use beamid_structure, only: of_g, of_length, same_structure, structure_t
+   use beamid_structure_checks, only: check_axial_load
    use beamid_synthesis, only: synthesize
    use beamid_terms, only: tilting
    implicit none
@@ -129,6 +130,8 @@ contains
          call failure(error, 'modal: prepared for another mesh')
          return
       end if
+      call check_axial_load(equations%structure, error)
+      if (allocated(error)) return
       call assemble(self%modes, equations, excitation, parameters, assembly)
       same = knows(self, equations%structure, excitation, assembly%row)
       if (.not. same) then

@@ -8,6 +8,7 @@ module beamid_modes
    use beamid_interrupts, only: check_interrupt
    use beamid_kinds, only: wp
    use beamid_splines, only: spline_space_t
+   use beamid_structure_checks, only: check_axial_load
    use beamid_variations, only: variations_t
    implicit none
    private
@@ -78,6 +79,8 @@ contains
       type(error_t), allocatable, intent(out) :: error
       integer :: k
 
+      call check_axial_load(equations%structure, error)
+      if (allocated(error)) return
       if (equations%buckles()) then
          call failure(error, 'modes: '//buckled)
          return

@@ -12,11 +12,13 @@ module beamid_poles
    use beamid_clusters, only: base_cluster, cluster_t, find_clusters
    use beamid_contours, only: measure
    use beamid_continuation, only: all_of, follow_roots
-   use beamid_errors, only: error_t, failure
+   use beamid_errors, only: error_t, failure, status_failed
    use beamid_kinds, only: wp
+   use beamid_parameters, only: as_named, parameters
    use beamid_roots, only: find_others, find_roots
    use beamid_strings, only: to_text
-   use beamid_structure, only: is_coefficient, n_parameters
+   use beamid_structure, only: is_coefficient, n_parameters, structure_t
+   use beamid_structure_checks, only: furthest_parameter
    use beamid_systems, only: differentiate_vector, find_whole_vector, vector_slope_t
    use beamid_terms, only: operators
    use beamid_vectors, only: add_answer, find_vector, most, root_t, solve_coupled, solve_mass, &
@@ -105,6 +107,7 @@ contains
          if (.not. allocated(error)) return
          if (allocated(poles%all)) deallocate (poles%all)
       end do
+      call blame(assembly%structure, error)
    end subroutine find_poles
 
    !> Where the derivatives of the last structure's roots say that they are now, as if what makes
@@ -238,8 +241,8 @@ contains
          if (abs(poles%vector(k)%A) > tiny_A*undamped(k)) cycle
          if (any(poles%cluster%holds(poles%s(k)))) cycle
          if (is_lost(assembly, poles%vector(k), poles%s(k))) cycle
-         call failure(error, 'modal: too many roots of the characteristic equation come '// &
-            'together near s = '//to_text(real(poles%s(k)))//' + i '//to_text(aimag(poles%s(k))))
+         call refuse_roots('more roots of the characteristic equation than can be '// &
+            'told apart', poles%s(k), error)
          return
       end do
       do k = 1, size(poles%cluster)
@@ -309,9 +312,40 @@ contains
          if (rest(1) <= max_rest .and. rest(2) <= max_rest_at_once .and. &
             all(cluster%is_complete())) return
       end associate
-      call failure(error, 'modal: the roots found leave '//to_text(maxval(rest))// &
-         ' of the response open: one was missed')
+      k = minloc(abs(poles%s), dim=1)
+      call refuse_roots('not all roots of the characteristic equation were found, the '// &
+         'lowest', poles%s(k), error)
    end subroutine check_sums
+
+   !> Reports that something is wrong with the roots.
+   !>
+   !> what  the first half of a sentence
+   !> s     the root where that shows [1/time]
+   pure subroutine refuse_roots(what, s, error)
+      character(len=*), intent(in) :: what
+      complex(wp), intent(in) :: s
+      type(error_t), allocatable, intent(out) :: error
+
+      if (abs(s) <= huge(1.0_wp)) then
+         call failure(error, 'modal: '//what//' near s = '//to_text(real(s))//' + i '// &
+            to_text(aimag(s)))
+      else
+         call failure(error, 'modal: the roots of the characteristic equation are beyond the '// &
+            'range of numbers')
+      end if
+   end subroutine refuse_roots
+
+   !> Adds the parameter that is furthest out of proportion, if any is, to an error.
+   subroutine blame(structure, error)
+      type(structure_t), intent(in) :: structure
+      type(error_t), intent(inout) :: error
+      integer :: k
+
+      k = furthest_parameter(structure)
+      if (k > 0 .and. error%status == status_failed) error%message = error%message//'; '// &
+         trim(parameters(k)%name)//' = '//to_text(as_named(k, structure%get(k)))// &
+         ' is out of proportion to the beam'
+   end subroutine blame
 
    !> x'F at a root.
    pure complex(wp) function driven_by(assembly, vector, s) result(driven)

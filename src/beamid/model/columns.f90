@@ -6,23 +6,68 @@
 !> known at the end of each piece; from the root on theta follows. All is analytic in the
 !> parameters.
 module beamid_columns
+   use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
    use beamid_kinds, only: wp
    implicit none
    private
 
-   public :: column_t, column_deflection, column_buckles
+   public :: column_t, new_column, column_deflection, column_buckles
+
+   !> Largest number of pieces. The slope grows by a factor of e per piece at most, so that its
+   !> square stays below the largest number.
+   integer, parameter, public :: most_pieces = 600
 
    !> A cantilever in pieces.
    type :: column_t
       complex(wp) :: stiffness = 0                   !< E I
       complex(wp) :: compliance = 0                  !< of the clamp
       complex(wp), allocatable :: ends(:)            !< (pieces + 1) ascending [length]
-      complex(wp), allocatable :: N(:), slope(:)     !< (pieces) where each begins; dN/dx
+      !> (pieces) axial force where each piece begins, and dN/dx; (0) the force would need more than
+      !> `most_pieces`
+      complex(wp), allocatable :: N(:), slope(:)
    end type column_t
 
 contains
 
-   !> Deflection at x under a unit force at xi, both ends of pieces [length/force].
+   !> Returns a cantilever in pieces that are short compared with sqrt(E I/|N|), the length over
+   !> which the force bends the beam.
+   !>
+   !> stiffness   E I [force length**2]
+   !> compliance  of the clamp [1/(force length)]; 0: rigid
+   !> ends        (intervals + 1) ascending [length]; in each interval the force is linear
+   !> N, slope    (intervals) force where each interval begins [force], and dN/dx [force/length]
+   pure function new_column(stiffness, compliance, ends, N, slope) result(column)
+      complex(wp), intent(in) :: stiffness, compliance, ends(:), N(:), slope(:)
+      type(column_t) :: column
+      real(wp) :: bends(size(N))
+      integer :: parts(size(N)), first, i, k
+
+      column%stiffness = stiffness
+      column%compliance = compliance
+      allocate (column%N(0), column%slope(0))
+      column%ends = ends(:1)
+      associate (h => ends(2:) - ends(:size(N)))
+         bends = abs(h)*sqrt(max(abs(N), abs(N + slope*h))/abs(stiffness))
+         if (.not. sum(1 + bends) + size(N) <= most_pieces) return
+         parts = merge(1 + ceiling(bends), 0, abs(h) > 0)
+         deallocate (column%N, column%slope, column%ends)
+         allocate (column%N(sum(parts)), column%slope(sum(parts)), column%ends(sum(parts) + 1))
+         column%ends(1) = ends(1)
+         first = 0
+         do i = 1, size(N)
+            do k = 1, parts(i)
+               column%N(first + k) = N(i) + slope(i)*h(i)*(k - 1)/parts(i)
+               column%slope(first + k) = slope(i)
+               column%ends(first + k + 1) = ends(i) + h(i)*k/parts(i)
+            end do
+            first = first + parts(i)
+            column%ends(first + 1) = ends(i + 1)
+         end do
+      end associate
+   end function new_column
+
+   !> Returns the deflection at x under a unit force at xi, both ends of pieces [length/force]; NaN
+   !> where the column has more pieces than it may.
    pure complex(wp) function column_deflection(self, x, xi) result(w)
       type(column_t), intent(in) :: self
       complex(wp), intent(in) :: x, xi
@@ -30,6 +75,8 @@ contains
       complex(wp) :: theta, first(3), second(3), forced(3)
       integer :: k, pushed, seen
 
+      w = ieee_value(1.0_wp, ieee_quiet_nan)
+      if (size(self%N) == 0) return
       ! Complex places: which ends they are, not on which side of them.
       seen = minloc(abs(self%ends - x), dim=1)
       pushed = minloc(abs(self%ends - xi), dim=1)
@@ -55,8 +102,9 @@ contains
       end do
    end function column_deflection
 
-   !> Whether the axial force takes the last stiffness away: without load the slope that is 1 at the
-   !> tip must not change its sign on the way to the root, nor what the clamp makes of it.
+   !> Returns whether the axial force buckles the beam: without load the slope that is 1 at the tip
+   !> must not change its sign on the way to the root, nor what the clamp makes of it. A column of
+   !> more pieces than it may have counts as buckled.
    pure logical function column_buckles(self) result(buckles)
       type(column_t), intent(in) :: self
       complex(wp) :: theta, turned, first(3), second(3), forced(3)
@@ -66,6 +114,7 @@ contains
       theta = 1
       turned = 0
       buckles = .true.
+      if (size(self%N) == 0) return
       do k = size(self%N), 1, -1
          call cross(self, k, .false., first, second, forced)
          ! The inverse of a matrix of determinant 1.

@@ -1,7 +1,6 @@
 !> The table of parameters: everything that is known of each of them, a row for one.
 module beamid_parameters
    use, intrinsic :: ieee_arithmetic, only: ieee_positive_inf, ieee_value
-   use beamid_errors, only: error_t, bad_input
    use beamid_excitation, only: excitation_t
    use beamid_kinds, only: wp
    use beamid_monomials, only: monomial_t, value_of
@@ -16,7 +15,7 @@ module beamid_parameters
 
    public :: parameter_t, parameters, key_of, as_named, free_names, free_index, name_of_parameter, &
       place_of_name, is_there, get_free, set_free, free_magnitude, magnitude, may_be_negative, &
-      belongs_to_hose, check_structure
+      belongs_to_hose
    public :: amplitude, offset, positive, not_negative, on_beam, any_value, share
 
    !> Ranges.
@@ -300,78 +299,5 @@ contains
 
       belongs_to_hose = parameters(k)%group == 'hose'
    end function belongs_to_hose
-
-   !> Refuses values outside the physical ranges; the message starts with the name of the
-   !> parameter.
-   !>
-   !> place  of that parameter
-   subroutine check_structure(structure, error, place)
-      type(structure_t), intent(in) :: structure
-      type(error_t), allocatable, intent(out) :: error
-      integer, intent(out), optional :: place
-      integer :: k
-
-      do k = 1, n_parameters
-         if (present(place)) place = k
-         if (.not. is_there(structure, k)) cycle
-         call check_range(structure, k, error)
-         if (.not. allocated(error)) call check_company(structure, k, error)
-         if (allocated(error)) return
-      end do
-      if (structure%supports == 0 .and. structure%buckles()) then
-         if (present(place)) place = merge(of_T, of_g, structure%T < 0)
-         call bad_input(error, trim(merge('force', 'g    ', structure%T < 0))//': found '// &
-            to_text(merge(structure%T, structure%g, structure%T < 0))//', which buckles the '// &
-            'beam, expected less compression')
-         return
-      end if
-      if (present(place)) place = of_E
-      ! Each is in range, but the whole may be out of what numbers can hold.
-      if (.not. (structure%omega() > 0 .and. structure%omega() < huge(1.0_wp))) call bad_input( &
-         error, 'E: found a structure whose first frequency is '//to_text(structure%omega())// &
-         ', expected a finite one above 0')
-   end subroutine check_structure
-
-   subroutine check_range(structure, k, error)
-      type(structure_t), intent(in) :: structure
-      integer, intent(in) :: k
-      type(error_t), allocatable, intent(out) :: error
-      character(len=:), allocatable :: expected
-      real(wp) :: value
-
-      value = as_named(k, structure%get(k))
-      select case (parameters(k)%range)
-      case (positive)
-         if (.not. value > 0) expected = 'a value above 0'
-      case (not_negative)
-         if (.not. value >= 0) expected = '0 or more'
-      case (on_beam)
-         if (.not. (value > 0 .and. value <= structure%length) .and. structure%length > 0) &
-            expected = 'a place above 0, up to the length '//to_text(structure%length)
-      case (share)
-         if (.not. (value >= 0 .and. value < 1)) expected = 'a share from 0 up to less than 1'
-      end select
-      if (allocated(expected)) call bad_input(error, trim(parameters(k)%name)//': found '// &
-         to_text(value)//', expected '//expected)
-   end subroutine check_range
-
-   !> Refuses a value that means nothing without another one, or beside another one.
-   subroutine check_company(structure, k, error)
-      type(structure_t), intent(in) :: structure
-      integer, intent(in) :: k
-      type(error_t), allocatable, intent(out) :: error
-
-      associate (needs => parameters(k)%needs, item => parameters(k)%item)
-         if (needs > 0 .and. needs /= k) then
-            if (structure%get(k) > 0 .and. .not. structure%is_given(needs)) call bad_input(error, &
-               trim(parameters(k)%name)//': found a value without '// &
-               trim(parameters(needs)%name)//', expected both')
-         end if
-         if (allocated(error) .or. .not. any(x_P_at == k)) return
-         if (any(abs(structure%support(:item - 1)%x_P - structure%support(item)%x_P) <= &
-            1e-6_wp*structure%length)) call bad_input(error, 'x_P: found two supports at '// &
-            to_text(structure%support(item)%x_P)//', expected one in one place')
-      end associate
-   end subroutine check_company
 
 end module beamid_parameters

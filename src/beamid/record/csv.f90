@@ -170,9 +170,7 @@ contains
             end if
             if (k > 1 .or. .not. reader%ordered) cycle
             if (reader%mark(2) > 0 .and. values(1) <= reader%previous) then
-               call reader%problem(error, 'found '//shown(reader%text(reader%left:reader%right))// &
-                  ' after '//shown(reader%text(reader%mark(1):reader%mark(2)))// &
-                  ', expected a larger number', column)
+               call explain_order(reader, column, error)
                return
             end if
             reader%mark = [reader%left, reader%right]
@@ -181,7 +179,8 @@ contains
       end do
       if (size(reader%header) == 0) return
       if (reader%count_fields() == 2*size(reader%header)) call reader%problem(error, &
-         'found twice as many fields as names, expected as many (a decimal point is ''.'')')
+         'found twice as many fields as names, expected as many (with a decimal point, not a '// &
+         'decimal comma)')
    end subroutine read_row
 
    !> Reads a number, whose decimal sign must be that of the numbers before. A comma can be one only
@@ -207,6 +206,20 @@ contains
       ok = ok .and. (reader%decimal == ' ' .or. reader%decimal == sign)
       if (ok) reader%decimal = sign
    end subroutine parse_field
+
+   !> Says that the current field does not grow.
+   subroutine explain_order(reader, column, error)
+      type(reader_t), intent(in) :: reader
+      integer, intent(in) :: column
+      type(error_t), allocatable, intent(out) :: error
+      character(len=:), allocatable :: expected
+
+      expected = ', expected a larger number'
+      if (reader%has_decimal_comma()) expected = expected//' (or a decimal point in '// &
+         shown(trim_blanks(reader%row()))//' in place of the decimal comma)'
+      call reader%problem(error, 'found '//shown(reader%text(reader%left:reader%right))// &
+         ' after '//shown(reader%text(reader%mark(1):reader%mark(2)))//expected, column)
+   end subroutine explain_order
 
    !> Says why a field is not a number.
    subroutine explain(reader, field, k, error)

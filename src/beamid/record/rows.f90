@@ -2,7 +2,7 @@
 module beamid_rows
    use beamid_errors, only: error_t, bad_input
    use beamid_kinds, only: ip, wp
-   use beamid_numbers, only: shown
+   use beamid_numbers, only: is_decimal, shown, trim_blanks, with_point
    use beamid_strings, only: to_text
    implicit none
    private
@@ -54,6 +54,7 @@ module beamid_rows
       procedure :: count_fields
       procedure :: count_filled
       procedure :: count_of
+      procedure :: has_decimal_comma
       procedure :: split_at
       procedure :: problem
    end type reader_t
@@ -210,6 +211,16 @@ contains
 
       n = self%counts(index(separators, separator))
    end function count_of
+
+   !> Returns whether the current line reads as one number with a decimal comma, as '-0,97' does,
+   !> where commas separate the fields.
+   logical function has_decimal_comma(self)
+      class(reader_t), intent(in) :: self
+
+      has_decimal_comma = self%separator == ',' .and. self%count_of(',') == 1 .and. &
+         index(self%row(), '.') == 0
+      if (has_decimal_comma) has_decimal_comma = is_decimal(with_point(trim_blanks(self%row())))
+   end function has_decimal_comma
 
    !> An error at the current line: "path:line: column k ('name'): message".
    subroutine problem(self, error, message, k)

@@ -109,8 +109,14 @@ contains
          columns = [0, 1]
          n = size(reader%header)
          if (n == 0) n = reader%count_filled()
-         if (n > 1 .and. names(2) == '') call bad_input(error, reader%path//': found '// &
-            to_text(n)//' columns, expected value_column to name one of them beside rate')
+         if (n > 1 .and. names(2) == '' .and. reader%has_decimal_comma()) then
+            call reader%problem(error, 'found '//shown(reader%row())//', which reads as 2 '// &
+               'columns, expected a decimal point in place of the decimal comma, or '// &
+               'value_column to name one of the columns')
+         else if (n > 1 .and. names(2) == '') then
+            call bad_input(error, reader%path//': found '// &
+               to_text(n)//' columns, expected value_column to name one of them beside rate')
+         end if
          if (allocated(error)) return
       end if
       do k = 1, 2

@@ -12,6 +12,9 @@ module beamid_windows
    !> More sample times than this are refused: t_step or t_last must be wrong.
    integer, parameter :: max_samples = 1000000
 
+   !> Largest time in any unit: its powers stay far from overflow.
+   real(wp), parameter :: latest = 1e40_wp
+
    !> How far off a time may be, in steps.
    real(wp), parameter :: near = 1e-3_wp
 
@@ -35,9 +38,14 @@ contains
       integer :: k
 
       steps = (window%t_last - window%t_first)/window%t_step
-      if (steps > max_samples) then
-         call bad_input(error, 'found '//to_text(steps)//' samples, expected at most '// &
-            to_text(max_samples))
+      if (.not. steps <= max_samples) then
+         call bad_input(error, 'found '//to_text(window%t_step)//', which makes more than '// &
+            to_text(max_samples)//' samples from '//to_text(window%t_first)//' to '// &
+            to_text(window%t_last)//', expected a larger step')
+         return
+      else if (.not. max(abs(window%t_first), abs(window%t_last)) <= latest) then
+         call bad_input(error, 'found sample times from '//to_text(window%t_first)//' to '// &
+            to_text(window%t_last)//', expected times within '//to_text(latest))
          return
       end if
       times = [(window%t_first + k*window%t_step, k=0, int(steps*(1 + 1e-12_wp) + 1e-6_wp))]

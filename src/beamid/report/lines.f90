@@ -45,10 +45,10 @@ contains
          text = text//line(first:mark - 1)
          form = line(mark + 1:)
          if (form(:1) == '%') then
-            text = text//trim(adjustl(fixed(100*values(k), 12, 1)))//' %'
+            text = text//decimals(100*values(k), 1)//' %'
             first = mark + 2
          else if (form(:1) == '.' .and. index('0123456789', form(2:)) > 0) then
-            text = text//trim(adjustl(fixed(values(k), 12, index('123456789', form(2:)))))
+            text = text//decimals(values(k), index('123456789', form(2:)))
             first = mark + 3
          else
             text = text//to_text(values(k))
@@ -57,6 +57,17 @@ contains
       end do
       text = text//line(first:)
    end function filled
+
+   !> Returns a value with so many decimals, or where it is too large for that as short as it can be
+   !> read.
+   pure function decimals(value, digits) result(text)
+      real(wp), intent(in) :: value
+      integer, intent(in) :: digits
+      character(len=:), allocatable :: text
+
+      text = trim(adjustl(fixed(value, 12, digits)))
+      if (index(text, '*') > 0) text = to_text(value)
+   end function decimals
 
    !> Values side by side, each at the right end of a column.
    !>

@@ -91,8 +91,8 @@ contains
 
    !> Begins a call by C; to be ended by `end_call` in the same thread.
    !>
-   !> catch  whether `sigint` is to stop the call: at most one thread at a time may ask for that. The
-   !>        action of `sigint` is replaced until the call ends.
+   !> catch  whether `sigint` is to stop the call: at most one thread at a time may ask for that.
+   !>        The action of `sigint` is replaced until the call ends.
    subroutine begin_call(catch)
       logical, intent(in) :: catch
       integer(c_intptr_t) :: ignored
@@ -116,8 +116,8 @@ contains
       integer(c_int), intent(out) :: flag
       integer(c_int) :: failed
 
-      if (associated(stop_flag, flag_of_process)) failed = c_sigaction(sigint, c_loc(action_before), &
-         c_null_ptr)
+      if (associated(stop_flag, flag_of_process)) &
+         failed = c_sigaction(sigint, c_loc(action_before), c_null_ptr)
       flag = stop_flag
       stop_flag = 0
    end subroutine end_call

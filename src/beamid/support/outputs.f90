@@ -146,8 +146,8 @@ contains
       do i = 1, size(self%files)
          do k = 1, size(forms)
             if (.not. has_field(self%files(i)%text, trim(forms(k)))) cycle
-            call failure(error, self%files(i)%name//' would hold a number that is not finite, '// &
-               trim(forms(k)))
+            call failure(error, self%files(i)%name//' would hold a number that is not finite: '// &
+               'the values of the case are out of proportion to each other, or to the record')
             return
          end do
       end do

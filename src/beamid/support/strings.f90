@@ -37,13 +37,21 @@ contains
       digits_of = len_trim(buffer)
    end function digits_of
 
+   !> Returns the value, with 0 in place of -0, which no reader tells from 0.
+   elemental real(wp) function unsigned_zero(value)
+      real(wp), intent(in) :: value
+
+      unsigned_zero = value
+      if (abs(value) <= 0) unsigned_zero = 0
+   end function unsigned_zero
+
    pure function short_form(value) result(text)
       real(wp), intent(in) :: value
       character(len=40) :: text
       character(len=40) :: form
       integer :: exponent, mark
 
-      write (text, '(es13.5e3)') value
+      write (text, '(es13.5e3)') unsigned_zero(value)
       text = adjustl(text)
       mark = index(text, 'E')
       if (value > huge(value)) text = 'inf'
@@ -51,7 +59,7 @@ contains
       read (text(mark + 1:), *) exponent
       if (exponent >= -4 .and. exponent < 6) then
          write (form, '(a,i0,a)') '(f40.', 5 - exponent, ')'
-         write (text, form) value
+         write (text, form) unsigned_zero(value)
          text = text(verify(text, ' '):shortest(text, len(text)))
       else
          ! Three digits of exponent only where they are needed.
@@ -113,7 +121,7 @@ contains
       character(len=:), allocatable :: text
       character(len=32) :: buffer
 
-      write (buffer, '(es24.16e3)') value
+      write (buffer, '(es24.16e3)') unsigned_zero(value)
       text = trim(adjustl(buffer))
    end function full
 
@@ -126,6 +134,8 @@ contains
 
       write (form, '(a,i0,a,i0,a)') '(f', width, '.', digits, ')'
       write (text, form) value
+      ! What rounds to zero has no sign either.
+      if (verify(text, ' -.0') == 0) write (text, form) 0.0_wp
    end function fixed
 
 end module beamid_strings

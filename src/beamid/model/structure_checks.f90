@@ -1,0 +1,272 @@
+!> Refuses structures that are physically impossible or numerically out of proportion.
+module beamid_structure_checks
+   use beamid_errors, only: bad_input, error_t, failure, locate, status_bad_input
+   use beamid_kinds, only: wp
+   use beamid_parameters, only: as_named, is_there, magnitude, not_negative, on_beam, parameters, &
+      positive, share
+   use beamid_strings, only: to_text
+   use beamid_structure, only: n_parameters, of_E, of_g, of_I, of_length, of_rho, of_T, &
+      structure_t, x_P_at
+   use beamid_units, only: units_t
+   implicit none
+   private
+
+   public :: check_structure, check_axial_load, add_unit_hint, furthest_parameter
+
+   !> Largest axial force, as a multiple of E I/length**2: 500 times the length over which the force
+   !> bends the beam. Beyond that a beam in tension is a string with two boundary layers, which no
+   !> practical mesh resolves; in compression it has buckled long before.
+   real(wp), parameter :: greatest_load = 2.5e5_wp
+   !> An axial force that suggests inconsistent units.
+   real(wp), parameter :: suspicious_load = 1e3_wp
+   !> Smallest and largest dimensions, mass and modulus in any units: their powers and products stay
+   !> far from overflow and underflow.
+   real(wp), parameter :: smallest = 1e-40_wp, largest = 1e40_wp
+   !> Range of the first natural frequency of the bare beam [1/time].
+   real(wp), parameter :: slowest = 1e-20_wp, fastest = 1e20_wp
+   !> Largest ratio of a parameter to a moderate value. Round-off of the larger term hides the
+   !> smaller one beyond 1/epsilon, about 1e16.
+   real(wp), parameter :: greatest_ratio = 1e14_wp
+   !> Smallest distance from the root, as a share of the length.
+   real(wp), parameter :: nearest = 1e-9_wp
+
+contains
+
+   !> Refuses values outside their physical ranges, values out of proportion, and buckling. The
+   !> message starts with the key of the parameter.
+   !>
+   !> place  of that parameter in the table
+   subroutine check_structure(structure, error, place)
+      type(structure_t), intent(in) :: structure
+      type(error_t), allocatable, intent(out) :: error
+      integer, intent(out), optional :: place
+      integer :: k
+
+      do k = 1, n_parameters
+         if (present(place)) place = k
+         if (.not. is_there(structure, k)) cycle
+         call check_range(structure, k, error)
+         if (.not. allocated(error)) call check_company(structure, k, error)
+         if (allocated(error)) return
+      end do
+      call check_frequency(structure, k, error)
+      if (.not. allocated(error)) call check_proportions(structure, k, error)
+      if (.not. allocated(error)) then
+         call check_axial_load(structure, error, k)
+         if (allocated(error)) error%status = status_bad_input
+      end if
+      if (present(place)) place = k
+   end subroutine check_structure
+
+   subroutine check_range(structure, k, error)
+      type(structure_t), intent(in) :: structure
+      integer, intent(in) :: k
+      type(error_t), allocatable, intent(out) :: error
+      character(len=:), allocatable :: expected
+      real(wp) :: value
+
+      value = as_named(k, structure%get(k))
+      select case (parameters(k)%range)
+      case (positive)
+         if (.not. value > 0) expected = 'a value above 0'
+      case (not_negative)
+         if (.not. value >= 0) expected = '0 or more'
+      case (on_beam)
+         if (.not. (value > 0 .and. value <= structure%length) .and. structure%length > 0) &
+            expected = 'a place above 0, up to the length '//to_text(structure%length)
+      case (share)
+         if (.not. (value >= 0 .and. value < 1)) expected = 'a share from 0 up to less than 1'
+      end select
+      if (allocated(expected)) call bad_input(error, trim(parameters(k)%name)//': found '// &
+         to_text(value)//', expected '//expected)
+   end subroutine check_range
+
+   !> Refuses a value that means nothing without another one, or beside another one.
+   subroutine check_company(structure, k, error)
+      type(structure_t), intent(in) :: structure
+      integer, intent(in) :: k
+      type(error_t), allocatable, intent(out) :: error
+
+      associate (needs => parameters(k)%needs, item => parameters(k)%item)
+         if (needs > 0 .and. needs /= k) then
+            if (structure%get(k) > 0 .and. .not. structure%is_given(needs)) call bad_input(error, &
+               trim(parameters(k)%name)//': found a value without '// &
+               trim(parameters(needs)%name)//', expected both')
+         end if
+         if (allocated(error) .or. .not. any(x_P_at == k)) return
+         if (any(abs(structure%support(:item - 1)%x_P - structure%support(item)%x_P) <= &
+            1e-6_wp*structure%length)) call bad_input(error, 'x_P: found two supports at '// &
+            to_text(structure%support(item)%x_P)//', expected one in one place')
+      end associate
+   end subroutine check_company
+
+   !> Refuses a bare beam whose first natural frequency is beyond any unit of time.
+   !>
+   !> place  of the parameter that is furthest from 1
+   subroutine check_frequency(structure, place, error)
+      type(structure_t), intent(in) :: structure
+      integer, intent(out) :: place
+      type(error_t), allocatable, intent(out) :: error
+      integer, parameter :: rows(4) = [of_E, of_I, of_length, of_rho]
+      type(structure_t) :: bare
+      real(wp) :: values(4)
+      integer :: k
+
+      values = [(structure%get(rows(k)), k=1, size(rows))]
+      k = maxloc(abs(log(values)), dim=1)
+      place = rows(k)
+      if (.not. (values(k) >= smallest .and. values(k) <= largest)) then
+         call bad_input(error, trim(parameters(place)%name)//': found '// &
+            to_text(values(k))//', expected '//to_text(smallest)//' to '//to_text(largest)// &
+            ' in any units')
+         return
+      end if
+      bare = bare_beam(structure)
+      if (bare%omega() >= slowest .and. bare%omega() <= fastest) return
+      call bad_input(error, trim(parameters(place)%name)//': found '// &
+         to_text(values(k))//', which with E = '//to_text(structure%E)//', I = '// &
+         to_text(structure%I)//', length = '// &
+         to_text(structure%length)//' and rho = '//to_text(structure%rho)// &
+         ' puts the first natural angular frequency at about '//to_text(bare%omega())// &
+         ', expected '//to_text(slowest)//' to '//to_text(fastest)//': check the units')
+   end subroutine check_frequency
+
+   !> Returns the clamped beam with nothing on it.
+   type(structure_t) function bare_beam(structure) result(bare)
+      type(structure_t), intent(in) :: structure
+
+      bare = structure_t(length=structure%length, rho=structure%rho, E=structure%E, I=structure%I)
+   end function bare_beam
+
+   !> Refuses masses, springs and dampers that are larger than those of the beam beyond proportion,
+   !> and places that are as good as at the root.
+   subroutine check_proportions(structure, place, error)
+      type(structure_t), intent(in) :: structure
+      integer, intent(out) :: place
+      type(error_t), allocatable, intent(out) :: error
+      type(structure_t) :: bare
+      character(len=:), allocatable :: limit
+      real(wp) :: most
+      integer :: k
+
+      bare = bare_beam(structure)
+      do k = 1, n_parameters
+         place = k
+         if (parameters(k)%range == share .or. any(k == [of_E, of_I, of_length, of_rho, of_g, &
+            of_T]) .or. .not. is_there(structure, k)) cycle
+         if (parameters(k)%range == on_beam) then
+            if (structure%get(k) >= nearest*structure%length) cycle
+            call bad_input(error, trim(parameters(k)%name)//': found '// &
+               to_text(structure%get(k))//', which is out of proportion to the beam, expected '// &
+               'at least '//to_text(nearest*structure%length))
+            return
+         end if
+         most = greatest_ratio*magnitude(bare, k)
+         if (abs(structure%get(k)) <= most) cycle
+         limit = 'at most '
+         if (parameters(k)%is_reciprocal) limit = 'at least '
+         call bad_input(error, trim(parameters(k)%name)//': found '// &
+            to_text(as_named(k, structure%get(k)))//', which is out of proportion to the '// &
+            'beam, expected '//limit//to_text(as_named(k, most)))
+         return
+      end do
+   end subroutine check_proportions
+
+   !> Returns the place of the parameter that is furthest from a moderate value on the same beam, as
+   !> a ratio; 0: none is far from it.
+   integer function furthest_parameter(structure) result(place)
+      type(structure_t), intent(in) :: structure
+      real(wp), parameter :: far = 1e8_wp
+      type(structure_t) :: bare
+      real(wp) :: ratios(n_parameters), value
+      integer :: k
+
+      ratios = 0
+      bare = bare_beam(structure)
+      do k = 1, n_parameters
+         value = abs(structure%get(k))
+         if (is_there(structure, k) .and. value > 0) ratios(k) = abs(log(value) &
+            - log(magnitude(bare, k)))
+      end do
+      place = maxloc(ratios, dim=1)
+      if (.not. ratios(place) > log(far)) place = 0
+   end function furthest_parameter
+
+   !> Refuses an axial force or weight that buckles the beam, or beside which its stiffness has
+   !> no effect.
+   !>
+   !> place  of the force or of gravity in the table of parameters, whichever counts more
+   subroutine check_axial_load(structure, error, place)
+      type(structure_t), intent(in) :: structure
+      type(error_t), allocatable, intent(out) :: error
+      integer, intent(out), optional :: place
+      real(wp) :: load(2), most, force, weight, mass
+      integer :: k
+
+      if (present(place)) place = of_T
+      if (.not. (abs(structure%T) > 0 .or. structure%g > 0)) return
+      if (.not. structure%E > 0) then
+         call failure(error, 'E: found '//to_text(structure%E)//', expected a value above 0')
+         return
+      end if
+      load = structure%axial_load()
+      most = maxval(abs(load))
+      if (most <= greatest_load) then
+         if (structure%supports > 0) return
+         if (.not. structure%buckles()) return
+      end if
+      mass = structure%m_T + structure%rho*structure%length + sum(structure%sensor%m_S)
+      force = structure%T
+      weight = structure%g*mass
+      if (minval(load) < 0) then
+         ! Of the two, what presses.
+         force = min(force, 0.0_wp)
+         if (.not. structure%stands) weight = 0
+      end if
+      k = of_T
+      if (weight > abs(force)) k = of_g
+      if (present(place)) place = k
+      if (minval(load) < 0) then
+         call failure(error, 'found '//to_text(structure%get(k))//', which buckles the beam, '// &
+            'expected less compression or more than E = '//to_text(structure%E))
+      else
+         most = greatest_load*structure%E*structure%I/structure%length**2
+         if (k == of_g) most = most/mass
+         call failure(error, 'found '//to_text(structure%get(k))//', a tension beside '// &
+            'which the bending stiffness has no effect (E = '//to_text(structure%E)// &
+            '), expected at most '//to_text(most))
+      end if
+      call locate(error, trim(merge('force', 'g    ', k == of_T)))
+   end subroutine check_axial_load
+
+   !> Adds E I/length**2 and the unit of E to an error that is about an axial force far beyond the
+   !> bending stiffness; does nothing to other errors.
+   !>
+   !> place  of the parameter that the error is about
+   subroutine add_unit_hint(structure, place, units, error)
+      type(structure_t), intent(in) :: structure
+      integer, intent(in) :: place
+      type(units_t), intent(in) :: units
+      type(error_t), allocatable, intent(inout) :: error
+      character(len=:), allocatable :: hint, unit
+      logical :: is_si
+
+      if (.not. allocated(error) .or. .not. any(place == [of_g, of_T])) return
+      if (.not. maxval(abs(structure%axial_load())) > suspicious_load) return
+      unit = units%of_parameter(of_E)
+      is_si = unit == 'N/m^2' .and. any(units%mass == [character(len=2) :: '', 'kg']) .and. &
+         any(units%time == ['s', ' '])
+      hint = ' (E = '//to_text(structure%E)
+      if (unit /= '') hint = hint//' '//unit
+      if ((unit == '' .or. is_si) .and. structure%E >= 1 .and. structure%E <= 1000) &
+         hint = hint//' looks like GPa'
+      if (unit == '') then
+         hint = hint//': with m, s and kg, E is in N/m^2; aluminium: 7e10'
+      else if (is_si) then
+         hint = hint//'; aluminium: 7e10'
+      end if
+      error%message = error%message//'; check the units: E I/length^2 is only '// &
+         to_text(structure%E*structure%I/structure%length**2)//hint//')'
+   end subroutine add_unit_hint
+
+end module beamid_structure_checks
