@@ -85,12 +85,12 @@ contains
       complex(qp), allocatable :: x(:), y(:), z(:), dz(:)
       complex(qp) :: s, r, s_p, r_p
       real(qp) :: here(size(e%sampling%times), 3), last, step(size(parameters))
-      real(qp) :: change(size(e%sampling%times), 3, size(parameters)), close
+      real(qp) :: change(size(e%sampling%times), 3, size(parameters)), tolerance
       integer :: i, k, p
 
       ! What inverse iteration leaves: 1e-8 of a difference over 1e-16; for a motion 1e-20 is as
       ! good as nothing. A J_T of 1e6 beams alone costs ten digits of 34.
-      close = merge(1e-20_qp, 1e-24_qp, size(parameters) == 0)
+      tolerance = merge(1e-20_qp, 1e-24_qp, size(parameters) == 0)
       call poles_of(e%structure, poles, error)
       lost = allocated(error)
       allocate (columns(size(here, 1), size(kinds)), derivatives(size(here, 1), size(kinds), &
@@ -113,7 +113,7 @@ contains
          s = poles%s(k)
          x = starting_vector(base%n)
          call base%improve(8, s, x, last)
-         if (.not. last <= close*abs(s)) lost = .true.
+         if (.not. last <= tolerance*abs(s)) lost = .true.
          if (.not. abs(s - poles%s(k)) <= 1e-8_qp*abs(s)) lost = .true.
          r = base%residue(s, x)
          z = march(s, e%excitation, e%sampling%times)

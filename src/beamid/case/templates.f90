@@ -56,17 +56,17 @@ module beamid_templates
 
 contains
 
-   !> kind    one of `template_kinds`, in any case
-   !> case    text of the case file, whose record is record.csv beside it
-   !> record  text of record.csv
-   subroutine new_template(kind, case, record, error)
+   !> kind       one of `template_kinds`, in any case
+   !> case_text  text of the case file, whose record is record.csv beside it
+   !> record     text of record.csv
+   subroutine new_template(kind, case_text, record, error)
       character(len=*), intent(in) :: kind
-      character(len=:), allocatable, intent(out) :: case, record
+      character(len=:), allocatable, intent(out) :: case_text, record
       type(error_t), allocatable, intent(out) :: error
 
       select case (kind)
       case ('free-decay')
-         case = lines([character(len=width) :: &
+         case_text = lines([character(len=width) :: &
             '! A strip was pulled aside and let go; an accelerometer recorded how it swings.', &
             begin, strip, '', &
             '! Nothing is known of how it was set in motion: amplitudes and phases of three', &
@@ -80,7 +80,7 @@ contains
             '&record t_first=0.2, t_last=4.198, t_step=0.002 /', &
             '&noise sd=0.05, seed=1 /'], record, error)
       case ('impulse')
-         case = lines([character(len=width) :: &
+         case_text = lines([character(len=width) :: &
             '! A strip was struck 200 mm from its clamp: 1 N for 10 ms, from t = 0 on.', &
             begin, strip, '', &
             '! A force that was measured: kind=''table'', file=''...'', columns time and force.', &
@@ -94,7 +94,7 @@ contains
             '&record t_first=0, t_last=1.999, t_step=0.001 /', &
             '&noise sd=0.1, seed=2 /'], record, error)
       case ('base')
-         case = lines([character(len=width) :: &
+         case_text = lines([character(len=width) :: &
             '! A strip on a shaker; one accelerometer on the strip, one on the base.', &
             begin, strip, '', &
             '! The column ''base'' of the same file is the acceleration of the base.', &
@@ -107,7 +107,7 @@ contains
             '&record t_first=0, t_last=1.999, t_step=0.001 /', &
             '&noise sd=0.1, seed=3 /'], record, error, shaken=.true.)
       case ('paper')
-         case = lines([character(len=width) :: &
+         case_text = lines([character(len=width) :: &
             '! The structure of NASA CR-178199, Table 4.1: a thruster at the tip fires for', &
             '! .05 s, a hose hangs there, an accelerometer records it; with 2 % of noise.', &
             begin, '', &

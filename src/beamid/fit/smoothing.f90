@@ -163,7 +163,7 @@ contains
       real(wp), intent(in) :: jacobian(:, :), residual(:), at(:), penalty(:, :)
       type(smoother_t), intent(out) :: smoother
       type(error_t), allocatable, intent(out) :: error
-      real(wp), allocatable :: length(:), image(:, :), null(:, :), a(:, :)
+      real(wp), allocatable :: length(:), image(:, :), null_space(:, :), a(:, :)
       integer :: m, n, q
 
       m = size(jacobian, 1)
@@ -177,10 +177,10 @@ contains
       ! J: what the data hardly see would spoil the condition of the penalty.
       length = norm2(penalty, dim=1)
       smoother%smooth = count(length > 0)
-      call split_penalty(penalty, length, image, null, smoother%rows, error)
+      call split_penalty(penalty, length, image, null_space, smoother%rows, error)
       if (allocated(error)) return
       smoother%smooth = smoother%smooth - size(image, 2)
-      q = size(null, 2)
+      q = size(null_space, 2)
       smoother%contrasts = m - q
       if (m <= q) then
          call failure(error, 'smoothing: '//to_text(m)//' residuals for '//to_text(q)// &
@@ -191,18 +191,18 @@ contains
       where (.not. length > 0) length = 1
       a = reduced(jacobian, residual, length)
       smoother%rest = a(n + 1, n + 1)**2
-      call make_diagonal(a(:n, :), image, null, at, smoother, length, error)
+      call make_diagonal(a(:n, :), image, null_space, at, smoother, length, error)
    end subroutine new_smoother
 
    !> What the penalty sees and what it does not, in units in which its columns have length 1.
    !>
-   !> length  (n) of the columns of the penalty
-   !> image   (n, k) L^+, with orthonormal coordinates of L v
-   !> null    (n, q) orthonormal, columns without penalty apart from the others
-   !> rows    (k, n) those coordinates of L v, in the caller's units
-   subroutine split_penalty(penalty, length, image, null, rows, error)
+   !> length      (n) of the columns of the penalty
+   !> image       (n, k) L^+, with orthonormal coordinates of L v
+   !> null_space  (n, q) orthonormal, columns without penalty apart from the others
+   !> rows        (k, n) those coordinates of L v, in the caller's units
+   subroutine split_penalty(penalty, length, image, null_space, rows, error)
       real(wp), intent(in) :: penalty(:, :), length(:)
-      real(wp), allocatable, intent(out) :: image(:, :), null(:, :), rows(:, :)
+      real(wp), allocatable, intent(out) :: image(:, :), null_space(:, :), rows(:, :)
       type(error_t), allocatable, intent(out) :: error
       integer, allocatable :: penalised(:), others(:)
       real(wp), allocatable :: scaled(:, :), singular(:), vt(:, :), work(:)
@@ -229,16 +229,16 @@ contains
          return
       end if
       k = count(singular > round_off*singular(1))
-      allocate (image(n, k), null(n, n - k), rows(k, n), source=0.0_wp)
+      allocate (image(n, k), null_space(n, n - k), rows(k, n), source=0.0_wp)
       do j = 1, k
          image(penalised, j) = vt(j, :)/singular(j)
          rows(j, penalised) = singular(j)*vt(j, :)*length(penalised)
       end do
       do j = 1, size(others)
-         null(others(j), j) = 1
+         null_space(others(j), j) = 1
       end do
       do j = k + 1, size(penalised)
-         null(penalised, size(others) + j - k) = vt(j, :)
+         null_space(penalised, size(others) + j - k) = vt(j, :)
       end do
    end subroutine split_penalty
 
@@ -270,13 +270,13 @@ contains
    !> Eliminates the null space of the penalty, and turns the coordinates of L v to the singular
    !> vectors of what is left of J.
    !>
-   !> a            (n, n + 1) J and r, reduced
-   !> image, null  as of `split_penalty`
-   !> at           (n) in the caller's units
-   !> length       (n) units of the columns of J
-   subroutine make_diagonal(a, image, null, at, smoother, length, error)
+   !> a                  (n, n + 1) J and r, reduced
+   !> image, null_space  as of `split_penalty`
+   !> at                 (n) in the caller's units
+   !> length             (n) units of the columns of J
+   subroutine make_diagonal(a, image, null_space, at, smoother, length, error)
       real(wp), intent(in) :: a(:, :), image(:, :), at(:), length(:)
-      real(wp), intent(inout) :: null(:, :)
+      real(wp), intent(inout) :: null_space(:, :)
       type(smoother_t), intent(inout) :: smoother
       type(error_t), allocatable, intent(out) :: error
       real(wp), allocatable :: seen(:, :), whole(:, :), response(:, :), basis(:, :), u(:, :), &
@@ -287,16 +287,16 @@ contains
 
       n = size(at)
       k = size(image, 2)
-      q = size(null, 2)
+      q = size(null_space, 2)
       ! J N in units of what its terms add up to if they do not cancel: a length of round-off is
       ! seen for what it is.
-      reach = matmul(norm2(a(:, :n), dim=1), abs(null))
+      reach = matmul(norm2(a(:, :n), dim=1), abs(null_space))
       do j = 1, q
-         if (reach(j) > 0) null(:, j) = null(:, j)/reach(j)
+         if (reach(j) > 0) null_space(:, j) = null_space(:, j)/reach(j)
       end do
       allocate (pivot(q), tau(q), work(64*(n + 1)), u(k, k), vt(k, k), smoother%singular(k))
       pivot = 0
-      seen = matmul(a(:, :n), null)
+      seen = matmul(a(:, :n), null_space)
       call dgeqp3(n, q, seen, n, pivot, tau, work, size(work), info)
       j = count([(abs(seen(j, j)) <= round_off, j=1, q)])
       if (j > 0) then
@@ -304,7 +304,7 @@ contains
             to_text(j)//' of the parameters, or combinations of them')
          return
       end if
-      null = null(:, pivot)
+      null_space = null_space(:, pivot)
       allocate (whole(n, k + 1))
       whole(:, :k) = matmul(a(:, :n), image)
       whole(:, k + 1) = a(:, n + 1)
@@ -312,7 +312,7 @@ contains
       call dormqr('L', 'T', n, k + 1, q, seen, n, tau, whole, n, work, size(work), info)
       response = whole(:q, :)
       left = whole(q + 1:, :k)
-      basis = transpose(null)
+      basis = transpose(null_space)
       if (q > 0) then
          call dtrtrs('U', 'N', 'N', q, k + 1, seen, n, response, q, info)
          call dtrtrs('U', 'T', 'N', q, n, seen, n, basis, q, info)
@@ -327,12 +327,12 @@ contains
       where (smoother%singular <= noise) smoother%singular = 0
 
       smoother%free = transpose(basis)/spread(length, 2, q)
-      smoother%rough = matmul(image - matmul(null, response(:, :k)), transpose(vt)) &
+      smoother%rough = matmul(image - matmul(null_space, response(:, :k)), transpose(vt)) &
          /spread(length, 2, k)
       smoother%rows = matmul(vt, smoother%rows)
       smoother%beta = matmul(whole(q + 1:, k + 1), u) &
          - smoother%singular*matmul(smoother%rows, at)
-      smoother%base = at - matmul(null, response(:, k + 1))/length &
+      smoother%base = at - matmul(null_space, response(:, k + 1))/length &
          - matmul(smoother%rough, matmul(smoother%rows, at))
    end subroutine make_diagonal
 

@@ -294,14 +294,14 @@ contains
    pure function factors(self, xi)
       class(structure_t), intent(in) :: self
       real(wp), intent(in) :: xi
-      real(wp) :: factors(2), common(2)
+      real(wp) :: factors(2), uniform(2)
       integer :: a
 
       factors = 1
-      common = [self%E, self%c_D]
+      uniform = [self%E, self%c_D]
       do a = 1, size(factors)
          associate (along => self%variations%along(a))
-            if (allocated(along%value)) factors(a) = sum(along%shares(xi)*along%value)/common(a)
+            if (allocated(along%value)) factors(a) = sum(along%shares(xi)*along%value)/uniform(a)
          end associate
       end do
       if (self%has_dip()) factors(of_E_x) = factors(of_E_x)*(1 - self%d_D*dip_at(self, xi))
@@ -323,24 +323,24 @@ contains
       class(structure_t), intent(in) :: self
       real(wp), intent(in) :: xi
       integer, intent(in) :: parameters(:)
-      real(wp) :: slopes(2, size(parameters)), common(2), along(2), dip, z
+      real(wp) :: slopes(2, size(parameters)), uniform(2), along(2), dip, z
       real(wp), allocatable :: share(:)
       integer :: a, p
 
       slopes = 0
       along = 1
-      common = [self%E, self%c_D]
+      uniform = [self%E, self%c_D]
       do a = 1, size(along)
          share = self%variations%along(a)%shares(xi)
          if (allocated(self%variations%along(a)%value)) &
-            along(a) = sum(share*self%variations%along(a)%value)/common(a)
+            along(a) = sum(share*self%variations%along(a)%value)/uniform(a)
          do p = 1, size(parameters)
             if (function_of(parameters(p)) == a) then
                ! Also where all coefficients have one value in common.
-               slopes(a, p) = share(parameters(p) - coefficient_at(1, a) + 1)/common(a)
+               slopes(a, p) = share(parameters(p) - coefficient_at(1, a) + 1)/uniform(a)
             else if (parameters(p) == common_of(a) .and. &
                allocated(self%variations%along(a)%value)) then
-               slopes(a, p) = -along(a)/common(a)
+               slopes(a, p) = -along(a)/uniform(a)
             end if
          end do
       end do
