@@ -3,6 +3,7 @@
 program test_bad_models
    use bad_cases, only: accepted, carrying, case_text, freeing, group, named, nl, pulse, refused, &
       refused_case, table
+   use beamid_kinds, only: wp
    use checks, only: finish, skip
    use shell, only: close_shell, open_shell, replaced
    implicit none
@@ -296,7 +297,8 @@ contains
 
       text = 't,acceleration'//nl
       do k = 10, 60
-         write (row, '(f4.2,a,f7.4)') k/100.0, ',', sin(0.3*k) + 0.2*cos(0.05*k*k)
+         write (row, '(f4.2,a,f7.4)') k/100.0_wp, ',', sin(0.3_wp*k) + &
+            0.2_wp*cos(0.05_wp*k*k)
          text = text//trim(row)//nl
       end do
    end function long_record

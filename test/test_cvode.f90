@@ -361,7 +361,7 @@ contains
       status = c_dup2(saved(2), 2_c_int)
       status = c_close(saved(1)) + c_close(saved(2)) + c_close(file)
       inquire (file=trim(path), size=printed)
-      open (newunit=unit, file=trim(path), status='old')
+      open (newunit=unit, file=trim(path), status='old', action='readwrite')
       close (unit, status='delete')
    end subroutine respond_silently
 

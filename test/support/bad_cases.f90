@@ -1,6 +1,7 @@
 !> A good case, a good record and a good force table; and what is asked for where one change makes
 !> one of them bad: status 2 and one line on standard error, and nothing written.
 module bad_cases
+   use beamid_kinds, only: wp
    use checks, only: check
    use shell, only: beamid, exists, has_all, line_count, outcome_t, remove_tree, replaced, &
       write_file
@@ -70,7 +71,7 @@ contains
 
       lines = ''
       do k = 1, n
-         write (keys, '(a,i0,a,f3.1)') 'name="n', k, '", '//key//'=', 0.4*k
+         write (keys, '(a,i0,a,f3.1)') 'name="n', k, '", '//key//'=', 0.4_wp*k
          lines = lines//group(name, trim(keys))
       end do
    end function named
