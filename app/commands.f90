@@ -9,9 +9,9 @@ module beamid_commands
    use beamid_interrupts, only: check_interrupt
    use beamid_mode_summaries, only: modes_summary
    use beamid_outputs, only: output_t
+   use beamid_shape_tables, only: add_shapes
    use beamid_sorting, only: median
    use beamid_strings, only: to_text
-   use beamid_shape_tables, only: add_shapes
    use beamid_summaries, only: response_summary
    use beamid_tables, only: add_modes, labels_table, modes_header, record_table, response_table
    use beamid_terminal, only: new_progress, print_text, progress_t, tell

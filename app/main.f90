@@ -1,19 +1,19 @@
 !> beamid <command> <case.nml> [--out DIR] [--quiet]
 program beamid_main
    use beamid, only: error_t, version
-   use beamid_errors, only: bad_input
-   use beamid_interrupts, only: check_interrupt
-   use beamid_spelling, only: or_nearest
-   use beamid_strings, only: to_text
-   use beamid_comparison, only: run_compare
    use beamid_commands, only: run_identify, run_modes, run_simulate, settings_t, word_t
+   use beamid_comparison, only: run_compare
    use beamid_design, only: run_design
    use beamid_ensemble, only: run_ensemble
+   use beamid_errors, only: bad_input
    use beamid_inference_commands, only: run_inference
+   use beamid_interrupts, only: check_interrupt
    use beamid_manual, only: command_names, commands_in_words, run_help
    use beamid_new_case, only: check_new, run_new
    use beamid_reproduction, only: reproducible, run_reproduce
    use beamid_signals, only: catch_signals, end_by_signal
+   use beamid_spelling, only: or_nearest
+   use beamid_strings, only: to_text
    use beamid_terminal, only: complain, print_text
    implicit none
 

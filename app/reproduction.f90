@@ -1,17 +1,17 @@
 !> `beamid reproduce`: the paper's results computed again, beside the paper's own numbers.
 module beamid_reproduction
    use beamid
-   use beamid_errors, only: bad_input
-   use beamid_outputs, only: output_t
-   use beamid_paths, only: directory_of, join_path
-   use beamid_texts, only: text_t
    use beamid_acceleration, only: reproduce_acceleration
    use beamid_commands, only: deliver, settings_t
    use beamid_convergence, only: reproduce_convergence
+   use beamid_errors, only: bad_input
+   use beamid_outputs, only: output_t
+   use beamid_paths, only: directory_of, join_path
    use beamid_section_4, only: reproduce_section_4
    use beamid_table_4_1, only: reproduce_table_4_1, table_t
    use beamid_tables, only: add_fit_tables
    use beamid_terminal, only: new_progress, print_text, progress_t
+   use beamid_texts, only: text_t
    use beamid_varying, only: reproduce_varying
    implicit none
    private

@@ -44,8 +44,8 @@ module beamid
    use beamid_noise, only: gaussian_noise
    use beamid_observation, only: observation_t
    use beamid_parameters, only: free_index, free_names, get_free, set_free
-   use beamid_problems, only: problem_t, smooth_problem_t
    use beamid_priors, only: prior_t
+   use beamid_problems, only: problem_t, smooth_problem_t
    use beamid_records, only: load_recording, note_length, read_record, recording_t, &
       window_t
    use beamid_refinement, only: add_mesh_shift, identify_refining

@@ -2,8 +2,8 @@
 !> difference at a time. Nothing is computed.
 program test_candidates
    use beamid_candidates, only: candidate_t, held, is_nested, same_samples, shared
-   use beamid_excitation, only: excitation_t, new_base_motion, new_free, new_pulse, new_release
    use beamid_errors, only: error_t
+   use beamid_excitation, only: excitation_t, new_base_motion, new_free, new_pulse, new_release
    use beamid_galerkin, only: mesh_t
    use beamid_kinds, only: wp
    use beamid_parameters, only: free_index, parameters

@@ -1,10 +1,10 @@
 !> Strict numbers and columns of numbers.
 program test_csv
-   use beamid_kinds, only: wp, ip
-   use beamid_errors, only: error_t
-   use beamid_outputs, only: output_t
    use beamid_csv, only: column_length, read_columns
+   use beamid_errors, only: error_t
+   use beamid_kinds, only: wp, ip
    use beamid_numbers, only: parse_number
+   use beamid_outputs, only: output_t
    use checks, only: check, finish
    use damaged_texts, only: any_byte, damage, doubled, dropped, exchanged, likely_byte, other
    use random_numbers, only: pick, start_random

@@ -107,6 +107,7 @@ end module quadruple
 !> Exact derivatives of the modal response against differences in quadruple precision, for a
 !> thousand random structures.
 program test_derivatives
+   use beamid_assembly, only: assembly_t
    use beamid_equations, only: equations_t, new_equations
    use beamid_errors, only: error_t
    use beamid_excitation, only: excitation_t, new_pulse
@@ -117,7 +118,6 @@ program test_derivatives
    use beamid_observation, only: observation_t, new_sampling
    use beamid_parameters, only: amplitude, free_names, get_free, magnitude
    use beamid_poles, only: find_poles, poles_t
-   use beamid_assembly, only: assembly_t
    use beamid_responses, only: response_t, work_t
    use beamid_strings, only: to_text
    use beamid_structure, only: structure_t

@@ -8,8 +8,8 @@ program test_identification
       simulation_t, stage_fit_t, stage_t
    use beamid_kinds, only: ip, wp
    use beamid_noise, only: gaussian_noise
-   use beamid_strings, only: to_text
    use beamid_parameters, only: free_index
+   use beamid_strings, only: to_text
    use checks, only: check, check_close, finish
    use hose_model, only: hosed, mesh, truth
    use models, only: stage_of

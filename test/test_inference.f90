@@ -1,7 +1,6 @@
 !> Profiles, posterior and bootstrap of Table 4.1's structure: where linear theory is right they
 !> agree with it, where it is not with an independent sampler, and they cover the truth.
 program test_inference
-   use omp_lib, only: omp_set_num_threads, omp_get_max_threads
    use beamid_chains, only: quantile
    use beamid_errors, only: error_t
    use beamid_excitation, only: new_pulse
@@ -19,6 +18,7 @@ program test_inference
    use beamid_strings, only: to_text
    use checks, only: check, check_close, finish, in_long_run
    use models, only: model_of, stage_of
+   use omp_lib, only: omp_set_num_threads, omp_get_max_threads
    use single_responses, only: truth => table_4_1
    implicit none
 

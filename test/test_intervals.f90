@@ -1,10 +1,10 @@
 !> `beamid profile`, `sample` and `bootstrap`: one table of intervals that each of them completes,
 !> as long as the fit is the same; what has no limit is said, and is no posterior.
 program test_intervals
+   use beamid_kinds, only: wp
    use checks, only: check, check_close, finish, skip
    use shell, only: beamid, close_shell, exists, has_all, line_count, open_shell, outcome_t, &
       read_file, remove_tree, replaced, write_file
-   use beamid_kinds, only: wp
    use tables, only: field, line, lines_with, longest, number
    implicit none
 

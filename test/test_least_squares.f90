@@ -1,9 +1,9 @@
 !> Least-squares problems with certified answers, and problems that fail in every way they can.
 module problems
    use, intrinsic :: ieee_arithmetic, only: ieee_positive_inf, ieee_quiet_nan, ieee_value
+   use beamid, only: monitor_t, problem_t, smooth_problem_t
    use beamid_errors, only: error_t, failure
    use beamid_kinds, only: wp
-   use beamid, only: monitor_t, problem_t, smooth_problem_t
    use regressions, only: boxbod, regression_t
    implicit none
    private
@@ -231,10 +231,10 @@ contains
 end module problems
 
 program test_least_squares
-   use beamid_errors, only: error_t, status_failed
-   use beamid_kinds, only: wp
    use beamid, only: fit, fit_t, options_t
+   use beamid_errors, only: error_t, status_failed
    use beamid_gauss_newton, only: gauss_newton_step, gauss_newton_t
+   use beamid_kinds, only: wp
    use beamid_problems, only: compare_derivatives
    use beamid_strings, only: to_text
    use beamid_variables, only: new_variable, unbounded, variable_t

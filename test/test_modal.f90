@@ -1,6 +1,7 @@
 !> Exact responses: against the inverse Laplace transform, against closed forms in the undamped
 !> modes, against CVODE, and in the cases that a sum of exponentials finds hard.
 program test_modal
+   use beamid_assembly, only: assembly_t, new_assembly
    use beamid_cvode, only: cvode_t
    use beamid_equations, only: equations_t, new_equations
    use beamid_errors, only: error_t, status_failed
@@ -8,7 +9,6 @@ program test_modal
    use beamid_galerkin, only: galerkin_t, mesh_t, new_galerkin
    use beamid_kinds, only: wp
    use beamid_modal, only: modal_t
-   use beamid_assembly, only: assembly_t, new_assembly
    use beamid_modes, only: bare_beam_modes, beam_modes_t, undamped_modes
    use beamid_poles, only: differentiate_poles, find_poles, poles_t
    use beamid_responses, only: response_t, work_t

@@ -1,9 +1,9 @@
 !> Case files: what is accepted has the values that are written there, and one mistake gives exactly
 !> one line.
 program test_namelist
-   use beamid_kinds, only: wp
-   use beamid_errors, only: error_t
    use beamid_blocks, only: block_t
+   use beamid_errors, only: error_t
+   use beamid_kinds, only: wp
    use beamid_namelist, only: group_t, scan_namelist
    use beamid_refusals, only: refusals_t
    use checks, only: check, check_close, finish

@@ -1,8 +1,8 @@
 !> Records as they come: columns, separators, windows, gaps, and what is refused.
 program test_records
    use beamid_errors, only: error_t
-   use beamid_outputs, only: output_t
    use beamid_kinds, only: wp
+   use beamid_outputs, only: output_t
    use beamid_records, only: load_recording, note_length, read_record, recording_t
    use beamid_series, only: part_t, read_series, series_t
    use checks, only: check, check_close, finish

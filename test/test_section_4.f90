@@ -6,10 +6,10 @@
 program test_section_4
    use beamid
    use beamid_cases, only: scored_samples
+   use beamid_csv, only: column_length, read_columns
    use beamid_identification, only: score_fits
    use beamid_profiles, only: difference_bound, squared_distance, sum_of_squares
    use beamid_strings, only: to_text
-   use beamid_csv, only: column_length, read_columns
    use checks, only: check, check_close, finish, skip
    use shell, only: call_program => beamid, close_shell, exists, has_all, in_root, in_scratch, &
       line_count, open_shell, outcome_t, read_file

@@ -5,9 +5,9 @@ program test_structure
    use beamid_excitation, only: excitation_t, new_pulse
    use beamid_galerkin, only: galerkin_t, mesh_t, new_galerkin
    use beamid_kinds, only: wp
+   use beamid_parameters, only: free_index, magnitude, free_names, parameters
    use beamid_quadrature, only: gauss_legendre, rule_t
    use beamid_strings, only: to_text
-   use beamid_parameters, only: free_index, magnitude, free_names, parameters
    use beamid_structure, only: of_x_S, structure_t
    use beamid_structure_checks, only: check_structure
    use checks, only: check, check_close, finish, of_mesh

@@ -1,6 +1,7 @@
 !> Table 4.1 of NASA CR-178199 through the library: the paper's numbers, and that they do not depend
 !> on where the search starts.
 program test_table_4_1
+   use beamid, only: modal_t
    use beamid_cases, only: case_t, measured_samples, needs_fit, needs_response, read_case
    use beamid_csv, only: column_length, read_columns
    use beamid_cvode, only: cvode_t
@@ -10,7 +11,6 @@ program test_table_4_1
    use beamid_identification, only: identify_meshes, model_t, simulate, simulation_t, stage_fit_t, &
       stage_t
    use beamid_kinds, only: wp
-   use beamid, only: modal_t
    use beamid_modes, only: undamped_modes
    use beamid_strings, only: to_text
    use checks, only: check, check_close, finish

@@ -1,12 +1,12 @@
 !> `beamid reproduce acceleration`: why (4.1) is more stable than (4.2), and both than (3.13).
 module beamid_acceleration
    use beamid
+   use beamid_acceleration_study, only: closer, compute_study, share, study_t, tolerances
    use beamid_amplification, only: gains
+   use beamid_lines, only: add_lines, csv_row
    use beamid_outputs, only: output_t
    use beamid_strings, only: full, to_text
    use beamid_texts, only: text_t
-   use beamid_acceleration_study, only: closer, compute_study, share, study_t, tolerances
-   use beamid_lines, only: add_lines, csv_row
    implicit none
    private
 

@@ -2,12 +2,12 @@
 !> their hypotheses hold and with one for which they do not.
 module beamid_convergence
    use beamid
-   use beamid_outputs, only: output_t
-   use beamid_strings, only: fixed, to_text
-   use beamid_texts, only: right, text_t
    use beamid_convergence_study, only: coarser, compute_motions, fitted, forces, loads, motion_t, &
       motions, reference
    use beamid_lines, only: add_lines, csv_row
+   use beamid_outputs, only: output_t
+   use beamid_strings, only: fixed, to_text
+   use beamid_texts, only: right, text_t
    implicit none
    private
 

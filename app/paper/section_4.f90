@@ -1,12 +1,12 @@
 !> `beamid reproduce section-4` and its tables: the RPL experiment.
 module beamid_section_4
    use beamid
-   use beamid_outputs, only: output_t
-   use beamid_strings, only: full, to_text
-   use beamid_texts, only: text_t
    use beamid_lines, only: csv_row
+   use beamid_outputs, only: output_t
    use beamid_section_4_report, only: add_report
    use beamid_section_4_results, only: compute_section_4, results_t, table_4_4, table_4_5
+   use beamid_strings, only: full, to_text
+   use beamid_texts, only: text_t
    implicit none
    private
 

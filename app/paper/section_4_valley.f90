@@ -1,10 +1,10 @@
 !> The search for Table 4.4 in words: its stages, and the valley of J between Tables 4.3 and 4.4.
 module beamid_section_4_valley
    use beamid
-   use beamid_strings, only: to_text
-   use beamid_texts, only: text_t
    use beamid_lines, only: add_lines, columns, filled
    use beamid_section_4_results, only: results_t, table_4_3, table_4_4
+   use beamid_strings, only: to_text
+   use beamid_texts, only: text_t
    implicit none
    private
 

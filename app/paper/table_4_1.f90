@@ -1,13 +1,13 @@
 !> Table 4.1 of the paper: four parameters from simulated accelerations.
 module beamid_table_4_1
    use beamid
+   use beamid_csv, only: column_length, read_columns
    use beamid_errors, only: bad_input, locate
+   use beamid_lines, only: add_lines, columns, csv_row, filled
    use beamid_outputs, only: output_t
    use beamid_paths, only: join_path
    use beamid_strings, only: to_text
    use beamid_texts, only: text_t
-   use beamid_csv, only: column_length, read_columns
-   use beamid_lines, only: add_lines, columns, csv_row, filled
    implicit none
    private
 

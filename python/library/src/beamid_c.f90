@@ -10,8 +10,8 @@
 !> only one may use a fit. Calls that compute are enclosed by `beamid_begin` and `beamid_end`
 !> (`beamid_c_calls`). Procedures that work with texts run in one thread at a time.
 module beamid_c
-   use, intrinsic :: iso_c_binding, only: c_char, c_double, c_int, c_int64_t
    use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
+   use, intrinsic :: iso_c_binding, only: c_char, c_double, c_int, c_int64_t
    use beamid_c_calls, only: beamid_begin, beamid_end, beamid_watch_forks, characters, &
       progress_of_call, progress_t, told
    use beamid_c_handles, only: close_handle, give_back, new_handle

@@ -7,11 +7,11 @@ module beamid_c_calls
    use, intrinsic :: iso_c_binding, only: c_associated, c_char, c_f_procpointer, c_funloc, &
       c_funptr, c_int, c_null_char, c_null_funptr
    use, intrinsic :: iso_fortran_env, only: int64
-   use omp_lib, only: omp_get_thread_num, omp_set_num_threads
    use beamid_errors, only: error_t, failure
    use beamid_interrupts, only: begin_call, end_call, stop_call
    use beamid_kinds, only: wp
    use beamid_least_squares, only: monitor_t
+   use omp_lib, only: omp_get_thread_num, omp_set_num_threads
    implicit none
    private
 

@@ -1,7 +1,7 @@
 !> Responses for C.
 module beamid_c_responses
-   use, intrinsic :: iso_c_binding, only: c_char, c_double, c_int, c_int64_t
    use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
+   use, intrinsic :: iso_c_binding, only: c_char, c_double, c_int, c_int64_t
    use beamid_c_calls, only: told
    use beamid_c_handles, only: give_back
    use beamid_c_objects, only: borrow_problem, problem_t

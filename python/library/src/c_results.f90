@@ -1,7 +1,7 @@
 !> Results of a fit for C: arrays and texts, copied out by name.
 module beamid_c_results
-   use, intrinsic :: iso_c_binding, only: c_char, c_double, c_int, c_int64_t
    use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
+   use, intrinsic :: iso_c_binding, only: c_char, c_double, c_int, c_int64_t
    use beamid_c_calls, only: characters, told
    use beamid_c_handles, only: give_back
    use beamid_c_objects, only: borrow_outcome, outcome_t

@@ -4,10 +4,10 @@ module beamid_along_groups
    use beamid_blocks, only: block_t
    use beamid_errors, only: error_t
    use beamid_kinds, only: wp
+   use beamid_records, only: column_length
    use beamid_series, only: part_t, read_series, series_t
    use beamid_strings, only: to_text
    use beamid_structure, only: of_d_D, of_w_D, of_x_D, structure_t
-   use beamid_records, only: column_length
    use beamid_values, only: positive, range_t
    use beamid_variations, only: as_spline, constant, in_lines, in_steps, new_variation, variation_t
    implicit none

@@ -1,8 +1,8 @@
 !> A fleet: a list of case files, each of which is a member of an ensemble. A case that was fitted
 !> before may start from where it ended, and one that is as it was need not be fitted again.
 module beamid_fleets
-   use beamid_case_fits, only: add_mesh_shifts, case_fit_t, fit_case, judge_case, load_case
    use beamid_case_files, only: add_case, case_t
+   use beamid_case_fits, only: add_mesh_shifts, case_fit_t, fit_case, judge_case, load_case
    use beamid_cases, only: needs_fit, read_case
    use beamid_ensembles, only: add_fit_rows, member_t, row_t
    use beamid_errors, only: bad_input, error_t, failure

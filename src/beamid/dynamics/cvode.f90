@@ -5,9 +5,9 @@
 !> the force jumps, so that no step straddles a discontinuity. Stability-limit detection is on:
 !> lightly damped modes lie where BDF of order 3 to 5 is unstable.
 module beamid_cvode
+   use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
    use, intrinsic :: iso_c_binding, only: c_associated, c_double, c_f_pointer, c_funloc, &
       c_int, c_loc, c_null_ptr, c_ptr
-   use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
    use beamid_equations, only: equations_t
    use beamid_errors, only: error_t, failure
    use beamid_excitation, only: excitation_t, same_time

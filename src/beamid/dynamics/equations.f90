@@ -5,10 +5,10 @@
 !> nothing: M, C and K keep the half-bandwidth of the splines, 3 for cubics.
 module beamid_equations
    use beamid_bands, only: band_t, new_band
+   use beamid_constraints, only: constraints_t
    use beamid_excitation, only: excitation_t
    use beamid_galerkin, only: galerkin_t, mesh_t
    use beamid_kinds, only: wp
-   use beamid_constraints, only: constraints_t
    use beamid_structure, only: structure_t
    use beamid_terms, only: bending, force_value, hose, inertia, is_spring, load_shape, &
       of_compliance, of_damping, of_load, of_mass, of_stiffness, operators, place_on_mesh, pulls, &

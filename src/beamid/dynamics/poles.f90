@@ -10,8 +10,8 @@
 module beamid_poles
    use beamid_assembly, only: assembly_t
    use beamid_clusters, only: base_cluster, cluster_t, find_clusters
-   use beamid_contours, only: measure
    use beamid_continuation, only: all_of, follow_roots
+   use beamid_contours, only: measure
    use beamid_errors, only: error_t, failure, status_failed
    use beamid_kinds, only: wp
    use beamid_parameters, only: as_named, parameters

@@ -5,8 +5,8 @@
 module beamid_roots
    use beamid_assembly, only: assembly_t, new_assembly
    use beamid_continuation, only: all_of, follow, meets, mirrored
-   use beamid_equations, only: equations_t
    use beamid_eigenvalues, only: roots_of_matrix
+   use beamid_equations, only: equations_t
    use beamid_errors, only: error_t, failure
    use beamid_interrupts, only: check_interrupt, interrupted
    use beamid_kinds, only: wp

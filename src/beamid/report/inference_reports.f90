@@ -1,8 +1,8 @@
 !> Profiles, draws from the posterior and fits of resampled records: for other programs, and for the
 !> reader.
 module beamid_inference_reports
-   use beamid_chains, only: mean_and_deviation, quantile
    use beamid_case_files, only: case_t
+   use beamid_chains, only: mean_and_deviation, quantile
    use beamid_errors, only: error_t
    use beamid_experiments, only: experiment_t
    use beamid_fitted_modes, only: fitted_mode_t, fitted_modes

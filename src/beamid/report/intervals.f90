@@ -6,8 +6,8 @@ module beamid_intervals
    use beamid_kinds, only: wp
    use beamid_lines, only: limit
    use beamid_profile_likelihood, only: at_bound, is_closed, is_lost, is_open
-   use beamid_strings, only: full, rounded, to_text
    use beamid_statistics, only: unlimited
+   use beamid_strings, only: full, rounded, to_text
    use beamid_texts, only: left, right, text_t
    use beamid_units, only: units_t
    use beamid_unknowns, only: name_length, quantity_t

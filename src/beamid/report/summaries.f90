@@ -9,8 +9,8 @@ module beamid_summaries
    use beamid_lines, only: columns
    use beamid_method_groups, only: formula_names
    use beamid_responses, only: work_t
-   use beamid_strings, only: rounded, to_text
    use beamid_statistics, only: undetermined, unlimited
+   use beamid_strings, only: rounded, to_text
    use beamid_structure, only: is_coefficient
    use beamid_texts, only: left, right, text_t
    use beamid_unknowns, only: name_length

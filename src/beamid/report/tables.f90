@@ -7,8 +7,8 @@ module beamid_tables
    use beamid_lines, only: csv_row, limit
    use beamid_multistart, only: minimum_t
    use beamid_outputs, only: output_t
-   use beamid_strings, only: full, to_text
    use beamid_statistics, only: unlimited
+   use beamid_strings, only: full, to_text
    use beamid_texts, only: text_t
    use beamid_units, only: units_t
    implicit none

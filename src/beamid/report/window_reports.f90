@@ -5,9 +5,9 @@ module beamid_window_reports
    use beamid_lines, only: columns, limit
    use beamid_outputs, only: output_t
    use beamid_parameters, only: as_named
+   use beamid_statistics, only: unlimited
    use beamid_strings, only: full, to_text
    use beamid_texts, only: left, right, text_t
-   use beamid_statistics, only: unlimited
    use beamid_unknowns, only: quantity_t
    use beamid_window_fits, only: scatter, window_fit_t
    implicit none

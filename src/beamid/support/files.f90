@@ -2,8 +2,8 @@
 !> disk, and waits for ever on a pipe.
 module beamid_files
    use, intrinsic :: iso_c_binding, only: c_associated, c_int, c_null_char, c_ptr, c_size_t
-   use beamid_kinds, only: ip
    use beamid_errors, only: error_t, bad_input
+   use beamid_kinds, only: ip
    use beamid_posix, only: c_close, c_creat, c_fclose, c_ferror, c_fopen, c_fread, c_fsync, &
       efbig, enoent, errno_of, file_status, kind_directory, kind_regular, last_errno, reason, &
       write_bytes

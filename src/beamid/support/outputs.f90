@@ -3,8 +3,8 @@ module beamid_outputs
    use, intrinsic :: iso_c_binding, only: c_int, c_null_char
    use beamid_errors, only: error_t, bad_input, failure
    use beamid_exchange, only: exchange, named_text_t
-   use beamid_folders, only: make_folders
    use beamid_files, only: read_text
+   use beamid_folders, only: make_folders
    use beamid_interrupts, only: check_interrupt
    use beamid_kinds, only: ip
    use beamid_manifests, only: entries_in, entry_length, manifest_name, name_in
