@@ -159,6 +159,7 @@ def times(ratio):
 @dataclass
 class Effort:
     """How much is repeated: --quick or not."""
+
     rounds: int = 7
     seconds: float = 0.3        # of one competitor in one round
     largest: int = 10**6        # number of samples
@@ -195,6 +196,7 @@ def ratio(spent, name, reference):
 @dataclass
 class Row:
     """One line of the table."""
+
     method: str
     elements: int
     seconds: float              # per fit, inside the process; of a fit cut short the cap
@@ -207,6 +209,7 @@ class Row:
 @dataclass
 class Beamid:
     """Runs the program, and the one that times it, on cases in a folder of its own."""
+
     program: Path
     timer: Path
     folder: Path
@@ -381,7 +384,7 @@ def slow_rows(beamid, model, cap, least):
     rows = [cvode(f"beamid cvode, case's rtol {rtol_of_case:.0e}", rtol_of_case),
             fastest("beamid cvode", cvode, model, least)]
     for method in ("LSODA", "BDF", "Radau"):
-        def integrator(label, rtol):
+        def integrator(label, rtol, method=method):
             return scipy_row(label, model, cap, lambda q: model.integrated(q, method, rtol), "trf",
                              3 * math.sqrt(rtol))
         rows.append(fastest(f"SciPy {method}", integrator, model, least))
@@ -560,8 +563,8 @@ def part_samples(beamid, _, effort):
         memory = beamid.clock(case, 0, 1)[0].get("peak_kB", math.nan) / 1024
         beamid.counts.clear()    # the next case has the same name
         spent[FLOOR] = floor(spent)
-        for label in lines:
-            lines[label].append(min(spent[label]))
+        for label, line in lines.items():
+            line.append(min(spent[label]))
         rows.append([samples, *(ms(min(spent[label])) for label in lines),
                      times(ratio(spent, "beamid", FLOOR)), f"{memory:.0f}"])
     table(["samples", "beamid, one evaluation, ms", f"{FLOOR}, ms", "ratio", "memory, MB"], rows)

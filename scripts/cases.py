@@ -115,7 +115,7 @@ def complain(path, skipped, mark, places):
     for n, line in list(data_lines(path))[skipped:]:
         fields = fields_of(line, mark)
         if len(fields) <= max(places) or not all(is_number(fields[k]) for k in places):
-            fail(f"{path}:{n}: found {ascii(line.strip()[:40])}, expected numbers in columns "
+            fail(f"{path}:{n}: found {line.strip()[:40]!a}, expected numbers in columns "
                  + " and ".join(str(k + 1) for k in places))
     fail(f"{path}: found no numbers, expected columns of them")
 

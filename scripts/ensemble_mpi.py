@@ -51,7 +51,8 @@ def manage(workers, members, command):
 
 def launch(arguments, command):
     """Starts the workers and a manager, who needs no core of its own."""
-    # The first member alone: a case that is refused is refused once, and how many there are is told.
+    # The first member alone: a bad case is refused only once, and the program tells the number of
+    # members.
     status, out, err = run_part(command, 1, 1)
     waiting = WAITING.search(out)
     if status or not waiting:

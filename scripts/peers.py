@@ -11,11 +11,11 @@ import os
 os.environ.update(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1", JAX_PLATFORMS="cpu",
                   XLA_FLAGS="--xla_cpu_multi_thread_eigen=false intra_op_parallelism_threads=1")
 
-import numpy as np  # noqa: E402
-from scipy.integrate import solve_ivp  # noqa: E402
-from scipy.interpolate import BSpline  # noqa: E402
-from scipy.linalg import cho_factor, cho_solve, eigh, expm, lapack  # noqa: E402
-from scipy.optimize import least_squares  # noqa: E402
+import numpy as np
+from scipy.integrate import solve_ivp
+from scipy.interpolate import BSpline
+from scipy.linalg import cho_factor, cho_solve, eigh, expm, lapack
+from scipy.optimize import least_squares
 
 try:
     import jax

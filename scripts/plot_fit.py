@@ -133,8 +133,8 @@ def draw_overview(axes, t, measured, model, elements):
     axes.plot(*s.envelope(t, measured), *["-"] * many, *["."] * (not many), color="black",
               markersize=size, linewidth=1.6, zorder=1 if many else 3, label="record")
     gap = 20 * np.median(np.diff(t)) if len(t) > 1 else 0.0
-    axes.plot(*across(*s.envelope(t, model), gap), color=p.BLUE, linewidth=0.7 if many else 1.4, zorder=2,
-              label=f"model, $N$ = {elements}")
+    axes.plot(*across(*s.envelope(t, model), gap), color=p.BLUE, linewidth=0.7 if many else 1.4,
+              zorder=2, label=f"model, $N$ = {elements}")
 
 
 def across(t, values, least=0.0):
@@ -247,7 +247,7 @@ def draw(directory, meshes, chosen, rows, corrected, record=1, of=1):
     margin = 0.01 * (t[-1] - t[0] or 1.0)
     for panel in in_time:
         panel.set_xlim(t[0] - margin, t[-1] + margin)
-        panel.tick_params(labelbottom=panel is in_time[-1] or bool(span) and panel is in_time[0])
+        panel.tick_params(labelbottom=panel is in_time[-1] or (bool(span) and panel is in_time[0]))
     in_time[-1].set_xlabel(time)
     for name in set(names) - {"zoom"}:
         if not panels[name].lines:

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Plots the mode shapes of a structure -> DIR/modes.png; with --animate they swing -> DIR/modes.gif."""
+"""Plots the mode shapes of a structure -> DIR/modes.png; with --animate also -> DIR/modes.gif."""
 
 from pathlib import Path
 
@@ -13,7 +13,7 @@ SPEED = 20     # frames a second
 
 
 def read_shapes(directory):
-    """x (n), the shapes (n, modes), complex where damped, and what sits on the beam: (name, x)."""
+    """Returns x (n), the shapes (n, modes), complex if damped, and the parts there: (name, x)."""
     path = directory / "shapes.csv"
     rows = p.read_table(path, "x", "mode_1_real")
     count = sum(name.endswith("_real") for name in p.header(path))

@@ -38,6 +38,7 @@ UNIT = "ft/s^2"
 @dataclass
 class Results:
     """What the folder of `reproduce section-4` holds, by model."""
+
     curves: dict       # arrays t, measured, model, residual
     estimates: dict    # ours by parameter, None where nothing is fitted
     paper: dict        # the paper's by parameter
@@ -142,7 +143,7 @@ def draw(number, results):
         shown = measured
     if kind == FIT:
         axes.plot(t, response, color=p.BLUE, linewidth=2, label="model", zorder=3)
-    if kind == RECORD or kind != MODEL and fitted(results, model):
+    if kind == RECORD or (kind != MODEL and fitted(results, model)):
         draw_window(axes, t, shown)
     axes.set_xlim(0, max(5.0, t[-1]))
     axes.set_ylim(*limits(results, kind))

@@ -28,11 +28,11 @@ TABLES = {    # table: what it is, its figures
     "4.3": ("Table 4.3: the hose's damping c_H as well",
             "First c_H alone, from zero, then m_H, c_H and k_H together.", ()),
     "4.4": ("Table 4.4: the beam's damping c_D as well",
-            "First c_D alone, from zero, then all four. The curves below are those of *our* "
-            "estimates, which need not be those of the paper's table.", ("4.4", "4.5")),
+            ("First c_D alone, from zero, then all four. The curves below are those of *our* "
+             "estimates, which need not be those of the paper's table."), ("4.4", "4.5")),
     "4.5": ("Table 4.5: E and m_T by matched modes",
-            "Nothing is fitted to the record here: Floyd adjusted m_T and then E until the first "
-            "mode of a beam without hose agreed with an observed one.", ("4.6", "4.7")),
+            ("Nothing is fitted to the record here: Floyd adjusted m_T and then E until the first "
+             "mode of a beam without hose agreed with an observed one."), ("4.6", "4.7")),
     "4.6": ("Table 4.6: E and m_T fitted, no hose",
             "The same model as in Table 4.5, but with E and m_T from the sum of squares.",
             ("4.8", "4.9")),
@@ -119,23 +119,23 @@ class Page:
         bare = [h.fixed(value, 2) for value in self.frequencies["no_hose"][:2]]
         apart = re.search(r"\|Y - Y_0\|\^2 = (\S+) apart", self.summary.text)
         rows = [("Table 4.1: four parameters from simulated data", h.INDEPENDENT,
-                 f"m_H, c_H and k_H differ by {self.worst(shared)} at most, on every mesh; c_D, "
-                 f"which such a record hardly determines, by {self.worst(damping)}, N = "
-                 f"{MISPRINTED} left out as a misprint"),
+                 (f"m_H, c_H and k_H differ by {self.worst(shared)} at most, on every mesh; c_D, "
+                  f"which such a record hardly determines, by {self.worst(damping)}, N = "
+                  f"{MISPRINTED} left out as a misprint")),
                 ("Distances between the six models of Section 4", h.INDEPENDENT,
                  f"the printed sums are possible: {within} of {others} within the bound"),
                 ("Frequencies of the bare beam with the predicted E and m_T", h.INDEPENDENT,
                  f"{' and '.join(bare)} Hz; the paper observed .75 and 7.5 Hz"),
                 *[("Effect of the paper's c_D on the response", h.INDEPENDENT,
-                   f"squared distance {h.scientific(float(apart[1]), 1)} ft²/s⁴: no record of this "
-                   "kind determines it")] * bool(apart),
+                   (f"squared distance {h.scientific(float(apart[1]), 1)} ft²/s⁴: no record of "
+                    "this kind determines it"))] * bool(apart),
                 ("Six sums of squares at the paper's values", h.REBUILT,
                  f"differ by {printed} at most, as the record was built to have"),
                 *((f"Table {table}: estimates", h.REBUILT, f"differ by {self.differences(table)}")
                   if plot_paper.fitted(self.results, table) else
                   (f"Table {table}: E and m_T by matched modes, nothing fitted", h.REBUILT,
-                   f"sum of squares {p.plain_number(sums_of['ours'], 4)}, the paper prints "
-                   f"{p.plain_number(sums_of['paper'], 4)}")
+                   (f"sum of squares {p.plain_number(sums_of['ours'], 4)}, the paper prints "
+                    f"{p.plain_number(sums_of['paper'], 4)}"))
                   for table in TABLES for sums_of in [self.sums[table]])]
         return ("<h1>The identification of a flexible beam, computed again</h1>\n"
                 '<p class="lead">What the program <code>beamid</code> makes of the tables and '

@@ -79,7 +79,7 @@ def cut(directory, out):
             rows = np.transpose(columns)[part]
             volts.append(rows[:, 2].mean())
             write_text(out / f"dwell_{len(volts):02}.csv", "time,acceleration,roller\n" +
-                       "".join("%.4f,%.6g,%.6g\n" % tuple(row) for row in rows))
+                       "".join(f"{t:.4f},{a:.6g},{volt:.6g}\n" for t, a, volt in rows))
     if not volts:
         p.fail(f"{directory}: found no file test*.txt with a dwell in which the beam rings")
     return np.array(volts)
@@ -182,7 +182,7 @@ def main():
     places, away = judge("elastic support", found, volts)
     print(f"  correlation of m_S with k_P: {correlation(out / 'joint'):.2f}")
     write_text(out / "places.csv", "voltage,place,residual\n" + "".join(
-        "%.6f,%.8f,%.8f\n" % row for row in zip(volts, places, away)))
+        f"{volt:.6f},{place:.8f},{rest:.8f}\n" for volt, place, rest in zip(volts, places, away)))
     draw(volts, places, away, out / "roller_beam.png")
     if options.quick:
         return

@@ -37,6 +37,7 @@ LONGEST = 90             # of the name of a column; beamid tells them apart by 1
 @dataclass
 class Channel:
     """Samples; their times, where the file states them; what it says of them."""
+
     name: str
     values: object
     unit: str = ""
@@ -154,8 +155,9 @@ def read_wav(path):
     from scipy.io import wavfile
     rate, data = wavfile.read(path)
     columns = data.reshape(len(data), -1).T
-    return [Channel(f"channel {k + 1}", column, times=stepped(len(column), 0, rate=rate, name="rate"),
-                    time_unit="s", notes=[f"{rate} samples per s, {column.dtype}"])
+    return [Channel(f"channel {k + 1}", column,
+                    times=stepped(len(column), 0, rate=rate, name="rate"), time_unit="s",
+                    notes=[f"{rate} samples per s, {column.dtype}"])
             for k, column in enumerate(columns)], []
 
 

@@ -1,7 +1,8 @@
 """Arguments as the text of a case file: the library reads and checks nothing else."""
 from __future__ import annotations
 
-from typing import Any, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 

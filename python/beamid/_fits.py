@@ -3,8 +3,9 @@ from __future__ import annotations
 
 import ctypes
 import io
+from collections.abc import Iterator, Mapping, Sequence
 from ctypes import byref, c_int
-from typing import Any, Iterator, Mapping, NamedTuple, Optional, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -65,7 +66,7 @@ class Fit:
         with self._handle.lock:
             compute("beamid_judge", self._handle.number)
 
-    def _infer(self, command: str, progress: Optional[Progress]) -> None:
+    def _infer(self, command: str, progress: Progress | None) -> None:
         """Adds the tables of a command to those of the fit."""
         if self.no_fit:
             raise NoFit(self.no_fit, self)
@@ -90,7 +91,8 @@ class Fit:
 
     @property
     def covariance(self) -> np.ndarray:
-        """(n, n) by white noise, of what was searched for: of a stiffness like k_R its reciprocal."""
+        """(n, n) by white noise, of the parameters searched for; for a stiffness like k_R of its
+        reciprocal."""
         return self._array("covariance")
 
     @property
@@ -231,13 +233,13 @@ class Problem:
                 t.ctypes.data, z.ctypes.data, 1, byref(self._handle.number))
 
     def fit(self, start: Sequence[float] | None = None, *, judge: bool = True,
-            progress: Optional[Progress] = None) -> Fit:
+            progress: Progress | None = None) -> Fit:
         """Searches for the minimum.
 
         start     of the free parameters of the first stage, in their order; default: as prepared
-        judge     whether exact derivatives are compared with differences before the search, and the
-                  verdict is made after it. Without it a fit is several times faster, and the verdict
-                  is made when it is needed (`fit.no_fit`)
+        judge     whether exact derivatives are compared with differences before the search, and
+                  the verdict is made after it. Without it a fit is several times faster, and the
+                  verdict is made when it is needed (`fit.no_fit`)
         progress  True: shows a progress bar; or a function of pieces done, pieces in all (0: not
                   known) and their name, called at most ten times a second
 
@@ -261,6 +263,6 @@ def load(path) -> Problem:
     return problem
 
 
-def fit(t=None, a=None, *, progress: Optional[Progress] = None, **arguments: Any) -> Fit:
+def fit(t=None, a=None, *, progress: Progress | None = None, **arguments: Any) -> Fit:
     """Returns one fit; arguments as of `Problem` and `Problem.fit`. Raises NoFit if it is none."""
     return Problem(t, a, **arguments).fit(progress=progress)

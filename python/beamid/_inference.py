@@ -4,7 +4,7 @@ from __future__ import annotations
 import io
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, Optional
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -144,7 +144,7 @@ def _profiles(text: str, elements: int) -> tuple[list[str], dict[str, Profile]]:
     return names, found
 
 
-def infer(command: str, fit: Fit, progress: Optional[Progress]) -> Inference:
+def infer(command: str, fit: Fit, progress: Progress | None) -> Inference:
     """Returns what a command adds to a fit."""
     fit._infer(command, progress)
     tables = {name: text for name, text in fit.tables.items() if name in (
@@ -167,7 +167,7 @@ def infer(command: str, fit: Fit, progress: Optional[Progress]) -> Inference:
                      **known)
 
 
-def _fitted(case: Any, t: Any, arguments: dict[str, Any], progress: Optional[Progress]) -> Fit:
+def _fitted(case: Any, t: Any, arguments: dict[str, Any], progress: Progress | None) -> Fit:
     if isinstance(case, Fit):
         if t is not None or arguments:
             raise TypeError("found arguments behind a fit, expected none: it has its own")
@@ -181,7 +181,7 @@ def _fitted(case: Any, t: Any, arguments: dict[str, Any], progress: Optional[Pro
     return Problem(case, t, **arguments).fit(progress=progress)
 
 
-def profile(t: Any = None, a: Any = None, *, progress: Optional[Progress] = None,
+def profile(t: Any = None, a: Any = None, *, progress: Progress | None = None,
             **arguments: Any) -> Profiles:
     """Intervals from the profile of J, which may be lopsided, end at a bound or have no end.
 
@@ -193,7 +193,7 @@ def profile(t: Any = None, a: Any = None, *, progress: Optional[Progress] = None
     return infer("profile", _fitted(t, a, arguments, progress), progress)
 
 
-def sample(t: Any = None, a: Any = None, *, progress: Optional[Progress] = None,
+def sample(t: Any = None, a: Any = None, *, progress: Progress | None = None,
            **arguments: Any) -> Posterior:
     """Draws from the posterior; arguments as of `profile`, and sample=dict(draws=..., seed=...).
 
@@ -202,7 +202,7 @@ def sample(t: Any = None, a: Any = None, *, progress: Optional[Progress] = None,
     return infer("sample", _fitted(t, a, arguments, progress), progress)
 
 
-def bootstrap(t: Any = None, a: Any = None, *, progress: Optional[Progress] = None,
+def bootstrap(t: Any = None, a: Any = None, *, progress: Progress | None = None,
               **arguments: Any) -> Bootstrap:
     """Fits of resampled records; arguments as of `profile`, and bootstrap=dict(n=..., seed=...)."""
     return infer("bootstrap", _fitted(t, a, arguments, progress), progress)

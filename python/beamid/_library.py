@@ -1,4 +1,4 @@
-"""The shared library: its routines, handles, interrupts and progress; its messages as exceptions."""
+"""The shared library: its routines, handles, interrupts, progress; its messages as exceptions."""
 from __future__ import annotations
 
 import ctypes
@@ -8,7 +8,7 @@ import threading
 import weakref
 from ctypes import CFUNCTYPE, POINTER, c_char, c_char_p, c_int, c_longlong, c_void_p
 from pathlib import Path
-from typing import Any, Callable, Optional, Union
+from typing import Any, Callable, Union
 
 import numpy as np
 
@@ -101,7 +101,7 @@ def call(name: str, *arguments: Any) -> None:
     _check(getattr(library, name)(*arguments, message, ROOM), message)
 
 
-def compute(name: str, *arguments: Any, progress: Optional[Progress] = None) -> None:
+def compute(name: str, *arguments: Any, progress: Progress | None = None) -> None:
     """Calls a routine that computes, and raises its error.
 
     Ctrl-C stops a computation of the main thread and raises KeyboardInterrupt. An exception of
@@ -130,8 +130,8 @@ def compute(name: str, *arguments: Any, progress: Optional[Progress] = None) -> 
 class _Listener:
     """Passes the progress of a computation on: to a function, or to a bar on standard error."""
 
-    def __init__(self, progress: Optional[Progress]) -> None:
-        self.raised: Optional[BaseException] = None
+    def __init__(self, progress: Progress | None) -> None:
+        self.raised: BaseException | None = None
         self._bar = None
         self.pointer = None
         if not progress:
@@ -204,8 +204,8 @@ class Handle:
         return self
 
     def __reduce__(self) -> Any:
-        raise TypeError("found a fit or a problem of beamid to be pickled, expected what it is made "
-                        "of: pickle the arguments, and fit in the other process")
+        raise TypeError("found a fit or a problem of beamid to be pickled, expected what it is "
+                        "made of: pickle the arguments, and fit in the other process")
 
 
 def _close_number(number: c_longlong) -> None:

@@ -3,7 +3,8 @@ from __future__ import annotations
 
 from ctypes import byref, c_int
 from dataclasses import dataclass
-from typing import Any, Sequence
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 

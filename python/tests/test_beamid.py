@@ -132,7 +132,7 @@ def test_pandas(fit):
     assert isinstance(frame, pandas.DataFrame) and list(frame.parameter) == [*FREE, "J"]
     np.testing.assert_array_equal(frame.estimate[:4], fit.values)
     assert {"frequency_hz", "damping_ratio"} <= set(fit.to_pandas("modes").columns)
-    with pytest.raises(KeyError, match="nonsense: expected one of .*estimates.csv"):
+    with pytest.raises(KeyError, match=r"nonsense: expected one of .*estimates.csv"):
         fit.to_pandas("nonsense")
 
 
@@ -165,7 +165,8 @@ def test_start_values(problem, fit):
     ([np.nan, 0.04, 0.003, 0.3], "no finite start value for c_D"),
     ([0.004, np.inf, 0.003, 0.3], "no finite start value for m_H"),
     ([0.004, 0.04, None, 0.3], "no finite start value for c_H"),
-    ([0.004, 0.04, 0.003, -0.3], r"start value -0?\.3 for k_H, expected a value between its bounds"),
+    ([0.004, 0.04, 0.003, -0.3],
+     r"start value -0?\.3 for k_H, expected a value between its bounds"),
     (["0.004", "0.04", "0.003", "0.3"], "start: found .*expected real numbers"),
     ([0.004, 0.04, 0.003j, 0.3], "start: found .*expected real numbers"),
     (np.ma.masked_less([0.004, 0.04, 0.003, 0.3], 0.0035), "start: found 1 masked values"),
@@ -201,9 +202,9 @@ def test_nothing_leaks(problem, record):
 
     def go_round(times):
         for k in range(times):
-            problem.fit(judge=False).residuals
+            _ = problem.fit(judge=False).residuals
             if k % 20 == 0:
-                beamid.Problem(*record, free=FREE, **MODEL).fit().estimates
+                _ = beamid.Problem(*record, free=FREE, **MODEL).fit().estimates
                 with pytest.raises(beamid.InputError):
                     beamid.Problem(*record, free=["none"], **MODEL)
 
@@ -337,7 +338,7 @@ def test_masked_samples_are_left_out(record):
     assert (found.values == expected.values).all() and found.t.size == expected.t.size < t.size
     with pytest.raises(beamid.InputError, match="times: found 1 masked values"):
         beamid.response(np.ma.masked_equal(t, t[3]), **MODEL)
-    with pytest.raises(beamid.InputError, match="values of a record: found .*real numbers"):
+    with pytest.raises(beamid.InputError, match=r"values of a record: found .*real numbers"):
         beamid.Record(t, a*1j)
 
 
@@ -358,7 +359,7 @@ def test_derivatives_fit_their_room():
 
 
 def test_handles(record):
-    """Handles that are null, closed, of another kind or invented are errors; copies share theirs."""
+    """Null, closed, foreign and invented handles are errors; copies share theirs."""
     problem = beamid.Problem(*record, free=FREE, **MODEL)
     fit = problem.fit()
     values = fit.values
@@ -370,7 +371,8 @@ def test_handles(record):
     with pytest.raises(TypeError, match="pickle the arguments"):
         pickle.dumps(twins[0])
     n, key = ctypes.c_int(), b"names"
-    for number, message in [(0, "null or closed"), (-1, "null or closed"), (2**62, "null or closed"),
+    for number, message in [(0, "null or closed"), (-1, "null or closed"),
+                            (2**62, "null or closed"),
                             (twins[2]._handle.number, "handle of a case, expected a fit")]:
         for name, more in [("beamid_text", (key, len(key), None, 0, ctypes.byref(n))),
                            ("beamid_judge", ()), ("beamid_infer", (b"profile", 7))]:
@@ -522,7 +524,7 @@ def test_bad_responses():
         beamid.response([0.0, 1.0], **{**MODEL, "excitation": dict(kind="free")})
     with pytest.raises(beamid.InputError, match="found 'cvode', expected 'modal'"):
         beamid.response([0.0, 1.0], derivatives="E", **MODEL, integrator=dict(method="cvode"))
-    with pytest.raises(beamid.InputError, match="nowhere.nml"):
+    with pytest.raises(beamid.InputError, match=r"nowhere\.nml"):
         beamid.load("nowhere.nml")
 
 
