@@ -12,6 +12,7 @@ Markdown. Parts, all of them by default:
 
 What is measured against is installed into build/peers, for this script alone.
 """
+from __future__ import annotations
 
 import argparse
 import csv
@@ -37,8 +38,9 @@ try:
     import peers
     import numpy as np
     import scipy
+    HAS_PEERS = True
 except ImportError:
-    peers = None
+    HAS_PEERS = False
 
 PEERS = CHECKOUT / "build" / "peers"
 CASE = CHECKOUT / "data" / "table_4_1_fit.nml"
@@ -199,11 +201,11 @@ class Row:
 
     method: str
     elements: int
-    seconds: float              # per fit, inside the process; of a fit cut short the cap
-    estimates: tuple = None     # None: cut short, or not at the minimum
-    process: float = None       # CPU time of the whole process
+    seconds: float                  # per fit, inside the process; of a fit cut short the cap
+    estimates: tuple | None = None  # None: cut short, or not at the minimum
+    process: float | None = None    # CPU time of the whole process
     capped: bool = False
-    ratio: float = None         # to beamid modal, where both took turns
+    ratio: float | None = None      # to beamid modal, where both took turns
 
 
 @dataclass
@@ -717,7 +719,7 @@ def parse():
 
 def main():
     arguments = parse()
-    if peers is None or Path(sys.prefix).resolve() != PEERS.resolve():
+    if not HAS_PEERS or Path(sys.prefix).resolve() != PEERS.resolve():
         restart_with_peers()
     effort = Effort(3, 0.1, 10**5, (4, 8, 16), False) if arguments.quick else Effort()
     program, timer = release(), release("--example time_fits")

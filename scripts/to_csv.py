@@ -30,7 +30,7 @@ STEPS = {"dt", "ts", "increment", "deltat", "deltax", "sampletime", "samplingtim
 STARTS = {"t0", "tstart", "starttime", "startvalue"}
 UNITS = {"unit", "units", "unitlabel", "label"}
 DIRECTIONS = ["", "+X", "+Y", "+Z", "+RX", "+RY", "+RZ", "-RZ", "-RY", "-RX", "-Z", "-Y", "-X"]
-REMARKS = []             # on what is left out
+REMARKS: list[str] = []             # on what is left out
 LONGEST = 90             # of the name of a column; beamid tells them apart by 100 bytes
 
 

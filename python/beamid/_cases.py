@@ -5,6 +5,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ._library import InputError, groups as known_groups, numbers
 
@@ -16,12 +17,13 @@ class Record:
     keys  of &record, as sd=..., sensor='tip', t_first=..., thin=...
     """
 
-    def __init__(self, t, a, **keys: Any) -> None:
+    def __init__(self, t: ArrayLike, a: ArrayLike, **keys: Any) -> None:
         if np.ma.is_masked(t) or np.ma.is_masked(a):
             sizes = np.size(t), np.size(a)
             if sizes[0] == sizes[1]:
-                kept = ~(np.ma.getmaskarray(t).ravel() | np.ma.getmaskarray(a).ravel())
-                t, a = (np.ma.getdata(values).ravel()[kept] for values in (t, a))
+                both: list[Any] = [np.ma.asanyarray(values).ravel() for values in (t, a)]
+                kept = ~(np.ma.getmaskarray(both[0]) | np.ma.getmaskarray(both[1]))
+                t, a = (np.ma.getdata(values)[kept] for values in both)
         self.t = numbers(t, "times of a record").copy()
         self.a = numbers(a, "values of a record").copy()
         self.keys = keys
@@ -75,8 +77,9 @@ def case_text(records: Sequence[Mapping[str, Any]], stages: Sequence[Mapping[str
             raise InputError(f"found {name}, expected one of {', '.join(known)}")
         if keys is None:
             continue
-        several = [keys] if isinstance(keys, (Mapping, str)) or not isinstance(keys, Iterable) \
-            else keys
+        several: Iterable[Any] = keys
+        if isinstance(keys, (Mapping, str)) or not isinstance(keys, Iterable):
+            several = [keys]
         text += "".join(group(name, item) for item in several)
     text += "".join(group("record", keys) for keys in records)
     return text + "".join(group("stage", keys) for keys in stages)

@@ -5,12 +5,17 @@ import ctypes
 import io
 from collections.abc import Iterator, Mapping, Sequence
 from ctypes import byref, c_int
-from typing import Any, NamedTuple
+from os import PathLike
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ._cases import Record, case_text
 from ._library import Handle, NoFit, Progress, call, compute, numbers
+
+if TYPE_CHECKING:
+    import pandas
 
 
 class Estimate(NamedTuple):
@@ -170,7 +175,7 @@ class Fit:
         self._judge()
         return {name: self._text(name) for name in self._text("tables").splitlines()}
 
-    def to_pandas(self, table: str = "estimates"):
+    def to_pandas(self, table: str = "estimates") -> pandas.DataFrame:
         """A table as a pandas.DataFrame, with the columns that the program writes."""
         import pandas
 
@@ -209,8 +214,9 @@ class Problem:
                several groups of one name
     """
 
-    def __init__(self, t=None, a=None, *, records: Sequence[Record] | None = None,
-                 free: Sequence[str] | None = None, start=None, lower=None, upper=None,
+    def __init__(self, t: ArrayLike | None = None, a: ArrayLike | None = None, *,
+                 records: Sequence[Record] | None = None, free: Sequence[str] | None = None,
+                 start: Any = None, lower: Any = None, upper: Any = None,
                  shared: Sequence[str] | None = None,
                  stages: Sequence[Mapping[str, Any]] | None = None,
                  record: Mapping[str, Any] | None = None, **groups: Any) -> None:
@@ -225,8 +231,9 @@ class Problem:
         for item in records:
             item.check()
         sizes = (c_int*max(len(records), 1))(*[np.size(item.t) for item in records])
-        t = np.concatenate([numbers(item.t, "times of a record") for item in records] or [[]])
-        z = np.concatenate([numbers(item.a, "values of a record") for item in records] or [[]])
+        none = np.empty(0)
+        t = np.concatenate([numbers(item.t, "times of a record") for item in records] or [none])
+        z = np.concatenate([numbers(item.a, "values of a record") for item in records] or [none])
         where, what = path.encode(), text.encode()
         self._handle = Handle()
         compute("beamid_open", where, len(where), what, len(what), len(records), sizes, t.size,
@@ -256,13 +263,13 @@ class Problem:
         return found
 
 
-def load(path) -> Problem:
+def load(path: str | PathLike[str]) -> Problem:
     """Returns the problem of a case file, with the records that it names."""
     problem = Problem.__new__(Problem)
     problem._open(str(path), "", [])
     return problem
 
 
-def fit(t=None, a=None, *, progress: Progress | None = None, **arguments: Any) -> Fit:
+def fit(t: Any = None, a: Any = None, *, progress: Progress | None = None, **arguments: Any) -> Fit:
     """Returns one fit; arguments as of `Problem` and `Problem.fit`. Raises NoFit if it is none."""
     return Problem(t, a, **arguments).fit(progress=progress)

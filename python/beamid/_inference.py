@@ -4,7 +4,7 @@ from __future__ import annotations
 import io
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, overload
 
 import numpy as np
 
@@ -127,23 +127,33 @@ def _columns(text: str, elements: int, where: int, first: int) -> tuple[list[str
 
 def _intervals(text: str) -> list[Interval]:
     rows = [line.split(",") for line in text.splitlines()[1:]]
-    return [Interval(row[0], int(row[1]), row[2], row[3], *map(float, row[4:7]), *row[7:9])
-            for row in rows]
+    return [Interval(method, int(elements), parameter, unit, float(estimate), float(lower),
+                     float(upper), lower_end, upper_end)
+            for method, elements, parameter, unit, estimate, lower, upper, lower_end, upper_end, *_
+            in rows]
 
 
 def _profiles(text: str, elements: int) -> tuple[list[str], dict[str, Profile]]:
     header, *lines = text.splitlines()
-    names, points = header.split(",")[7:], {}
+    names = header.split(",")[7:]
+    points: dict[str, list[list[str]]] = {}
     for row in (line.split(",") for line in lines):
         if int(row[0]) == elements:
             points.setdefault(row[1], []).append(row)
     found = {}
     for name, rows in points.items():
         numbers = np.array([[float(x) for x in (*row[2:5], *row[7:])] for row in rows])
-        found[name] = Profile(*numbers[:, :3].T, numbers[:, 3:], (rows[0][5], rows[0][6]))
+        value, J, distance = numbers[:, :3].T
+        found[name] = Profile(value, J, distance, numbers[:, 3:], (rows[0][5], rows[0][6]))
     return names, found
 
 
+@overload
+def infer(command: Literal["profile"], fit: Fit, progress: Progress | None) -> Profiles: ...
+@overload
+def infer(command: Literal["sample"], fit: Fit, progress: Progress | None) -> Posterior: ...
+@overload
+def infer(command: Literal["bootstrap"], fit: Fit, progress: Progress | None) -> Bootstrap: ...
 def infer(command: str, fit: Fit, progress: Progress | None) -> Inference:
     """Returns what a command adds to a fit."""
     fit._infer(command, progress)

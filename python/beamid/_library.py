@@ -1,6 +1,7 @@
 """The shared library: its routines, handles, interrupts, progress; its messages as exceptions."""
 from __future__ import annotations
 
+import contextlib
 import ctypes
 import signal
 import sys
@@ -8,9 +9,12 @@ import threading
 import weakref
 from ctypes import CFUNCTYPE, POINTER, c_char, c_char_p, c_int, c_longlong, c_void_p
 from pathlib import Path
-from typing import Any, Callable, Union
+from typing import TYPE_CHECKING, Any, Callable, Union
 
 import numpy as np
+
+if TYPE_CHECKING:
+    from ._fits import Fit
 
 #: Hears of the progress: pieces done, pieces in all (0: not known), name of the pieces.
 Progress = Union[bool, Callable[[int, int, str], Any]]
@@ -31,7 +35,7 @@ class ComputationError(BeamidError, RuntimeError):
 class NoFit(ComputationError):
     """A search has ended, but not at a fit. `fit` is what it has found, with its evidence."""
 
-    def __init__(self, message: str, fit) -> None:
+    def __init__(self, message: str, fit: Fit) -> None:
         super().__init__(message)
         self.fit = fit
 
@@ -80,16 +84,15 @@ ROOM = 65536
 _of_thread = threading.local()
 
 
-def _message_buffer() -> ctypes.Array:
+def _message_buffer() -> ctypes.Array[c_char]:
     """Returns the buffer of this thread for a message of the library."""
-    try:
-        return _of_thread.message
-    except AttributeError:
-        _of_thread.message = ctypes.create_string_buffer(ROOM)
-        return _of_thread.message
+    buffer: ctypes.Array[c_char] | None = getattr(_of_thread, "message", None)
+    if buffer is None:
+        buffer = _of_thread.message = ctypes.create_string_buffer(ROOM)
+    return buffer
 
 
-def _check(status: int, message: ctypes.Array) -> None:
+def _check(status: int, message: ctypes.Array[c_char]) -> None:
     """Raises the exception that a status other than 0 stands for."""
     if status:
         raise (InputError if status == 2 else ComputationError)(message.value.decode())
@@ -162,12 +165,12 @@ class _Bar:
     """A progress bar: by tqdm if that is installed, else a line on standard error."""
 
     def __init__(self) -> None:
-        self._what = self._bar = None
-        try:
+        self._what: str | None = None
+        self._bar: Any = None
+        self._tqdm: Any = None
+        with contextlib.suppress(ImportError):
             from tqdm.auto import tqdm
             self._tqdm = tqdm
-        except ImportError:
-            self._tqdm = None
 
     def __call__(self, part: int, whole: int, what: str) -> None:
         if not self._tqdm:
@@ -227,7 +230,8 @@ def numbers(values: Any, what: str) -> np.ndarray:
     what  name of the values in errors. Masked values and whatever is not a real number are rejected
     """
     if np.ma.is_masked(values):
-        raise InputError(f"{what}: found {np.ma.count_masked(values)} masked values, expected none")
+        raise InputError(f"{what}: found {np.ma.getmaskarray(values).sum()} masked values, "
+                         "expected none")
     try:
         array = np.asarray(values)
         if array.size and array.dtype.kind not in "iufO":

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ._cases import case_text
 from ._library import Handle, InputError, call, compute, numbers
@@ -23,7 +24,7 @@ class Response:
     derivatives: dict[str, np.ndarray]     #: of the acceleration, by the parameters asked for
 
 
-def response(t, *, derivatives: Sequence[str] = (), **groups: Any) -> Response:
+def response(t: ArrayLike, *, derivatives: Sequence[str] = (), **groups: Any) -> Response:
     """Response of a structure to a known excitation, as `beamid simulate` computes it.
 
     t            (n) ascending times
@@ -42,4 +43,5 @@ def response(t, *, derivatives: Sequence[str] = (), **groups: Any) -> Response:
     by = np.empty((len(names), t.size))
     compute("beamid_respond", handle.number, t.size, t.ctypes.data, len(names),
             motion.ctypes.data, by.ctypes.data)
-    return Response(t, *motion, dict(zip(names, by)))
+    acceleration, displacement, velocity = motion
+    return Response(t, acceleration, displacement, velocity, dict(zip(names, by)))
