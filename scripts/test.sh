@@ -6,6 +6,7 @@
 #     scripts/test.sh long       release, and with it what takes too long for every day
 #     scripts/test.sh sanitized  the tests of bad input, with a program that checks every access to
 #                                memory, undefined behaviour and leaks
+#     scripts/test.sh coverage   with counters of the lines executed (scripts/coverage.sh)
 #     scripts/test.sh perturbed [SEED [debug]]    release or debug, with the last bits of results of
 #                                the mathematics library and of BLAS changed (scripts/perturb.c)
 set -euo pipefail
@@ -28,15 +29,20 @@ sanitized)
    profile=release sanitized=yes
    export ASAN_OPTIONS=exitcode=99 UBSAN_OPTIONS=exitcode=99:print_stacktrace=1
    ;;
+coverage)
+   # Threads share the counters.
+   profile=debug flags=(--flag '-Og --coverage -fprofile-update=atomic')
+   ;;
 perturbed)
    seed=${2:-1} profile=${3:-release} most=3
    ;;
 esac
 if [[ ! $profile =~ ^(debug|release)$ || ! $seed =~ ^[0-9]*$ || $# -gt $most ]]; then
-   echo "usage: test.sh [debug|release|long|sanitized|perturbed [SEED [debug|release]]], not '$*'" >&2
+   echo "usage: test.sh [debug|release|long|sanitized|coverage|perturbed [SEED [debug|release]]]," \
+      "not '$*'" >&2
    exit 2
 fi
-[[ $profile == release ]] || flags=(--flag "$checks")
+[[ $profile == release || ${#flags[@]} != 0 ]] || flags=(--flag "$checks")
 
 checkout=$(dirname "$(dirname "$(realpath "${BASH_SOURCE[0]}")")")
 "$checkout/scripts/setup.sh"
