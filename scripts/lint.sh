@@ -2,8 +2,8 @@
 # Runs the linters: Fortitude on the Fortran sources, ruff and mypy on the Python files. Prints the
 # number of findings on the last line; the exit status is 1 if there are any.
 #
-# The rules are in fpm.toml, ruff.toml and mypy.ini. pip installs the linters into .venv. Their versions
-# are fixed, because a new version may bring new rules.
+# The rules are in fpm.toml, ruff.toml and mypy.ini. pip installs the linters into .venv. Their
+# versions are fixed, because a new version may bring new rules.
 set -euo pipefail
 
 linters=(fortitude-lint==0.10.0 mypy==2.4.1 ruff==0.17.6)
