@@ -156,7 +156,9 @@ contains
          if (parameters(k)%range /= positive .and. parameters(k)%range /= not_negative) cycle
          call wrong%set(k, 0.0_wp)
          call check_structure(wrong, error)
-         call check(name//': 0', allocated(error) .eqv. parameters(k)%range == positive)
+         ! A rigid spring has no damper beside it.
+         call check(name//': 0', allocated(error) .eqv. (parameters(k)%range == positive .or. &
+            parameters(k)%is_reciprocal))
       end do
    end subroutine test_rows
 

@@ -13,7 +13,7 @@ module beamid_model_groups
    use beamid_records, only: column_length
    use beamid_series, only: part_t, read_series, series_t
    use beamid_strings, only: lower, to_text
-   use beamid_structure, only: item_name_length, n_parameters, of_x_F, structure_t
+   use beamid_structure, only: item_name_length, n_parameters, no_spring, of_x_F, structure_t
    use beamid_tokens, only: digits, letters
    use beamid_units, only: label_length, units_t
    use beamid_values, only: not_negative, positive, range_t
@@ -50,8 +50,14 @@ contains
       do k = 1, n_parameters
          if (parameters(k)%group /= block%name .or. parameters(k)%item /= item) cycle
          call read_parameter(block, k, value, along)
-         if (allocated(value)) call structure%set(k, as_named(k, value))
+         if (allocated(value)) call structure%set(k, min(as_named(k, value), huge(value)))
       end do
+      if (block%name == 'support' .and. item > 0) then
+         associate (support => structure%support(item))
+            if (support%kappa_P >= no_spring .and. .not. support%c_P > 0) call block%refuse('k_P', &
+               '0', 'a value above 0, or c_P above 0 beside it')
+         end associate
+      end if
       if (block%name == 'gravity') then
          direction = 'hanging'
          call block%get('direction', direction, 'whether the root is above or below', &

@@ -9,7 +9,8 @@ module beamid_stage_groups
       name_length, name_of_parameter, offset, parameters, place_of_name, share
    use beamid_spelling, only: or_nearest
    use beamid_strings, only: lower, to_text
-   use beamid_structure, only: most_coefficients, n_parameters, of_w_D, of_x_F, structure_t
+   use beamid_structure, only: most_coefficients, n_parameters, no_spring, of_w_D, of_x_F, &
+      structure_t
    use beamid_values, only: listed, range_t
    use beamid_variables, only: unbounded
    use beamid_variations, only: constant, profile_t
@@ -273,6 +274,9 @@ contains
             if (.not. (structure%is_given(needs) .or. any(free == needs))) lacking = &
                'a value of '// &
                trim(parameters(needs)%name)//' in &'//trim(parameters(needs)%group)//' for it'
+         end if
+         if (parameters(free(k))%is_reciprocal) then
+            if (structure%get(free(k)) >= no_spring) lacking = 'a value above 0 to start from'
          end if
          if (free(k) == amplitude .and. any(excitations%modes > 0)) &
             lacking = 'no amplitude beside a free start'

@@ -19,9 +19,9 @@ module beamid_assembly
    use beamid_kinds, only: wp
    use beamid_modes, only: beam_modes_t
    use beamid_structure, only: is_coefficient, of_g, of_length, of_x_F, structure_t
-   use beamid_terms, only: bending, force_value, hose, inertia, is_spring, load_shape, &
-      of_compliance, of_damping, of_load, of_mass, of_stiffness, operators, place_on_mesh, pulls, &
-      root_slope, sensor_slope, sensor_value, strengths_and_slopes, stretch, support_value, &
+   use beamid_terms, only: bending, force_value, hose, inertia, is_grounded, is_spring, &
+      load_shape, of_compliance, of_damping, of_load, of_mass, of_stiffness, operators, &
+      place_on_mesh, pulls, root_slope, sensor_slope, sensor_value, strengths_and_slopes, stretch, &
       tip_slope, tip_value, weight
    implicit none
    private
@@ -63,12 +63,13 @@ module beamid_assembly
       !> derivatives: where little moves, V'x tells more than a sum over the oscillators
       real(wp), allocatable :: push(:, :), push_slope(:, :, :)
       !> the rest of F, (n), (n, parameters), and of what goes with 1/s the derivatives
-      real(wp), allocatable :: rest(:), rest_slope(:, :), carried_slope(:, :)
+      real(wp), allocatable :: rest(:), rest_slope(:, :), velocity_load_slope(:, :)
       logical, allocatable :: load_changes(:)  !< (parameters) whether any of these is not 0
-      !> (r) by which a row is longer as the base moves: support to ground, over s**2
-      real(wp), allocatable :: lift(:)
+      !> (r) by which a row is longer as the base moves: of what is connected to the ground, over
+      !> s**2
+      real(wp), allocatable :: base_coupling(:)
       !> Whether velocity or displacement of the base drive the structure too.
-      logical :: is_carried = .false.
+      logical :: feels_base = .false.
       complex(wp), allocatable :: pole(:, :)   !< (n, 2) roots of D_i [1/time]
       integer, allocatable :: parameters(:)    !< places of those to differentiate with respect to
       !> operators in M, C and K that a parameter changes, and (3, operators, parameters) the
@@ -201,7 +202,8 @@ contains
                k == root_slope .and. modes%space%turning == 0) cycle
             if (.not. (needed(k) .or. k == sensor_value(s%observer) .or. turns .and. &
                k == sensor_slope(s%observer))) cycle
-            if (k == root_slope .or. .not. stays_at_tip(self, operators(k)%place)) then
+            if (k == root_slope .or. is_grounded(k) .or. &
+               .not. stays_at_tip(self, operators(k)%place)) then
                r = r + 1
                self%row(k) = r
             else if (operators(k)%derivative == 0) then
@@ -449,7 +451,8 @@ contains
    end function is_dense
 
    !> F and its derivatives: what acts along the rows of V, and the rest. Of a base that moves -M r
-   !> and, with 1/s, -C r, r the displacement of the whole by one; supports are `lift`.
+   !> and, with 1/s, -C r, r the displacement of the whole by one. Of an operator that is connected
+   !> to the ground the row of V is longer instead (`base_coupling`), which loads all of its terms.
    subroutine set_load(self, modes, slopes, applied)
       type(assembly_t), intent(inout) :: self
       type(beam_modes_t), intent(in) :: modes
@@ -459,7 +462,7 @@ contains
       real(wp) :: moves(size(self%parameters))
       integer :: form, k, p
 
-      allocate (self%load(self%n, 2, 2), self%lift(size(self%v, 1)), source=0.0_wp)
+      allocate (self%load(self%n, 2, 2), self%base_coupling(size(self%v, 1)), source=0.0_wp)
       self%push = row_load(self, self%strength, applied%base)
       allocate (self%push_slope(size(self%v, 1), 2, size(self%parameters)), &
          self%rest_slope(self%n, size(self%parameters)))
@@ -488,14 +491,14 @@ contains
       if (.not. applied%base) return
       spread_out(:self%beam) = -modes%total(:, 2)
       self%load(:, 2, :) = spread(self%strength(inertia, of_damping)*spread_out, 2, 2)
-      allocate (self%carried_slope(self%n, size(self%parameters)))
+      allocate (self%velocity_load_slope(self%n, size(self%parameters)))
       do p = 1, size(self%parameters)
-         self%carried_slope(:, p) = slopes(inertia, of_damping, p)*spread_out
+         self%velocity_load_slope(:, p) = slopes(inertia, of_damping, p)*spread_out
       end do
-      do k = support_value(1), size(operators)
-         if (self%row(k) > 0) self%lift(self%row(k)) = 1
+      do k = 1, size(operators)
+         if (self%row(k) > 0 .and. is_grounded(k)) self%base_coupling(self%row(k)) = 1
       end do
-      self%is_carried = any(self%lift > 0) .or. any(abs(self%load(:, 2, :)) > 0)
+      self%feels_base = any(self%base_coupling > 0) .or. any(abs(self%load(:, 2, :)) > 0)
 
    contains
 
@@ -531,8 +534,8 @@ contains
          return
       end if
       do k = 1, size(operators)
-         if (self%row(k) > 0 .and. operators(k)%carried) push(self%row(k), :) = &
-            push(self%row(k), :) - s(k, of_mass)
+         if (self%row(k) == 0 .or. .not. operators(k)%moves_with_base .or. is_grounded(k)) cycle
+         push(self%row(k), :) = push(self%row(k), :) - s(k, of_mass)
       end do
       ! By y the hose's mass moves alone, by y - u(l) the tip moves it too.
       if (self%hose > 0) then
@@ -667,7 +670,8 @@ contains
       change = 0
       if (.not. self%load_changes(p)) return
       change = sum(self%rest_slope(:, p)*x) + sum(self%push_slope(:, form, p)*y)
-      if (allocated(self%carried_slope)) change = change + sum(self%carried_slope(:, p)*x)/s
+      if (allocated(self%velocity_load_slope)) change = change &
+         + sum(self%velocity_load_slope(:, p)*x)/s
    end function load_change
 
    !> F at s.

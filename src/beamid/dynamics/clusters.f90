@@ -133,7 +133,7 @@ contains
          g = maxval(abs(from - centre), mask=inside)
          o = minval(abs(from - centre), mask=.not. inside)
          ! The double pole at 0 of a base that moves is outside too.
-         if (assembly%is_carried) o = min(o, abs(flagged%s + centre))
+         if (assembly%feels_base) o = min(o, abs(flagged%s + centre))
          radius = max(sqrt(g*o), 0.4_wp*o)
          if (.not. on_axis .and. abs(aimag(flagged%s + centre)) <= radius) then
             on_axis = .true.

@@ -26,7 +26,7 @@ module beamid_equations
       !> (n) F, per unit force, or per unit acceleration of the base
       real(wp), allocatable :: load(:)
       !> (n, 2) per unit velocity and displacement of the base; not allocated: none
-      real(wp), allocatable :: carried(:, :)
+      real(wp), allocatable :: base_loads(:, :)
       real(wp) :: lifted = 0                 !< displacement of the sensor that goes with the base's
       real(wp) :: tilted = 0                 !< what it reads of gravity thereby
       real(wp), allocatable :: shape(:)      !< of a distributed load; not allocated: none
@@ -98,7 +98,7 @@ contains
       if (structure%g > 0) self%tilt = tilting(structure)*galerkin%space%length/structure%length &
          *self%point(:, sensor_slope(structure%observer))
       if (excitation%is_base) then
-         call carry(self)
+         call set_base_loads(self)
       else
          self%load = self%strength(force_value, of_load)*self%point(:, force_value)
          if (excitation%distributed) self%load(:galerkin%space%n) = self%load(:galerkin%space%n) &
@@ -207,7 +207,7 @@ contains
 
    !> The loads of a base that moves: -M r, -C r and -K r, r the displacement of the whole by one.
    !> Where rigid supports stay behind, the beam is bent by the static shape that they leave.
-   subroutine carry(self)
+   subroutine set_base_loads(self)
       type(equations_t), intent(inout) :: self
       real(wp) :: loads(size(self%point, 1), 3)
       real(wp), allocatable :: bent(:)
@@ -218,7 +218,7 @@ contains
          loads(:n, 1) = -s(inertia, of_mass)*self%galerkin%moments(0.0_wp, mass=.true.)
          loads(:n, 2) = -s(inertia, of_damping)*self%galerkin%moments(0.0_wp)
          do k = bending + 1, size(operators)
-            if (operators(k)%carried) loads = loads - spread(self%point(:, k), 2, 3) &
+            if (operators(k)%moves_with_base) loads = loads - spread(self%point(:, k), 2, 3) &
                *spread(s(k, :), 1, size(loads, 1))
          end do
       end associate
@@ -227,9 +227,9 @@ contains
       if (allocated(self%tilt)) self%tilted = dot_product(self%tilt, bent)
       self%load = loads(:, 1) - self%mass%times(bent)
       ! K times that shape is a force at the supports, which move nothing there.
-      self%carried = loads(:, 2:)
-      self%carried(:, 1) = self%carried(:, 1) - self%damping%times(bent)
-   end subroutine carry
+      self%base_loads = loads(:, 2:)
+      self%base_loads(:, 1) = self%base_loads(:, 1) - self%damping%times(bent)
+   end subroutine set_base_loads
 
    !> The static shape with a displacement of -1 at every rigid support; 0 where there is none.
    subroutine bend(self, shape)
@@ -307,12 +307,12 @@ contains
          reduced(:, k) = self%constraints%of_vector(self%point(:, k))
       end do
       call move_alloc(reduced, self%point)
-      if (.not. allocated(self%carried)) return
+      if (.not. allocated(self%base_loads)) return
       allocate (reduced(self%mass%n, 2))
       do k = 1, 2
-         reduced(:, k) = self%constraints%of_vector(self%carried(:, k))
+         reduced(:, k) = self%constraints%of_vector(self%base_loads(:, k))
       end do
-      call move_alloc(reduced, self%carried)
+      call move_alloc(reduced, self%base_loads)
    end subroutine constrain
 
    !> force := force - C v - K w without the cancellation that the band matrices suffer on fine

@@ -83,7 +83,7 @@ contains
       real(wp), intent(out) :: a(:)
 
       a = drive(1)*self%equations%load
-      if (allocated(self%equations%carried)) a = a + matmul(self%equations%carried, drive(2:))
+      if (allocated(self%equations%base_loads)) a = a + matmul(self%equations%base_loads, drive(2:))
       call self%equations%subtract_internal_force(w, v, a)
       call self%mass_factor%solve(a)
    end subroutine acceleration

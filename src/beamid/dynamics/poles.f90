@@ -232,11 +232,11 @@ contains
       end do
       call find_clusters(assembly, poles%all, pack(poles%root, near), pack(alone, near), &
          poles%cluster)
-      if (assembly%is_carried .and. minval(abs(poles%s)) <= 1e-12_wp*maxval(abs(poles%s))) then
+      if (assembly%feels_base .and. minval(abs(poles%s)) <= 1e-12_wp*maxval(abs(poles%s))) then
          call failure(error, 'modal: a hose that drifts on a base that moves; expected k_H > 0')
          return
       end if
-      if (assembly%is_carried) poles%cluster = [poles%cluster, base_cluster(assembly, poles%s)]
+      if (assembly%feels_base) poles%cluster = [poles%cluster, base_cluster(assembly, poles%s)]
       do k = 1, size(poles%s)
          if (abs(poles%vector(k)%A) > tiny_A*undamped(k)) cycle
          if (any(poles%cluster%holds(poles%s(k)))) cycle
@@ -292,7 +292,7 @@ contains
       associate (x => poles%pushed(:n, :), y => poles%pushed(n + 1:, :))
          x(:, 1) = assembly%load(:, 1, 1)
          x(:, 2) = assembly%vt(:, assembly%sensor)
-         call solve_mass(assembly, x, y, -assembly%lift)
+         call solve_mass(assembly, x, y, -assembly%base_coupling)
          poles%impulse = y(assembly%sensor, 1)
          ordinary = abs(dot_product(assembly%load(:, 1, 1), x(:, 1)))*abs(y(assembly%sensor, 2))
       end associate
@@ -362,8 +362,8 @@ contains
       do i = 1, size(assembly%push, 1)
          driven = driven + assembly%push(i, vector%form)*vector%y(i)
       end do
-      if (assembly%is_carried) driven = driven + (sum(assembly%load(:, 2, vector%form)*vector%x) &
-         - sum(assembly%lift*vector%f(:size(assembly%lift)))/s)/s
+      if (assembly%feels_base) driven = driven + (sum(assembly%load(:, 2, vector%form)*vector%x) &
+         - sum(assembly%base_coupling*vector%f(:size(assembly%base_coupling)))/s)/s
    end function driven_by
 
    !> Derivatives of poles and residues with respect to the parameters of the assembly.
@@ -466,8 +466,8 @@ contains
             end do
             along = along - A(i)*(w(i)*dHy(i) + 2*r*y(i)*hmy)
          end do
-         if (assembly%is_carried) along = along - seen*(sum(assembly%load(:, 2, form)*x) &
-            - 2*sum(assembly%lift*f)/s)/s**2
+         if (assembly%feels_base) along = along - seen*(sum(assembly%load(:, 2, form)*x) &
+            - 2*sum(assembly%base_coupling*f)/s)/s**2
          do p = 1, size(ds)
             associate (A_p => assembly%compliance_slope(:, p), moves => assembly%moves(:, p))
                x_x = assembly%varied(xx(:c), s, p)
@@ -509,8 +509,8 @@ contains
                driven_p = sum(assembly%rest*by%x) + sum(assembly%rest_slope(:, p)*vector%x) &
                   + sum(assembly%push(:, vector%form)*by%y) &
                   + sum(assembly%push_slope(:, vector%form, p)*vector%y(:r))
-               if (assembly%is_carried) driven_p = driven_p + carried(assembly, vector, p, s, &
-                  by%s, by%x, by%f)
+               if (assembly%feels_base) driven_p = driven_p &
+                  + base_load_change(assembly, vector, p, s, by%s, by%x, by%f)
                poles%ds(k, p) = by%s
                poles%dr(k, p) = weight(s)*(by%y(assembly%sensor)*driven &
                   + vector%y(assembly%sensor)*(driven_p - driven*by%A/vector%A))/vector%A
@@ -520,18 +520,18 @@ contains
    end subroutine differentiate_residue
 
    !> The derivative of x'F that velocity and displacement of the base add.
-   pure complex(wp) function carried(assembly, vector, p, s, ds, x_all, f_all)
+   pure complex(wp) function base_load_change(assembly, vector, p, s, ds, x_all, f_all)
       type(assembly_t), intent(in) :: assembly
       type(vector_t), intent(in) :: vector
       integer, intent(in) :: p
       complex(wp), intent(in) :: s, ds, x_all(:), f_all(:)
 
-      associate (load => assembly%load(:, 2, vector%form), r => size(assembly%lift))
-         carried = (sum(assembly%carried_slope(:, p)*vector%x) &
+      associate (load => assembly%load(:, 2, vector%form), r => size(assembly%base_coupling))
+         base_load_change = (sum(assembly%velocity_load_slope(:, p)*vector%x) &
             + sum(load*(x_all - vector%x*ds/s)) &
-            - sum(assembly%lift*(f_all(:r) - 2*vector%f(:r)*ds/s))/s)/s
+            - sum(assembly%base_coupling*(f_all(:r) - 2*vector%f(:r)*ds/s))/s)/s
       end associate
-   end function carried
+   end function base_load_change
 
    !> What x'(2 s M + C) x, o'x and x'F make of a change of the vector, through Q**-1.
    !>
@@ -549,14 +549,14 @@ contains
 
       associate (v => assembly%v, y => vector%y, G => vector%G, H => vector%H, dH => vector%dH)
          w = 0
-         if (assembly%is_carried) w = seen*assembly%lift/root%s**2
+         if (assembly%feels_base) w = seen*assembly%base_coupling/root%s**2
          do l = 1, size(w)
             mu(l) = seen*(assembly%push(l, vector%form) - 2*driven*sum(dH(:, l)*y(:size(w))))
          end do
          mu(assembly%sensor) = mu(assembly%sensor) + driven
          call unloaded(assembly%n, size(w), seen, 2*seen*driven, assembly%rest, vector%dD, &
             vector%x, vector%inverse, assembly%v, z, w)
-         if (assembly%is_carried) then
+         if (assembly%feels_base) then
             do i = 1, assembly%n
                force = seen*assembly%load(i, 2, vector%form)/root%s*vector%inverse(i)
                z(i) = z(i) + force

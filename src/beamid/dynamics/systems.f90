@@ -1,7 +1,7 @@
 !> The equations at s as one matrix, where something acts between all oscillators. With E(s) of
 !> `beamid_assembly` and f = H y
 !>
-!>     P(s) (x, y) = (F, -lift/s**2),    P = [ D + E   V H ]
+!>     P(s) (x, y) = (F, -base_coupling/s**2),    P = [ D + E   V H ]
 !>                                           [   V'     -A ],
 !>
 !> and at a root (x, f)'P = 0 too. So ds/dp = -(x, f)'P_p (x, y)/A, A = (x, f)'P_s (x, y), and the

@@ -63,8 +63,8 @@ contains
       value%form = vector%form
       if (.not. allocated(value%q)) allocate (value%q(assembly%n))
       load = assembly%load_at(place%s, vector%form)
-      call solve(assembly, place%j, vector, E, w, load, assembly%lift/place%s**2, value%q, &
-         value%u(:r))
+      call solve(assembly, place%j, vector, E, w, load, assembly%base_coupling/place%s**2, &
+         value%q, value%u(:r))
       value%h = value%u(assembly%sensor)
 
       ! A**-1 V'Q**-1 V and the diagonal of Q**-1.
@@ -120,7 +120,7 @@ contains
          end do
          call solve_system(P, pivots, inverse, 'N')
          load(:n) = assembly%load_at(s, value%form)
-         load(n + 1:) = -assembly%lift/s**2
+         load(n + 1:) = -assembly%base_coupling/s**2
          load = matmul(inverse, load)
          value%q = load(:n)
          value%u(:size(v, 1)) = load(n + 1:)

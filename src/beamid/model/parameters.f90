@@ -116,9 +116,9 @@ module beamid_parameters
          help='its place, where the motion is observed', item=nth(i)), i=1, most_sensors), &
       (parameter_t(x_P_at(i), 'x_P', 'support', [0, 1, 0], on_beam, '', &
          monomial_t(place=[of_length, 0, 0]), help='its place', item=nth(i)), &
-      parameter_t(kappa_P_at(i), 'k_P', 'support', [1, 0, -2], positive, 'rigid', &
+      parameter_t(kappa_P_at(i), 'k_P', 'support', [1, 0, -2], not_negative, 'rigid', &
          monomial_t(0.1_wp, [the_stiffness, 0, 0], [-1, 1, 1]), needs=kappa_P_at(i), &
-         is_reciprocal=.true., help='its stiffness', item=nth(i)), &
+         is_reciprocal=.true., help='its stiffness; 0: no spring, a damper alone', item=nth(i)), &
       parameter_t(c_P_at(i), 'c_P', 'support', [1, 0, -1], not_negative, '0', &
          monomial_t(0.2_wp, [the_stiffness, the_omega, 0], [1, -1, 1]), needs=kappa_P_at(i), &
          help='its damping, beside k_P', item=nth(i)), i=1, most_supports), &
@@ -256,7 +256,7 @@ contains
 
       as_named = value
       if (.not. parameters(k)%is_reciprocal) return
-      if (abs(value) > huge(value)) then
+      if (abs(value) >= huge(value)) then
          as_named = 0
       else if (abs(value) > 0) then
          as_named = 1/value

@@ -18,6 +18,8 @@ module beamid_structure
    !> A place that nobody has chosen: the tip.
    real(wp), parameter, public :: at_tip = -1
 
+   !> Compliance of a support without a spring.
+   real(wp), parameter, public :: no_spring = huge(1.0_wp)
    !> Sensors and supports at most.
    integer, parameter, public :: most_sensors = 8, most_supports = 8
    !> Of the name of a sensor or a support.
@@ -32,7 +34,7 @@ module beamid_structure
    !> A spring and a dashpot to the ground.
    type, public :: support_t
       real(wp) :: x_P = 0            !< its place
-      real(wp) :: kappa_P = 0        !< compliance, 1/k_P; 0: rigid
+      real(wp) :: kappa_P = 0        !< compliance, 1/k_P; 0: rigid; `no_spring`: none
       real(wp) :: c_P = 0            !< damping
    end type support_t
 
@@ -74,6 +76,7 @@ module beamid_structure
    contains
       procedure :: has_hose
       procedure :: has_root_spring
+      procedure :: has_spring
       procedure :: rigid_supports
       procedure :: is_given
       procedure :: place
@@ -163,6 +166,14 @@ contains
 
       has_root_spring = self%kappa_R > 0 .or. self%root_is_free
    end function has_root_spring
+
+   !> Returns whether support p has a spring; it may have a damper alone.
+   pure logical function has_spring(self, p)
+      class(structure_t), intent(in) :: self
+      integer, intent(in) :: p
+
+      has_spring = self%support(p)%kappa_P < no_spring
+   end function has_spring
 
    !> How many supports do not give way.
    pure integer function rigid_supports(self)
@@ -436,6 +447,7 @@ contains
          end if
       end do
       do p = 1, self%supports
+         if (.not. self%has_spring(p)) cycle
          i = p + 2
          held = a(i, i) + q(kappa_P_at(p))
          a = a - spread(a(:, i), 2, size(places))*spread(a(i, :), 1, size(places))/held

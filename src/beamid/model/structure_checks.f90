@@ -5,7 +5,7 @@ module beamid_structure_checks
    use beamid_parameters, only: as_named, is_there, magnitude, not_negative, on_beam, parameters, &
       positive, share
    use beamid_strings, only: to_text
-   use beamid_structure, only: n_parameters, of_E, of_g, of_I, of_length, of_rho, of_T, &
+   use beamid_structure, only: n_parameters, no_spring, of_E, of_g, of_I, of_length, of_rho, of_T, &
       structure_t, x_P_at
    use beamid_units, only: units_t
    implicit none
@@ -162,7 +162,7 @@ contains
             return
          end if
          most = greatest_ratio*magnitude(bare, k)
-         if (abs(structure%get(k)) <= most) cycle
+         if (abs(structure%get(k)) <= most .or. structure%get(k) >= no_spring) cycle
          limit = 'at most '
          if (parameters(k)%is_reciprocal) limit = 'at least '
          call bad_input(error, trim(parameters(k)%name)//': found '// &
@@ -212,7 +212,7 @@ contains
       load = structure%axial_load()
       most = maxval(abs(load))
       if (most <= greatest_load) then
-         if (structure%supports > 0) return
+         if (any([(structure%has_spring(k), k=1, structure%supports)])) return
          if (.not. structure%buckles()) return
       end if
       mass = structure%m_T + structure%rho*structure%length + sum(structure%sensor%m_S)

@@ -14,8 +14,8 @@ module beamid_terms
    implicit none
    private
 
-   public :: term_t, terms, strengths, strengths_and_slopes, is_spring, pulls, tilting, operators, &
-      operator_t, place_on_mesh
+   public :: term_t, terms, strengths, strengths_and_slopes, is_spring, is_grounded, pulls, &
+      tilting, operators, operator_t, place_on_mesh
    public :: of_mass, of_damping, of_stiffness, of_load, of_compliance
    public :: inertia, bending, tip_value, tip_slope, root_slope, hose, stretch, load_shape, &
       force_value, tension, weight, sensor_value, sensor_slope, support_value, sensor_weight
@@ -43,12 +43,15 @@ module beamid_terms
       integer :: derivative = -1
       !> parameter that says where the point is, or where it ends; 0: root or tip
       integer :: place = 0
-      logical :: carried = .false.   !< whether it feels the whole structure being displaced
+      !> whether a displacement of the whole structure acts on it: a mass, the air, whatever is
+      !> connected to the ground
+      logical :: moves_with_base = .false.
    end type operator_t
 
    type(operator_t), parameter :: operators(*) = [ &
-      operator_t(1, carried=.true.), operator_t(-3), operator_t(0, 0, carried=.true.), &
-      operator_t(-2, 1), operator_t(-2, 1), operator_t(carried=.true.), operator_t(0), &
+      operator_t(1, moves_with_base=.true.), operator_t(-3), &
+      operator_t(0, 0, moves_with_base=.true.), operator_t(-2, 1), operator_t(-2, 1), &
+      operator_t(moves_with_base=.true.), operator_t(0), &
       operator_t(1), operator_t(0, 0, of_x_F), operator_t(-1), operator_t(0), &
       (operator_t(0, 0, x_S_at(i), .true.), i=1, most_sensors), &
       (operator_t(-2, 1, x_S_at(i)), i=1, most_sensors), &
@@ -119,6 +122,8 @@ contains
       do t = 1, size(terms)
          associate (k => terms(t)%operator, matrix => terms(t)%matrix, factor => terms(t)%factor)
             value = value_of(factor, q)
+            ! A compliance without limit: there is no spring.
+            if (matrix == of_compliance .and. value >= huge(value)) cycle
             do p = 1, size(parameters)
                enters(p) = any(terms(t)%factor%place == parameters(p))
             end do
@@ -188,16 +193,28 @@ contains
          < max(1, structure%sensors)
    end function is_there
 
-   !> Whether an operator is a spring to the ground, and may be rigid: that of the clamp or of a
-   !> support.
+   !> Returns whether an operator is a spring to the ground, which may be rigid: that of the clamp
+   !> or of a support.
    pure logical function is_spring(operator, structure)
       integer, intent(in) :: operator
       type(structure_t), intent(in) :: structure
 
-      is_spring = operator == root_slope .or. &
-         operator >= support_value(1) .and. operator < sensor_weight(1) .and. &
-         is_there(operator, structure)
+      is_spring = operator == root_slope
+      if (operator < support_value(1) .or. operator >= sensor_weight(1)) return
+      is_spring = is_there(operator, structure)
+      if (is_spring) is_spring = structure%has_spring(operator - support_value(1) + 1)
    end function is_spring
+
+   !> Returns whether an operator at a point is connected to the ground: it feels the base move, and
+   !> has a damper or a spring. Its row of V then holds the motion relative to the ground.
+   pure logical function is_grounded(operator)
+      integer, intent(in) :: operator
+
+      is_grounded = operators(operator)%moves_with_base .and. &
+         operators(operator)%derivative >= 0 .and. any(terms%operator == operator .and. &
+         (terms%matrix == of_damping .or. terms%matrix == of_stiffness .or. &
+         terms%matrix == of_compliance))
+   end function is_grounded
 
    !> Whether an operator is a tension, along the whole beam or a part of it.
    elemental logical function pulls(operator)
