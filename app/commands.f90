@@ -56,8 +56,8 @@ contains
       if (allocated(error)) return
       progress = new_progress(settings%quiet)
       call fit_case(case, found, error, progress)
+      if (.not. allocated(error)) call judge_case(case, found, error, progress)
       call progress%finish()
-      if (.not. allocated(error)) call judge_case(case, found, error)
       if (allocated(error)) return
       call report_fit(case, found, output, summary, error)
       call locate(error, case%path)
@@ -142,7 +142,7 @@ contains
       complex(wp), allocatable :: roots(:)
       integer :: k
 
-      call read_case(settings%subject, needs_nothing, case, error)
+      call read_case(settings%subject, needs_modes, case, error)
       if (allocated(error)) return
       still = new_pulse(0.0_wp, 1.0_wp)
       call table%line(modes_header)

@@ -87,7 +87,7 @@ contains
       call list_shards(run%shards, run%fingerprint, shards, others, error)
       if (allocated(error)) return
       if (others > 0) call tell('beamid: '//run%shards//': found members of another case or of '// &
-         'other files; they are not used, and removed when this ensemble is complete')
+         'other files; they are ignored, and will be removed when this ensemble is complete')
       missing = wanted
       call drop_damaged(run, missing, shards, error)
       if (allocated(error)) return
@@ -249,11 +249,13 @@ contains
                call run_block(run%maker, block, rows)
             end if
             call check_interrupt(error)
-            if (allocated(error)) return
-            code = write_shard(run%shards, run%fingerprint, block, rows)
-            if (code /= 0) then
-               call failure(error, shard_path(run%shards, run%fingerprint, block)// &
+            if (.not. allocated(error)) then
+               code = write_shard(run%shards, run%fingerprint, block, rows)
+               if (code /= 0) call failure(error, shard_path(run%shards, run%fingerprint, block)// &
                   ': cannot be written: '//reason(code))
+            end if
+            if (allocated(error)) then
+               call progress%finish()
                return
             end if
             call system_clock(now)

@@ -34,7 +34,7 @@ contains
       if (allocated(error)) return
       progress = new_progress(settings%quiet)
       call fit_case(case, found, error, progress)
-      if (.not. allocated(error)) call judge_case(case, found, error)
+      if (.not. allocated(error)) call judge_case(case, found, error, progress)
       call progress%finish()
       if (allocated(error)) return
       progress = new_progress(settings%quiet)
@@ -43,7 +43,8 @@ contains
       if (allocated(error)) return
       call read_text(join_path(folder_of(settings, case%name), 'intervals.csv'), earlier, none)
       call report_inferences(trim(settings%command), case, found, inferences, earlier, output, &
-         summary)
+         summary, error)
+      if (allocated(error)) return
       call deliver(output, summary, settings, case%name, error, case%recordings)
    end subroutine run_inference
 

@@ -11,7 +11,7 @@ program beamid_main
    use beamid_manual, only: command_names, commands_in_words, run_help
    use beamid_new_case, only: check_new, run_new
    use beamid_reproduction, only: reproducible, run_reproduce
-   use beamid_signals, only: catch_signals, end_by_signal
+   use beamid_signals, only: catch_signals, end_by_signal, stop_patience
    use beamid_spelling, only: or_nearest
    use beamid_strings, only: to_text
    use beamid_terminal, only: complain, print_text
@@ -41,6 +41,7 @@ program beamid_main
    end if
    call check_interrupt(error)
    if (allocated(error)) then
+      call stop_patience()
       call complain(error%message)
       call end_by_signal()
       stop error%status, quiet=.true.

@@ -1,4 +1,4 @@
-!> What Ctrl-C and `kill` do to the program: the computation stops at its next check of the flag,
+!> Ctrl-C and `kill`: the computation stops at its next check of the flag,
 !> and the program ends by the signal, so that the caller sees the status of an interrupted program
 !> (130 or 143 in a shell).
 module beamid_signals
@@ -9,7 +9,7 @@ module beamid_signals
    implicit none
    private
 
-   public :: catch_signals, end_by_signal
+   public :: catch_signals, end_by_signal, stop_patience
 
    !> The signal that has come, or 0.
    integer(c_int), volatile :: came = 0
@@ -54,6 +54,14 @@ contains
       if (number == sigalrm) ignored = write_bytes(2_c_int, message)
       call end_by_signal()
    end subroutine give_up
+
+   !> Stops the timer behind `give_up`: the computation has ended.
+   subroutine stop_patience()
+      integer(c_int) :: failed
+      integer(c_long), parameter :: never(4) = 0
+
+      failed = c_setitimer(0_c_int, never, c_null_ptr)
+   end subroutine stop_patience
 
    !> Ends the program by the signal that has come; does nothing if there was none.
    subroutine end_by_signal()

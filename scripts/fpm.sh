@@ -35,7 +35,12 @@ forget_moved_sources() {
 # fpm 0.12 spells the include folder of a dependency differently until build/cache.toml exists. With
 # another spelling the flags differ, and a second build would compile every source again.
 resolve_dependencies() {
-   [[ -f $checkout/build/cache.toml ]] || (cd "$checkout" && "$fpm" update </dev/null >/dev/null 2>&1)
+   local said
+   [[ ! -f $checkout/build/cache.toml ]] || return 0
+   said=$(cd "$checkout" && "$fpm" update </dev/null 2>&1) || {
+      printf 'fpm update failed:\n%s\n' "$said" >&2
+      return 1
+   }
 }
 
 # Reads fpm's output and reports the progress of a build on standard error: in a terminal on one line
@@ -50,11 +55,9 @@ show_progress() {
       [[ -t 2 || $((SECONDS - shown)) -ge 30 ]] || continue
       shown=$SECONDS
       message="building, $1 profile: $percent %"
-      if [[ $percent -lt 5 || $SECONDS -lt 5 ]]; then
-         message+=', a few minutes remain'
-      else
+      # Before that the share says nothing about the time.
+      [[ $percent -lt 5 || $SECONDS -lt 5 ]] ||
          message+=", about $((SECONDS * (100 - percent) / percent + 1)) s remain"
-      fi
       if [[ -t 2 ]]; then printf '\r%s\033[K' "$message" >&2; else echo "$message" >&2; fi
    done
    [[ ! -t 2 || $shown -lt 0 ]] || printf '\r\033[K' >&2
@@ -67,7 +70,7 @@ build() {
    shift
    log=$(mktemp)
    forget_moved_sources
-   resolve_dependencies
+   resolve_dependencies || return 1
    if (cd "$checkout" && "$fpm" build --profile "$profile" "$@" </dev/null 2>&1) | tee "$log" |
       show_progress "$profile"; then
       rm "$log"

@@ -25,7 +25,7 @@
 module beamid
    use beamid_boxes, only: box_t
    use beamid_cases, only: case_t, load_experiments, measured_samples, needs_fit, &
-      needs_nothing, needs_response, read_case, sample_times
+      needs_modes, needs_nothing, needs_response, read_case, sample_times
    use beamid_cvode, only: cvode_t
    use beamid_designs, only: compare_designs, design_t, designs_t
    use beamid_equations, only: equations_t, new_equations

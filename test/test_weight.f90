@@ -193,7 +193,7 @@ contains
          call check('pieces: bounded', n <= most_pieces .and. size(column%slope) == n .and. &
             size(column%ends) == n + 1)
          call check('pieces: none beyond that', (n == 0) .eqv. k > 5)
-         call check('pieces: in tension nothing buckles', column_buckles(column) .eqv. k > 5)
+         call check('pieces: beyond that it counts as buckled', column_buckles(column) .eqv. k > 5)
          column = new_column(unit, none, ends, -[unit, unit]*10.0_wp**k, [none, none])
          call check('pieces: compression', column_buckles(column) .eqv. k > 0)
       end do
@@ -240,7 +240,7 @@ contains
 
       call check(what, allocated(error))
       if (allocated(error)) call check(what//' in words', index(error%message, &
-         'the bending stiffness has no effect') > 0, error%message)
+         'behaves like a string') > 0, error%message)
    end subroutine tell
 
    !> A search may try a beam that buckles: what the solver knows of that one's roots, of which two

@@ -9,6 +9,11 @@ from numpy.typing import ArrayLike
 
 from ._library import InputError, groups as known_groups, numbers
 
+#: Groups of a case file that are given by their name. Asked for at once, as a forked child may not
+#: be able to ask.
+GROUPS = [name for name in known_groups() if name not in ("record", "stage")]
+
+
 class Record:
     """Samples of one accelerometer.
 
@@ -70,11 +75,10 @@ def case_text(records: Sequence[Mapping[str, Any]], stages: Sequence[Mapping[str
     records, stages  keys of each group &record and &stage
     groups           keys of any other group by its name, or a list of these if the group repeats
     """
-    known = [name for name in known_groups() if name not in ("record", "stage")]
     text = ""
     for name, keys in groups.items():
-        if name not in known:
-            raise InputError(f"found {name}, expected one of {', '.join(known)}")
+        if name not in GROUPS:
+            raise InputError(f"found {name}, expected one of {', '.join(GROUPS)}")
         if keys is None:
             continue
         several: Iterable[Any] = keys

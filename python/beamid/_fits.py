@@ -67,9 +67,11 @@ class Fit:
                     return buffer.raw[:length.value].decode()
                 room = length.value
 
-    def _judge(self) -> None:
+    def _judge(self, progress: Progress | None = None) -> None:
         with self._handle.lock:
-            compute("beamid_judge", self._handle.number)
+            if not self._handle.is_judged:
+                compute("beamid_judge", self._handle.number, progress=progress)
+                self._handle.is_judged = True
 
     def _infer(self, command: str, progress: Progress | None) -> None:
         """Adds the tables of a command to those of the fit."""
@@ -258,6 +260,8 @@ class Problem:
         compute("beamid_fit", self._handle.number, int(judge), values.size, values.ctypes.data,
                 byref(handle.number), progress=progress)
         found = Fit(handle)
+        if judge:
+            found._judge(progress)
         if judge and found.no_fit:
             raise NoFit(found.no_fit, found)
         return found

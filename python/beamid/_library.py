@@ -21,19 +21,19 @@ Progress = Union[bool, Callable[[int, int, str], Any]]
 
 
 class BeamidError(Exception):
-    """What the library says is wrong; one line for each problem."""
+    """An error of the library: one line for each problem."""
 
 
 class InputError(BeamidError, ValueError):
-    """Something that was given is not what was expected (the program's exit status 2)."""
+    """Bad input (the program's exit status 2)."""
 
 
 class ComputationError(BeamidError, RuntimeError):
-    """The computation failed (the program's exit status 1)."""
+    """A failed computation (the program's exit status 1)."""
 
 
 class NoFit(ComputationError):
-    """A search has ended, but not at a fit. `fit` is what it has found, with its evidence."""
+    """A search that ended without explaining the record; `fit` holds the evidence."""
 
     def __init__(self, message: str, fit: Fit) -> None:
         super().__init__(message)
@@ -43,12 +43,12 @@ class NoFit(ComputationError):
 _CALLBACK = CFUNCTYPE(c_int, c_int, c_int, POINTER(c_char), c_int)
 
 
-def _open_library() -> ctypes.CDLL:
+def _open_library(kind: type[ctypes.CDLL]) -> ctypes.CDLL:
     path = Path(__file__).parent / "lib" / "libbeamid_c.so"
     if not path.exists():
         raise ImportError(f"found no {path}, expected the library that 'pip install ./python' "
                           "builds in a checkout of beamid")
-    library = ctypes.CDLL(str(path))
+    library = kind(str(path))
     message = (c_char_p, c_int)
     signatures = {
         "beamid_watch_forks": (None,),
@@ -56,6 +56,7 @@ def _open_library() -> ctypes.CDLL:
         "beamid_end": (c_int,),
         "beamid_open": (c_int, c_char_p, c_int, c_char_p, c_int, c_int, POINTER(c_int), c_int,
                         c_void_p, c_void_p, c_int, POINTER(c_longlong), *message),
+        "beamid_close": (c_int, c_longlong, *message),
         "beamid_fit": (c_int, c_longlong, c_int, c_int, c_void_p, POINTER(c_longlong), *message),
         "beamid_judge": (c_int, c_longlong, *message),
         "beamid_infer": (c_int, c_longlong, c_char_p, c_int, *message),
@@ -73,13 +74,12 @@ def _open_library() -> ctypes.CDLL:
     return library
 
 
-library = _open_library()
+library = _open_library(ctypes.CDLL)
+# Short routines keep the interpreter's lock, so that no thread can fork while they hold a lock of
+# the library, which nobody would release in the child.
+_short = _open_library(ctypes.PyDLL)
 # Before any fit, so that a forked child knows that threads of the parent are gone.
 library.beamid_watch_forks()
-# Handles are closed without giving up the interpreter's lock: no other thread can fork meanwhile.
-_close = ctypes.PyDLL(library._name).beamid_close
-_close.restype = c_int
-_close.argtypes = (c_longlong, c_char_p, c_int)
 ROOM = 65536
 _of_thread = threading.local()
 
@@ -101,14 +101,14 @@ def _check(status: int, message: ctypes.Array[c_char]) -> None:
 def call(name: str, *arguments: Any) -> None:
     """Calls a routine that computes nothing, and raises its error."""
     message = _message_buffer()
-    _check(getattr(library, name)(*arguments, message, ROOM), message)
+    _check(getattr(_short, name)(*arguments, message, ROOM), message)
 
 
 def compute(name: str, *arguments: Any, progress: Progress | None = None) -> None:
     """Calls a routine that computes, and raises its error.
 
-    Ctrl-C stops a computation of the main thread and raises KeyboardInterrupt. An exception of
-    `progress` stops the computation as well, and is raised.
+    Ctrl-C stops a computation of the main thread and raises KeyboardInterrupt, also if a handler of
+    the caller's own returns. An exception of `progress` stops the computation, and is raised.
     """
     message = _message_buffer()
     with _Listener(progress) as listener:
@@ -117,16 +117,19 @@ def compute(name: str, *arguments: Any, progress: Progress | None = None) -> Non
                  and callable(signal.getsignal(signal.SIGINT)))
         refused = None
         try:
-            refused = library.beamid_begin(catch, listener.pointer, message, ROOM)
+            refused = _short.beamid_begin(catch, listener.pointer, message, ROOM)
             status = refused or getattr(library, name)(*arguments, message, ROOM)
         finally:
             # Also if a signal from before the beginning is raised right behind it.
-            flag = 0 if refused else library.beamid_end()
+            flag = 0 if refused else _short.beamid_end()
+        if flag > 0:
+            try:
+                signal.raise_signal(flag)
+            except BaseException as error:
+                raise error from listener.raised
+            raise KeyboardInterrupt from listener.raised
         if listener.raised:
             raise listener.raised
-        if flag > 0:
-            signal.raise_signal(flag)
-            raise KeyboardInterrupt
         _check(status, message)
 
 
@@ -199,6 +202,7 @@ class Handle:
     """
 
     def __init__(self) -> None:
+        self.is_judged = False          #: of a fit: its verdict is there
         self.number = c_longlong(0)     #: 0 until the library has written it
         self.lock = threading.RLock()   #: the library allows one call at a time for a fit
         weakref.finalize(self, _close_number, self.number)
@@ -207,21 +211,21 @@ class Handle:
         return self
 
     def __reduce__(self) -> Any:
-        raise TypeError("found a fit or a problem of beamid to be pickled, expected what it is "
-                        "made of: pickle the arguments, and fit in the other process")
+        raise TypeError("a fit or a problem of beamid cannot be pickled: send its arguments, and "
+                        "fit in the other process")
 
 
 def _close_number(number: c_longlong) -> None:
     if number.value:
-        _close(number, None, 0)
+        _short.beamid_close(number, None, 0)
 
 
-def groups() -> list[str]:
+def groups() -> tuple[str, ...]:
     """Returns the names of the groups of a case file, as the library knows them."""
-    length = library.beamid_groups(None, 0)
+    length = _short.beamid_groups(None, 0)
     buffer = ctypes.create_string_buffer(length)
-    library.beamid_groups(buffer, length)
-    return buffer.raw[:length].decode().split()
+    _short.beamid_groups(buffer, length)
+    return tuple(buffer.raw[:length].decode().split())
 
 
 def numbers(values: Any, what: str) -> np.ndarray:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ._cases import case_text
-from ._library import Handle, InputError, call, compute, numbers
+from ._library import Handle, InputError, compute, numbers
 
 
 @dataclass
@@ -33,11 +33,11 @@ def response(t: ArrayLike, *, derivatives: Sequence[str] = (), **groups: Any) ->
     """
     t = numbers(t, "response: times")
     if t.size == 0 or not np.isfinite(t).all() or (np.diff(t) <= 0).any():
-        raise InputError("response: found times that do not grow, expected finite ascending ones")
+        raise InputError("response: found times that are not ascending, expected finite ascending ones")
     names = [derivatives] if isinstance(derivatives, str) else list(derivatives)
     text = case_text([{}], [dict(free=names)] if names else [], groups).encode()
     handle = Handle()
-    call("beamid_open", b"beamid", 6, text, len(text), 0, (c_int*1)(), 0, None, None, 0,
+    compute("beamid_open", b"beamid", 6, text, len(text), 0, (c_int*1)(), 0, None, None, 0,
          byref(handle.number))
     motion = np.empty((3, t.size))
     by = np.empty((len(names), t.size))

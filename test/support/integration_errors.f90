@@ -8,12 +8,16 @@ module integration_errors
 
 contains
 
-   !> Returns a bound on the error of CVODE's displacements, relative to the largest displacement.
+   !> Returns an estimate of the largest error of CVODE's displacements, relative to the largest
+   !> displacement.
    !>
-   !> CVODE keeps the local error of a step below rtol |y| + atol. `cvode_t` sets atol to rtol times
-   !> an estimate of the largest displacement, so each step adds at most 2 rtol. The beams of the
-   !> tests are dissipative: earlier errors do not grow, and the sum over the steps is a bound. Over
-   !> some 200 structures, each with several paths of steps, errors reach a quarter of the bound.
+   !> CVODE keeps the root mean square of the local errors of a step, each relative to
+   !> rtol |y| + atol, below 1. `cvode_t` sets atol to rtol times an estimate of the largest
+   !> displacement, so a step adds 2 rtol. The beams of the tests are dissipative: earlier errors do
+   !> not grow, and add up over the steps at most. One component may err by more than the root mean
+   !> square; errors of different signs cancel. Over some 200 structures, each with several paths of
+   !> steps, errors reach a quarter of the estimate. The exact solver is compared more sharply, with
+   !> references in quadruple precision.
    !>
    !> rtol   relative tolerance of the integrator
    !> steps  steps that it took

@@ -20,7 +20,7 @@ module beamid_c
    use beamid_c_results, only: beamid_array, beamid_groups, beamid_text
    use beamid_case_checks, only: check_needs
    use beamid_case_files, only: case_t
-   use beamid_case_fits, only: fit_case, judge_case, load_case
+   use beamid_case_fits, only: add_mesh_shifts, fit_case, judge_case, load_case
    use beamid_case_inferences, only: case_inference_t, infer
    use beamid_cases, only: needs_fit, needs_nothing, parse_case
    use beamid_errors, only: bad_input, error_t
@@ -30,6 +30,7 @@ module beamid_c
    use beamid_inference_outputs, only: report_inferences
    use beamid_interrupts, only: check_interrupt
    use beamid_kinds, only: wp
+   use beamid_outputs, only: output_t
    use beamid_parameters, only: name_length, name_of_parameter, parameters
    use beamid_strings, only: to_text
    implicit none
@@ -220,18 +221,31 @@ contains
       character(kind=c_char), intent(inout) :: message(room)
       type(outcome_t), pointer :: outcome
       type(fitted_mode_t), allocatable :: modes(:)
+      type(output_t) :: tables
+      character(len=:), allocatable :: summary
+      type(progress_t), pointer :: progress
       type(error_t), allocatable :: error
 
       call borrow_outcome(handle, outcome, error)
       if (.not. allocated(error)) then
-         !$omp critical (texts_of_beamid)
          if (.not. allocated(outcome%summary)) then
-            call judge_case(outcome%case, outcome%found, error)
-            if (.not. allocated(error)) call report_fit(outcome%case, outcome%found, &
-               outcome%tables, outcome%summary, error, modes)
-            if (.not. allocated(error)) call keep_modes(modes, outcome%modes)
+            ! The longest part of a verdict works without texts, and beside other threads.
+            progress => progress_of_call()
+            call add_mesh_shifts(outcome%case, outcome%found, error, progress)
+            if (associated(progress)) deallocate (progress)
+            !$omp critical (texts_of_beamid)
+            if (.not. allocated(error)) call judge_case(outcome%case, outcome%found, error)
+            if (.not. allocated(error)) call report_fit(outcome%case, outcome%found, tables, &
+               summary, error, modes)
+            call check_interrupt(error)
+            ! Of an interrupted report nothing is kept.
+            if (.not. allocated(error)) then
+               call keep_modes(modes, outcome%modes)
+               outcome%tables = tables
+               call move_alloc(summary, outcome%summary)
+            end if
+            !$omp end critical (texts_of_beamid)
          end if
-         !$omp end critical (texts_of_beamid)
          call give_back(handle)
       end if
       status = told(error, message)
@@ -248,6 +262,8 @@ contains
       character(kind=c_char), intent(inout) :: message(room)
       type(outcome_t), pointer :: outcome
       type(case_inference_t), allocatable :: inferences(:)
+      type(output_t) :: tables
+      character(len=:), allocatable :: intervals
       type(progress_t), pointer :: progress
       type(error_t), allocatable :: error
 
@@ -264,9 +280,16 @@ contains
             inferences, error, progress)
          if (associated(progress)) deallocate (progress)
          !$omp critical (texts_of_beamid)
-         if (.not. allocated(error)) call report_inferences(characters(command), outcome%case, &
-            outcome%found, inferences, outcome%tables%text_of('intervals.csv'), outcome%tables, &
-            outcome%intervals)
+         if (.not. allocated(error)) then
+            tables = outcome%tables
+            call report_inferences(characters(command), outcome%case, outcome%found, inferences, &
+               tables%text_of('intervals.csv'), tables, intervals, error)
+         end if
+         ! Of an interrupted report nothing is kept.
+         if (.not. allocated(error)) then
+            outcome%tables = tables
+            call move_alloc(intervals, outcome%intervals)
+         end if
          !$omp end critical (texts_of_beamid)
          call give_back(handle)
       end if

@@ -1,5 +1,4 @@
-!> What surrounds each call by C that computes: interrupts, progress, and processes that were
-!> forked.
+!> The frame of each call by C that computes: interrupts, progress, and forked processes.
 !>
 !> `beamid_begin` and `beamid_end` enclose a call. In between, the flag of an interrupt belongs to
 !> the call (`beamid_interrupts`), and a callback hears of the progress.
@@ -8,14 +7,14 @@ module beamid_c_calls
       c_funptr, c_int, c_null_char, c_null_funptr
    use, intrinsic :: iso_fortran_env, only: int64
    use beamid_errors, only: error_t, failure
-   use beamid_interrupts, only: begin_call, end_call, stop_call
+   use beamid_interrupts, only: begin_call, end_call, forget_call, stop_call
    use beamid_kinds, only: wp
    use beamid_least_squares, only: monitor_t
    use omp_lib, only: omp_get_thread_num, omp_set_num_threads
    implicit none
    private
 
-   public :: beamid_watch_forks, beamid_begin, beamid_end, progress_t, progress_of_call
+   public :: beamid_watch_forks, beamid_begin, beamid_end, check_fork, progress_t, progress_of_call
    public :: characters, told
 
    !> Passes the progress of a computation on to the callback of the call.
@@ -78,6 +77,7 @@ contains
    subroutine note_fork() bind(c)
       is_forked = .true.
       was_busy = was_busy .or. in_hand > 0
+      if (.not. calling) call forget_call()
    end subroutine note_fork
 
    !> Begins a call; to be ended by `beamid_end` in the same thread.
@@ -95,10 +95,10 @@ contains
       if (calling) then
          call failure(error, 'found a call inside another one, as from a progress callback; '// &
             'expected one call at a time in each thread')
-      else if (was_busy) then
-         call failure(error, 'this process was forked while a computation was running, and '// &
-            'cannot compute: start processes by ''spawn'' or ''forkserver''')
       else
+         call check_fork(error)
+      end if
+      if (.not. allocated(error)) then
          if (is_forked) call omp_set_num_threads(1)
          calling = .true.
          callback_of_call = progress
@@ -108,6 +108,15 @@ contains
       end if
       status = told(error, message)
    end function beamid_begin
+
+   !> Refuses calls in a process that was forked while another thread was in a call: the locks of that
+   !> thread are never released here.
+   subroutine check_fork(error)
+      type(error_t), allocatable, intent(out) :: error
+
+      if (was_busy) call failure(error, 'this process was forked while a computation was '// &
+         'running, and cannot use beamid: start processes by ''spawn'' or ''forkserver''')
+   end subroutine check_fork
 
    !> Ends the call of this thread; does nothing if there is none.
    !>

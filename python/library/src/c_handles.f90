@@ -2,6 +2,7 @@
 !> null, invented or closed handle is an error and never a pointer to something else.
 module beamid_c_handles
    use, intrinsic :: iso_c_binding, only: c_int64_t
+   use beamid_c_calls, only: check_fork
    use beamid_errors, only: bad_input, error_t
    implicit none
    private
@@ -70,6 +71,8 @@ contains
       logical :: in_use
 
       item => null()
+      call check_fork(error)
+      if (allocated(error)) return
       in_use = .false.
       !$omp critical (handles_of_beamid)
       k = place_of(handle)

@@ -23,11 +23,12 @@ module beamid_case_checks
 
    public :: settle_variations, check_whole, check_needs, can_be_fitted, place_experiment, &
       settle_box, has_grid
-   public :: needs_nothing, needs_response, needs_fit, needs_design
+   public :: needs_nothing, needs_response, needs_fit, needs_design, needs_modes
 
    !> What a command needs of a case: the structure alone, a response at given times, a fit, or
    !> experiments to choose from.
-   integer, parameter :: needs_nothing = 0, needs_response = 1, needs_fit = 2, needs_design = 3
+   integer, parameter :: needs_nothing = 0, needs_response = 1, needs_fit = 2, needs_design = 3, &
+      needs_modes = 4
 
 contains
 
@@ -182,7 +183,7 @@ contains
 
    !> Refuses a case that lacks what the command needs.
    !>
-   !> needs  needs_nothing, needs_response, needs_fit or needs_design
+   !> needs  needs_nothing, needs_modes, needs_response, needs_fit or needs_design
    subroutine check_needs(case, needs, error)
       type(case_t), intent(in) :: case
       integer, intent(in) :: needs
@@ -190,7 +191,7 @@ contains
       integer :: k, most
 
       call check_elements(case, needs, error)
-      if (needs == needs_nothing .or. allocated(error)) return
+      if (needs == needs_nothing .or. needs == needs_modes .or. allocated(error)) return
       if (size(case%excitations) == 0) call refuse(case%path, 0, 'excitation', 'no such group', &
          'one', error)
       if (size(case%recordings) == 0) call refuse(case%path, 0, 'record', 'no such group', 'one', &
@@ -227,29 +228,35 @@ contains
          'one record with a known start', error)
    end subroutine check_needs
 
-   !> Refuses meshes on which the modes take minutes without a sign of progress. They are needed for
-   !> the structure alone, and by the exact solver.
+   !> Refuses meshes on which one response takes minutes: by the exact solver, and for all modes. A
+   !> fit is repeated by the exact solver on a mesh of twice the elements.
    subroutine check_elements(case, needs, error)
       type(case_t), intent(in) :: case
       integer, intent(in) :: needs
       type(error_t), allocatable, intent(inout) :: error
       !> The time of one response grows with the square of the number of elements, and with its cube
       !> where all modes are coupled.
-      integer, parameter :: most = 1000, most_coupled = 200
+      integer, parameter :: most = 1000, most_coupled = 256
+      integer :: limit, repeats
       character(len=:), allocatable :: reason
       logical :: coupled
       integer :: k
 
-      if (needs /= needs_nothing .and. .not. is_exact(case%model%solver)) return
+      if (needs == needs_nothing) return
+      if (needs == needs_response .and. .not. is_exact(case%model%solver)) return
+      repeats = merge(2, 1, needs == needs_fit)
       associate (s => case%model%structure, found => maxval(case%meshes%elements))
          coupled = abs(s%g) + abs(s%T) > 0 .or. s%variations%are_known() .or. s%has_dip() .or. &
             any([(any(is_coefficient(case%stages(k)%free) .or. case%stages(k)%free == of_g .or. &
             case%stages(k)%free == of_T), k=1, size(case%stages))])
-         reason = ' for all modes at once'
-         if (coupled) reason = ' with gravity, an axial force or &along, which couple all modes'
-         if (found > merge(most_coupled, most, coupled)) call refuse(case%path, 0, &
-            'discretization elements', to_text(found), 'at most '// &
-            to_text(merge(most_coupled, most, coupled))//reason, error)
+         limit = merge(most_coupled, most, coupled)/repeats
+         reason = ''
+         if (repeats > 1) reason = ' in a fit'
+         if (coupled) reason = reason// &
+            ' with gravity, an axial force or &along, which couple all modes'
+         if (needs == needs_response) reason = reason//' (or &integrator method=''cvode'')'
+         if (found > limit) call refuse(case%path, 0, 'discretization elements', to_text(found), &
+            'at most '//to_text(limit)//reason, error)
       end associate
    end subroutine check_elements
 

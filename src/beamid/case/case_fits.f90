@@ -116,12 +116,14 @@ contains
    !> windows that the case asks for.
    !>
    !> found  as fitted; on return `verdict%no_fit` says why the fit is none
-   subroutine judge_case(case, found, error)
+   subroutine judge_case(case, found, error, monitor)
       type(case_t), intent(in) :: case
       type(case_fit_t), intent(inout) :: found
       type(error_t), allocatable, intent(out) :: error
+      class(monitor_t), intent(inout), optional :: monitor
 
-      call add_mesh_shifts(case, found)
+      call add_mesh_shifts(case, found, error, monitor)
+      if (allocated(error)) return
       associate (mesh => case%meshes(size(case%meshes)), &
          last => found%fits(size(found%fits, 1), size(found%fits, 2)))
          call new_verdict(found%experiments, mesh, last, found%verdict, error)
@@ -134,18 +136,24 @@ contains
       call check_interrupt(error)
    end subroutine judge_case
 
-   !> What the mesh does to the estimates of the last stage, where that is not known yet.
-   subroutine add_mesh_shifts(case, found)
+   !> Adds the effect of the mesh on the estimates of the last stage, unless it is known. May run
+   !> beside other threads.
+   !>
+   !> error  only an interruption
+   subroutine add_mesh_shifts(case, found, error, monitor)
       type(case_t), intent(in) :: case
       type(case_fit_t), intent(inout) :: found
+      type(error_t), allocatable, intent(out) :: error
+      class(monitor_t), intent(inout), optional :: monitor
       integer :: k
 
       do k = 1, size(case%meshes)
          associate (last => found%fits(size(found%fits, 1), k))
             if (.not. allocated(last%mesh_shift)) call add_mesh_shift(case%model, case%meshes(k), &
-               found%experiments, last)
+               found%experiments, last, monitor)
          end associate
       end do
+      call check_interrupt(error)
    end subroutine add_mesh_shifts
 
 end module beamid_case_fits

@@ -3,7 +3,7 @@ module beamid_cases
    use beamid_blocks, only: block_t
    use beamid_boxes, only: box_t
    use beamid_case_checks, only: can_be_fitted, check_needs, check_whole, needs_design, needs_fit, &
-      needs_nothing, needs_response, place_experiment, settle_box, &
+      needs_modes, needs_nothing, needs_response, place_experiment, settle_box, &
       settle_variations
    use beamid_case_files, only: case_t, groups, new_case, read_group
    use beamid_errors, only: error_t, locate
@@ -22,14 +22,14 @@ module beamid_cases
 
    public :: case_t, read_case, parse_case, sample_times, measured_samples, scored_samples, &
       load_experiments, plan_experiments, grid_times
-   public :: can_be_fitted, needs_nothing, needs_response, needs_fit, needs_design
+   public :: can_be_fitted, needs_nothing, needs_modes, needs_response, needs_fit, needs_design
 
 contains
 
    !> Reads and checks a case file.
    !>
    !> path   of the case file; paths inside it are relative to it
-   !> needs  needs_nothing, needs_response or needs_fit
+   !> needs  needs_nothing, needs_modes, needs_response or needs_fit
    !> error  one line per problem: file, line, group, key, what was found, what was expected
    subroutine read_case(path, needs, case, error)
       character(len=*), intent(in) :: path

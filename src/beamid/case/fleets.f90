@@ -158,7 +158,8 @@ contains
 
       if (allocated(one%error)) return
       call fit_case(one%case, one%found, one%error, check=.false.)
-      if (.not. allocated(one%error)) call add_mesh_shifts(one%case, one%found)
+      if (.not. allocated(one%error)) call add_mesh_shifts(one%case, one%found, &
+         one%error)
    end subroutine fit_fleet_case
 
    !> Judges the fit and keeps what it has found. Where there is none from the estimates before, the

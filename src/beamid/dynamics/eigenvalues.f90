@@ -8,6 +8,7 @@ module beamid_eigenvalues
    use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
    use beamid_assembly, only: assembly_t
    use beamid_errors, only: error_t, failure
+   use beamid_interrupts, only: check_interrupt
    use beamid_kinds, only: wp
    use beamid_lapack, only: dgeev, dgesv
    use beamid_terms, only: bending, of_damping, of_stiffness
@@ -33,6 +34,8 @@ contains
          call failure(error, 'modal: LAPACK finds no eigenvalues of the equations of motion')
          return
       end if
+      call check_interrupt(error)
+      if (allocated(error)) return
       fastest = maxval(abs(s))
       ! To the right of all roots, next to the lowest.
       shift = 1e-3_wp*minval(abs(assembly%pole), mask=abs(assembly%pole) > 0)
@@ -45,6 +48,8 @@ contains
       associate (E => assembly%strength(bending, of_stiffness), &
          c_D => assembly%strength(bending, of_damping))
          if (c_D*fastest > E) then
+            call check_interrupt(error)
+            if (allocated(error)) return
             shift = -E/c_D
             if (size(near) > 0) error_of_s = min(fastest, shift**2/minval(abs(near)))
             call roots_near(assembly, shift, near)

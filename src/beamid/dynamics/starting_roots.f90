@@ -4,6 +4,7 @@ module beamid_starting_roots
    use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
    use beamid_assembly, only: assembly_t, quadratic
    use beamid_errors, only: error_t, failure
+   use beamid_interrupts, only: check_interrupt
    use beamid_kinds, only: wp
    use beamid_lapack, only: dpotrf
    use beamid_terms, only: bending, of_damping, of_stiffness
@@ -57,7 +58,10 @@ contains
 
       call full_matrices(assembly, M, C, K)
       call slow_roots(assembly, M, C, K, piled)
+      call check_interrupt(error)
+      if (allocated(error)) return
       call solve_symmetric(K, M, lambda, error)
+      if (.not. allocated(error)) call check_interrupt(error)
       if (allocated(error)) return
       half = assembly%roots()/2
       next = size(piled)

@@ -10,6 +10,7 @@ module beamid_refinement
    use beamid_least_squares, only: fit, fit_t, monitor_t, options_t
    use beamid_residuals, only: residual_t
    use beamid_starts, only: set_free
+   use beamid_strings, only: to_text
    use beamid_structure, only: of_kappa_R
    use beamid_unknowns, only: quantity_t, variables_of
    use beamid_variables, only: variable_t
@@ -47,7 +48,7 @@ contains
             check)
          if (allocated(error)) return
          associate (last => fits(size(stages), 1))
-            call add_mesh_shift(model, mesh, experiments, last)
+            call add_mesh_shift(model, mesh, experiments, last, monitor)
             if (.not. last%shifted() .or. mesh%elements >= finest) return
          end associate
          mesh%elements = 2*mesh%elements
@@ -60,11 +61,12 @@ contains
    !> the solver of the model.
    !>
    !> found  `mesh_shift` stays unallocated where a fit on a finer mesh fails
-   subroutine add_mesh_shift(model, mesh, experiments, found)
+   subroutine add_mesh_shift(model, mesh, experiments, found, monitor)
       type(model_t), intent(in) :: model
       type(mesh_t), intent(in) :: mesh
       type(experiment_t), intent(in) :: experiments(:)
       type(stage_fit_t), intent(inout) :: found
+      class(monitor_t), intent(inout), optional :: monitor
       real(wp), dimension(size(found%free)) :: higher, halved, shift
       logical :: failed
 
@@ -102,7 +104,8 @@ contains
          problem%strength = found%strength
          call variables_of(stage, found%world, variables, quantities, error)
          if (.not. allocated(error)) call fit(problem, problem%rows(), variables, &
-            options_t(check=.false.), better, error)
+            options_t(check=.false.), better, error, monitor, 'finer mesh, N = '// &
+            to_text(finer%elements), quantities%name)
          failed = allocated(error)
          if (.not. failed) moved = better%estimate - found%fit%estimate
       end subroutine refit

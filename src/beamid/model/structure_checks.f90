@@ -232,9 +232,9 @@ contains
       else
          most = greatest_load*structure%E*structure%I/structure%length**2
          if (k == of_g) most = most/mass
-         call failure(error, 'found '//to_text(structure%get(k))//', a tension beside '// &
-            'which the bending stiffness has no effect (E = '//to_text(structure%E)// &
-            '), expected at most '//to_text(most))
+         call failure(error, 'found '//to_text(structure%get(k))//', which stretches '// &
+            'the beam until it behaves like a string: its bending stiffness has no effect (E = '// &
+            to_text(structure%E)//'), expected at most '//to_text(most))
       end if
       call locate(error, trim(merge('force', 'g    ', k == of_T)))
    end subroutine check_axial_load
@@ -253,6 +253,9 @@ contains
 
       if (.not. allocated(error) .or. .not. any(place == [of_g, of_T])) return
       if (.not. maxval(abs(structure%axial_load())) > suspicious_load) return
+      ! A string or a wire in SI: the modulus is plausible, and nothing is wrong with the units.
+      if (structure%E >= 1e5_wp .and. structure%E <= 1e13_wp .and. &
+         minval(structure%axial_load()) >= 0) return
       unit = units%of_parameter(of_E)
       is_si = unit == 'N/m^2' .and. any(units%mass == [character(len=2) :: '', 'kg']) .and. &
          any(units%time == ['s', ' '])

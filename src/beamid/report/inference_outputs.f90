@@ -4,7 +4,9 @@ module beamid_inference_outputs
    use beamid_case_files, only: case_t
    use beamid_case_fits, only: case_fit_t
    use beamid_case_inferences, only: case_inference_t
+   use beamid_errors, only: error_t
    use beamid_inference_reports, only: add_bootstrap, add_posterior, add_profiles
+   use beamid_interrupts, only: check_interrupt
    use beamid_intervals, only: interval_summary, interval_t, interval_table, linear_intervals, &
       read_intervals
    use beamid_outputs, only: output_t
@@ -21,13 +23,15 @@ contains
    !> earlier  text of intervals.csv by another command, whose rows stay where they are of this fit
    !> output   takes the tables
    !> summary  for the reader
-   subroutine report_inferences(command, case, found, inferences, earlier, output, summary)
+   subroutine report_inferences(command, case, found, inferences, earlier, output, summary, error)
       character(len=*), intent(in) :: command, earlier
       type(case_t), intent(in) :: case
       type(case_fit_t), intent(in) :: found
       type(case_inference_t), intent(in) :: inferences(:)
       type(output_t), intent(inout) :: output
       character(len=:), allocatable, intent(out) :: summary
+      !> An interruption: tables and summary are not complete.
+      type(error_t), allocatable, intent(out) :: error
       type(interval_t), allocatable :: intervals(:)
       type(text_t) :: text, profiles, draws, motion, modes, estimates
       type(text_t) :: remarks(size(inferences))
@@ -64,6 +68,7 @@ contains
       call add('bootstrap.csv', estimates)
       call output%add('intervals.csv', interval_table(intervals))
       summary = text%content()
+      call check_interrupt(error)
 
    contains
 

@@ -20,7 +20,7 @@ module beamid_interrupts
    private
 
    public :: interrupted, check_interrupt, stop_flag
-   public :: set_flag, begin_call, end_call, stop_call
+   public :: set_flag, begin_call, end_call, forget_call, stop_call
    public :: interrupt_at_check, checks_until_interrupt
    public :: hold_signals, release_signals
 
@@ -36,7 +36,8 @@ module beamid_interrupts
    !> Checks left before the flag is set by itself; 0: never (tests).
    integer, save, volatile :: countdown = 0
 
-   !> The action of `sigint` before a call by C replaced it.
+   !> Whether a call by C has replaced the action of `sigint`, and the action before that.
+   logical, save, volatile :: catches = .false.
    type(signal_action_t), target, save :: action_before
 
    integer(c_int), parameter :: numbers(*) = [sighup, sigint, sigterm, sigxfsz, sigalrm]
@@ -91,14 +92,14 @@ contains
 
    !> Begins a call by C; to be ended by `end_call` in the same thread.
    !>
-   !> catch  whether `sigint` is to stop the call: at most one thread at a time may ask for that.
-   !>        The action of `sigint` is replaced until the call ends.
+   !> catch  whether `sigint` is to stop the call: its action is replaced until the call ends. Only
+   !>        one call at a time catches it; to another one the answer is no.
    subroutine begin_call(catch)
       logical, intent(in) :: catch
       integer(c_intptr_t) :: ignored
       integer(c_int) :: failed
 
-      if (.not. catch) then
+      if (.not. catch .or. catches) then
          flag_of_thread = 0
          stop_flag => flag_of_thread
          return
@@ -107,6 +108,7 @@ contains
       stop_flag => flag_of_process
       failed = c_sigaction(sigint, c_null_ptr, c_loc(action_before))
       ignored = c_signal(sigint, transfer(c_funloc(set_flag), 0_c_intptr_t))
+      catches = .true.
    end subroutine begin_call
 
    !> Ends a call by C, and restores the action of `sigint`.
@@ -114,13 +116,21 @@ contains
    !> flag  0; a signal that has come since the call began; or `stopped_by_caller`
    subroutine end_call(flag)
       integer(c_int), intent(out) :: flag
-      integer(c_int) :: failed
 
-      if (associated(stop_flag, flag_of_process)) &
-         failed = c_sigaction(sigint, c_loc(action_before), c_null_ptr)
+      if (associated(stop_flag, flag_of_process)) call forget_call()
       flag = stop_flag
       stop_flag = 0
    end subroutine end_call
+
+   !> Restores the action of `sigint`, if a call by C has replaced it: at its end, or in a forked
+   !> child, where nobody is in the call.
+   subroutine forget_call()
+      integer(c_int) :: failed
+
+      if (.not. catches) return
+      failed = c_sigaction(sigint, c_loc(action_before), c_null_ptr)
+      catches = .false.
+   end subroutine forget_call
 
    !> Stops the call in hand of this thread.
    subroutine stop_call()
