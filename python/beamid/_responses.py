@@ -33,7 +33,8 @@ def response(t: ArrayLike, *, derivatives: Sequence[str] = (), **groups: Any) ->
     """
     t = numbers(t, "response: times")
     if t.size == 0 or not np.isfinite(t).all() or (np.diff(t) <= 0).any():
-        raise InputError("response: found times that are not ascending, expected finite ascending ones")
+        raise InputError("response: found times that are not ascending, expected finite "
+                         "ascending ones")
     names = [derivatives] if isinstance(derivatives, str) else list(derivatives)
     text = case_text([{}], [dict(free=names)] if names else [], groups).encode()
     handle = Handle()

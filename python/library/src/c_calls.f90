@@ -109,8 +109,8 @@ contains
       status = told(error, message)
    end function beamid_begin
 
-   !> Refuses calls in a process that was forked while another thread was in a call: the locks of that
-   !> thread are never released here.
+   !> Refuses calls in a process that was forked while another thread was in a call: the locks of
+   !> that thread are never released here.
    subroutine check_fork(error)
       type(error_t), allocatable, intent(out) :: error
 
