@@ -86,7 +86,8 @@ module beamid_manual
 
    character(len=*), parameter :: &
       purpose = 'physical parameters of a flexible beam from an accelerometer record', &
-      statuses = 'Exit status: 0 done, 1 the computation failed, 2 bad input.'
+      statuses = 'Exit status: 0 done, 1 the computation failed, 2 bad input; that of the '// &
+      'signal after Ctrl-C.'
 
 contains
 
