@@ -409,7 +409,7 @@ contains
       call misplaced('beyond the tip', 'x_P=4.001', &
          'x_P: found 4.001|expected a place above 0, up to the length 4')
       call misplaced('soft support of nothing', 'x_P=2, k_P=0', 'k_P: found 0|above 0|c_P')
-      call accepted('a damper alone', 'identify', carrying(group('support', &
+      call accepted('a damper alone', 'simulate', carrying(group('support', &
          'x_P=2, k_P=0, c_P=1')))
       call misplaced('negative stiffness', 'x_P=2, k_P=-1', 'k_P: found -1|0 or more')
       call misplaced('neither soft nor rigid', 'x_P=2, k_P=NaN', 'k_P: found ''NaN''|a number')

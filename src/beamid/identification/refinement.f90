@@ -12,7 +12,7 @@ module beamid_refinement
    use beamid_starts, only: set_free
    use beamid_strings, only: to_text
    use beamid_structure, only: of_kappa_R
-   use beamid_unknowns, only: quantity_t, variables_of
+   use beamid_unknowns, only: name_length, quantity_t, variables_of
    use beamid_variables, only: variable_t
    use beamid_verification, only: exact_counterpart
    implicit none
@@ -90,6 +90,7 @@ contains
          type(stage_t) :: stage
          type(fit_t) :: better
          type(error_t), allocatable :: error
+         character(len=name_length), allocatable :: names(:)
 
          moved = 0
          call exact_counterpart(model, finer, experiments, any(found%free == of_kappa_R), problem)
@@ -103,9 +104,12 @@ contains
          problem%noise = found%noise
          problem%strength = found%strength
          call variables_of(stage, found%world, variables, quantities, error)
-         if (.not. allocated(error)) call fit(problem, problem%rows(), variables, &
-            options_t(check=.false.), better, error, monitor, 'finer mesh, N = '// &
-            to_text(finer%elements), quantities%name)
+         if (.not. allocated(error)) then
+            allocate (names(size(quantities)))
+            names = quantities%name
+            call fit(problem, problem%rows(), variables, options_t(check=.false.), better, error, &
+               monitor, 'finer mesh, N = '//to_text(finer%elements), names)
+         end if
          failed = allocated(error)
          if (.not. failed) moved = better%estimate - found%fit%estimate
       end subroutine refit
