@@ -230,7 +230,7 @@ contains
             if (any(abs(self%moves(row, :)) > 0)) self%v_slope(row, :) = at_point(self, modes, k, 1)
          end associate
       end do
-      self%vt = transpose(self%v)
+      allocate (self%vt, source=transpose(self%v))
       allocate (self%vv(self%n, (r*(r + 1))/2))
       do l = 1, r
          do k = 1, l
@@ -463,7 +463,7 @@ contains
       integer :: form, k, p
 
       allocate (self%load(self%n, 2, 2), self%base_coupling(size(self%v, 1)), source=0.0_wp)
-      self%push = row_load(self, self%strength, applied%base)
+      allocate (self%push, source=row_load(self, self%strength, applied%base))
       allocate (self%push_slope(size(self%v, 1), 2, size(self%parameters)), &
          self%rest_slope(self%n, size(self%parameters)))
       spread_out = 0
