@@ -37,6 +37,7 @@ contains
       type(held_t), allocatable, intent(out) :: held(:)
       type(error_t), allocatable, intent(out) :: error
       integer, allocatable :: free(:), record(:)
+      type(held_t) :: one
       real(wp) :: along(problem%samples()), residual(size(jacobian, 1)), effect(size(scale))
       integer :: k, rank
 
@@ -54,7 +55,11 @@ contains
             residual(:size(along)) = along
             call least_squares_step(jacobian, residual, scale, spread(.true., 1, size(scale)), &
                epsilon(1.0_wp)*size(residual), effect, rank)
-            held = [held, held_t(prior%name, prior%record, prior%sd, prior%sd*effect)]
+            one%name = prior%name
+            one%record = prior%record
+            one%sd = prior%sd
+            one%effect = prior%sd*effect
+            held = [held, one]
          end associate
       end do
    end subroutine held_errors
