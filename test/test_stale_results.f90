@@ -5,9 +5,10 @@ program test_stale_results
    use beamid_blocks, only: block_t
    use beamid_case_files, only: add_case, case_t, list_keys
    use beamid_cases, only: needs_nothing, read_case
+   use beamid_checksums, only: crc64
    use beamid_ensembles, only: member_t
    use beamid_errors, only: error_t
-   use beamid_fingerprints, only: crc64, fingerprint_length, fingerprint_t
+   use beamid_fingerprints, only: fingerprint_length, fingerprint_t
    use beamid_fleets, only: fleet_case_t, open_fleet_case, read_fleet
    use beamid_kinds, only: wp
    use beamid_member_rows, only: members_header, read_members

@@ -5,6 +5,7 @@
 !> overlook a change with a probability of 1e-3. It detects accidental changes, not forged files.
 module beamid_fingerprints
    use, intrinsic :: iso_fortran_env, only: int64
+   use beamid_checksums, only: crc64
    use beamid_errors, only: error_t
    use beamid_files, only: read_text
    use beamid_kinds, only: ip
@@ -12,7 +13,7 @@ module beamid_fingerprints
    implicit none
    private
 
-   public :: fingerprint_t, crc64
+   public :: fingerprint_t
 
    !> Number of hexadecimal digits of a fingerprint.
    integer, parameter, public :: fingerprint_length = 16
@@ -26,9 +27,6 @@ module beamid_fingerprints
       procedure :: add_file
       procedure :: digits
    end type fingerprint_t
-
-   !> The polynomial of ECMA-182, its lowest coefficient in the highest bit.
-   integer(int64), parameter :: polynomial = int(z'c96c5795d7870f42', int64)
 
 contains
 
@@ -65,27 +63,5 @@ contains
       write (digits, '(z16.16)') self%checksum
       digits = lower(digits)
    end function digits
-
-   !> Returns the CRC-64/XZ of a text, or of everything that `before` stands for and the text.
-   !>
-   !> before  the checksum of the preceding bytes; 0: there are none
-   pure integer(int64) function crc64(text, before)
-      character(len=*), intent(in) :: text
-      integer(int64), intent(in) :: before
-      integer(int64) :: rest(0:255)   !< remainders of single bytes
-      integer(ip) :: at
-      integer :: k
-
-      rest = [(k, k=0, 255)]
-      do k = 1, 8
-         rest = merge(ieor(shiftr(rest, 1), polynomial), shiftr(rest, 1), btest(rest, 0))
-      end do
-      crc64 = not(before)
-      do at = 1, len(text, ip)
-         crc64 = ieor(shiftr(crc64, 8), &
-            rest(iand(ieor(crc64, iachar(text(at:at), int64)), 255_int64)))
-      end do
-      crc64 = not(crc64)
-   end function crc64
 
 end module beamid_fingerprints

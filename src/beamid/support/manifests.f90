@@ -6,6 +6,7 @@
 module beamid_manifests
    use, intrinsic :: iso_c_binding, only: c_associated, c_int, c_null_char, c_ptr, c_size_t
    use, intrinsic :: iso_fortran_env, only: int32
+   use beamid_checksums, only: crc32
    use beamid_errors, only: bad_input, error_t
    use beamid_files, only: read_text
    use beamid_kinds, only: ip
@@ -24,8 +25,6 @@ module beamid_manifests
    integer, parameter, public :: entry_length = 320
 
    character(len=*), parameter :: line_feed = achar(10)
-   !> The polynomial of ISO 3309, its lowest coefficient in the highest bit.
-   integer(int32), parameter :: polynomial = int(z'edb88320', int32)
 
 contains
 
@@ -187,25 +186,5 @@ contains
       write (digits, '(z8.8)') checksum
       digits = lower(digits)
    end function hexadecimal
-
-   !> The checksum of a text, or of all that is behind `before` and the text.
-   pure integer(int32) function crc32(text, before)
-      character(len=*), intent(in) :: text
-      integer(int32), intent(in) :: before
-      integer(int32) :: rest(0:255)   !< remainders of single bytes
-      integer(ip) :: at
-      integer :: k
-
-      rest = [(k, k=0, 255)]
-      do k = 1, 8
-         rest = merge(ieor(shiftr(rest, 1), polynomial), shiftr(rest, 1), btest(rest, 0))
-      end do
-      crc32 = not(before)
-      do at = 1, len(text, ip)
-         crc32 = ieor(shiftr(crc32, 8), &
-            rest(iand(ieor(crc32, iachar(text(at:at), int32)), 255_int32)))
-      end do
-      crc32 = not(crc32)
-   end function crc32
 
 end module beamid_manifests
