@@ -124,6 +124,7 @@ contains
       type(fit_t) :: found
       type(variable_t) :: from(size(best))
       type(residual_check_t) :: check
+      type(trial_t) :: trial
       type(error_t), allocatable :: error
       integer :: k
 
@@ -133,7 +134,9 @@ contains
          if (present(grows)) call grow(part, from, options, monitor, label, names)
          call settle(part, from, options, found, error, monitor, label, names, settled=0.5_wp)
          if (allocated(error)) cycle
-         trials = [trials, trial_t(found%estimate, misfit_of(part, found))]
+         trial%estimate = found%estimate
+         trial%misfit = misfit_of(part, found)
+         trials = [trials, trial]
          if (trials(size(trials))%misfit > minval(trials%misfit)) cycle
          best = from%from(found%estimate)
          associate (m => problem%samples())

@@ -142,6 +142,7 @@ contains
          real(wp), intent(in) :: values(:)
          character(len=*), intent(in) :: why
          real(wp), intent(in), optional :: worst
+         type(winner_t) :: winner
          real(wp) :: least
          integer :: best, i
 
@@ -154,7 +155,9 @@ contains
             winners(i)%why = winners(i)%why//', '//why
             return
          end do
-         winners = [winners, winner_t(best, why)]
+         winner%place = best
+         winner%why = why
+         winners = [winners, winner]
       end subroutine add
 
    end subroutine find_winners
