@@ -96,13 +96,17 @@ contains
       character(len=*), intent(in) :: pieces
       integer(int64) :: now, rate
 
-      call self%done(part, whole)
+      if (whole > 0) call self%done(part, whole)
       call system_clock(now, rate)
       if (self%quiet .or. part == whole) return
       if (now - max(self%told, self%begin) < merge(rate/5, 10*rate, self%overwrite)) return
       self%told = now
-      call write_over(self, to_text(part)//' of '//to_text(whole)//' '//pieces//', about '// &
-         to_text(ceiling(self%left))//' s left')
+      if (whole == 0) then
+         call write_over(self, to_text(part)//' '//pieces)
+      else
+         call write_over(self, to_text(part)//' of '//to_text(whole)//' '//pieces//', about '// &
+            to_text(ceiling(self%left))//' s left')
+      end if
    end subroutine advanced
 
    !> What is left takes as long as what is done has taken, in proportion.

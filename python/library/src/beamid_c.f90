@@ -13,7 +13,7 @@ module beamid_c
    use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
    use, intrinsic :: iso_c_binding, only: c_char, c_double, c_int, c_int64_t
    use beamid_c_calls, only: beamid_begin, beamid_end, beamid_watch_forks, characters, &
-      progress_of_call, progress_t, told
+      end_progress, progress_of_call, progress_t, told
    use beamid_c_handles, only: close_handle, give_back, new_handle
    use beamid_c_objects, only: borrow_outcome, borrow_problem, outcome_t, problem_t
    use beamid_c_responses, only: beamid_respond
@@ -166,7 +166,7 @@ contains
          progress => progress_of_call()
          if (.not. allocated(error)) call fit_case(outcome%case, outcome%found, error, progress, &
             check=check == 1)
-         if (associated(progress)) deallocate (progress)
+         call end_progress(progress)
          if (allocated(error)) then
             deallocate (outcome)
          else
@@ -232,7 +232,7 @@ contains
             ! The longest part of a verdict works without texts, and beside other threads.
             progress => progress_of_call()
             call add_mesh_shifts(outcome%case, outcome%found, error, progress)
-            if (associated(progress)) deallocate (progress)
+            call end_progress(progress)
             !$omp critical (texts_of_beamid)
             if (.not. allocated(error)) call judge_case(outcome%case, outcome%found, error)
             if (.not. allocated(error)) call report_fit(outcome%case, outcome%found, tables, &
@@ -278,7 +278,7 @@ contains
          progress => progress_of_call()
          if (.not. allocated(error)) call infer(characters(command), outcome%case, outcome%found, &
             inferences, error, progress)
-         if (associated(progress)) deallocate (progress)
+         call end_progress(progress)
          !$omp critical (texts_of_beamid)
          if (.not. allocated(error)) then
             tables = outcome%tables

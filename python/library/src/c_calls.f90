@@ -14,13 +14,16 @@ module beamid_c_calls
    implicit none
    private
 
-   public :: beamid_watch_forks, beamid_begin, beamid_end, check_fork, progress_t, progress_of_call
-   public :: characters, told
+   public :: beamid_watch_forks, beamid_begin, beamid_end, check_fork
+   public :: progress_t, progress_of_call, end_progress, characters, told
 
    !> Passes the progress of a computation on to the callback of the call.
    type, extends(monitor_t) :: progress_t
       procedure(callback), pointer, nopass, private :: tell => null()
       integer(int64), private :: last = -huge(1_int64)   !< when the callback was called
+      !> Work that another thread has completed, of which the callback has not heard yet; 0: none.
+      integer, private :: completed = 0
+      character(len=40), private :: completed_pieces = ''
    contains
       procedure :: iteration
       procedure :: done
@@ -166,20 +169,54 @@ contains
    end subroutine advanced
 
    !> Calls the callback if this is the thread of the call and a tenth of a second has passed, or
-   !> all is done.
+   !> all is done. What another thread completes, the callback hears before the next kind of work.
    subroutine report(self, part, whole, what)
       class(progress_t), intent(inout) :: self
       integer, intent(in) :: part, whole
       character(len=*), intent(in) :: what
       integer(int64) :: now, rate
 
-      if (omp_get_thread_num() /= 0 .or. .not. calling) return
+      if (omp_get_thread_num() /= 0 .or. .not. calling) then
+         if (part /= whole) return
+         self%completed = whole
+         self%completed_pieces = what
+         return
+      end if
+      call tell_completed(self)
       call system_clock(now, rate)
       if (part /= whole .and. now < self%last + rate/10) return
       self%last = now
+      call call_back(self, part, whole, what)
+   end subroutine report
+
+   !> Tells the callback of work that another thread has completed.
+   subroutine tell_completed(self)
+      class(progress_t), intent(inout) :: self
+      integer :: whole
+
+      whole = self%completed
+      self%completed = 0
+      if (whole > 0) call call_back(self, whole, whole, trim(self%completed_pieces))
+   end subroutine tell_completed
+
+   subroutine call_back(self, part, whole, what)
+      class(progress_t), intent(in) :: self
+      integer, intent(in) :: part, whole
+      character(len=*), intent(in) :: what
+
       if (self%tell(int(part, c_int), int(whole, c_int), what, len(what, c_int)) /= 0) &
          call stop_call()
-   end subroutine report
+   end subroutine call_back
+
+   !> Tells the callback of work that was completed last, and frees the monitor; to be called in the
+   !> thread of the call. Does nothing if the monitor is null.
+   subroutine end_progress(monitor)
+      type(progress_t), pointer, intent(inout) :: monitor
+
+      if (.not. associated(monitor)) return
+      call tell_completed(monitor)
+      deallocate (monitor)
+   end subroutine end_progress
 
    !> Returns the status of an error, 0 for none, and copies its message as far as there is room.
    integer(c_int) function told(error, message) result(status)

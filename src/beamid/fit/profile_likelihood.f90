@@ -8,7 +8,7 @@ module beamid_profile_likelihood
    use beamid_errors, only: error_t
    use beamid_gauss_newton, only: least_squares_step, scales_of
    use beamid_kinds, only: wp
-   use beamid_least_squares, only: fit, fit_t, options_t
+   use beamid_least_squares, only: fit, fit_t, monitor_t, options_t
    use beamid_problems, only: smooth_problem_t
    use beamid_strings, only: to_text
    use beamid_variables, only: unbounded, variable_t
@@ -63,13 +63,15 @@ contains
    !> direction  -1 or 1
    !> rise       of J at the end of the interval, > 0
    !> first      length of a step by which J may rise by `rise`, > 0, as linear theory has it
+   !> monitor    hears of each point
    subroutine follow_profile(problem, rows, variables, estimate, J_min, k, direction, rise, first, &
-      side)
+      side, monitor)
       class(smooth_problem_t), intent(inout), target :: problem
       integer, intent(in) :: rows, k, direction
       type(variable_t), intent(in) :: variables(:)
       real(wp), intent(in) :: estimate(:), J_min, rise, first
       type(side_t), intent(out) :: side
+      class(monitor_t), intent(inout), optional :: monitor
       integer, parameter :: most = 200, most_halvings = 8
       type(section_t) :: section
       type(error_t), allocatable :: error
@@ -118,6 +120,11 @@ contains
          end associate
          here = there
          call add_point(side, k, here, J, z)
+         if (present(monitor)) then
+            !$omp critical (one_side_done)
+            call monitor%advanced(size(side%J), 0, 'points of a profile')
+            !$omp end critical (one_side_done)
+         end if
          if (abs(here(k) - bound) <= near*abs(estimate(k) - bound)) then
             side%state = at_bound
             side%end = bound

@@ -109,6 +109,7 @@ contains
 
    !> As `done`, of work without iterations.
    !>
+   !> whole   0: not known
    !> pieces  what the work is counted in, 'draws'
    subroutine advanced(self, part, whole, pieces)
       class(monitor_t), intent(inout) :: self

@@ -242,7 +242,7 @@ contains
       do k = 1, size(scale)
          if (which(k) == 0) cycle
          associate (prior => problem%priors(which(k)))
-            known(k) = (scale(k)/prior%width(prior%centre(problem%given, problem%record(k))))**2
+            known(k) = (scale(k)/prior%width(prior%centre_in(problem%record(k))))**2
          end associate
       end do
    end function known_before

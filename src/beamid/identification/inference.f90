@@ -9,7 +9,6 @@ module beamid_inference
    use beamid_kinds, only: wp
    use beamid_least_squares, only: fit, fit_t, monitor_t, options_t
    use beamid_noise, only: gaussian_noise
-   use beamid_parameters, only: as_named
    use beamid_posteriors, only: new_posterior, posterior_t
    use beamid_priors, only: priors_of
    use beamid_profile_likelihood, only: follow_profile, is_open, side_t
@@ -89,7 +88,6 @@ contains
       call new_residuals(model, mesh, experiments, problem, error, any(found%free == of_kappa_R))
       if (allocated(error)) return
       problem%world = found%world
-      problem%given = found%given
       problem%weight = found%weight
       problem%noise = found%noise
       problem%strength = found%strength
@@ -151,7 +149,7 @@ contains
 
          mine = problem
          call follow_profile(mine, mine%rows(), variables, found%fit%estimate, &
-            sum(found%fit%residual**2), k, 2*side - 3, rise(k), first(k), sides(side, k))
+            sum(found%fit%residual**2), k, 2*side - 3, rise(k), first(k), sides(side, k), monitor)
       end subroutine follow
 
    end subroutine profile_fit
@@ -339,7 +337,7 @@ contains
       integer, intent(in) :: seed
       real(wp), allocatable :: noise(:)
       real(wp) :: z(size(found%free)), inflation
-      integer :: which(size(found%free)), i, k, m, row
+      integer :: which(size(found%free)), i, k, m, record, row
 
       ! Residuals are smaller than the noise by what the fit has taken.
       inflation = sqrt(real(found%statistics%samples, wp)/found%statistics%freedom)
@@ -365,8 +363,9 @@ contains
       do k = 1, size(which)
          if (which(k) == 0) cycle
          associate (prior => problem%priors(which(k)), q => found%quantities(k))
-            prior%value = as_named(q%parameter, q%searched &
-               + z(k)*prior%width(prior%centre(problem%given, problem%record(k))))
+            record = problem%record(k)
+            prior%centre(max(1, record, prior%record)) = q%searched &
+               + z(k)*prior%width(prior%centre_in(record))
          end associate
       end do
    end subroutine disturb

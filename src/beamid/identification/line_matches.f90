@@ -158,7 +158,7 @@ contains
       cost = huge(cost)
       matching%problem = problem
       matching%beliefs = beliefs_about(problem%world, problem%free, problem%record, &
-         [variables%start], problem%priors, problem%given)
+         [variables%start], problem%priors)
       do k = 1, size(variables)
          if (is_coefficient(problem%free(k))) matching%beliefs(k)%width = 1
          if (problem%free(k) == of_x_D) matching%beliefs(k)%width = 0.2_wp &

@@ -69,20 +69,18 @@ contains
    !> else to a factor e.
    !>
    !> free, records, starts  (n) parameters, the record of each, or 0, and values
-   !> given                  the world as the case has it, to which the priors refer
-   pure function beliefs_about(world, free, records, starts, priors, given) result(beliefs)
+   pure function beliefs_about(world, free, records, starts, priors) result(beliefs)
       type(world_t), intent(in) :: world
       integer, intent(in) :: free(:), records(:)
       real(wp), intent(in) :: starts(:)
       type(prior_t), intent(in) :: priors(:)
-      type(world_t), intent(in) :: given
       type(belief_t) :: beliefs(size(starts))
       integer :: k, r, stated(size(starts))
 
       stated = priors_of(priors, free, records)
       beliefs%centre = starts
       do k = 1, size(starts)
-         if (stated(k) > 0) beliefs(k)%centre = priors(stated(k))%centre(given, records(k))
+         if (stated(k) > 0) beliefs(k)%centre = priors(stated(k))%centre_in(records(k))
       end do
       do k = 1, size(starts)
          r = max(1, records(k))

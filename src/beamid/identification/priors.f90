@@ -18,9 +18,11 @@ module beamid_priors
       integer :: record = 0                !< that it is about; 0: all, with one error in common
       real(wp), allocatable :: value       !< not allocated: the one that the case has
       real(wp) :: sd = 0                   !< standard deviation, in the unit of the parameter
+      real(wp), allocatable :: centre(:)   !< (records) of what a search looks for, by `refer_to`
    contains
       procedure :: is_about
-      procedure :: centre
+      procedure :: refer_to
+      procedure :: centre_in
       procedure :: width
    end type prior_t
 
@@ -53,22 +55,32 @@ contains
          (self%record == 0 .or. record == 0 .or. self%record == record)
    end function is_about
 
-   !> Where it is believed to be: of what a search looks for, which may be the reciprocal.
+   !> Notes where the parameter is believed to be in each record: what a search looks for, which may
+   !> be the reciprocal.
    !>
-   !> world   with the values that the case has
-   !> record  0: all
-   pure real(wp) function centre(self, world, record)
-      class(prior_t), intent(in) :: self
+   !> world  with the values that the case has
+   pure subroutine refer_to(self, world)
+      class(prior_t), intent(inout) :: self
       type(world_t), intent(in) :: world
-      integer, intent(in) :: record
       integer :: r
 
-      r = max(1, record, self%record)
+      if (allocated(self%centre)) deallocate (self%centre)
+      allocate (self%centre(size(world%structures)))
       associate (p => self%parameter(1))
-         centre = get_free(world%structures(r), world%excitations(r), p)
-         if (allocated(self%value)) centre = as_named(p, self%value)
+         do r = 1, size(self%centre)
+            self%centre(r) = get_free(world%structures(r), world%excitations(r), p)
+         end do
+         if (allocated(self%value)) self%centre = as_named(p, self%value)
       end associate
-   end function centre
+   end subroutine refer_to
+
+   !> Where the parameter of a record (0: of all) is believed to be, once `refer_to` was called.
+   pure real(wp) function centre_in(self, record)
+      class(prior_t), intent(in) :: self
+      integer, intent(in) :: record
+
+      centre_in = self%centre(max(1, record, self%record))
+   end function centre_in
 
    !> The standard deviation of what a search looks for, that of 1/k being sd/k**2.
    pure real(wp) function width(self, centre)

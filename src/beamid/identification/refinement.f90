@@ -99,7 +99,6 @@ contains
          stage = found%again()
          call set_free(problem, stage)
          problem%world = found%world
-         problem%given = found%given
          problem%weight = found%weight
          problem%noise = found%noise
          problem%strength = found%strength

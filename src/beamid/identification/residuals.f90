@@ -35,7 +35,6 @@ module beamid_residuals
       !> (records) what makes the noise of each white; not allocated: it is
       type(autoregression_t), allocatable :: colour(:)
       type(prior_t), allocatable :: priors(:)
-      type(world_t) :: given                       !< with the values of the case
       real(wp) :: noise = 1                        !< of a weighted sample
       !> of the penalties on E(x) and c_D(x); 0: none [1 in units of J]
       real(wp) :: strength(profiles) = 0
@@ -96,9 +95,11 @@ contains
             model%observation, model%solver, problem%parts(i), error)
          if (allocated(error)) return
       end do
-      problem%given = problem%world
       allocate (problem%priors(0))
       if (allocated(model%priors)) problem%priors = model%priors
+      do i = 1, size(problem%priors)
+         call problem%priors(i)%refer_to(problem%world)
+      end do
       call problem%guess_noise()
    end subroutine new_residuals
 
@@ -449,7 +450,7 @@ contains
          if (which(k) == 0) cycle
          row = row + 1
          associate (prior => self%priors(which(k)))
-            centre = prior%centre(self%given, self%record(k))
+            centre = prior%centre_in(self%record(k))
             slope = self%noise/prior%width(centre)
             r(row) = slope*(parameters(k) - centre)
          end associate

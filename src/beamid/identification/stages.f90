@@ -38,7 +38,6 @@ module beamid_stages
       type(structure_t) :: structure     !< of the first record, with the estimates in place
       type(excitation_t) :: excitation   !< likewise
       type(world_t) :: world             !< of every record
-      type(world_t) :: given             !< as the case has them
       type(prior_t), allocatable :: priors(:)   !< what else was known
       real(wp), allocatable :: weight(:) !< (records) of the residuals of `fit`
       logical :: weighted = .false.      !< it is 1/noise
@@ -219,7 +218,6 @@ contains
       found%noise = problem%noise
       found%strength = problem%strength
       found%priors = problem%priors
-      found%given = problem%given
       found%world = problem%world
       found%structure = found%world%structures(1)
       found%excitation = found%world%excitations(1)

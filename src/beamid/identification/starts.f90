@@ -162,7 +162,7 @@ contains
       allocate (choice%trials(0))
       call variables_of(stage, problem%world, variables, choice%quantities, error)
       if (.not. allocated(error)) choice%beliefs = beliefs_about(problem%world, &
-         problem%free, problem%record, [variables%start], problem%priors, problem%given)
+         problem%free, problem%record, [variables%start], problem%priors)
    end subroutine new_choice
 
    !> How many modes it takes to determine what can be determined, and what one mode fewer leaves

@@ -335,7 +335,7 @@ contains
       end do
       values = fit%fit%estimate
       owners = fit%quantities(:size(values))%record
-      beliefs = beliefs_about(fit%world, fit%free, owners, values, fit%priors, fit%given)
+      beliefs = beliefs_about(fit%world, fit%free, owners, values, fit%priors)
       lost = resting(s, ds, visible, beliefs, values) .and. &
          .not. resting(s, ds, there, beliefs, values)
       do k = 1, size(lost)

@@ -90,7 +90,6 @@ contains
       if (allocated(window%error)) return
       if (.not. problem%exact) call exact_counterpart(model, mesh, parts, turning, exact)
       problem%world = fit%world
-      problem%given = fit%given
       options%relative_error = model%solver%relative_error()
       options%check = .false.
       call run_stage(problem, exact, fit%again(), options, '', found, window%error)

@@ -33,8 +33,8 @@ contains
       type(side_t), intent(in) :: sides(:, :)
       type(text_t), intent(inout) :: profiles, text
       type(interval_t), allocatable, intent(inout) :: intervals(:)
-      integer :: i, k, side
-      real(wp) :: lowest
+      real(wp) :: ends(2), lowest
+      integer :: states(2), i, k, side
 
       if (profiles%is_empty()) call profiles%line( &
          'elements,parameter,value,J,distance,lower_end,upper_end'//names(fit))
@@ -46,8 +46,10 @@ contains
          do i = 1, size(sides(2, k)%value)
             call add_point(sides(2, k), i, 1)
          end do
+         ends = sides(:, k)%end
+         states = sides(:, k)%state
          call append_interval(intervals, 'profile', fit, fit%quantities(k), case%units, &
-            fit%fit%estimate(k), sides(:, k)%end, sides(:, k)%state)
+            fit%fit%estimate(k), ends, states)
          do side = 1, 2
             associate (s => sides(side, k))
                if (s%state == is_lost) call text%line('the profile of '// &
