@@ -74,7 +74,7 @@ contains
       problem%free = case%stages(1)%free
       problem%record = case%stages(1)%owners()
       problem%offset = case%stages(1)%offset
-      call variables_of(case%stages(1), problem%world, variables, quantities, error)
+      call variables_of(case%stages(1), problem%scenario, variables, quantities, error)
       if (allocated(error)) error stop error%message
       print '(a,i0)', 'samples ', problem%samples()
       allocate (r(problem%samples()), jac(problem%samples(), size(variables)))

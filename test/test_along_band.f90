@@ -3,7 +3,7 @@
 program test_along_band
    use beamid_kinds, only: wp
    use beamid_noise, only: gaussian_noise
-   use beamid_profile_bands, only: band, band_t, varies
+   use beamid_field_bands, only: band, band_t, varies
    use beamid_stages, only: stage_fit_t
    use beamid_statistics, only: unlimited
    use beamid_strings, only: to_text
@@ -62,9 +62,10 @@ contains
          s%corrected_error = 1.5_wp*s%std_error
          s%corrected_half_width = t*s%corrected_error
       end associate
-      fit%structure%length = 2
-      fit%structure%E = 10
-      fit%structure%c_D = 1
+      allocate (fit%scenario%structures(1), fit%scenario%excitations(1))
+      fit%scenario%structures(1)%length = 2
+      fit%scenario%structures(1)%E = 10
+      fit%scenario%structures(1)%c_D = 1
    end function made_fit
 
    !> Standard deviation of log value at every place by draws of the parameters.
@@ -95,7 +96,7 @@ contains
          z = matmul(root, noise((k - 1)*n + 1:k*n))
          drawn = fit
          do j = 1, n
-            call drawn%structure%set(fit%free(j), fit%quantities(j)%value + z(j))
+            call drawn%scenario%structures(1)%set(fit%free(j), fit%quantities(j)%value + z(j))
          end do
          found = band(drawn, of_E_x, points)
          logs = log(found%value)
@@ -112,13 +113,14 @@ contains
       integer :: j
 
       fit = made_fit(E_at(:8), [(10 + sin(real(j, wp)), j=1, 8)], 0.02_wp)
-      fit%structure%variations%along(of_E_x)%coefficients = 8
-      call check('a structure alone does not vary', .not. varies(fit%structure, of_E_x))
+      fit%scenario%structures(1)%variations%along(of_E_x)%coefficients = 8
+      call check('a structure alone does not vary', .not. varies(fit%scenario%structures(1), &
+         of_E_x))
       do j = 1, 8
-         call fit%structure%set(E_at(j), fit%quantities(j)%value)
+         call fit%scenario%structures(1)%set(E_at(j), fit%quantities(j)%value)
       end do
-      call check('E varies, c_D does not', varies(fit%structure, of_E_x) .and. &
-         .not. varies(fit%structure, of_c_D_x))
+      call check('E varies, c_D does not', varies(fit%scenario%structures(1), of_E_x) .and. &
+         .not. varies(fit%scenario%structures(1), of_c_D_x))
       found = band(fit, of_E_x, 21)
       sd = scatter(fit, 21, 4000)
       call check_close('coefficients: value at the root', found%value(1), &
@@ -136,9 +138,9 @@ contains
       real(wp) :: sd(21)
 
       fit = made_fit([of_E, of_x_D, of_w_D, of_d_D], [10.0_wp, 0.8_wp, 0.3_wp, 0.4_wp], 0.01_wp)
-      call fit%structure%set(of_x_D, 0.8_wp)
-      call fit%structure%set(of_w_D, 0.3_wp)
-      call fit%structure%set(of_d_D, 0.4_wp)
+      call fit%scenario%structures(1)%set(of_x_D, 0.8_wp)
+      call fit%scenario%structures(1)%set(of_w_D, 0.3_wp)
+      call fit%scenario%structures(1)%set(of_d_D, 0.4_wp)
       found = band(fit, of_E_x, 21)
       sd = scatter(fit, 21, 4000)
       call check_close('dip: value in its middle', found%value(9), 6.0_wp, 1e-12_wp)
@@ -157,9 +159,9 @@ contains
       integer :: k
 
       fit = made_fit([of_E, of_x_D], [10.0_wp, 0.8_wp], 20.0_wp)
-      call fit%structure%set(of_x_D, 0.8_wp)
-      call fit%structure%set(of_w_D, 0.1_wp)
-      call fit%structure%set(of_d_D, 0.4_wp)
+      call fit%scenario%structures(1)%set(of_x_D, 0.8_wp)
+      call fit%scenario%structures(1)%set(of_w_D, 0.1_wp)
+      call fit%scenario%structures(1)%set(of_d_D, 0.4_wp)
       found = band(fit, of_E_x, 11)
       call check('limits are positive', all([(found%lower(k) > 0 .and. found%lower(k) < &
          found%value(k) .and. found%upper(k) > found%value(k), k=1, 11)]))
@@ -168,7 +170,7 @@ contains
       found = band(fit, of_E_x, 11)
       call check('no limits', all([(.not. found%lower(k) > 0 .and. found%upper(k) >= unlimited, &
          k=1, 11)]))
-      fit%structure%c_D = 0
+      fit%scenario%structures(1)%c_D = 0
       found = band(fit, of_c_D_x, 11)
       call check('c_D was not searched for', .not. found%is_estimate)
    end subroutine test_limits

@@ -156,8 +156,8 @@ contains
       call refused_case('a file beside value', along(from//', value=0,4'), &
          '5: &along value: found a value|expected none beside file')
       call write_good_files(along(from))
-      call write_file(folder//'along.csv', 'hello world'//new_line('a'))
-      call refused_now('no table', 'simulate', 'case.nml', 'along.csv:1: found ''hello world''')
+      call write_file(folder//'along.csv', 'hello scenario'//new_line('a'))
+      call refused_now('no table', 'simulate', 'case.nml', 'along.csv:1: found ''hello scenario''')
       call write_file(folder//'along.csv', '')
       call refused_now('an empty table', 'simulate', 'case.nml', 'along.csv|no line of data')
       call write_file(folder//'along.csv', 'x,value'//new_line('a')//'0,80'//new_line('a')// &

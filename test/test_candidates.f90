@@ -41,11 +41,11 @@ contains
       new%mesh = mesh_t(elements=4)
       new%model%structure = structure_t(length=4, rho=0.03_wp, E=80, I=1, m_T=0.15_wp)
       allocate (new%stages(0), new%experiments(records), new%fit%quantities(size(free)))
-      allocate (new%fit%world%structures(records), new%fit%world%excitations(records))
+      allocate (new%fit%scenario%structures(records), new%fit%scenario%excitations(records))
       allocate (new%owner(size(parameters), records), source=held)
       new%owner(free, :) = shared
       new%fit%free = free
-      new%fit%world%structures = new%model%structure
+      new%fit%scenario%structures = new%model%structure
       do r = 1, records
          new%experiments(r)%samples = [0.1_wp, 0.2_wp]
          new%experiments(r)%measured = [1.0_wp, 2.0_wp]
@@ -60,7 +60,7 @@ contains
       type(excitation_t), intent(in) :: excitation
 
       model%experiments(r)%excitation = excitation
-      model%fit%world%excitations(r) = excitation
+      model%fit%scenario%excitations(r) = excitation
    end subroutine drive
 
    subroutine expect(what, nested)
@@ -75,9 +75,9 @@ contains
       call prepare()
       call expect('E within E and m_T', .true.)
       call check('but not the other way round', .not. is_nested(b, a))
-      a%fit%world%structures%m_T = 0.2_wp
+      a%fit%scenario%structures%m_T = 0.2_wp
       call expect('another mass, free in the larger', .true.)
-      a%fit%world%structures%rho = 0.031_wp
+      a%fit%scenario%structures%rho = 0.031_wp
       call expect('another density, held in both', .false.)
       call prepare()
       b%owner(free_index('E'), :) = held
@@ -86,7 +86,7 @@ contains
       ! The tip is where the beam ends, here and there.
       call prepare()
       b%owner(free_index('length'), :) = shared
-      b%fit%world%structures%length = 4.1_wp
+      b%fit%scenario%structures%length = 4.1_wp
       call expect('a length that is free in the larger', .true.)
       b%owner(free_index('length'), :) = held
       call expect('another length, held', .false.)
@@ -97,12 +97,12 @@ contains
       integer :: r
 
       call prepare()
-      a%fit%world%structures(2)%rho = 0.031_wp
+      a%fit%scenario%structures(2)%rho = 0.031_wp
       call expect('another density in the second record', .false.)
-      b%fit%world%structures(2)%rho = 0.031_wp
+      b%fit%scenario%structures(2)%rho = 0.031_wp
       call expect('the same one there', .true.)
       call prepare()
-      a%fit%world%structures(2)%m_T = 0.2_wp
+      a%fit%scenario%structures(2)%m_T = 0.2_wp
       call expect('masses of their own for the shared one', .false.)
       b%owner(free_index('m_T'), :) = [(r, r=1, records)]
       call expect('masses of their own for each its own', .true.)
@@ -121,21 +121,21 @@ contains
 
    subroutine test_places()
       call prepare()
-      a%fit%world%structures(2)%x_F = 2
+      a%fit%scenario%structures(2)%x_F = 2
       call expect('a force elsewhere', .false.)
-      a%fit%world%structures(2)%x_F = 4
+      a%fit%scenario%structures(2)%x_F = 4
       call expect('a force at the tip, by its place', .true.)
       b%owner(of_x_F, :) = shared
-      a%fit%world%structures(2)%x_F = b%fit%world%structures(2)%x_F
+      a%fit%scenario%structures(2)%x_F = b%fit%scenario%structures(2)%x_F
       call expect('a force at a free place', .true.)
       call prepare()
-      a%fit%world%structures%sensor(1)%x_S = 3
+      a%fit%scenario%structures%sensor(1)%x_S = 3
       call expect('a sensor elsewhere', .false.)
       b%owner(of_x_S, :) = shared
       call expect('a sensor at a free place', .true.)
       call prepare()
       a%model%structure%supports = 1
-      a%fit%world%structures%support(1)%x_P = 2
+      a%fit%scenario%structures%support(1)%x_P = 2
       call expect('a support', .false.)
       b%owner(x_P_at(1), :) = shared
       call expect('a support, and a free place of what is not there', .false.)

@@ -8,7 +8,7 @@ program test_clusters
    use beamid_errors, only: error_t
    use beamid_excitation, only: excitation_t, new_force_table, new_free, new_pulse
    use beamid_experiments, only: experiment_t
-   use beamid_fields, only: field_t, find_field
+   use beamid_beam_motions, only: beam_motion_t, find_motion
    use beamid_fitted_modes, only: fitted_mode_t, fitted_modes
    use beamid_free_motion, only: free_mode_t
    use beamid_galerkin, only: galerkin_t, mesh_t, new_galerkin
@@ -297,7 +297,7 @@ contains
       type(equations_t), target :: equations
       type(excitation_t) :: excitation
       type(error_t), allocatable :: error
-      type(field_t) :: field
+      type(beam_motion_t) :: field
       type(full_t) :: full
       real(wp), allocatable :: force(:)
       real(qp) :: exact(samples, 3)
@@ -307,7 +307,7 @@ contains
       call prepare(tuned)
       call table(excitation, force)
       equations = new_equations(galerkin, tuned, excitation)
-      call find_field(equations, excitation, [(k*step, k=1, samples)], field, error)
+      call find_motion(equations, excitation, [(k*step, k=1, samples)], field, error)
       call check('field: found', .not. allocated(error))
       if (allocated(error)) return
       full = new_full(galerkin, tuned, excitation)

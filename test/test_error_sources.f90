@@ -101,7 +101,7 @@ contains
             do k = 1, 2
                moved = model
                deallocate (moved%priors)
-               moved%structure = fits(1)%structure
+               moved%structure = fits(1)%scenario%structures(1)
                step = 5e-2_wp*one%sd*(3 - 2*k)
                do p = 1, size(one%parameter)
                   call moved%structure%set(one%parameter(p), &

@@ -4,7 +4,8 @@ program test_fields
    use beamid_equations, only: equations_t, new_equations
    use beamid_errors, only: error_t
    use beamid_excitation, only: excitation_t, new_force_table, new_pulse
-   use beamid_fields, only: field_t, find_field, graded_times, motion_size, norm_H, norm_V
+   use beamid_beam_motions, only: beam_motion_t, find_motion, graded_times, motion_size, norm_H, &
+      norm_V
    use beamid_galerkin, only: galerkin_t, mesh_t, new_galerkin
    use beamid_kinds, only: wp
    use beamid_modal, only: modal_t
@@ -62,7 +63,7 @@ contains
       type(galerkin_t), target :: galerkin
       type(equations_t), target :: equations
       type(excitation_t) :: excitation
-      type(field_t) :: field
+      type(beam_motion_t) :: field
       type(modal_t) :: modal
       type(response_t) :: exact, seen
       type(structure_t) :: structure
@@ -77,7 +78,7 @@ contains
             excitation = force(k > 2, mod(k, 2) == 0)
             galerkin = new_galerkin(mesh_t(3, 8, 4, 1), structures(s)%length)
             equations = new_equations(galerkin, structures(s), excitation)
-            call find_field(equations, excitation, times(), field, error)
+            call find_motion(equations, excitation, times(), field, error)
             call check(name//'a field', .not. allocated(error))
             if (allocated(error)) return
             call modal%prepare(galerkin, error)
@@ -107,7 +108,7 @@ contains
       type(galerkin_t), target :: galerkin
       type(equations_t) :: equations
       type(excitation_t) :: excitation
-      type(field_t) :: field
+      type(beam_motion_t) :: field
       real(wp), allocatable :: t(:), rest(:), w(:), v(:), a(:)
       real(wp) :: worst
       integer :: s, k, j
@@ -118,7 +119,7 @@ contains
             excitation = force(k > 2, mod(k, 2) == 0)
             galerkin = new_galerkin(mesh_t(3, 8, 4, 1), structures(s)%length)
             equations = new_equations(galerkin, structures(s), excitation)
-            call find_field(equations, excitation, t, field, error)
+            call find_motion(equations, excitation, t, field, error)
             if (allocated(error)) return
             worst = 0
             do j = 2, size(t)
@@ -142,7 +143,7 @@ contains
       type(galerkin_t), target :: galerkin
       type(equations_t), target :: equations
       type(excitation_t) :: excitation
-      type(field_t) :: field
+      type(beam_motion_t) :: field
       type(cvode_t) :: cvode
       type(response_t) :: computed
       type(work_t) :: work
@@ -153,7 +154,7 @@ contains
       do s = 1, 3, 2
          galerkin = new_galerkin(mesh_t(3, 4, 4, 1), structures(s)%length)
          equations = new_equations(galerkin, structures(s), excitation)
-         call find_field(equations, excitation, times(), field, error)
+         call find_motion(equations, excitation, times(), field, error)
          if (allocated(error)) return
          equations%observer = 0
          equations%observer(equations%n) = 1
@@ -175,7 +176,7 @@ contains
       type(galerkin_t), target :: galerkin
       type(equations_t) :: equations
       type(excitation_t) :: excitation
-      type(field_t) :: field
+      type(beam_motion_t) :: field
       real(wp), parameter :: f = 0.7_wp
       real(wp) :: x, norm(1)
       integer :: degree, k
@@ -187,7 +188,7 @@ contains
       do degree = 3, 7, 2
          galerkin = new_galerkin(mesh_t(degree, 5, degree + 1, 1), structure%length)
          equations = new_equations(galerkin, structure, excitation)
-         call find_field(equations, excitation, [200.0_wp], field, error)
+         call find_motion(equations, excitation, [200.0_wp], field, error)
          call check('static: a field', .not. allocated(error))
          if (allocated(error)) return
          associate (l => structure%length, EI => structure%E*structure%I)
@@ -218,7 +219,7 @@ contains
       type(galerkin_t), target :: coarse, fine
       type(equations_t) :: equations
       type(excitation_t) :: excitation
-      type(field_t) :: a, b
+      type(beam_motion_t) :: a, b
       real(wp), allocatable :: t(:), expected(:), difference(:), gap(:)
       real(wp) :: x, size_of(3)
       integer :: k, order
@@ -228,9 +229,9 @@ contains
       coarse = new_galerkin(mesh_t(3, 4, 4, 1), structures(1)%length)
       fine = new_galerkin(mesh_t(5, 8, 6, 1), structures(1)%length)
       equations = new_equations(coarse, structures(1), excitation)
-      call find_field(equations, excitation, t, a, error)
+      call find_motion(equations, excitation, t, a, error)
       equations = new_equations(fine, structures(1), excitation)
-      call find_field(equations, excitation, t, b, error)
+      call find_motion(equations, excitation, t, b, error)
       call check('norms: two fields', .not. allocated(error))
       if (allocated(error)) return
       call check('norms: nothing from itself', &
@@ -297,13 +298,13 @@ contains
       type(structure_t) :: structure
       type(galerkin_t), target :: galerkin
       type(equations_t) :: equations
-      type(field_t) :: field
+      type(beam_motion_t) :: field
 
       structure = structures(1)
       structure%kappa_R = 0.01_wp
       galerkin = new_galerkin(mesh_t(3, 4, 4, 1), structure%length, .true.)
       equations = new_equations(galerkin, structure, force(.false., .false.))
-      call find_field(equations, force(.false., .false.), times(), field, error)
+      call find_motion(equations, force(.false., .false.), times(), field, error)
       call check('refused: a root that turns', allocated(error))
       if (allocated(error)) call check('refused: says so', index(error%message, 'rigid') > 0, &
          error%message)

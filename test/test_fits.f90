@@ -68,7 +68,7 @@ contains
          k = meshes(j)
          associate (a => exact(1, k), b => integrated(1, j))
             label = 'Table 4.1, N = '//to_text(a%elements)//': '
-            model%structure = a%structure
+            model%structure = a%scenario%structures(1)
             call simulate(model, case%meshes(k), samples, simulation, error)
             change = simulation%acceleration - measured - a%fit%residual
             call check_close(label//'the integrator''s error at the minimum', norm2(change) &

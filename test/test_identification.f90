@@ -82,14 +82,16 @@ contains
          call check_close('formula '//to_text(formula)//': start of '//names(i), &
             fits(1)%fit%start(i)/exact(i), merge(0.8_wp, 1.2_wp, i == 1), 1e-12_wp)
          call check_close('formula '//to_text(formula)//': '//names(i)//' is in the structure', &
-            fits(1)%structure%get(free_index(names(i))), fits(1)%fit%estimate(i), 0.0_wp)
+            fits(1)%scenario%structures(1)%get(free_index(names(i))), fits(1)%fit%estimate(i), &
+            0.0_wp)
       end do
       ! (1e-6)^2 of the sum of squares of the record.
       call check_close('formula '//to_text(formula)//': J', fits(1)%fit%J/sum(measured**2), &
          0.0_wp, 1e-12_wp)
       ! Parameters not free stay as they are; the work of the search is counted.
       call check('formula '//to_text(formula)//': others untouched', &
-         abs(fits(1)%structure%c_D - truth%c_D) <= 0 .and. abs(fits(1)%structure%E - truth%E) <= 0)
+         abs(fits(1)%scenario%structures(1)%c_D - truth%c_D) <= 0 .and. &
+         abs(fits(1)%scenario%structures(1)%E - truth%E) <= 0)
       call check('formula '//to_text(formula)//': counts', fits(1)%stage == 1 .and. &
          fits(1)%elements == mesh%elements .and. &
          fits(1)%work%solves >= fits(1)%fit%evaluations .and. &

@@ -5,16 +5,25 @@ program test_modules
    implicit none
 
    !> A folder, and after the colon those that it may use.
-   character(len=*), parameter :: layers(*) = [character(len=90) :: &
+   character(len=*), parameter :: layers(*) = [character(len=120) :: &
       'support:', &
       'model: support', &
       'discretization: support model', &
       'dynamics: support model discretization', &
       'fit: support', &
       'record: support', &
-      'identification: support model discretization dynamics fit record', &
-      'case: support model discretization dynamics fit record identification', &
-      'report: support model discretization dynamics fit record identification case']
+      'problem: support model discretization dynamics fit', &
+      'starts: support model fit record problem', &
+      'identification: support model discretization dynamics fit problem starts', &
+      'judgement: support model discretization dynamics fit record problem starts '// &
+         'identification', &
+      'inference: support model discretization fit problem starts identification', &
+      'case: support model discretization dynamics fit record problem identification inference', &
+      'workflows: support model discretization dynamics fit record problem identification '// &
+         'judgement inference case', &
+      'report: support model discretization dynamics fit problem identification judgement '// &
+         'inference case workflows', &
+      'paper: support model discretization dynamics problem identification']
    character(len=*), parameter :: scratch = 'build/test_modules.txt'
    character(len=80), allocatable :: uses(:, :), files(:), lines(:)
    character(len=80) :: word

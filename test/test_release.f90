@@ -5,7 +5,8 @@ program test_release
    use beamid_cvode, only: cvode_t
    use beamid_errors, only: error_t
    use beamid_excitation, only: excitation_t, new_force_table, new_release
-   use beamid_experiments, only: apparatus_t, experiment_t, linear_t, new_apparatus, seen_modes_t
+   use beamid_experiments, only: prepared_experiment_t, experiment_t, linear_t, &
+      prepare_experiment, seen_modes_t
    use beamid_galerkin, only: mesh_t
    use beamid_identification, only: identify, model_t, simulate, simulation_t, stage_fit_t, stage_t
    use beamid_kinds, only: wp
@@ -299,7 +300,7 @@ contains
       type(structure_t), intent(in) :: structure
       real(wp), parameter :: weights(4) = [1, -8, 8, -1]/12.0_wp
       integer, parameter :: steps(4) = [-2, -1, 1, 2]
-      type(apparatus_t) :: apparatus
+      type(prepared_experiment_t) :: prepared
       type(experiment_t) :: experiment
       type(excitation_t) :: excitation, moved_excitation
       type(structure_t) :: moved
@@ -321,8 +322,9 @@ contains
          way = merge('force       ', 'displacement', kind == 1)
          excitation = new_release(0.02_wp, 0.1_wp, kind == 2)
          experiment%excitation = excitation
-         call new_apparatus(experiment, structure, mesh, by_equation, modal_t(), apparatus, error)
-         call apparatus%evaluate(structure, excitation, .false., places, y, exact, linear, work, &
+         call prepare_experiment(experiment, structure, mesh, by_equation, modal_t(), prepared, &
+            error)
+         call prepared%evaluate(structure, excitation, .false., places, y, exact, linear, work, &
             error, alone)
          call check(what//', by '//trim(way)//': derivatives', .not. allocated(error))
          if (allocated(error)) return
@@ -335,7 +337,7 @@ contains
                moved = structure
                moved_excitation = excitation
                call set_free(moved, moved_excitation, places(p), value + steps(j)*h)
-               call apparatus%evaluate(moved, moved_excitation, .false., [integer ::], y, none, &
+               call prepared%evaluate(moved, moved_excitation, .false., [integer ::], y, none, &
                   linear, work, error, alone)
                if (allocated(error)) y = huge(1.0_wp)
                difference = difference + weights(j)/h*y

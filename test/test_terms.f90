@@ -226,7 +226,7 @@ contains
          call pose(problem, i <= max(1, structures/50), p, error)
          if (allocated(error)) exit
          jac = spread(p, 1, size(r))
-         variables = [(new_variable(p(k), 0.0_wp, unbounded, magnitude(problem%right%world &
+         variables = [(new_variable(p(k), 0.0_wp, unbounded, magnitude(problem%right%scenario &
             %structures(1), places(k))), k=1, size(p))]
          call problem%jacobian(p, r, jac, error)
          if (allocated(error)) exit

@@ -4,7 +4,7 @@ program test_unknowns
    use beamid_excitation, only: new_pulse
    use beamid_kinds, only: wp
    use beamid_structure, only: sensor_t, structure_t, support_t, x_P_at
-   use beamid_unknowns, only: quantity_t, stage_t, variables_of, world_t
+   use beamid_unknowns, only: quantity_t, stage_t, variables_of, scenario_t
    use beamid_variables, only: unbounded, variable_t
    use checks, only: check, check_close, finish
    use models, only: stage_of
@@ -39,15 +39,15 @@ contains
       type(quantity_t), allocatable, intent(out) :: quantities(:)
       type(error_t), allocatable, intent(out) :: error
       type(variable_t), allocatable :: variables(:)
-      type(world_t) :: world
+      type(scenario_t) :: scenario
       integer :: k
 
-      world%structures = structures
-      allocate (world%excitations(size(structures)))
+      scenario%structures = structures
+      allocate (scenario%excitations(size(structures)))
       do k = 1, size(structures)
-         world%excitations(k) = new_pulse(1.0_wp, 0.1_wp)
+         scenario%excitations(k) = new_pulse(1.0_wp, 0.1_wp)
       end do
-      call variables_of(stage, world, variables, quantities, error)
+      call variables_of(stage, scenario, variables, quantities, error)
       if (allocated(error)) return
       call check('starts inside', all(quantities%start > quantities%lower .and. &
          quantities%start < quantities%upper))

@@ -106,7 +106,8 @@ contains
       if (.not. allocated(error)) call new_residuals(model, mesh_t(degree=3, elements=elements), &
          [experiment_t(t, simulation%acceleration, model%excitation)], problem, error)
       if (.not. allocated(error)) call set_unknowns(problem, stage)
-      if (.not. allocated(error)) call variables_of(stage, problem%world, variables, quantities, &
+      if (.not. allocated(error)) call variables_of(stage, problem%scenario, variables, &
+         quantities, &
          error)
       call check('N = '//to_text(elements)//', '//to_text(pieces)//' pieces: set up', &
          .not. allocated(error))
@@ -122,10 +123,10 @@ contains
          alpha = alpha/100
       end do
       J = sum(found%residual(:size(t))**2)/sum(simulation%acceleration**2)
-      problem%world = problem%with(found%estimate)
+      problem%scenario = problem%with(found%estimate)
       do k = 1, points
          xi = (k - 0.5_wp)/points
-         factors = problem%world%structures(1)%factors(xi)
+         factors = problem%scenario%structures(1)%factors(xi)
          distance(k) = abs(factors(1)/truth%at(xi) - 1)
       end do
       sup = maxval(distance)

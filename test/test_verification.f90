@@ -99,7 +99,7 @@ contains
       problem%free = stage%free
       problem%record = stage%owners()
       call exact_counterpart(hosed(1), mesh, experiments, .false., exact)
-      call variables_of(stage, problem%world, variables, quantities, error)
+      call variables_of(stage, problem%scenario, variables, quantities, error)
       call fit(problem, size(measured), variables, options_t(relative_error=rtol), found, error)
       call check('rtol = '//to_text(rtol)//': the fit converges', .not. allocated(error))
    end subroutine fit_of

@@ -4,7 +4,7 @@
 module beamid_acceleration_study
    use beamid
    use beamid_amplification, only: deviation_t, equation_row, formula_times, measure, mode_observers
-   use beamid_fields, only: field_t, find_field
+   use beamid_beam_motions, only: beam_motion_t, find_motion
    use beamid_interrupts, only: stop_flag
    use beamid_paths, only: join_path
    implicit none
@@ -22,7 +22,7 @@ module beamid_acceleration_study
    type :: setting_t
       real(wp) :: c_D = 0
       type(equations_t) :: equations
-      type(field_t) :: exact
+      type(beam_motion_t) :: exact
       real(wp), allocatable :: omega(:)            !< undamped, of the mesh [1/time]
       real(wp), allocatable :: observers(:, :)     !< of each mode's share in the tip's motion
       real(wp), allocatable :: row(:)              !< what (3.13) does to the displacements
@@ -74,7 +74,7 @@ contains
             associate (setting => study%settings(k))
                setting%c_D = structure%c_D
                setting%equations = new_equations(galerkin, structure, excitation)
-               call find_field(setting%equations, excitation, formula_times(study%samples, &
+               call find_motion(setting%equations, excitation, formula_times(study%samples, &
                   study%delta), setting%exact, error)
                if (.not. allocated(error)) call mode_observers(setting%equations, setting%omega, &
                   setting%observers, error)

@@ -2,7 +2,7 @@
 !> quintic mesh, and fits of the cubic meshes to it.
 module beamid_convergence_study
    use beamid
-   use beamid_fields, only: field_t, find_field, graded_times, motion_size
+   use beamid_beam_motions, only: beam_motion_t, find_motion, graded_times, motion_size
    use beamid_interrupts, only: stop_flag
    use beamid_paths, only: join_path
    implicit none
@@ -100,7 +100,7 @@ contains
       type(motion_t), intent(inout) :: study
       type(structure_t), intent(in) :: structure
       real(wp), intent(in) :: finish
-      type(field_t) :: exact, field
+      type(beam_motion_t) :: exact, field
       real(wp), allocatable :: times(:), weights(:)
       integer :: k
 
@@ -122,13 +122,13 @@ contains
 
       subroutine solve(mesh, field)
          type(mesh_t), intent(in) :: mesh
-         type(field_t), intent(out) :: field
+         type(beam_motion_t), intent(out) :: field
          type(galerkin_t), target :: galerkin
          type(equations_t) :: equations
 
          galerkin = new_galerkin(mesh, structure%length)
          equations = new_equations(galerkin, structure, study%excitation)
-         call find_field(equations, study%excitation, times, field, study%failure)
+         call find_motion(equations, study%excitation, times, field, study%failure)
       end subroutine solve
 
    end subroutine find_motions

@@ -85,7 +85,7 @@ contains
       if (.not. results%entries(table_4_4)%wanted) return
       call valley%line('m_H,c_H,k_H,J')
       do k = 1, size(results%valley)
-         associate (q => results%valley(k)%structure)
+         associate (q => results%valley(k)%scenario%structures(1))
             call valley%line(csv_row(full(q%m_H), [q%c_H, q%k_H, results%valley(k)%fit%J]))
          end associate
       end do

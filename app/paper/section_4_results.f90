@@ -159,7 +159,7 @@ contains
             results%scored, results%expected, fits, error)
          if (allocated(error)) return
          entry%fits = fits(:, 1)
-         entry%ours = fits(size(fits, 1), 1)%structure
+         entry%ours = fits(size(fits, 1), 1)%scenario%structures(1)
       end if
       call at(entry%paper, results%scored, entry%response, entry%sum_at_paper, entry%J_at_paper, &
          entry%paper_frequencies)

@@ -69,6 +69,7 @@ contains
       type(results_t), intent(in) :: results
       real(wp), intent(out) :: without, with
       real(wp) :: ridge
+      real(wp), allocatable :: m_H(:)
       integer :: k
 
       associate (valley => results%valley, four => results%entries(table_4_4), &
@@ -80,12 +81,13 @@ contains
             ' - the valley between Tables 4.3 and 4.4: c_D = 0, c_H and k_H fitted for each m_H', &
             '         m_H          c_H          k_H            J  above lowest'])
          do k = 1, size(valley), 2
-            associate (q => valley(k)%structure, J => valley(k)%fit%J)
+            associate (q => valley(k)%scenario%structures(1), J => valley(k)%fit%J)
                call text%line(columns([q%m_H], 12, '#.3')//columns([q%c_H, q%k_H, J], 13)// &
                   columns([J/with - 1], 13, '#%'))
             end associate
          end do
-         associate (J => valley%fit%J, m_H => valley%structure%m_H, places => results%bottoms)
+         m_H = [(valley(k)%scenario%structures(1)%m_H, k=1, size(valley))]
+         associate (J => valley%fit%J, places => results%bottoms)
             call text%line(filled('   local minima along it: #'//repeat(', near m_H = #', &
                size(places)), [real(wp) :: size(places), m_H(places)]))
             do k = 2, size(places)
@@ -100,8 +102,8 @@ contains
             results%J_without_c_D, undamped, with)
          call add_end(text, 'Table 4.4 (all four)', four%paper, four%J_at_paper, &
             results%from_4_4, with)
-         if (abs(undamped%structure%m_H - from_4_3%structure%m_H) < &
-            near*from_4_3%structure%m_H) then
+         if (abs(undamped%scenario%structures(1)%m_H - from_4_3%scenario%structures(1)%m_H) < &
+            near*from_4_3%scenario%structures(1)%m_H) then
             call text%line(' - both ends of the valley lead to ONE minimum')
          else
             call text%line(' - the ends of the valley lead to TWO minima, one no more than local')
@@ -118,7 +120,7 @@ contains
       type(stage_fit_t), intent(in) :: found
       character(len=:), allocatable :: verdict
 
-      associate (move => found%structure%m_H/paper%m_H - 1)
+      associate (move => found%scenario%structures(1)%m_H/paper%m_H - 1)
          verdict = ': no minimum within 5 %'
          if (abs(move) < near) verdict = ': a minimum within 5 %, as the record was built to have'
          call text%line(filled(' - the paper''s '//name//': J = #, #% above the lowest', &

@@ -171,16 +171,16 @@ contains
       minimiser%M = parts + degree
       call pose(problem, elements, minimiser%M, whole, stage, minimiser%failure)
       if (allocated(minimiser%failure)) return
-      call variables_of(stage, whole%world, variables, quantities, minimiser%failure)
+      call variables_of(stage, whole%scenario, variables, quantities, minimiser%failure)
       if (allocated(minimiser%failure)) return
       ! Differences of coefficients a distance 1/parts apart make up the integral of a square.
       unit = sum(problem%record(1)%measured**2)
       call search(whole, problem%functions, parts*unit, alpha, variables, found, &
          minimiser%settled, minimiser%failure)
       if (allocated(minimiser%failure)) return
-      whole%world = whole%with(found%estimate)
+      whole%scenario = whole%with(found%estimate)
       minimiser%J = sum(found%residual(:whole%samples())**2)/unit
-      call compare(problem, whole%world%structures(1), minimiser)
+      call compare(problem, whole%scenario%structures(1), minimiser)
    end subroutine minimise
 
    !> The approximate problem: constants in place, what is free, and Q.

@@ -125,7 +125,7 @@ contains
          if (allocated(error)) return
          problem%free = free
          problem%record = 0*free
-         p = [(get_free(problem%world%structures(1), problem%world%excitations(1), free(k)), &
+         p = [(get_free(problem%scenario%structures(1), problem%scenario%excitations(1), free(k)), &
             k=1, size(free))]
          allocate (y(size(t)))
          call problem%jacobian(p, y, derivatives, error)

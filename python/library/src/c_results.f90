@@ -155,7 +155,7 @@ contains
             case ('units')
                do k = 1, size(fit%quantities)
                   content = content//outcome%case%units%of_quantity(fit%quantities(k)%parameter, &
-                     fit%excitation)//new_line('a')
+                     fit%scenario%excitations(1))//new_line('a')
                end do
             case ('note')
                if (allocated(fit%note)) content = fit%note

@@ -13,7 +13,7 @@ module beamid_stage_groups
       structure_t
    use beamid_values, only: listed, range_t
    use beamid_variables, only: unbounded
-   use beamid_variations, only: constant, profile_t
+   use beamid_variations, only: constant, field_t
    implicit none
    private
 
@@ -117,7 +117,7 @@ contains
          k = findloc(lower_all(free) == lower(trim(plain(a)))//'(x)', .true., dim=1)
          if (k == 0) cycle
          varies = .true.
-         call prepare_profile(block, trim(plain(a))//'(x)', coefficients, kind, known(a), &
+         call prepare_field(block, trim(plain(a))//'(x)', coefficients, kind, known(a), &
             structure%variations%along(a))
          if (block%failed()) return
          allocate (names(coefficients))
@@ -180,23 +180,23 @@ contains
    !> How E or c_D varies along the beam in a fit, the same in all stages.
    !>
    !> known  whether the case says already how it does
-   subroutine prepare_profile(block, name, coefficients, kind, known, profile)
+   subroutine prepare_field(block, name, coefficients, kind, known, field)
       type(block_t), intent(inout) :: block
       character(len=*), intent(in) :: name, kind
       integer, intent(in) :: coefficients
       logical, intent(in) :: known
-      type(profile_t), intent(inout) :: profile
+      type(field_t), intent(inout) :: field
       integer :: degree
 
       degree = merge(3, 1, kind == 'spline')
       if (known) call block%refuse('free', name//' beside &along of the same parameter', &
          'one of them')
-      if (profile%coefficients > 0 .and. (profile%coefficients /= coefficients .or. &
-         profile%degree /= degree)) call block%refuse('coefficients', to_text(coefficients)// &
+      if (field%coefficients > 0 .and. (field%coefficients /= coefficients .or. &
+         field%degree /= degree)) call block%refuse('coefficients', to_text(coefficients)// &
          ' of kind '//kind, 'the same number and kind in all stages')
-      profile%coefficients = coefficients
-      profile%degree = degree
-   end subroutine prepare_profile
+      field%coefficients = coefficients
+      field%degree = degree
+   end subroutine prepare_field
 
    !> As many numbers as there are free parameters.
    subroutine check_count(block, key, values, n)

@@ -26,7 +26,7 @@ contains
 
    !> Every prior of a parameter that is not free, or of several that are not all free.
    !>
-   !> problem   as fitted, the estimates in its world
+   !> problem   as fitted, the estimates in its scenario
    !> estimate  (free)
    !> jacobian  (rows, n) by the n quantities that were estimated, of exact responses those that
    !>           enter linearly included
@@ -84,7 +84,7 @@ contains
          do i = 1, size(problem%parts)
             if (prior%record > 0 .and. i /= prior%record) cycle
             if (any(problem%free == p .and. (problem%record == 0 .or. problem%record == i))) cycle
-            value = get_free(problem%world%structures(i), problem%world%excitations(i), p)
+            value = get_free(problem%scenario%structures(i), problem%scenario%excitations(i), p)
             problem%free = [problem%free, p]
             problem%record = [problem%record, i]
             values = [values, value]

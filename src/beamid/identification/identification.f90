@@ -13,7 +13,7 @@ module beamid_identification
    use beamid_starts, only: check_frequencies
    use beamid_strings, only: to_text
    use beamid_structure, only: of_kappa_R
-   use beamid_unknowns, only: quantity_t, stage_t, world_t
+   use beamid_unknowns, only: quantity_t, stage_t, scenario_t
    use beamid_verification, only: exact_counterpart
    implicit none
    private
@@ -58,7 +58,7 @@ contains
       type(residual_t) :: problem, exact
       type(options_t) :: options
       type(stage_t) :: stage
-      type(world_t) :: as_given
+      type(scenario_t) :: as_given
       type(error_t), allocatable :: objection
       logical :: turning
       integer :: k, p
@@ -66,7 +66,7 @@ contains
       turning = any([(any(stages(k)%free == of_kappa_R), k=1, size(stages))])
       call new_residuals(model, mesh, experiments, problem, error, turning)
       if (allocated(error)) return
-      as_given = problem%world
+      as_given = problem%scenario
       if (.not. problem%exact) call exact_counterpart(model, mesh, experiments, turning, &
          exact)
       options%relative_error = model%solver%relative_error()
@@ -84,13 +84,13 @@ contains
          if (k == 1) then
             if (is_poor(problem, fits(1)%residual, failed=allocated(error))) then
                ! Perhaps because the model is given in other units than the record.
-               problem%world = as_given
+               problem%scenario = as_given
                call check_frequencies(problem, objection)
                if (allocated(objection)) then
                   call move_alloc(objection, error)
                   return
                end if
-               if (.not. allocated(error)) problem%world = fits(1)%world
+               if (.not. allocated(error)) problem%scenario = fits(1)%scenario
             end if
          end if
          if (allocated(error)) then
@@ -219,8 +219,8 @@ contains
       fitted = model
       do mesh = 1, size(fits, 2)
          do stage = 1, size(fits, 1)
-            fitted%structure = fits(stage, mesh)%structure
-            fitted%excitation = fits(stage, mesh)%excitation
+            fitted%structure = fits(stage, mesh)%scenario%structures(1)
+            fitted%excitation = fits(stage, mesh)%scenario%excitations(1)
             call simulate(fitted, meshes(mesh), samples, simulation, error)
             if (allocated(error)) return
             fits(stage, mesh)%score = sum((simulation%acceleration - measured)**2)

@@ -9,7 +9,7 @@ module beamid_smooth_fits
    use beamid_least_squares, only: fit_t, monitor_t, options_t
    use beamid_line_matches, only: match_lines, starts_along
    use beamid_noise_levels, only: fit_with_noise
-   use beamid_residuals, only: penalty_order, profiles, residual_t
+   use beamid_residuals, only: fields, penalty_order, residual_t
    use beamid_smoothing, only: choose_strength, smoothing_t
    use beamid_statistics, only: misfit_of_records
    use beamid_strings, only: to_text
@@ -19,13 +19,13 @@ module beamid_smooth_fits
    implicit none
    private
 
-   public :: fit_smoothly, misfit_of, profile_fit_t, new_profile_fit, trial_t
+   public :: fit_smoothly, misfit_of, field_fit_t, new_field_fit, trial_t
 
    !> What a search says of one of E(x) and c_D(x).
-   type :: profile_fit_t
+   type :: field_fit_t
       integer, allocatable :: place(:)     !< (n) its coefficients among the parameters
       type(smoothing_t) :: smoothing       !< of their logarithms among the other parameters
-   end type profile_fit_t
+   end type field_fit_t
 
    !> Where a search has ended.
    type :: trial_t
@@ -96,7 +96,7 @@ contains
          if (.not. any(is_coefficient(problem%free)) .or. index(error%message, &
             'no convergence') + index(error%message, 'does not settle') == 0) return
          error%message = error%message//'; perhaps '//to_text(maxval([(size( &
-            problem%profile_columns(k)), k=1, profiles)]))//' coefficients are too few for '// &
+            problem%field_columns(k)), k=1, fields)]))//' coefficients are too few for '// &
             'what varies along the beam, or a shorter record does better'
          return
       end if
@@ -187,8 +187,8 @@ contains
       integer :: a, unknowns
 
       unknowns = size(problem%free) + problem%linear_unknowns()
-      do a = 1, profiles
-         unknowns = unknowns - max(0, size(problem%profile_columns(a)) - penalty_order)
+      do a = 1, fields
+         unknowns = unknowns - max(0, size(problem%field_columns(a)) - penalty_order)
       end do
       doublings = max(0, min(most, int(log(problem%samples()/(for_each*real(unknowns, wp))) &
          /log(2.0_wp))))
@@ -209,14 +209,14 @@ contains
       integer, parameter :: most = 60, patience = 10
       real(wp), parameter :: most_at_once = 10
       type(variable_t) :: from(size(variables))
-      type(profile_fit_t) :: profile
+      type(field_fit_t) :: field
       type(options_t) :: quiet
       type(fit_t) :: before
-      real(wp), dimension(profiles) :: step, limit, last
+      real(wp), dimension(fields) :: step, limit, last
       integer :: a, k
 
-      do a = 1, profiles
-         if (size(problem%profile_columns(a)) > 0 .and. .not. problem%strength(a) > 0) &
+      do a = 1, fields
+         if (size(problem%field_columns(a)) > 0 .and. .not. problem%strength(a) > 0) &
             call set_rigid(problem, variables, a, error)
          if (allocated(error)) return
       end do
@@ -229,12 +229,12 @@ contains
       do k = 1, most
          if (allocated(error)) return
          step = 0
-         do a = 1, profiles
+         do a = 1, fields
             if (.not. problem%strength(a) > 0) cycle
-            call new_profile_fit(problem, found%estimate, found%residual, found%jacobian, a, &
-               profile, error)
+            call new_field_fit(problem, found%estimate, found%residual, found%jacobian, a, &
+               field, error)
             if (allocated(error)) return
-            step(a) = log(profile%smoothing%strength/problem%strength(a))
+            step(a) = log(field%smoothing%strength/problem%strength(a))
             ! Step by step: what one function has not explained yet is nothing of the other. And
             ! where each fit has another of two maxima of the likelihood for its largest, or two
             ! functions take turns, shorter ones from turn to turn.
@@ -285,7 +285,7 @@ contains
       integer, allocatable :: columns(:)
       integer :: k
 
-      columns = problem%profile_columns(a)
+      columns = problem%field_columns(a)
       allocate (r(problem%rows()), jacobian(problem%rows(), size(variables)))
       call problem%jacobian([variables%start], r, jacobian, error)
       if (allocated(error)) return
@@ -303,18 +303,18 @@ contains
    !> estimate            (n)
    !> residual, jacobian  (rows), (rows, n or more)
    !> as_used             .true.: all but `asked` belongs to the strength of the problem
-   subroutine new_profile_fit(problem, estimate, residual, jacobian, a, profile, error, as_used)
+   subroutine new_field_fit(problem, estimate, residual, jacobian, a, field, error, as_used)
       type(residual_t), intent(in) :: problem
       real(wp), intent(in) :: estimate(:), residual(:), jacobian(:, :)
       integer, intent(in) :: a
-      type(profile_fit_t), intent(out) :: profile
+      type(field_fit_t), intent(out) :: field
       type(error_t), allocatable, intent(out) :: error
       logical, intent(in), optional :: as_used
       real(wp), allocatable :: J(:, :), r(:), at(:), penalty(:, :), used
       logical, allocatable :: data(:)
       integer :: first, k, n, rows
 
-      profile%place = problem%profile_columns(a)
+      field%place = problem%field_columns(a)
       n = size(estimate)
       call problem%penalty_rows(a, first, rows)
       allocate (data(size(residual)), source=.true.)
@@ -324,8 +324,8 @@ contains
       allocate (penalty(rows, size(J, 2)), source=0.0_wp)
       at = [estimate, spread(0.0_wp, 1, size(J, 2) - n)]
       penalty(:, :n) = jacobian(first:first + rows - 1, :n)/sqrt(problem%strength(a))
-      do k = 1, size(profile%place)
-         associate (p => profile%place(k))
+      do k = 1, size(field%place)
+         associate (p => field%place(k))
             at(p) = log(estimate(p))
             J(:, p) = J(:, p)*estimate(p)
             penalty(:, p) = penalty(:, p)*estimate(p)
@@ -334,8 +334,8 @@ contains
       if (present(as_used)) then
          if (as_used) used = problem%strength(a)
       end if
-      call choose_strength(J, r, at, penalty, profile%smoothing, error, &
+      call choose_strength(J, r, at, penalty, field%smoothing, error, &
          least_strength(problem, residual(:problem%samples())), used)
-   end subroutine new_profile_fit
+   end subroutine new_field_fit
 
 end module beamid_smooth_fits

@@ -2,21 +2,20 @@
 module beamid_stages
    use beamid_distributions, only: chi_square_tail, normal_quantile
    use beamid_errors, only: error_t
-   use beamid_excitation, only: excitation_t
    use beamid_held_errors, only: held_errors, held_t
    use beamid_kinds, only: wp
    use beamid_least_squares, only: fit_t, monitor_t, options_t
    use beamid_line_matches, only: dip_places
    use beamid_parameters, only: as_named, free_magnitude, offset
    use beamid_priors, only: prior_t
-   use beamid_residuals, only: profiles, residual_t
+   use beamid_residuals, only: fields, residual_t
    use beamid_responses, only: work_t
-   use beamid_smooth_fits, only: fit_smoothly, misfit_of, new_profile_fit, profile_fit_t, trial_t
+   use beamid_smooth_fits, only: fit_smoothly, misfit_of, new_field_fit, field_fit_t, trial_t
    use beamid_starts, only: automatic_start, set_free
    use beamid_statistics, only: new_statistics, statistics_t, unlimited
    use beamid_strings, only: to_text
-   use beamid_structure, only: is_coefficient, of_d_D, of_w_D, of_x_D, structure_t
-   use beamid_unknowns, only: name_length, name_of, quantity_t, stage_t, variables_of, world_t
+   use beamid_structure, only: is_coefficient, of_d_D, of_w_D, of_x_D
+   use beamid_unknowns, only: name_length, name_of, quantity_t, stage_t, variables_of, scenario_t
    use beamid_variables, only: unbounded, variable_t
    use beamid_verification, only: verify_integrator
    use beamid_whiteness, only: check_residuals, residual_check_t
@@ -35,15 +34,13 @@ module beamid_stages
       !> (n + k) the parameters, then what was eliminated; statistics are of all of them
       type(quantity_t), allocatable :: quantities(:)
       real(wp), allocatable :: jacobian(:, :)   !< (rows, n + k) by what was searched for
-      type(structure_t) :: structure     !< of the first record, with the estimates in place
-      type(excitation_t) :: excitation   !< likewise
-      type(world_t) :: world             !< of every record
+      type(scenario_t) :: scenario       !< of every record, with the estimates in place
       type(prior_t), allocatable :: priors(:)   !< what else was known
       real(wp), allocatable :: weight(:) !< (records) of the residuals of `fit`
       logical :: weighted = .false.      !< it is 1/noise
       real(wp) :: noise = 1              !< that stands against what else was known
-      real(wp) :: strength(profiles) = 0 !< of the penalties on E(x) and c_D(x); 0: none
-      type(profile_fit_t) :: profiles(profiles)   !< what became of these
+      real(wp) :: strength(fields) = 0 !< of the penalties on E(x) and c_D(x); 0: none
+      type(field_fit_t) :: fields(fields)   !< what became of these
       type(held_t), allocatable :: held(:)      !< errors of parameters that are held
       !> (n) how far finer meshes shift the estimates, of what was searched for, and how well that
       !> is known; not allocated: not asked for, or not found
@@ -160,7 +157,7 @@ contains
       shifted = any([(self%shifts(k), k=1, size(self%mesh_shift))])
    end function shifted
 
-   !> One search and what it says; the estimates stay in the problem's world.
+   !> One search and what it says; the estimates stay in the problem's scenario.
    !>
    !> exact  what an integrator's results are checked against
    subroutine run_stage(problem, exact, stage, options, label, found, error, monitor)
@@ -190,7 +187,7 @@ contains
          call automatic_start(problem, tried, options, found%note, found%doubt, found%other, error)
       if (allocated(error)) return
       n = size(tried%free)
-      call variables_of(tried, problem%world, variables, found%quantities, error)
+      call variables_of(tried, problem%scenario, variables, found%quantities, error)
       if (allocated(error)) return
       names = found%quantities%searched_name()
       call fit_smoothly(problem, variables, options, found%fit, trials, error, monitor, label, &
@@ -204,10 +201,11 @@ contains
          associate (q => found%quantities(k))
             q%searched = found%fit%estimate(k)
             q%value = as_named(q%parameter, q%searched)
-            call problem%world%set(q%parameter, q%record, q%searched)
+            call problem%scenario%set(q%parameter, q%record, q%searched)
             ! What a search leaves beside a bound at 0 is no yardstick.
             r = max(q%record, 1)
-            moderate = free_magnitude(problem%world%structures(r), problem%world%excitations(r), &
+            moderate = free_magnitude(problem%scenario%structures(r), &
+               problem%scenario%excitations(r), &
                q%parameter)
             q%scale = merge(abs(q%searched), moderate, abs(q%searched) > 1e-9_wp*moderate)
          end associate
@@ -218,15 +216,13 @@ contains
       found%noise = problem%noise
       found%strength = problem%strength
       found%priors = problem%priors
-      found%world = problem%world
-      found%structure = found%world%structures(1)
-      found%excitation = found%world%excitations(1)
+      found%scenario = problem%scenario
       call add_linear(problem, found, error)
       if (allocated(error)) return
-      do k = 1, profiles
+      do k = 1, fields
          if (.not. found%strength(k) > 0) cycle
-         call new_profile_fit(problem, found%fit%estimate, found%fit%residual, found%jacobian, k, &
-            found%profiles(k), error, as_used=.true.)
+         call new_field_fit(problem, found%fit%estimate, found%fit%residual, found%jacobian, k, &
+            found%fields(k), error, as_used=.true.)
          if (allocated(error)) return
       end do
       found%work = problem%work
@@ -310,10 +306,10 @@ contains
       integer :: a, k
 
       if (found%statistics%samples == 0) return
-      do a = 1, profiles
+      do a = 1, fields
          if (.not. found%is_too_coarse(a)) cycle
-         do k = 1, size(found%profiles(a)%place)
-            call found%statistics%withdraw(found%profiles(a)%place(k))
+         do k = 1, size(found%fields(a)%place)
+            call found%statistics%withdraw(found%fields(a)%place(k))
          end do
       end do
    end subroutine judge_functions
@@ -325,10 +321,10 @@ contains
       integer, intent(in) :: a
       real(wp), parameter :: nearly_all = 0.9_wp
 
-      is_too_coarse = allocated(self%profiles(a)%place) .and. .not. self%check%white
-      if (is_too_coarse) is_too_coarse = self%profiles(a)%smoothing%bounded .or. &
-         self%profiles(a)%smoothing%at_end < 0 .or. self%profiles(a)%smoothing%freedom &
-         > nearly_all*size(self%profiles(a)%place)
+      is_too_coarse = allocated(self%fields(a)%place) .and. .not. self%check%white
+      if (is_too_coarse) is_too_coarse = self%fields(a)%smoothing%bounded .or. &
+         self%fields(a)%smoothing%at_end < 0 .or. self%fields(a)%smoothing%freedom &
+         > nearly_all*size(self%fields(a)%place)
    end function is_too_coarse
 
    !> The quantities that were eliminated, and derivatives with respect to all.
@@ -340,7 +336,7 @@ contains
       real(wp) :: r(problem%rows())
       integer :: first, i, k, n, modes(size(problem%parts))
 
-      modes = problem%world%excitations%modes
+      modes = problem%scenario%excitations%modes
       n = problem%linear_unknowns()
       if (n == 0) then
          found%jacobian = found%fit%jacobian

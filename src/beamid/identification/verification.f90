@@ -118,7 +118,7 @@ contains
       from_there = variables%from(found%estimate)
       reference = 'the exact response'
       if (allocated(exact%parts)) then
-         exact%world = problem%world
+         exact%scenario = problem%scenario
          exact%free = problem%free
          exact%record = problem%record
          exact%offset = problem%offset

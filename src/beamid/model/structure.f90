@@ -9,7 +9,7 @@ module beamid_structure
    use beamid_columns, only: column_buckles, column_deflection, column_t, new_column
    use beamid_kinds, only: wp
    use beamid_quadrature, only: gauss_legendre, rule_t
-   use beamid_variations, only: of_c_D_x, of_E_x, profile_t, variations_t
+   use beamid_variations, only: of_c_D_x, of_E_x, field_t, variations_t
    implicit none
    private
 
@@ -258,7 +258,7 @@ contains
 
    !> Coefficient j; the others keep theirs, or the value that all have had in common.
    pure subroutine set_coefficient(along, j, common, value)
-      type(profile_t), intent(inout) :: along
+      type(field_t), intent(inout) :: along
       integer, intent(in) :: j
       real(wp), intent(in) :: common, value
 
@@ -277,7 +277,7 @@ contains
    end function same_structure
 
    elemental logical function same_values(a, b)
-      type(profile_t), intent(in) :: a, b
+      type(field_t), intent(in) :: a, b
 
       same_values = allocated(a%value) .eqv. allocated(b%value)
       if (same_values .and. allocated(a%value)) same_values = size(a%value) == size(b%value)

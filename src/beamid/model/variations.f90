@@ -11,7 +11,7 @@ module beamid_variations
    implicit none
    private
 
-   public :: variation_t, new_variation, profile_t, variations_t, constant, in_steps, in_lines, &
+   public :: variation_t, new_variation, field_t, variations_t, constant, in_steps, in_lines, &
       as_spline, of_E_x, of_c_D_x
 
    !> How a factor goes between its places: it keeps the value of the last one, or on straight
@@ -32,19 +32,19 @@ module beamid_variations
    end type variation_t
 
    !> A property as a sum over B-splines on a uniform mesh of its own; these add up to one.
-   type :: profile_t
+   type :: field_t
       integer :: coefficients = 0            !< how many there are; 0: the property is its parameter
       integer :: degree = 3                  !< 3, or 1: on straight lines
       real(wp), allocatable :: value(:)      !< (coefficients); not allocated: all its parameter
    contains
       procedure :: shares
       procedure :: places
-   end type profile_t
+   end type field_t
 
    type :: variations_t
       type(variation_t) :: E, c_D, rho, gamma, width, height
       logical :: by_density = .false.        !< the mass goes with width and height
-      type(profile_t) :: along(2)            !< what a fit looks for: E(x) and c_D(x)
+      type(field_t) :: along(2)            !< what a fit looks for: E(x) and c_D(x)
       logical :: dips = .false.              !< the stiffness has a dip, or a fit looks for one
    contains
       procedure :: bending
@@ -122,7 +122,7 @@ contains
    !> xi      x/l, 0 .. 1
    !> shares  (coefficients), of sum 1; none where there are none
    pure function shares(self, xi)
-      class(profile_t), intent(in) :: self
+      class(field_t), intent(in) :: self
       real(wp), intent(in) :: xi
       real(wp) :: shares(self%coefficients)
       integer :: element, elements
@@ -138,7 +138,7 @@ contains
    !> Where each coefficient sits: a straight line has its own values there as coefficients. Those
    !> of the first and the last lie beyond the ends.
    pure function places(self)
-      class(profile_t), intent(in) :: self
+      class(field_t), intent(in) :: self
       real(wp) :: places(self%coefficients)
       integer :: j
 
@@ -233,7 +233,7 @@ contains
       call add_variation(self%rho, 4, degree, xi, knots)
       call add_variation(self%gamma, 4, degree, xi, knots)
       do a = 1, size(self%along)
-         call add_profile(self%along(a), degree, xi, knots)
+         call add_field(self%along(a), degree, xi, knots)
       end do
    end subroutine breaks
 
@@ -252,18 +252,18 @@ contains
       end do
    end subroutine add_variation
 
-   pure subroutine add_profile(profile, degree, xi, knots)
-      type(profile_t), intent(in) :: profile
+   pure subroutine add_field(field, degree, xi, knots)
+      type(field_t), intent(in) :: field
       integer, intent(in) :: degree
       real(wp), allocatable, intent(inout) :: xi(:)
       integer, allocatable, intent(inout) :: knots(:)
       integer :: k, elements
 
-      elements = profile%coefficients - profile%degree
+      elements = field%coefficients - field%degree
       do k = 1, elements - 1
-         call add(real(k, wp)/elements, degree - 1 - profile%degree, xi, knots)
+         call add(real(k, wp)/elements, degree - 1 - field%degree, xi, knots)
       end do
-   end subroutine add_profile
+   end subroutine add_field
 
    !> One more place, or more knots at one that is there.
    pure subroutine add(place, times, xi, knots)

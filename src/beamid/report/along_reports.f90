@@ -5,8 +5,8 @@ module beamid_along_reports
    use beamid_kinds, only: wp
    use beamid_lines, only: columns, csv_row
    use beamid_outputs, only: output_t
-   use beamid_profile_bands, only: band, band_t, varies
-   use beamid_residuals, only: profiles
+   use beamid_field_bands, only: band, band_t, varies
+   use beamid_residuals, only: fields
    use beamid_statistics, only: unlimited
    use beamid_strings, only: full, to_text
    use beamid_structure, only: most_coefficients, of_c_D, of_E
@@ -17,8 +17,8 @@ module beamid_along_reports
 
    public :: add_along_table, add_along, add_smoothing
 
-   character(len=3), parameter :: names(profiles) = [character(len=3) :: 'E', 'c_D']
-   integer, parameter :: parameters(profiles) = [of_E, of_c_D]
+   character(len=3), parameter :: names(fields) = [character(len=3) :: 'E', 'c_D']
+   integer, parameter :: parameters(fields) = [of_E, of_c_D]
    integer, parameter :: points = 101, shown = 11   !< of a table, of the summary
 
 contains
@@ -38,14 +38,14 @@ contains
       any_rows = .false.
       call table%line('elements,parameter,x,value,lower95,upper95,start,resolution,unit')
       do mesh = 1, size(fits)
-         do a = 1, profiles
-            if (.not. varies(fits(mesh)%structure, a)) cycle
+         do a = 1, fields
+            if (.not. varies(fits(mesh)%scenario%structures(1), a)) cycle
             any_rows = .true.
             found = band(fits(mesh), a, points)
             do k = 1, points
                call table%line(csv_row(to_text(fits(mesh)%elements)//','//trim(names(a)), &
                   [found%x(k), found%value(k)])//limits(found, k)//further(found, k)//','// &
-                  units%of_quantity(parameters(a), fits(mesh)%excitation))
+                  units%of_quantity(parameters(a), fits(mesh)%scenario%excitations(1)))
             end do
          end do
       end do
@@ -84,8 +84,8 @@ contains
       type(band_t) :: found
       integer :: a
 
-      do a = 1, profiles
-         if (.not. varies(fit%structure, a)) cycle
+      do a = 1, fields
+         if (.not. varies(fit%scenario%structures(1), a)) cycle
          found = band(fit, a, points)
          if (.not. (found%is_estimate .and. allocated(found%half_width))) cycle
          call text%line()
@@ -101,7 +101,7 @@ contains
       integer, intent(in) :: a
       character(len=:), allocatable :: line
 
-      associate (n => size(fit%profiles(a)%place))
+      associate (n => size(fit%fields(a)%place))
          line = 'the residuals are not white, and '//trim(names(a))//'(x) by '//to_text(n)// &
             ' coefficients would bend further to follow them: it has no band, do not trust it; '
          if (n < most_coefficients) line = line//'try coefficients='// &
@@ -122,7 +122,7 @@ contains
       integer :: j, k
 
       resolves = allocated(found%resolution)
-      unit = case%units%of_quantity(parameters(a), fit%excitation)
+      unit = case%units%of_quantity(parameters(a), fit%scenario%excitations(1))
       length = case%units%length
       line = right('x', 10)//right(trim(names(a))//'(x)')//right('95 % band from')//right('to')
       if (resolves) line = line//right('averages over', 16)
@@ -228,16 +228,16 @@ contains
       integer, parameter :: every = 2
       integer :: a, k, middle
 
-      do a = 1, profiles
-         if (.not. allocated(fit%profiles(a)%place)) cycle
+      do a = 1, fields
+         if (.not. allocated(fit%fields(a)%place)) cycle
          name = trim(names(a))//'(x)'
-         associate (found => fit%profiles(a)%smoothing)
+         associate (found => fit%fields(a)%smoothing)
             call text%line()
             line = ' by restricted marginal likelihood; '
             if (found%bounded) line = ', the least that is allowed; '
             call text%line(name//': strength of the smoothing '//to_text(found%strength)// &
                line//short(found%freedom)//' effective degrees of freedom of '// &
-               to_text(size(fit%profiles(a)%place))//' coefficients')
+               to_text(size(fit%fields(a)%place))//' coefficients')
             if (found%at_end > 0) call text%line('the record asks for no variation of '// &
                trim(names(a))//' along the beam')
             if (found%at_end < 0 .and. .not. found%bounded) call text%line( &

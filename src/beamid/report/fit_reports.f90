@@ -87,7 +87,7 @@ contains
       associate (mesh => case%meshes(size(case%meshes)), last => fits(size(fits, 1), size(fits, 2)))
          call fitted_modes_summary(summary, case, mesh%elements, modes)
          if (.not. present(output)) return
-         call add_shapes(output, last%world%structures(1), mesh, pack([(modes(k)%s, &
+         call add_shapes(output, last%scenario%structures(1), mesh, pack([(modes(k)%s, &
             k=1, size(modes))], [(modes(k)%record == 1, k=1, size(modes))]), summary)
       end associate
    end subroutine add_modes_of_fits

@@ -174,7 +174,7 @@ contains
          moved%statistics = statistics_t()
          do i = 1, size(posterior%shown)
             do p = 1, size(fit%free)
-               call moved%world%set(fit%free(p), fit%quantities(p)%record, &
+               call moved%scenario%set(fit%free(p), fit%quantities(p)%record, &
                   posterior%draws%q(p, posterior%shown(i)))
             end do
             call fitted_modes(mesh, moved, most, found, error)

@@ -56,7 +56,7 @@ contains
       new%method = method
       new%elements = fit%elements
       new%parameter = q%name
-      new%unit = units%of_quantity(q%parameter, fit%excitation)
+      new%unit = units%of_quantity(q%parameter, fit%scenario%excitations(1))
       at = q
       at%searched = estimate
       new%estimate = at%searched

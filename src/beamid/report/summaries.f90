@@ -91,7 +91,8 @@ contains
                line = line//right(rounded(q%value, digits), 12)//'    '// &
                   right(rounded(ends(1), digits), 10)//' to '//rounded(ends(2), digits)
             end if
-            call text%line(line//'  '//case%units%of_quantity(q%parameter, fit%excitation))
+            call text%line(line//'  '//case%units%of_quantity(q%parameter, &
+               fit%scenario%excitations(1)))
          end associate
       end do
    end subroutine add_estimates
@@ -153,7 +154,8 @@ contains
          do k = first, min(last, n)
             associate (q => fits(1)%quantities(list(k)))
                names = names//right(trim(q%name))
-               units = units//right(case%units%of_quantity(q%parameter, fits(1)%excitation))
+               units = units//right(case%units%of_quantity(q%parameter, &
+                  fits(1)%scenario%excitations(1)))
                start = start//right(to_text(q%start))
             end associate
          end do

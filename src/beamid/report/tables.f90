@@ -87,7 +87,7 @@ contains
                ','//trim(merge('yes', 'no ', s%determined(k)))//','//interval(fit, k, &
                s%corrected_error(k), s%corrected_half_width(k))//sources(fit, k)
             call text%line(first//trim(q%name)//','//units%of_quantity(q%parameter, &
-               fit%excitation)//','//limit(q%start)//','//limit(q%value)//errors)
+               fit%scenario%excitations(1))//','//limit(q%start)//','//limit(q%value)//errors)
          end associate
       end do
       unit = units%sum_of_squares()

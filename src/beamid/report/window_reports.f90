@@ -101,7 +101,7 @@ contains
       integer :: i, k, r
 
       call table%line('record,window,t_first,t_last,parameter,estimate,std_error')
-      do r = 1, size(fit%world%structures)
+      do r = 1, size(fit%scenario%structures)
          do i = 1, size(windows)
             if (allocated(windows(i)%error)) cycle
             do k = 1, size(fit%free)

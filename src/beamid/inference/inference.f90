@@ -87,12 +87,12 @@ contains
       end if
       call new_residuals(model, mesh, experiments, problem, error, any(found%free == of_kappa_R))
       if (allocated(error)) return
-      problem%world = found%world
+      problem%scenario = found%scenario
       problem%weight = found%weight
       problem%noise = found%noise
       problem%strength = found%strength
       call set_free(problem, found%again())
-      call variables_of(found%again(), problem%world, variables, quantities, error)
+      call variables_of(found%again(), problem%scenario, variables, quantities, error)
    end subroutine problem_of
 
    !> Both sides of the profile of every parameter that was searched for. J may rise by as much as

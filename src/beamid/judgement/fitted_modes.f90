@@ -50,8 +50,8 @@ contains
       integer :: k, r
 
       allocate (modes(0))
-      do r = 1, size(fit%world%structures)
-         associate (structure => fit%world%structures(r))
+      do r = 1, size(fit%scenario%structures)
+         associate (structure => fit%scenario%structures(r))
             galerkin = galerkin_of(mesh, structure)
             call solver%prepare(galerkin, error)
             if (allocated(error)) return

@@ -98,11 +98,11 @@ contains
          if (failed) return
          stage = found%again()
          call set_free(problem, stage)
-         problem%world = found%world
+         problem%scenario = found%scenario
          problem%weight = found%weight
          problem%noise = found%noise
          problem%strength = found%strength
-         call variables_of(stage, found%world, variables, quantities, error)
+         call variables_of(stage, found%scenario, variables, quantities, error)
          if (.not. allocated(error)) then
             allocate (names(size(quantities)))
             names = quantities%name

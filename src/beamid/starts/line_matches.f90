@@ -10,7 +10,7 @@ module beamid_line_matches
    use beamid_model_roots, only: belief_t, beliefs_about, model_roots
    use beamid_parameters, only: free_names
    use beamid_problems, only: smooth_problem_t
-   use beamid_residuals, only: penalty_order, profiles, residual_t
+   use beamid_residuals, only: fields, penalty_order, residual_t
    use beamid_smoothing, only: difference_rows
    use beamid_strings, only: to_text
    use beamid_structure, only: is_coefficient, of_x_D
@@ -71,7 +71,7 @@ contains
       call lines_of_problem(problem, variables, lines)
       if (.not. allocated(lines)) return
       dip = findloc(problem%free, of_x_D, dim=1)
-      length = problem%world%structures(1)%length
+      length = problem%scenario%structures(1)%length
       tried = starts_along(problem, variables)
       allocate (cost(size(tried, 2)))
       do k = 1, size(cost)
@@ -106,7 +106,7 @@ contains
          starts(:, k) = variables
          if (k == 1) cycle
          first = max(0.0_wp, variables(dip)%lower)
-         last = min(problem%world%structures(1)%length, variables(dip)%upper)
+         last = min(problem%scenario%structures(1)%length, variables(dip)%upper)
          starts(dip, k) = variables(dip)%from(first + (k - 1.5_wp)*(last - first)/dip_places)
       end do
    end function starts_along
@@ -157,12 +157,12 @@ contains
 
       cost = huge(cost)
       matching%problem = problem
-      matching%beliefs = beliefs_about(problem%world, problem%free, problem%record, &
+      matching%beliefs = beliefs_about(problem%scenario, problem%free, problem%record, &
          [variables%start], problem%priors)
       do k = 1, size(variables)
          if (is_coefficient(problem%free(k))) matching%beliefs(k)%width = 1
          if (problem%free(k) == of_x_D) matching%beliefs(k)%width = 0.2_wp &
-            *problem%world%structures(1)%length
+            *problem%scenario%structures(1)%length
       end do
       allocate (matching%matches(0))
       options%check = .false.
@@ -201,8 +201,8 @@ contains
       integer :: a
 
       rows = 2*size(self%matches) + size(self%beliefs)
-      do a = 1, profiles
-         rows = rows + max(0, size(self%problem%profile_columns(a)) - penalty_order)
+      do a = 1, fields
+         rows = rows + max(0, size(self%problem%field_columns(a)) - penalty_order)
       end do
    end function rows
 
@@ -261,8 +261,8 @@ contains
          end associate
       end do
       row = row + n
-      do a = 1, profiles
-         columns = self%problem%profile_columns(a)
+      do a = 1, fields
+         columns = self%problem%field_columns(a)
          if (size(columns) == 0) cycle
          differences = difference_rows(size(columns), penalty_order)/unlike
          associate (m => size(differences, 1))

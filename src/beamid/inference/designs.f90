@@ -185,7 +185,7 @@ contains
       n = size(single%free)
       allocate (designs%quantities(n))
       do k = 1, n
-         associate (q => designs%quantities(k), s => setup%problem%world%structures(1), &
+         associate (q => designs%quantities(k), s => setup%problem%scenario%structures(1), &
             e => experiments(1)%excitation)
             q%parameter = single%free(k)
             q%name = name_of_parameter(s, q%parameter)
@@ -218,7 +218,7 @@ contains
          present%information = eliminate(information([first, others], [first, others]), n)
          present%prediction = predicted(designs, present%information)
          present%samples = setup%problem%samples()
-         associate (s => setup%problem%world%structures(1), t => experiments(1)%samples)
+         associate (s => setup%problem%scenario%structures(1), t => experiments(1)%samples)
             present%x_S = [s%sensor_place(), 0.0_wp]
             present%x_F = s%place(of_x_F)
             if (is_pulse(experiments(1)%excitation)) &

@@ -52,7 +52,7 @@ contains
       problem%offset = stage%offset
    end subroutine set_free
 
-   !> Puts start values for a stage into the problem's world.
+   !> Puts start values for a stage into the problem's scenario.
    !>
    !> problem  with `free` and `record` of the stage in place; on return perhaps with fewer modes
    !> stage    on return without the parameters that have to be held
@@ -81,9 +81,9 @@ contains
          call failure(error, 'start values: from a record only the modal response finds them')
          return
       end if
-      is_free = all(problem%world%excitations%modes > 0)
+      is_free = all(problem%scenario%excitations%modes > 0)
       modes = usual_modes
-      if (is_free) modes = minval(problem%world%excitations%modes)
+      if (is_free) modes = minval(problem%scenario%excitations%modes)
       call lines_of_records(problem, modes, lines, error)
       if (.not. allocated(error)) call new_choice(problem, stage, modes, full, error)
       if (.not. allocated(error)) call needed_modes(problem, full, needed, lost, error)
@@ -99,7 +99,7 @@ contains
       if (allocated(error)) deallocate (error)
       if (full%best == 0 .and. fewer%best > 0) then
          stage = fewer%stage
-         problem%world = fewer%trials(fewer%best)%start
+         problem%scenario = fewer%trials(fewer%best)%start
          call tell_held(problem, full, lost, held)
          note = 'mode '//to_text(needed)//' is not in '//trim(merge('this record  ', &
             'these records', size(lines) == 1))//': '//held
@@ -109,7 +109,7 @@ contains
             k = minloc([(full%trials(k)%fit%J, k=1, size(full%trials))], dim=1)
             if (is_free) doubt = full%trials(k)%objection
          end if
-         problem%world = full%trials(k)%start
+         problem%scenario = full%trials(k)%start
          if (doubt == '') call find_rival(full, k, other)
       end if
       call set_free(problem, stage)
@@ -127,13 +127,13 @@ contains
 
       allocate (lines(size(problem%parts)))
       do r = 1, size(lines)
-         call model_roots(problem, problem%world, r, s, ds, error)
+         call model_roots(problem, problem%scenario, r, s, ds, error)
          if (allocated(error)) return
          highest = 2*aimag(s(modes))/two_pi
          associate (t => problem%parts(r)%experiment%samples)
             call find_lines(t, problem%parts(r)%experiment%measured, highest, most_lines, &
                lines(r)%line)
-            if (all(problem%world%excitations%modes > 0)) then
+            if (all(problem%scenario%excitations%modes > 0)) then
                cycle   ! Fits without any line tell by themselves what they are worth.
             else if (.not. (t(size(t)) - t(1))*highest > 1) then
                call failure(error, 'record '//to_text(r)//' holds no period of '// &
@@ -160,8 +160,8 @@ contains
       choice%stage = stage
       choice%modes = modes
       allocate (choice%trials(0))
-      call variables_of(stage, problem%world, variables, choice%quantities, error)
-      if (.not. allocated(error)) choice%beliefs = beliefs_about(problem%world, &
+      call variables_of(stage, problem%scenario, variables, choice%quantities, error)
+      if (.not. allocated(error)) choice%beliefs = beliefs_about(problem%scenario, &
          problem%free, problem%record, [variables%start], problem%priors)
    end subroutine new_choice
 
@@ -307,12 +307,12 @@ contains
       allocate (fewer%trials(0))
       if (needed == 1) return
       smaller = problem
-      smaller%world%excitations%modes = needed - 1
+      smaller%scenario%excitations%modes = needed - 1
       call best_assignments(smaller, full%beliefs, lines, needed - 1, 1, found, error)
-      if (.not. allocated(error)) call model_roots(smaller, smaller%world, 1, s, ds, error)
+      if (.not. allocated(error)) call model_roots(smaller, smaller%scenario, 1, s, ds, error)
       if (allocated(error)) return
       do k = 1, size(lost)
-         if (lost(k) .and. damps(ds(:, k))) call smaller%world%set(smaller%free(k), &
+         if (lost(k) .and. damps(ds(:, k))) call smaller%scenario%set(smaller%free(k), &
             smaller%record(k), found(1)%value(k))
       end do
       fewer%stage = full%stage%without(lost)
@@ -373,8 +373,8 @@ contains
                text = text//', '//trim(q%name)//' at '
             end if
             r = max(1, q%record)
-            text = text//to_text(as_named(q%parameter, get_free(problem%world%structures(r), &
-               problem%world%excitations(r), q%parameter)))
+            text = text//to_text(as_named(q%parameter, get_free(problem%scenario%structures(r), &
+               problem%scenario%excitations(r), q%parameter)))
          end associate
       end do
    end subroutine tell_held
@@ -395,7 +395,7 @@ contains
             if (experiment%excitation%modes == 0 .or. size(experiment%samples) < 50) cycle
             s = spread((0.0_wp, 0.0_wp), 1, experiment%excitation%modes)
             allocate (none(size(s), 0))
-            call model_roots(problem, problem%world, r, s, none, error)
+            call model_roots(problem, problem%scenario, r, s, none, error)
             if (allocated(error)) return
             deallocate (none)
             low = aimag(s(1))/two_pi

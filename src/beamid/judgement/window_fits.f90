@@ -89,7 +89,7 @@ contains
       call new_residuals(model, mesh, parts, problem, window%error, turning)
       if (allocated(window%error)) return
       if (.not. problem%exact) call exact_counterpart(model, mesh, parts, turning, exact)
-      problem%world = fit%world
+      problem%scenario = fit%scenario
       options%relative_error = model%solver%relative_error()
       options%check = .false.
       call run_stage(problem, exact, fit%again(), options, '', found, window%error)

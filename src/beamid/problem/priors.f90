@@ -3,7 +3,7 @@
 module beamid_priors
    use beamid_kinds, only: wp
    use beamid_parameters, only: as_named, get_free, name_length, parameters
-   use beamid_unknowns, only: world_t
+   use beamid_unknowns, only: scenario_t
    implicit none
    private
 
@@ -58,17 +58,17 @@ contains
    !> Notes where the parameter is believed to be in each record: what a search looks for, which may
    !> be the reciprocal.
    !>
-   !> world  with the values that the case has
-   pure subroutine refer_to(self, world)
+   !> scenario  with the values that the case has
+   pure subroutine refer_to(self, scenario)
       class(prior_t), intent(inout) :: self
-      type(world_t), intent(in) :: world
+      type(scenario_t), intent(in) :: scenario
       integer :: r
 
       if (allocated(self%centre)) deallocate (self%centre)
-      allocate (self%centre(size(world%structures)))
+      allocate (self%centre(size(scenario%structures)))
       associate (p => self%parameter(1))
          do r = 1, size(self%centre)
-            self%centre(r) = get_free(world%structures(r), world%excitations(r), p)
+            self%centre(r) = get_free(scenario%structures(r), scenario%excitations(r), p)
          end do
          if (allocated(self%value)) self%centre = as_named(p, self%value)
       end associate

@@ -13,7 +13,7 @@ module beamid_unknowns
    implicit none
    private
 
-   public :: stage_t, world_t, quantity_t, name_of, variables_of, name_length
+   public :: stage_t, scenario_t, quantity_t, name_of, variables_of, name_length
 
    !> Of the name of a quantity.
    integer, parameter :: name_length = parameter_name_length + 8
@@ -40,13 +40,13 @@ module beamid_unknowns
    end type stage_t
 
    !> Structure and excitation in each record.
-   type :: world_t
+   type :: scenario_t
       type(structure_t), allocatable :: structures(:)
       type(excitation_t), allocatable :: excitations(:)
    contains
       procedure :: set
       procedure :: range_on_beam
-   end type world_t
+   end type scenario_t
 
    !> Something that was estimated.
    type :: quantity_t
@@ -132,7 +132,7 @@ contains
 
    !> Gives a parameter a value, in one record or in all.
    pure subroutine set(self, parameter, record, value)
-      class(world_t), intent(inout) :: self
+      class(scenario_t), intent(inout) :: self
       integer, intent(in) :: parameter, record
       real(wp), intent(in) :: value
       integer :: r
@@ -149,7 +149,7 @@ contains
    !>
    !> free  parameters that move
    pure function range_on_beam(self, parameter, record, free) result(range)
-      class(world_t), intent(in) :: self
+      class(scenario_t), intent(in) :: self
       integer, intent(in) :: parameter, record, free(:)
       real(wp) :: range(2)
       integer :: k, r
@@ -256,24 +256,24 @@ contains
    !> Starts, bounds and scales of a stage's parameters, and the quantities they are.
    !>
    !> error  the bounds of a parameter leave it nothing that keeps everything on the beam
-   subroutine variables_of(stage, world, variables, quantities, error)
+   subroutine variables_of(stage, scenario, variables, quantities, error)
       type(stage_t), intent(in) :: stage
-      type(world_t), intent(in) :: world
+      type(scenario_t), intent(in) :: scenario
       type(variable_t), allocatable, intent(out) :: variables(:)
       type(quantity_t), allocatable, intent(out) :: quantities(:)
       type(error_t), allocatable, intent(out) :: error
       type(stage_t) :: bounded
-      type(world_t) :: placed
+      type(scenario_t) :: placed
       real(wp) :: start(size(stage%free)), range(2), moderate
       integer :: owners(size(stage%free)), k, r
 
       bounded = stage
       call bounded%set_bounds()
       owners = stage%owners()
-      placed = world
+      placed = scenario
       do k = 1, size(start)
          r = max(owners(k), 1)
-         start(k) = get_free(world%structures(r), world%excitations(r), stage%free(k))
+         start(k) = get_free(scenario%structures(r), scenario%excitations(r), stage%free(k))
          if (allocated(stage%start)) start(k) = as_named(stage%free(k), stage%start(k))
          if (parameters(stage%free(k))%is_reciprocal) then
             if (.not. start(k) <= unbounded) call bad_input(error, trim(parameters( &
@@ -289,7 +289,7 @@ contains
       allocate (variables(size(start)), quantities(size(start)))
       do k = 1, size(start)
          associate (q => quantities(k))
-            q%name = name_of(name_of_parameter(world%structures(1), stage%free(k)), owners(k))
+            q%name = name_of(name_of_parameter(scenario%structures(1), stage%free(k)), owners(k))
             q%parameter = stage%free(k)
             q%record = owners(k)
             range = placed%range_on_beam(stage%free(k), owners(k), stage%free)
@@ -302,7 +302,8 @@ contains
                return
             end if
             r = max(owners(k), 1)
-            moderate = free_magnitude(world%structures(r), world%excitations(r), stage%free(k))
+            moderate = free_magnitude(scenario%structures(r), scenario%excitations(r), &
+               stage%free(k))
             ! A search does not start from a bound, but near it where that is a rigid spring.
             if (q%is_reciprocal()) start(k) = max(start(k), 1e-3_wp*moderate)
             variables(k) = new_variable(min(max(start(k), q%lower), q%upper), q%lower, q%upper, &

@@ -7,7 +7,7 @@ module beamid_trials
    use beamid_residuals, only: residual_t
    use beamid_spectra, only: line_t, near_mains, noise_near, standing_out
    use beamid_strings, only: to_text
-   use beamid_unknowns, only: quantity_t, stage_t, variables_of, world_t
+   use beamid_unknowns, only: quantity_t, stage_t, variables_of, scenario_t
    use beamid_variables, only: variable_t
    implicit none
    private
@@ -16,7 +16,7 @@ module beamid_trials
 
    !> A fit from one start.
    type :: trial_t
-      type(world_t) :: start
+      type(scenario_t) :: start
       type(fit_t) :: fit
       complex(wp), allocatable :: s(:, :)        !< (modes, records) roots of what was found
       complex(wp), allocatable :: ds(:, :, :)    !< (modes, records, free)
@@ -34,7 +34,7 @@ contains
 
    !> Fits from start values.
    !>
-   !> problem  with what is free in place; its world is left as it was
+   !> problem  with what is free in place; its scenario is left as it was
    !> values   (free)
    !> modes    whose roots are wanted
    !> error    the fit does not converge
@@ -50,7 +50,7 @@ contains
       type(quantity_t), allocatable :: quantities(:)
       complex(wp) :: s(modes), ds(modes, size(values))
       type(options_t) :: quick
-      type(world_t) :: found
+      type(scenario_t) :: found
       integer :: r
 
       trial%start = problem%with(values)

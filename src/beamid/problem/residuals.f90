@@ -3,8 +3,8 @@
 module beamid_residuals
    use beamid_autoregression, only: autoregression_t
    use beamid_errors, only: error_t
-   use beamid_experiments, only: apparatus_t, experiment_t, is_first, linear_t, &
-      new_apparatus, seen_modes_t
+   use beamid_experiments, only: prepared_experiment_t, experiment_t, is_first, linear_t, &
+      prepare_experiment, seen_modes_t
    use beamid_galerkin, only: mesh_t
    use beamid_interrupts, only: check_interrupt
    use beamid_kinds, only: wp
@@ -16,29 +16,29 @@ module beamid_residuals
    use beamid_simulation, only: model_t
    use beamid_smoothing, only: difference_rows
    use beamid_structure, only: coefficient_at, is_coefficient
-   use beamid_unknowns, only: world_t
+   use beamid_unknowns, only: scenario_t
    implicit none
    private
 
    public :: residual_t, new_residuals
 
    !> E(x) and c_D(x), and the order of the differences that keep them smooth.
-   integer, parameter, public :: profiles = 2, penalty_order = 1
+   integer, parameter, public :: fields = 2, penalty_order = 1
 
    !> Rows are the samples of each record in turn, times its weight, then one for each free
    !> parameter of which something is known: its distance from that value in standard deviations,
    !> times the noise of the other rows. Of E(x) and of c_D(x) follow the differences of the
    !> logarithms of neighbouring coefficients, times the root of a strength.
    type, extends(smooth_problem_t) :: residual_t
-      type(apparatus_t), allocatable :: parts(:)   !< one for each record
+      type(prepared_experiment_t), allocatable :: parts(:)   !< one for each record
       real(wp), allocatable :: weight(:)           !< (records) 1/noise; of one record 1
       !> (records) what makes the noise of each white; not allocated: it is
       type(autoregression_t), allocatable :: colour(:)
       type(prior_t), allocatable :: priors(:)
       real(wp) :: noise = 1                        !< of a weighted sample
       !> of the penalties on E(x) and c_D(x); 0: none [1 in units of J]
-      real(wp) :: strength(profiles) = 0
-      type(world_t) :: world
+      real(wp) :: strength(fields) = 0
+      type(scenario_t) :: scenario
       integer, allocatable :: free(:)              !< (n) places in the `parameters`
       integer, allocatable :: record(:)            !< (n) the record of each; 0: all
       logical :: offset = .false.
@@ -53,7 +53,7 @@ module beamid_residuals
       procedure :: rows
       procedure :: prior_rows
       procedure :: penalty_rows
-      procedure :: profile_columns
+      procedure :: field_columns
       procedure :: linear_unknowns
       procedure :: is_weighted
       procedure :: is_estimated
@@ -85,20 +85,20 @@ contains
 
       problem%exact = is_exact(model%solver)
       allocate (problem%parts(size(experiments)))
-      allocate (problem%world%structures(size(experiments)))
-      allocate (problem%world%excitations(size(experiments)))
+      allocate (problem%scenario%structures(size(experiments)))
+      allocate (problem%scenario%excitations(size(experiments)))
       do i = 1, size(experiments)
-         problem%world%structures(i) = experiments(i)%structure_of(model%structure)
-         if (present(turning)) problem%world%structures(i)%root_is_free = turning
-         problem%world%excitations(i) = experiments(i)%excitation
-         call new_apparatus(experiments(i), problem%world%structures(i), mesh, &
+         problem%scenario%structures(i) = experiments(i)%structure_of(model%structure)
+         if (present(turning)) problem%scenario%structures(i)%root_is_free = turning
+         problem%scenario%excitations(i) = experiments(i)%excitation
+         call prepare_experiment(experiments(i), problem%scenario%structures(i), mesh, &
             model%observation, model%solver, problem%parts(i), error)
          if (allocated(error)) return
       end do
       allocate (problem%priors(0))
       if (allocated(model%priors)) problem%priors = model%priors
       do i = 1, size(problem%priors)
-         call problem%priors(i)%refer_to(problem%world)
+         call problem%priors(i)%refer_to(problem%scenario)
       end do
       call problem%guess_noise()
    end subroutine new_residuals
@@ -127,7 +127,7 @@ contains
       class(residual_t), intent(in) :: self
       integer :: first, last
 
-      call self%penalty_rows(profiles, first, last)
+      call self%penalty_rows(fields, first, last)
       rows = first + last - 1
    end function rows
 
@@ -150,13 +150,13 @@ contains
       do k = 1, a
          first = first + rows
          rows = 0
-         if (self%strength(k) > 0) rows = max(0, size(self%profile_columns(k)) - penalty_order)
+         if (self%strength(k) > 0) rows = max(0, size(self%field_columns(k)) - penalty_order)
       end do
    end subroutine penalty_rows
 
    !> Places of the coefficients of a function, of_E_x or of_c_D_x, among the free parameters, where
    !> all of them are; else of size 0.
-   pure function profile_columns(self, a) result(columns)
+   pure function field_columns(self, a) result(columns)
       class(residual_t), intent(in) :: self
       integer, intent(in) :: a
       integer, allocatable :: columns(:)
@@ -164,11 +164,11 @@ contains
 
       allocate (columns(0))
       if (.not. any(is_coefficient(self%free))) return
-      coefficients = self%world%structures(1)%variations%along(a)%coefficients
+      coefficients = self%scenario%structures(1)%variations%along(a)%coefficients
       if (coefficients == 0) return
       columns = [(findloc(self%free, coefficient_at(k, a), dim=1), k=1, coefficients)]
       if (any(columns == 0)) columns = [integer ::]
-   end function profile_columns
+   end function field_columns
 
    !> How many unknowns enter linearly.
    pure integer function linear_unknowns(self)
@@ -176,7 +176,7 @@ contains
       integer :: i
 
       linear_unknowns = merge(size(self%parts), 0, self%offset) + 2*sum( &
-         self%world%excitations%modes, mask=is_first([(self%parts(i)%experiment%motion, &
+         self%scenario%excitations%modes, mask=is_first([(self%parts(i)%experiment%motion, &
          i=1, size(self%parts))]))
    end function linear_unknowns
 
@@ -236,13 +236,13 @@ contains
       end do
    end function without_weights
 
-   !> The world with trial values in place.
-   pure type(world_t) function with(self, parameters)
+   !> The scenario with trial values in place.
+   pure type(scenario_t) function with(self, parameters)
       class(residual_t), intent(in) :: self
       real(wp), intent(in) :: parameters(:)
       integer :: k
 
-      with = self%world
+      with = self%scenario
       do k = 1, size(parameters)
          call with%set(self%free(k), self%record(k), parameters(k))
       end do
@@ -259,11 +259,11 @@ contains
 
       part = self
       do i = 1, size(part%parts)
-         associate (apparatus => part%parts(i), t => self%parts(i)%experiment%samples)
+         associate (prepared => part%parts(i), t => self%parts(i)%experiment%samples)
             m = count(t <= t(1) + share*(t(size(t)) - t(1)))
-            apparatus%experiment%samples = t(:m)
-            apparatus%experiment%measured = self%parts(i)%experiment%measured(:m)
-            apparatus%sampling = new_sampling(apparatus%sampling%observation, t(:m))
+            prepared%experiment%samples = t(:m)
+            prepared%experiment%measured = self%parts(i)%experiment%measured(:m)
+            prepared%sampling = new_sampling(prepared%sampling%observation, t(:m))
          end associate
       end do
    end function beginning
@@ -301,7 +301,7 @@ contains
       type(error_t), allocatable, intent(out) :: error
       real(wp), intent(out), optional :: coefficients(:)
       type(projection_t) :: projection
-      type(world_t) :: world
+      type(scenario_t) :: scenario
       type(linear_t) :: linear
       real(wp), allocatable :: dy(:, :), phi(:, :), along(:, :), c(:)
       integer, allocatable :: mine(:)
@@ -310,7 +310,7 @@ contains
       self%log_volume = 0
       call check_interrupt(error)
       if (allocated(error)) return
-      world = self%with(parameters)
+      scenario = self%with(parameters)
       n = size(parameters)
       jac = 0
       row = 0
@@ -324,7 +324,7 @@ contains
          if (allocated(dy)) deallocate (dy)
          allocate (dy(m, size(mine)))
          associate (y => r(row + 1:row + m), by => jac(row + 1:row + m, :))
-            call self%motion(world, i, last, self%free(mine), y, dy, linear, error)
+            call self%motion(scenario, i, last, self%free(mine), y, dy, linear, error)
             if (allocated(error)) return
             if (allocated(c)) deallocate (c)
             allocate (c(size(linear%weights, 2)))
@@ -369,10 +369,10 @@ contains
    !> Weighted residuals of one motion by its channels, one below the other; its modes are common to
    !> them, the offset of each is its own.
    !>
-   !> y, dy, linear  as of `apparatus_t`, rows in the order of the channels
-   subroutine motion(self, world, first, last, parameters, y, dy, linear, error)
+   !> y, dy, linear  as of `prepared_experiment_t`, rows in the order of the channels
+   subroutine motion(self, scenario, first, last, parameters, y, dy, linear, error)
       class(residual_t), intent(inout) :: self
-      type(world_t), intent(in) :: world
+      type(scenario_t), intent(in) :: scenario
       integer, intent(in) :: first, last, parameters(:)
       real(wp), intent(out) :: y(:), dy(:, :)
       type(linear_t), intent(out) :: linear
@@ -384,7 +384,7 @@ contains
       row = 0
       do i = first, last
          m = size(self%parts(i)%experiment%samples)
-         call self%parts(i)%evaluate(world%structures(i), world%excitations(i), self%offset, &
+         call self%parts(i)%evaluate(scenario%structures(i), scenario%excitations(i), self%offset, &
             parameters, y(row + 1:row + m), dy(row + 1:row + m, :), channel(i), self%work, error, &
             seen)
          if (allocated(error)) return
@@ -415,7 +415,7 @@ contains
          call move_alloc(channel(first)%weights, linear%weights)
          return
       end if
-      modes = 2*world%excitations(first)%modes
+      modes = 2*scenario%excitations(first)%modes
       k = sum([(size(channel(i)%basis, 2), i=first, last)])
       allocate (linear%basis(size(y), k), source=0.0_wp)
       allocate (linear%weights(k, modes + merge(last - first + 1, 0, self%offset), &
@@ -469,9 +469,9 @@ contains
       integer :: a, k, row
 
       row = 0
-      do a = 1, profiles
+      do a = 1, fields
          if (.not. self%strength(a) > 0) cycle
-         columns = self%profile_columns(a)
+         columns = self%field_columns(a)
          differences = sqrt(self%strength(a))*difference_rows(size(columns), penalty_order)
          associate (rows => size(differences, 1))
             r(row + 1:row + rows) = matmul(differences, log(parameters(columns)))

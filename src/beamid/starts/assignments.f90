@@ -6,7 +6,7 @@ module beamid_assignments
    use beamid_projection, only: new_projection, projection_t
    use beamid_residuals, only: residual_t
    use beamid_spectra, only: line_t
-   use beamid_unknowns, only: world_t
+   use beamid_unknowns, only: scenario_t
    implicit none
    private
 
@@ -59,7 +59,7 @@ contains
       tried%value = beliefs%centre
       best = [tried]
       do r = 1, size(lines)
-         call model_roots(problem, problem%world, r, s, ds, error)
+         call model_roots(problem, problem%scenario, r, s, ds, error)
          if (allocated(error)) return
          options = ways(lines(r)%line, aimag(s)/two_pi)
          call move_alloc(best, before)
@@ -192,14 +192,14 @@ contains
       real(wp), allocatable, intent(out) :: r(:), jac(:, :)
       type(error_t), allocatable, intent(out) :: error
       complex(wp) :: s(size(found%place, 1)), ds(size(s), size(u))
-      type(world_t) :: world
+      type(scenario_t) :: scenario
       integer :: i, k, n
 
       n = size(lines)*size(s)
       allocate (r(n + size(u)), jac(n + size(u), size(u)), source=0.0_wp)
-      world = problem%with(found%value)
+      scenario = problem%with(found%value)
       do i = 1, size(lines)
-         call model_roots(problem, world, i, s, ds, error)
+         call model_roots(problem, scenario, i, s, ds, error)
          if (allocated(error)) return
          do k = 1, size(u)
             if (damps(ds(:, k))) ds(:, k) = 0
@@ -232,14 +232,14 @@ contains
       real(wp) :: b(size(a, 1)), width(size(beliefs)), sd
       complex(wp) :: roots(size(s), size(lines), size(beliefs))
       logical :: free(size(beliefs))
-      type(world_t) :: world
+      type(scenario_t) :: scenario
       integer :: i, k, row
 
       a = 0
       b = 0
-      world = problem%with(found%value)
+      scenario = problem%with(found%value)
       do i = 1, size(lines)
-         call model_roots(problem, world, i, s, ds, error)
+         call model_roots(problem, scenario, i, s, ds, error)
          if (allocated(error)) return
          roots(:, i, :) = ds
          do k = 1, size(s)

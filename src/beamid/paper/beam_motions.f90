@@ -3,7 +3,7 @@
 !> With the vector x of a root s, as in `beamid_poles`, the unknowns of (3.13) move by
 !> w = Re(sum x (x'F)/A z), z' = s z + f, two times that for one of a pair; s and s**2 in front of z
 !> give w' and w'' - f M**-1 F. A cluster of roots moves them as it moves the sensor.
-module beamid_fields
+module beamid_beam_motions
    use beamid_assembly, only: assembly_t
    use beamid_clusters, only: cluster_t
    use beamid_contours, only: contour_point, rows_of
@@ -23,10 +23,10 @@ module beamid_fields
    implicit none
    private
 
-   public :: field_t, find_field, norm_V, norm_H, motion_size, graded_times
+   public :: beam_motion_t, find_motion, norm_V, norm_H, motion_size, graded_times
 
    !> The solution of (3.13) at given times.
-   type :: field_t
+   type :: beam_motion_t
       real(wp), allocatable :: t(:)              !< (times) [time]
       !> (times, unknowns, 0:2) w, w' and w'': spline coefficients, then y where there is a hose
       real(wp), allocatable :: w(:, :, :)
@@ -35,7 +35,7 @@ module beamid_fields
       procedure :: at
       procedure :: hose
       procedure :: seen_by
-   end type field_t
+   end type beam_motion_t
 
 contains
 
@@ -44,11 +44,11 @@ contains
    !> equations  of a beam whose root does not turn
    !> times      ascending [time]
    !> error      the root turns, the base moves, a support is rigid
-   subroutine find_field(equations, excitation, times, field, error)
+   subroutine find_motion(equations, excitation, times, field, error)
       type(equations_t), intent(in) :: equations
       type(excitation_t), intent(in) :: excitation
       real(wp), intent(in) :: times(:)
-      type(field_t), intent(out) :: field
+      type(beam_motion_t), intent(out) :: field
       type(error_t), allocatable, intent(out) :: error
       type(beam_modes_t) :: modes
       type(assembly_t) :: assembly
@@ -90,7 +90,7 @@ contains
       do k = 1, equations%n
          field%w(:, k, 2) = field%w(:, k, 2) + excitation%force(times)*impulse(k)
       end do
-   end subroutine find_field
+   end subroutine find_motion
 
    !> What each pole moves, per unit of its state z, and M**-1 F, both in the unknowns of (3.13).
    !>
@@ -209,7 +209,7 @@ contains
    !> derivative  with respect to x
    !> order       of the derivative with respect to time, 0 .. 2
    function at(self, x, derivative, order) result(values)
-      class(field_t), intent(in) :: self
+      class(beam_motion_t), intent(in) :: self
       real(wp), intent(in) :: x
       integer, intent(in) :: derivative, order
       real(wp) :: values(size(self%t)), b(self%space%n)
@@ -226,7 +226,7 @@ contains
    !>
    !> order  of the derivative with respect to time, 0 .. 2
    function hose(self, order) result(values)
-      class(field_t), intent(in) :: self
+      class(beam_motion_t), intent(in) :: self
       integer, intent(in) :: order
       real(wp) :: values(size(self%t))
 
@@ -238,7 +238,7 @@ contains
    !>
    !> observer  (unknowns)
    function seen_by(self, observer) result(response)
-      class(field_t), intent(in) :: self
+      class(beam_motion_t), intent(in) :: self
       real(wp), intent(in) :: observer(:)
       type(response_t) :: response
 
@@ -255,9 +255,9 @@ contains
    !> minus  a field at the same times whose number of elements divides, or is a multiple of,
    !>        that of the other
    function norm_V(field, order, minus) result(values)
-      type(field_t), intent(in) :: field
+      type(beam_motion_t), intent(in) :: field
       integer, intent(in) :: order
-      type(field_t), intent(in), optional :: minus
+      type(beam_motion_t), intent(in), optional :: minus
       real(wp) :: values(size(field%t))
       real(wp) :: tip(size(field%t)), hose(size(field%t))
 
@@ -269,9 +269,9 @@ contains
 
    !> |(y, u(l), u)|_H likewise: the root of y**2 + u(l)**2 plus the integral of u**2.
    function norm_H(field, order, minus) result(values)
-      type(field_t), intent(in) :: field
+      type(beam_motion_t), intent(in) :: field
       integer, intent(in) :: order
-      type(field_t), intent(in), optional :: minus
+      type(beam_motion_t), intent(in), optional :: minus
       real(wp) :: values(size(field%t))
       real(wp) :: tip(size(field%t)), hose(size(field%t))
 
@@ -281,9 +281,9 @@ contains
 
    !> Tip and hose of a field, or of the difference between two.
    subroutine ends(field, order, minus, tip, hose)
-      type(field_t), intent(in) :: field
+      type(beam_motion_t), intent(in) :: field
       integer, intent(in) :: order
-      type(field_t), intent(in), optional :: minus
+      type(beam_motion_t), intent(in), optional :: minus
       real(wp), intent(out) :: tip(:), hose(:)
 
       hose = field%hose(order)
@@ -296,9 +296,9 @@ contains
    !> Integral over the beam of the square of a derivative with respect to x, at all times, by
    !> Gauss points on the finer mesh: exact where one mesh is part of the other.
    function integral_of_square(field, derivative, order, minus) result(values)
-      type(field_t), intent(in) :: field
+      type(beam_motion_t), intent(in) :: field
       integer, intent(in) :: derivative, order
-      type(field_t), intent(in), optional :: minus
+      type(beam_motion_t), intent(in), optional :: minus
       real(wp) :: values(size(field%t))
       real(wp) :: difference(size(field%t)), x, h
       type(rule_t) :: rule
@@ -329,9 +329,9 @@ contains
    !>
    !> weights  of the times, as `graded_times` gives them [time]
    function motion_size(field, weights, minus) result(values)
-      type(field_t), intent(in) :: field
+      type(beam_motion_t), intent(in) :: field
       real(wp), intent(in) :: weights(:)
-      type(field_t), intent(in), optional :: minus
+      type(beam_motion_t), intent(in), optional :: minus
       real(wp) :: values(3)
 
       values(1) = maxval(norm_V(field, 0, minus))
@@ -372,4 +372,4 @@ contains
       end do
    end subroutine graded_times
 
-end module beamid_fields
+end module beamid_beam_motions

@@ -8,7 +8,7 @@ module beamid_model_roots
    use beamid_residuals, only: residual_t
    use beamid_responses, only: exact_solver_t
    use beamid_structure, only: of_E, of_length, of_rho
-   use beamid_unknowns, only: world_t
+   use beamid_unknowns, only: scenario_t
    implicit none
    private
 
@@ -29,22 +29,22 @@ module beamid_model_roots
 
 contains
 
-   !> The lowest oscillating roots of the model of record r in a world, and their derivatives by
+   !> The lowest oscillating roots of the model of record r in a scenario, and their derivatives by
    !> what is free, 0 by what belongs to another record.
    !>
    !> s   (modes) [1/time]
    !> ds  (modes, free)
-   subroutine model_roots(problem, world, r, s, ds, error)
+   subroutine model_roots(problem, scenario, r, s, ds, error)
       type(residual_t), intent(inout), target :: problem
-      type(world_t), intent(in) :: world
+      type(scenario_t), intent(in) :: scenario
       integer, intent(in) :: r
       complex(wp), intent(out) :: s(:), ds(:, :)
       type(error_t), allocatable, intent(out) :: error
       type(equations_t), target :: equations
       integer :: p
 
-      equations = new_equations(problem%parts(r)%galerkin, world%structures(r), &
-         world%excitations(r))
+      equations = new_equations(problem%parts(r)%galerkin, scenario%structures(r), &
+         scenario%excitations(r))
       select type (solver => problem%parts(r)%solver)
       class is (exact_solver_t)
          call solver%free_motion(equations, problem%free, s, ds, problem%work, error)
@@ -69,8 +69,8 @@ contains
    !> else to a factor e.
    !>
    !> free, records, starts  (n) parameters, the record of each, or 0, and values
-   pure function beliefs_about(world, free, records, starts, priors) result(beliefs)
-      type(world_t), intent(in) :: world
+   pure function beliefs_about(scenario, free, records, starts, priors) result(beliefs)
+      type(scenario_t), intent(in) :: scenario
       integer, intent(in) :: free(:), records(:)
       real(wp), intent(in) :: starts(:)
       type(prior_t), intent(in) :: priors(:)
@@ -84,7 +84,7 @@ contains
       end do
       do k = 1, size(starts)
          r = max(1, records(k))
-         associate (b => beliefs(k), p => free(k), s => world%structures(r))
+         associate (b => beliefs(k), p => free(k), s => scenario%structures(r))
             b%logarithmic = b%centre > 0 .and. parameters(p)%range /= on_beam .and. &
                .not. parameters(p)%is_reciprocal
             b%stated = stated(k) > 0
@@ -101,7 +101,7 @@ contains
                ! A support is moved about, a sensor is mounted once.
                b%width = merge(0.1_wp, 0.03_wp, parameters(p)%group == 'support')*s%length
             else if (.not. b%logarithmic) then
-               b%width = max(b%centre, free_magnitude(s, world%excitations(r), p))
+               b%width = max(b%centre, free_magnitude(s, scenario%excitations(r), p))
             end if
          end associate
       end do

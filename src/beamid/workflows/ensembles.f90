@@ -10,7 +10,8 @@ module beamid_ensembles
    use beamid_equations, only: equations_t, new_equations
    use beamid_errors, only: error_t
    use beamid_excitation, only: new_pulse
-   use beamid_experiments, only: apparatus_t, experiment_t, linear_t, new_apparatus, seen_modes_t
+   use beamid_experiments, only: prepared_experiment_t, experiment_t, linear_t, &
+      prepare_experiment, seen_modes_t
    use beamid_galerkin, only: galerkin_of, galerkin_t, mesh_t
    use beamid_identification, only: stage_fit_t
    use beamid_kinds, only: ip, wp
@@ -27,7 +28,7 @@ module beamid_ensembles
    use beamid_strings, only: to_text
    use beamid_structure, only: of_kappa_R
    use beamid_structure_checks, only: check_structure
-   use beamid_unknowns, only: name_length, world_t
+   use beamid_unknowns, only: name_length, scenario_t
    implicit none
    private
 
@@ -53,8 +54,9 @@ module beamid_ensembles
    type :: ensemble_maker_t
       type(case_t) :: case
       type(experiment_t), allocatable :: experiments(:)    !< of which the samples are replaced
-      type(world_t) :: world                               !< of the beam as the case has it
-      type(apparatus_t), allocatable, private :: makers(:) !< of the records, as yet unused
+      type(scenario_t) :: scenario                         !< of the beam as the case has it
+      !> Of the records, as yet unused.
+      type(prepared_experiment_t), allocatable, private :: makers(:)
       real(wp), allocatable, private :: clean(:)           !< where nothing is drawn: all records
    contains
       procedure :: run_member
@@ -94,22 +96,22 @@ contains
          if (allocated(error)) return
       end if
       i = size(maker%experiments)
-      allocate (maker%world%structures(i), maker%world%excitations(i), maker%makers(i))
-      associate (experiments => maker%experiments, structures => maker%world%structures)
+      allocate (maker%scenario%structures(i), maker%scenario%excitations(i), maker%makers(i))
+      associate (experiments => maker%experiments, structures => maker%scenario%structures)
          mesh = case%meshes(size(case%meshes))
          if (case%ensemble%elements > 0) mesh%elements = case%ensemble%elements
          do i = 1, size(experiments)
             structures(i) = experiments(i)%structure_of(case%model%structure)
-            maker%world%excitations(i) = experiments(i)%excitation
+            maker%scenario%excitations(i) = experiments(i)%excitation
             structures(i)%root_is_free = any(case%draws%parameter == of_kappa_R)
             if (.not. needs_records(case)) cycle
             experiments(i)%measured = 0*experiments(i)%samples
-            call new_apparatus(experiments(i), structures(i), mesh, case%model%observation, &
+            call prepare_experiment(experiments(i), structures(i), mesh, case%model%observation, &
                modal_t(), maker%makers(i), error)
             if (allocated(error)) return
          end do
       end associate
-      if (size(case%draws) == 0 .and. needs_records(case)) call maker%respond(maker%world, &
+      if (size(case%draws) == 0 .and. needs_records(case)) call maker%respond(maker%scenario, &
          maker%clean, error)
    end subroutine new_ensemble
 
@@ -143,19 +145,19 @@ contains
       type(member_t), intent(out) :: member
       type(experiment_t), allocatable :: experiments(:)
       type(error_t), allocatable :: error
-      type(world_t) :: world
+      type(scenario_t) :: scenario
 
       allocate (member%rows(0))
-      world = self%world
-      call draw_world(self%case, k, world, error)
+      scenario = self%scenario
+      call draw_world(self%case, k, scenario, error)
       if (.not. allocated(error) .and. needs_records(self%case)) then
          experiments = self%experiments
-         call self%make_records(k, world, experiments, error)
+         call self%make_records(k, scenario, experiments, error)
       end if
       if (.not. allocated(error)) then
          select case (self%case%ensemble%command)
-         case ('modes'); call modes_of_member(self%case, world, member%rows, error)
-         case default; call fit_member(self%case, experiments, world, member%rows, error)
+         case ('modes'); call modes_of_member(self%case, scenario, member%rows, error)
+         case default; call fit_member(self%case, experiments, scenario, member%rows, error)
          end select
       end if
       if (allocated(error)) call move_alloc(error%message, member%message)
@@ -169,10 +171,10 @@ contains
    end function needs_records
 
    !> The beam of member k.
-   subroutine draw_world(case, k, world, error)
+   subroutine draw_world(case, k, scenario, error)
       type(case_t), intent(in) :: case
       integer, intent(in) :: k
-      type(world_t), intent(inout) :: world
+      type(scenario_t), intent(inout) :: scenario
       type(error_t), allocatable, intent(out) :: error
       real(wp) :: u(size(case%draws))
       integer :: i
@@ -181,12 +183,12 @@ contains
       u = uniform_noise(size(u), seed_of(case%ensemble%seed, 2_ip*k))
       do i = 1, size(u)
          associate (draw => case%draws(i))
-            call world%set(draw%parameter, 0, as_named(draw%parameter, &
+            call scenario%set(draw%parameter, 0, as_named(draw%parameter, &
                draw%low + u(i)*(draw%high - draw%low)))
          end associate
       end do
-      do i = 1, size(world%structures)
-         call check_structure(world%structures(i), error)
+      do i = 1, size(scenario%structures)
+         call check_structure(scenario%structures(i), error)
          if (allocated(error)) return
       end do
    end subroutine draw_world
@@ -201,10 +203,10 @@ contains
    end function seed_of
 
    !> Records of a beam, with the noise of member k.
-   subroutine make_records(self, k, world, experiments, error)
+   subroutine make_records(self, k, scenario, experiments, error)
       class(ensemble_maker_t), intent(in) :: self
       integer, intent(in) :: k
-      type(world_t), intent(in) :: world
+      type(scenario_t), intent(in) :: scenario
       type(experiment_t), intent(inout) :: experiments(:)
       type(error_t), allocatable, intent(out) :: error
       real(wp), allocatable :: z(:)
@@ -213,7 +215,7 @@ contains
       if (allocated(self%clean)) then
          z = self%clean
       else
-         call self%respond(world, z, error)
+         call self%respond(scenario, z, error)
          if (allocated(error)) return
       end if
       if (self%case%noise_sd > 0) z = z + gaussian_noise(size(z), self%case%noise_sd, &
@@ -227,12 +229,12 @@ contains
    end subroutine make_records
 
    !> What the sensors see of a beam, all records one behind the other, by the exact response.
-   subroutine respond(self, world, z, error)
+   subroutine respond(self, scenario, z, error)
       class(ensemble_maker_t), intent(in) :: self
-      type(world_t), intent(in) :: world
+      type(scenario_t), intent(in) :: scenario
       real(wp), allocatable, intent(out) :: z(:)
       type(error_t), allocatable, intent(out) :: error
-      type(apparatus_t) :: fresh
+      type(prepared_experiment_t) :: fresh
       type(seen_modes_t) :: first
       type(linear_t) :: linear
       type(work_t) :: work
@@ -256,17 +258,18 @@ contains
          real(wp), intent(out) :: y(:)
          real(wp) :: dy(size(y), 0)
 
-         call fresh%evaluate(world%structures(i), world%excitations(i), .false., none, y, dy, &
+         call fresh%evaluate(scenario%structures(i), scenario%excitations(i), .false., none, y, &
+            dy, &
             linear, work, error, first)
       end subroutine evaluate
 
    end subroutine respond
 
    !> All stages on every mesh; rows are of the last stage.
-   subroutine fit_member(case, experiments, world, rows, error)
+   subroutine fit_member(case, experiments, scenario, rows, error)
       type(case_t), intent(in) :: case
       type(experiment_t), intent(in) :: experiments(:)
-      type(world_t), intent(in) :: world
+      type(scenario_t), intent(in) :: scenario
       type(row_t), allocatable, intent(inout) :: rows(:)
       type(error_t), allocatable, intent(out) :: error
       type(stage_fit_t), allocatable :: fits(:, :)
@@ -281,7 +284,7 @@ contains
          call find_fits(case, meshes, experiments, fits, minima, error, check=.false.)
          if (allocated(error)) return
          first = size(rows) + 1
-         call add_fit_rows(fits(n, 1), experiments, rows, world)
+         call add_fit_rows(fits(n, 1), experiments, rows, scenario)
          call infer(case, meshes(1), experiments, fits(n, 1), rows(first:), error)
          if (allocated(error)) return
       end do
@@ -329,12 +332,12 @@ contains
 
    !> Estimates and their intervals.
    !>
-   !> world  that made the records; left out: they are measured, and every source of error counts
-   subroutine add_fit_rows(fit, experiments, rows, world)
+   !> scenario  that made the records; left out: they are measured, and every source of error counts
+   subroutine add_fit_rows(fit, experiments, rows, scenario)
       type(stage_fit_t), intent(in) :: fit
       type(experiment_t), intent(in) :: experiments(:)
       type(row_t), allocatable, intent(inout) :: rows(:)
-      type(world_t), intent(in), optional :: world
+      type(scenario_t), intent(in), optional :: scenario
       type(row_t) :: new(size(fit%quantities))
       real(wp) :: limits(3)
       integer :: k, r
@@ -345,11 +348,11 @@ contains
             row%parameter = q%name
             row%estimate = q%value
             r = max(q%record, 1)
-            if (present(world) .and. q%parameter == offset) then
+            if (present(scenario) .and. q%parameter == offset) then
                row%truth = experiments(r)%offset
-            else if (present(world) .and. q%parameter > 0) then
-               row%truth = as_named(q%parameter, get_free(world%structures(r), &
-                  world%excitations(r), q%parameter))
+            else if (present(scenario) .and. q%parameter > 0) then
+               row%truth = as_named(q%parameter, get_free(scenario%structures(r), &
+                  scenario%excitations(r), q%parameter))
             end if
             if (s%samples == 0) cycle
             if (s%std_error(k) < unlimited .and. s%half_width(k) < unlimited .and. &
@@ -358,7 +361,7 @@ contains
                if (limits(1) <= unlimited) row%std_error = limits(1)
                row%interval = limits(2:)
             end if
-            if (.not. present(world)) then
+            if (.not. present(scenario)) then
                if (fit%half_width(k) < unlimited) row%total = q%ends(fit%total(k))
             end if
          end associate
@@ -367,9 +370,9 @@ contains
    end subroutine add_fit_rows
 
    !> Frequencies and damping ratios of a beam.
-   subroutine modes_of_member(case, world, rows, error)
+   subroutine modes_of_member(case, scenario, rows, error)
       type(case_t), intent(in) :: case
-      type(world_t), intent(in) :: world
+      type(scenario_t), intent(in) :: scenario
       type(row_t), allocatable, intent(inout) :: rows(:)
       type(error_t), allocatable, intent(out) :: error
       type(galerkin_t), target :: galerkin
@@ -378,10 +381,10 @@ contains
       integer :: j, k
       real(wp), parameter :: two_pi = 2*acos(-1.0_wp)
 
-      associate (structure => world%structures(1))
+      associate (structure => scenario%structures(1))
          do k = 1, size(case%meshes)
             galerkin = galerkin_of(case%meshes(k), structure)
-            equations = new_equations(galerkin, structure, world%excitations(1))
+            equations = new_equations(galerkin, structure, scenario%excitations(1))
             call damped_roots(equations, roots, error)
             if (allocated(error)) return
             do j = 1, min(most_modes, size(roots))

@@ -18,7 +18,8 @@ module beamid_experiments
    implicit none
    private
 
-   public :: experiment_t, apparatus_t, linear_t, seen_modes_t, new_apparatus, is_first
+   public :: experiment_t, prepared_experiment_t, linear_t, seen_modes_t, prepare_experiment, &
+      is_first
 
    !> A record and how it came about.
    type :: experiment_t
@@ -39,7 +40,7 @@ module beamid_experiments
    end type experiment_t
 
    !> What one mesh makes of an experiment: computed once, used by every evaluation.
-   type :: apparatus_t
+   type :: prepared_experiment_t
       type(experiment_t) :: experiment
       type(galerkin_t) :: galerkin
       class(solver_t), allocatable :: solver
@@ -47,7 +48,7 @@ module beamid_experiments
    contains
       procedure :: evaluate
       procedure, private :: free_motion
-   end type apparatus_t
+   end type prepared_experiment_t
 
    !> Free modes as the first channel of a motion sees them.
    type :: seen_modes_t
@@ -93,13 +94,13 @@ contains
 
    !> structure  of this experiment
    !> solver     not prepared yet
-   subroutine new_apparatus(experiment, structure, mesh, observation, solver, apparatus, error)
+   subroutine prepare_experiment(experiment, structure, mesh, observation, solver, prepared, error)
       type(experiment_t), intent(in) :: experiment
       type(structure_t), intent(in) :: structure
       type(mesh_t), intent(in) :: mesh
       type(observation_t), intent(in) :: observation
       class(solver_t), intent(in) :: solver
-      type(apparatus_t), intent(out) :: apparatus
+      type(prepared_experiment_t), intent(out) :: prepared
       type(error_t), allocatable, intent(out) :: error
       integer :: most
 
@@ -108,18 +109,18 @@ contains
             'finds; expected the modal response')
          return
       end if
-      apparatus%galerkin = galerkin_of(mesh, structure)
+      prepared%galerkin = galerkin_of(mesh, structure)
       most = unknowns_of(mesh, structure)
       if (experiment%excitation%modes > most) then
          call bad_input(error, 'found '//to_text(experiment%excitation%modes)//' modes that '// &
             'move at the start, expected at most '//to_text(most)//', as many as the mesh has')
          return
       end if
-      apparatus%experiment = experiment
-      apparatus%solver = solver
-      apparatus%sampling = new_sampling(observation, experiment%samples)
-      call prepare_for(apparatus%galerkin, apparatus%solver, error)
-   end subroutine new_apparatus
+      prepared%experiment = experiment
+      prepared%solver = solver
+      prepared%sampling = new_sampling(observation, experiment%samples)
+      call prepare_for(prepared%galerkin, prepared%solver, error)
+   end subroutine prepare_experiment
 
    !> The model and its derivatives.
    !>
@@ -133,7 +134,7 @@ contains
    !>             them; not allocated where this is the first, and then set
    subroutine evaluate(self, structure, excitation, offset, parameters, y, dy, linear, work, &
       error, first)
-      class(apparatus_t), intent(inout), target :: self
+      class(prepared_experiment_t), intent(inout), target :: self
       type(structure_t), intent(in) :: structure
       type(excitation_t), intent(in) :: excitation
       logical, intent(in) :: offset
@@ -213,7 +214,7 @@ contains
    !> What enters linearly: the two motions of each mode, of which the unknowns are accelerations at
    !> the first sample, and the offset.
    subroutine free_motion(self, equations, count, parameters, offset, first, linear, work, error)
-      class(apparatus_t), intent(inout) :: self
+      class(prepared_experiment_t), intent(inout) :: self
       type(equations_t), intent(in), target :: equations
       integer, intent(in) :: count, parameters(:)
       logical, intent(in) :: offset

@@ -90,10 +90,10 @@ contains
 
       unknowns = count(any(self%owner == shared, dim=2)) + count(self%owner > 0) &
          + size(self%fit%quantities) - size(self%fit%free)
-      do a = 1, size(self%fit%profiles)
+      do a = 1, size(self%fit%fields)
          if (.not. self%fit%strength(a) > 0) cycle
-         associate (profile => self%fit%profiles(a))
-            unknowns = unknowns - size(profile%place) + nint(profile%smoothing%freedom)
+         associate (field => self%fit%fields(a))
+            unknowns = unknowns - size(field%place) + nint(field%smoothing%freedom)
          end associate
       end do
    end function unknowns
@@ -119,7 +119,7 @@ contains
       is_nested = .false.
       if (small%unknowns() >= large%unknowns() .or. .not. same_method(small, large)) return
       if (any(small%stages%offset) .and. .not. any(large%stages%offset)) return
-      associate (a => small%fit%world, b => large%fit%world)
+      associate (a => small%fit%scenario, b => large%fit%scenario)
          do r = 1, size(small%experiments)
             do k = 1, size(parameters)
                if (k == offset .or. .not. (is_there(a%structures(r), k) .or. &

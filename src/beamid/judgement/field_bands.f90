@@ -7,14 +7,14 @@
 !>     g' (h/s C h/s) g + sum over what is held of (sum g h/s effect)**2
 !>
 !> which is h/E where only E was searched for.
-module beamid_profile_bands
+module beamid_field_bands
    use beamid_kinds, only: wp
    use beamid_smoothing, only: resolution_length
    use beamid_stages, only: stage_fit_t
    use beamid_statistics, only: unlimited
    use beamid_structure, only: function_of, is_coefficient, of_c_D, of_d_D, of_E, of_w_D, of_x_D, &
       structure_t
-   use beamid_variations, only: constant, of_E_x, profile_t
+   use beamid_variations, only: constant, of_E_x, field_t
    implicit none
    private
 
@@ -71,7 +71,7 @@ contains
       integer, allocatable :: which(:)
       integer :: k
 
-      before = fit%structure
+      before = fit%scenario%structures(1)
       do k = 1, size(fit%quantities)
          associate (q => fit%quantities(k))
             ours(k) = q%record <= 1 .and. is_part(q%parameter, a)
@@ -85,12 +85,12 @@ contains
       which = [(fit%quantities(k)%parameter, k=1, size(fit%quantities))]
       do k = 1, points
          xi = (k - 1.0_wp)/(points - 1)
-         band%x(k) = xi*fit%structure%length
-         band%value(k) = value_at(fit%structure, a, xi)
+         band%x(k) = xi*fit%scenario%structures(1)%length
+         band%value(k) = value_at(fit%scenario%structures(1), a, xi)
          band%start(k) = value_at(before, a, xi)
          if (.not. allocated(band%half_width)) cycle
          slope = 0
-         where (ours) slope = slopes(fit%structure, a, xi, which)
+         where (ours) slope = slopes(fit%scenario%structures(1), a, xi, which)
          band%half_width(k) = half_width(fit, slope)
       end do
       call add_resolution(fit, a, band)
@@ -178,21 +178,21 @@ contains
       class(stage_fit_t), intent(in) :: fit
       integer, intent(in) :: a
       type(band_t), intent(inout) :: found
-      type(profile_t) :: along
+      type(field_t) :: along
       real(wp), allocatable :: places(:), row(:)
       integer :: j, k
 
-      along = fit%structure%variations%along(a)
+      along = fit%scenario%structures(1)%variations%along(a)
       if (.not. allocated(along%value)) return
-      found%spacing = fit%structure%length/(along%coefficients - along%degree)
-      if (.not. allocated(fit%profiles(a)%place)) return
-      places = along%places()*fit%structure%length
+      found%spacing = fit%scenario%structures(1)%length/(along%coefficients - along%degree)
+      if (.not. allocated(fit%fields(a)%place)) return
+      places = along%places()*fit%scenario%structures(1)%length
       allocate (found%resolution(size(found%x)))
       do k = 1, size(found%x)
          j = minloc(abs(places - found%x(k)), dim=1)
-         row = fit%profiles(a)%smoothing%resolution(fit%profiles(a)%place(j), &
-            fit%profiles(a)%place)
-         found%resolution(k) = min(fit%structure%length, max(found%spacing, &
+         row = fit%fields(a)%smoothing%resolution(fit%fields(a)%place(j), &
+            fit%fields(a)%place)
+         found%resolution(k) = min(fit%scenario%structures(1)%length, max(found%spacing, &
             resolution_length(row, found%spacing)))
       end do
    end subroutine add_resolution
@@ -219,4 +219,4 @@ contains
          upper = self%value(k)*exp(self%half_width(k))
    end function upper
 
-end module beamid_profile_bands
+end module beamid_field_bands

@@ -65,8 +65,8 @@ contains
             return
          end if
          fits(k) = found(1)
-         moving%structure = found(1)%structure
-         moving%excitation = found(1)%excitation
+         moving%structure = found(1)%scenario%structures(1)
+         moving%excitation = found(1)%scenario%excitations(1)
       end do
    end subroutine profile
 

@@ -83,8 +83,8 @@ contains
       integer :: k, m, row
 
       associate (problem => setup%problem)
-         values = [(get_free(problem%world%structures(max(1, problem%record(k))), &
-            problem%world%excitations(max(1, problem%record(k))), problem%free(k)), &
+         values = [(get_free(problem%scenario%structures(max(1, problem%record(k))), &
+            problem%scenario%excitations(max(1, problem%record(k))), problem%free(k)), &
             k=1, size(scale))]
          allocate (r(problem%samples()), c(problem%linear_unknowns()))
          allocate (jacobian(size(r), size(scale) + size(c)), none(size(r), 0))
@@ -112,7 +112,8 @@ contains
       type(residual_t), intent(inout) :: problem
       real(wp), intent(in) :: x_S, x_F, duration
 
-      associate (structure => problem%world%structures(1), force => problem%world%excitations(1))
+      associate (structure => problem%scenario%structures(1), &
+         force => problem%scenario%excitations(1))
          structure%sensor(structure%observer)%x_S = x_S
          structure%x_F = x_F
          if (is_pulse(force)) force%t(2) = duration

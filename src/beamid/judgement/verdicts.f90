@@ -105,8 +105,8 @@ contains
       logical, allocatable :: together(:)
       integer :: modes, n, p, r
 
-      associate (structures => fit%world%structures)
-         modes = max(usual_modes, maxval(fit%world%excitations%modes))
+      associate (structures => fit%scenario%structures)
+         modes = max(usual_modes, maxval(fit%scenario%excitations%modes))
          allocate (s(modes, size(structures)), ds(modes, size(structures), size(fit%free)))
          s = 0
          ds = 0
@@ -171,7 +171,7 @@ contains
          do k = 1, size(s)
             if (.not. aimag(s(k)) > 0) cycle
             one = sighting_t(record=r, mode=k, model=aimag(s(k))/two_pi)
-            associate (modes => fit%world%excitations(r)%modes)
+            associate (modes => fit%scenario%excitations(r)%modes)
                if (k <= modes .or. fit%note == '') call look_for(lines, span, one)
                gain = 0
                if (k <= modes) call look_into(fit, r, k, row, experiment, rest, s(k), one%share, &
@@ -180,7 +180,7 @@ contains
             if (gain > least_gain .and. one%verdict == 'unseen') one%verdict = 'seen'
             if (one%verdict == 'seen' .and. is_multiple(s, k, gain, lines, span)) &
                one%verdict = merge('mains   ', 'harmonic', near_mains(one%model, span, 0.0_wp))
-            if (one%verdict == 'seen' .and. k <= fit%world%excitations(r)%modes) then
+            if (one%verdict == 'seen' .and. k <= fit%scenario%excitations(r)%modes) then
                if (blends(fit, r, row, t, rest, s, k)) one%verdict = 'harmonic'
             end if
             found = [found, one]
@@ -290,7 +290,7 @@ contains
       ! Of a further channel they are those of the first.
       first = 0
       do i = r, 1, -1
-         name = name_of('cos_'//to_text(k), merge(0, i, size(fit%world%structures) == 1))
+         name = name_of('cos_'//to_text(k), merge(0, i, size(fit%scenario%structures) == 1))
          do first = size(fit%quantities), 1, -1
             if (fit%quantities(first)%name == name) return
          end do
@@ -335,7 +335,7 @@ contains
       end do
       values = fit%fit%estimate
       owners = fit%quantities(:size(values))%record
-      beliefs = beliefs_about(fit%world, fit%free, owners, values, fit%priors)
+      beliefs = beliefs_about(fit%scenario, fit%free, owners, values, fit%priors)
       lost = resting(s, ds, visible, beliefs, values) .and. &
          .not. resting(s, ds, there, beliefs, values)
       do k = 1, size(lost)
