@@ -12,7 +12,7 @@ module beamid_records
    private
 
    public :: window_t, recording_t, read_record, load_recording, grid
-   public :: append_recording, note_length, column_length
+   public :: add_note, append_recording, note_length, column_length
 
    !> Of a sentence about what was done to a record.
    integer, parameter :: note_length = 200

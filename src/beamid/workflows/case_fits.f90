@@ -7,6 +7,7 @@ module beamid_case_fits
    use beamid_experiments, only: experiment_t
    use beamid_galerkin, only: mesh_t
    use beamid_identification, only: identify_meshes, score_fits, stage_fit_t
+   use beamid_input_checks, only: check_input
    use beamid_interrupts, only: check_interrupt
    use beamid_kinds, only: wp
    use beamid_least_squares, only: monitor_t
@@ -48,6 +49,7 @@ contains
 
       allocate (found%minima(0), found%windows(0))
       call load_experiments(case, found%experiments, found%notes, error)
+      if (.not. allocated(error)) call check_input(case, found%experiments, found%notes, error)
       if (.not. allocated(error)) call scored_samples(case, found%scored, found%expected, error)
    end subroutine load_case
 

@@ -9,6 +9,7 @@ module beamid_cases
    use beamid_errors, only: error_t, locate
    use beamid_experiments, only: experiment_t, is_first
    use beamid_files, only: read_text
+   use beamid_input_checks, only: leave_out_lead_in
    use beamid_kinds, only: wp
    use beamid_namelist, only: scan_namelist
    use beamid_parameters, only: is_there, name_of_parameter, on_beam, parameters
@@ -181,6 +182,11 @@ contains
             experiment%motion = recording%experiment
             call place_experiment(case, k, experiment, error)
             if (allocated(error)) return
+            associate (window => recording%window)
+               if (experiment%excitation%modes > 0 .and. .not. allocated(window%t_step)) &
+                  call leave_out_lead_in(allocated(window%t_first), experiment%samples, &
+                  experiment%measured, notes)
+            end associate
          end associate
       end do
       total = sum([(size(experiments(k)%samples), k=1, size(experiments))])
