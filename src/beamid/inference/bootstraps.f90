@@ -50,7 +50,7 @@ module beamid_bootstraps
 contains
 
    !> Fits many resampled records: the model's own response plus either white noise of the stated or
-   !> estimated standard deviation, or blocks of the residuals in random order. The centres of the
+   !> estimated standard deviation, or blocks drawn at random from the residuals. The centres of the
    !> priors of free parameters are drawn anew as well.
    !>
    !> experiments  (records) that were fitted

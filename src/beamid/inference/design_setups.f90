@@ -84,7 +84,7 @@ contains
    !> changes of the free parameters and with respect to the linear unknowns.
    !>
    !> setup     on return with the motion of `cause` as its measured values
-   !> scale     (n) values of the free parameters that a relative change of 1 corresponds to
+   !> scale     (n) values that relative changes of the free parameters refer to, > 0
    !> jacobian  (samples, n + linear unknowns)
    !> error     a response that cannot be computed
    subroutine differentiate(setup, scale, jacobian, error)

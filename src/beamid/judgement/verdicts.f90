@@ -210,7 +210,7 @@ contains
    !> Returns whether a mode and a multiple of the first mode's frequency form one broad line.
    !>
    !> This is so if, with the multiple in the model as well, J would fall by more than noise
-   !> explains and an estimate would move by more than the half width of its interval. The multiple
+   !> explains and an estimate would move by more than the width of its interval. The multiple
    !> decays as the first mode does or as its power.
    !>
    !> r            number of the record
@@ -257,7 +257,7 @@ contains
    end function merges_with_harmonic
 
    !> Sets peak, share and verdict of a mode from the spectral line nearest to it, unless that is
-   !> further away than the resolution 1/span and 1 % of the frequency.
+   !> further away than both the resolution 1/span and 1 % of the frequency.
    !>
    !> lines  spectral lines of the record
    !> span   duration of the record [time]
