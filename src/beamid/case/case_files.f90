@@ -3,6 +3,7 @@
 module beamid_case_files
    use beamid_along_groups, only: along_t, read_along
    use beamid_blocks, only: block_t
+   use beamid_bootstraps, only: bootstrap_plan_t
    use beamid_boxes, only: box_t
    use beamid_design_groups, only: read_design
    use beamid_ensemble_groups, only: draw_t, ensemble_t, read_draw, read_ensemble
@@ -11,7 +12,6 @@ module beamid_case_files
    use beamid_fingerprints, only: fingerprint_t
    use beamid_galerkin, only: mesh_t
    use beamid_identification, only: model_t, stage_t
-   use beamid_inference, only: bootstrap_plan_t
    use beamid_kinds, only: wp
    use beamid_method_groups, only: read_bootstrap, read_discretization, read_integrator, &
       read_multistart, read_observation, read_sample, read_windows

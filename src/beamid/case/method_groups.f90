@@ -2,9 +2,9 @@
 !> starts, windows, draws.
 module beamid_method_groups
    use beamid_blocks, only: block_t
+   use beamid_bootstraps, only: blocks, bootstrap_plan_t, by_judgement, parametric
    use beamid_cvode, only: cvode_t
    use beamid_galerkin, only: mesh_t
-   use beamid_inference, only: blocks, bootstrap_plan_t, by_judgement, parametric
    use beamid_kinds, only: wp, ip
    use beamid_modal, only: modal_t
    use beamid_multistart, only: multistart_t

@@ -2,7 +2,7 @@
 !> the rows pass: memory does not grow with the number of members.
 module beamid_ensemble_reports
    use, intrinsic :: iso_c_binding, only: c_int, c_null_char
-   use beamid_ensembles, only: row_t
+   use beamid_ensemble_rows, only: row_t
    use beamid_errors, only: error_t, failure
    use beamid_kinds, only: ip, wp
    use beamid_lines, only: csv_row

@@ -1,6 +1,7 @@
 !> Profiles, draws from the posterior and fits of resampled records: for other programs, and for the
 !> reader.
 module beamid_inference_reports
+   use beamid_bootstraps, only: blocks, bootstrap_t
    use beamid_case_files, only: case_t
    use beamid_chains, only: mean_and_deviation, quantile
    use beamid_errors, only: error_t
@@ -8,7 +9,7 @@ module beamid_inference_reports
    use beamid_fitted_modes, only: fitted_mode_t, fitted_modes
    use beamid_galerkin, only: mesh_t
    use beamid_identification, only: stage_fit_t
-   use beamid_inference, only: blocks, bootstrap_t, posterior_draws_t
+   use beamid_inference, only: posterior_draws_t
    use beamid_intervals, only: append_interval, end_words, interval_t
    use beamid_kinds, only: wp
    use beamid_lines, only: columns, csv_row

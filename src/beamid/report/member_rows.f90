@@ -1,7 +1,8 @@
 !> The rows of `members.csv`, the table of all members of an ensemble: written and read.
 module beamid_member_rows
    use, intrinsic :: ieee_arithmetic, only: ieee_positive_inf, ieee_value
-   use beamid_ensembles, only: member_t, row_t
+   use beamid_ensemble_rows, only: row_t
+   use beamid_ensembles, only: member_t
    use beamid_errors, only: bad_input, error_t
    use beamid_kinds, only: ip, wp
    use beamid_numbers, only: parse_number, shown
