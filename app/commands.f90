@@ -2,7 +2,7 @@
 module beamid_commands
    use, intrinsic :: iso_fortran_env, only: int64
    use beamid
-   use beamid_case_fits, only: case_fit_t, fit_case, judge_case, load_case
+   use beamid_case_fits, only: add_score_tests, case_fit_t, fit_case, judge_case, load_case
    use beamid_cases, only: can_be_fitted
    use beamid_errors, only: locate
    use beamid_fit_reports, only: add_modes_of_fits, report_fit
@@ -57,6 +57,7 @@ contains
       progress = new_progress(settings%quiet)
       call fit_case(case, found, error, progress)
       if (.not. allocated(error)) call judge_case(case, found, error, progress)
+      if (.not. allocated(error)) call add_score_tests(case, found, error)
       call progress%finish()
       if (allocated(error)) return
       call report_fit(case, found, output, summary, error)

@@ -20,7 +20,7 @@ module beamid_c
    use beamid_c_results, only: beamid_array, beamid_groups, beamid_text
    use beamid_case_checks, only: check_needs
    use beamid_case_files, only: case_t
-   use beamid_case_fits, only: add_mesh_shifts, fit_case, judge_case, load_case
+   use beamid_case_fits, only: add_mesh_shifts, add_score_tests, fit_case, judge_case, load_case
    use beamid_case_inferences, only: case_inference_t, infer
    use beamid_cases, only: needs_fit, needs_nothing, parse_case
    use beamid_errors, only: bad_input, error_t
@@ -232,6 +232,7 @@ contains
             ! The longest part of a verdict works without texts, and beside other threads.
             progress => progress_of_call()
             call add_mesh_shifts(outcome%case, outcome%found, error, progress)
+            if (.not. allocated(error)) call add_score_tests(outcome%case, outcome%found, error)
             call end_progress(progress)
             !$omp critical (texts_of_beamid)
             if (.not. allocated(error)) call judge_case(outcome%case, outcome%found, error)

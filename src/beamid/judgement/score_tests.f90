@@ -36,6 +36,8 @@ module beamid_score_tests
    !> The test of one candidate.
    type :: score_test_t
       character(len=name_length) :: name = ''
+      integer :: parameter = 0             !< index in the table of parameters; 0: the offset
+      integer :: record = 0                !< of the offset; 0: all records
       real(wp) :: p_value = 1              !< of so large a score if the model is right
       real(wp) :: value = 0                !< of the candidate after one Gauss-Newton step
       real(wp), allocatable :: shift(:)    !< (n) of each estimate in that step
@@ -92,6 +94,7 @@ contains
          if (allocated(error)) return
          associate (s => fit%scenario%structures(1), p => candidates(k))
             tests(k)%name = name_of_parameter(s, p)
+            tests(k)%parameter = p
             call test(fit, d, s%get(p), is_positive=p == of_kappa_R .or. p == of_gamma .or. &
                any(J_S_at == p), one=tests(k))
             if (.not. fit%check%white) call refit(model, mesh, experiments, fit, p, tests(k))
@@ -108,6 +111,7 @@ contains
          ! The offset belongs to the record: residuals are model minus record.
          d(first:last) = experiments(k)%scale*fit%weight(k)
          tests(tested + k)%name = 'offset'
+         tests(tested + k)%record = k
          call test(fit, d, experiments(k)%offset, is_positive=.false., one=tests(tested + k))
          first = last + 1
       end do
@@ -126,6 +130,9 @@ contains
          candidates = pack(all_of_them, [(all(fit%free /= all_of_them(k)), &
             k=1, size(all_of_them))])
       end associate
+      ! A sensor at the tip, as it is without x_S, is there.
+      if (structure%follows_tip(x_S_at(structure%observer))) candidates = pack(candidates, &
+         candidates /= x_S_at(structure%observer))
    end subroutine choose_candidates
 
    !> Differentiates the residuals of the fit with respect to a parameter that it has not estimated.
@@ -261,6 +268,8 @@ contains
 
       tests%matters = tests%p_value < chance/max(1, size(tests)) .and. &
          (tests%moves > large_shift .or. tests%decrease > large_decrease)
+      ! A clamp without any stiffness is no clamp.
+      where (tests%parameter == of_kappa_R) tests%matters = tests%matters .and. tests%value > 0
    end subroutine decide
 
 end module beamid_score_tests

@@ -8,6 +8,7 @@ module beamid_fit_reports
    use beamid_identification, only: stage_fit_t
    use beamid_mode_summaries, only: fitted_modes_summary, minima_summary
    use beamid_outputs, only: output_t
+   use beamid_score_reports, only: add_score_lines, add_score_table
    use beamid_shape_tables, only: add_shapes
    use beamid_summaries, only: fit_summary
    use beamid_tables, only: add_fit_tables, add_fitted_modes, add_minima, fitted_modes_header, &
@@ -37,6 +38,10 @@ contains
       type(text_t) :: text, table, minima
       integer :: k
 
+      associate (last => found%fits(size(found%fits, 1), size(found%fits, 2)))
+         if (found%verdict%no_fit == '') call add_score_lines(text, case, last, found%tests)
+         call add_score_table(output, last, found%tests)
+      end associate
       call text%add(fit_summary(case, found%experiments, found%fits, found%notes, found%verdict))
       if (size(found%minima) > 0) then
          call minima%line(minima_header)

@@ -15,12 +15,14 @@ module beamid_case_fits
    use beamid_records, only: note_length
    use beamid_refinement, only: add_mesh_shift, identify_refining
    use beamid_responses, only: is_exact
+   use beamid_score_tests, only: score_test_t, test_candidates
    use beamid_verdicts, only: new_verdict, verdict_t
    use beamid_window_fits, only: fit_windows, window_fit_t
    implicit none
    private
 
-   public :: case_fit_t, minima_t, load_case, fit_case, find_fits, add_mesh_shifts, judge_case
+   public :: case_fit_t, minima_t, load_case, fit_case, find_fits, add_mesh_shifts, judge_case, &
+      add_score_tests
 
    !> The minima that the searches from several starts have found on one mesh.
    type :: minima_t
@@ -39,6 +41,7 @@ module beamid_case_fits
       type(minima_t), allocatable :: minima(:)                 !< (meshes); of size 0: one start
       type(verdict_t) :: verdict                               !< on the last stage, finest mesh
       type(window_fit_t), allocatable :: windows(:)            !< of size 0: no &windows
+      type(score_test_t), allocatable :: tests(:)  !< of size 0: not asked for, or impossible
    end type case_fit_t
 
 contains
@@ -52,7 +55,7 @@ contains
       type(case_fit_t), intent(out) :: found
       type(error_t), allocatable, intent(out) :: error
 
-      allocate (found%minima(0), found%windows(0))
+      allocate (found%minima(0), found%windows(0), found%tests(0))
       call load_experiments(case, found%experiments, found%notes, error)
       if (.not. allocated(error)) call check_input(case, found%experiments, found%notes, error)
       if (.not. allocated(error)) call scored_samples(case, found%scored, found%expected, error)
@@ -168,5 +171,22 @@ contains
       end do
       call check_interrupt(error)
    end subroutine add_mesh_shifts
+
+   !> Tests which parameters the model may lack, on the last stage and the finest mesh.
+   !>
+   !> found  with a verdict; on return with `tests`
+   !> error  only an interruption: if a test cannot be computed there is none
+   subroutine add_score_tests(case, found, error)
+      type(case_t), intent(in) :: case
+      type(case_fit_t), intent(inout) :: found
+      type(error_t), allocatable, intent(out) :: error
+      type(score_test_t), allocatable :: tests(:)
+      type(error_t), allocatable :: failed
+
+      call test_candidates(case%model, case%meshes(size(case%meshes)), found%experiments, &
+         found%fits(size(found%fits, 1), size(found%fits, 2)), tests, failed)
+      call check_interrupt(error)
+      if (.not. allocated(error) .and. .not. allocated(failed)) call move_alloc(tests, found%tests)
+   end subroutine add_score_tests
 
 end module beamid_case_fits
