@@ -11,7 +11,9 @@ module beamid_modal
    use beamid_interrupts, only: check_interrupt
    use beamid_kinds, only: wp
    use beamid_modes, only: bare_beam_modes, beam_modes_t, buckled
-   use beamid_poles, only: differentiate_poles, find_poles, observe_also, poles_t
+   use beamid_pole_derivatives, only: differentiate_poles
+   use beamid_pole_search, only: find_poles
+   use beamid_poles, only: observe_also, poles_t
    use beamid_responses, only: exact_solver_t, of_tilt, work_t
    use beamid_structure, only: of_g, of_length, same_structure, structure_t
    use beamid_structure_checks, only: check_axial_load
