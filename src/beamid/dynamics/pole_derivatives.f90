@@ -27,8 +27,8 @@ contains
    !> Computes the derivatives of poles, residues and clusters with respect to the parameters of the
    !> assembly.
    !>
-   !> poles  in: the result of `find_poles`; out: `ds`, `dr`, `dimpulse`, `parameters`, `values`, and
-   !>        `slope` if the assembly is dense
+   !> poles  in: the result of `find_poles`; out: `ds`, `dr`, `dimpulse`, `parameters`, `values`,
+   !>        and `slope` if the assembly is dense
    !> also   the same roots at another sensor, differentiated before: the derivatives of their
    !>        eigenvectors are used again; default: computed here
    subroutine differentiate_poles(assembly, poles, also)
@@ -190,15 +190,19 @@ contains
       integer :: p, r
 
       r = size(assembly%v, 1)
-      associate (vector => poles%vector(k), s => poles%s(k))
+      associate (vector => poles%vector(k), s => poles%s(k), &
+         load => assembly%load(:, 2, poles%vector(k)%form))
          driven = load_on(assembly, vector, s)
          do p = 1, size(slopes)
             associate (by => slopes(p))
                driven_p = sum(assembly%rest*by%x) + sum(assembly%rest_slope(:, p)*vector%x) &
                   + sum(assembly%push(:, vector%form)*by%y) &
                   + sum(assembly%push_slope(:, vector%form, p)*vector%y(:r))
+               ! Velocity and displacement of the base.
                if (assembly%feels_base) driven_p = driven_p &
-                  + base_load_change(assembly, vector, p, s, by)
+                  + (sum(assembly%velocity_load_slope(:, p)*vector%x) &
+                  + sum(load*(by%x - vector%x*by%s/s)) &
+                  - sum(assembly%base_coupling*(by%f - 2*vector%f(:r)*by%s/s))/s)/s
                poles%ds(k, p) = by%s
                poles%dr(k, p) = pair_weight(s)*(by%y(assembly%sensor)*driven &
                   + vector%y(assembly%sensor)*(driven_p - driven*by%A/vector%A))/vector%A
@@ -206,25 +210,6 @@ contains
          end do
       end associate
    end subroutine differentiate_residue
-
-   !> Returns the derivative of the part of x'F that is due to velocity and displacement of the base.
-   !>
-   !> p   index of the parameter
-   !> s   the root [1/time]
-   !> by  derivatives of root and eigenvector with respect to the parameter
-   pure complex(wp) function base_load_change(assembly, vector, p, s, by)
-      type(assembly_t), intent(in) :: assembly
-      type(vector_t), intent(in) :: vector
-      integer, intent(in) :: p
-      complex(wp), intent(in) :: s
-      type(vector_slope_t), intent(in) :: by
-
-      associate (load => assembly%load(:, 2, vector%form), r => size(assembly%base_coupling))
-         base_load_change = (sum(assembly%velocity_load_slope(:, p)*vector%x) &
-            + sum(load*(by%x - vector%x*by%s/s)) &
-            - sum(assembly%base_coupling*(by%f(:r) - 2*vector%f(:r)*by%s/s))/s)/s
-      end associate
-   end function base_load_change
 
    !> Computes the adjoint vector of a root, the solution of Q z = g with z_j = 0. g is the gradient
    !> of the residue with respect to the eigenvector, through o'x, x'F and A.

@@ -34,7 +34,8 @@ module beamid_poles
       !> is Re(sum r e**(s t)). 0 if the root belongs to a cluster.
       complex(wp), allocatable :: residue(:)
       type(cluster_t), allocatable :: cluster(:)  !< groups of roots that nearly coincide
-      !> o'M**-1 F = sum of r s: acceleration of the sensor at the instant at which a unit force acts
+      !> o'M**-1 F = sum of r s: acceleration of the sensor at the instant at which a unit force
+      !> acts
       real(wp) :: impulse = 0
       !> (n + r, 2) M**-1 F and M**-1 o: the n oscillators x, then the r rows y
       real(wp), allocatable :: pushed(:, :)
