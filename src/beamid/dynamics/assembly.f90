@@ -745,7 +745,7 @@ contains
          + sum(self%velocity_load_slope(:, p)*x)/s
    end function load_change
 
-   !> Returns F at s.
+   !> Returns F at s, including the load by the velocity of the base.
    !>
    !> s     [1/time]
    !> form  form of the pencil
@@ -885,9 +885,8 @@ contains
       form = merge(1, 2, real(held)**2 + aimag(held)**2 <= real(moved)**2 + aimag(moved)**2)
    end function form_at
 
-   !> Returns |s + E/c_D| c_D/E, the relative distance of s from the accumulation point -E/c_D of
-   !> the slow roots of overdamped modes. The residue of such a root is as small, relative to that
-   !> of the mode without damping.
+   !> Returns |s + E/c_D| c_D/E, the relative distance of s from -E/c_D, the accumulation point of
+   !> the slow roots of overdamped modes. The residue of such a root is reduced by the same factor.
    pure real(wp) function from_pile(self, s)
       class(assembly_t), intent(in) :: self
       complex(wp), intent(in) :: s

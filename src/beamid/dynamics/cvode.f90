@@ -328,8 +328,8 @@ contains
       end if
    end subroutine check
 
-   !> Adapter (CVRhsFn) to the right-hand side of `motion_t`; requests a shorter step if the
-   !> derivative is not finite.
+   !> Computes y' for CVODE by `motion_t` (adapter, CVRhsFn); requests a shorter step if y' is not
+   !> finite.
    integer(c_int) function right_hand_side(t, y, dy, user_data) bind(c)
       real(c_double), value :: t
       type(c_ptr), value :: y, dy, user_data
@@ -343,14 +343,15 @@ contains
       right_hand_side = merge(0_c_int, 1_c_int, all(ieee_is_finite(derivative)))
    end function right_hand_side
 
-   !> Adapter (SUNLinSolGetType): CVODE holds no matrix for this solver.
+   !> Returns the type of the linear solver (adapter, SUNLinSolGetType): CVODE holds no matrix for
+   !> it.
    integer(c_int) function linear_type(solver) bind(c)
       type(c_ptr), value :: solver
 
       linear_type = merge(SUNLINEARSOLVER_MATRIX_EMBEDDED, -1, c_associated(solver))
    end function linear_type
 
-   !> Adapter (SUNLinSolSolve): solves the Newton system of the current step by `motion_t`.
+   !> Solves the Newton system of the current step by `motion_t` (adapter, SUNLinSolSolve).
    integer(c_int) function linear_solve(solver, matrix, x, b, tolerance) bind(c)
       type(SUNLinearSolver), intent(in) :: solver
       type(c_ptr), value :: matrix, x, b
