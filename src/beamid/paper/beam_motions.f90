@@ -14,7 +14,8 @@ module beamid_beam_motions
    use beamid_kinds, only: wp
    use beamid_modal, only: assemble
    use beamid_modes, only: bare_beam_modes, beam_modes_t
-   use beamid_poles, only: find_poles, poles_t
+   use beamid_pole_search, only: find_poles
+   use beamid_poles, only: poles_t
    use beamid_responses, only: response_t
    use beamid_splines, only: spline_space_t
    use beamid_synthesis, only: at_rest, states_t
