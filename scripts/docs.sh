@@ -25,5 +25,11 @@ reference=$(scripts/run.sh help --markdown)
    tail -n +2 <<<"$reference"
 } >"$page"
 
-NO_MKDOCS_2_WARNING=1 .venv/bin/mkdocs build --strict --quiet --config-file mkdocs.yml
+# mkdocs tells warnings among much else. (With --quiet it neither tells nor counts them.)
+log=$(mktemp)
+trap 'rm -f "$log"' EXIT
+NO_MKDOCS_2_WARNING=1 .venv/bin/mkdocs build --strict --config-file mkdocs.yml >"$log" 2>&1 || {
+   cat "$log" >&2
+   exit 1
+}
 echo out/site/index.html
