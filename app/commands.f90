@@ -36,6 +36,7 @@ module beamid_commands
       logical :: time = .false.                  !< measure how long a fit takes
       character(len=:), allocatable :: only      !< members of an ensemble, i:j
       logical :: only_new = .false.              !< members without a result
+      logical :: markdown = .false.              !< the help is the reference in Markdown
    end type settings_t
 
 contains

@@ -35,7 +35,7 @@ program beamid_main
       case ('reproduce'); call run_reproduce(settings, error)
       case ('ensemble'); call run_ensemble(settings, error)
       case ('new'); call run_new(settings, error)
-      case ('help'); call run_help(words_of(settings%subjects), error)
+      case ('help'); call run_help(words_of(settings%subjects), settings%markdown, error)
       case ('version'); call print_text('beamid '//version//new_line('a'), error)
       end select
    end if
@@ -66,6 +66,7 @@ contains
          case ('--quiet'); settings%quiet = .true.
          case ('--time'); settings%time = .true.
          case ('--only-new'); settings%only_new = .true.
+         case ('--markdown'); settings%markdown = .true.
          case ('--only')
             k = k + 1
             settings%only = argument(k)
@@ -81,6 +82,7 @@ contains
                if (any(command_names() == subject%text)) settings%subjects = [subject]
             end if
             settings%command = 'help'
+            settings%markdown = .false.
             return
          case ('--out')
             k = k + 1
@@ -122,6 +124,8 @@ contains
       associate (command => settings%command, given => size(settings%subjects))
          select case (command)
          case ('help')
+            if (settings%markdown .and. given > 0) call bad_input(error, 'found '// &
+               settings%subject//' beside help --markdown, expected nothing more')
          case ('new')
             call check_new(words_of(settings%subjects), error)
             if (.not. allocated(error) .and. allocated(settings%out)) call bad_input(error, &
@@ -146,6 +150,8 @@ contains
          if (.not. allocated(error) .and. command /= 'ensemble' .and. (settings%only_new .or. &
             allocated(settings%only))) call bad_input(error, command//': found --only, '// &
             'expected it behind ensemble')
+         if (.not. allocated(error) .and. command /= 'help' .and. settings%markdown) &
+            call bad_input(error, command//': found --markdown, expected it behind help')
       end associate
    end subroutine check_command
 

@@ -4,6 +4,7 @@ module beamid_manual
    use beamid, only: error_t, version
    use beamid_blocks, only: block_t
    use beamid_case_files, only: groups, list_keys
+   use beamid_case_reference, only: add_reference
    use beamid_errors, only: bad_input
    use beamid_key_help, only: add_group_list, add_help_on, key_line, known_words
    use beamid_reproduction, only: parts, reproducible
@@ -72,17 +73,19 @@ module beamid_manual
          'KIND is free-decay (default), impulse, base or paper; writes case.nml and record.csv '// &
          'to DIR, by default a folder named KIND, and replaces neither.'), &
       command_t('help', '[WORD ...]', 'about a command, group, key or parameter', &
-         'help man, help bash and help zsh print the manual page and what shells complete.'), &
+         'help man, help bash and help zsh print the manual page and what shells complete. '// &
+         'help --markdown prints the reference of all groups, keys and parameters.'), &
       command_t('version', '', 'the version', '')]
 
-   character(len=*), parameter :: options(5) = [character(len=10) :: '--out DIR', '--quiet', &
-      '--time', '--only i:j', '--only-new']
-   character(len=*), parameter :: option_help(5) = [character(len=64) :: &
+   character(len=*), parameter :: options(6) = [character(len=10) :: '--out DIR', '--quiet', &
+      '--time', '--only i:j', '--only-new', '--markdown']
+   character(len=*), parameter :: option_help(6) = [character(len=64) :: &
       'folder of the outputs; left out: out/<case name>', &
       'no progress on standard error', &
       'identify: the time of a fit, on standard error', &
       'ensemble: these members alone', &
-      'ensemble: only cases without a result, or with changed files']
+      'ensemble: only cases without a result, or with changed files', &
+      'help: the reference of groups, keys and parameters, in Markdown']
 
    character(len=*), parameter :: &
       purpose = 'physical parameters of a flexible beam from an accelerometer record', &
@@ -103,16 +106,22 @@ contains
       text = one_of(command_names(), '')
    end function commands_in_words
 
-   !> beamid help [WORD ...]
+   !> beamid help [WORD ...], beamid help --markdown
    !>
-   !> words  none: everything in short
-   subroutine run_help(words, error)
+   !> words     none: everything in short
+   !> markdown  whether to print the reference of case files in Markdown instead
+   subroutine run_help(words, markdown, error)
       character(len=*), intent(in) :: words(:)
+      logical, intent(in) :: markdown
       type(error_t), allocatable, intent(out) :: error
       type(text_t) :: text
       integer :: k
 
-      if (size(words) == 0) call add_overview(text)
+      if (markdown) then
+         call add_reference(text)
+      else if (size(words) == 0) then
+         call add_overview(text)
+      end if
       do k = 1, size(words)
          if (k > 1) call text%line()
          select case (words(k))
@@ -186,6 +195,7 @@ contains
       character(len=:), allocatable :: line
 
       line = 'beamid '//trim(trim(command%name)//' '//command%arguments)
+      if (command%name == 'help') line = line//' [--markdown]'
       if (any(command%name == [character(len=9) :: 'help', 'version', 'new'])) return
       line = line//' [--out DIR] [--quiet]'
       if (command%name == 'identify') line = line//' [--time]'
@@ -226,6 +236,7 @@ contains
          if (groups(g)%required) name = name//' (required)'
          if (groups(g)%may_repeat) name = name//' (may repeat)'
          call text%line('.SS '//escaped(name))
+         call text%line(escaped(trim(groups(g)%purpose)))
          do k = 1, size(blocks(g)%keys)
             call entry(trim(blocks(g)%keys(k)%name), key_line(blocks(g)%keys(k)))
          end do
@@ -278,7 +289,7 @@ contains
       call text%line('      COMPREPLY=($(compgen -d -- "$word"))')
       call text%line('   elif [[ $word == -* ]]; then')
       call text%line('      COMPREPLY=($(compgen -W "--out --quiet --time --only --only-new '// &
-         '--help" -- "$word"))')
+         '--markdown --help" -- "$word"))')
       call text%line('   else')
       call text%line('      case $command in')
       call text%line('      new) COMPREPLY=($(compgen -d -W "'//listed(template_kinds, ' ')// &
@@ -320,7 +331,7 @@ contains
          listed(words, ' ')//' ;;')
       call text%line('   *) _arguments "*:case file:_files -g ''*.nml''" '// &
          '"--out:folder:_files -/"'// &
-         ' --quiet --time --only --only-new --help ;;')
+         ' --quiet --time --only --only-new --markdown --help ;;')
       call text%line('   esac')
       call text%line('fi')
    end subroutine add_zsh

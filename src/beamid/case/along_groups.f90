@@ -39,23 +39,26 @@ contains
       type(series_t) :: series
       integer :: k
       character(len=*), parameter :: of_values(3) = [character(len=5) :: 'x', 'value', 'file'], &
-         of_dips(3) = [character(len=5) :: 'place', 'width', 'depth']
+         of_dips(3) = [character(len=5) :: 'place', 'width', 'depth'], &
+         no_table = 'required without file and without kind=''dip''', &
+         no_dip = 'required with kind=''dip'''
 
       kind = 'linear'
-      call block%get('parameter', found%parameter, 'what varies', [character(len=6) :: 'E', &
-         'c_D', 'rho', 'gamma', 'width', 'height'], default='''E'' of a dip')
-      call block%get('kind', kind, 'straight lines between the places, the natural cubic '// &
-         'spline, or each value up to the next place; or a Gaussian dip of E', &
+      call block%get('parameter', found%parameter, 'property that varies', [character(len=6) :: &
+         'E', 'c_D', 'rho', 'gamma', 'width', 'height'], &
+         default='required; ''E'' with kind=''dip''')
+      call block%get('kind', kind, 'shape: straight lines, a natural cubic spline, or steps '// &
+         'between the positions; or a Gaussian dip of E', &
          [character(len=6) :: 'linear', 'spline', 'steps', 'dip'])
-      call block%get('x', found%x, 'file, or a dip', 'places from 0 to the length; of steps '// &
-         'where each begins', most)
-      call block%get('value', found%value, 'file, or a dip', 'of the parameter at each place', most)
-      call block%get_file('file', file, 'a table of x and value instead', default='x and value')
-      call block%get('place', place, 'a dip needs it', 'of the middle of a dip', positive)
-      call block%get('width', width, 'a dip needs it', 'of a dip, a standard deviation, '// &
+      call block%get('x', found%x, no_table, 'positions, ascending from 0 to the length; of '// &
+         'steps, the start of each', most)
+      call block%get('value', found%value, no_table, 'value of the property at each position', most)
+      call block%get_file('file', file, 'table with the columns x and value', default='none')
+      call block%get('place', place, no_dip, 'position of the middle of the dip', positive)
+      call block%get('width', width, no_dip, 'standard deviation of the dip, '// &
          'at least half an element', positive)
-      call block%get('depth', depth, 'a dip needs it', &
-         'of a dip: the share of E that is missing in its middle', range_t(0))
+      call block%get('depth', depth, no_dip, &
+         'share of E that is missing in the middle of the dip, below 1', range_t(0))
       call block%close()
       if (block%failed()) return
       found%is_dip = kind == 'dip'

@@ -86,18 +86,21 @@ contains
    end subroutine get_reals
 
    !> One integer; `default` says in words what is not its value.
-   subroutine get_integer(self, name, value, help, range, default)
+   subroutine get_integer(self, name, value, help, range, default, choices)
       class(block_t), intent(inout) :: self
       character(len=*), intent(in) :: name
       integer, intent(inout) :: value
       character(len=*), intent(in) :: help
       type(range_t), intent(in), optional :: range
       character(len=*), intent(in), optional :: default
+      !> The values that are allowed, for the help; the caller checks them.
+      character(len=*), intent(in), optional :: choices(:)
       type(key_t) :: key
       real(wp), allocatable :: x(:)
 
       key = new_key(name, kind_integer, to_text(value), help, 1, range)
       if (present(default)) key%default = default
+      if (present(choices)) key%choices = choices
       call self%take(key, x)
       if (size(x) > 0) value = nint(x(1))
    end subroutine get_integer
@@ -136,6 +139,7 @@ contains
       key = new_key(name, kind_text, '', help, 1, required=required)
       if (allocated(value)) key%default = ''''//value//''''
       if (present(default)) key%default = default
+      if (present(words)) key%choices = words
       call self%take(key, texts=texts)
       if (size(texts) == 0) return
       if (present(words)) then

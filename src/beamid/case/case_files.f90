@@ -33,16 +33,47 @@ module beamid_case_files
    public :: case_t, new_case, read_group, list_keys, add_case
 
    type(group_t), parameter, public :: groups(*) = [ &
-      group_t('beam', required=.true.), group_t('tip'), &
-      group_t('hose'), &
-      group_t('sensor', may_repeat=.true.), group_t('support', may_repeat=.true.), &
-      group_t('gravity'), group_t('axial'), group_t('along', may_repeat=.true.), &
-      group_t('excitation', may_repeat=.true.), group_t('discretization'), group_t('integrator'), &
-      group_t('observation'), group_t('record', may_repeat=.true.), group_t('score'), &
-      group_t('stage', may_repeat=.true.), group_t('prior', may_repeat=.true.), &
-      group_t('multistart'), group_t('windows'), group_t('sample'), group_t('bootstrap'), &
-      group_t('noise'), group_t('design'), group_t('ensemble', stands_alone=.true.), &
-      group_t('draw', may_repeat=.true.), group_t('units')]
+      group_t('beam', required=.true., purpose= &
+      'Describes the beam: its length, cross section, material, damping and root.'), &
+      group_t('tip', purpose='Describes a mass at the tip, the free end of the beam.'), &
+      group_t('hose', purpose= &
+      'Describes a hose at the tip: a mass that a spring and a damper connect to the beam.'), &
+      group_t('sensor', may_repeat=.true., purpose= &
+      'Describes an accelerometer: its mass, rotary inertia and position.'), &
+      group_t('support', may_repeat=.true., purpose= &
+      'Describes a support between beam and ground: rigid, or a spring, a damper or both.'), &
+      group_t('gravity', purpose= &
+      'Adds the weight of the beam and of the masses on it, for a beam that hangs or stands.'), &
+      group_t('axial', purpose='Adds an axial force in the beam.'), &
+      group_t('along', may_repeat=.true., purpose= &
+      'Describes a property that varies along the beam.'), &
+      group_t('excitation', may_repeat=.true., purpose= &
+      'Describes what sets the beam in motion, for all records or for one.'), &
+      group_t('discretization', purpose='Chooses the mesh of splines.'), &
+      group_t('integrator', purpose='Chooses the method that computes the response in time.'), &
+      group_t('observation', purpose= &
+      'Chooses the formula of the observed acceleration, and its frame of reference.'), &
+      group_t('record', may_repeat=.true., purpose= &
+      'Names the file of a record, and describes its columns, calibration and samples.'), &
+      group_t('score', purpose= &
+      'Defines another window, over which squared residuals are added up after each stage.'), &
+      group_t('stage', may_repeat=.true., purpose= &
+      'Lists the parameters that a stage of the fit estimates, with their starts and bounds.'), &
+      group_t('prior', may_repeat=.true., purpose= &
+      'States what other sources than the records say about a parameter.'), &
+      group_t('multistart', purpose='Repeats the fit from several start values.'), &
+      group_t('windows', purpose= &
+      'Repeats the last stage in consecutive windows of equal duration.'), &
+      group_t('sample', purpose='Controls the draws of the command sample.'), &
+      group_t('bootstrap', purpose='Controls the resampled records of the command bootstrap.'), &
+      group_t('noise', purpose= &
+      'Describes the noise that the commands simulate and ensemble add to a record.'), &
+      group_t('design', purpose='Lists the experiments that the command design compares.'), &
+      group_t('ensemble', stands_alone=.true., purpose= &
+      'Defines the members of the command ensemble: simulated records, or a list of cases.'), &
+      group_t('draw', may_repeat=.true., purpose= &
+      'Defines the range from which a parameter of each ensemble member is drawn.'), &
+      group_t('units', purpose='Labels the units in the output; no value is converted.')]
 
    type :: case_t
       character(len=:), allocatable :: path     !< as given

@@ -30,25 +30,28 @@ contains
       real(wp), allocatable :: noise, wanted
       integer :: k
 
-      call block%get('x_S', box%x_S, 'that of the case', 'places of the sensor, or '// &
+      call block%get('x_S', box%x_S, 'that of the case', 'positions of the sensor; ''auto'': '// &
          to_text(places)//' along the beam', most, ['auto'], word_S, positive)
-      call block%get('x_F', box%x_F, 'that of the case', 'places of the force, likewise', most, &
-         ['auto'], word_F, positive)
-      call block%get('duration', box%duration, 'that of the case', 'of the pulse', most, &
+      call block%get('x_F', box%x_F, 'that of the case', 'positions of the force; ''auto'': '// &
+         to_text(places)//' along the beam', most, ['auto'], word_F, positive)
+      call block%get('duration', box%duration, 'that of the case', 'durations of the pulse', most, &
          range=positive)
-      call block%get('t_first', box%t_first, 'that of the record', 'first sample times', most)
-      call block%get('t_last', box%t_last, 'that of the record', 'last sample times', most)
-      call block%get('t_step', box%t_step, 'that of the record', 'steps between samples', most, &
-         range=positive)
-      call block%get('sensors', box%sensors, 'at so many of the places at once', range_t(1, 2))
-      call block%get('modes', box%modes, 'whose start counts as unknown, as if the excitation '// &
-         'were of the kind ''free''', range_t(0, 20))
+      call block%get('t_first', box%t_first, 'that of the record', 'times of the first sample', &
+         most)
+      call block%get('t_last', box%t_last, 'that of the record', 'times of the last sample', most)
+      call block%get('t_step', box%t_step, 'that of the record', 'time steps of the samples', &
+         most, range=positive)
+      call block%get('sensors', box%sensors, 'number of positions that are observed at once', &
+         range_t(1, 2))
+      call block%get('modes', box%modes, 'number of modes whose initial amplitude and phase '// &
+         'are treated as unknown, as with kind=''free''', range_t(0, 20))
       call block%get('noise_sd', noise, 'sd of &noise, or of the record', &
          'standard deviation of the noise of each sensor', positive)
       call block%get('parameters', names, 'all that are free in the last stage', &
-         'whose errors count, with all others as a nuisance', size(parameters))
-      call block%get('target', wanted, 'none', 'relative standard error that is wanted of each', &
-         positive)
+         'names of the parameters of interest; the other free parameters are nuisance '// &
+         'parameters', size(parameters))
+      call block%get('target', wanted, 'none', 'relative standard error that is wanted for '// &
+         'each parameter', positive)
       call block%close()
       if (block%failed() .or. .not. sound) return
       if (allocated(noise)) box%noise_sd = noise

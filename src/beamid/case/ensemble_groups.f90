@@ -45,14 +45,14 @@ contains
 
       found%command = 'identify'
       found%line = block%line
-      call block%get('command', found%command, 'that is run on each member', &
+      call block%get('command', found%command, 'command that is run on each member', &
          [character(len=9) :: 'identify', 'profile', 'sample', 'bootstrap', 'modes'])
-      call block%get('members', found%members, 'their number', range_t(1, 999999999))
-      call block%get('seed', found%seed, 'of the random numbers')
-      call block%get('elements', found%elements, 'of the mesh of the beam that makes a record', &
-         range_t(1, 10000), default='that of the fit')
-      call block%get_file('cases', found%cases, 'a file with the path of a case in each line, '// &
-         'each of which is a member', default='none, members are made from this case')
+      call block%get('members', found%members, 'number of members', range_t(1, 999999999))
+      call block%get('seed', found%seed, 'seed of the random numbers')
+      call block%get('elements', found%elements, 'number of elements of the mesh that '// &
+         'simulates a record', range_t(1, 10000), default='that of the fit')
+      call block%get_file('cases', found%cases, 'file with the path of a case in each line; '// &
+         'each case is a member', default='none, the members are simulated from this case')
       call block%close()
       if (block%failed()) return
       if (allocated(found%cases)) then
@@ -78,9 +78,9 @@ contains
       type(draw_t), intent(out) :: found
       character(len=:), allocatable :: name
 
-      call block%get('parameter', name, 'of the beam that makes a record', required=.true.)
-      call block%get('low', found%low, 'it is drawn evenly from here', required=.true.)
-      call block%get('high', found%high, 'to here', required=.true.)
+      call block%get('parameter', name, 'name of the parameter to draw', required=.true.)
+      call block%get('low', found%low, 'lower end of the uniform distribution', required=.true.)
+      call block%get('high', found%high, 'upper end of the uniform distribution', required=.true.)
       call block%close()
       if (block%failed()) return
       if (found%high < found%low) call block%refuse('high', to_text(found%high), &

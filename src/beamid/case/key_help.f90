@@ -6,7 +6,7 @@ module beamid_key_help
    use beamid_strings, only: lower
    use beamid_texts, only: left, text_t, wrapped
    use beamid_units, only: units_t
-   use beamid_values, only: key_t, kind_integer, kind_text, listed, name_length
+   use beamid_values, only: key_t, kind_integer, kind_text, listed, name_length, one_of
    implicit none
    private
 
@@ -32,6 +32,7 @@ contains
          call text%line('group &'//trim(blocks(g)%name)//trim(merge(', required   ', &
             '             ', groups(g)%required))//trim(merge(', may repeat', '            ', &
             groups(g)%may_repeat)))
+         call text%line('  '//trim(groups(g)%purpose))
          do k = 1, size(blocks(g)%keys)
             call add_key(text, blocks(g)%keys(k))
          end do
@@ -94,7 +95,8 @@ contains
       call move_alloc(longer, words)
    end subroutine add_word
 
-   !> A key in one sentence: what it takes, what holds without it, what it means.
+   !> Returns a key in one sentence: its meaning, the values that it takes, and its default. A
+   !> default that begins with `required` is the condition under which the key is required.
    function key_line(key) result(line)
       type(key_t), intent(in) :: key
       character(len=:), allocatable :: line
@@ -103,6 +105,8 @@ contains
       line = takes(key)
       if (key%required) then
          line = line//', required'
+      else if (index(key%default, 'required') == 1) then
+         line = line//', '//key%default
       else if (key%default /= '') then
          line = line//', default: '//key%default
       end if
@@ -114,7 +118,7 @@ contains
       end do
    end function key_line
 
-   !> What the values of a key are.
+   !> Returns the kind of the values of a key, with their range or with the words that it allows.
    function takes(key) result(text)
       type(key_t), intent(in) :: key
       character(len=:), allocatable :: text
@@ -123,6 +127,10 @@ contains
       text = 'number'
       if (key%kind == kind_integer) text = 'integer'
       if (key%kind == kind_text) text = 'text'
+      if (allocated(key%choices)) then
+         text = one_of(key%choices, trim(merge('''', ' ', key%kind == kind_text)))
+         return
+      end if
       if (key%most > 1) text = text//'s'
       range = key%range%in_words()
       if (index(range, 'a value ') == 1) range = range(9:)

@@ -35,13 +35,15 @@ contains
       integer, allocatable :: elements(:)
       integer :: k
 
-      call block%get('degree', mesh%degree, 'of the splines')
-      call block%get('elements', elements, '''auto''', 'of the mesh; of several numbers '// &
-         'everything is done for each; ''auto'': as many as a fit needs, elsewhere 8', 50, &
-         range_t(1, 10000), ['auto'], word)
-      call block%get('gauss_points', mesh%gauss_points, 'in each panel', range_t(1, 64), &
-         default='degree + 1, exact')
-      call block%get('panels', mesh%panels, 'in each element', range_t(1, 1000))
+      call block%get('degree', mesh%degree, 'degree of the splines', &
+         choices=['3', '5', '7'])
+      call block%get('elements', elements, '''auto''', 'number of elements; of several '// &
+         'numbers, everything is done for each. ''auto'': identify and compare refine the mesh '// &
+         'until it does not matter, the other commands use 8', 50, range_t(1, 10000), ['auto'], &
+         word)
+      call block%get('gauss_points', mesh%gauss_points, 'number of Gauss points in each panel', &
+         range_t(1, 64), default='degree + 1, exact')
+      call block%get('panels', mesh%panels, 'number of panels in each element', range_t(1, 1000))
       if (all(mesh%degree /= [3, 5, 7])) call block%refuse('degree', to_text(mesh%degree), &
          '3, 5 or 7')
       call block%close()
@@ -71,12 +73,13 @@ contains
 
       method = 'modal'
       max_steps = int(solver%max_steps)
-      call block%get('method', method, 'exact in time, or step by step', ['modal', 'cvode'])
+      call block%get('method', method, 'solver: exact in time, or step by step', ['modal', 'cvode'])
       call block%get('rtol', solver%rtol, 'relative tolerance of cvode', range_t(1e-14_wp, 0.1_wp))
-      call block%get('atol', atol, 'rtol times the size of the displacement', &
-         'absolute tolerance of cvode', positive)
-      call block%get('max_order', solver%max_order, 'of cvode', range_t(1, 5))
-      call block%get('max_steps', max_steps, 'of cvode', range_t(1, huge(max_steps)))
+      call block%get('atol', atol, 'rtol times the estimated displacement', &
+         'absolute tolerance of cvode, on the displacement', positive)
+      call block%get('max_order', solver%max_order, 'highest order of cvode', range_t(1, 5))
+      call block%get('max_steps', max_steps, 'largest number of steps of cvode', &
+         range_t(1, huge(max_steps)))
       call block%close()
       solver%max_steps = int(max_steps, ip)
       if (allocated(atol)) solver%atol = atol
@@ -92,10 +95,10 @@ contains
       type(multistart_t), intent(inout) :: plan
 
       plan%n = 20
-      call block%get('n', plan%n, 'starts', range_t(1, 100000))
-      call block%get('seed', plan%seed, 'of the random numbers')
-      call block%get('spread', plan%spread, 'the starts lie between the declared one divided '// &
-         'by this and times this', range_t(1, 1e6_wp, open=.true.))
+      call block%get('n', plan%n, 'number of starts', range_t(1, 100000))
+      call block%get('seed', plan%seed, 'seed of the random numbers')
+      call block%get('spread', plan%spread, 'ratio: starts lie between the declared start '// &
+         'divided by it and multiplied by it', range_t(1, 1e6_wp, open=.true.))
       call block%close()
    end subroutine read_multistart
 
@@ -105,7 +108,7 @@ contains
       integer, intent(inout) :: n
 
       n = 4
-      call block%get('n', n, 'consecutive windows in which the last stage is repeated', &
+      call block%get('n', n, 'number of consecutive windows, of equal duration', &
          range_t(2, 100))
       call block%close()
    end subroutine read_windows
@@ -117,12 +120,14 @@ contains
 
       method = 'auto'
       noise = 'auto'
-      call block%get('draws', plan%draws, 'from the posterior', range_t(100*chains, 10000000))
-      call block%get('seed', plan%seed, 'of the random numbers')
-      call block%get('method', method, 'by weights, or chains where these fail; or chains', &
-         [character(len=6) :: 'auto', 'chains'])
-      call block%get('noise', noise, 'white, or autoregressive where residuals are not white', &
-         [character(len=5) :: 'auto', 'white'])
+      call block%get('draws', plan%draws, 'number of draws from the posterior', &
+         range_t(100*chains, 10000000))
+      call block%get('seed', plan%seed, 'seed of the random numbers')
+      call block%get('method', method, 'method: importance sampling, or Markov chains if its '// &
+         'weights degenerate; ''chains'': always Markov chains', [character(len=6) :: 'auto', &
+         'chains'])
+      call block%get('noise', noise, 'model of the noise: white, or (''auto'') autoregressive '// &
+         'if the residuals are not white', [character(len=5) :: 'auto', 'white'])
       call block%close()
       plan%draws = chains*((plan%draws + chains - 1)/chains)
       plan%importance = method == 'auto'
@@ -135,12 +140,13 @@ contains
       character(len=:), allocatable :: kind
 
       kind = 'auto'
-      call block%get('n', plan%n, 'resampled records', range_t(100, 1000000))
-      call block%get('seed', plan%seed, 'of the random numbers')
-      call block%get('kind', kind, 'normal noise, or blocks of the residuals; auto: blocks '// &
-         'where these are not white', [character(len=10) :: 'auto', 'parametric', 'blocks'])
-      call block%get('block', plan%block, 'samples of a block', range_t(1, huge(1)), &
-         default='as the residuals ask for')
+      call block%get('n', plan%n, 'number of resampled records', range_t(100, 1000000))
+      call block%get('seed', plan%seed, 'seed of the random numbers')
+      call block%get('kind', kind, 'resampling: normal noise, or blocks of the residuals; '// &
+         '''auto'': blocks if the residuals are not white', [character(len=10) :: 'auto', &
+         'parametric', 'blocks'])
+      call block%get('block', plan%block, 'number of samples in a block', range_t(1, huge(1)), &
+         default='chosen from the residuals')
       call block%close()
       plan%kind = by_judgement
       if (kind == 'parametric') plan%kind = parametric
@@ -154,11 +160,13 @@ contains
       real(wp), allocatable :: delta
 
       formula = trim(formula_names(observed%formula))
-      call block%get('formula', formula, 'of the acceleration', formula_names)
-      call block%get('delta', delta, 'differences need it', 'their step', positive)
+      call block%get('formula', formula, 'formula of the observed acceleration: (4.1), (4.2) '// &
+         'or (3.13) of the paper', formula_names)
+      call block%get('delta', delta, 'required with both difference formulas', &
+         'time step of the difference formulas', positive)
       frame = 'absolute'
-      call block%get('frame', frame, 'of what is observed on a base that moves', &
-         ['absolute', 'relative'])
+      call block%get('frame', frame, 'frame of reference of the acceleration: the ground, or a '// &
+         'base that moves', ['absolute', 'relative'])
       call block%close()
       if (block%failed()) return
       observed%relative = frame == 'relative'

@@ -60,14 +60,17 @@ contains
       end if
       if (block%name == 'gravity') then
          direction = 'hanging'
-         call block%get('direction', direction, 'whether the root is above or below', &
-            [character(len=8) :: 'hanging', 'standing'])
+         call block%get('direction', direction, 'position of the beam: below its root, or '// &
+            'above it', [character(len=8) :: 'hanging', 'standing'])
          structure%stands = direction == 'standing'
       end if
       if (block%name == 'beam') then
-         call block%get('width', width, 'give I', 'b of a rectangle', positive)
-         call block%get('height', height, 'give I', 'h of a rectangle', positive)
-         call block%get('density', density, 'give rho', 'mass per volume of a rectangle', positive)
+         call block%get('width', width, 'required without I', 'width of a rectangular section', &
+            positive)
+         call block%get('height', height, 'required without I', 'height of a rectangular section', &
+            positive)
+         call block%get('density', density, 'required without rho', 'mass per unit volume', &
+            positive)
       end if
       call block%close()
       if (block%failed() .or. block%name /= 'beam') return
@@ -160,8 +163,8 @@ contains
       character(len=:), allocatable :: name
       integer :: k
 
-      call block%get('name', name, 'by which records and free parameters name it', &
-         default='none; of several each needs one')
+      call block%get('name', name, 'name for records and parameters: letters, digits and _', &
+         default='none; required with several groups')
       if (allocated(name)) then
          if (verify(name, letters//digits) > 0 .or. len(name) > item_name_length .or. name == '') &
             call block%refuse('name', shown(name), 'at most '//to_text(item_name_length)// &
@@ -200,27 +203,32 @@ contains
          'time', 'modes', 'x_F'], &
          owners(13) = [character(len=19) :: 'pulse', 'pulse', 'table base', 'table base', &
          'table base', 'table base', 'pulse table', 'pulse table', 'release', 'release', &
-         'release', 'free', 'pulse table release']
+         'release', 'free', 'pulse table release'], &
+         no_pulse = 'required with kind=''pulse'''
 
       load = 'point'
       power = 2
       time = 0
       modes = 2
-      call block%get('kind', kind, 'what sets the beam in motion', &
+      call block%get('kind', kind, 'kind of excitation: a force that is a pulse or a table, a '// &
+         'release of the tip, a free motion, or a motion of the base', &
          [character(len=7) :: 'pulse', 'table', 'release', 'free', 'base'], required=.true.)
-      call block%get('amplitude', amplitude, 'a pulse needs it', 'force of a pulse')
-      call block%get('duration', duration, 'a pulse needs it', 'of a pulse, from t = 0', positive)
-      call block%get_file('file', file, 'time and force of a table, time and acceleration of '// &
-         'the base, linear between the rows', default='table and base need it')
+      call block%get('amplitude', amplitude, no_pulse, 'force of the pulse')
+      call block%get('duration', duration, no_pulse, 'duration of the pulse, from t = 0', positive)
+      call block%get_file('file', file, 'table of time and force, or of time and base '// &
+         'acceleration; linear between the rows', &
+         default='required with kind=''table'' and kind=''base''')
       columns = ''
       call get_columns(block, columns(1), columns(2), rate)
-      call block%get('load', load, 'where a pulse or a table acts', [character(len=11) :: 'point', &
-         'distributed'])
-      call block%get('power', power, 'p of a distributed load (x/l)^p', range_t(2))
-      call block%get('force', force, 'give displacement', 'that held the tip before its release')
-      call block%get('displacement', displacement, 'give force', 'of the tip before its release')
-      call block%get('time', time, 'of the release')
-      call block%get('modes', modes, 'that move at a free start', range_t(1, 20))
+      call block%get('load', load, 'load of a pulse or a table: a point force, or a '// &
+         'distributed force', [character(len=11) :: 'point', 'distributed'])
+      call block%get('power', power, 'exponent p of the distributed load (x/l)^p', range_t(2))
+      call block%get('force', force, 'required with kind=''release'' without displacement', &
+         'static force before the release')
+      call block%get('displacement', displacement, 'required with kind=''release'' without force', &
+         'static displacement before the release')
+      call block%get('time', time, 'time of the release')
+      call block%get('modes', modes, 'number of modes in the free motion', range_t(1, 20))
       call read_parameter(block, of_x_F, x_F)
       call block%close()
       if (block%failed()) return
@@ -291,7 +299,7 @@ contains
          character(len=*), intent(inout) :: label
          character(len=:), allocatable :: text
 
-         call block%get(key, text, 'label of its unit', default='none')
+         call block%get(key, text, 'label of the unit of '//key, default='none')
          if (.not. allocated(text)) return
          if (scan(text, ',"') > 0 .or. len(text) > label_length) call block%refuse(key, &
             shown(text), 'a label without commas and double quotes, of at most '// &
@@ -306,9 +314,9 @@ contains
       real(wp), intent(inout) :: sd
       integer, intent(inout) :: seed
 
-      call block%get('sd', sd, 'standard deviation of the acceleration', not_negative, &
-         required=.true.)
-      call block%get('seed', seed, 'of the random numbers')
+      call block%get('sd', sd, 'standard deviation of the noise of the acceleration', &
+         not_negative, required=.true.)
+      call block%get('seed', seed, 'seed of the random numbers')
       call block%close()
    end subroutine read_noise
 

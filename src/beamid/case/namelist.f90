@@ -22,6 +22,7 @@ module beamid_namelist
       character(len=20) :: name
       logical :: may_repeat = .false., required = .false.
       logical :: stands_alone = .false.   !< beside it no group is required
+      character(len=100) :: purpose = ''  !< a sentence for the help and the reference
    end type group_t
 
 contains

@@ -34,12 +34,14 @@ contains
       type(prior_t), intent(out) :: found
       character(len=:), allocatable :: name
 
-      call block%get('parameter', name, 'what is known beside the records', required=.true.)
-      call block%get('sd', found%sd, 'its standard deviation, in the unit of the parameter', &
-         positive, required=.true.)
-      call block%get('value', found%value, 'that of the case', 'what it is known to be')
-      call block%get('record', found%record, 'by number, the only one that it is about', &
-         range_t(1, max(1, records)), default='all, with one error in common')
+      call block%get('parameter', name, 'name of the parameter, or I, width, height or density', &
+         required=.true.)
+      call block%get('sd', found%sd, 'standard deviation of the prior', positive, required=.true.)
+      call block%get('value', found%value, 'the value of the case', 'mean of the prior')
+      call block%get('record', found%record, 'number of the record that this prior applies to', &
+         range_t(1, huge(1)), default='all records, with one common error')
+      if (found%record > max(1, records)) call block%refuse('record', to_text(found%record), &
+         '1 to '//to_text(max(1, records)))
       call block%close()
       if (block%failed() .or. .not. sound) return
       call find(lower(name))

@@ -14,6 +14,8 @@ module beamid_values
    integer, parameter, public :: kind_real = 1, kind_integer = 2, kind_text = 3
    !> The longest name, and the longest text among the values.
    integer, parameter, public :: name_length = 20, longest = 512
+   !> The longest text among the choices of a key.
+   integer, parameter :: longest_choice = 24
 
    !> Numbers from `low` to `high`.
    type :: range_t
@@ -41,6 +43,8 @@ module beamid_values
       !> Words that may stand for the numbers, in quotes. (gfortran 12 copies but a part of an array
       !> of texts whose length is deferred, where it belongs to an element of an array.)
       character(len=name_length), allocatable :: words(:)
+      !> The texts or integers that a key allows. Not allocated: any text, or a range of numbers.
+      character(len=longest_choice), allocatable :: choices(:)
    contains
       procedure :: noun
    end type key_t

@@ -38,14 +38,14 @@ module beamid_parameters
       character(len=10) :: group      !< of the case file
       integer :: unit(3)              !< exponents of mass, length and time
       integer :: range
-      character(len=13) :: default    !< what holds without it; '': it is required
+      character(len=20) :: default    !< what holds without it; '': it is required
       !> The yardstick of a fit that starts from zero.
       type(monomial_t) :: moderate
       integer :: needs = 0            !< place of a parameter without which it means nothing
       logical :: is_free = .true.     !< whether a fit may free it
       !> Whether a structure holds its reciprocal, and a search looks for that: it may be infinite.
       logical :: is_reciprocal = .false.
-      character(len=60) :: help
+      character(len=80) :: help
       integer :: item = 0             !< which of the sensors or supports; 0: none
       character(len=9) :: key = ''    !< in the case file, where that is not its name
    end type parameter_t
@@ -59,7 +59,7 @@ module beamid_parameters
    integer, parameter :: nth(most_coefficients) = [(i, i=1, most_coefficients)]
    type(parameter_t), parameter :: parameters(n_parameters + 2 + 2*most_coefficients) = [ &
       parameter_t(of_m_T, 'm_T', 'tip', [1, 0, 0], not_negative, '0', tenth_of_mass, &
-         help='tip mass'), &
+         help='mass at the tip'), &
       parameter_t(of_E, 'E', 'beam', [1, -1, -2], positive, '', &
          monomial_t(place=[of_E, 0, 0]), help='modulus of elasticity'), &
       parameter_t(of_c_D, 'c_D', 'beam', [1, -1, -1], not_negative, '0', &
@@ -68,10 +68,11 @@ module beamid_parameters
       parameter_t(of_m_H, 'm_H', 'hose', [1, 0, 0], not_negative, '', tenth_of_mass, &
          help='mass of the hose; 0: no hose'), &
       parameter_t(of_c_H, 'c_H', 'hose', [1, 0, -1], not_negative, '0', &
-         monomial_t(2e-2_wp, [the_mass, the_omega, 0]), help='its damping'), &
+         monomial_t(2e-2_wp, [the_mass, the_omega, 0]), &
+         help='damping coefficient between beam and hose'), &
       parameter_t(of_k_H, 'k_H', 'hose', [1, 0, -2], not_negative, '0', &
-         monomial_t(0.1_wp, [the_stiffness, 0, 0]), help='its stiffness'), &
-      parameter_t(of_rho, 'rho', 'beam', [1, -1, 0], positive, 'density b h', &
+         monomial_t(0.1_wp, [the_stiffness, 0, 0]), help='stiffness between beam and hose'), &
+      parameter_t(of_rho, 'rho', 'beam', [1, -1, 0], positive, 'density*width*height', &
          monomial_t(place=[of_rho, 0, 0]), help='mass per unit length'), &
       parameter_t(of_gamma, 'gamma', 'beam', [1, -1, -1], not_negative, '0', &
          monomial_t(2e-2_wp, [of_rho, the_omega, 0]), &
@@ -81,51 +82,52 @@ module beamid_parameters
          help='rotary inertia of the tip mass'), &
       parameter_t(of_kappa_R, 'k_R', 'beam', [1, 2, -2], positive, 'a rigid clamp', &
          monomial_t(0.1_wp, [of_length, of_E, of_I], [1, -1, -1]), needs=of_kappa_R, &
-         is_reciprocal=.true., help='torsional spring at the root'), &
+         is_reciprocal=.true., help='stiffness of the torsional spring at the root'), &
       parameter_t(of_c_R, 'c_R', 'beam', [1, 2, -1], not_negative, '0', &
          monomial_t(6e-2_wp, [the_stiffness, of_length, the_omega], [1, 2, -1]), &
          needs=of_kappa_R, &
-         help='viscous damper at the root, beside k_R'), &
+         help='damping coefficient of the damper at the root, beside k_R'), &
       parameter_t(of_length, 'length', 'beam', [0, 1, 0], positive, '', &
-         monomial_t(place=[of_length, 0, 0]), help='of the beam'), &
-      parameter_t(of_I, 'I', 'beam', [0, 4, 0], positive, 'b h^3/12', &
+         monomial_t(place=[of_length, 0, 0]), help='length of the beam'), &
+      parameter_t(of_I, 'I', 'beam', [0, 4, 0], positive, 'width*height^3/12', &
          monomial_t(place=[of_I, 0, 0]), is_free=.false., &
-         help='second moment of the cross section'), &
+         help='second moment of area of the cross section'), &
       parameter_t(of_x_F, 'x_F', 'excitation', [0, 1, 0], on_beam, 'the tip', &
-         monomial_t(place=[of_length, 0, 0]), help='where a force acts'), &
+         monomial_t(place=[of_length, 0, 0]), help='position of the force'), &
       parameter_t(of_g, 'g', 'gravity', [0, 1, -2], not_negative, '', &
          monomial_t(5e-2_wp, [the_stiffness, of_length, the_mass], [1, 1, -1]), &
-         help='gravity, along the beam'), &
+         help='acceleration of gravity'), &
       parameter_t(of_T, 'T', 'axial', [1, 1, -2], any_value, '', &
          monomial_t(5e-2_wp, [the_stiffness, of_length, 0]), key='force', &
-         help='in the beam, tension above 0; free as T'), &
+         help='axial force, positive in tension; its symbol is T'), &
       parameter_t(of_x_D, 'place', 'along', [0, 1, 0], on_beam, 'x or a dip', &
-         monomial_t(place=[of_length, 0, 0]), help='of the middle of a dip'), &
+         monomial_t(place=[of_length, 0, 0]), help='position of the middle of the dip'), &
       parameter_t(of_w_D, 'width', 'along', [0, 1, 0], positive, 'x or a dip', &
-         monomial_t(0.1_wp, [of_length, 0, 0]), help='of a dip, a standard deviation, '// &
+         monomial_t(0.1_wp, [of_length, 0, 0]), help='standard deviation of the dip, '// &
          'at least half an element'), &
       parameter_t(of_d_D, 'depth', 'along', [0, 0, 0], share, 'x or a dip', &
-         monomial_t(0.1_wp), help='of a dip, the share that is missing in its middle'), &
+         monomial_t(0.1_wp), help='share of E that is missing in the middle of the dip'), &
       (parameter_t(m_S_at(i), 'm_S', 'sensor', [1, 0, 0], not_negative, '0', tenth_of_mass, &
          help='mass of the sensor', item=nth(i)), &
       parameter_t(J_S_at(i), 'J_S', 'sensor', [1, 2, 0], not_negative, '0', &
          monomial_t(1e-4_wp, [the_mass, of_length, 0], [1, 2, 1]), &
-         help='its rotary inertia', item=nth(i)), &
+         help='rotary inertia of the sensor', item=nth(i)), &
       parameter_t(x_S_at(i), 'x_S', 'sensor', [0, 1, 0], on_beam, 'the tip', &
          monomial_t(place=[of_length, 0, 0]), &
-         help='its place, where the motion is observed', item=nth(i)), i=1, most_sensors), &
+         help='position of the sensor, where the motion is observed', item=nth(i)), &
+      i=1, most_sensors), &
       (parameter_t(x_P_at(i), 'x_P', 'support', [0, 1, 0], on_beam, '', &
-         monomial_t(place=[of_length, 0, 0]), help='its place', item=nth(i)), &
+         monomial_t(place=[of_length, 0, 0]), help='position of the support', item=nth(i)), &
       parameter_t(kappa_P_at(i), 'k_P', 'support', [1, 0, -2], not_negative, 'rigid', &
          monomial_t(0.1_wp, [the_stiffness, 0, 0], [-1, 1, 1]), needs=kappa_P_at(i), &
-         is_reciprocal=.true., help='its stiffness; 0: no spring, a damper alone', item=nth(i)), &
+         is_reciprocal=.true., help='stiffness of the support; 0: a damper alone', item=nth(i)), &
       parameter_t(c_P_at(i), 'c_P', 'support', [1, 0, -1], not_negative, '0', &
          monomial_t(0.2_wp, [the_stiffness, the_omega, 0], [1, -1, 1]), needs=kappa_P_at(i), &
-         help='its damping, beside k_P', item=nth(i)), i=1, most_supports), &
+         help='damping coefficient of the support, beside k_P', item=nth(i)), i=1, most_supports), &
       parameter_t(amplitude, 'amplitude', 'excitation', [1, 1, -2], any_value, '', monomial_t(), &
-         help='of the force'), &
+         help='amplitude of a pulse or a release; factor of a table or of a base motion'), &
       parameter_t(offset, 'offset', 'record', [0, 0, 0], any_value, '0', monomial_t(), &
-         help='of the sensor, in the unit of the record'), &
+         help='offset of the sensor, in the unit of the record'), &
       (parameter_t(E_at(i), 'E', 'E(x)', [1, -1, -2], positive, '', &
          monomial_t(place=[of_E, 0, 0]), help='coefficient of E(x)', item=nth(i)), &
       i=1, most_coefficients), &
