@@ -71,15 +71,15 @@ contains
    subroutine large_roots(assembly, s)
       type(assembly_t), intent(in) :: assembly
       complex(wp), allocatable, intent(out) :: s(:)
-      real(wp), allocatable :: held(:, :), mass(:, :), b(:, :), a(:, :), scaled(:, :)
+      real(wp), allocatable :: rigid(:, :), mass(:, :), b(:, :), a(:, :), scaled(:, :)
       integer, allocatable :: pivots(:)
       integer :: i, info, k, n, m, r
 
       n = assembly%n
       r = size(assembly%v, 1)
       associate (p => assembly%pencil(1), v => assembly%v)
-         held = v(pack([(k, k=1, r)], assembly%held), :)
-         m = n + size(held, 1)
+         rigid = v(pack([(k, k=1, r)], assembly%held), :)
+         m = n + size(rigid, 1)
          allocate (mass(m, m), b(m, 2*n), a(2*n, 2*n), source=0.0_wp)
          allocate (pivots(m))
          scaled = v/spread(merge(huge(1.0_wp), assembly%compliance, assembly%held), 2, n)
@@ -97,8 +97,8 @@ contains
                b(:e, n + 1:n + e) = b(:e, n + 1:n + e) + assembly%dense(:, :, 1)
             end associate
          end if
-         mass(n + 1:, :n) = held
-         mass(:n, n + 1:) = transpose(held)
+         mass(n + 1:, :n) = rigid
+         mass(:n, n + 1:) = transpose(rigid)
       end associate
       call dgesv(m, 2*n, mass, m, pivots, b, m, info)
       allocate (s(0))

@@ -164,7 +164,7 @@ contains
       complex(wp), intent(in) :: E(:, :), w, diagonal(:), T(:, :)
       type(transfer_t), intent(inout) :: value
       complex(wp) :: o(assembly%n)
-      complex(wp), dimension(size(E, 1)) :: u_o, position_trace, compliance_trace, none, seen
+      complex(wp), dimension(size(E, 1)) :: u_o, position_trace, compliance_trace, none, row_change
       complex(wp), dimension(size(assembly%changing)) :: products, traces
       integer :: i, p
 
@@ -185,8 +185,9 @@ contains
                   + assembly%load_change(form, o, u_o, s, p)
                value%dlog_p(p) = assembly%varied(traces, s, p) + sum(A_p*compliance_trace)
                if (.not. any(abs(moves) > 0)) cycle
-               seen = moves*matmul(v_x, value%q)
-               value%dh(p) = value%dh(p) + seen(assembly%sensor) - sum(u_o*matmul(H, seen)) &
+               row_change = moves*matmul(v_x, value%q)
+               value%dh(p) = value%dh(p) + row_change(assembly%sensor) &
+                  - sum(u_o*matmul(H, row_change)) &
                   - sum(moves*matmul(v_x, o)*(matmul(H, u) - assembly%push(:, form)))
                value%dlog_p(p) = value%dlog_p(p) + sum(moves*position_trace)
             end associate
@@ -234,7 +235,7 @@ contains
       type(vector_t), intent(in) :: vector
       complex(wp), intent(in) :: E(:, :), w, load(:), extended(:)
       complex(wp), intent(out) :: q(:), u(:)
-      complex(wp) :: f(size(u)), driven
+      complex(wp) :: f(size(u)), modal_force
       integer :: i, r
 
       r = size(u)
@@ -244,12 +245,12 @@ contains
       end do
       u = matmul(E, u)
       f = matmul(vector%H(:r, :r), u)
-      driven = (sum(vector%x*load) - sum(vector%f(:r)*extended))/w
+      modal_force = (sum(vector%x*load) - sum(vector%f(:r)*extended))/w
       do i = 1, assembly%n
-         q(i) = vector%x(i)*driven
+         q(i) = vector%x(i)*modal_force
          if (i /= j) q(i) = q(i) + (load(i) - sum(assembly%v(:, i)*f))/vector%D(i)
       end do
-      u = u + vector%y(:r)*driven
+      u = u + vector%y(:r)*modal_force
    end subroutine solve
 
 end module beamid_transfer

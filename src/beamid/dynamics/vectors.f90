@@ -187,7 +187,7 @@ contains
          call denominators(self%n, m, self%pole, root, vector%D, vector%dD, vector%inverse)
          do l = 1, r
             do k = 1, l
-               G(k, l) = real_sum(self%n, self%vv(:, k + l*(l - 1)/2), vector%inverse)
+               G(k, l) = sum(self%vv(:, k + l*(l - 1)/2)*vector%inverse)
                G(l, k) = G(k, l)
             end do
             vector%y(l) = v(l, root%j)
@@ -257,19 +257,6 @@ contains
       end do
       inverse(root%j) = 0
    end subroutine denominators
-
-   !> Returns the sum of a(i) z(i).
-   pure complex(wp) function real_sum(n, a, z)
-      integer, intent(in) :: n
-      real(wp), intent(in) :: a(n)
-      complex(wp), intent(in) :: z(n)
-      integer :: i
-
-      real_sum = 0
-      do i = 1, n
-         real_sum = real_sum + a(i)*z(i)
-      end do
-   end function real_sum
 
    !> Adds the response of the oscillators to forces f along the rows of V to x: x := x - D**-1 V f.
    !>

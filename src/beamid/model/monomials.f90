@@ -26,12 +26,7 @@ contains
 
       value = self%constant
       do i = 1, size(self%place)
-         if (self%place(i) == 0) cycle
-         if (self%power(i) == 1) then
-            value = value*q(self%place(i))
-         else
-            value = value*q(self%place(i))**self%power(i)
-         end if
+         if (self%place(i) > 0) value = value*q(self%place(i))**self%power(i)
       end do
    end function value_of
 

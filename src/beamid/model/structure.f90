@@ -452,7 +452,8 @@ contains
       complex(wp), intent(in) :: q(:), x, xi
       integer, intent(in), optional :: k
       real(wp), intent(in), optional :: moved
-      complex(wp) :: places(self%supports + 2), a(self%supports + 2, self%supports + 2), held
+      complex(wp) :: places(self%supports + 2), a(self%supports + 2, self%supports + 2)
+      complex(wp) :: total_compliance
       integer :: i, j, p
 
       places = [x, xi, q(x_P_at(:self%supports))]
@@ -468,8 +469,8 @@ contains
       do p = 1, self%supports
          if (.not. self%has_spring(p)) cycle
          i = p + 2
-         held = a(i, i) + q(kappa_P_at(p))
-         a = a - spread(a(:, i), 2, size(places))*spread(a(i, :), 1, size(places))/held
+         total_compliance = a(i, i) + q(kappa_P_at(p))
+         a = a - spread(a(:, i), 2, size(places))*spread(a(i, :), 1, size(places))/total_compliance
       end do
       influence = a(1, 2)
    end function influence

@@ -36,7 +36,7 @@ contains
 
    !> Refuses values outside their physical ranges, values out of proportion, and buckling.
    !>
-   !> error  the message starts with the name of the offending parameter
+   !> error  the message starts with the key of the offending parameter
    !> place  number of that parameter
    subroutine check_structure(structure, error, place)
       type(structure_t), intent(in) :: structure
