@@ -10,7 +10,7 @@ module beamid_along_groups
    use beamid_strings, only: to_text
    use beamid_structure, only: of_d_D, of_w_D, of_x_D, structure_t
    use beamid_values, only: positive, range_t
-   use beamid_variations, only: as_spline, constant, in_lines, in_steps, new_variation, variation_t
+   use beamid_variations, only: as_spline, constant, in_steps, new_variation, variation_t
    implicit none
    private
 

@@ -90,12 +90,10 @@ contains
       !> The word that was given; '' if none was. Required with `words`.
       character(len=*), intent(out), optional :: word
       type(range_t), intent(in), optional :: range
-      type(key_t) :: key
       real(wp), allocatable :: x(:)
 
-      key = new_key(name, kind_real, default, help, most, range)
-      if (present(words)) key%words = words
-      call self%take(key, x, word=word)
+      call self%take(new_key(name, kind_real, default, help, most, range, words=words), x, &
+         word=word)
       if (size(x) > 0) values = x
    end subroutine get_reals
 
@@ -126,12 +124,10 @@ contains
       type(range_t), intent(in), optional :: range
       character(len=*), intent(in), optional :: words(:)
       character(len=*), intent(out), optional :: word
-      type(key_t) :: key
       real(wp), allocatable :: x(:)
 
-      key = new_key(name, kind_integer, default, help, most, range)
-      if (present(words)) key%words = words
-      call self%take(key, x, word=word)
+      call self%take(new_key(name, kind_integer, default, help, most, range, words=words), x, &
+         word=word)
       if (size(x) > 0) values = nint(x)
    end subroutine get_integers
 

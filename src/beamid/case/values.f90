@@ -109,12 +109,15 @@ contains
       if (abs(x - anint(x)) <= 0) text = to_text(nint(x))
    end function number
 
-   !> Returns the definition of a key; a required key has no default.
-   pure function new_key(name, kind, default, help, most, range, required, infinite) result(key)
+   !> Returns the definition of a key; arguments are the components of `key_t`. A required key has
+   !> no default.
+   pure function new_key(name, kind, default, help, most, range, required, infinite, words) &
+      result(key)
       character(len=*), intent(in) :: name, default, help
       integer, intent(in) :: kind, most
       type(range_t), intent(in), optional :: range
       logical, intent(in), optional :: required, infinite
+      character(len=*), intent(in), optional :: words(:)
       type(key_t) :: key
 
       key%name = name
@@ -124,6 +127,7 @@ contains
       if (present(range)) key%range = range
       if (present(required)) key%required = required
       if (present(infinite)) key%infinite = infinite
+      if (present(words)) key%words = words
       key%default = default
       if (key%required) key%default = ''
    end function new_key

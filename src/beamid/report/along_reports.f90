@@ -2,16 +2,16 @@
 !> programs, and a short table with remarks in the summary.
 module beamid_along_reports
    use beamid_case_files, only: case_t
+   use beamid_field_bands, only: band, band_t, varies
    use beamid_identification, only: stage_fit_t
    use beamid_kinds, only: wp
    use beamid_lines, only: columns, csv_row, unit_suffix
    use beamid_outputs, only: output_t
-   use beamid_field_bands, only: band, band_t, varies
    use beamid_residuals, only: fields
    use beamid_statistics, only: unlimited
    use beamid_strings, only: full, to_text
    use beamid_structure, only: most_coefficients, of_c_D, of_E
-   use beamid_texts, only: left, right, text_t
+   use beamid_texts, only: right, text_t
    use beamid_units, only: units_t
    implicit none
    private

@@ -21,7 +21,7 @@ module beamid_ensemble_reports
    public :: tally_t, merge_shards
 
    !> Header of ensemble.csv.
-   character(len=*), parameter, public :: ensemble_header = 'elements,parameter,members,mean,'// &
+   character(len=*), parameter :: ensemble_header = 'elements,parameter,members,mean,'// &
       'sd,mean_std_error,bias,bias_error,covered,covered_error'
    character(len=*), parameter :: line_feed = achar(10)
 

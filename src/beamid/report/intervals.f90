@@ -1,7 +1,6 @@
 !> 95 % intervals of the same parameters by several methods: the table intervals.csv, which each of
 !> the commands profile, sample and bootstrap completes, and a comparison in words.
 module beamid_intervals
-   use beamid_distributions, only: student_quantile
    use beamid_identification, only: stage_fit_t
    use beamid_kinds, only: wp
    use beamid_lines, only: limit

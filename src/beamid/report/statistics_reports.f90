@@ -65,7 +65,7 @@ contains
          'derivatives, exact against central differences: '// &
          to_text(fit%fit%derivative_check(1))//' at the start, '// &
          to_text(fit%fit%derivative_check(2))//' at the end')
-      if (corrects .and. any(fit%statistics%disputed)) call text%line('the records disagree '// &
+      if (any(fit%statistics%disputed)) call text%line('the records disagree '// &
          'by more than their residuals explain about: '//listed(pack(names, &
          fit%statistics%disputed), ' ')//'; the corrected errors are from that')
       call add_residual_check(text, fit)

@@ -5,7 +5,6 @@ module beamid_window_reports
    use beamid_lines, only: columns, known, limit
    use beamid_outputs, only: output_t
    use beamid_parameters, only: as_named
-   use beamid_statistics, only: unlimited
    use beamid_strings, only: full, to_text
    use beamid_texts, only: left, right, text_t
    use beamid_unknowns, only: quantity_t
