@@ -1,4 +1,5 @@
-!> The group of a case file that lists experiments to choose from.
+!> Reader of the group &design of a case file: the candidate experiments among which `design`
+!> chooses. `beamid_case_files` calls it.
 module beamid_design_groups
    use beamid_blocks, only: block_t
    use beamid_boxes, only: box_t, is_pulse
@@ -16,8 +17,11 @@ module beamid_design_groups
 
 contains
 
+   !> Reads the group &design.
+   !>
    !> structure, excitations  of the case
-   !> sound  whether all other groups have been read without a problem
+   !> sound  whether no other group had a problem; otherwise only the keys are read
+   !> box    the lists of settings whose combinations are the candidates
    subroutine read_design(block, structure, excitations, sound, box)
       type(block_t), intent(inout) :: block
       type(structure_t), intent(in) :: structure
@@ -79,7 +83,7 @@ contains
       if (allocated(names)) call find_parameters(block, names, structure, box%interest)
    end subroutine read_design
 
-   !> Each value once, and on the beam.
+   !> Refuses a list that contains a value twice or, if `length` is present, a place beyond the tip.
    subroutine check_list(block, key, values, length)
       type(block_t), intent(inout) :: block
       character(len=*), intent(in) :: key
@@ -102,6 +106,9 @@ contains
       end do
    end subroutine check_list
 
+   !> Finds the parameters of interest; refuses unknown and repeated names.
+   !>
+   !> places  (size of names) places among the `parameters`
    subroutine find_parameters(block, names, structure, places)
       type(block_t), intent(inout) :: block
       character(len=*), intent(in) :: names(:)

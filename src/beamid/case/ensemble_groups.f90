@@ -1,5 +1,6 @@
-!> The groups of a case file that repeat a command over many members: records with noise of their
-!> own, made by structures that are drawn, or a list of cases.
+!> Readers of the groups of a case file that repeat a command for many ensemble members: records
+!> simulated with random noise and drawn parameters, or a list of cases. `beamid_case_files` calls
+!> them.
 module beamid_ensemble_groups
    use beamid_blocks, only: block_t
    use beamid_errors, only: error_t
@@ -18,25 +19,30 @@ module beamid_ensemble_groups
 
    public :: draw_t, ensemble_t, read_draw, read_ensemble
 
-   !> A parameter of the beam that makes a record, uniform between two values.
+   !> A parameter of the simulated beam that is drawn from a uniform distribution for each member.
    type :: draw_t
       integer :: parameter = 0         !< place among the `parameters`
-      real(wp) :: low = 0, high = 0    !< of what it is named for
+      real(wp) :: low = 0, high = 0    !< ends of the distribution, in the unit of the case file
    end type draw_t
 
+   !> The group &ensemble.
    type :: ensemble_t
-      character(len=:), allocatable :: command   !< not allocated: there is no such group
-      integer :: members = 1000
-      integer :: seed = 1
-      integer :: elements = 0                    !< of the beam that makes a record; 0: of the fit
-      character(len=:), allocatable :: cases     !< path of a list; not allocated: made records
-      integer :: line = 0
+      character(len=:), allocatable :: command   !< command run for each member; not allocated: the
+      !< case has no such group
+      integer :: members = 1000                  !< number of members
+      integer :: seed = 1                        !< seed of draws and noise
+      integer :: elements = 0                    !< of the beam that makes a record; 0: as the fit
+      character(len=:), allocatable :: cases     !< path of a list of cases; not allocated: records
+      !< are simulated
+      integer :: line = 0                        !< line of the group in the case file
    end type ensemble_t
 
 contains
 
+   !> Reads the group &ensemble.
+   !>
    !> structure  of the case
-   !> sound      whether it has been read without a problem
+   !> sound      whether no earlier group had a problem
    subroutine read_ensemble(block, structure, sound, found)
       type(block_t), intent(inout) :: block
       type(structure_t), intent(in) :: structure
@@ -66,9 +72,11 @@ contains
       end if
    end subroutine read_ensemble
 
+   !> Reads a group &draw.
+   !>
    !> structure, excitations  of the case
-   !> sound   whether these have been read without a problem
-   !> others  those that came before
+   !> sound   whether no earlier group had a problem; otherwise only the keys are read
+   !> others  draws of earlier groups
    subroutine read_draw(block, structure, excitations, sound, others, found)
       type(block_t), intent(inout) :: block
       type(structure_t), intent(in) :: structure
@@ -102,7 +110,7 @@ contains
 
    contains
 
-      !> The structure must be one with this value too.
+      !> Refuses an end of the distribution with which the structure is not valid.
       subroutine check_end(key, value)
          character(len=*), intent(in) :: key
          real(wp), intent(in) :: value

@@ -1,4 +1,4 @@
-!> What the tables of groups, keys and parameters say about themselves, for `help` and the manual.
+!> The help for groups, keys and parameters, made from their tables, for `help` and the manual.
 module beamid_key_help
    use beamid_blocks, only: block_t
    use beamid_case_files, only: groups, list_keys
@@ -14,9 +14,9 @@ module beamid_key_help
 
 contains
 
-   !> Every group, key and free parameter of that name, in any case.
+   !> Adds the help for every group, key and free parameter of a name, in upper or lower case.
    !>
-   !> found  whether there is one; once .true. it stays
+   !> found  set to .true. if there is one; otherwise unchanged
    subroutine add_help_on(word, text, found)
       character(len=*), intent(in) :: word
       type(text_t), intent(inout) :: text
@@ -55,7 +55,7 @@ contains
       end do
    end subroutine add_help_on
 
-   !> The groups in a paragraph.
+   !> Adds the list of all groups as a paragraph.
    subroutine add_group_list(text)
       type(text_t), intent(inout) :: text
       integer :: g
@@ -64,7 +64,7 @@ contains
          ' ')//new_line('a'), 10))
    end subroutine add_group_list
 
-   !> All groups, keys and parameters, each once.
+   !> Returns all names of groups, keys and free parameters, each once.
    subroutine known_words(words)
       character(len=name_length), allocatable, intent(out) :: words(:)
       type(block_t), allocatable :: blocks(:)
@@ -83,6 +83,7 @@ contains
       end do
    end subroutine known_words
 
+   !> Appends a word to a list unless the list has it.
    subroutine add_word(words, word)
       character(len=name_length), allocatable, intent(inout) :: words(:)
       character(len=*), intent(in) :: word
@@ -138,17 +139,17 @@ contains
       if (key%infinite) text = text//' or inf'
    end function takes
 
+   !> Adds the help for a key.
    subroutine add_key(text, key)
       type(text_t), intent(inout) :: text
       type(key_t), intent(in) :: key
-
       integer, parameter :: column = 19
 
       call text%add(wrapped(left('  '//trim(key%name), column)//key_line(key)//new_line('a'), &
          column))
    end subroutine add_key
 
-   !> A parameter that a fit may free.
+   !> Adds the help for a parameter that a fit may estimate, parameter k of the table.
    subroutine add_parameter(text, k)
       type(text_t), intent(inout) :: text
       integer, intent(in) :: k

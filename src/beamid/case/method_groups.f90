@@ -1,5 +1,5 @@
-!> The groups of a case file that say how to compute: mesh, integrator, observation, several
-!> starts, windows, draws.
+!> Readers of the groups of a case file that choose numerical methods: mesh, solver, observation
+!> formula, multiple starts, windows, sampling and bootstrap. `beamid_case_files` calls them.
 module beamid_method_groups
    use beamid_blocks, only: block_t
    use beamid_bootstraps, only: blocks, bootstrap_plan_t, by_judgement, parametric
@@ -19,13 +19,16 @@ module beamid_method_groups
    public :: read_bootstrap, read_discretization, read_integrator, read_multistart, &
       read_observation, read_sample, read_windows
 
-   !> Names of the formulas, by their numbers: (4.1), (4.2) and (3.13).
+   !> Names of the observation formulas, by their numbers: equations (4.1), (4.2) and (3.13).
    character(len=*), parameter, public :: formula_names(3) = &
       [character(len=23) :: 'displacement_difference', 'velocity_difference', 'equation']
 
 contains
 
-   !> refines  on return whether the elements are to be found
+   !> Reads the group &discretization.
+   !>
+   !> meshes   one mesh for each number of elements
+   !> refines  on return, whether elements='auto': a fit refines the mesh itself
    subroutine read_discretization(block, meshes, refines)
       type(block_t), intent(inout) :: block
       type(mesh_t), allocatable, intent(inout) :: meshes(:)
@@ -63,6 +66,7 @@ contains
          k=1, size(elements))]
    end subroutine read_discretization
 
+   !> Reads the group &integrator.
    subroutine read_integrator(block, chosen)
       type(block_t), intent(inout) :: block
       class(solver_t), allocatable, intent(inout) :: chosen
@@ -90,6 +94,7 @@ contains
       end if
    end subroutine read_integrator
 
+   !> Reads the group &multistart.
    subroutine read_multistart(block, plan)
       type(block_t), intent(inout) :: block
       type(multistart_t), intent(inout) :: plan
@@ -102,7 +107,9 @@ contains
       call block%close()
    end subroutine read_multistart
 
-   !> n  how many; 0 without the group
+   !> Reads the group &windows.
+   !>
+   !> n  number of windows; remains 0 if the case has no such group
    subroutine read_windows(block, n)
       type(block_t), intent(inout) :: block
       integer, intent(inout) :: n
@@ -113,6 +120,7 @@ contains
       call block%close()
    end subroutine read_windows
 
+   !> Reads the group &sample; rounds the number of draws up to a multiple of the number of chains.
    subroutine read_sample(block, plan)
       type(block_t), intent(inout) :: block
       type(plan_t), intent(inout) :: plan
@@ -134,6 +142,7 @@ contains
       plan%coloured = noise == 'auto'
    end subroutine read_sample
 
+   !> Reads the group &bootstrap.
    subroutine read_bootstrap(block, plan)
       type(block_t), intent(inout) :: block
       type(bootstrap_plan_t), intent(inout) :: plan
@@ -153,6 +162,7 @@ contains
       if (kind == 'blocks') plan%kind = blocks
    end subroutine read_bootstrap
 
+   !> Reads the group &observation.
    subroutine read_observation(block, observed)
       type(block_t), intent(inout) :: block
       type(observation_t), intent(inout) :: observed

@@ -1,4 +1,5 @@
-!> The groups of a case file that describe the structure, its excitation, its units and the noise.
+!> Readers of the groups of a case file that describe the structure, the excitation, the unit labels
+!> and the simulated noise. `beamid_case_files` calls them.
 module beamid_model_groups
    use beamid_along_groups, only: along_t, reference_of
    use beamid_blocks, only: block_t
@@ -22,17 +23,21 @@ module beamid_model_groups
 
    public :: section_t, read_structure, read_excitation, read_units, read_noise
 
-   !> A rectangle from which I, and with the density rho, are computed; 0: not given.
+   !> Rectangular cross section: I = width height**3/12, and rho = density width height if the
+   !> density is given. 0: not given.
    type :: section_t
-      real(wp) :: width = 0, height = 0, density = 0
+      real(wp) :: width = 0      !< b [length]
+      real(wp) :: height = 0     !< h, in the direction of the vibration [length]
+      real(wp) :: density = 0    !< [mass/length**3]
    end type section_t
 
 contains
 
-   !> A group of parameters of the structure: the rows of the table that name it. Of sensors and
-   !> supports there may be several, each with a name.
+   !> Reads a group of parameters of the structure: all rows of the table `parameters` that name the
+   !> group. Each sensor and each support has a group and a name of its own.
    !>
-   !> along  what varies along the beam, and need not have a value in &beam
+   !> section  of the beam, set by the group &beam
+   !> along    properties that vary along the beam; &beam need not give a value for them
    subroutine read_structure(block, structure, section, along)
       type(block_t), intent(inout) :: block
       type(structure_t), intent(inout) :: structure
@@ -77,7 +82,21 @@ contains
       call check_dimension(block, 'width', width)
       call check_dimension(block, 'height', height)
       call check_dimension(block, 'density', density)
-      ! What &along has beside I or density is refused there.
+      call set_section(block, structure, section, along, width, height, density)
+   end subroutine read_structure
+
+   !> Sets I and rho of a structure, either as given or from the rectangular cross section; refuses
+   !> the group &beam if it gives too many or too few of these keys.
+   !>
+   !> width, height, density  as given in the group; not allocated: not given
+   subroutine set_section(block, structure, section, along, width, height, density)
+      type(block_t), intent(inout) :: block
+      type(structure_t), intent(inout) :: structure
+      type(section_t), intent(inout) :: section
+      type(along_t), intent(in) :: along(:)
+      real(wp), allocatable, intent(inout) :: width, height, density
+
+      ! `settle_variations` refuses &along of width or height beside I, and of rho beside density.
       if (.not. block%has('I')) then
          call take_reference(along, 'width', width)
          call take_reference(along, 'height', height)
@@ -105,9 +124,11 @@ contains
       if (allocated(width)) section%width = width
       if (allocated(height)) section%height = height
       if (allocated(density)) section%density = density
-   end subroutine read_structure
+   end subroutine set_section
 
-   !> Refuses a dimension whose powers would overflow or underflow.
+   !> Refuses a dimension so large or small that its powers would overflow or underflow.
+   !>
+   !> value  not allocated: not given
    subroutine check_dimension(block, key, value)
       type(block_t), intent(inout) :: block
       character(len=*), intent(in) :: key
@@ -119,9 +140,10 @@ contains
          to_text(value), to_text(smallest)//' to '//to_text(largest)//' in any units')
    end subroutine check_dimension
 
-   !> The value of parameter k, as its row has it; not allocated: none was given.
+   !> Reads the value of parameter k of the table `parameters`.
    !>
-   !> along  what varies along the beam, and has a value by that
+   !> value  as named in the case file; not allocated: not given
+   !> along  properties that vary along the beam, whose values there make the key optional
    subroutine read_parameter(block, k, value, along)
       type(block_t), intent(inout) :: block
       integer, intent(in) :: k
@@ -141,7 +163,10 @@ contains
          key_of(k), value)
    end subroutine read_parameter
 
-   !> The value of what varies along the beam, where &beam has none.
+   !> Takes the reference value of a property that varies along the beam if &beam gives no value.
+   !>
+   !> name   of the property
+   !> value  unchanged if it is allocated, or if the property does not vary
    subroutine take_reference(along, name, value)
       type(along_t), intent(in) :: along(:)
       character(len=*), intent(in) :: name
@@ -151,10 +176,12 @@ contains
       if (reference_of(along, name) > 0) value = reference_of(along, name)
    end subroutine take_reference
 
-   !> The name of one more sensor or support; of several each has its own.
+   !> Reads the name of the next sensor or support. A single one needs no name; several need
+   !> different names.
    !>
-   !> n, names  how many there are, and what they are called
-   !> item      the number of this one
+   !> n      number of sensors or supports read so far; increased by one
+   !> names  names of sensors or supports
+   !> item   number of the new one
    subroutine read_name(block, n, names, item)
       type(block_t), intent(inout) :: block
       integer, intent(inout) :: n
@@ -186,7 +213,9 @@ contains
       names(n) = name
    end subroutine read_name
 
-   !> error  of the table of a force or of the acceleration of the base
+   !> Reads an excitation and refuses keys that do not belong to its kind.
+   !>
+   !> error  error in the table of the force or of the base acceleration; an earlier error is kept
    subroutine read_excitation(block, found, error)
       type(block_t), intent(inout) :: block
       type(excitation_t), intent(out) :: found
@@ -196,15 +225,8 @@ contains
       type(series_t) :: series
       real(wp), allocatable :: amplitude, duration, force, displacement, x_F, rate
       real(wp) :: power, time
-      integer :: modes, k
-      !> Keys that only some kinds have, and these kinds.
-      character(len=*), parameter :: keys(13) = [character(len=12) :: 'amplitude', 'duration', &
-         'file', 'time_column', 'value_column', 'rate', 'load', 'power', 'force', 'displacement', &
-         'time', 'modes', 'x_F'], &
-         owners(13) = [character(len=19) :: 'pulse', 'pulse', 'table base', 'table base', &
-         'table base', 'table base', 'pulse table', 'pulse table', 'release', 'release', &
-         'release', 'free', 'pulse table release'], &
-         no_pulse = 'required with kind=''pulse'''
+      integer :: modes
+      character(len=*), parameter :: no_pulse = 'required with kind=''pulse'''
 
       load = 'point'
       power = 2
@@ -232,10 +254,7 @@ contains
       call read_parameter(block, of_x_F, x_F)
       call block%close()
       if (block%failed()) return
-      do k = 1, size(keys)
-         if (index(owners(k), kind) == 0) call block%exclude(trim(keys(k)), 'with kind = '''// &
-            kind//'''')
-      end do
+      call exclude_keys_of_other_kinds(block, kind)
       select case (kind)
       case ('pulse')
          call block%require('amplitude')
@@ -247,31 +266,76 @@ contains
          if (block%failed() .or. allocated(error)) return
          call read_series(file, columns, part_t(), series, error, rate)
          if (allocated(error)) return
+         call use_table()
+      case ('release')
+         call set_release(block, force, displacement, time, found)
+      case ('free')
+         found = new_free(modes)
+      end select
+      call set_load()
+
+   contains
+
+      !> Makes a base motion or a force of the table that was read.
+      subroutine use_table()
          if (kind == 'base') call new_base_motion(series%t, series%z, found, error)
          if (kind == 'table') call new_force_table(series%t, series%z, found, error)
          if (.not. allocated(error) .and. kind == 'table') call refuse_constant(series%z, error)
          call locate(error, file)
-      case ('release')
-         if (allocated(force) .eqv. allocated(displacement)) then
-            call block%refuse('force', trim(merge('both force and displacement', &
-               'neither force, displacement', allocated(force))), &
-               'either force or displacement of the tip before')
-         else if (allocated(force)) then
-            found = new_release(force, time, .false.)
-         else
-            found = new_release(displacement, time, .true.)
-         end if
-      case ('free')
-         found = new_free(modes)
-      end select
-      found%distributed = load == 'distributed'
-      found%power = power
-      if (found%distributed) call block%exclude('x_F', 'with load = ''distributed''')
-      if (allocated(x_F)) found%x_F = x_F
+      end subroutine use_table
+
+      !> Sets where the force acts.
+      subroutine set_load()
+         found%distributed = load == 'distributed'
+         found%power = power
+         if (found%distributed) call block%exclude('x_F', 'with load = ''distributed''')
+         if (allocated(x_F)) found%x_F = x_F
+      end subroutine set_load
+
    end subroutine read_excitation
 
-   !> Refuses what no force of a thruster or a hammer is. Two nodes alone may well be the same: a
-   !> pulse.
+   !> Sets the release of a tip that is deflected statically, by a given force or displacement.
+   !>
+   !> force, displacement  of the tip before the release, exactly one of them allocated
+   !> time                 of the release [time]
+   subroutine set_release(block, force, displacement, time, found)
+      type(block_t), intent(inout) :: block
+      real(wp), allocatable, intent(in) :: force, displacement
+      real(wp), intent(in) :: time
+      type(excitation_t), intent(inout) :: found
+
+      if (allocated(force) .eqv. allocated(displacement)) then
+         call block%refuse('force', trim(merge('both force and displacement', &
+            'neither force, displacement', allocated(force))), &
+            'either force or displacement of the tip before')
+      else if (allocated(force)) then
+         found = new_release(force, time, .false.)
+      else
+         found = new_release(displacement, time, .true.)
+      end if
+   end subroutine set_release
+
+   !> Refuses keys of the group &excitation that have no meaning for its kind.
+   subroutine exclude_keys_of_other_kinds(block, kind)
+      type(block_t), intent(inout) :: block
+      character(len=*), intent(in) :: kind
+      !> Keys that belong to certain kinds only, and these kinds.
+      character(len=*), parameter :: keys(13) = [character(len=12) :: 'amplitude', 'duration', &
+         'file', 'time_column', 'value_column', 'rate', 'load', 'power', 'force', 'displacement', &
+         'time', 'modes', 'x_F'], &
+         kinds(13) = [character(len=19) :: 'pulse', 'pulse', 'table base', 'table base', &
+         'table base', 'table base', 'pulse table', 'pulse table', 'release', 'release', &
+         'release', 'free', 'pulse table release']
+      integer :: k
+
+      do k = 1, size(keys)
+         if (index(kinds(k), kind) == 0) call block%exclude(trim(keys(k)), 'with kind = '''// &
+            kind//'''')
+      end do
+   end subroutine exclude_keys_of_other_kinds
+
+   !> Refuses a table with the same force in every row, which no thruster or hammer produces. A
+   !> table of two rows is an exception: it is a pulse.
    subroutine refuse_constant(force, error)
       real(wp), intent(in) :: force(:)
       type(error_t), allocatable, intent(inout) :: error
@@ -281,6 +345,7 @@ contains
          to_text(size(force))//' rows, expected one that changes')
    end subroutine refuse_constant
 
+   !> Reads the unit labels.
    subroutine read_units(block, labels)
       type(block_t), intent(inout) :: block
       type(units_t), intent(inout) :: labels
@@ -293,7 +358,7 @@ contains
 
    contains
 
-      !> Labels go into tables of comma-separated fields.
+      !> Reads one label and refuses labels that would break a field of a table (commas, quotes).
       subroutine read_label(key, label)
          character(len=*), intent(in) :: key
          character(len=*), intent(inout) :: label
@@ -309,6 +374,10 @@ contains
 
    end subroutine read_units
 
+   !> Reads the noise that `simulate` adds to a record.
+   !>
+   !> sd    standard deviation [acceleration]
+   !> seed  of the random numbers
    subroutine read_noise(block, sd, seed)
       type(block_t), intent(inout) :: block
       real(wp), intent(inout) :: sd

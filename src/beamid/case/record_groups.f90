@@ -1,5 +1,5 @@
-!> The groups of a case file that describe records: where they are, how they are calibrated, which
-!> samples are wanted.
+!> Readers of the groups of a case file that describe records: files and columns, calibration, and
+!> the selection of samples. `beamid_case_files` calls them.
 module beamid_record_groups
    use beamid_blocks, only: block_t
    use beamid_kinds, only: wp
@@ -14,6 +14,7 @@ module beamid_record_groups
 
 contains
 
+   !> Reads a group &record.
    subroutine read_recording(block, found)
       type(block_t), intent(inout) :: block
       type(recording_t), intent(out) :: found
@@ -53,7 +54,10 @@ contains
       end if
    end subroutine read_recording
 
-   !> Which columns of a table are read, or how many samples there are per unit of time.
+   !> Gets the keys that describe the columns of a table.
+   !>
+   !> time_column, value_column  name or number of a column; '': default
+   !> rate                       samples per unit of time, if there is no time column
    subroutine get_columns(block, time_column, value_column, rate)
       type(block_t), intent(inout) :: block
       character(len=*), intent(inout) :: time_column, value_column
@@ -67,7 +71,7 @@ contains
 
    contains
 
-      !> A column has a name, and one that is not cut.
+      !> Gets the name of a column; refuses an empty name and a name that would be truncated.
       subroutine read_column(key, column, default)
          character(len=*), intent(in) :: key, default
          character(len=*), intent(inout) :: column
@@ -83,7 +87,7 @@ contains
 
    end subroutine get_columns
 
-   !> The keys of a window, whose ends must be in order.
+   !> Gets the keys of a window, and refuses a window that ends before it begins.
    subroutine get_window(block, window)
       type(block_t), intent(inout) :: block
       type(window_t), intent(inout) :: window
