@@ -332,17 +332,11 @@ contains
       type(side_t), intent(inout) :: side
       integer, intent(in) :: k
       real(wp), intent(in) :: parameters(:), J, distance
-      real(wp), allocatable :: longer(:, :)
-      integer :: n
 
-      n = size(side%J)
       side%value = [side%value, parameters(k)]
       side%J = [side%J, J]
       side%distance = [side%distance, distance]
-      allocate (longer(size(parameters), n + 1))
-      longer(:, :n) = side%parameters
-      longer(:, n + 1) = parameters
-      call move_alloc(longer, side%parameters)
+      side%parameters = reshape([side%parameters, parameters], [size(parameters), size(side%J)])
    end subroutine add_point
 
    !> Computes the residuals, (rows), with one parameter fixed; `parameters` (n - 1) are the others.

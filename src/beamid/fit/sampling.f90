@@ -175,14 +175,10 @@ contains
       integer, intent(in) :: seed, wanted
       real(wp), allocatable, intent(inout) :: x(:, :), value(:), log_weight(:)
       class(monitor_t), intent(inout), optional :: monitor
-      real(wp), allocatable :: longer(:, :)
-      integer :: b, finished, first, present_draws, last, n
+      integer :: b, finished, first, present_draws, last
 
-      n = size(x, 1)
       present_draws = size(value)
-      allocate (longer(n, wanted))
-      longer(:, :present_draws) = x
-      call move_alloc(longer, x)
+      x = reshape(x, [size(x, 1), wanted], pad=[0.0_wp])
       value = [value, spread(impossible, 1, wanted - present_draws)]
       log_weight = [log_weight, spread(impossible, 1, wanted - present_draws)]
       finished = present_draws
