@@ -22,8 +22,8 @@ contains
       bulk_size = effective_size(normal_scores(split_chains(draws)))
    end function bulk_size
 
-   !> Returns the effective sample size for the tails (tail-ESS): the smaller of those of the 5 %
-   !> and the 95 % quantile.
+   !> Returns the effective sample size for the tails (tail-ESS): the smaller of the sizes for the
+   !> 5 % and the 95 % quantile.
    !>
    !> draws  (length, chains) of one parameter
    real(wp) function tail_size(draws)

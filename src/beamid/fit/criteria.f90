@@ -32,7 +32,7 @@ contains
    end function aicc
 
    !> Returns Schwarz's Bayesian information criterion (BIC), m ln(J/m) + k ln m, with
-   !> k = parameters + 1; the arguments are those of `aicc`.
+   !> k = parameters + 1. The arguments are as in `aicc`.
    pure real(wp) function bic(J, samples, parameters) result(value)
       real(wp), intent(in) :: J
       integer, intent(in) :: samples, parameters

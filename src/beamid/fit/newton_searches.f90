@@ -18,6 +18,7 @@ module beamid_newton_searches
    public :: search_by_newton
 
    interface
+      !> LAPACK: eigenvalues and eigenvectors of a symmetric matrix.
       subroutine dsyev(jobz, uplo, n, a, lda, w, work, lwork, info)
          import :: wp
          character, intent(in) :: jobz, uplo

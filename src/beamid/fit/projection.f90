@@ -22,6 +22,7 @@ module beamid_projection
    end type projection_t
 
    interface
+      !> LAPACK: the matrix Q of a QR decomposition.
       subroutine dorgqr(m, n, k, a, lda, tau, work, lwork, info)
          import :: wp
          integer, intent(in) :: m, n, k, lda, lwork

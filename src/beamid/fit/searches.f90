@@ -65,7 +65,7 @@ module beamid_searches
 
    !> The state of a search, which the callbacks read and change.
    type :: search_t
-      class(problem_t), pointer :: problem => null()
+      class(problem_t), pointer :: problem => null()   !< the problem whose J is minimised
       !> the same problem if it has exact derivatives, otherwise null
       class(smooth_problem_t), pointer :: smooth => null()
       class(monitor_t), pointer :: monitor => null()   !< null: no reports

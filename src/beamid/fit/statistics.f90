@@ -23,7 +23,7 @@ module beamid_statistics
    type :: statistics_t
       integer :: samples = 0                         !< residuals of data
       integer :: parameters = 0                      !< n
-      !> degrees of freedom: all rows, including other knowledge such as priors, less n
+      !> degrees of freedom: number of all rows, including prior knowledge, less n
       integer :: freedom = 0
       real(wp) :: variance = 0                       !< of the noise, sigma**2 = J/freedom
       real(wp), allocatable :: covariance(:, :)      !< (n, n) of the estimate
@@ -65,8 +65,8 @@ contains
    !> scale     (n) > 0, unit of relative changes of each parameter: its value, or a moderate value
    !>           if that is zero
    !> error     no degrees of freedom left, or a singular value decomposition that does not converge
-   !> samples   number of rows, the first, that are data; default: all. The other rows are other
-   !>           knowledge, such as priors, weighted like data of the standard deviation `noise`
+   !> samples   number of data rows, which come first; default: all rows. The other rows are prior
+   !>           knowledge, weighted like data of the standard deviation `noise`
    !> noise     standard deviation of the noise used in these weights
    !> first     (records) first row of each of several records
    !> shared    (n) whether the records have a parameter in common; required with `first`

@@ -16,8 +16,8 @@ module beamid_csv
 
    !> The rows to keep: those whose first number is in first .. last, and some rows on either side.
    type :: part_t
-      real(wp) :: first = -huge(1.0_wp), last = huge(1.0_wp)
-      integer :: margin = 0               !< smallest number of rows kept on either side
+      real(wp) :: first = -huge(1.0_wp), last = huge(1.0_wp)   !< range of these numbers
+      integer :: margin = 0                           !< smallest number of rows kept on either side
    end type part_t
 
    !> The extent of a table.

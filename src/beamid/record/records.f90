@@ -26,8 +26,7 @@ module beamid_records
       type(window_t) :: window                !< samples that the fit uses
       !> Calibration: acceleration = scale*(value - offset), with the offset in the unit of the
       !> record.
-      real(wp) :: scale = 1
-      real(wp) :: offset = 0
+      real(wp) :: scale = 1, offset = 0
       !> names in the header, or numbers from '1'; '': the first and the second column
       character(len=column_length) :: time_column = '', value_column = ''
       real(wp), allocatable :: rate   !< samples per unit of time, if there is no time column
@@ -36,7 +35,7 @@ module beamid_records
       real(wp), allocatable :: clip_low, clip_high
       integer :: thin = 1              !< takes every thin-th sample of the low-pass filtered record
       character(len=20) :: time_unit = ''   !< for the notes
-      !> of the beam during this record [length]; not allocated: that of the case
+      !> length of the beam during this record [length]; not allocated: as in the case
       real(wp), allocatable :: length
       real(wp), allocatable :: sd             !< standard deviation of the noise [acceleration]
       !> positions of sensor and support during this record [length]

@@ -30,20 +30,18 @@ module beamid_rows
       integer :: skipped = 0
       !> Positions in `text` of the first and last byte of the current field.
       integer(ip) :: left = 1, right = 0
-      !> Whether the first of the columns that are read must increase from row to row; its number in
-      !> the row before, and the positions of the first and last byte of that number.
+      !> Whether the first of the columns that are read must increase from row to row.
       logical :: ordered = .false.
-      real(wp) :: previous = 0
-      integer(ip) :: previous_field(2) = 0
+      real(wp) :: previous = 0               !< number in this column in the row before
+      integer(ip) :: previous_field(2) = 0   !< positions of its first and last byte; 0: no row yet
       !> Separator of the fields; set by the first line that is neither blank nor a comment.
       character(len=1) :: separator = ' '
       !> Decimal sign, '.' or ',', as soon as a number shows it; a comma only if commas do not
       !> separate fields.
       character(len=1) :: decimal = ' '
-      !> > 0: rows per unit of time of a table without times; number of rows read, and the line of
-      !> the last row.
-      real(wp) :: rate = 0
-      integer(ip) :: rows = 0, row_line = 0
+      real(wp) :: rate = 0            !< > 0: rows per unit of time of a table without times
+      integer(ip) :: rows = 0         !< with a rate: number of rows read
+      integer(ip) :: row_line = 0     !< with a rate: line of the last row
       !> Positions of the first and last byte of the current line without its end, and of the next
       !> line.
       integer(ip), private :: first = 1, last = 0, next = 1
@@ -233,7 +231,7 @@ contains
    subroutine problem(self, error, message, k)
       class(reader_t), intent(in) :: self
       type(error_t), allocatable, intent(out) :: error
-      !> What was found and what was expected.
+      !> States the mistake found, and the correct input expected.
       character(len=*), intent(in) :: message
       !> Number of the column that the message is about, if any.
       integer, intent(in), optional :: k
