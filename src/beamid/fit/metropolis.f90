@@ -52,7 +52,8 @@ contains
    !>
    !> coordinate   (n) coordinates of the parameters, without bounds
    !> mode         (n) coordinates where the density is high
-   !> axes         (n, n) factor A of the covariance A A' there, an upper or a lower triangle
+   !> axes         (n, n) triangle A, upper or lower; A A' is the covariance of a normal density
+   !>              around the mode
    !> chains       number of chains
    !> length       draws of each chain that are kept
    !> seed         any integer; the same seed gives the same chains

@@ -17,8 +17,8 @@ module beamid_proposals
    type :: proposal_t
       type(coordinate_t), allocatable :: coordinate(:)   !< (n) of the parameters
       real(wp), allocatable :: mode(:)                   !< (n) in these coordinates
-      !> (n, n) columns: steps by which a normal density of the mode's curvature decreases as at one
-      !> standard deviation
+      !> (n, n) triangle A; A A' is the covariance of a normal density of the same curvature at the
+      !> mode, or that of earlier draws
       real(wp), allocatable :: axes(:, :)
       !> (n, 2) below and above the mode, in units of the axes
       real(wp), allocatable :: width(:, :)

@@ -90,8 +90,8 @@ contains
       do d = 1, size(decays)
          step = 1/(2*span*max(1.0_wp, decays(d)/12))
          power = matched_filter(t, z, decays(d)/span, range, step)
-         ! The median is taken over so many neighbours that the line itself is weak in most of them:
-         ! its power at that distance is lower by (decay/pi)^2.
+         ! The median reaches so far that the line itself does not raise it: there the line has some
+         ! (decay/pi/reach)^2 of its power, with decay and reach in units of 1/span.
          background = running_median(power, nint((25 + 4*decays(d))/span/step))
          do k = 2, size(power) - 1
             if (power(k) <= max(highest_power, standing_out*background(k), power(k - 1), &
