@@ -4,11 +4,11 @@ module beamid_comparison
    use beamid
    use beamid_candidates, only: candidate_t, fit_candidate, is_nested, same_samples
    use beamid_commands, only: deliver, settings_t, word_t
+   use beamid_criteria, only: akaike => aicc, bayes => bic, nested_test
    use beamid_errors, only: bad_input, locate
    use beamid_lines, only: columns, csv_row, filled
    use beamid_outputs, only: output_t
    use beamid_responses, only: is_exact
-   use beamid_statistics, only: akaike => aicc, bayes => bic, nested_test
    use beamid_strings, only: to_text
    use beamid_terminal, only: new_progress, progress_t
    use beamid_texts, only: left, right, text_t

@@ -2,11 +2,12 @@
 !> come from `beamid_section_4_results`.
 module beamid_section_4_report
    use beamid
+   use beamid_criteria, only: nested_test
    use beamid_lines, only: add_lines, columns, filled
    use beamid_section_4_results, only: basis, entry_t, first_bending, results_t, table_4_2, &
       table_4_3, table_4_4, table_4_5, table_4_6
    use beamid_section_4_valley, only: add_search
-   use beamid_statistics, only: nested_test, undetermined
+   use beamid_statistics, only: undetermined
    use beamid_strings, only: to_text
    use beamid_texts, only: left, right, text_t
    implicit none
