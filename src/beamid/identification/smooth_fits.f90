@@ -5,11 +5,12 @@
 !> where a search has ended; the search goes on with it, until it stays. The first search is rigid.
 module beamid_smooth_fits
    use beamid_errors, only: error_t, failure
+   use beamid_field_penalties, only: fields, penalty_count
    use beamid_kinds, only: wp
    use beamid_least_squares, only: fit_t, monitor_t, options_t
    use beamid_line_matches, only: match_lines, starts_along
    use beamid_noise_levels, only: fit_with_noise
-   use beamid_residuals, only: fields, penalty_order, residual_t
+   use beamid_residuals, only: residual_t
    use beamid_smoothing, only: choose_strength, smoothing_t
    use beamid_statistics, only: misfit_of_records
    use beamid_strings, only: to_text
@@ -188,7 +189,7 @@ contains
 
       unknowns = size(problem%free) + problem%linear_unknowns()
       do a = 1, fields
-         unknowns = unknowns - max(0, size(problem%field_columns(a)) - penalty_order)
+         unknowns = unknowns - penalty_count(size(problem%field_columns(a)))
       end do
       doublings = max(0, min(most, int(log(problem%samples()/(for_each*real(unknowns, wp))) &
          /log(2.0_wp))))

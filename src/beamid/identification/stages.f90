@@ -2,13 +2,14 @@
 module beamid_stages
    use beamid_distributions, only: chi_square_tail, normal_quantile
    use beamid_errors, only: error_t
+   use beamid_field_penalties, only: fields
    use beamid_held_errors, only: held_errors, held_t
    use beamid_kinds, only: wp
    use beamid_least_squares, only: fit_t, monitor_t, options_t
    use beamid_line_matches, only: dip_places
    use beamid_parameters, only: as_named, free_magnitude, offset
    use beamid_priors, only: prior_t
-   use beamid_residuals, only: fields, residual_t
+   use beamid_residuals, only: residual_t
    use beamid_responses, only: work_t
    use beamid_smooth_fits, only: fit_smoothly, misfit_of, new_field_fit, field_fit_t, trial_t
    use beamid_starts, only: automatic_start, set_free

@@ -5,12 +5,13 @@ module beamid_line_matches
    use beamid_assignments, only: lines_t
    use beamid_decaying_lines, only: find_lines
    use beamid_errors, only: error_t, failure
+   use beamid_field_penalties, only: add_penalty_rows, fields, penalty_count, penalty_order
    use beamid_kinds, only: wp
    use beamid_least_squares, only: fit, fit_t, options_t
    use beamid_model_roots, only: belief_t, beliefs_about, model_roots
    use beamid_parameters, only: free_names
    use beamid_problems, only: smooth_problem_t
-   use beamid_residuals, only: fields, penalty_order, residual_t
+   use beamid_residuals, only: residual_t
    use beamid_smoothing, only: difference_rows
    use beamid_strings, only: to_text
    use beamid_structure, only: is_coefficient, of_x_D
@@ -202,7 +203,7 @@ contains
 
       rows = 2*size(self%matches) + size(self%beliefs)
       do a = 1, fields
-         rows = rows + max(0, size(self%problem%field_columns(a)) - penalty_order)
+         rows = rows + penalty_count(size(self%problem%field_columns(a)))
       end do
    end function rows
 
@@ -266,10 +267,8 @@ contains
          if (size(columns) == 0) cycle
          differences = difference_rows(size(columns), penalty_order)/unlike
          associate (m => size(differences, 1))
-            r(row + 1:row + m) = matmul(differences, log(parameters(columns)))
-            do k = 1, size(columns)
-               jac(row + 1:row + m, columns(k)) = differences(:, k)/parameters(columns(k))
-            end do
+            call add_penalty_rows(differences, columns, parameters, r(row + 1:row + m), &
+               jac(row + 1:row + m, :))
             row = row + m
          end associate
       end do
