@@ -10,23 +10,24 @@ module beamid_fit_setups
    use beamid_priors, only: prior_t, priors_of
    use beamid_problems, only: smooth_problem_t
    use beamid_structure, only: coefficient_at, is_coefficient
-   use beamid_unknowns, only: scenario_t
+   use beamid_unknowns, only: scenario_t, stage_t
    implicit none
    private
 
-   public :: fit_setup_t
+   public :: fit_setup_t, set_free
 
    !> All data of a fit, except the values of the free parameters.
    type, abstract, extends(smooth_problem_t) :: fit_setup_t
       type(prepared_experiment_t), allocatable :: parts(:)   !< (records)
-      real(wp), allocatable :: weight(:)   !< (records) 1/noise; 1 for a single record
+      !> (records) 1/noise; 1 for a single record whose noise is not stated
+      real(wp), allocatable :: weight(:)
       !> (records) autoregression that whitens the noise of each record; not allocated: white noise
       type(autoregression_t), allocatable :: colour(:)
       type(prior_t), allocatable :: priors(:)
       real(wp) :: noise = 1                !< standard deviation of a weighted sample
       !> strengths of the penalties on E(x) and c_D(x) [units of J]; 0: no penalty
       real(wp) :: strength(fields) = 0
-      type(scenario_t) :: scenario         !< values of all parameters that are not free
+      type(scenario_t) :: scenario         !< values of all parameters before the search
       integer, allocatable :: free(:)      !< (n) numbers of the free parameters in `parameters`
       integer, allocatable :: record(:)    !< (n) record each of them belongs to; 0: all records
       logical :: offset = .false.          !< whether the offset of each record is unknown
@@ -47,6 +48,16 @@ module beamid_fit_setups
    end type fit_setup_t
 
 contains
+
+   !> Makes the free parameters of a stage those of a fit.
+   subroutine set_free(problem, stage)
+      class(fit_setup_t), intent(inout) :: problem
+      type(stage_t), intent(in) :: stage
+
+      problem%free = stage%free
+      problem%record = stage%owners()
+      problem%offset = stage%offset
+   end subroutine set_free
 
    !> Returns the number of samples of all records together.
    pure integer function samples(self)

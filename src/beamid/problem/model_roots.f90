@@ -6,7 +6,7 @@ module beamid_model_roots
    use beamid_equations, only: equations_t, new_equations
    use beamid_errors, only: error_t, failure
    use beamid_kinds, only: wp
-   use beamid_parameters, only: free_magnitude, on_beam, parameters
+   use beamid_parameters, only: on_beam, parameters
    use beamid_priors, only: prior_t, priors_of
    use beamid_residuals, only: residual_t
    use beamid_responses, only: exact_solver_t
@@ -83,7 +83,7 @@ contains
    !> A prior of the user counts first. Otherwise the standard deviation is 30 % for a modulus and
    !> 10 % for a mass per length. It is 2 % for the length of the beam, 10 % of the length for the
    !> place of a support and 3 % for other places. All other parameters are expected to within a
-   !> factor e.
+   !> factor e, or, if they start from 0 or are reciprocals, to within a moderate value.
    !>
    !> free, records  (n) numbers of the parameters, and the record of each (0: all)
    !> starts         (n) their start values
@@ -119,7 +119,7 @@ contains
                ! Supports are moved between records; a sensor is mounted once.
                b%width = merge(0.1_wp, 0.03_wp, parameters(p)%group == 'support')*s%length
             else if (.not. b%logarithmic) then
-               b%width = max(b%centre, free_magnitude(s, scenario%excitations(r), p))
+               b%width = max(b%centre, scenario%magnitude_of(p, r))
             end if
          end associate
       end do

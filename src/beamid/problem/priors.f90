@@ -5,7 +5,7 @@
 !> source of error of the estimates (module `beamid_held_errors`).
 module beamid_priors
    use beamid_kinds, only: wp
-   use beamid_parameters, only: as_named, get_free, name_length, parameters
+   use beamid_parameters, only: as_named, name_length, parameters
    use beamid_unknowns, only: scenario_t
    implicit none
    private
@@ -75,7 +75,7 @@ contains
       allocate (self%centre(size(scenario%structures)))
       associate (p => self%parameter(1))
          do r = 1, size(self%centre)
-            self%centre(r) = get_free(scenario%structures(r), scenario%excitations(r), p)
+            self%centre(r) = scenario%get(p, r)
          end do
          if (allocated(self%value)) self%centre = as_named(p, self%value)
       end associate

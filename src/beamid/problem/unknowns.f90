@@ -51,7 +51,9 @@ module beamid_unknowns
       type(structure_t), allocatable :: structures(:)     !< (records)
       type(excitation_t), allocatable :: excitations(:)   !< (records)
    contains
+      procedure :: get
       procedure :: set
+      procedure :: magnitude_of
       procedure :: range_on_beam
    end type scenario_t
 
@@ -139,6 +141,26 @@ contains
       owners = 0
       if (allocated(self%record)) owners = self%record
    end function owners
+
+   !> Returns the searched variable of a parameter in one record; record 0 counts as the first.
+   pure real(wp) function get(self, parameter, record)
+      class(scenario_t), intent(in) :: self
+      integer, intent(in) :: parameter, record
+
+      associate (r => max(record, 1))
+         get = get_free(self%structures(r), self%excitations(r), parameter)
+      end associate
+   end function get
+
+   !> Returns a moderate value of the searched variable, as a scale for changes; arguments as `get`.
+   pure real(wp) function magnitude_of(self, parameter, record)
+      class(scenario_t), intent(in) :: self
+      integer, intent(in) :: parameter, record
+
+      associate (r => max(record, 1))
+         magnitude_of = free_magnitude(self%structures(r), self%excitations(r), parameter)
+      end associate
+   end function magnitude_of
 
    !> Sets a parameter, in one record or in all (record = 0).
    pure subroutine set(self, parameter, record, value)
@@ -284,7 +306,7 @@ contains
       type(stage_t) :: searched
       type(scenario_t) :: placed
       real(wp) :: start(size(stage%free)), range(2), moderate
-      integer :: owners(size(stage%free)), k, r
+      integer :: owners(size(stage%free)), k
 
       call place_starts(stage, scenario, searched, placed, error)
       if (allocated(error)) return
@@ -305,9 +327,7 @@ contains
                   ', expected bounds and starts with every place on the beam')
                return
             end if
-            r = max(owners(k), 1)
-            moderate = free_magnitude(scenario%structures(r), scenario%excitations(r), &
-               stage%free(k))
+            moderate = scenario%magnitude_of(stage%free(k), owners(k))
             ! A rigid spring (reciprocal 0) starts near its bound, because a search cannot start
             ! from a bound.
             if (q%is_reciprocal()) start(k) = max(start(k), 1e-3_wp*moderate)
@@ -337,15 +357,14 @@ contains
       type(scenario_t), intent(out) :: placed
       type(error_t), allocatable, intent(out) :: error
       real(wp) :: range(2), start(size(stage%free))
-      integer :: owners(size(stage%free)), k, r
+      integer :: owners(size(stage%free)), k
 
       searched = stage
       call searched%set_bounds()
       owners = stage%owners()
       placed = scenario
       do k = 1, size(start)
-         r = max(owners(k), 1)
-         start(k) = get_free(scenario%structures(r), scenario%excitations(r), stage%free(k))
+         start(k) = scenario%get(stage%free(k), owners(k))
          if (allocated(stage%start)) start(k) = as_named(stage%free(k), stage%start(k))
          if (parameters(stage%free(k))%is_reciprocal) then
             if (.not. start(k) <= unbounded) call bad_input(error, trim(parameters( &
