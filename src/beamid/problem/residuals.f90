@@ -6,7 +6,7 @@
 module beamid_residuals
    use beamid_errors, only: error_t
    use beamid_experiments, only: experiment_t, prepare_experiment, seen_modes_t
-   use beamid_field_penalties, only: add_penalty_rows, fields, penalty_order
+   use beamid_field_penalties, only: fields, penalty_order
    use beamid_fit_setups, only: fit_setup_t
    use beamid_galerkin, only: mesh_t
    use beamid_interrupts, only: check_interrupt
@@ -288,7 +288,7 @@ contains
       real(wp), intent(inout) :: r(:), jac(:, :)
       integer, allocatable :: columns(:)
       real(wp), allocatable :: differences(:, :)
-      integer :: a, row
+      integer :: a, k, row
 
       row = 0
       do a = 1, fields
@@ -296,8 +296,12 @@ contains
          columns = self%field_columns(a)
          differences = sqrt(self%strength(a))*difference_rows(size(columns), penalty_order)
          associate (rows => size(differences, 1))
-            call add_penalty_rows(differences, columns, parameters, r(row + 1:row + rows), &
-               jac(row + 1:row + rows, :))
+            r(row + 1:row + rows) = matmul(differences, log(parameters(columns)))
+            if (size(jac, 2) > 0) then
+               do k = 1, size(columns)
+                  jac(row + 1:row + rows, columns(k)) = differences(:, k)/parameters(columns(k))
+               end do
+            end if
             row = row + rows
          end associate
       end do

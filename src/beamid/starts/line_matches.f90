@@ -7,7 +7,7 @@ module beamid_line_matches
    use beamid_assignments, only: lines_t
    use beamid_decaying_lines, only: find_lines
    use beamid_errors, only: error_t, failure
-   use beamid_field_penalties, only: add_penalty_rows, fields, penalty_count, penalty_order
+   use beamid_field_penalties, only: fields, penalty_count, penalty_order
    use beamid_kinds, only: wp
    use beamid_least_squares, only: fit, fit_t, options_t
    use beamid_model_roots, only: belief_t, beliefs_about, model_roots
@@ -281,8 +281,10 @@ contains
          if (size(columns) == 0) cycle
          differences = difference_rows(size(columns), penalty_order)/unlike
          associate (m => size(differences, 1))
-            call add_penalty_rows(differences, columns, parameters, r(row + 1:row + m), &
-               jac(row + 1:row + m, :))
+            r(row + 1:row + m) = matmul(differences, log(parameters(columns)))
+            do k = 1, size(columns)
+               jac(row + 1:row + m, columns(k)) = differences(:, k)/parameters(columns(k))
+            end do
             row = row + m
          end associate
       end do
