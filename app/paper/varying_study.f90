@@ -2,9 +2,9 @@
 !> motion of a beam, with independent meshes for the state and for the fields.
 module beamid_varying_study
    use beamid
+   use beamid_fit_setups, only: set_unknowns => set_free
    use beamid_interrupts, only: stop_flag
    use beamid_residuals, only: new_residuals, residual_t
-   use beamid_starts, only: set_unknowns => set_free
    use beamid_structure, only: c_D_at, E_at
    use beamid_unknowns, only: quantity_t, variables_of
    use beamid_variations, only: as_spline, in_steps, new_variation, of_c_D_x, of_E_x, variation_t

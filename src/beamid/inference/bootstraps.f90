@@ -14,7 +14,7 @@ module beamid_bootstraps
       percentile_interval, usual_block
    use beamid_residuals, only: residual_t
    use beamid_simulation, only: model_t
-   use beamid_stages, only: stage_fit_t
+   use beamid_stage_fits, only: stage_fit_t
    use beamid_statistics, only: unlimited
    use beamid_strings, only: to_text
    use beamid_variables, only: variable_t

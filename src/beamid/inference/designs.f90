@@ -10,6 +10,7 @@ module beamid_designs
    use beamid_design_setups, only: check_begin, differentiate, new_setup, place, setup_t
    use beamid_errors, only: bad_input, error_t, locate
    use beamid_experiments, only: experiment_t
+   use beamid_fit_setups, only: set_free
    use beamid_galerkin, only: mesh_t
    use beamid_information, only: predict, prediction_t
    use beamid_interrupts, only: check_interrupt, interrupted, stop_flag
@@ -17,7 +18,6 @@ module beamid_designs
    use beamid_parameters, only: as_named, free_magnitude, get_free, name_of_parameter
    use beamid_residuals, only: residual_t
    use beamid_simulation, only: model_t
-   use beamid_starts, only: set_free
    use beamid_strings, only: to_text
    use beamid_structure, only: of_kappa_R, of_x_F
    use beamid_unknowns, only: quantity_t, stage_t

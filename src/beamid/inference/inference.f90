@@ -5,6 +5,7 @@ module beamid_inference
    use beamid_distributions, only: student_quantile
    use beamid_errors, only: error_t, failure
    use beamid_experiments, only: experiment_t
+   use beamid_fit_setups, only: set_free
    use beamid_galerkin, only: mesh_t
    use beamid_interrupts, only: check_interrupt, interrupted, stop_flag
    use beamid_kinds, only: wp
@@ -14,8 +15,7 @@ module beamid_inference
    use beamid_residuals, only: new_residuals, residual_t
    use beamid_sampling, only: draws_t, plan_t, sample
    use beamid_simulation, only: model_t
-   use beamid_stages, only: stage_fit_t
-   use beamid_starts, only: set_free
+   use beamid_stage_fits, only: stage_fit_t
    use beamid_statistics, only: unlimited
    use beamid_structure, only: of_kappa_R
    use beamid_unknowns, only: quantity_t, variables_of

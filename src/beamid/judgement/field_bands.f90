@@ -11,7 +11,7 @@
 module beamid_field_bands
    use beamid_kinds, only: wp
    use beamid_smoothing, only: resolution_length
-   use beamid_stages, only: stage_fit_t
+   use beamid_stage_fits, only: stage_fit_t
    use beamid_statistics, only: unlimited
    use beamid_structure, only: function_of, is_coefficient, of_c_D, of_d_D, of_E, of_w_D, of_x_D, &
       structure_t

@@ -3,12 +3,12 @@
 module beamid_refinement
    use beamid_errors, only: error_t
    use beamid_experiments, only: experiment_t
+   use beamid_fit_setups, only: set_free
    use beamid_galerkin, only: mesh_t
    use beamid_identification, only: identify_meshes, model_t, stage_fit_t, stage_t
    use beamid_kinds, only: wp
    use beamid_least_squares, only: fit, fit_t, monitor_t, options_t
    use beamid_residuals, only: residual_t
-   use beamid_starts, only: set_free
    use beamid_strings, only: to_text
    use beamid_structure, only: of_kappa_R
    use beamid_unknowns, only: name_length, quantity_t, variables_of

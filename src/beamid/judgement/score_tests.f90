@@ -15,6 +15,7 @@ module beamid_score_tests
    use beamid_distributions, only: chi_square_tail
    use beamid_errors, only: error_t
    use beamid_experiments, only: experiment_t
+   use beamid_fit_setups, only: set_free
    use beamid_galerkin, only: mesh_t
    use beamid_gauss_newton, only: least_squares_step
    use beamid_identification, only: identify
@@ -22,8 +23,7 @@ module beamid_score_tests
    use beamid_parameters, only: name_length, name_of_parameter, parameters
    use beamid_residuals, only: residual_t
    use beamid_simulation, only: model_t
-   use beamid_stages, only: stage_fit_t
-   use beamid_starts, only: set_free
+   use beamid_stage_fits, only: stage_fit_t
    use beamid_structure, only: J_S_at, of_gamma, of_kappa_R, structure_t, x_S_at
    use beamid_unknowns, only: stage_t
    use beamid_verification, only: exact_counterpart

@@ -13,7 +13,7 @@ module beamid_verdicts
    use beamid_model_roots, only: belief_t, beliefs_about
    use beamid_responses, only: work_t
    use beamid_spectra, only: line_t, near_mains, noise_near
-   use beamid_stages, only: stage_fit_t
+   use beamid_stage_fits, only: stage_fit_t
    use beamid_strings, only: to_text
    use beamid_trials, only: is_multiple, least_gain, resting
    use beamid_unknowns, only: name_length, name_of

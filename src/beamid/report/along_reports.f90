@@ -3,11 +3,11 @@
 module beamid_along_reports
    use beamid_case_files, only: case_t
    use beamid_field_bands, only: band, band_t, varies
+   use beamid_field_penalties, only: fields
    use beamid_identification, only: stage_fit_t
    use beamid_kinds, only: wp
    use beamid_lines, only: columns, csv_row, unit_suffix
    use beamid_outputs, only: output_t
-   use beamid_residuals, only: fields
    use beamid_statistics, only: unlimited
    use beamid_strings, only: full, to_text
    use beamid_structure, only: most_coefficients, of_c_D, of_E

@@ -9,11 +9,12 @@ module beamid_ensembles
    use beamid_ensemble_rows, only: add_fit_rows, add_mode_rows, replace_intervals, row_t
    use beamid_errors, only: error_t
    use beamid_excitation, only: new_pulse
-   use beamid_experiments, only: prepared_experiment_t, experiment_t, linear_t, &
-      prepare_experiment, seen_modes_t
+   use beamid_experiments, only: experiment_t, prepare_experiment, prepared_experiment_t, &
+      seen_modes_t
    use beamid_galerkin, only: mesh_t
    use beamid_identification, only: stage_fit_t
    use beamid_kinds, only: ip, wp
+   use beamid_linear_unknowns, only: linear_t
    use beamid_modal, only: modal_t
    use beamid_noise, only: gaussian_noise, uniform_noise
    use beamid_parameters, only: as_named
