@@ -1,5 +1,6 @@
 !> Checks of a case against its record before the fit: units, sampling, a quiet lead-in. The record
-!> is a sum of decaying cosines with the frequencies of a steel ruler by independent finite elements.
+!> is a sum of decaying cosines with the frequencies of a steel ruler, which independent finite
+!> elements gave.
 program test_input_checks
    use beamid_kinds, only: wp
    use beamid_noise, only: gaussian_noise
@@ -124,8 +125,9 @@ contains
       call write_record(2.0_wp, 0)
       outcome = beamid('identify case.nml --quiet --out refused')
       call check('milliseconds: status 2', outcome%status == 2, outcome%err)
-      call check('milliseconds: named', index(outcome%err, 'found a Nyquist frequency of 0.25') > 0 &
-         .and. index(outcome%err, 'look like milliseconds') > 0, outcome%err)
+      call check('milliseconds: named', &
+         index(outcome%err, 'found a Nyquist frequency of 0.25') > 0 .and. &
+         index(outcome%err, 'look like milliseconds') > 0, outcome%err)
       call write_record(1.0_wp, 0)
       outcome = beamid('identify case.nml --quiet --out refused')
       call check('sample numbers: named', outcome%status == 2 .and. &
@@ -145,7 +147,8 @@ contains
       call write_file('case.nml', replaced(ruler, 'record.csv''', 'record.csv'', t_first=0.5'))
       outcome = beamid('identify case.nml --quiet --out quiet')
       call check('a lead-in in the window: a warning', &
-         index(outcome%out, 'warning: the motion begins at 2') > 0, outcome%out(:min(300, len(outcome%out))))
+         index(outcome%out, 'warning: the motion begins at 2') > 0, &
+         outcome%out(:min(300, len(outcome%out))))
    end subroutine test_lead_in
 
    !> 200 free decays without a lead-in at random begin at once. With a lead-in of a tenth to nine

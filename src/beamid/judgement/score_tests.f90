@@ -1,16 +1,17 @@
 !> Score tests: does the record ask for a parameter that the model leaves out?
 !>
-!> If the residuals of the fit are white, the model lacks little. One derivative of the residuals for
-!> each candidate then tells; nothing is fitted again. With r the residuals of the fit, J their
+!> If the residuals of the fit are white, the model lacks little. One derivative of the residuals
+!> for each candidate then tells; nothing is fitted again. With r the residuals of the fit, J their
 !> derivatives with respect to the estimated quantities and d those with respect to the candidate,
-!> d' = d - J (J'J)**-1 J'd is the part of d that no estimate can imitate. The score d''r has mean 0
-!> if the candidate has the value of the model. One Gauss-Newton step with the candidate free changes
-!> it by -d''r/|d'|**2, and the estimates by (J'J)**-1 J'd times that with the opposite sign (Rao's
-!> score test; Cox and Hinkley, Theoretical Statistics, 1974, section 9.3).
+!> d' = d - J (J'J)**-1 J'd is the part of d that no estimate can imitate. The score d''r has mean
+!> 0 if the candidate has the value of the model. One Gauss-Newton step with the candidate free
+!> changes it by -d''r/|d'|**2, and the estimates by (J'J)**-1 J'd times that with the opposite sign
+!> (Rao's score test; Cox and Hinkley, Theoretical Statistics, 1974, section 9.3).
 !>
 !> If the residuals are not white, a mode's frequency may be off by many cycles over the record, and
-!> a derivative says nothing about such a distance. The stage is then fitted again with the candidate
-!> free, from start values that the record gives, and the ratio of the sums of squares tells.
+!> a derivative says nothing about such a distance. The stage is then fitted again with the
+!> candidate free, from start values that the record gives, and the ratio of the sums of squares
+!> tells.
 module beamid_score_tests
    use beamid_distributions, only: chi_square_tail
    use beamid_errors, only: error_t

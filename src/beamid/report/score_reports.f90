@@ -39,7 +39,8 @@ contains
             end if
             line = trim(one%name)//', which the model leaves out, is significant: with '// &
                trim(one%name)//' = '//rounded(one%value, 3)//' '// &
-               case%units%of_quantity(one%parameter, fit%scenario%excitations(1))//' J falls by '// &
+               case%units%of_quantity(one%parameter, fit%scenario%excitations(1))// &
+               ' J falls by '// &
                rounded(100*one%decrease, 3)//' %'
             if (one%by > 0) line = line//', and '//trim(fit%quantities(one%by)%name)// &
                ' moves by '//rounded(one%moves, 2)//' times its half interval'
@@ -48,8 +49,8 @@ contains
       end do
    end subroutine add_score_lines
 
-   !> Adds score_tests.csv: each candidate with its p-value, the largest shift of an estimate in half
-   !> widths of its interval, and that estimate.
+   !> Adds score_tests.csv: each candidate with its p-value, the largest shift of an estimate in
+   !> half widths of its interval, and that estimate.
    subroutine add_score_table(output, fit, tests)
       type(output_t), intent(inout) :: output
       type(stage_fit_t), intent(in) :: fit

@@ -157,9 +157,9 @@ contains
       associate (s => suspicions(best))
          call bad_input(error, case%path//': &'//trim(s%group)//' '//trim(s%key)//': found '// &
             rounded(s%value, 4)//', which looks like '//trim(s%unit)//': the first natural '// &
-            'frequency of the model is '//rounded(frequencies(1), 4)//', but the strongest line '// &
-            'of the record is at '//rounded(line, 4)//'; expected '//rounded(s%corrected, 4)// &
-            ' in the units of the case')
+            'frequency of the model is '//rounded(frequencies(1), 4)// &
+            ', but the strongest line of the record is at '//rounded(line, 4)//'; expected '// &
+            rounded(s%corrected, 4)//' in the units of the case')
       end associate
    end subroutine check_units
 
