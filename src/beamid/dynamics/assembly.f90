@@ -352,9 +352,11 @@ contains
                   + s(of_compliance)*slopes(k, of_damping, :))
                self%change(3, i, :) = 0
             end if
-            ! The pair of roots of so stiff a spring is far away and is left out.
+            ! The pair of roots of so stiff a spring is far away and is left out. A rigid spring is
+            ! held even if the poles are beyond the range of numbers.
             flexibility = sum(self%v(row, :)**2/self%pencil(1)%m)
-            self%held(row) = flexibility >= s(of_compliance)*(far_away*maxval(abs(self%pole)))**2
+            self%held(row) = .not. flexibility < &
+               s(of_compliance)*(far_away*maxval(abs(self%pole)))**2
          end associate
       end do
    end subroutine set_springs

@@ -22,6 +22,10 @@ module beamid_held_errors
       integer :: record = 0                !< record it belongs to; 0: all records
       real(wp) :: sd = 0                   !< stated standard deviation [unit of the parameter]
       real(wp), allocatable :: effect(:)   !< (n) change of each quantity for an error of one sd
+      !> The program keeps the parameter fixed although the user asked for it, at `value` and known
+      !> to a factor.
+      logical :: is_assumed = .false.
+      real(wp) :: value = 0, factor = 1
    end type held_t
 
 contains

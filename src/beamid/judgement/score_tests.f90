@@ -79,6 +79,8 @@ contains
 
       allocate (tests(0))
       if (fit%statistics%samples == 0 .or. size(fit%free) == 0) return
+      ! A fit that keeps fixed what was to be estimated lacks that first of all.
+      if (fit%note /= '') return
       call exact_counterpart(model, mesh, experiments, .true., problem)
       if (.not. allocated(problem%parts)) return
       call set_free(problem, fit%again())

@@ -1,6 +1,7 @@
 !> The parts of the summary about errors other than noise: errors of the mesh and of parameters held
 !> fixed.
 module beamid_error_sources
+   use beamid_distributions, only: normal_quantile
    use beamid_identification, only: stage_fit_t
    use beamid_kinds, only: wp
    use beamid_lines, only: columns, filled
@@ -11,7 +12,7 @@ module beamid_error_sources
    implicit none
    private
 
-   public :: add_error_sources, add_mesh_warning
+   public :: add_assumptions, add_error_sources, add_mesh_warning
 
 contains
 
@@ -49,9 +50,21 @@ contains
       end if
       if (.not. allocated(fit%held)) return
       do k = 1, size(fit%held)
-         call text%line(effect_line(fit, k))
+         if (.not. fit%held(k)%is_assumed) call text%line(effect_line(fit, k))
       end do
    end subroutine add_error_sources
+
+   !> Adds a line for each parameter that the program keeps fixed although the user asked for it.
+   subroutine add_assumptions(text, fit)
+      type(text_t), intent(inout) :: text
+      type(stage_fit_t), intent(in) :: fit
+      integer :: k
+
+      if (.not. allocated(fit%held)) return
+      do k = 1, size(fit%held)
+         if (fit%held(k)%is_assumed) call text%line(effect_line(fit, k))
+      end do
+   end subroutine add_assumptions
 
    !> Returns a number in its column; '-' if it is not finite.
    function number_or_dash(value) result(text)
@@ -63,26 +76,39 @@ contains
    end function number_or_dash
 
    !> Returns a line that says how much an error of one standard deviation in the fixed parameter j
-   !> moves each estimate. Of the coefficients of a field only the one that moves most is named.
+   !> moves each estimate; for a parameter with an assumed range, how much the ends of the range do.
+   !> Of the coefficients of a field only the one that moves most is named.
    function effect_line(fit, j) result(line)
       type(stage_fit_t), intent(in) :: fit
       integer, intent(in) :: j
       character(len=:), allocatable :: line
-      real(wp) :: effect
+      real(wp) :: effect, unit
       integer :: k
 
       associate (held => fit%held(j))
          line = to_text(held%sd)//' in '//trim(held%name)
+         if (held%is_assumed) line = trim(held%name)
          if (held%record > 0) line = line//'('//to_text(held%record)//')'
+         ! The effect of an assumed range is that of its ends.
+         unit = 1
+         if (held%is_assumed) then
+            unit = normal_quantile(0.975_wp)
+            line = line//' is fixed at '//to_text(held%value)//' and assumed known to '
+            if (held%factor < 2) line = line//filled('# %', [100*(held%factor - 1)])
+            if (held%factor >= 2) line = line//'a factor of '//to_text(held%factor)
+            line = line//'; this'
+         end if
          line = line//' moves '
          do k = 1, size(fit%free)
             if (is_coefficient(fit%free(k)) .and. k /= most_moved(fit, held%effect, k)) cycle
             associate (q => fit%quantities(k))
                if (line(len(line) - 6:) /= ' moves ') line = line//', '
-               effect = held%effect(k)
+               effect = unit*held%effect(k)
                if (q%is_reciprocal()) effect = -effect
                line = line//trim(q%name)//' by '
-               if (abs(effect) < 1e6_wp*abs(q%searched)) then
+               if (.not. abs(held%effect(k)) < unlimited) then
+                  line = line//'an unknown amount'
+               else if (abs(effect) < 1e6_wp*abs(q%searched)) then
                   line = line//filled('#.2 %', [100*effect/abs(q%searched)])
                else
                   line = line//to_text(effect)

@@ -2,6 +2,7 @@
 !> modes_seen.csv.
 module beamid_verdict_reports
    use beamid_case_files, only: case_t
+   use beamid_error_sources, only: add_assumptions
    use beamid_identification, only: stage_fit_t
    use beamid_kinds, only: wp
    use beamid_lines, only: csv_row, filled, unit_suffix
@@ -33,6 +34,7 @@ contains
 
       if (verdict%no_fit /= '') call text%line('no fit: '//verdict%no_fit)
       if (fit%note /= '') call text%line(fit%note)
+      call add_assumptions(text, fit)
       unit = unit_suffix(case%units%acceleration())
       do k = 1, size(verdict%qualities)
          associate (q => verdict%qualities(k))

@@ -5,6 +5,7 @@ module beamid_case_fits
    use beamid_cases, only: load_experiments, scored_samples
    use beamid_errors, only: error_t, locate
    use beamid_experiments, only: experiment_t
+   use beamid_fixed_parameters, only: add_fixed_parameters
    use beamid_galerkin, only: mesh_t
    use beamid_identification, only: identify_meshes, score_fits, stage_fit_t
    use beamid_input_checks, only: check_input
@@ -141,6 +142,8 @@ contains
       if (allocated(error)) return
       associate (mesh => case%meshes(size(case%meshes)), &
          last => found%fits(size(found%fits, 1), size(found%fits, 2)))
+         call add_fixed_parameters(case%model, mesh, found%experiments, &
+            case%stages(size(case%stages)), last)
          call new_verdict(found%experiments, mesh, last, found%verdict, error)
          call locate(error, case%path)
          call check_interrupt(error)
