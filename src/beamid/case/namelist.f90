@@ -36,7 +36,6 @@ contains
       !> The problems outside of them.
       type(refusals_t), intent(out) :: refusals
       type(scanner_t) :: scanner
-      type(block_t) :: passed_over
       integer :: g, i, n, seen(size(groups))
 
       ! There are no more groups than there are '&'.
@@ -56,8 +55,7 @@ contains
                blocks(n)%name = trim(groups(g)%name)
                call scan_group(scanner, blocks(n))
             else
-               passed_over = block_t(name='')
-               call scan_group(scanner, passed_over)
+               call pass_group(scanner)
             end if
          case (token_broken)
             call refusals%add(scanner%token%line, scanner%token%text)
@@ -139,6 +137,14 @@ contains
          seen(g) = token%line
       end if
    end subroutine find_group
+
+   !> Skips a group that is unknown or repeated; problems inside it are not reported.
+   subroutine pass_group(scanner)
+      type(scanner_t), intent(inout) :: scanner
+      type(block_t) :: ignored
+
+      call scan_group(scanner, ignored)
+   end subroutine pass_group
 
    !> Goes through one group; the scanner stands on its name and ends on the token behind it.
    subroutine scan_group(scanner, block)

@@ -24,9 +24,10 @@ module beamid_modal
 
    type, extends(exact_solver_t) :: modal_t
       type(beam_modes_t), allocatable, private :: modes   !< of the bare beam
-      type(mesh_t), private :: mesh                       !< what it was prepared for
-      type(poles_t), private :: poles                     !< of the last structure
-      type(poles_t), private :: turns   !< the same, of the sensor's slope, where there is gravity
+      type(mesh_t), private :: mesh = mesh_t()            !< what it was prepared for
+      type(poles_t), private :: poles = poles_t()         !< of the last structure
+      !> the same, of the slope at the sensor, where there is gravity
+      type(poles_t), private :: turns = poles_t()
       type(structure_t), allocatable, private :: structure   !< that structure
       logical, private :: distributed = .false., base = .false.   !< its load
       real(wp), private :: power = 0

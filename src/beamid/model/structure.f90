@@ -60,8 +60,8 @@ module beamid_structure
       real(wp) :: x_D = 0            !< where the stiffness has a dip
       real(wp) :: w_D = 0            !< its width, a standard deviation; 0: there is none
       real(wp) :: d_D = 0            !< by what share of E it goes down
-      type(sensor_t) :: sensor(most_sensors)
-      type(support_t) :: support(most_supports)
+      type(sensor_t) :: sensor(most_sensors) = sensor_t()
+      type(support_t) :: support(most_supports) = support_t()
    end type values_t
 
    type, extends(values_t) :: structure_t
@@ -72,7 +72,7 @@ module beamid_structure
       logical :: root_is_free = .false.   !< a fit looks for the compliance of the clamp, 0 included
       character(len=item_name_length) :: sensor_name(most_sensors) = '', &
          support_name(most_supports) = ''
-      type(variations_t) :: variations   !< what varies along the beam
+      type(variations_t) :: variations = variations_t()   !< what varies along the beam
    contains
       procedure :: has_hose
       procedure :: has_root_spring

@@ -42,9 +42,10 @@ module beamid_variations
    end type field_t
 
    type :: variations_t
-      type(variation_t) :: E, c_D, rho, gamma, width, height
+      type(variation_t) :: E = variation_t(), c_D = variation_t(), rho = variation_t(), &
+         gamma = variation_t(), width = variation_t(), height = variation_t()
       logical :: by_density = .false.        !< the mass goes with width and height
-      type(field_t) :: along(2)            !< what a fit looks for: E(x) and c_D(x)
+      type(field_t) :: along(2) = field_t()   !< what a fit looks for: E(x) and c_D(x)
       logical :: dips = .false.              !< the stiffness has a dip, or a fit looks for one
    contains
       procedure :: bending
