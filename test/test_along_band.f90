@@ -1,9 +1,9 @@
 !> E(x) and c_D(x) with their bands: the delta method against draws, limits that stay positive, and
 !> what the program writes of them.
 program test_along_band
+   use beamid_field_bands, only: band, band_t, varies
    use beamid_kinds, only: wp
    use beamid_noise, only: gaussian_noise
-   use beamid_field_bands, only: band, band_t, varies
    use beamid_stages, only: stage_fit_t
    use beamid_statistics, only: unlimited
    use beamid_strings, only: to_text

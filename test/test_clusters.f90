@@ -4,11 +4,11 @@
 !> double root; and what is said of an overdamped structure's modes.
 program test_clusters
    use beamid_assembly, only: new_assembly
+   use beamid_beam_motions, only: beam_motion_t, find_motion
    use beamid_equations, only: equations_t, new_equations
    use beamid_errors, only: error_t
    use beamid_excitation, only: excitation_t, new_force_table, new_free, new_pulse
    use beamid_experiments, only: experiment_t
-   use beamid_beam_motions, only: beam_motion_t, find_motion
    use beamid_fitted_modes, only: fitted_mode_t, fitted_modes
    use beamid_free_motion, only: free_mode_t
    use beamid_galerkin, only: galerkin_t, mesh_t, new_galerkin
