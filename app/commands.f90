@@ -1,8 +1,10 @@
-!> One routine per command: read the case, call the library, gather the outputs, print the summary.
+!> The commands `identify`, `simulate` and `modes`, and what all commands share: the settings from
+!> the command line and the delivery of outputs. Each command has one routine, which reads the case,
+!> calls the library and collects the outputs.
 module beamid_commands
    use, intrinsic :: iso_fortran_env, only: int64
    use beamid
-   use beamid_case_fits, only: case_fit_t, fit_case, judge_case, load_case
+   use beamid_case_fits, only: add_score_tests, case_fit_t, fit_case, judge_case, load_case
    use beamid_cases, only: can_be_fitted
    use beamid_errors, only: locate
    use beamid_fit_reports, only: add_modes_of_fits, report_fit
@@ -22,25 +24,29 @@ module beamid_commands
    public :: settings_t, word_t, run_identify, run_simulate, run_modes
    public :: deliver, folder_of
 
+   !> A word of the command line.
    type :: word_t
       character(len=:), allocatable :: text
    end type word_t
 
-   !> The command line, parsed.
+   !> The parsed command line.
    type :: settings_t
-      character(len=:), allocatable :: command
-      character(len=:), allocatable :: subject   !< the case file, or what is to be reproduced
+      character(len=:), allocatable :: command   !< name of the command
+      character(len=:), allocatable :: subject   !< first word behind it, mostly the case file
       type(word_t), allocatable :: subjects(:)   !< every word behind the command
-      character(len=:), allocatable :: out       !< not allocated: out/<case name>
-      logical :: quiet = .false.
-      logical :: time = .false.                  !< measure how long a fit takes
-      character(len=:), allocatable :: only      !< members of an ensemble, i:j
-      logical :: only_new = .false.              !< members without a result
+      character(len=:), allocatable :: out       !< --out DIR; not allocated: out/<case name>
+      logical :: quiet = .false.                 !< --quiet: no progress
+      logical :: time = .false.                  !< --time: measure the time of a fit
+      character(len=:), allocatable :: only      !< --only i:j: some members of an ensemble
+      logical :: only_new = .false.              !< --only-new: cases without a valid result
+      logical :: markdown = .false.              !< --markdown: the reference in Markdown
    end type settings_t
 
 contains
 
-   !> beamid identify
+   !> Runs `beamid identify`: fits the record and judges the fit.
+   !>
+   !> error  also a fit that the verdict rejects, after the outputs have been written
    subroutine run_identify(settings, error)
       type(settings_t), intent(in) :: settings
       type(error_t), allocatable, intent(out) :: error
@@ -57,6 +63,7 @@ contains
       progress = new_progress(settings%quiet)
       call fit_case(case, found, error, progress)
       if (.not. allocated(error)) call judge_case(case, found, error, progress)
+      if (.not. allocated(error)) call add_score_tests(case, found, error)
       call progress%finish()
       if (allocated(error)) return
       call report_fit(case, found, output, summary, error)
@@ -68,8 +75,9 @@ contains
          case%path//': no fit: '//found%verdict%no_fit)
    end subroutine run_identify
 
-   !> Repeats the fit on each mesh for a second at most and tells the median time on standard error:
-   !> the fit itself and its statistics, without the comparison of derivatives with differences.
+   !> Repeats the fit on each mesh for about a second and prints the median time on standard error.
+   !> The time is that of the fit and its statistics, without the comparison of exact derivatives
+   !> with differences.
    subroutine time_fits(case, experiments)
       type(case_t), intent(in) :: case
       type(experiment_t), intent(in) :: experiments(:)
@@ -94,7 +102,7 @@ contains
       end do
    end subroutine time_fits
 
-   !> beamid simulate
+   !> Runs `beamid simulate`: computes the response on each mesh and a record of the last mesh.
    subroutine run_simulate(settings, error)
       type(settings_t), intent(in) :: settings
       type(error_t), allocatable, intent(out) :: error
@@ -117,7 +125,7 @@ contains
       end do
       elements = case%meshes%elements
       call output%add('response.csv', response_table(elements, simulations))
-      ! As the sensor would have it: what identify undoes by the same scale and offset.
+      ! The record is in the units of the sensor: `identify` undoes scale and offset.
       associate (recording => case%recordings(1), last => simulations(size(simulations)))
          call output%add('record.csv', record_table(times, (last%acceleration + &
             gaussian_noise(size(times), case%noise_sd, case%noise_seed))/recording%scale &
@@ -128,7 +136,8 @@ contains
          case%recordings)
    end subroutine run_simulate
 
-   !> beamid modes
+   !> Runs `beamid modes`: computes the natural modes of the structure and, if the case can be
+   !> fitted, of the fitted structure.
    subroutine run_modes(settings, error)
       type(settings_t), intent(in) :: settings
       type(error_t), allocatable, intent(out) :: error
@@ -165,8 +174,8 @@ contains
       call deliver(output, summary%content(), settings, case%name, error, case%recordings)
    end subroutine run_modes
 
-   !> A case that says how to fit a record has intervals for its modes too. What keeps it from being
-   !> fitted is told, and is no failure: the modes of the structure as it is declared are above.
+   !> Adds the modes of the fitted structure with intervals, if the fit succeeds. If it fails, the
+   !> summary says why; this is not an error, because the modes of the declared structure are known.
    subroutine add_fit_of_modes(case, quiet, summary, output)
       type(case_t), intent(in) :: case
       logical, intent(in) :: quiet
@@ -199,14 +208,15 @@ contains
       call output%add('modes_fitted.csv', table%content())
    end subroutine add_fit_of_modes
 
-   !> Writes all outputs, all or none, to --out DIR or out/<name>; prints the summary when they are
-   !> safe.
+   !> Writes all outputs to the output folder, all or none, and then prints the summary.
+   !>
+   !> name        name of the default folder in out/
+   !> recordings  inputs, which the outputs must not overwrite
    subroutine deliver(output, summary, settings, name, error, recordings)
       type(output_t), intent(inout) :: output
       character(len=*), intent(in) :: summary, name
       type(settings_t), intent(in) :: settings
       type(error_t), allocatable, intent(out) :: error
-      !> Inputs, which are not to be overwritten.
       type(recording_t), intent(in), optional :: recordings(:)
       character(len=:), allocatable :: folder, kind, lines, summary_file
       integer :: k
@@ -219,7 +229,7 @@ contains
       lines = wrapped(summary)
       select case (settings%command)
       case ('profile', 'sample', 'bootstrap')
-         summary_file = 'intervals.txt'    ! beside what the fit says, not in its place
+         summary_file = 'intervals.txt'    ! summary.txt belongs to the fit
       case default
          summary_file = 'summary.txt'
       end select
@@ -230,14 +240,14 @@ contains
          end do
       end if
       call output%commit(folder, error, kind)
-      ! A signal that came during the exchange of the files.
+      ! A signal may have come during the exchange of the files.
       if (.not. allocated(error)) call check_interrupt(error)
       if (allocated(error)) return
       call print_text(lines, error)
       if (allocated(error)) error%message = error%message//'; the outputs are in '//folder
    end subroutine deliver
 
-   !> Where the outputs of a case go.
+   !> Returns the output folder of a case: that of --out, or out/<name>.
    function folder_of(settings, name) result(folder)
       type(settings_t), intent(in) :: settings
       character(len=*), intent(in) :: name

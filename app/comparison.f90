@@ -1,13 +1,14 @@
-!> `beamid compare`: several models of one record, by information criteria and nested-model tests.
+!> The command `compare`: compares several models of one record by information criteria and tests of
+!> nested models.
 module beamid_comparison
    use beamid
    use beamid_candidates, only: candidate_t, fit_candidate, is_nested, same_samples
    use beamid_commands, only: deliver, settings_t, word_t
+   use beamid_criteria, only: akaike => aicc, bayes => bic, nested_test
    use beamid_errors, only: bad_input, locate
    use beamid_lines, only: columns, csv_row, filled
    use beamid_outputs, only: output_t
    use beamid_responses, only: is_exact
-   use beamid_statistics, only: akaike => aicc, bayes => bic, nested_test
    use beamid_strings, only: to_text
    use beamid_terminal, only: new_progress, progress_t
    use beamid_texts, only: left, right, text_t
@@ -18,68 +19,43 @@ module beamid_comparison
 
 contains
 
-   !> beamid compare a.nml b.nml ...; of each case the last mesh counts.
+   !> Runs `beamid compare a.nml b.nml ...` on the last mesh of each case.
    subroutine run_compare(settings, error)
       type(settings_t), intent(in) :: settings
       type(error_t), allocatable, intent(out) :: error
       type(candidate_t), allocatable :: models(:)
       type(word_t), allocatable :: labels(:)
-      type(case_t) :: case
       type(progress_t) :: progress
       type(text_t) :: summary
       type(output_t) :: output
-      character(len=note_length), allocatable :: notes(:)
-      logical, allocatable :: twice(:)
-      integer :: finest, j, k
+      integer :: finest, k
 
-      associate (paths => settings%subjects)
-         allocate (models(size(paths)), labels(size(paths)))
-         do k = 1, size(paths)
-            call read_case(paths(k)%text, needs_fit, case, error)
-            if (.not. allocated(error)) call load_experiments(case, models(k)%experiments, notes, &
-               error)
-            if (allocated(error)) return
-            if (.not. same_samples(models(1), models(k))) then
-               call bad_input(error, case%path//': &record: found other samples than in '// &
-                  paths(1)%text//', expected the same ones')
-               return
-            end if
-            models(k)%model = case%model
-            models(k)%mesh = case%meshes(size(case%meshes))
-            models(k)%refines = case%refines .and. is_exact(case%model%solver)
-            models(k)%stages = case%stages
-            labels(k)%text = case%name
-         end do
-         ! The path of a case tells more where another has the same name.
-         twice = [(count([(labels(j)%text == labels(k)%text, j=1, size(labels))]) > 1, &
-            k=1, size(labels))]
-         do k = 1, size(labels)
-            if (twice(k)) labels(k) = paths(k)
-         end do
-         progress = new_progress(settings%quiet)
-         do k = 1, size(models)
-            call fit_model(k)
-            if (allocated(error)) return
-         end do
-         ! What finds its own mesh is compared on the finest that any of them needs.
-         finest = 0
-         do k = 1, size(models)
-            if (models(k)%refines) finest = max(finest, models(k)%mesh%elements)
-         end do
-         do k = 1, size(models)
-            if (.not. models(k)%refines .or. models(k)%mesh%elements == finest) cycle
-            models(k)%refines = .false.
-            models(k)%mesh%elements = finest
-            call fit_model(k)
-            if (allocated(error)) return
-         end do
-      end associate
+      call read_models(settings%subjects, models, labels, error)
+      if (allocated(error)) return
+      progress = new_progress(settings%quiet)
+      do k = 1, size(models)
+         call fit_model(k)
+         if (allocated(error)) return
+      end do
+      ! Models that refine their meshes are compared on the finest mesh that any of them needs.
+      finest = 0
+      do k = 1, size(models)
+         if (models(k)%refines) finest = max(finest, models(k)%mesh%elements)
+      end do
+      do k = 1, size(models)
+         if (.not. models(k)%refines .or. models(k)%mesh%elements == finest) cycle
+         models(k)%refines = .false.
+         models(k)%mesh%elements = finest
+         call fit_model(k)
+         if (allocated(error)) return
+      end do
       call add_models(summary, output, models, labels)
       call add_nested(summary, output, models, labels)
       call deliver(output, summary%content(), settings, 'compare', error)
 
    contains
 
+      !> Fits model k.
       subroutine fit_model(k)
          integer, intent(in) :: k
 
@@ -90,7 +66,46 @@ contains
 
    end subroutine run_compare
 
-   !> J, number of parameters and criteria of each model.
+   !> Reads the cases and their records, which must all have the same samples.
+   !>
+   !> models, labels  (size of paths) the models and how they are called in the tables
+   subroutine read_models(paths, models, labels, error)
+      type(word_t), intent(in) :: paths(:)
+      type(candidate_t), allocatable, intent(out) :: models(:)
+      type(word_t), allocatable, intent(out) :: labels(:)
+      type(error_t), allocatable, intent(out) :: error
+      type(case_t) :: case
+      character(len=note_length), allocatable :: notes(:)
+      logical, allocatable :: ambiguous(:)
+      integer :: j, k
+
+      allocate (models(size(paths)), labels(size(paths)))
+      do k = 1, size(paths)
+         call read_case(paths(k)%text, needs_fit, case, error)
+         if (.not. allocated(error)) call load_experiments(case, models(k)%experiments, notes, &
+            error)
+         if (allocated(error)) return
+         if (.not. same_samples(models(1), models(k))) then
+            call bad_input(error, case%path//': &record: found other samples than in '// &
+               paths(1)%text//', expected the same ones')
+            return
+         end if
+         models(k)%model = case%model
+         models(k)%mesh = case%meshes(size(case%meshes))
+         models(k)%refines = case%refines .and. is_exact(case%model%solver)
+         models(k)%stages = case%stages
+         labels(k)%text = case%name
+      end do
+      ! Cases of the same name are called by their paths.
+      ambiguous = [(count([(labels(j)%text == labels(k)%text, j=1, size(labels))]) > 1, &
+         k=1, size(labels))]
+      do k = 1, size(labels)
+         if (ambiguous(k)) labels(k) = paths(k)
+      end do
+   end subroutine read_models
+
+   !> Adds a table of J, number of parameters and criteria of each model to the summary, and
+   !> models.csv.
    subroutine add_models(summary, output, models, labels)
       type(text_t), intent(inout) :: summary
       type(output_t), intent(inout) :: output
@@ -128,7 +143,8 @@ contains
       call output%add('models.csv', table%content())
    end subroutine add_models
 
-   !> Banks and Fitzpatrick's test for every pair of which one is a special case of the other.
+   !> Adds the test of Banks and Fitzpatrick for every pair of models of which one is a special case
+   !> of the other, and nested.csv.
    subroutine add_nested(summary, output, models, labels)
       type(text_t), intent(inout) :: summary
       type(output_t), intent(inout) :: output
@@ -150,7 +166,7 @@ contains
                size(models(i)%fit%residual), restrictions, U, probability)
             verdict = ': no reason to prefer the full model'
             if (probability < 0.05_wp) verdict = ': the full model is better'
-            ! Equal sums differ by what the searches leave.
+            ! The searches end close to the minima: equal sums of squares differ slightly.
             if (U < -1e-6_wp*size(models(i)%fit%residual)) verdict = &
                ': the fit of the full model did not reach its minimum'
             call summary%line('  '//labels(i)%text//' within '//labels(j)%text// &

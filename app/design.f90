@@ -1,9 +1,11 @@
-!> `beamid design`: which experiment would tell most of the free parameters.
+!> The command `design`: predicts the standard errors that candidate experiments would give, and
+!> reports the best of them.
 module beamid_design
    use beamid
    use beamid_cases, only: needs_design, plan_experiments
    use beamid_commands, only: deliver, settings_t
-   use beamid_design_reports, only: design_summary, design_table
+   use beamid_design_reports, only: design_summary
+   use beamid_design_tables, only: design_table
    use beamid_errors, only: locate
    use beamid_outputs, only: output_t
    use beamid_strings, only: to_text
@@ -15,7 +17,7 @@ module beamid_design
 
 contains
 
-   !> beamid design; by the exact response, on the last mesh.
+   !> Runs the command with the exact solver on the last mesh of the case, whatever solver it names.
    subroutine run_design(settings, error)
       type(settings_t), intent(in) :: settings
       type(error_t), allocatable, intent(out) :: error

@@ -1,5 +1,6 @@
-!> `beamid ensemble`: a command on every member of an ensemble, by the threads of this machine, or a
-!> part of them; parts of any number of programs make one table.
+!> The command `ensemble`: runs a command on every member of an ensemble, with all threads of this
+!> machine. Several programs, also on several machines, may each compute a part of the members; the
+!> program that finds no member missing merges all parts to one table.
 module beamid_ensemble
    use, intrinsic :: iso_c_binding, only: c_associated, c_int, c_ptr
    use, intrinsic :: iso_fortran_env, only: int64
@@ -31,27 +32,31 @@ module beamid_ensemble
 
    public :: run_ensemble
 
-   !> Seconds that a block of members takes, more or less: what is lost when the program is killed.
+   !> Approximate time that a block of members takes [s]. If the program is killed, the block that
+   !> it computes is lost.
    real(wp), parameter :: block_seconds = 3
+   !> Number of members of the first block, and largest number.
    integer, parameter :: first_block = 16, largest_block = 20000
 
-   !> What is run, and where it goes.
+   !> The members of an ensemble and the folders of its results.
    type :: ensemble_run_t
-      type(ensemble_maker_t) :: maker
-      type(fleet_case_t), allocatable :: fleet(:)   !< not allocated: records are made
-      integer :: members = 0
-      character(len=:), allocatable :: folder, shards
+      type(ensemble_maker_t) :: maker               !< makes members from random records
+      type(fleet_case_t), allocatable :: fleet(:)   !< listed cases; not allocated: random records
+      integer :: members = 0                        !< number of members
+      character(len=:), allocatable :: folder       !< output folder
+      character(len=:), allocatable :: shards       !< folder of the shards
+      !> Fingerprint of everything that the results depend on.
       character(len=fingerprint_length) :: fingerprint = ''
    end type ensemble_run_t
 
-   !> Rows of one member.
+   !> Rows of members.csv for one member.
    type :: rows_t
       character(len=:), allocatable :: text
    end type rows_t
 
 contains
 
-   !> beamid ensemble
+   !> Runs `beamid ensemble`.
    subroutine run_ensemble(settings, error)
       type(settings_t), intent(in) :: settings
       type(error_t), allocatable, intent(out) :: error
@@ -63,7 +68,7 @@ contains
       integer(c_int) :: code
       integer :: others, round
       logical :: is_done
-      !> Rounds in which damaged shards are computed again.
+      !> How often damaged shards are computed again.
       integer, parameter :: most_rounds = 3
 
       call read_case(settings%subject, needs_nothing, case, error)
@@ -102,10 +107,10 @@ contains
          'been computed '//to_text(most_rounds)//' times; check the disk')
    end subroutine run_ensemble
 
-   !> Makes the tables if no member is missing.
+   !> Merges the shards and writes the tables if no member is missing; otherwise prints a message.
    !>
-   !> wanted   members of this run, for its message
-   !> shards   on return the sound ones
+   !> wanted   members that this program computes, for the message
+   !> shards   on return the shards that are not damaged
    !> is_done  .false.: shards were damaged, and their members must be computed again
    subroutine complete(case, run, wanted, settings, shards, is_done, error)
       type(case_t), intent(in) :: case
@@ -123,7 +128,8 @@ contains
 
       is_done = .true.
       members = range_of_members_t(1, run%members)
-      ! Of several programs that end together one makes the tables before the next looks.
+      ! The lock serves programs that end at the same time: one of them makes the tables, the next
+      ! one then finds them complete.
       code = open_folder(run%shards, folder)
       if (code == 0) locked = lock_folder(folder)
       call list_shards(run%shards, run%fingerprint, shards, others, error)
@@ -139,10 +145,10 @@ contains
       if (c_associated(folder)) ignored = c_closedir(folder)
    end subroutine complete
 
-   !> Removes damaged shards that hold members of a range, with one message on standard error.
+   !> Removes damaged shards that hold members of a range, and says so on standard error.
    !>
-   !> range   on return it holds all members of the removed shards
-   !> shards  on return without them
+   !> range   on return it includes all members of the removed shards
+   !> shards  on return without the removed shards
    subroutine drop_damaged(run, range, shards, error)
       type(ensemble_run_t), intent(in) :: run
       type(range_of_members_t), intent(inout) :: range
@@ -160,7 +166,7 @@ contains
          'again')
    end subroutine drop_damaged
 
-   !> Members first to last, from `--only i:j`; all without it.
+   !> Reads the members that this program computes from `--only i:j`; without it, all members.
    subroutine read_part(settings, members, wanted, error)
       type(settings_t), intent(in) :: settings
       integer, intent(in) :: members
@@ -185,7 +191,7 @@ contains
       wanted%last = min(wanted%last, members)
    end subroutine read_part
 
-   !> Reads what all members need, and takes the fingerprint of everything that results depend on.
+   !> Reads the input that all members need, and computes the fingerprint of the ensemble.
    subroutine prepare(case, only_new, run, error)
       type(case_t), intent(in) :: case
       logical, intent(in) :: only_new
@@ -222,7 +228,7 @@ contains
       run%fingerprint = fingerprint%digits()
    end subroutine prepare
 
-   !> Runs the members that are missing, and writes a shard for each block of them.
+   !> Computes the missing members, and writes a shard for each block of them.
    subroutine compute(run, missing, quiet, error)
       type(ensemble_run_t), intent(inout) :: run
       type(range_of_members_t), intent(in) :: missing(:)
@@ -233,10 +239,10 @@ contains
       character(len=:), allocatable :: rows
       integer(int64) :: begin, now, rate
       integer(c_int) :: code
-      integer :: done, k, whole
+      integer :: done, k, total
 
       progress = new_progress(quiet)
-      whole = sum(missing%last - missing%first + 1)
+      total = sum(missing%last - missing%first + 1)
       done = 0
       do k = 1, size(missing)
          block = range_of_members_t(missing(k)%first, missing(k)%first + first_block - 1)
@@ -260,7 +266,7 @@ contains
             end if
             call system_clock(now)
             done = done + block%last - block%first + 1
-            call progress%advanced(done, whole, 'members')
+            call progress%advanced(done, total, 'members')
             block = range_of_members_t(block%last + 1, block%last + next_size( &
                block%last - block%first + 1, real(now - begin, wp)/rate))
          end do
@@ -268,7 +274,7 @@ contains
       call progress%finish()
    end subroutine compute
 
-   !> Size of the next block from that of the last one and its seconds.
+   !> Returns the size of the next block, given the size and the time [s] of the last one.
    pure integer function next_size(members, seconds)
       integer, intent(in) :: members
       real(wp), intent(in) :: seconds
@@ -278,7 +284,7 @@ contains
          *members/seconds))
    end function next_size
 
-   !> Rows of made members, by all threads.
+   !> Computes the members of a block from random records, with all threads.
    subroutine run_block(maker, block, rows)
       type(ensemble_maker_t), intent(in) :: maker
       type(range_of_members_t), intent(in) :: block
@@ -298,7 +304,8 @@ contains
       call join(parts, rows)
    end subroutine run_block
 
-   !> Rows of cases. What reads and judges them works with text, and runs in one thread.
+   !> Fits the listed cases of a block. Only the fits run in parallel: the procedures that read and
+   !> judge the cases have functions that return text.
    !>
    !> error  a file has changed since the fingerprint of the fleet was taken
    subroutine run_fleet_block(fleet, block, rows, error)
@@ -334,7 +341,7 @@ contains
       call join(parts, rows)
    end subroutine run_fleet_block
 
-   !> All texts in one.
+   !> Joins the rows of several members to one text.
    subroutine join(parts, rows)
       type(rows_t), intent(in) :: parts(:)
       character(len=:), allocatable, intent(out) :: rows
@@ -347,7 +354,7 @@ contains
       rows = text%content()
    end subroutine join
 
-   !> Tables and summary of a whole ensemble.
+   !> Writes the tables and the summary of a complete ensemble, and removes its shards.
    subroutine finish(case, run, shards, settings, error)
       type(case_t), intent(in) :: case
       type(ensemble_run_t), intent(in) :: run

@@ -1,4 +1,4 @@
-!> The commands that ask more of a record than one fit: profile, sample and bootstrap.
+!> The commands `profile`, `sample` and `bootstrap`, which start from an accepted fit.
 module beamid_inference_commands
    use beamid
    use beamid_case_fits, only: case_fit_t, fit_case, judge_case, load_case
@@ -16,8 +16,8 @@ module beamid_inference_commands
 
 contains
 
-   !> beamid profile, sample, bootstrap: the fit of the last stage on every mesh, then what the
-   !> command adds, and one table of all intervals that are known of this fit.
+   !> Runs `beamid profile`, `sample` or `bootstrap`: fits the last stage on every mesh, then
+   !> computes the inference, and completes the table of the intervals by all methods.
    subroutine run_inference(settings, error)
       type(settings_t), intent(in) :: settings
       type(error_t), allocatable, intent(out) :: error

@@ -1,4 +1,5 @@
-!> beamid <command> <case.nml> [--out DIR] [--quiet]
+!> The main program: beamid <command> <case.nml> [--out DIR] [--quiet]. It parses the command line,
+!> calls the routine of the command, prints an error message and sets the exit status.
 program beamid_main
    use beamid, only: error_t, version
    use beamid_commands, only: run_identify, run_modes, run_simulate, settings_t, word_t
@@ -35,7 +36,7 @@ program beamid_main
       case ('reproduce'); call run_reproduce(settings, error)
       case ('ensemble'); call run_ensemble(settings, error)
       case ('new'); call run_new(settings, error)
-      case ('help'); call run_help(words_of(settings%subjects), error)
+      case ('help'); call run_help(words_of(settings%subjects), settings%markdown, error)
       case ('version'); call print_text('beamid '//version//new_line('a'), error)
       end select
    end if
@@ -49,7 +50,7 @@ program beamid_main
 
 contains
 
-   !> Splits the command line; whatever is not understood is bad input.
+   !> Parses the command line; any word that is not understood is an error.
    subroutine parse(settings, error)
       type(settings_t), intent(out) :: settings
       type(error_t), allocatable, intent(out) :: error
@@ -66,6 +67,7 @@ contains
          case ('--quiet'); settings%quiet = .true.
          case ('--time'); settings%time = .true.
          case ('--only-new'); settings%only_new = .true.
+         case ('--markdown'); settings%markdown = .true.
          case ('--only')
             k = k + 1
             settings%only = argument(k)
@@ -73,7 +75,7 @@ contains
             settings%command = 'version'
             return
          case ('--help', '-h')
-            ! Behind a command: about that.
+            ! Behind a command, --help asks about this command.
             deallocate (settings%subjects)
             allocate (settings%subjects(0))
             if (allocated(settings%command)) then
@@ -81,6 +83,7 @@ contains
                if (any(command_names() == subject%text)) settings%subjects = [subject]
             end if
             settings%command = 'help'
+            settings%markdown = .false.
             return
          case ('--out')
             k = k + 1
@@ -109,11 +112,11 @@ contains
       if (.not. allocated(error)) call check_command(settings, error)
    end subroutine parse
 
-   !> Known command, with a subject where it needs one.
+   !> Checks that the command is known and has the words behind it that it needs.
    subroutine check_command(settings, error)
       type(settings_t), intent(in) :: settings
       type(error_t), allocatable, intent(out) :: error
-      character(len=:), allocatable :: perhaps
+      character(len=:), allocatable :: suggestion
 
       if (.not. allocated(settings%command)) then
          call bad_input(error, 'found no command, expected '//commands_in_words())
@@ -122,6 +125,8 @@ contains
       associate (command => settings%command, given => size(settings%subjects))
          select case (command)
          case ('help')
+            if (settings%markdown .and. given > 0) call bad_input(error, 'found '// &
+               settings%subject//' beside help --markdown, expected nothing more')
          case ('new')
             call check_new(words_of(settings%subjects), error)
             if (.not. allocated(error) .and. allocated(settings%out)) call bad_input(error, &
@@ -140,16 +145,18 @@ contains
             if (given == 0) call bad_input(error, &
                'reproduce: found nothing, expected '//reproducible)
          case default
-            call or_nearest(command, command_names(), perhaps)
-            call bad_input(error, 'found '//command//', expected '//commands_in_words()//perhaps)
+            call or_nearest(command, command_names(), suggestion)
+            call bad_input(error, 'found '//command//', expected '//commands_in_words()//suggestion)
          end select
          if (.not. allocated(error) .and. command /= 'ensemble' .and. (settings%only_new .or. &
             allocated(settings%only))) call bad_input(error, command//': found --only, '// &
             'expected it behind ensemble')
+         if (.not. allocated(error) .and. command /= 'help' .and. settings%markdown) &
+            call bad_input(error, command//': found --markdown, expected it behind help')
       end associate
    end subroutine check_command
 
-   !> Words side by side, as long as the longest.
+   !> Returns words as an array of texts, as long as the longest word.
    pure function words_of(words) result(texts)
       type(word_t), intent(in) :: words(:)
       character(len=:), allocatable :: texts(:)
@@ -165,7 +172,7 @@ contains
       end do
    end function words_of
 
-   !> One word of the command line; empty behind the last.
+   !> Returns word k of the command line; '' behind the last word.
    function argument(k) result(word)
       integer, intent(in) :: k
       character(len=:), allocatable :: word

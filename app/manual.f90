@@ -1,9 +1,11 @@
-!> What the program says about itself: `help`, the manual page and what shells complete. Commands
-!> and options are named here once; groups, keys and parameters come from the tables of the library.
+!> The command `help`, the manual page and the completion for shells. The tables here are the only
+!> place that names commands and options; groups, keys and parameters come from the library's
+!> tables.
 module beamid_manual
    use beamid, only: error_t, version
    use beamid_blocks, only: block_t
    use beamid_case_files, only: groups, list_keys
+   use beamid_case_reference, only: add_reference
    use beamid_errors, only: bad_input
    use beamid_key_help, only: add_group_list, add_help_on, key_line, known_words
    use beamid_reproduction, only: parts, reproducible
@@ -18,11 +20,12 @@ module beamid_manual
 
    public :: run_help, command_names, commands_in_words
 
+   !> A command, as the help describes it.
    type :: command_t
-      character(len=9) :: name
-      character(len=22) :: arguments
-      character(len=66) :: help
-      character(len=430) :: detail
+      character(len=9) :: name          !< name of the command
+      character(len=22) :: arguments    !< words behind the command
+      character(len=66) :: help         !< purpose, in one line
+      character(len=430) :: detail      !< outputs and special options
    end type command_t
 
    type(command_t), parameter :: commands(*) = [ &
@@ -72,17 +75,20 @@ module beamid_manual
          'KIND is free-decay (default), impulse, base or paper; writes case.nml and record.csv '// &
          'to DIR, by default a folder named KIND, and replaces neither.'), &
       command_t('help', '[WORD ...]', 'about a command, group, key or parameter', &
-         'help man, help bash and help zsh print the manual page and what shells complete.'), &
+         'help man, help bash and help zsh print the manual page and what shells complete. '// &
+         'help --markdown prints the reference of all groups, keys and parameters.'), &
       command_t('version', '', 'the version', '')]
 
-   character(len=*), parameter :: options(5) = [character(len=10) :: '--out DIR', '--quiet', &
-      '--time', '--only i:j', '--only-new']
-   character(len=*), parameter :: option_help(5) = [character(len=64) :: &
+   !> Options, and their help.
+   character(len=*), parameter :: options(6) = [character(len=10) :: '--out DIR', '--quiet', &
+      '--time', '--only i:j', '--only-new', '--markdown']
+   character(len=*), parameter :: option_help(6) = [character(len=64) :: &
       'folder of the outputs; left out: out/<case name>', &
       'no progress on standard error', &
       'identify: the time of a fit, on standard error', &
       'ensemble: these members alone', &
-      'ensemble: only cases without a result, or with changed files']
+      'ensemble: only cases without a result, or with changed files', &
+      'help: the reference of groups, keys and parameters, in Markdown']
 
    character(len=*), parameter :: &
       purpose = 'physical parameters of a flexible beam from an accelerometer record', &
@@ -91,28 +97,36 @@ module beamid_manual
 
 contains
 
+   !> Returns the names of all commands.
    pure function command_names() result(names)
       character(len=len(commands%name)) :: names(size(commands))
 
       names = commands%name
    end function command_names
 
+   !> Returns the names of all commands as `a, b or c`.
    function commands_in_words() result(text)
       character(len=:), allocatable :: text
 
       text = one_of(command_names(), '')
    end function commands_in_words
 
-   !> beamid help [WORD ...]
+   !> Runs `beamid help [WORD ...]` and `beamid help --markdown`.
    !>
-   !> words  none: everything in short
-   subroutine run_help(words, error)
+   !> words     commands, groups, keys or parameters; none: an overview
+   !> markdown  whether to print the reference of case files in Markdown instead
+   subroutine run_help(words, markdown, error)
       character(len=*), intent(in) :: words(:)
+      logical, intent(in) :: markdown
       type(error_t), allocatable, intent(out) :: error
       type(text_t) :: text
       integer :: k
 
-      if (size(words) == 0) call add_overview(text)
+      if (markdown) then
+         call add_reference(text)
+      else if (size(words) == 0) then
+         call add_overview(text)
+      end if
       do k = 1, size(words)
          if (k > 1) call text%line()
          select case (words(k))
@@ -126,6 +140,7 @@ contains
       call print_text(text%content(), error)
    end subroutine run_help
 
+   !> Adds the overview of commands, options and groups.
    subroutine add_overview(text)
       type(text_t), intent(inout) :: text
       integer :: k
@@ -150,13 +165,15 @@ contains
       call text%line(statuses)
    end subroutine add_overview
 
-   !> Every command, group, key and parameter of that name.
+   !> Adds the help on every command, group, key and parameter that a word names.
+   !>
+   !> error  the word is unknown
    subroutine add_word(text, word, error)
       type(text_t), intent(inout) :: text
       character(len=*), intent(in) :: word
       type(error_t), allocatable, intent(out) :: error
       character(len=name_length), allocatable :: words(:), all_words(:)
-      character(len=:), allocatable :: perhaps
+      character(len=:), allocatable :: suggestion
       logical :: found
       integer :: k
 
@@ -172,27 +189,29 @@ contains
       call add_help_on(trim(word(merge(2, 1, index(word, '&') == 1):)), text, found)
       if (found) return
       call known_words(words)
-      ! gfortran 12 gives an array constructor with a function in it too little room.
+      ! gfortran 12 makes the result of an array constructor with a function in it too short.
       allocate (all_words(size(commands) + size(words)))
       all_words(:size(commands)) = commands%name
       all_words(size(commands) + 1:) = words
-      call or_nearest(word, all_words, perhaps)
+      call or_nearest(word, all_words, suggestion)
       call bad_input(error, 'help: found '//word// &
-         ', expected a command, a group, a key or a parameter'//perhaps)
+         ', expected a command, a group, a key or a parameter'//suggestion)
    end subroutine add_word
 
+   !> Returns the command line of a command.
    function usage(command) result(line)
       type(command_t), intent(in) :: command
       character(len=:), allocatable :: line
 
       line = 'beamid '//trim(trim(command%name)//' '//command%arguments)
+      if (command%name == 'help') line = line//' [--markdown]'
       if (any(command%name == [character(len=9) :: 'help', 'version', 'new'])) return
       line = line//' [--out DIR] [--quiet]'
       if (command%name == 'identify') line = line//' [--time]'
       if (command%name == 'ensemble') line = line//' [--only i:j] [--only-new]'
    end function usage
 
-   !> beamid(1), as man reads it.
+   !> Adds the manual page beamid(1) in the format of `man`.
    subroutine add_page(text)
       type(text_t), intent(inout) :: text
       type(block_t), allocatable :: blocks(:)
@@ -209,13 +228,13 @@ contains
       end do
       call text%line('.SH COMMANDS')
       do k = 1, size(commands)
-         call entry(trim(trim(commands(k)%name)//' '//commands(k)%arguments), &
+         call add_entry(trim(trim(commands(k)%name)//' '//commands(k)%arguments), &
             trim(commands(k)%help)//'.')
          if (commands(k)%detail /= '') call text%line(escaped(trim(commands(k)%detail)))
       end do
       call text%line('.SH OPTIONS')
       do k = 1, size(options)
-         call entry(trim(options(k)), trim(option_help(k)))
+         call add_entry(trim(options(k)), trim(option_help(k)))
       end do
       call text%line('.SH CASE FILE')
       call text%line(escaped('Groups of keys, &beam length=4.0, E=80.0 /, in any order; behind '// &
@@ -226,8 +245,9 @@ contains
          if (groups(g)%required) name = name//' (required)'
          if (groups(g)%may_repeat) name = name//' (may repeat)'
          call text%line('.SS '//escaped(name))
+         call text%line(escaped(trim(groups(g)%purpose)))
          do k = 1, size(blocks(g)%keys)
-            call entry(trim(blocks(g)%keys(k)%name), key_line(blocks(g)%keys(k)))
+            call add_entry(trim(blocks(g)%keys(k)%name), key_line(blocks(g)%keys(k)))
          end do
       end do
       call text%line('.SH EXIT STATUS')
@@ -236,17 +256,18 @@ contains
 
    contains
 
-      subroutine entry(label, sentence)
+      !> Adds a labelled paragraph.
+      subroutine add_entry(label, sentence)
          character(len=*), intent(in) :: label, sentence
 
          call text%line('.TP')
          call text%line('.B '//escaped(label))
          call text%line(escaped(sentence))
-      end subroutine entry
+      end subroutine add_entry
 
    end subroutine add_page
 
-   !> Text with what roff takes for its own escaped.
+   !> Returns a line in which the characters with a meaning for roff are escaped.
    pure function escaped(line) result(safe)
       character(len=*), intent(in) :: line
       character(len=:), allocatable :: safe
@@ -263,7 +284,7 @@ contains
       end do
    end function escaped
 
-   !> Commands; behind them case files, or what they take.
+   !> Adds the completion for bash: commands, and behind a command case files or its own words.
    subroutine add_bash(text)
       type(text_t), intent(inout) :: text
       character(len=name_length), allocatable :: words(:)
@@ -278,7 +299,7 @@ contains
       call text%line('      COMPREPLY=($(compgen -d -- "$word"))')
       call text%line('   elif [[ $word == -* ]]; then')
       call text%line('      COMPREPLY=($(compgen -W "--out --quiet --time --only --only-new '// &
-         '--help" -- "$word"))')
+         '--markdown --help" -- "$word"))')
       call text%line('   else')
       call text%line('      case $command in')
       call text%line('      new) COMPREPLY=($(compgen -d -W "'//listed(template_kinds, ' ')// &
@@ -294,6 +315,7 @@ contains
       call text%line('complete -o filenames -F _beamid beamid')
    end subroutine add_bash
 
+   !> Adds the completion for zsh.
    subroutine add_zsh(text)
       type(text_t), intent(inout) :: text
       character(len=name_length), allocatable :: words(:)
@@ -304,7 +326,8 @@ contains
       call text%line('local -a commands')
       call text%line('commands=(')
       do k = 1, size(commands)
-         call text%line('   '''//trim(commands(k)%name)//':'//plain_quotes(commands(k)%help)//'''')
+         call text%line('   '''//trim(commands(k)%name)//':'// &
+            without_quotes(commands(k)%help)//'''')
       end do
       call text%line(')')
       call text%line('if (( CURRENT == 2 )); then')
@@ -320,13 +343,13 @@ contains
          listed(words, ' ')//' ;;')
       call text%line('   *) _arguments "*:case file:_files -g ''*.nml''" '// &
          '"--out:folder:_files -/"'// &
-         ' --quiet --time --only --only-new --help ;;')
+         ' --quiet --time --only --only-new --markdown --help ;;')
       call text%line('   esac')
       call text%line('fi')
    end subroutine add_zsh
 
-   !> Without apostrophes.
-   pure function plain_quotes(line) result(safe)
+   !> Returns a line without apostrophes and colons, which have a meaning in a completion.
+   pure function without_quotes(line) result(safe)
       character(len=*), intent(in) :: line
       character(len=:), allocatable :: safe
       integer :: k
@@ -335,6 +358,6 @@ contains
       do k = 1, len_trim(line)
          if (line(k:k) /= '''' .and. line(k:k) /= ':') safe = safe//line(k:k)
       end do
-   end function plain_quotes
+   end function without_quotes
 
 end module beamid_manual

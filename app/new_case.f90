@@ -1,4 +1,4 @@
-!> `beamid new`: a first case and its record.
+!> The command `new`: writes a first case and its record.
 module beamid_new_case
    use, intrinsic :: iso_c_binding, only: c_int, c_null_char
    use beamid, only: error_t
@@ -18,11 +18,12 @@ module beamid_new_case
 
    public :: run_new, check_new
 
+   !> Files that the command writes.
    character(len=*), parameter :: names(2) = [character(len=10) :: 'case.nml', 'record.csv']
 
 contains
 
-   !> What stands behind `new`.
+   !> Checks the words behind `new`: a kind and a folder, both optional.
    subroutine check_new(words, error)
       character(len=*), intent(in) :: words(:)
       type(error_t), allocatable, intent(out) :: error
@@ -39,7 +40,7 @@ contains
       end if
    end subroutine check_new
 
-   !> beamid new [KIND] [DIR]
+   !> Runs `beamid new [KIND] [DIR]`.
    subroutine run_new(settings, error)
       type(settings_t), intent(in) :: settings
       type(error_t), allocatable, intent(out) :: error

@@ -1,4 +1,5 @@
-!> `beamid reproduce`: the paper's results computed again, beside the paper's own numbers.
+!> The command `reproduce`: repeats the paper's computations and shows the results beside the
+!> paper's numbers. The studies themselves are in app/paper.
 module beamid_reproduction
    use beamid
    use beamid_acceleration, only: reproduce_acceleration
@@ -18,11 +19,11 @@ module beamid_reproduction
 
    public :: run_reproduce, reproducible, parts
 
-   !> What the command line may ask for.
+   !> Words that may follow the command, for messages.
    character(len=*), parameter :: reproducible = 'table-4.1, section-4, table-4.2, table-4.3, '// &
       'table-4.4, table-4.5, table-4.6, acceleration, convergence, varying or all'
 
-   !> The same as a list; `all` stands for the first so many.
+   !> The same words as a list; `all` stands for the first `in_all` of them.
    character(len=*), parameter :: parts(*) = [character(len=12) :: 'table-4.1', 'section-4', &
       'acceleration', 'convergence', 'varying', 'table-4.2', 'table-4.3', 'table-4.4', &
       'table-4.5', 'table-4.6']
@@ -30,9 +31,9 @@ module beamid_reproduction
 
 contains
 
-   !> beamid reproduce <what>; `all` puts every part into a folder of its own, out/<part> or with
-   !> --out DIR DIR/<part>, with Table 4.1 by the exact response, because CVODE takes longer than
-   !> all the rest.
+   !> Runs `beamid reproduce WHAT`. With `all`, each part has a folder of its own, out/<part> or
+   !> DIR/<part>, and Table 4.1 uses the exact solver, because CVODE would take longer than all
+   !> other parts together.
    subroutine run_reproduce(settings, error)
       type(settings_t), intent(in) :: settings
       type(error_t), allocatable, intent(out) :: error
@@ -53,9 +54,9 @@ contains
       end do
    end subroutine run_reproduce
 
-   !> One part.
+   !> Runs one part.
    !>
-   !> exact  Table 4.1 by the exact response, whatever integrator the cases name
+   !> exact  Table 4.1 uses the exact solver, whatever solver its cases name
    subroutine run_part(settings, exact, error)
       type(settings_t), intent(in) :: settings
       logical, intent(in) :: exact
@@ -93,8 +94,8 @@ contains
          settings%subject, error)
    end subroutine run_part
 
-   !> The folder `data` of the project: below the current folder, else beside a folder above the
-   !> program that holds fpm.toml.
+   !> Finds the project's folder `data`: in the current folder, or else in the folder above the
+   !> program that contains fpm.toml.
    subroutine find_data(data, error)
       character(len=:), allocatable, intent(out) :: data
       type(error_t), allocatable, intent(out) :: error

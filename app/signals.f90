@@ -1,6 +1,6 @@
-!> Ctrl-C and `kill`: the computation stops at its next check of the flag,
-!> and the program ends by the signal, so that the caller sees the status of an interrupted program
-!> (130 or 143 in a shell).
+!> Handlers for Ctrl-C and `kill`. The computation stops at its next check of the interrupt flag,
+!> and the program then ends by the signal, so that its caller sees the exit status of an
+!> interrupted program (130 or 143 in a shell).
 module beamid_signals
    use, intrinsic :: iso_c_binding, only: c_funloc, c_int, c_intptr_t, c_long, c_null_ptr
    use beamid_interrupts, only: interruption, set_flag
@@ -11,15 +11,15 @@ module beamid_signals
 
    public :: catch_signals, end_by_signal, stop_patience
 
-   !> The signal that has come, or 0.
-   integer(c_int), volatile :: came = 0
+   !> Number of the signal that has been received; 0: none.
+   integer(c_int), volatile :: received = 0
 
    character(len=*), parameter :: message = 'beamid: '//interruption//new_line('a')
 
 contains
 
-   !> Lets `sigint` and `sigterm` stop the computation. A second signal of the same kind ends the
-   !> program at once. Signals that the program ignores stay ignored.
+   !> Makes `sigint` and `sigterm` stop the computation. A second signal of the same kind ends the
+   !> program at once. A signal that the program's caller has set to be ignored stays ignored.
    subroutine catch_signals()
       integer(c_intptr_t) :: before
       integer :: k
@@ -31,22 +31,23 @@ contains
       end do
    end subroutine catch_signals
 
-   !> Handler: sets the flag. A program that has not ended after `patience`, because it is inside
-   !> one long call of another library or of the system, is ended by `give_up`.
+   !> Handles a signal: sets the interrupt flag and starts a timer. If the program has not ended
+   !> after `patience`, because it is inside one long call of a library or of the system, `give_up`
+   !> ends it.
    subroutine stop_computation(number) bind(c)
       integer(c_int), value :: number
       integer(c_intptr_t) :: ignored
       integer(c_int) :: failed
       integer(c_long), parameter :: patience(4) = [0_c_long, 0_c_long, 0_c_long, 350000_c_long]
 
-      came = number
+      received = number
       call set_flag(number)
       ignored = c_signal(number, sig_dfl)
       ignored = c_signal(sigalrm, transfer(c_funloc(give_up), 0_c_intptr_t))
       failed = c_setitimer(0_c_int, patience, c_null_ptr)
    end subroutine stop_computation
 
-   !> Handler of the alarm.
+   !> Handles the alarm of the timer: ends the program.
    subroutine give_up(number) bind(c)
       integer(c_int), value :: number
       integer(c_int) :: ignored
@@ -55,7 +56,7 @@ contains
       call end_by_signal()
    end subroutine give_up
 
-   !> Stops the timer behind `give_up`: the computation has ended.
+   !> Stops the timer of `give_up` after the computation has ended.
    subroutine stop_patience()
       integer(c_int) :: failed
       integer(c_long), parameter :: never(4) = 0
@@ -63,14 +64,14 @@ contains
       failed = c_setitimer(0_c_int, never, c_null_ptr)
    end subroutine stop_patience
 
-   !> Ends the program by the signal that has come; does nothing if there was none.
+   !> Ends the program by the signal that was received; does nothing if there was none.
    subroutine end_by_signal()
       integer(c_intptr_t) :: ignored
       integer(c_int) :: failed
 
-      if (came == 0) return
-      ignored = c_signal(came, sig_dfl)
-      failed = c_raise(came)
+      if (received == 0) return
+      ignored = c_signal(received, sig_dfl)
+      failed = c_raise(received)
    end subroutine end_by_signal
 
 end module beamid_signals

@@ -1,5 +1,5 @@
-!> Standard output, and standard error: messages, and the progress of a search. Both are written
-!> through the C library, as gfortran's runtime does not report what a full device refuses.
+!> Output to the terminal: text on standard output; messages and progress on standard error. Both
+!> are written through the C library, because gfortran's runtime does not report a full device.
 module beamid_terminal
    use, intrinsic :: iso_c_binding, only: c_int, c_intptr_t, c_long, c_short
    use, intrinsic :: iso_fortran_env, only: int64
@@ -11,14 +11,15 @@ module beamid_terminal
 
    public :: progress_t, new_progress, print_text, tell, complain
 
-   !> One line per iteration: overwritten in a terminal, plain lines elsewhere, none when quiet.
+   !> Progress of a computation on standard error, one line for each report. In a terminal each line
+   !> overwrites the one before.
    type, extends(monitor_t) :: progress_t
-      logical :: quiet = .false.
-      logical, private :: overwrite = .false.
-      integer, private :: last_length = 0
-      integer(int64), private :: begin = 0    !< by the system's clock
-      integer(int64), private :: told = 0     !< when the last line was written
-      real(wp), private :: left = -1          !< seconds; -1: not known
+      logical :: quiet = .false.              !< no progress
+      logical, private :: overwrite = .false.   !< standard error is a terminal
+      integer, private :: last_length = 0     !< of the line that will be overwritten [characters]
+      integer(int64), private :: begin = 0    !< start of the computation [clock counts]
+      integer(int64), private :: told = 0     !< time of the last line [clock counts]
+      real(wp), private :: left = -1          !< expected remaining time [s]; -1: not known
    contains
       procedure :: iteration
       procedure :: done
@@ -44,6 +45,7 @@ module beamid_terminal
 
 contains
 
+   !> Returns a progress that starts now.
    function new_progress(quiet) result(progress)
       logical, intent(in) :: quiet
       type(progress_t) :: progress
@@ -53,6 +55,7 @@ contains
       call system_clock(progress%begin)
    end function new_progress
 
+   !> Shows one iteration of a search.
    subroutine iteration(self, label, number, evaluations, J, names, parameters)
       class(progress_t), intent(inout) :: self
       character(len=*), intent(in) :: label, names(:)
@@ -73,7 +76,7 @@ contains
       !$omp end critical (standard_error_line)
    end subroutine iteration
 
-   !> A line that the next one takes the place of, in a terminal.
+   !> Writes a line over the line before, if standard error is a terminal.
    subroutine write_over(self, line)
       class(progress_t), intent(inout) :: self
       character(len=*), intent(in) :: line
@@ -83,13 +86,18 @@ contains
          call tell(line)
          return
       end if
-      ! A line as wide as the terminal would already go on in the next one.
+      ! A line as wide as the terminal would wrap.
       length = min(len(line), terminal_width() - 1)
       call show(carriage_return//line(:length)//repeat(' ', max(0, self%last_length - length)))
       self%last_length = length
    end subroutine write_over
 
-   !> How many are done: in a terminal five times a second, elsewhere every ten seconds.
+   !> Shows how many pieces are done: in a terminal five times a second, elsewhere every ten
+   !> seconds.
+   !>
+   !> part    number of pieces that are done
+   !> whole   number of all pieces; 0: not known
+   !> pieces  name of the pieces
    subroutine advanced(self, part, whole, pieces)
       class(progress_t), intent(inout) :: self
       integer, intent(in) :: part, whole
@@ -109,7 +117,7 @@ contains
       end if
    end subroutine advanced
 
-   !> What is left takes as long as what is done has taken, in proportion.
+   !> Updates the expected remaining time, in proportion to the time that the done part has taken.
    subroutine done(self, part, whole)
       class(progress_t), intent(inout) :: self
       integer, intent(in) :: part, whole
@@ -122,7 +130,7 @@ contains
       self%begin = now
    end subroutine done
 
-   !> Columns of the terminal behind standard error; 80 where it does not say.
+   !> Returns the width of the terminal at standard error [characters]; 80 if it is not known.
    integer function terminal_width() result(width)
       integer(c_long), parameter :: ask_size = int(z'5413', c_long)   ! TIOCGWINSZ of Linux
       integer(c_short) :: size(4)
@@ -133,7 +141,7 @@ contains
       if (size(2) > 20) width = size(2)
    end function terminal_width
 
-   !> Clears the overwritten line.
+   !> Clears the line that would be overwritten.
    subroutine finish(self)
       class(progress_t), intent(inout) :: self
 
@@ -143,7 +151,8 @@ contains
       self%last_length = 0
    end subroutine finish
 
-   !> Text on standard output, as it is; a reader that has gone away is a failure as well.
+   !> Prints text on standard output; it is an error too if its reader has gone away (a closed
+   !> pipe).
    subroutine print_text(text, error)
       character(len=*), intent(in) :: text
       type(error_t), allocatable, intent(out) :: error
@@ -156,14 +165,14 @@ contains
       if (code /= 0) call failure(error, 'standard output: cannot be written: '//reason(code))
    end subroutine print_text
 
-   !> A line on standard error.
+   !> Prints a line on standard error.
    subroutine tell(line)
       character(len=*), intent(in) :: line
 
       call show(line//line_feed)
    end subroutine tell
 
-   !> Text on standard error; when that takes none, there is no place left to say so.
+   !> Prints text on standard error; a failure is ignored, because nothing is left to report it.
    subroutine show(text)
       character(len=*), intent(in) :: text
       integer(c_int) :: ignored
@@ -171,7 +180,7 @@ contains
       ignored = write_bytes(standard_error, text)
    end subroutine show
 
-   !> An error's message on standard error; several problems of one file come as several lines.
+   !> Prints an error message on standard error; each line of it begins with the program's name.
    subroutine complain(message)
       character(len=*), intent(in) :: message
       integer :: first, length

@@ -4,7 +4,7 @@ program test_along_band
    use beamid_field_bands, only: band, band_t, varies
    use beamid_kinds, only: wp
    use beamid_noise, only: gaussian_noise
-   use beamid_stages, only: stage_fit_t
+   use beamid_stage_fits, only: stage_fit_t
    use beamid_statistics, only: unlimited
    use beamid_strings, only: to_text
    use beamid_structure, only: E_at, of_d_D, of_E, of_w_D, of_x_D

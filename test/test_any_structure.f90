@@ -168,8 +168,9 @@ contains
       call check_close('derivatives', worst(2), 0.0_wp, 1e-6_wp)
    end subroutine test_some
 
-   !> Refuses values that no number can be computed of, in words: neither a NaN nor an infinity, and
-   !> the name of the parameter.
+   !> Values out of all proportion are refused in words: neither a NaN nor an infinity, and the name
+   !> of the parameter. With some BLAS the roots beside a tip mass of 1e250 are found; then the tip
+   !> must rest, as a force of 1 moves it by 1e-250 at most.
    subroutine test_impossible()
       integer, parameter :: parameters(*) = [of_m_T, of_c_D, of_gamma, of_J_T]
       character(len=*), parameter :: names(*) = [character(len=5) :: 'm_T', 'c_D', 'gamma', 'J_T']
@@ -188,8 +189,12 @@ contains
          call modal%prepare(galerkin, error)
          equations = new_equations(galerkin, s, new_pulse(1.0_wp, 1.0_wp), matrices=.false.)
          call modal%respond(equations, new_pulse(1.0_wp, 1.0_wp), [0.5_wp], response, work, error)
-         call check('impossible '//trim(names(k))//': refused', allocated(error))
-         if (.not. allocated(error)) cycle
+         if (.not. allocated(error)) then
+            call check('impossible '//trim(names(k))//': refused, or at rest', names(k) == 'm_T' &
+               .and. all(abs([response%displacement, response%velocity, &
+               response%acceleration]) < 1e-200_wp))
+            cycle
+         end if
          call check('impossible '//trim(names(k))//': in words', index(error%message, 'NaN') == 0 &
             .and. index(error%message, 'inf') == 0 .and. index(error%message, ' '// &
             trim(names(k))//' = ') > 0, error%message)

@@ -16,7 +16,8 @@ program test_clusters
    use beamid_kinds, only: wp
    use beamid_modal, only: modal_t
    use beamid_modes, only: bare_beam_modes, beam_modes_t, undamped_modes
-   use beamid_poles, only: find_poles, poles_t
+   use beamid_pole_search, only: find_poles
+   use beamid_poles, only: poles_t
    use beamid_projection, only: new_projection, projection_t
    use beamid_responses, only: response_t, work_t
    use beamid_strings, only: to_text

@@ -117,7 +117,8 @@ program test_derivatives
    use beamid_modes, only: bare_beam_modes, beam_modes_t
    use beamid_observation, only: observation_t, new_sampling
    use beamid_parameters, only: amplitude, free_names, get_free, magnitude
-   use beamid_poles, only: find_poles, poles_t
+   use beamid_pole_search, only: find_poles
+   use beamid_poles, only: poles_t
    use beamid_responses, only: response_t, work_t
    use beamid_strings, only: to_text
    use beamid_structure, only: structure_t

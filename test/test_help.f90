@@ -1,5 +1,6 @@
 !> What the program says about itself is whole: every command, group, key and parameter of the
-!> tables has its help, its place in the manual page and in README.md; a misspelt word gets the
+!> tables has its help and its place in the manual page, and every group and free parameter stands
+!> among the rules for groups in docs/; a misspelt word gets the
 !> nearest one. And what `new` writes runs as it is and finds what its record was made from.
 program test_help
    use beamid_blocks, only: block_t
@@ -30,10 +31,11 @@ program test_help
 
 contains
 
-   !> Tables against help, manual and README.
+   !> Tables against help, manual and docs/reference/groups.md. (test_case_reference does the same
+   !> for the generated reference.)
    subroutine test_words()
       type(block_t), allocatable :: blocks(:)
-      character(len=:), allocatable :: readme, manual, group
+      character(len=:), allocatable :: rules, manual, group
       type(outcome_t) :: page
       integer :: g, k
 
@@ -41,7 +43,7 @@ contains
       manual = outcome%out
       call check('manual: every byte can be printed', prints(manual))
       call check('words in the place of numbers', index(manual, '''auto'' ''case''') > 0)
-      readme = read_file('../../README.md')
+      rules = read_file('../../docs/reference/groups.md')
       call list_keys(blocks)
       do g = 1, size(blocks)
          group = trim(blocks(g)%name)
@@ -50,7 +52,7 @@ contains
             index(outcome%out, 'group &'//group) > 0 .and. longest(outcome%out) <= 100)
          call check('help '//group//': every byte can be printed', prints(outcome%out))
          call check('manual: '//group, index(manual, '.SS &'//group) > 0)
-         call check('README: '//group, index(readme, '&'//group) > 0)
+         call check('rules: '//group, index(rules, '&'//group) > 0)
          do k = 1, size(blocks(g)%keys)
             associate (key => blocks(g)%keys(k))
                page = beamid('help '//trim(key%name))
@@ -60,9 +62,9 @@ contains
                   index(outcome%out, nl//'  '//trim(key%name)//' ') > 0)
                call check('manual: '//group//' '//trim(key%name), index(manual, &
                   '.B '//trim(key%name)//nl) > 0)
-               call check('README: '//group//' '//trim(key%name), &
-                  index(readme, '`'//trim(key%name)//'`') > 0 .or. &
-                  index(readme, '`'//trim(key%name)//'=') > 0 .or. group == 'units')
+               call check('rules: '//group//' '//trim(key%name), &
+                  index(rules, '`'//trim(key%name)//'`') > 0 .or. &
+                  index(rules, '`'//trim(key%name)//'=') > 0)
                call check('means something: '//group//' '//trim(key%name), len(key%help) > 3)
             end associate
          end do
@@ -73,8 +75,8 @@ contains
          call check('help '//trim(parameters(k)%name), outcome%status == 0 .and. &
             index(outcome%out, 'free in &stage as '''//trim(parameters(k)%name)//'''') > 0 .and. &
             longest(outcome%out) <= 100, outcome%out)
-         call check('README: '//trim(parameters(k)%name), &
-            index(readme, '`'//trim(parameters(k)%name)//'`') > 0)
+         call check('rules: '//trim(parameters(k)%name), &
+            index(rules, '`'//trim(parameters(k)%name)//'`') > 0)
       end do
    end subroutine test_words
 

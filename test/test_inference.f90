@@ -1,14 +1,14 @@
 !> Profiles, posterior and bootstrap of Table 4.1's structure: where linear theory is right they
 !> agree with it, where it is not with an independent sampler, and they cover the truth.
 program test_inference
+   use beamid_bootstraps, only: blocks, bootstrap_fit, bootstrap_plan_t, bootstrap_t, parametric
    use beamid_chains, only: quantile
    use beamid_errors, only: error_t
    use beamid_excitation, only: new_pulse
    use beamid_experiments, only: experiment_t
    use beamid_galerkin, only: mesh_t
    use beamid_identification, only: identify, model_t, simulate, simulation_t, stage_fit_t, stage_t
-   use beamid_inference, only: blocks, bootstrap_fit, bootstrap_plan_t, bootstrap_t, parametric, &
-      posterior_draws_t, profile_fit, sample_fit
+   use beamid_inference, only: posterior_draws_t, profile_fit, sample_fit
    use beamid_kinds, only: wp
    use beamid_noise, only: gaussian_noise
    use beamid_observation, only: observation_t

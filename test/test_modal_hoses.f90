@@ -9,7 +9,8 @@ program test_modal_hoses
    use beamid_galerkin, only: galerkin_t, mesh_t, new_galerkin
    use beamid_kinds, only: wp
    use beamid_modes, only: bare_beam_modes, beam_modes_t, undamped_modes
-   use beamid_poles, only: find_poles, poles_t
+   use beamid_pole_search, only: find_poles
+   use beamid_poles, only: poles_t
    use beamid_responses, only: response_t
    use beamid_strings, only: to_text
    use beamid_structure, only: structure_t

@@ -5,11 +5,12 @@ program test_release
    use beamid_cvode, only: cvode_t
    use beamid_errors, only: error_t
    use beamid_excitation, only: excitation_t, new_force_table, new_release
-   use beamid_experiments, only: prepared_experiment_t, experiment_t, linear_t, &
-      prepare_experiment, seen_modes_t
+   use beamid_experiments, only: prepared_experiment_t, experiment_t, prepare_experiment, &
+      seen_modes_t
    use beamid_galerkin, only: mesh_t
    use beamid_identification, only: identify, model_t, simulate, simulation_t, stage_fit_t, stage_t
    use beamid_kinds, only: wp
+   use beamid_linear_unknowns, only: linear_t
    use beamid_modal, only: modal_t
    use beamid_noise, only: gaussian_noise
    use beamid_observation, only: observation_t

@@ -6,8 +6,8 @@ program test_smoothing
    use beamid_errors, only: error_t
    use beamid_kinds, only: wp
    use beamid_noise, only: gaussian_noise, uniform_noise
-   use beamid_smoothing, only: choose_strength, difference_rows, new_smoother, resolution_length, &
-      smoother_t, smoothing_point_t, smoothing_t
+   use beamid_smoothers, only: new_smoother, smoother_t, smoothing_point_t
+   use beamid_smoothing, only: choose_strength, difference_rows, resolution_length, smoothing_t
    use beamid_strings, only: to_text
    use checks, only: check, check_close, finish
    implicit none

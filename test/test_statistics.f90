@@ -1,12 +1,12 @@
 !> Errors, correlations, what is not determined, criteria: against certified and hand-made numbers.
 program test_statistics
    use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
+   use beamid_criteria, only: aicc, bic, nested_test
    use beamid_errors, only: error_t
    use beamid_kinds, only: wp
    use beamid_least_squares, only: fit, fit_t, options_t
    use beamid_noise, only: gaussian_noise
-   use beamid_statistics, only: aicc, bic, nested_test, new_statistics, statistics_t, &
-      undetermined
+   use beamid_statistics, only: new_statistics, statistics_t, undetermined
    use beamid_strings, only: to_text
    use beamid_variables, only: new_variable, unbounded
    use checks, only: check, check_close, finish

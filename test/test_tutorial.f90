@@ -1,6 +1,7 @@
-!> What TUTORIAL.md prints is what its commands print: case files are taken from its blocks, and the
-!> commands behind `$` are run. The measured records lie beside the checkout; without them, or
-!> without what draws pictures, those commands are skipped.
+!> What docs/tutorials/record-to-parameters.md and docs/how-to/own-record.md print is what their
+!> commands print: case files are taken from their blocks, and the commands behind `$` are run. The
+!> measured records lie beside the checkout; without them, or without what draws pictures, those
+!> commands are skipped.
 program test_tutorial
    use beamid_kinds, only: wp
    use beamid_numbers, only: parse_number
@@ -21,14 +22,15 @@ program test_tutorial
       call skip('tutorial', reason)
    else
       outcome = run('ln -s ../../scripts scripts && cp -r ../../data data && '// &
-         'cp ../../TUTORIAL.md . && mkdir roller')
+         'cat ../../docs/tutorials/record-to-parameters.md ../../docs/how-to/own-record.md '// &
+         '>pages.md && mkdir roller')
       call check('a checkout of its own', outcome%status == 0, outcome%err)
       if (exists(records//'measured_beam')) outcome = run('ln -s '//records// &
          'measured_beam/*.csv .')
       if (exists(records//'roller_beam')) outcome = run('ln -s ../'//records// &
          'roller_beam/test[01].txt roller')
       draws = python_with('numpy, matplotlib') /= ''
-      text = read_file('TUTORIAL.md')
+      text = read_file('pages.md')
       last = line_count(text)
       commands = 0
       before = ''

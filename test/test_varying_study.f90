@@ -2,8 +2,8 @@
 !> run what the program writes.
 program test_varying_study
    use beamid
+   use beamid_fit_setups, only: set_unknowns => set_free
    use beamid_residuals, only: new_residuals, residual_t
-   use beamid_starts, only: set_unknowns => set_free
    use beamid_strings, only: to_text
    use beamid_structure, only: E_at
    use beamid_unknowns, only: quantity_t, variables_of

@@ -12,7 +12,9 @@ program test_weight
    use beamid_kinds, only: ip, wp
    use beamid_modal, only: modal_t
    use beamid_modes, only: bare_beam_modes, beam_modes_t, undamped_modes
-   use beamid_poles, only: differentiate_poles, find_poles, poles_t
+   use beamid_pole_derivatives, only: differentiate_poles
+   use beamid_pole_search, only: find_poles
+   use beamid_poles, only: poles_t
    use beamid_responses, only: response_t, work_t
    use beamid_roots, only: damped_roots
    use beamid_structure, only: of_c_D, of_E, of_length, sensor_t, structure_t

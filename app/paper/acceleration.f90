@@ -1,4 +1,5 @@
-!> `beamid reproduce acceleration`: why (4.1) is more stable than (4.2), and both than (3.13).
+!> Report of `beamid reproduce acceleration`: why the acceleration formula (4.1) is more stable than
+!> (4.2), and both more stable than (3.13). `beamid_acceleration_study` computes the numbers.
 module beamid_acceleration
    use beamid
    use beamid_acceleration_study, only: closer, compute_study, share, study_t, tolerances
@@ -12,14 +13,17 @@ module beamid_acceleration
 
    public :: reproduce_acceleration
 
-   !> Names of the formulas, by their numbers.
+   !> Labels of the three formulas.
    character(len=*), parameter :: labels(3) = [character(len=6) :: '(4.1)', '(4.2)', '(3.13)']
 
 contains
 
-   !> beamid reproduce acceleration
+   !> Runs the study and writes its report and tables.
    !>
-   !> data  folder of the case files
+   !> data     folder of the case files
+   !> output   on return with acceleration.csv and modes.csv
+   !> summary  on return with the report
+   !> error    a case that cannot be read, or a response that cannot be computed
    subroutine reproduce_acceleration(data, output, summary, error)
       character(len=*), intent(in) :: data
       type(output_t), intent(inout) :: output
@@ -56,7 +60,9 @@ contains
       call output%add('modes.csv', modes%content())
    end subroutine reproduce_acceleration
 
-   !> Errors against tolerances, relative.
+   !> Adds the relative acceleration errors at every tolerance of the integrator.
+   !>
+   !> setting  1: with c_D, 2: without
    subroutine add_tolerances(text, table, study, setting)
       type(text_t), intent(inout) :: text, table
       type(study_t), intent(in) :: study
@@ -80,7 +86,10 @@ contains
       end do
    end subroutine add_tolerances
 
-   !> Where the errors come from: those of each mode, absolute.
+   !> Adds the absolute errors of each mode at one tolerance of the integrator.
+   !>
+   !> setting    1: with c_D, 2: without
+   !> tolerance  index in `tolerances`
    subroutine add_modes_of(text, table, study, setting, tolerance)
       type(text_t), intent(inout) :: text, table
       type(study_t), intent(in) :: study
@@ -118,7 +127,7 @@ contains
       end associate
    end subroutine add_modes_of
 
-   !> What the numbers say.
+   !> Adds the conclusions from the numbers.
    subroutine add_reason(text, study)
       type(text_t), intent(inout) :: text
       type(study_t), intent(in) :: study

@@ -1,6 +1,6 @@
-!> What `beamid reproduce acceleration` computes: CVODE against the exact response of the same mesh
-!> by each formula, so that nothing but the integrator's error is left; for the motion of the tip
-!> and for each mode's share in it.
+!> Computations of `beamid reproduce acceleration`: compares CVODE with the exact response of the
+!> same mesh by each acceleration formula, so that only the error of the integrator remains, for the
+!> motion of the tip and for the share of each mode in it.
 module beamid_acceleration_study
    use beamid
    use beamid_amplification, only: deviation_t, equation_row, formula_times, measure, mode_observers
@@ -12,42 +12,49 @@ module beamid_acceleration_study
 
    public :: study_t, compute_study, share, tolerances, closer
 
+   !> Relative tolerances of the integrator.
    real(wp), parameter :: tolerances(*) = [1e-3_wp, 1e-4_wp, 1e-5_wp, 1e-6_wp, 1e-7_wp, 1e-8_wp, &
       1e-9_wp, 1e-10_wp]
 
-   !> What is looked at mode by mode: with c_D (1) or without (2), and the place of the tolerance.
+   !> Integrations that are examined mode by mode: setting (1: with c_D, 2: without) and index of
+   !> the tolerance.
    integer, parameter :: closer(2, 3) = reshape([1, 2, 1, 5, 2, 2], [2, 3])
 
-   !> The structure, with or without damping of the beam.
+   !> The structure on the mesh of the study, with or without damping of the beam.
    type :: setting_t
-      real(wp) :: c_D = 0
+      real(wp) :: c_D = 0                          !< Kelvin-Voigt damping
       type(equations_t) :: equations
-      type(beam_motion_t) :: exact
-      real(wp), allocatable :: omega(:)            !< undamped, of the mesh [1/time]
-      real(wp), allocatable :: observers(:, :)     !< of each mode's share in the tip's motion
-      real(wp), allocatable :: row(:)              !< what (3.13) does to the displacements
+      type(beam_motion_t) :: exact                 !< motion, exact in time
+      !> (n) undamped circular frequencies of the mesh, ascending [1/time]
+      real(wp), allocatable :: omega(:)
+      real(wp), allocatable :: observers(:, :)     !< (n, n) as `mode_observers` returns them
+      real(wp), allocatable :: row(:)              !< (n) as `equation_row` returns it
    end type setting_t
 
-   !> What kept an integration from its end.
+   !> Outcome of one integration.
    type :: outcome_t
-      type(error_t), allocatable :: error
+      type(error_t), allocatable :: error          !< why it failed
    end type outcome_t
 
+   !> Results of the study.
    type :: study_t
-      type(case_t) :: truth
-      real(wp), allocatable :: samples(:)
-      real(wp) :: delta = 0
-      type(setting_t) :: settings(2)
-      real(wp), allocatable :: beam(:)             !< frequencies of the beam itself [1/time]
-      !> From the exact motion, (0:modes, tolerances, settings); mode 0 is the tip itself.
+      type(case_t) :: truth                        !< the structure of Table 4.1
+      real(wp), allocatable :: samples(:)          !< (m) ascending sample times [time]
+      real(wp) :: delta = 0                        !< time step of (4.1) and (4.2) [time]
+      type(setting_t) :: settings(2)               !< with c_D, without
+      !> undamped circular frequencies of the beam, on the finest mesh of the case [1/time]
+      real(wp), allocatable :: beam(:)
+      !> (0:modes, tolerances, settings) deviations from the exact motion; mode 0 is the tip itself
       type(deviation_t), allocatable :: deviations(:, :, :)
    end type study_t
 
 contains
 
-   !> Reads the structure; equations, exact motion and modes, with c_D and without; integrates.
+   !> Reads the structure, computes exact motion and modes with c_D and without, and runs every
+   !> integration.
    !>
-   !> data  folder of the case files
+   !> data   folder of the case files
+   !> error  a case that cannot be read, or a response that cannot be computed
    subroutine compute_study(data, study, error)
       character(len=*), intent(in) :: data
       type(study_t), intent(out) :: study
@@ -83,18 +90,21 @@ contains
          end do
       end associate
       if (.not. allocated(error)) call integrate(study, error)
-      ! Their mesh ends here.
+      ! The mesh that the equations point to is local to this procedure.
       do k = 1, size(study%settings)
          nullify (study%settings(k)%equations%galerkin)
       end do
    end subroutine compute_study
 
-   !> Every integration, as many at a time as there are threads; the long ones come first.
+   !> Runs every integration, in parallel; the long ones come first.
+   !>
+   !> study  on return with `deviations`
+   !> error  of the first integration that fails
    subroutine integrate(study, error)
       type(study_t), intent(inout) :: study
       type(error_t), allocatable, intent(out) :: error
       type(outcome_t), allocatable :: outcomes(:)
-      integer, allocatable :: places(:, :)   ! in `deviations`
+      integer, allocatable :: places(:, :)   ! (3, integrations) indices in `deviations`
       integer :: setting, tolerance, mode, modes, k
 
       modes = size(study%settings(1)%omega)
@@ -115,9 +125,10 @@ contains
       end do
    end subroutine integrate
 
-   !> One integration, compared with the exact motion.
+   !> Integrates once and compares the response with the exact motion.
    !>
-   !> place  mode, tolerance and setting
+   !> place  mode, index of the tolerance, setting
+   !> error  an integration that fails
    subroutine compare(study, place, deviation, error)
       type(study_t), intent(in) :: study
       integer, intent(in) :: place(3)
@@ -141,7 +152,10 @@ contains
       end associate
    end subroutine compare
 
-   !> Share of a mode in the squared error of (3.13).
+   !> Returns the share of a mode in the squared acceleration error of (3.13).
+   !>
+   !> tolerance  index in `tolerances`
+   !> setting    1: with c_D, 2: without
    pure real(wp) function share(study, mode, tolerance, setting)
       type(study_t), intent(in) :: study
       integer, intent(in) :: mode, tolerance, setting

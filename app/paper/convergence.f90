@@ -1,5 +1,5 @@
-!> `beamid reproduce convergence`: Lemma 3.1 and Theorem 3.1 by numbers, with a force for which
-!> their hypotheses hold and with one for which they do not.
+!> Report of `beamid reproduce convergence`: Lemma 3.1 and Theorem 3.1 in numbers, for a force that
+!> satisfies their hypotheses and for one that does not. `beamid_convergence_study` computes them.
 module beamid_convergence
    use beamid
    use beamid_convergence_study, only: coarser, compute_motions, fitted, forces, loads, motion_t, &
@@ -15,9 +15,12 @@ module beamid_convergence
 
 contains
 
-   !> beamid reproduce convergence
+   !> Runs the study and writes its report and tables.
    !>
-   !> data  folder of the case files
+   !> data     folder of the case files
+   !> output   on return with convergence.csv and minimisers.csv
+   !> summary  on return with the report
+   !> error    a case that cannot be read, or a computation that fails
    subroutine reproduce_convergence(data, output, summary, error)
       character(len=*), intent(in) :: data
       type(output_t), intent(inout) :: output
@@ -63,7 +66,7 @@ contains
       call output%add('minimisers.csv', minimisers%content())
    end subroutine reproduce_convergence
 
-   !> Errors of the motion against N.
+   !> Adds the errors of the motion on every mesh, for one force and load.
    subroutine add_motions(text, table, study)
       type(text_t), intent(inout) :: text, table
       type(motion_t), intent(in) :: study
@@ -91,7 +94,7 @@ contains
       call text%line(line)
    end subroutine add_motions
 
-   !> Errors of the estimates against N.
+   !> Adds the errors of the estimates on every mesh, for one force and load.
    subroutine add_minimisers(text, table, study)
       type(text_t), intent(inout) :: text, table
       type(motion_t), intent(in) :: study
@@ -125,7 +128,7 @@ contains
       end associate
    end subroutine add_minimisers
 
-   !> What the tables say.
+   !> Adds the conclusions from the tables.
    subroutine add_remarks(text, studies)
       type(text_t), intent(inout) :: text
       type(motion_t), intent(in) :: studies(:)
@@ -160,7 +163,7 @@ contains
       end associate
    end subroutine add_remarks
 
-   !> Force and load of a study.
+   !> Returns the names of force and load of a study.
    pure function name(study, separator) result(words)
       type(motion_t), intent(in) :: study
       character(len=*), intent(in) :: separator

@@ -1,46 +1,52 @@
-!> What `beamid reproduce convergence` computes: exact motions on cubic meshes against one of a fine
-!> quintic mesh, and fits of the cubic meshes to it.
+!> Computations of `beamid reproduce convergence`: motions, exact in time, on cubic meshes against
+!> the motion on a fine quintic mesh, and fits on the cubic meshes to data of a quintic mesh.
 module beamid_convergence_study
    use beamid
-   use beamid_beam_motions, only: beam_motion_t, find_motion, graded_times, motion_size
+   use beamid_beam_motions, only: beam_motion_t, find_motion
    use beamid_interrupts, only: stop_flag
+   use beamid_motion_norms, only: graded_times, motion_size
    use beamid_paths, only: join_path
    implicit none
    private
 
    public :: motion_t, compute_motions, forces, loads, motions, fitted, reference, coarser
 
+   !> Names of the forces and of the loads.
    character(len=*), parameter :: forces(2) = [character(len=9) :: 'hat', 'rectangle']
    character(len=*), parameter :: loads(2) = [character(len=11) :: 'point', 'distributed']
 
-   !> Cubic meshes: of the motions, of the fits.
+   !> Numbers of elements of the cubic meshes, for motions and for fits.
    integer, parameter :: motions(*) = [2, 4, 8, 16, 32, 64], fitted(*) = [2, 3, 4, 6, 8, 12, 16]
-   !> Quintic meshes: what stands for the beam, and what its own error is measured by.
+   !> Numbers of elements of the quintic meshes: the one that stands for the beam, and a coarser one
+   !> that shows its error and gives the data of the fits.
    integer, parameter :: reference = 128, coarser = 64
-   !> Panels of the time integral; twice as many move no error by more than 3 %.
+   !> Panels of the time integral. Twice as many change no error by more than 3 %.
    integer, parameter :: panels = 400
 
-   !> One force with one load.
+   !> Results for one force with one load.
    type :: motion_t
-      integer :: force = 0, load = 0
+      integer :: force = 0, load = 0           !< indices in `forces` and `loads`
       type(excitation_t) :: excitation
-      real(wp) :: exact(3) = 0                 !< size of the motion, as `motion_size` has it
-      real(wp) :: error(3, size(motions)) = 0  !< of the cubic meshes, relative to it
-      real(wp) :: order(3, size(motions)) = 0  !< at which they fall from the mesh before
-      real(wp) :: rest(3) = 0                  !< of the coarser quintic mesh, relative
-      type(stage_fit_t), allocatable :: fits(:, :)
-      !> Of the estimates from the true values, relative, and in the last row of all together.
+      real(wp) :: exact(3) = 0                 !< size of the motion, as by `motion_size`
+      real(wp) :: error(3, size(motions)) = 0  !< of the cubic meshes, relative to `exact`
+      real(wp) :: order(3, size(motions)) = 0  !< of convergence, from the mesh before
+      real(wp) :: rest(3) = 0                  !< error of the coarser quintic mesh, relative
+      type(stage_fit_t), allocatable :: fits(:, :)   !< (1, fitted)
+      !> (free + 1, fitted) relative errors of the estimates; last row: their Euclidean norm
       real(wp), allocatable :: distance(:, :)
-      real(wp), allocatable :: approach(:, :)  !< orders at which they fall
-      type(error_t), allocatable :: failure
+      real(wp), allocatable :: approach(:, :)  !< (free + 1, fitted) their orders of convergence
+      type(error_t), allocatable :: failure    !< why the motions could not be computed
    end type motion_t
 
 contains
 
-   !> Reads the structure; every force with every load.
+   !> Reads the structure and computes motions and fits for every force with every load.
    !>
    !> data     folder of the case files
-   !> samples  of the fits
+   !> truth    the case with the true values
+   !> samples  (m) ascending sample times of the fits [time]
+   !> studies  (forces times loads, loads fastest)
+   !> error    a case that cannot be read, or a computation that fails
    subroutine compute_motions(data, truth, samples, studies, error)
       character(len=*), intent(in) :: data
       type(case_t), intent(out) :: truth
@@ -69,7 +75,8 @@ contains
       end do
    end subroutine compute_motions
 
-   !> The pulse of the paper and a hat of the same length and impulse, each with both loads.
+   !> Makes the forces: the pulse of the paper and a hat of the same duration and impulse, each with
+   !> both loads.
    subroutine make_forces(pulse, studies, error)
       type(excitation_t), intent(in) :: pulse
       type(motion_t), allocatable, intent(out) :: studies(:)
@@ -95,12 +102,16 @@ contains
       end do
    end subroutine make_forces
 
-   !> Exact motions of all meshes, against that of the reference; `failure` is set where one fails.
+   !> Computes the motions on all meshes and their errors against the reference mesh. Runs in
+   !> threads.
+   !>
+   !> study   on return with sizes, errors and orders, or with `failure`
+   !> finish  end of the motion [time]
    subroutine find_motions(study, structure, finish)
       type(motion_t), intent(inout) :: study
       type(structure_t), intent(in) :: structure
       real(wp), intent(in) :: finish
-      type(beam_motion_t) :: exact, field
+      type(beam_motion_t) :: exact, motion
       real(wp), allocatable :: times(:), weights(:)
       integer :: k
 
@@ -108,32 +119,39 @@ contains
       call solve(mesh_t(degree=5, elements=reference, gauss_points=6), exact)
       if (allocated(study%failure)) return
       study%exact = motion_size(exact, weights)
-      call solve(mesh_t(degree=5, elements=coarser, gauss_points=6), field)
+      call solve(mesh_t(degree=5, elements=coarser, gauss_points=6), motion)
       if (allocated(study%failure)) return
-      study%rest = motion_size(exact, weights, field)/study%exact
+      study%rest = motion_size(exact, weights, motion)/study%exact
       do k = 1, size(motions)
-         call solve(mesh_t(degree=3, elements=motions(k)), field)
+         call solve(mesh_t(degree=3, elements=motions(k)), motion)
          if (allocated(study%failure)) return
-         study%error(:, k) = motion_size(exact, weights, field)/study%exact
+         study%error(:, k) = motion_size(exact, weights, motion)/study%exact
       end do
       study%order = orders(study%error, motions)
 
    contains
 
-      subroutine solve(mesh, field)
+      !> Computes the motion on one mesh, or sets `failure`.
+      subroutine solve(mesh, motion)
          type(mesh_t), intent(in) :: mesh
-         type(beam_motion_t), intent(out) :: field
+         type(beam_motion_t), intent(out) :: motion
          type(galerkin_t), target :: galerkin
          type(equations_t) :: equations
 
          galerkin = new_galerkin(mesh, structure%length)
          equations = new_equations(galerkin, structure, study%excitation)
-         call find_motion(equations, study%excitation, times, field, study%failure)
+         call find_motion(equations, study%excitation, times, motion, study%failure)
       end subroutine solve
 
    end subroutine find_motions
 
-   !> Fits of the cubic meshes to the accelerations of a quintic one, all responses exact in time.
+   !> Fits the cubic meshes to the accelerations of the coarser quintic mesh, all responses exact in
+   !> time.
+   !>
+   !> study    on return with fits, distances and orders
+   !> truth    model with the true values
+   !> samples  (m) ascending sample times [time]
+   !> error    a response or a fit that fails
    subroutine find_minimisers(study, truth, stages, samples, error)
       type(motion_t), intent(inout) :: study
       type(model_t), intent(in) :: truth
@@ -166,10 +184,10 @@ contains
       study%approach = orders(study%distance, fitted)
    end subroutine find_minimisers
 
-   !> Orders at which errors fall from one mesh to the next; 0 for the first.
+   !> Returns the orders of convergence from each mesh to the next; 0 for the first mesh.
    !>
    !> errors    (k, meshes)
-   !> elements  (meshes)
+   !> elements  (meshes) numbers of elements
    pure function orders(errors, elements)
       real(wp), intent(in) :: errors(:, :)
       integer, intent(in) :: elements(:)

@@ -1,4 +1,5 @@
-!> `beamid reproduce section-4` and its tables: the RPL experiment.
+!> `beamid reproduce section-4` and `table-4.2` to `table-4.6`: writes report and tables of the RPL
+!> experiment, which `beamid_section_4_results` computes.
 module beamid_section_4
    use beamid
    use beamid_lines, only: csv_row
@@ -14,10 +15,14 @@ module beamid_section_4
 
 contains
 
-   !> beamid reproduce section-4, or one of table-4.2 to table-4.6: that part of it.
+   !> Reproduces Section 4 or one of its tables.
    !>
-   !> data  folder of the case files
-   !> part  what is reproduced
+   !> data     folder of the case files
+   !> part     'section-4', or 'table-4.2' to 'table-4.6'
+   !> output   on return with the tables
+   !> summary  on return with the report
+   !> error    a file that cannot be read, or a computation that fails
+   !> monitor  is told of the progress of the fits
    subroutine reproduce_section_4(data, part, output, summary, error, monitor)
       character(len=*), intent(in) :: data, part
       type(output_t), intent(inout) :: output
@@ -37,12 +42,14 @@ contains
       call add_numbers(output, results)
    end subroutine reproduce_section_4
 
-   !> tables.csv      what each table prints; nothing of ours where nothing is fitted
-   !> sums.csv        squared residuals over t = 0 to 5, distances of the responses from that of
-   !>                 Table 4.4
-   !> frequencies.csv undamped, at our estimates
-   !> curves.csv      the whole record and the models at our estimates, acceleration by (4.1)
-   !> valley.csv      with Table 4.4: J along m_H with c_D = 0, c_H and k_H fitted at each place
+   !> Writes the tables of the models that are wanted:
+   !>
+   !> tables.csv       the paper's parameters and our estimates, empty where nothing is fitted
+   !> sums.csv         sums of squared residuals over t = 0 to 5, and squared distances of the
+   !>                  responses from that of Table 4.4
+   !> frequencies.csv  undamped natural frequencies at our estimates
+   !> curves.csv       the whole record and the models at our estimates, acceleration by (4.1)
+   !> valley.csv       only with Table 4.4: J along m_H for c_D = 0, with c_H and k_H fitted
    subroutine add_numbers(output, results)
       type(output_t), intent(inout) :: output
       type(results_t), intent(in) :: results

@@ -1,11 +1,13 @@
-!> Section 4 of the paper in words and tables: ours beside the paper's, and what the statistics say.
+!> Report on Section 4 of the paper: our estimates beside the paper's, with statistics. The numbers
+!> come from `beamid_section_4_results`.
 module beamid_section_4_report
    use beamid
+   use beamid_criteria, only: nested_test
    use beamid_lines, only: add_lines, columns, filled
    use beamid_section_4_results, only: basis, entry_t, first_bending, results_t, table_4_2, &
       table_4_3, table_4_4, table_4_5, table_4_6
    use beamid_section_4_valley, only: add_search
-   use beamid_statistics, only: nested_test, undetermined
+   use beamid_statistics, only: undetermined
    use beamid_strings, only: to_text
    use beamid_texts, only: left, right, text_t
    implicit none
@@ -13,19 +15,20 @@ module beamid_section_4_report
 
    public :: add_report
 
+   !> Titles of the tables; Table 4.5 has its own text.
    character(len=*), parameter :: titles(table_4_2:table_4_6) = [character(len=60) :: &
       'Table 4.2: m_H and k_H, c_D = c_H = 0', &
       'Table 4.3: c_H alone from zero, then m_H, c_H and k_H', &
       'Table 4.4: c_D alone from zero, then all four parameters', '', &
       'Table 4.6: m_T and E, no hose, no damping']
 
-   !> Above everything that rests on the record.
+   !> Warning above all results that depend on the record.
    character(len=*), parameter :: warning = &
       'Reconstructed record: a consistency check, not an independent confirmation.'
 
 contains
 
-   !> The report, or those parts of it that belong to the tables wanted.
+   !> Adds the report, or the parts of it that belong to the wanted tables.
    subroutine add_report(text, results)
       type(text_t), intent(inout) :: text
       type(results_t), intent(in) :: results
@@ -86,7 +89,8 @@ contains
       call add_sums(text, results)
    end subroutine add_report
 
-   !> Where the search for Table 4.2 began; the text prints no numbers, only how they were come by.
+   !> Adds the start values of the search for Table 4.2; the paper prints no numbers, only how they
+   !> were obtained.
    subroutine add_start(text, entry)
       type(text_t), intent(inout) :: text
       type(entry_t), intent(in) :: entry
@@ -104,7 +108,8 @@ contains
       end associate
    end subroutine add_start
 
-   !> Estimates, J and sum: ours, the paper's, the relative difference; what the record determines.
+   !> Adds a table of estimates, J and sum, ours and the paper's, with relative differences, and
+   !> sentences on which parameters the record determines.
    subroutine add_table(text, entry, title)
       type(text_t), intent(inout) :: text
       type(entry_t), intent(in) :: entry
@@ -146,7 +151,12 @@ contains
       end associate
    end subroutine add_table
 
-   !> Banks and Fitzpatrick's test, in words.
+   !> Adds the nested-model test of Banks and Fitzpatrick.
+   !>
+   !> what                  description of the restriction that is tested
+   !> J_restricted, J_full  least J with and without the restriction
+   !> samples               number of samples
+   !> restrictions          number of parameters that the restriction fixes
    subroutine add_nested(text, what, J_restricted, J_full, samples, restrictions)
       type(text_t), intent(inout) :: text
       character(len=*), intent(in) :: what
@@ -164,7 +174,7 @@ contains
          [real(samples, wp), U, probability]))
    end subroutine add_nested
 
-   !> Number of samples, first and last time.
+   !> Returns the number of samples and their first and last times, in words.
    function window(samples) result(words)
       real(wp), intent(in) :: samples(:)
       character(len=:), allocatable :: words
@@ -173,8 +183,8 @@ contains
          to_text(samples(size(samples)))//' s'
    end function window
 
-   !> The sums of squares, the undamped frequencies, and how far the responses are from one another,
-   !> beside the differences of the printed sums.
+   !> Adds tables of the sums of squares, of the undamped frequencies, and of the squared distances
+   !> of the responses beside the differences of the printed sums.
    subroutine add_sums(text, results)
       type(text_t), intent(inout) :: text
       type(results_t), intent(in) :: results
@@ -202,8 +212,8 @@ contains
                columns([e%sum_at_paper], 14)//columns([e%sum_at_paper/e%printed_sum - 1], 13, &
                '#%')//columns([e%our_sum], 13)//columns([e%our_sum/e%printed_sum - 1], 9, '#%'))
             last = first_bending(e) + 1
-            call frequencies%line('   '//left(e%name, 8)//hose(last)// &
-               columns(e%our_frequencies(:last), 10, '#.4')//hose(last)// &
+            call frequencies%line('   '//left(e%name, 8)//no_hose(last)// &
+               columns(e%our_frequencies(:last), 10, '#.4')//no_hose(last)// &
                columns(e%paper_frequencies(:last), 10, '#.4'))
             difference = e%printed_sum - four%printed_sum
             if (k /= table_4_4) call distances%line('   '//left(e%name, 8)// &
@@ -217,13 +227,13 @@ contains
       call text%add(distances%content())
    end subroutine add_sums
 
-   !> In place of the hose's own frequency, where there are but two: nothing.
-   pure function hose(frequencies) result(words)
+   !> Returns an entry for the missing frequency of the hose if there are only two frequencies.
+   pure function no_hose(frequencies) result(words)
       integer, intent(in) :: frequencies
       character(len=:), allocatable :: words
 
       words = ''
       if (frequencies == 2) words = right('-', 10)
-   end function hose
+   end function no_hose
 
 end module beamid_section_4_report

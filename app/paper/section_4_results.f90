@@ -1,5 +1,5 @@
-!> Section 4 of the paper computed: six models of one record, fitted as the text says, at our
-!> estimates and at the paper's.
+!> Computations of Section 4 of the paper: six models of one record, fitted as the text describes,
+!> evaluated at our estimates and at the paper's.
 module beamid_section_4_results
    use beamid
    use beamid_cases, only: scored_samples
@@ -16,11 +16,11 @@ module beamid_section_4_results
    public :: entry_t, results_t, compute_section_4, basis, table_4_2, table_4_3, table_4_4, &
       table_4_5, table_4_6, first_bending
 
-   !> Places of the models.
+   !> Indices of the models.
    integer, parameter :: basis = 1, table_4_2 = 2, table_4_3 = 3, table_4_4 = 4, table_4_5 = 5, &
       table_4_6 = 6
 
-   !> The models' names and case files.
+   !> Names of the models, and their case files.
    character(len=*), parameter :: model_names(6) = [character(len=7) :: 'no_hose', '4.2', '4.3', &
       '4.4', '4.5', '4.6']
    character(len=*), parameter :: case_files(6) = [character(len=17) :: 'rpl_no_hose.nml', &
@@ -31,46 +31,52 @@ module beamid_section_4_results
    character(len=*), parameter :: parameters(6) = [character(len=3) :: 'm_T', 'E', 'c_D', 'm_H', &
       'c_H', 'k_H']
 
+   !> Number of natural frequencies that are computed.
    integer, parameter :: modes = 3
 
-   !> One model of the record.
+   !> One model of the record. "Sum" is the sum of squared residuals over t = 0 to 5 s, J that over
+   !> the samples of the fits.
    type :: entry_t
-      character(len=:), allocatable :: name
-      logical :: wanted = .true.                      !< in the report
+      character(len=:), allocatable :: name           !< number of the table, or 'no_hose'
+      logical :: wanted = .true.                      !< whether the report contains the model
       type(case_t) :: case
-      type(stage_fit_t), allocatable :: fits(:)       !< of each stage; none: nothing is fitted
+      type(stage_fit_t), allocatable :: fits(:)       !< (stages); of size 0: nothing is fitted
       type(structure_t) :: ours, paper                !< with our estimates, with the paper's
-      real(wp) :: printed_sum = 0                     !< the paper's, t = 0 to 5
-      real(wp) :: our_sum = 0, sum_at_paper = 0       !< computed with either, t = 0 to 5
-      real(wp) :: our_J = 0, J_at_paper = 0           !< likewise over the samples of the fits
+      real(wp) :: printed_sum = 0                     !< sum as printed in the paper
+      real(wp) :: our_sum = 0, sum_at_paper = 0       !< sum at our estimates, at the paper's
+      real(wp) :: our_J = 0, J_at_paper = 0           !< J at our estimates, at the paper's
       real(wp), allocatable :: response(:)            !< at the paper's estimates, t = 0 to 5 by .1
-      real(wp) :: distance2 = 0                       !< of it from that of Table 4.4
-      real(wp) :: bound = 0                           !< on the sums' difference minus distance2
+      real(wp) :: distance2 = 0                       !< squared distance to Table 4.4's response
+      real(wp) :: bound = 0                           !< as by `difference_bound`
       real(wp), allocatable :: curve(:)               !< at our estimates, over the whole record
-      real(wp) :: our_frequencies(modes) = 0, paper_frequencies(modes) = 0   !< undamped [Hz]
+      !> undamped natural frequencies at our estimates and at the paper's [Hz]
+      real(wp) :: our_frequencies(modes) = 0, paper_frequencies(modes) = 0
    end type entry_t
 
-   !> All of Section 4.
+   !> All results of Section 4. Times in s, accelerations in ft/s**2.
    type :: results_t
-      type(entry_t), allocatable :: entries(:)           !< of the six models
-      real(wp), allocatable :: samples(:), measured(:)   !< of the fits, t = 3 to 5 by .1
-      real(wp), allocatable :: scored(:), expected(:)    !< of the sums, t = 0 to 5 by .1
+      type(entry_t), allocatable :: entries(:)           !< the six models
+      real(wp), allocatable :: samples(:), measured(:)   !< record for the fits, t = 3 to 5 by .1
+      real(wp), allocatable :: scored(:), expected(:)    !< record for the sums, t = 0 to 5 by .1
       real(wp), allocatable :: t(:), z(:)                !< the whole record
-      type(stage_fit_t), allocatable :: valley(:)        !< J along m_H, c_H and k_H fitted
-      integer, allocatable :: bottoms(:)                 !< places of its local minima
+      !> fits of c_H and k_H with c_D = 0, along m_H
+      type(stage_fit_t), allocatable :: valley(:)
+      integer, allocatable :: bottoms(:)                 !< indices of the local minima of J in it
       type(stage_fit_t) :: from_4_3                      !< m_H, c_H, k_H from the paper's Table 4.3
       type(stage_fit_t) :: from_4_4                      !< all four from the paper's Table 4.4
       type(stage_fit_t) :: from_4_4_undamped             !< m_H, c_H, k_H from there with c_D = 0
-      real(wp) :: J_without_c_D = 0                      !< there, nothing fitted
-      real(wp) :: distance2_without_c_D = 0              !< of the responses there, c_D or none
+      real(wp) :: J_without_c_D = 0                      !< J at the paper's Table 4.4, c_D = 0
+      !> squared distance of the responses at the paper's Table 4.4 with c_D and with c_D = 0
+      real(wp) :: distance2_without_c_D = 0
    end type results_t
 
 contains
 
-   !> Reads cases, record and the paper's numbers, and computes everything.
+   !> Reads cases, record and the paper's numbers, and computes all results.
    !>
-   !> data     folder of the cases
-   !> monitor  told of every iteration of the fits that the text describes
+   !> data     folder of the case files
+   !> error    a file that cannot be read, or a computation that fails
+   !> monitor  is told of every iteration of the fits that the text describes
    subroutine compute_section_4(data, results, error, monitor)
       character(len=*), intent(in) :: data
       type(results_t), intent(out) :: results
@@ -100,7 +106,8 @@ contains
          call locate(error, results%entries(k)%case%path)
          if (allocated(error)) return
       end do
-      ! No record has a part in these, but for the printed sum of Table 4.4 in the bound.
+      ! These numbers are independent of the record, except the printed sum of Table 4.4 in the
+      ! bound.
       do k = 1, size(results%entries)
          associate (e => results%entries(k), four => results%entries(table_4_4))
             e%distance2 = squared_distance(e%response, four%response)
@@ -111,7 +118,11 @@ contains
       call locate(error, results%entries(table_4_4)%case%path)
    end subroutine compute_section_4
 
-   !> The paper's parameters and sums, one row per model.
+   !> Reads the paper's parameters and sums, one row per model.
+   !>
+   !> path     of data/paper/section_4.csv
+   !> entries  on return with `paper` and `printed_sum`
+   !> error    a file that cannot be read, or that has other tables
    subroutine read_paper(path, entries, error)
       character(len=*), intent(in) :: path
       type(entry_t), intent(inout) :: entries(:)
@@ -140,7 +151,8 @@ contains
       end do
    end subroutine read_paper
 
-   !> The stages of one case, if it has any; sums, responses and frequencies at both estimates.
+   !> Fits the stages of one model, if it has any, and computes sums, responses and frequencies at
+   !> our estimates and at the paper's.
    subroutine compute_entry(entry, results, monitor, error)
       type(entry_t), intent(inout) :: entry
       type(results_t), intent(in) :: results
@@ -161,20 +173,26 @@ contains
          entry%fits = fits(:, 1)
          entry%ours = fits(size(fits, 1), 1)%scenario%structures(1)
       end if
-      call at(entry%paper, results%scored, entry%response, entry%sum_at_paper, entry%J_at_paper, &
-         entry%paper_frequencies)
-      if (.not. allocated(error)) call at(entry%ours, results%t, entry%curve, entry%our_sum, &
-         entry%our_J, entry%our_frequencies)
+      call evaluate_at(entry%paper, results%scored, entry%response, entry%sum_at_paper, &
+         entry%J_at_paper, entry%paper_frequencies)
+      if (.not. allocated(error)) call evaluate_at(entry%ours, results%t, entry%curve, &
+         entry%our_sum, entry%our_J, entry%our_frequencies)
 
    contains
 
-      !> At the parameters of a structure, its lowest undamped frequencies in Hz.
-      subroutine at(structure, times, acceleration, total, J, hertz)
+      !> Evaluates the model with the parameters of a structure.
+      !>
+      !> times         (m) of the response [s]
+      !> acceleration  (m) response [ft/s**2]
+      !> total         sum of squared residuals over t = 0 to 5 s
+      !> J             sum of squared residuals over the samples of the fits
+      !> hertz         lowest undamped natural frequencies [Hz]
+      subroutine evaluate_at(structure, times, acceleration, total, J, hertz)
          type(structure_t), intent(in) :: structure
          real(wp), intent(in) :: times(:)
          real(wp), allocatable, intent(out) :: acceleration(:)
          real(wp), intent(out) :: total, J, hertz(:)
-         real(wp), parameter :: turn = 8*atan(1.0_wp)
+         real(wp), parameter :: two_pi = 8*atan(1.0_wp)
          type(simulation_t) :: simulation
          type(galerkin_t), target :: galerkin
          real(wp), allocatable :: omega(:), shapes(:, :)
@@ -193,12 +211,12 @@ contains
             error)
          if (allocated(error)) return
          acceleration = simulation%acceleration
-         hertz = omega(:size(hertz))/turn
-      end subroutine at
+         hertz = omega(:size(hertz))/two_pi
+      end subroutine evaluate_at
 
    end subroutine compute_entry
 
-   !> Place of the beam's first bending mode: with a hose as soft as these the hose's own mode comes
+   !> Returns the number of the beam's first bending mode. A hose as soft as here has its own mode
    !> before it.
    elemental integer function first_bending(entry)
       type(entry_t), intent(in) :: entry
@@ -206,7 +224,10 @@ contains
       first_bending = merge(2, 1, entry%paper%has_hose())
    end function first_bending
 
-   !> J along m_H with c_D = 0, and where searches end that start at the paper's estimates.
+   !> Computes J along m_H with c_D = 0, and fits that start at the paper's estimates.
+   !>
+   !> results  on return with `valley`, `bottoms` and all components after them
+   !> error    a fit or a response that fails
    subroutine explore_valley(results, error)
       type(results_t), intent(inout) :: results
       type(error_t), allocatable, intent(out) :: error
@@ -246,7 +267,7 @@ contains
 
    contains
 
-      !> The last of some stages, begun at the parameters of a structure.
+      !> Fits the last of some stages, starting from the parameters of a structure.
       subroutine search_from(structure, stages, found)
          type(structure_t), intent(in) :: structure
          type(stage_t), intent(in) :: stages(:)

@@ -1,4 +1,5 @@
-!> The search for Table 4.4 in words: its stages, and the valley of J between Tables 4.3 and 4.4.
+!> Part of the report on Section 4: the search for Table 4.4, its stages, and the valley of J
+!> between the estimates of Tables 4.3 and 4.4.
 module beamid_section_4_valley
    use beamid
    use beamid_lines, only: add_lines, columns, filled
@@ -10,14 +11,14 @@ module beamid_section_4_valley
 
    public :: add_search
 
-   !> A relative change of m_H that counts as none.
+   !> Relative difference of m_H below which two estimates count as the same minimum.
    real(wp), parameter :: near = 0.05_wp
 
 contains
 
-   !> What c_D does, the searches of the text, and the valley.
+   !> Adds the effect of c_D, the stages of the search that the paper describes, and the valley.
    !>
-   !> without, with  lowest J found with c_D = 0 and with c_D free
+   !> without, with  on return the lowest J found with c_D = 0 and with c_D free
    subroutine add_search(text, results, without, with)
       type(text_t), intent(inout) :: text
       type(results_t), intent(in) :: results
@@ -47,7 +48,7 @@ contains
       call add_valley(text, results, without, with)
    end subroutine add_search
 
-   !> What a stage found, in words.
+   !> Returns the estimates and J of a fit, in words.
    function estimates(found) result(words)
       type(stage_fit_t), intent(in) :: found
       character(len=:), allocatable :: words
@@ -61,9 +62,9 @@ contains
       words = words//', J = '//to_text(found%fit%J)
    end function estimates
 
-   !> J between Tables 4.3 and 4.4, and which of them is a minimum.
+   !> Adds J between the estimates of Tables 4.3 and 4.4, and which of the two is a minimum.
    !>
-   !> without, with  lowest J found with c_D = 0 and with c_D free
+   !> without, with  on return the lowest J found with c_D = 0 and with c_D free
    subroutine add_valley(text, results, without, with)
       type(text_t), intent(inout) :: text
       type(results_t), intent(in) :: results
@@ -111,7 +112,13 @@ contains
       end associate
    end subroutine add_valley
 
-   !> Where a search ends that starts at the paper's estimates.
+   !> Adds where a search that starts at the paper's estimates ends.
+   !>
+   !> name    of the paper's table and the free parameters
+   !> paper   structure with the paper's estimates
+   !> J       at the paper's estimates
+   !> found   fit that the search ends at
+   !> lowest  lowest J that any search has found
    subroutine add_end(text, name, paper, J, found, lowest)
       type(text_t), intent(inout) :: text
       character(len=*), intent(in) :: name

@@ -1,4 +1,5 @@
-!> Table 4.1 of the paper: four parameters from simulated accelerations.
+!> `beamid reproduce table-4.1`: fits the four parameters of the paper's Table 4.1 to simulated
+!> accelerations and reports them beside the paper's.
 module beamid_table_4_1
    use beamid
    use beamid_csv, only: column_length, read_columns
@@ -13,28 +14,33 @@ module beamid_table_4_1
 
    public :: reproduce_table_4_1, table_t
 
-   !> Columns of the paper's Table 4.1 behind N.
+   !> Columns of the paper's Table 4.1 after N.
    character(len=*), parameter :: names(5) = [character(len=3) :: 'c_D', 'm_H', 'c_H', 'k_H', 'J']
 
-   !> Table 4.1 as we compute it, with what the remarks below it need.
+   !> Our Table 4.1, with the numbers that its remarks need.
    type :: table_t
-      type(case_t) :: truth, case
+      type(case_t) :: truth, case                       !< with the true values; of the fits
       real(wp), allocatable :: paper(:, :)              !< (6, meshes) rows of the paper's table
-      type(experiment_t) :: record(1)
+      type(experiment_t) :: record(1)                   !< the simulated record in data/
       type(stage_fit_t), allocatable :: fits(:, :)      !< (1, meshes)
-      real(wp) :: record_difference = 0                 !< record in data/ against a new computation
-      real(wp) :: coarse_rule_J = 0                     !< N = 2, one panel of two Gauss points
-      real(wp), allocatable :: exact_data_J(:)          !< exact accelerations as data
+      !> largest difference of the record in data/ from the one simulated now [ft/s**2]
+      real(wp) :: record_difference = 0
+      real(wp) :: coarse_rule_J = 0                     !< J at N = 2, one panel of two Gauss points
+      real(wp), allocatable :: exact_data_J(:)          !< (meshes) J with exact accelerations
       logical :: exact = .false.                        !< responses exact in time, not by CVODE
    end type table_t
 
 contains
 
-   !> beamid reproduce table-4.1
+   !> Fits the parameters on every mesh and writes report and tables.
    !>
-   !> data   folder of the case files
-   !> exact  by the exact response, whatever integrator the cases name; quick
-   !> table  what was read and fitted
+   !> data     folder of the case files
+   !> exact    whether to use the exact response, which is quick, instead of the cases' integrator
+   !> table    on return with the cases, the fits and the numbers of the remarks
+   !> output   on return with truth.csv and paper.csv
+   !> summary  on return with the report
+   !> error    a file that cannot be read, or a computation that fails
+   !> monitor  is told of the progress of the fits
    subroutine reproduce_table_4_1(data, exact, table, output, summary, error, monitor)
       character(len=*), intent(in) :: data
       logical, intent(in) :: exact
@@ -63,7 +69,7 @@ contains
       call add_numbers(output, table)
    end subroutine reproduce_table_4_1
 
-   !> Cases, record and the paper's table.
+   !> Reads the cases, the record and the paper's table.
    subroutine read_table(data, table, error)
       character(len=*), intent(in) :: data
       type(table_t), intent(out) :: table
@@ -89,7 +95,7 @@ contains
       end associate
    end subroutine read_table
 
-   !> Responses exact in time.
+   !> Gives a model the solver that is exact in time.
    subroutine make_exact(model)
       type(model_t), intent(inout) :: model
 
@@ -97,7 +103,7 @@ contains
       allocate (modal_t :: model%solver)
    end subroutine make_exact
 
-   !> Runs what the remarks below the table speak of.
+   !> Computes the numbers of the remarks below the table.
    subroutine gather_evidence(table, error)
       type(table_t), intent(inout) :: table
       type(error_t), allocatable, intent(out) :: error
@@ -112,7 +118,7 @@ contains
          if (allocated(error)) return
          table%record_difference = maxval(abs(simulation%acceleration - record%measured))
 
-         ! The remarks rest on the exact response: quick, and without an integrator's noise.
+         ! The remarks use the exact response, which is quick and free of integration errors.
          model = case%model
          call make_exact(model)
          mesh = case%meshes(1)
@@ -132,7 +138,7 @@ contains
       end associate
    end subroutine gather_evidence
 
-   !> The table: for each mesh ours, the paper's and the relative difference.
+   !> Adds the table: for each mesh our estimates, the paper's and the relative difference.
    subroutine add_table(text, table)
       type(text_t), intent(inout) :: text
       type(table_t), intent(in) :: table
@@ -169,7 +175,7 @@ contains
       call text%line()
    end subroutine add_table
 
-   !> What is to be known about the table, each with its evidence.
+   !> Adds the remarks on the table, each with its evidence.
    subroutine add_remarks(text, table)
       type(text_t), intent(inout) :: text
       type(table_t), intent(in) :: table
@@ -208,7 +214,7 @@ contains
 
    contains
 
-      !> A value for each number of elements, in words.
+      !> Returns the value of each mesh with its number of elements, in words.
       function by_mesh(form, values) result(words)
          character(len=*), intent(in) :: form
          real(wp), intent(in) :: values(:)
@@ -224,7 +230,7 @@ contains
 
    end subroutine add_remarks
 
-   !> For plots: the true values, and the paper's table with a row for each number.
+   !> Writes the true values and the paper's table, one number per row, for plots.
    subroutine add_numbers(output, table)
       type(output_t), intent(inout) :: output
       type(table_t), intent(in) :: table

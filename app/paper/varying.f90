@@ -1,5 +1,6 @@
-!> `beamid reproduce varying`: Theorem 3.1 for parameters that vary along the beam, by numbers: the
-!> meshes of the state and of the functions are refined one beside the other.
+!> Report of `beamid reproduce varying`: Theorem 3.1 in numbers for parameters that vary along the
+!> beam. The meshes of the state and of the fields E(x) and c_D(x) are refined independently.
+!> `beamid_varying_study` computes the numbers.
 module beamid_varying
    use beamid
    use beamid_lines, only: add_lines, csv_row
@@ -14,21 +15,28 @@ module beamid_varying
 
    public :: reproduce_varying
 
+   !> Names of the fields.
    character(len=*), parameter :: parameters(2) = [character(len=3) :: 'E', 'c_D']
-   !> Every so many-th point of a function is written.
+   !> One point of `every` of a field is written.
    integer, parameter :: every = 4
-   !> By how much stronger a penalty shows what the penalty does.
+   !> Factor on the penalty of the fit that shows the effect of the penalty.
    real(wp), parameter :: stronger = 100
+   !> Indices of the finest mesh of the state and of the fields.
+   integer, parameter :: last = size(state_meshes), finest = size(pieces)
 
 contains
 
-   !> beamid reproduce varying
+   !> Runs the study and writes its report and tables.
+   !>
+   !> output   on return with varying.csv and varying_functions.csv
+   !> summary  on return with the report
+   !> error    a response or a fit that fails
    subroutine reproduce_varying(output, summary, error)
       type(output_t), intent(inout) :: output
       type(text_t), intent(inout) :: summary
       type(error_t), allocatable, intent(out) :: error
       type(varying_t), allocatable :: problems(:)
-      type(minimiser_t) :: held
+      type(minimiser_t) :: penalised
       type(text_t) :: table, functions
       integer :: a, k
 
@@ -39,9 +47,9 @@ contains
          if (allocated(error)) return
       end do
       call minimise(problems(1), state_meshes(size(state_meshes)), pieces(size(pieces)), &
-         stronger*strength, held)
-      if (allocated(held%failure)) then
-         call move_alloc(held%failure, error)
+         stronger*strength, penalised)
+      if (allocated(penalised%failure)) then
+         call move_alloc(penalised%failure, error)
          return
       end if
       call table%line('problem,N,M,parameter,sup,L2,far,L2_state,order_sup_M,order_L2_M,'// &
@@ -54,12 +62,12 @@ contains
             call add_functions(functions, problems(k), a)
          end do
       end do
-      call add_remarks(summary, problems, held)
+      call add_remarks(summary, problems, penalised)
       call output%add('varying.csv', table%content())
       call output%add('varying_functions.csv', functions%content())
    end subroutine reproduce_varying
 
-   !> What was done.
+   !> Adds a description of the computations.
    subroutine add_head(text, problems)
       type(text_t), intent(inout) :: text
       type(varying_t), intent(in) :: problems(:)
@@ -98,7 +106,9 @@ contains
       end associate
    end subroutine add_head
 
-   !> Distances of one function in one problem.
+   !> Adds the distances of one estimated field from the truth on every pair of meshes.
+   !>
+   !> a  1: E(x), 2: c_D(x)
    subroutine add_distances(text, table, problem, a)
       type(text_t), intent(inout) :: text, table
       type(varying_t), intent(in) :: problem
@@ -139,7 +149,7 @@ contains
 
    contains
 
-      !> An order in so many columns, or none.
+      !> Returns order k in a column of the given width, or blanks if it is not known.
       function shown(k, width)
          integer, intent(in) :: k, width
          character(len=:), allocatable :: shown
@@ -150,30 +160,36 @@ contains
 
    end subroutine add_distances
 
-   !> Orders at which distances fall: sup and L2 in M, L2 and that of the state in N.
+   !> Computes the orders of convergence from the next coarser mesh.
    !>
-   !> known  whether there is a coarser mesh, and something to compare with
-   pure subroutine find_orders(all, i, j, a, orders, known)
-      type(minimiser_t), intent(in) :: all(:, :)
+   !> found   (state meshes, pieces) minimisers of one problem
+   !> i, j    indices of state mesh and of pieces
+   !> a       1: E(x), 2: c_D(x)
+   !> orders  of sup and of L2 in M, of L2 and of the distance by the state in N; 0: not known
+   !> known   whether there is a coarser mesh to compare with
+   pure subroutine find_orders(found, i, j, a, orders, known)
+      type(minimiser_t), intent(in) :: found(:, :)
       integer, intent(in) :: i, j, a
       real(wp), intent(out) :: orders(4)
       logical, intent(out) :: known(4)
       real(wp) :: finer
 
-      known = [j > 1, j > 1, i > 1, i > 1 .and. i < size(all, 1)]
+      known = [j > 1, j > 1, i > 1, i > 1 .and. i < size(found, 1)]
       orders = 0
       if (j > 1) then
-         finer = log(real(all(i, j)%M - degree, wp)/(all(i, j - 1)%M - degree))
-         orders(1) = log(all(i, j - 1)%sup(a)/all(i, j)%sup(a))/finer
-         orders(2) = log(all(i, j - 1)%L2(a)/all(i, j)%L2(a))/finer
+         finer = log(real(found(i, j)%M - degree, wp)/(found(i, j - 1)%M - degree))
+         orders(1) = log(found(i, j - 1)%sup(a)/found(i, j)%sup(a))/finer
+         orders(2) = log(found(i, j - 1)%L2(a)/found(i, j)%L2(a))/finer
       end if
       if (i == 1) return
-      finer = log(real(all(i, j)%N, wp)/all(i - 1, j)%N)
-      orders(3) = log(all(i - 1, j)%L2(a)/all(i, j)%L2(a))/finer
-      if (known(4)) orders(4) = log(all(i - 1, j)%state(a)/all(i, j)%state(a))/finer
+      finer = log(real(found(i, j)%N, wp)/found(i - 1, j)%N)
+      orders(3) = log(found(i - 1, j)%L2(a)/found(i, j)%L2(a))/finer
+      if (known(4)) orders(4) = log(found(i - 1, j)%state(a)/found(i, j)%state(a))/finer
    end subroutine find_orders
 
-   !> A function on every pair of meshes.
+   !> Adds one estimated field on every pair of meshes.
+   !>
+   !> a  1: E(x), 2: c_D(x)
    subroutine add_functions(table, problem, a)
       type(text_t), intent(inout) :: table
       type(varying_t), intent(in) :: problem
@@ -193,25 +209,35 @@ contains
       end do
    end subroutine add_functions
 
-   !> What the tables say.
+   !> Adds the conclusions from the tables.
    !>
-   !> held  the first problem on the finest meshes with a stronger penalty
-   subroutine add_remarks(text, problems, held)
+   !> penalised  the first problem on the finest meshes with a stronger penalty
+   subroutine add_remarks(text, problems, penalised)
       type(text_t), intent(inout) :: text
       type(varying_t), intent(in) :: problems(:)
-      type(minimiser_t), intent(in) :: held
-      integer, parameter :: last = size(state_meshes), finest = size(pieces)
-      real(wp) :: orders(4), ending(4), state(size(pieces)), here(4)
-      logical :: known(4)
-      integer :: best(2), j, k
+      type(minimiser_t), intent(in) :: penalised
 
       call text%line()
       call text%line('Remarks')
-      associate (smooth => problems(1)%minimisers, both => problems(2)%minimisers, &
-         step => problems(3)%minimisers)
-         best = [minloc(smooth(last, :)%L2(1), dim=1), minloc(step(last, :)%L2(1), dim=1)]
-         call find_orders(smooth, last, 2, 1, orders, known)
-         call find_orders(smooth, last, finest, 1, ending, known)
+      call add_smooth_remarks(text, problems(1), penalised)
+      call add_other_remarks(text, problems(2)%minimisers, problems(3)%minimisers)
+   end subroutine add_remarks
+
+   !> Adds the remarks on the problem of a smooth E(x).
+   !>
+   !> penalised  its minimiser on the finest meshes with a stronger penalty
+   subroutine add_smooth_remarks(text, problem, penalised)
+      type(text_t), intent(inout) :: text
+      type(varying_t), intent(in) :: problem
+      type(minimiser_t), intent(in) :: penalised
+      real(wp) :: first_orders(4), last_orders(4), by_state(size(pieces)), orders(4)
+      logical :: known(4)
+      integer :: best, j, k
+
+      associate (smooth => problem%minimisers)
+         best = minloc(smooth(last, :)%L2(1), dim=1)
+         call find_orders(smooth, last, 2, 1, first_orders, known)
+         call find_orders(smooth, last, finest, 1, last_orders, known)
          call add_lines(text, [character(len=110) :: &
             ' 1. Smooth E, N = #: L2 falls from # at M = # to # at M = #, at first with order '// &
             '#.1,', &
@@ -219,11 +245,11 @@ contains
             'no order.', &
             '    On the finest mesh of the function, M = #, it is #.'], &
             [real(wp) :: state_meshes(last), short(smooth(last, 1)%L2(1)), smooth(last, 1)%M, &
-            short(smooth(last, best(1))%L2(1)), smooth(last, best(1))%M, orders(2), orders(1), &
-            smooth(last, finest)%M, short(smooth(last, finest)%L2(1))])
+            short(smooth(last, best)%L2(1)), smooth(last, best)%M, first_orders(2), &
+            first_orders(1), smooth(last, finest)%M, short(smooth(last, finest)%L2(1))])
          do j = 1, size(pieces)
-            call find_orders(smooth, last - 1, j, 1, here, known)
-            state(j) = here(4)
+            call find_orders(smooth, last - 1, j, 1, orders, known)
+            by_state(j) = orders(4)
          end do
          call add_lines(text, [character(len=110) :: &
             ' 2. The state has to be refined too. At N = #, from M = # to #, L2 goes from # '// &
@@ -236,7 +262,7 @@ contains
             '    # and # from them as M grows.'], &
             [real(wp) :: state_meshes(2), smooth(2, 1)%M, smooth(2, finest)%M, &
             short(smooth(2, 1)%L2(1)), short(smooth(2, finest)%L2(1)), short(smooth(2, 1)%J), &
-            short(smooth(2, finest)%J), state_meshes(last), state, state_meshes(last - 2), &
+            short(smooth(2, finest)%J), state_meshes(last), by_state, state_meshes(last - 2), &
             state_meshes(last - 1), state_meshes(last - 1), &
             (short(smooth(last - 1, j)%state(1)), j=1, finest)])
          call add_lines(text, [character(len=110) :: &
@@ -250,32 +276,43 @@ contains
             '    the moment of J_T bends the beam.'], &
             [real(wp) :: (smooth(k, k)%N, smooth(k, k)%M, k=1, last), &
             (short(smooth(k, k)%L2(1)), k=1, last), smooth(last, finest)%M, &
-            state_meshes(last - 1), state_meshes(last), ending(3), stronger, &
-            held%L2(1)/smooth(last, finest)%L2(1), &
-            problems(1)%x(maxloc(abs(smooth(last, finest)%found(:, 1) &
-            /problems(1)%truth(:, 1) - 1), dim=1))])
-         call add_lines(text, [character(len=110) :: &
-            ' 5. c_D(x) beside E(x), N = #: L2 of c_D is #, #, # and # as M grows,', &
-            '    #.1, #.1, #.1 and #.1 times that of E.'], [real(wp) :: state_meshes(last), &
-            (short(both(last, j)%L2(2)), j=1, finest), &
-            (both(last, j)%L2(2)/both(last, j)%L2(1), j=1, finest)])
-         call add_lines(text, [character(len=110) :: &
-            ' 6. The step, N = #: L2 goes from # to # at M = #, with order #.2 over all; for '// &
-            'a step,', &
-            '    which is in no H2, splines allow 1/2. In sup it stays between # and #: what '// &
-            'is', &
-            '    continuous comes no nearer than # right at the step. Farther than # l from it '// &
-            'the largest', &
-            '    distance goes from # to #.'], [real(wp) :: state_meshes(last), &
-            short(step(last, 1)%L2(1)), short(step(last, best(2))%L2(1)), &
-            step(last, best(2))%M, overall(step(last, 1), step(last, best(2))), &
-            short(minval(step(last, :)%sup(1))), short(maxval(step(last, :)%sup(1))), &
-            short((1 - step_factor)/(1 + step_factor)), beside_step, &
-            short(step(last, 1)%far(1)), short(step(last, finest)%far(1))])
+            state_meshes(last - 1), state_meshes(last), last_orders(3), stronger, &
+            penalised%L2(1)/smooth(last, finest)%L2(1), &
+            problem%x(maxloc(abs(smooth(last, finest)%found(:, 1)/problem%truth(:, 1) - 1), &
+            dim=1))])
       end associate
-   end subroutine add_remarks
+   end subroutine add_smooth_remarks
 
-   !> To two digits.
+   !> Adds the remarks on the problems of E(x) with c_D(x) and of a step in E.
+   !>
+   !> both, step  (state meshes, pieces) their minimisers
+   subroutine add_other_remarks(text, both, step)
+      type(text_t), intent(inout) :: text
+      type(minimiser_t), intent(in) :: both(:, :), step(:, :)
+      integer :: best, j
+
+      call add_lines(text, [character(len=110) :: &
+         ' 5. c_D(x) beside E(x), N = #: L2 of c_D is #, #, # and # as M grows,', &
+         '    #.1, #.1, #.1 and #.1 times that of E.'], [real(wp) :: state_meshes(last), &
+         (short(both(last, j)%L2(2)), j=1, finest), &
+         (both(last, j)%L2(2)/both(last, j)%L2(1), j=1, finest)])
+      best = minloc(step(last, :)%L2(1), dim=1)
+      call add_lines(text, [character(len=110) :: &
+         ' 6. The step, N = #: L2 goes from # to # at M = #, with order #.2 over all; for '// &
+         'a step,', &
+         '    which is in no H2, splines allow 1/2. In sup it stays between # and #: what '// &
+         'is', &
+         '    continuous comes no nearer than # right at the step. Farther than # l from it '// &
+         'the largest', &
+         '    distance goes from # to #.'], [real(wp) :: state_meshes(last), &
+         short(step(last, 1)%L2(1)), short(step(last, best)%L2(1)), &
+         step(last, best)%M, overall(step(last, 1), step(last, best)), &
+         short(minval(step(last, :)%sup(1))), short(maxval(step(last, :)%sup(1))), &
+         short((1 - step_factor)/(1 + step_factor)), beside_step, &
+         short(step(last, 1)%far(1)), short(step(last, finest)%far(1))])
+   end subroutine add_other_remarks
+
+   !> Returns a value rounded to two digits.
    pure real(wp) function short(value)
       real(wp), intent(in) :: value
       character(len=12) :: digits
@@ -284,7 +321,8 @@ contains
       read (digits, *) short
    end function short
 
-   !> Order of E's L2 distance from one mesh of the function to another; 0 if they are the same.
+   !> Returns the order of convergence of E's L2 distance from one mesh of the field to a finer one;
+   !> 0 if they are the same.
    pure real(wp) function overall(coarse, fine)
       type(minimiser_t), intent(in) :: coarse, fine
 
@@ -293,7 +331,7 @@ contains
          /log(real(fine%M - degree, wp)/(coarse%M - degree))
    end function overall
 
-   !> Numbers of meshes in their columns.
+   !> Returns integers in columns of width 4.
    pure function integers(values) result(line)
       integer, intent(in) :: values(:)
       character(len=4*size(values)) :: line
@@ -301,7 +339,7 @@ contains
       write (line, '(*(i4))') values
    end function integers
 
-   !> A number in its column.
+   !> Returns a number in a column of width 11.
    pure character(len=11) function number(value)
       real(wp), intent(in) :: value
 

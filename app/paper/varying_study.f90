@@ -1,10 +1,10 @@
-!> What `beamid reproduce varying` computes: E(x) and c_D(x) from the exact motion of a beam, on
-!> meshes for the state and for the functions that are refined one beside the other.
+!> Computations of `beamid reproduce varying`: estimates the fields E(x) and c_D(x) from the exact
+!> motion of a beam, with independent meshes for the state and for the fields.
 module beamid_varying_study
    use beamid
+   use beamid_fit_setups, only: set_unknowns => set_free
    use beamid_interrupts, only: stop_flag
    use beamid_residuals, only: new_residuals, residual_t
-   use beamid_starts, only: set_unknowns => set_free
    use beamid_structure, only: c_D_at, E_at
    use beamid_unknowns, only: quantity_t, variables_of
    use beamid_variations, only: as_spline, in_steps, new_variation, of_c_D_x, of_E_x, variation_t
@@ -15,52 +15,56 @@ module beamid_varying_study
       state_meshes, pieces, points, degree, strength, beside_step, step_place, step_factor, &
       reference, widest
 
-   !> Cubic meshes of the state, and pieces of the cubic splines for E(x) and c_D(x), which have
-   !> three coefficients more.
+   !> Numbers of elements of the cubic meshes of the state, and numbers of pieces of the cubic
+   !> splines for the fields, which have three coefficients more.
    integer, parameter :: state_meshes(*) = [4, 8, 16, 32], pieces(*) = [2, 4, 8, 16]
+   !> Degree of the splines for state and fields.
    integer, parameter :: degree = 3
-   !> Quintic elements that stand for the beam.
+   !> Number of quintic elements of the mesh that stands for the beam.
    integer, parameter :: reference = 48
-   !> Places at which functions are compared: middles of so many equal parts of the beam.
+   !> Number of points at which fields are compared, the midpoints of equal parts of the beam.
    integer, parameter :: points = 400
-   !> E and c_D where they are those of the drawing, from which searches start; Q of Theorem 3.1 is
-   !> what lies within so many times these.
+   !> Nominal values of E and c_D, from which searches start. The set Q of Theorem 3.1 contains the
+   !> values within a factor of `widest` of these.
    real(wp), parameter :: E_0 = 80, c_D_0 = 2e-2_wp, widest = 3
-   !> The step of E: x/l, between the points of every mesh, and what is left of E behind it. Nearer
-   !> to it than `beside_step` a place is not far from it.
+   !> The step of E: its position x/l, which is a node of no mesh, and the factor of E behind it.
+   !> Points further from the step than `beside_step` count as far from it.
    real(wp), parameter :: step_place = 0.4_wp, step_factor = 0.8_wp, beside_step = 0.1_wp
-   !> Of the penalty |(log E)'|**2 and its like for c_D, in units of J over the sum of squares of
-   !> the record: with it Q is as good as compact. Far below any noise that a record might have.
+   !> Strength of the penalty |(log E)'|**2, and of the same for c_D, in units of J over the sum of
+   !> squares of the record. It makes Q practically compact and is far below the noise of any
+   !> record.
    real(wp), parameter :: strength = 1e-12_wp
 
-   !> What is found on one pair of meshes.
+   !> The minimiser on one pair of meshes.
    type :: minimiser_t
-      integer :: N = 0, M = 0
-      logical :: settled = .false.          !< the search has found a minimum, to its tolerance
+      integer :: N = 0, M = 0               !< elements of the state, coefficients of each field
+      logical :: settled = .false.          !< whether the search has converged to a minimum
       real(wp) :: J = 0                     !< of the data, over the sum of squares of the record
-      !> Distances of E (1) and c_D (2) from the truth, relative: the largest, the root of the mean
-      !> square, the largest far from the step; and the root of the mean square of the distance from
-      !> the minimiser with the same M on the finest state mesh
-      real(wp), dimension(2) :: sup = 0, L2 = 0, far = 0, state = 0
-      real(wp) :: found(points, 2) = 0      !< E and c_D at the points
-      type(error_t), allocatable :: failure
+      !> relative distances of E (1) and c_D (2) from the truth: the largest, the root mean square,
+      !> and the largest far from the step
+      real(wp), dimension(2) :: sup = 0, L2 = 0, far = 0
+      !> root mean square distance of E (1) and c_D (2) from the minimiser with the same M on the
+      !> finest mesh of the state
+      real(wp), dimension(2) :: state = 0
+      real(wp) :: found(points, 2) = 0      !< estimates of E and c_D at the points
+      type(error_t), allocatable :: failure !< why there is no minimiser
    end type minimiser_t
 
-   !> One truth.
+   !> One problem: a true beam and the minimisers for its record.
    type :: varying_t
       character(len=:), allocatable :: name
-      integer :: functions = 1              !< 1: E(x) is looked for; 2: c_D(x) too
-      logical :: has_step = .false.
-      type(model_t) :: model                !< the beam itself
+      integer :: functions = 1              !< 1: E(x) is estimated; 2: c_D(x) as well
+      logical :: has_step = .false.         !< whether the true E has a step
+      type(model_t) :: model                !< the true beam
       type(experiment_t), allocatable :: record(:)
-      real(wp) :: x(points) = 0             !< x/l
-      real(wp) :: truth(points, 2) = 0
+      real(wp) :: x(points) = 0             !< x/l of the points
+      real(wp) :: truth(points, 2) = 0      !< E and c_D at the points
       type(minimiser_t), allocatable :: minimisers(:, :)   !< (state meshes, pieces)
    end type varying_t
 
 contains
 
-   !> E(x) smooth alone, with a c_D(x) that is smooth, and with a step.
+   !> Makes the three problems: a smooth E(x), a smooth E(x) and c_D(x), and an E(x) with a step.
    subroutine new_problems(problems)
       type(varying_t), allocatable, intent(out) :: problems(:)
       integer, parameter :: knots = 64
@@ -91,7 +95,10 @@ contains
       end do
    end subroutine new_problems
 
-   !> The record, from the quintic mesh.
+   !> Computes record and true fields of a problem, on the quintic mesh.
+   !>
+   !> problem  on return with `record`, `x` and `truth`
+   !> error    a response that cannot be computed
    subroutine record_truth(problem, error)
       type(varying_t), intent(inout) :: problem
       type(error_t), allocatable, intent(out) :: error
@@ -118,43 +125,48 @@ contains
       end associate
    end subroutine record_truth
 
-   !> The minimisers on every state mesh with every mesh of the functions.
+   !> Finds the minimisers on every mesh of the state with every mesh of the fields.
    !>
-   !> elements, parts  of the meshes
+   !> elements  numbers of elements of the state
+   !> parts     numbers of pieces of the fields
+   !> error     of the first minimisation that fails
    subroutine find_minimisers(problem, elements, parts, error)
       type(varying_t), intent(inout) :: problem
       integer, intent(in) :: elements(:), parts(:)
       type(error_t), allocatable, intent(out) :: error
-      type(minimiser_t), allocatable :: all(:, :)
+      type(minimiser_t), allocatable :: found(:, :)
       integer :: a, i, j, k
 
-      allocate (all(size(elements), size(parts)))
+      allocate (found(size(elements), size(parts)))
       !$omp parallel do schedule(dynamic, 1) private(i, j) copyin(stop_flag)
-      do k = size(all), 1, -1
+      do k = size(found), 1, -1
          i = 1 + mod(k - 1, size(elements))
          j = 1 + (k - 1)/size(elements)
-         call minimise(problem, elements(i), parts(j), strength, all(i, j))
+         call minimise(problem, elements(i), parts(j), strength, found(i, j))
       end do
       !$omp end parallel do
       do j = 1, size(parts)
          do i = 1, size(elements)
-            if (.not. allocated(all(i, j)%failure)) cycle
-            call move_alloc(all(i, j)%failure, error)
+            if (.not. allocated(found(i, j)%failure)) cycle
+            call move_alloc(found(i, j)%failure, error)
             return
          end do
-         associate (same => all(:, j), truth => problem%truth)
+         associate (same => found(:, j), truth => problem%truth)
             do i = 1, size(elements)
                same(i)%state = [(norm2((same(i)%found(:, a) - same(size(elements))%found(:, a)) &
                   /truth(:, a))/sqrt(real(points, wp)), a=1, 2)]
             end do
          end associate
       end do
-      call move_alloc(all, problem%minimisers)
+      call move_alloc(found, problem%minimisers)
    end subroutine find_minimisers
 
-   !> One minimiser, from constants.
+   !> Finds one minimiser, starting from constant fields.
    !>
-   !> alpha  strength of the penalty, in units of J over the sum of squares of the record
+   !> elements   number of elements of the state
+   !> parts      number of pieces of each field
+   !> alpha      strength of the penalty, in units of J over the sum of squares of the record
+   !> minimiser  the minimiser, or its `failure`
    subroutine minimise(problem, elements, parts, alpha, minimiser)
       type(varying_t), intent(in) :: problem
       integer, intent(in) :: elements, parts
@@ -173,7 +185,8 @@ contains
       if (allocated(minimiser%failure)) return
       call variables_of(stage, whole%scenario, variables, quantities, minimiser%failure)
       if (allocated(minimiser%failure)) return
-      ! Differences of coefficients a distance 1/parts apart make up the integral of a square.
+      ! The penalty is a sum of squared differences of coefficients 1/parts apart. The factor makes
+      ! it the integral of a squared derivative.
       unit = sum(problem%record(1)%measured**2)
       call search(whole, problem%functions, parts*unit, alpha, variables, found, &
          minimiser%settled, minimiser%failure)
@@ -183,9 +196,12 @@ contains
       call compare(problem, whole%scenario%structures(1), minimiser)
    end subroutine minimise
 
-   !> The approximate problem: constants in place, what is free, and Q.
+   !> Makes the approximate problem with constant fields, and the stage with the free coefficients
+   !> and their bounds Q.
    !>
-   !> coefficients  M, of each function
+   !> elements      number of elements of the state
+   !> coefficients  number M of coefficients of each field
+   !> error         an experiment that cannot be computed
    subroutine pose(problem, elements, coefficients, whole, stage, error)
       type(varying_t), intent(in) :: problem
       integer, intent(in) :: elements, coefficients
@@ -218,15 +234,18 @@ contains
       if (.not. allocated(error)) call set_unknowns(whole, stage)
    end subroutine pose
 
-   !> The search: with a penalty beside which the functions hardly vary for the beginning of the
-   !> record, where no mode is off by more than half a turn, and for ever more of it; then on the
-   !> whole record with penalties that are weaker by a hundred from one to the next.
+   !> Searches for the minimum in steps.
    !>
-   !> unit       of the strength of a penalty
-   !> alpha      the last strength
-   !> variables  with the constants as starts
-   !> found      at the end
-   !> settled    the last search has found a minimum
+   !> The first searches use the beginning of the record, where no mode is off by more than half a
+   !> period, then more and more of it, with a penalty so strong that the fields hardly vary. The
+   !> next use the whole record and weaken the penalty by a factor of 100 from one to the next.
+   !>
+   !> functions  number of fields
+   !> unit       unit of the strength of a penalty
+   !> alpha      last strength, in this unit
+   !> variables  with the constant fields as start values
+   !> found      result of the last search
+   !> settled    whether the last search has converged to a minimum
    !> error      the last search could not even start
    subroutine search(whole, functions, unit, alpha, variables, found, settled, error)
       type(residual_t), intent(inout) :: whole
@@ -268,7 +287,9 @@ contains
       if (allocated(found%estimate) .and. allocated(error)) deallocate (error)
    end subroutine search
 
-   !> Distances from the truth.
+   !> Computes the distances of a minimiser from the truth.
+   !>
+   !> structure  with the estimated fields
    subroutine compare(problem, structure, minimiser)
       type(varying_t), intent(in) :: problem
       type(structure_t), intent(in) :: structure

@@ -10,7 +10,8 @@ module attached_beams
    use beamid_kinds, only: ip, wp
    use beamid_modes, only: bare_beam_modes, beam_modes_t
    use beamid_parameters, only: magnitude
-   use beamid_poles, only: find_poles, poles_t
+   use beamid_pole_search, only: find_poles
+   use beamid_poles, only: poles_t
    use beamid_responses, only: response_t, work_t
    use beamid_roots, only: damped_roots
    use beamid_structure, only: sensor_t, structure_t

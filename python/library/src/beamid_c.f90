@@ -1,14 +1,15 @@
-!> beamid for C: a case and its records are opened, fitted any number of times, and the results of a
-!> fit are copied out by name.
+!> The interface of beamid for C, used by the Python package: a case and its records are opened,
+!> fitted any number of times, and the results of a fit are copied out by name.
 !>
 !> Every routine returns a status: 0; 1, the computation failed; 2, bad input; 3, interrupted. If it
-!> is not 0, `message` holds the library's sentence: as much of it as `room` allows, ended by a null
-!> character. Texts come as a pointer with a length. Every buffer comes with its size, and a routine
-!> rejects a buffer that is too small.
+!> is not 0, `message` holds the error message, truncated to `room` characters and ended by a null
+!> character. A text is passed as a pointer and a length. Every buffer is passed with its size, and
+!> a routine rejects a buffer that is too small.
 !>
-!> Cases and fits are handles (`beamid_c_handles`). Several threads may use one case at a time, but
-!> only one may use a fit. Calls that compute are enclosed by `beamid_begin` and `beamid_end`
-!> (`beamid_c_calls`). Procedures that work with texts run in one thread at a time.
+!> Cases and fits are handles (`beamid_c_handles`). Several threads may use one case at the same
+!> time, but only one thread may use a fit. Calls that compute are enclosed by `beamid_begin` and
+!> `beamid_end` (`beamid_c_calls`). Procedures that work with text run in one critical section,
+!> because gfortran keeps the lengths of such texts in static memory.
 module beamid_c
    use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
    use, intrinsic :: iso_c_binding, only: c_char, c_double, c_int, c_int64_t
@@ -20,7 +21,7 @@ module beamid_c
    use beamid_c_results, only: beamid_array, beamid_groups, beamid_text
    use beamid_case_checks, only: check_needs
    use beamid_case_files, only: case_t
-   use beamid_case_fits, only: add_mesh_shifts, fit_case, judge_case, load_case
+   use beamid_case_fits, only: add_mesh_shifts, add_score_tests, fit_case, judge_case, load_case
    use beamid_case_inferences, only: case_inference_t, infer
    use beamid_cases, only: needs_fit, needs_nothing, parse_case
    use beamid_errors, only: bad_input, error_t
@@ -41,18 +42,18 @@ module beamid_c
 
 contains
 
-   !> Reads a case.
+   !> Opens a case.
    !>
-   !> path     name of the case in messages; files named in the case are relative to its folder. If
-   !>          `text` is empty, this is the path of the case file
-   !> text     of a case file
-   !> records  number of records whose samples are given here, in the order of the groups &record;
+   !> path     name of the case in messages; files that the case names are relative to its folder.
+   !>          If `text` is empty, this is the path of the case file
+   !> text     text of a case file
+   !> records  number of records whose samples are passed here, in the order of the groups &record;
    !>          0: the samples are in files
    !> sizes    (records) numbers of samples
-   !> samples  their sum
-   !> t, z     (samples) times and values of all records, copied
-   !> fits     0: the case is for responses; 1: for fits
-   !> handle   to be closed by `beamid_close`; 0 if there is an error
+   !> samples  sum of `sizes`
+   !> t, z     (samples) times [time] and values of all records; they are copied
+   !> fits     0: the case serves responses; 1: it serves fits
+   !> handle   of the case, to be closed by `beamid_close`; 0 if there is an error
    integer(c_int) function beamid_open(path, path_length, text, text_length, records, sizes, &
       samples, t, z, fits, handle, message, room) result(status) bind(c)
       integer(c_int), value, intent(in) :: path_length, text_length, records, samples, fits, room
@@ -84,6 +85,7 @@ contains
       end if
    end function beamid_open
 
+   !> Reads a case and its records; arguments as `beamid_open`.
    subroutine open_case(path, text, sizes, t, z, fits, problem, error)
       character(len=*), intent(in) :: path, text
       integer, intent(in) :: sizes(:)
@@ -120,7 +122,8 @@ contains
       call check_interrupt(error)
    end subroutine open_case
 
-   !> Closes the handle of a case or a fit. A handle that is closed or in use is an error.
+   !> Closes the handle of a case or a fit. It is an error if the handle is closed already or in
+   !> use.
    integer(c_int) function beamid_close(handle, message, room) result(status) bind(c)
       integer(c_int64_t), value, intent(in) :: handle
       integer(c_int), value, intent(in) :: room
@@ -134,9 +137,9 @@ contains
    !> Fits a case.
    !>
    !> of      handle of a case that was opened for fits
-   !> check   1: compare derivatives with differences before the search
-   !> starts  number of start values of the first stage; 0: those of the case
-   !> start   (starts) finite and within the bounds
+   !> check   1: compare exact derivatives with differences before the search
+   !> starts  number of start values of the first stage; 0: start as the case says
+   !> start   (starts) start values, finite and within the bounds
    !> handle  of the fit, to be closed by `beamid_close`; 0 if there is an error
    integer(c_int) function beamid_fit(of, check, starts, start, handle, message, room) &
       result(status) bind(c)
@@ -177,7 +180,9 @@ contains
       status = told(error, message)
    end function beamid_fit
 
-   !> Makes the first stage start from given values.
+   !> Replaces the start values of the first stage.
+   !>
+   !> error  a value is not finite or outside its bounds, or their number is wrong
    subroutine start_from(case, start, error)
       type(case_t), intent(inout) :: case
       real(wp), intent(in) :: start(:)
@@ -213,8 +218,8 @@ contains
       end associate
    end subroutine start_from
 
-   !> Judges a fit: the effect of finer meshes, the verdict, the modes, all tables and the summary.
-   !> Does nothing if the fit was judged before.
+   !> Judges a fit: mesh refinement, verdict, natural modes, all tables and the summary. Does
+   !> nothing if the fit was judged before.
    integer(c_int) function beamid_judge(handle, message, room) result(status) bind(c)
       integer(c_int64_t), value, intent(in) :: handle
       integer(c_int), value, intent(in) :: room
@@ -229,16 +234,18 @@ contains
       call borrow_outcome(handle, outcome, error)
       if (.not. allocated(error)) then
          if (.not. allocated(outcome%summary)) then
-            ! The longest part of a verdict works without texts, and beside other threads.
+            ! The longest part of the judgement works without text, and may run beside other
+            ! threads.
             progress => progress_of_call()
             call add_mesh_shifts(outcome%case, outcome%found, error, progress)
+            if (.not. allocated(error)) call add_score_tests(outcome%case, outcome%found, error)
             call end_progress(progress)
             !$omp critical (texts_of_beamid)
             if (.not. allocated(error)) call judge_case(outcome%case, outcome%found, error)
             if (.not. allocated(error)) call report_fit(outcome%case, outcome%found, tables, &
                summary, error, modes)
             call check_interrupt(error)
-            ! Of an interrupted report nothing is kept.
+            ! An interrupted report is discarded.
             if (.not. allocated(error)) then
                call keep_modes(modes, outcome%modes)
                outcome%tables = tables
@@ -251,9 +258,9 @@ contains
       status = told(error, message)
    end function beamid_judge
 
-   !> Runs `profile`, `sample` or `bootstrap` from a fit that was judged. Adds the tables of the
-   !> command, among them intervals.csv with the rows of earlier calls, and the text 'intervals',
-   !> which the program prints.
+   !> Runs `profile`, `sample` or `bootstrap` from a judged fit. Adds the tables of the command to
+   !> those of the fit, including intervals.csv with the rows of earlier calls, and sets the text
+   !> 'intervals', which the program would print.
    integer(c_int) function beamid_infer(handle, command, command_length, message, room) &
       result(status) bind(c)
       integer(c_int64_t), value, intent(in) :: handle
@@ -285,7 +292,7 @@ contains
             call report_inferences(characters(command), outcome%case, outcome%found, inferences, &
                tables%text_of('intervals.csv'), tables, intervals, error)
          end if
-         ! Of an interrupted report nothing is kept.
+         ! An interrupted report is discarded.
          if (.not. allocated(error)) then
             outcome%tables = tables
             call move_alloc(intervals, outcome%intervals)
@@ -296,6 +303,7 @@ contains
       status = told(error, message)
    end function beamid_infer
 
+   !> Copies natural modes to a table with the columns of `beamid_array`.
    pure subroutine keep_modes(modes, table)
       type(fitted_mode_t), intent(in) :: modes(:)
       real(wp), allocatable, intent(out) :: table(:, :)

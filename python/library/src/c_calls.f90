@@ -1,7 +1,8 @@
-!> The frame of each call by C that computes: interrupts, progress, and forked processes.
+!> The frame of each call from C that computes: interrupts, progress, and protection against forked
+!> processes.
 !>
-!> `beamid_begin` and `beamid_end` enclose a call. In between, the flag of an interrupt belongs to
-!> the call (`beamid_interrupts`), and a callback hears of the progress.
+!> `beamid_begin` and `beamid_end` enclose a call. Between them the interrupt flag belongs to the
+!> call (`beamid_interrupts`), and a callback receives the progress.
 module beamid_c_calls
    use, intrinsic :: iso_c_binding, only: c_associated, c_char, c_f_procpointer, c_funloc, &
       c_funptr, c_int, c_null_char, c_null_funptr
@@ -17,11 +18,12 @@ module beamid_c_calls
    public :: beamid_watch_forks, beamid_begin, beamid_end, check_fork
    public :: progress_t, progress_of_call, end_progress, characters, told
 
-   !> Passes the progress of a computation on to the callback of the call.
+   !> Progress of a computation, passed on to the callback of the call.
    type, extends(monitor_t) :: progress_t
       procedure(callback), pointer, nopass, private :: tell => null()
-      integer(int64), private :: last = -huge(1_int64)   !< when the callback was called
-      !> Work that another thread has completed, of which the callback has not heard yet; 0: none.
+      integer(int64), private :: last = -huge(1_int64)   !< time of the last callback [clock counts]
+      !> Number of pieces of work that another thread has completed and that the callback has not
+      !> received yet, and their name; 0: none.
       integer, private :: completed = 0
       character(len=40), private :: completed_pieces = ''
    contains
@@ -31,17 +33,18 @@ module beamid_c_calls
    end type progress_t
 
    abstract interface
-      !> Hears of the progress, in the thread of the call, at most ten times a second.
+      !> Receives the progress in the thread of the call, at most ten times a second.
       !>
-      !> part, whole  how many pieces are done, and of how many; whole = 0: not known
+      !> part, whole  number of pieces that are done, and of all pieces; whole = 0: not known
       !> what         (length) name of the pieces
-      !> result       other than 0: the computation is to stop
+      !> result       not 0: the computation is to stop
       integer(c_int) function callback(part, whole, what, length) bind(c)
          import :: c_char, c_int
          integer(c_int), value :: part, whole, length
          character(kind=c_char), intent(in) :: what(length)
       end function callback
 
+      !> Is called by the system when the process is forked.
       subroutine fork_handler() bind(c)
       end subroutine fork_handler
    end interface
@@ -53,22 +56,25 @@ module beamid_c_calls
       end function c_atfork
    end interface
 
-   !> Calls between `beamid_begin` and `beamid_end` in all threads.
-   integer, save :: in_hand = 0
+   !> Number of calls between `beamid_begin` and `beamid_end`, in all threads.
+   integer, save :: calls_in_progress = 0
+   !> Whether the handler of forks is installed.
    logical, save :: watches = .false.
-   !> Whether this process was forked from one that had loaded the library, and whether a call was
-   !> in hand in it then.
+   !> Whether this process was forked from a process that had loaded the library, and whether a call
+   !> was in progress there at that time.
    logical, save :: is_forked = .false., was_busy = .false.
 
+   !> Whether this thread is in a call, and the callback of the call.
    logical, save :: calling = .false.
    type(c_funptr), save :: callback_of_call
    !$omp threadprivate(calling, callback_of_call)
 
 contains
 
-   !> Has the library notice when the process is forked; to be called before any OpenMP region of
-   !> the process. Threads of libgomp do not survive a fork, and a region in the child would wait
-   !> for them for ever: in the child every region runs in one thread.
+   !> Installs a handler that notices when the process is forked; to be called before any OpenMP
+   !> region of the process. The threads of libgomp do not survive a fork, and a parallel region in
+   !> the child would wait for them for ever. In the child every region therefore runs in one
+   !> thread.
    subroutine beamid_watch_forks() bind(c)
       integer(c_int) :: ignored
 
@@ -76,18 +82,19 @@ contains
       watches = .true.
    end subroutine beamid_watch_forks
 
-   !> Notes, in the child, that the process was forked.
+   !> Notes in the child that the process was forked.
    subroutine note_fork() bind(c)
       is_forked = .true.
-      was_busy = was_busy .or. in_hand > 0
+      was_busy = was_busy .or. calls_in_progress > 0
       if (.not. calling) call forget_call()
    end subroutine note_fork
 
-   !> Begins a call; to be ended by `beamid_end` in the same thread.
+   !> Begins a call, which `beamid_end` ends in the same thread.
    !>
-   !> catch     1: `SIGINT` stops the call; at most one thread at a time may ask for that
+   !> catch     1: `SIGINT` stops the call; only one thread at a time may ask for this
    !> progress  a `callback`, or null
-   !> result    0; 1: not begun, and `message` (room) says why
+   !> result    0; 1: the call has not begun, and `message` says why
+   !> room      size of `message`
    integer(c_int) function beamid_begin(catch, progress, message, room) result(status) bind(c)
       integer(c_int), value, intent(in) :: catch, room
       type(c_funptr), value, intent(in) :: progress
@@ -106,14 +113,14 @@ contains
          calling = .true.
          callback_of_call = progress
          !$omp atomic
-         in_hand = in_hand + 1
+         calls_in_progress = calls_in_progress + 1
          call begin_call(catch == 1)
       end if
       status = told(error, message)
    end function beamid_begin
 
-   !> Refuses calls in a process that was forked while another thread was in a call: the locks of
-   !> that thread are never released here.
+   !> Refuses calls in a process that was forked while another thread was in a call, because the
+   !> locks of that thread are never released in the child.
    subroutine check_fork(error)
       type(error_t), allocatable, intent(out) :: error
 
@@ -121,21 +128,22 @@ contains
          'running, and cannot use beamid: start processes by ''spawn'' or ''forkserver''')
    end subroutine check_fork
 
-   !> Ends the call of this thread; does nothing if there is none.
+   !> Ends the call of this thread; does nothing if there is no call.
    !>
-   !> result  0: the call was not interrupted; the number of the signal that came since it began,
-   !>         even if the computation had ended before; -1: the callback has stopped it
+   !> result  0: the call was not interrupted; number of a signal that has come since the call
+   !>         began, even if the computation had ended before; -1: the callback has stopped the call
    integer(c_int) function beamid_end() result(flag) bind(c)
       flag = 0
       if (.not. calling) return
       call end_call(flag)
       !$omp atomic
-      in_hand = in_hand - 1
+      calls_in_progress = calls_in_progress - 1
       calling = .false.
       callback_of_call = c_null_funptr
    end function beamid_end
 
-   !> Returns a monitor for the callback of the call; null if there is none.
+   !> Returns a monitor that passes progress to the callback of the call; null if there is no
+   !> callback.
    function progress_of_call() result(monitor)
       type(progress_t), pointer :: monitor
 
@@ -146,6 +154,7 @@ contains
       call c_f_procpointer(callback_of_call, monitor%tell)
    end function progress_of_call
 
+   !> Reports an iteration of a search.
    subroutine iteration(self, label, number, evaluations, J, names, parameters)
       class(progress_t), intent(inout) :: self
       character(len=*), intent(in) :: label, names(:)
@@ -155,11 +164,13 @@ contains
       call report(self, evaluations, 0, 'evaluations, '//label)
    end subroutine iteration
 
+   !> Ignores the share of work that is done; `advanced` reports it.
    subroutine done(self, part, whole)
       class(progress_t), intent(inout) :: self
       integer, intent(in) :: part, whole
    end subroutine done
 
+   !> Reports the number of pieces that are done.
    subroutine advanced(self, part, whole, pieces)
       class(progress_t), intent(inout) :: self
       integer, intent(in) :: part, whole
@@ -169,7 +180,8 @@ contains
    end subroutine advanced
 
    !> Calls the callback if this is the thread of the call and a tenth of a second has passed, or
-   !> all is done. What another thread completes, the callback hears before the next kind of work.
+   !> all pieces are done. Work that another thread completes is kept until this thread reports
+   !> again.
    subroutine report(self, part, whole, what)
       class(progress_t), intent(inout) :: self
       integer, intent(in) :: part, whole
@@ -189,7 +201,7 @@ contains
       call call_back(self, part, whole, what)
    end subroutine report
 
-   !> Tells the callback of work that another thread has completed.
+   !> Reports the work that another thread has completed.
    subroutine tell_completed(self)
       class(progress_t), intent(inout) :: self
       integer :: whole
@@ -199,6 +211,7 @@ contains
       if (whole > 0) call call_back(self, whole, whole, trim(self%completed_pieces))
    end subroutine tell_completed
 
+   !> Calls the callback, and stops the call if the callback asks for it.
    subroutine call_back(self, part, whole, what)
       class(progress_t), intent(in) :: self
       integer, intent(in) :: part, whole
@@ -208,8 +221,8 @@ contains
          call stop_call()
    end subroutine call_back
 
-   !> Tells the callback of work that was completed last, and frees the monitor; to be called in the
-   !> thread of the call. Does nothing if the monitor is null.
+   !> Reports the work that was completed last, and frees the monitor; to be called in the thread of
+   !> the call. Does nothing if the monitor is null.
    subroutine end_progress(monitor)
       type(progress_t), pointer, intent(inout) :: monitor
 
@@ -218,7 +231,7 @@ contains
       deallocate (monitor)
    end subroutine end_progress
 
-   !> Returns the status of an error, 0 for none, and copies its message as far as there is room.
+   !> Returns the status of an error (0: no error), and copies its message as far as there is room.
    integer(c_int) function told(error, message) result(status)
       type(error_t), allocatable, intent(in) :: error
       character(kind=c_char), intent(inout) :: message(:)
@@ -235,7 +248,7 @@ contains
       message(length + 1) = c_null_char
    end function told
 
-   !> Returns characters of C as a text.
+   !> Returns characters from C as text.
    pure function characters(letters) result(text)
       character(kind=c_char), intent(in) :: letters(:)
       character(len=size(letters)) :: text

@@ -1,5 +1,5 @@
-!> Handles: numbers that stand for the objects that C holds. A number is never used twice, so that a
-!> null, invented or closed handle is an error and never a pointer to something else.
+!> Handles: numbers that stand for the objects that C holds. No number is used twice, so a null,
+!> invented or closed handle is an error and never leads to another object.
 module beamid_c_handles
    use, intrinsic :: iso_c_binding, only: c_int64_t
    use beamid_c_calls, only: check_fork
@@ -9,24 +9,26 @@ module beamid_c_handles
 
    public :: new_handle, borrow, give_back, close_handle
 
+   !> One place of the table of objects.
    type :: slot_t
-      class(*), pointer :: item => null()
-      integer(c_int64_t) :: handle = 0    !< 0: the slot is vacant
-      integer :: borrowers = 0            !< calls that use the item
-      logical :: lent_alone = .false.     !< to one call that may change it
-      integer :: next_vacant = 0          !< 0: none
+      class(*), pointer :: item => null()   !< the object
+      integer(c_int64_t) :: handle = 0    !< handle of the object; 0: the slot is vacant
+      integer :: borrowers = 0            !< number of calls that use the object
+      logical :: lent_alone = .false.     !< the object is lent to one call that may change it
+      integer :: next_vacant = 0          !< next slot in the list of vacant slots; 0: none
    end type slot_t
 
-   !> A handle is a serial number times this, plus the place of its slot.
+   !> Factor of a handle, which is a serial number times this plus the place of the slot.
    integer(c_int64_t), parameter :: most_slots = 2_c_int64_t**24
 
+   !> The table of objects, its first vacant slot (0: none), and the number of handles so far.
    type(slot_t), allocatable, save :: slots(:)
    integer, save :: first_vacant = 0
    integer(c_int64_t), save :: serial = 0
 
 contains
 
-   !> Returns a handle for an item, which belongs to the table from now on.
+   !> Returns a handle for an object, which the table owns from now on.
    integer(c_int64_t) function new_handle(item) result(handle)
       class(*), pointer, intent(in) :: item
       integer :: k
@@ -41,6 +43,7 @@ contains
       !$omp end critical (handles_of_beamid)
    end function new_handle
 
+   !> Extends the table by vacant slots.
    subroutine add_slots()
       type(slot_t), allocatable :: more(:)
       integer :: k, n
@@ -56,11 +59,11 @@ contains
       call move_alloc(more, slots)
    end subroutine add_slots
 
-   !> Borrows the item of a handle; to be given back.
+   !> Borrows the object of a handle until `give_back`.
    !>
-   !> alone  whether the caller may change the item: no other call may have borrowed it
-   !> what   name of such an item in the error, as 'a fit'
-   !> item   not associated if there is an error
+   !> alone  whether the caller may change the object: no other call may have borrowed it
+   !> what   the expected object for the error message, like 'a fit'
+   !> item   the object; not associated if there is an error
    subroutine borrow(handle, alone, what, item, error)
       integer(c_int64_t), intent(in) :: handle
       logical, intent(in) :: alone
@@ -90,7 +93,7 @@ contains
          'one call at a time')
    end subroutine borrow
 
-   !> Gives back what `borrow` has lent.
+   !> Gives back an object that `borrow` has lent.
    subroutine give_back(handle)
       integer(c_int64_t), intent(in) :: handle
       integer :: k
@@ -104,7 +107,7 @@ contains
       !$omp end critical (handles_of_beamid)
    end subroutine give_back
 
-   !> Deletes the item of a handle. An item in use is an error.
+   !> Deletes the object of a handle. It is an error if the object is in use.
    subroutine close_handle(handle, error)
       integer(c_int64_t), intent(in) :: handle
       type(error_t), allocatable, intent(out) :: error
@@ -121,7 +124,7 @@ contains
       deallocate (item)
    end subroutine close_handle
 
-   !> Returns the place of the slot of a handle; 0: there is none.
+   !> Returns the slot of a handle; 0: the handle is not open.
    integer function place_of(handle) result(k)
       integer(c_int64_t), intent(in) :: handle
 

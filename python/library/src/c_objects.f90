@@ -1,4 +1,4 @@
-!> The objects behind the handles: cases and fits.
+!> The objects that handles stand for: cases and fits.
 module beamid_c_objects
    use, intrinsic :: iso_c_binding, only: c_int64_t
    use beamid_c_handles, only: borrow, give_back
@@ -13,27 +13,28 @@ module beamid_c_objects
 
    public :: problem_t, outcome_t, borrow_problem, borrow_outcome
 
-   !> A case, with its records if it is to be fitted.
+   !> An open case, with its records if it serves fits.
    type :: problem_t
-      type(case_t) :: case
-      type(case_fit_t) :: loaded
-      logical :: is_for_fits = .false.
+      type(case_t) :: case                !< the case
+      type(case_fit_t) :: loaded          !< its records, before a fit
+      logical :: is_for_fits = .false.    !< opened for fits, not for responses
    end type problem_t
 
-   !> A fit.
+   !> A fit of a case.
    type :: outcome_t
-      type(case_t) :: case
-      type(case_fit_t) :: found
-      type(output_t) :: tables
+      type(case_t) :: case                          !< the case as it was fitted
+      type(case_fit_t) :: found                     !< all fits of the case, and the verdict
+      type(output_t) :: tables                      !< tables of a judged fit
+      !> Texts that the program would print; not allocated: not judged, no inference.
       character(len=:), allocatable :: summary, intervals
-      real(wp), allocatable :: modes(:, :)    !< columns as of `beamid_array`
+      real(wp), allocatable :: modes(:, :)          !< modes with the columns of `beamid_array`
    contains
       procedure :: last_fit
    end type outcome_t
 
 contains
 
-   !> Borrows the case of a handle.
+   !> Borrows the case of a handle, which other calls may use at the same time.
    subroutine borrow_problem(handle, problem, error)
       integer(c_int64_t), intent(in) :: handle
       type(problem_t), pointer, intent(out) :: problem
@@ -52,7 +53,7 @@ contains
       end select
    end subroutine borrow_problem
 
-   !> Borrows the fit of a handle, alone.
+   !> Borrows the fit of a handle, which no other call may use.
    subroutine borrow_outcome(handle, outcome, error)
       integer(c_int64_t), intent(in) :: handle
       type(outcome_t), pointer, intent(out) :: outcome

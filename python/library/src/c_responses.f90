@@ -1,4 +1,4 @@
-!> Responses for C.
+!> The computation of responses for C, with derivatives.
 module beamid_c_responses
    use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
    use, intrinsic :: iso_c_binding, only: c_char, c_double, c_int, c_int64_t
@@ -25,14 +25,17 @@ module beamid_c_responses
 
 contains
 
-   !> Computes the response of the structure of a case on the last of its meshes. Derivatives are
-   !> with respect to the free parameters of the first stage: of a stiffness itself, even if a
-   !> search would use its reciprocal.
+   !> Computes the response of the structure of a case on the case's last mesh, and its derivatives
+   !> with respect to the free parameters of the first stage. A derivative with respect to a
+   !> stiffness is that with respect to the stiffness itself, although a search would use its
+   !> reciprocal.
    !>
    !> of           handle of a case
-   !> t            (n) ascending [time]
-   !> motion       (n, 3) acceleration as observed; displacement and velocity of the sensor
-   !> derivatives  (n, k) of the acceleration; k: the number of free parameters, or 0: none
+   !> t            (n) times, ascending [time]
+   !> motion       (n, 3) acceleration by the observation formula; displacement and velocity of the
+   !>              sensor
+   !> derivatives  (n, k) derivatives of the acceleration; k is the number of free parameters, or 0:
+   !>              none
    integer(c_int) function beamid_respond(of, n, t, k, motion, derivatives, message, room) &
       result(status) bind(c)
       integer(c_int64_t), value, intent(in) :: of
@@ -66,9 +69,10 @@ contains
       status = told(error, message)
    end function beamid_respond
 
-   !> Checks what a response needs.
+   !> Checks that a case has everything that a response at given times needs, and puts the record's
+   !> own beam into its structure.
    !>
-   !> k  number of columns for derivatives
+   !> k  number of columns for derivatives; 0: none
    subroutine prepare_response(case, t, k, error)
       type(case_t), intent(inout) :: case
       real(wp), intent(in) :: t(:)
@@ -106,6 +110,9 @@ contains
          ': &integrator method: found ''cvode'', expected ''modal'' for exact derivatives')
    end subroutine prepare_response
 
+   !> Computes the derivatives of the observed acceleration.
+   !>
+   !> derivatives  (times, free parameters) derivatives with respect to each free parameter
    subroutine differentiate(case, t, derivatives, error)
       type(case_t), intent(in) :: case
       real(wp), intent(in) :: t(:)

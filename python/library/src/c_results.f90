@@ -1,4 +1,4 @@
-!> Results of a fit for C: arrays and texts, copied out by name.
+!> The results of a fit for C: arrays and texts, copied out by name.
 module beamid_c_results
    use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
    use, intrinsic :: iso_c_binding, only: c_char, c_double, c_int, c_int64_t
@@ -19,17 +19,19 @@ contains
 
    !> Copies an array of a fit.
    !>
-   !> name     estimates  (n, 11) start, value, its bounds, standard error, and the ends of the 95 %
-   !>                     intervals from white noise, from the noise as it is, from every source of
-   !>                     error
-   !>          covariance, correlation  (n, n) of the variables of the search
+   !> name     estimates  (n, 11) start, estimate, lower and upper bound, standard error, and the
+   !>          ends
+   !>                     of three 95 % intervals: for white noise, for the noise as it is, and with
+   !>                     every source of error
+   !>          covariance, correlation  (n, n) of the searched variables
    !>          residual (m), jacobian (m, n), t (m), measured (m)
-   !>          modes      (k, 7) record, s, |s|/(2 pi), damping ratio, half widths of both; none
-   !>                     before the fit is judged
-   !>          J          (2) sum of squares, and over the window of the score or -1
+   !>          modes      (k, 7) record, real and imaginary part of s, |s|/(2 pi), damping ratio,
+   !>          and
+   !>                     the half widths of the last two; empty before the fit is judged
+   !>          J          (2) sum of squares; sum of squares over the window of &score, or -1
    !> places         size of `data`
-   !> data           (rows*columns) column by column; left alone if `places` is smaller
-   !> rows, columns  of the array
+   !> data           (rows*columns) the array, column by column; unchanged if `places` is too small
+   !> rows, columns  shape of the array
    integer(c_int) function beamid_array(handle, name, name_length, places, data, rows, columns, &
       message, room) result(status) bind(c)
       integer(c_int64_t), value, intent(in) :: handle
@@ -74,6 +76,7 @@ contains
 
    contains
 
+      !> Copies a vector to `data`.
       subroutine give_vector(values)
          real(wp), intent(in) :: values(:)
 
@@ -82,6 +85,7 @@ contains
          if (places >= size(values)) data(:size(values)) = values
       end subroutine give_vector
 
+      !> Copies a matrix to `data`, column by column.
       subroutine give_matrix(values)
          real(wp), intent(in) :: values(:, :)
          integer :: j
@@ -96,7 +100,7 @@ contains
 
    end function beamid_array
 
-   !> Returns the rows of 'estimates' (n, 11); NaN: not determined.
+   !> Returns the array 'estimates' (n, 11); NaN: not determined.
    function estimates_of(fit) result(table)
       type(stage_fit_t), intent(in) :: fit
       real(wp) :: table(size(fit%quantities), 11)
@@ -118,15 +122,17 @@ contains
 
    !> Copies a text of a fit, as far as there is room.
    !>
-   !> name    names       of the estimates, one a line
-   !>         units       of the estimates
-   !>         note        parameters that the program holds because a mode is not in the record
-   !>   and of a fit that was judged
-   !>         summary     as the program prints it
-   !>         no_fit      why this is no fit
+   !> name    names       names of the estimates, one in each line
+   !>         units       units of the estimates, one in each line
+   !>         note        remark on a parameter held fixed because a mode is not in the record
+   !>   and for a judged fit
+   !>         summary     summary, as the program prints it
+   !>         no_fit      why the verdict rejects the fit; '': it does not
    !>         intervals   text of the last `beamid_infer`
-   !>         tables      names of the tables, one a line; each is the name of a text as well
-   !> length  of the whole text
+   !>         tables      names of the tables, one in each line; each name is the name of a text,
+   !>         too
+   !> places  size of `text`
+   !> length  length of the whole text
    integer(c_int) function beamid_text(handle, name, name_length, text, places, length, message, &
       room) result(status) bind(c)
       integer(c_int64_t), value, intent(in) :: handle
@@ -177,8 +183,8 @@ contains
       status = told(error, message)
    end function beamid_text
 
-   !> Copies the names of the groups of a case file, one a line, as far as there is room. Returns
-   !> the length of the whole text.
+   !> Copies the names of the groups of a case file, one in each line, as far as there is room;
+   !> returns the length of the whole text.
    integer(c_int) function beamid_groups(text, places) result(length) bind(c)
       integer(c_int), value, intent(in) :: places
       character(kind=c_char), intent(inout) :: text(places)

@@ -1,5 +1,6 @@
-!> The groups &along: properties that vary along the beam, by values at places, or a dip of the
-!> stiffness.
+!> The groups &along of a case file: properties that vary along the beam, given by values at
+!> places, or a local dip of the stiffness. `settle_along` puts them into the structure after the
+!> whole file has been read.
 module beamid_along_groups
    use beamid_blocks, only: block_t
    use beamid_errors, only: error_t
@@ -9,25 +10,33 @@ module beamid_along_groups
    use beamid_strings, only: to_text
    use beamid_structure, only: of_d_D, of_w_D, of_x_D, structure_t
    use beamid_values, only: positive, range_t
-   use beamid_variations, only: as_spline, constant, in_lines, in_steps, new_variation, variation_t
+   use beamid_variations, only: as_spline, constant, in_steps, new_variation, variation_t
    implicit none
    private
 
    public :: along_t, read_along, settle_along, reference_of
 
-   !> One group, its places and values as given.
+   !> One group &along.
    type :: along_t
+      !> Property that varies: 'E', 'c_D', 'rho', 'gamma', 'width' or 'height'.
       character(len=:), allocatable :: parameter
+      !> `in_steps`, `in_lines` or `as_spline` (`beamid_variations`).
       integer :: kind = constant
+      !> (places) places [length] and values there, in the property's unit.
       real(wp), allocatable :: x(:), value(:)
+      !> The group is a dip of E, which the structure holds; there are no places or values.
       logical :: is_dip = .false.
    end type along_t
 
+   !> Largest number of places in the case file.
    integer, parameter :: most = 10000
 
 contains
 
-   !> error  of a file that the group names
+   !> Reads a group &along.
+   !>
+   !> structure  gets the dip, if the group is one
+   !> error      error in a file that the group names; an earlier error is kept
    subroutine read_along(block, structure, found, error)
       type(block_t), intent(inout) :: block
       type(structure_t), intent(inout) :: structure
@@ -39,28 +48,52 @@ contains
       type(series_t) :: series
       integer :: k
       character(len=*), parameter :: of_values(3) = [character(len=5) :: 'x', 'value', 'file'], &
-         of_dips(3) = [character(len=5) :: 'place', 'width', 'depth']
+         of_dips(3) = [character(len=5) :: 'place', 'width', 'depth'], &
+         no_table = 'required without file and without kind=''dip''', &
+         no_dip = 'required with kind=''dip'''
 
       kind = 'linear'
-      call block%get('parameter', found%parameter, 'what varies', [character(len=6) :: 'E', &
-         'c_D', 'rho', 'gamma', 'width', 'height'], default='''E'' of a dip')
-      call block%get('kind', kind, 'straight lines between the places, the natural cubic '// &
-         'spline, or each value up to the next place; or a Gaussian dip of E', &
+      call block%get('parameter', found%parameter, 'property that varies', [character(len=6) :: &
+         'E', 'c_D', 'rho', 'gamma', 'width', 'height'], &
+         default='required; ''E'' with kind=''dip''')
+      call block%get('kind', kind, 'shape: straight lines, a natural cubic spline, or steps '// &
+         'between the positions; or a Gaussian dip of E', &
          [character(len=6) :: 'linear', 'spline', 'steps', 'dip'])
-      call block%get('x', found%x, 'file, or a dip', 'places from 0 to the length; of steps '// &
-         'where each begins', most)
-      call block%get('value', found%value, 'file, or a dip', 'of the parameter at each place', most)
-      call block%get_file('file', file, 'a table of x and value instead', default='x and value')
-      call block%get('place', place, 'a dip needs it', 'of the middle of a dip', positive)
-      call block%get('width', width, 'a dip needs it', 'of a dip, a standard deviation, '// &
+      call block%get('x', found%x, no_table, 'positions, ascending from 0 to the length; of '// &
+         'steps, the start of each', most)
+      call block%get('value', found%value, no_table, 'value of the property at each position', most)
+      call block%get_file('file', file, 'table with the columns x and value', default='none')
+      call block%get('place', place, no_dip, 'position of the middle of the dip', positive)
+      call block%get('width', width, no_dip, 'standard deviation of the dip, '// &
          'at least half an element', positive)
-      call block%get('depth', depth, 'a dip needs it', &
-         'of a dip: the share of E that is missing in its middle', range_t(0))
+      call block%get('depth', depth, no_dip, &
+         'share of E that is missing in the middle of the dip, below 1', range_t(0))
       call block%close()
       if (block%failed()) return
       found%is_dip = kind == 'dip'
       found%kind = findloc([character(len=6) :: 'steps', 'linear', 'spline'] == kind, .true., dim=1)
       if (found%is_dip) then
+         call read_dip()
+         return
+      end if
+      do k = 1, 3
+         call block%exclude(trim(of_dips(k)), 'with kind = '''//kind//'''')
+      end do
+      call block%require('parameter')
+      if (allocated(file)) then
+         call read_table()
+         if (block%failed() .or. allocated(error)) return
+      else
+         call block%require('x')
+         call block%require('value')
+         if (block%failed()) return
+      end if
+      call check_values(block, kind, found)
+
+   contains
+
+      !> Checks the keys of a dip and puts it into the structure.
+      subroutine read_dip()
          do k = 1, 3
             call block%exclude(trim(of_values(k)), 'with kind = ''dip''')
             call block%require(trim(of_dips(k)))
@@ -74,13 +107,10 @@ contains
          call structure%set(of_x_D, place)
          call structure%set(of_w_D, width)
          call structure%set(of_d_D, depth)
-         return
-      end if
-      do k = 1, 3
-         call block%exclude(trim(of_dips(k)), 'with kind = '''//kind//'''')
-      end do
-      call block%require('parameter')
-      if (allocated(file)) then
+      end subroutine read_dip
+
+      !> Reads places and values from a file.
+      subroutine read_table()
          call block%exclude('x', 'beside file')
          call block%exclude('value', 'beside file')
          if (block%failed() .or. allocated(error)) return
@@ -89,15 +119,12 @@ contains
          if (allocated(error)) return
          found%x = series%t
          found%value = series%z
-      else
-         call block%require('x')
-         call block%require('value')
-         if (block%failed()) return
-      end if
-      call check_values(block, kind, found)
+      end subroutine read_table
+
    end subroutine read_along
 
-   !> Places and values that make a function of x.
+   !> Refuses places and values that do not define a function of x: places must ascend from 0,
+   !> values must be positive (c_D and gamma: not negative, and not all 0).
    subroutine check_values(block, kind, found)
       type(block_t), intent(inout) :: block
       character(len=*), intent(in) :: kind
@@ -106,7 +133,7 @@ contains
       integer :: k, n
 
       n = size(found%x)
-      ! Of steps the last place may be the end.
+      ! The last place of steps may be the end of the beam; it needs no value.
       if (found%kind == in_steps .and. n == size(found%value) + 1) &
          found%value = [found%value, found%value(n - 1)]
       if (n /= size(found%value)) then
@@ -135,7 +162,7 @@ contains
          'more places, or kind = ''linear''')
    end subroutine check_values
 
-   !> The lowest value that a variation takes, as far as a hundred places in each part tell.
+   !> Returns the lowest value of a variation, sampled at 101 places of each interval.
    real(wp) function lowest(variation)
       type(variation_t), intent(in) :: variation
       integer, parameter :: parts = 100
@@ -150,8 +177,10 @@ contains
       end do
    end function lowest
 
-   !> The value that stands for a parameter where &beam has none: the one at the root, or the
-   !> largest where that is 0. 0: it does not vary.
+   !> Returns the reference value of a property that varies: its value at the root or, if that is 0,
+   !> its largest value. The structure uses it if &beam gives no value. 0: it does not vary.
+   !>
+   !> along  groups &along read so far
    pure real(wp) function reference_of(along, parameter)
       type(along_t), intent(in) :: along(:)
       character(len=*), intent(in) :: parameter
@@ -165,9 +194,10 @@ contains
       end do
    end function reference_of
 
-   !> One group as a factor of its parameter.
+   !> Puts a group into the structure, as a factor of the property's reference value. Refuses places
+   !> that do not cover the beam, and a reference value outside the range of the group's values.
    !>
-   !> value  of the parameter, which the factor multiplies
+   !> value  reference value of the property, which the factor multiplies
    subroutine settle_along(block, along, value, structure)
       type(block_t), intent(inout) :: block
       type(along_t), intent(in) :: along

@@ -1,5 +1,5 @@
-!> A group of a case file as its reader sees it. One `get` for each key says what the key is called,
-!> what it takes, what holds without it and what it means; `close` refuses what nobody asked for:
+!> A group of a case file as its reader sees it. The reader calls `get` once for each key; the call
+!> states the key's name, default, meaning and range. `close` then refuses all other keys:
 !>
 !>     call block%get('panels', mesh%panels, 'in each element', range_t(1, 1000))
 !>     call block%get('x_S', x_S, 'the tip', 'place of the sensor', positive)
@@ -8,9 +8,12 @@
 !>
 !> A reader gets the path of a file by `get_file` alone, which also resolves it.
 !>
-!> A value that is not given, or refused, keeps what it had: the default. Where no value can stand
-!> for the default it is given in words, and the value is allocatable. A reader asks for all its
-!> keys before it looks at any, so that `keys` lists them also where none is given.
+!> The variable holds the default before the call. If the key is not given, or its value is
+!> refused, the variable is unchanged. If no single value can serve as the default, the variable is
+!> allocatable and unallocated, and the argument `default` describes the default in words.
+!>
+!> A reader asks for all its keys before it looks at any value, so that `keys` is complete even if
+!> the group is empty; the help is made in this way.
 module beamid_blocks
    use beamid_entries, only: entries_t
    use beamid_kinds, only: wp
@@ -24,9 +27,10 @@ module beamid_blocks
 
    public :: block_t
 
+   !> One group of a case file, with the folder of the file and typed access to the keys.
    type, extends(entries_t) :: block_t
-      character(len=:), allocatable :: folder    !< of the case file; paths are relative to it
-      type(path_t), allocatable :: files(:)      !< that the group names; not allocated: none
+      character(len=:), allocatable :: folder    !< folder of the case file; base of relative paths
+      type(path_t), allocatable :: files(:)      !< files that the group names; not allocated: none
    contains
       generic :: get => get_real, get_real_or_none, get_reals, get_integer, get_integers, &
          get_text, get_texts
@@ -37,14 +41,19 @@ module beamid_blocks
 
 contains
 
-   !> One real number.
+   !> Gets one real number whose default is a number.
+   !>
+   !> name      key
+   !> value     default on entry; the value of the key on return
+   !> help      meaning of the key, for the help
+   !> range     allowed values; absent: all
    subroutine get_real(self, name, value, help, range, required, infinite)
       class(block_t), intent(inout) :: self
       character(len=*), intent(in) :: name
       real(wp), intent(inout) :: value
       character(len=*), intent(in) :: help
       type(range_t), intent(in), optional :: range
-      !> `required`: it must be given; `infinite`: `inf` is a value; default no.
+      !> `required`: the key must be given; `infinite`: the word `inf` is allowed; default .false.
       logical, intent(in), optional :: required, infinite
       real(wp), allocatable :: x(:)
 
@@ -52,6 +61,7 @@ contains
       if (size(x) > 0) value = x(1)
    end subroutine get_real
 
+   !> Gets one real number that may remain unallocated; `default` describes its default in words.
    subroutine get_real_or_none(self, name, value, default, help, range, required, infinite)
       class(block_t), intent(inout) :: self
       character(len=*), intent(in) :: name
@@ -65,7 +75,11 @@ contains
       if (size(x) > 0) value = x(1)
    end subroutine get_real_or_none
 
-   !> Several real numbers, or one of some words in their place.
+   !> Gets a list of real numbers, or one of several words instead of them.
+   !>
+   !> values  values of the key; unchanged if it is not given
+   !> most    largest number of values
+   !> words   words that may be given instead of numbers
    subroutine get_reals(self, name, values, default, help, most, words, word, range)
       class(block_t), intent(inout) :: self
       character(len=*), intent(in) :: name
@@ -73,36 +87,37 @@ contains
       character(len=*), intent(in) :: default, help
       integer, intent(in) :: most
       character(len=*), intent(in), optional :: words(:)
-      !> The one that was given; ''.
+      !> The word that was given; '' if none was. Required with `words`.
       character(len=*), intent(out), optional :: word
       type(range_t), intent(in), optional :: range
-      type(key_t) :: key
       real(wp), allocatable :: x(:)
 
-      key = new_key(name, kind_real, default, help, most, range)
-      if (present(words)) key%words = words
-      call self%take(key, x, word=word)
+      call self%take(new_key(name, kind_real, default, help, most, range, words=words), x, &
+         word=word)
       if (size(x) > 0) values = x
    end subroutine get_reals
 
-   !> One integer; `default` says in words what is not its value.
-   subroutine get_integer(self, name, value, help, range, default)
+   !> Gets one integer; `default` replaces the default's number in the help by words.
+   subroutine get_integer(self, name, value, help, range, default, choices)
       class(block_t), intent(inout) :: self
       character(len=*), intent(in) :: name
       integer, intent(inout) :: value
       character(len=*), intent(in) :: help
       type(range_t), intent(in), optional :: range
       character(len=*), intent(in), optional :: default
+      !> The values that are allowed, for the help; the caller checks them.
+      character(len=*), intent(in), optional :: choices(:)
       type(key_t) :: key
       real(wp), allocatable :: x(:)
 
       key = new_key(name, kind_integer, to_text(value), help, 1, range)
       if (present(default)) key%default = default
+      if (present(choices)) key%choices = choices
       call self%take(key, x)
       if (size(x) > 0) value = nint(x(1))
    end subroutine get_integer
 
-   !> Several integers, or one of some words in their place, as above.
+   !> Gets a list of integers, or one of several words instead of them; arguments as `get_reals`.
    subroutine get_integers(self, name, values, default, help, most, range, words, word)
       class(block_t), intent(inout) :: self
       character(len=*), intent(in) :: name
@@ -112,20 +127,21 @@ contains
       type(range_t), intent(in), optional :: range
       character(len=*), intent(in), optional :: words(:)
       character(len=*), intent(out), optional :: word
-      type(key_t) :: key
       real(wp), allocatable :: x(:)
 
-      key = new_key(name, kind_integer, default, help, most, range)
-      if (present(words)) key%words = words
-      call self%take(key, x, word=word)
+      call self%take(new_key(name, kind_integer, default, help, most, range, words=words), x, &
+         word=word)
       if (size(x) > 0) values = nint(x)
    end subroutine get_integers
 
-   !> One text, of some words where they are given; blanks at its end do not count.
+   !> Gets one text without its trailing blanks.
+   !>
+   !> words    the allowed texts; absent: all texts are allowed
+   !> default  description of the default in words, instead of the value on entry
    subroutine get_text(self, name, value, help, words, required, default)
       class(block_t), intent(inout) :: self
       character(len=*), intent(in) :: name
-      !> Not allocated: there is no default, or it is given in words.
+      !> Default on entry; not allocated: there is none, or `default` describes it.
       character(len=:), allocatable, intent(inout) :: value
       character(len=*), intent(in) :: help
       character(len=*), intent(in), optional :: words(:), default
@@ -136,6 +152,7 @@ contains
       key = new_key(name, kind_text, '', help, 1, required=required)
       if (allocated(value)) key%default = ''''//value//''''
       if (present(default)) key%default = default
+      if (present(words)) key%choices = words
       call self%take(key, texts=texts)
       if (size(texts) == 0) return
       if (present(words)) then
@@ -146,12 +163,13 @@ contains
       value = trim(texts(1))
    end subroutine get_text
 
-   !> Gets the path of a file that the case reads, and adds it to `files`. Every file that a case
-   !> names passes through here: the fingerprint of a case covers the files in this list.
+   !> Gets the path of a file that the case reads, and appends it to `files`. Every file that a case
+   !> names must pass through this procedure, because the fingerprint of a case covers the files in
+   !> this list.
    subroutine get_file(self, name, path, help, default)
       class(block_t), intent(inout) :: self
       character(len=*), intent(in) :: name
-      !> On return relative to the current folder, as `open` takes it; not allocated: not given
+      !> Path relative to the current folder, as `open` takes it; not allocated: not given.
       character(len=:), allocatable, intent(out) :: path
       character(len=*), intent(in) :: help, default
       type(key_t) :: key
@@ -169,7 +187,7 @@ contains
       call append_path(self%files, path)
    end subroutine get_file
 
-   !> Several texts.
+   !> Gets a list of texts; at most `most` of them.
    subroutine get_texts(self, name, values, default, help, most, required)
       class(block_t), intent(inout) :: self
       character(len=*), intent(in) :: name

@@ -1,5 +1,5 @@
-!> Whether the groups of a case file go together, each of which is sound by itself, and whether they
-!> have all that a command needs.
+!> Checks of a whole case after all its groups are read: whether the groups fit together, and
+!> whether the case has everything that a command needs. `workflows/cases` calls them.
 module beamid_case_checks
    use beamid_along_groups, only: reference_of, settle_along
    use beamid_blocks, only: block_t
@@ -25,14 +25,15 @@ module beamid_case_checks
       settle_box, has_grid
    public :: needs_nothing, needs_response, needs_fit, needs_design, needs_modes
 
-   !> What a command needs of a case: the structure alone, a response at given times, a fit, or
-   !> experiments to choose from.
+   !> What a command needs of a case: the structure alone, a response at given times, a fit,
+   !> candidate experiments, or natural modes.
    integer, parameter :: needs_nothing = 0, needs_response = 1, needs_fit = 2, needs_design = 3, &
       needs_modes = 4
 
 contains
 
-   !> What varies along the beam, now that its length and the values in &beam are known.
+   !> Puts all properties that vary along the beam into the structure, once its length and the
+   !> values in &beam are known. Problems are added to the blocks.
    subroutine settle_variations(blocks, case)
       type(block_t), intent(inout) :: blocks(:)
       type(case_t), intent(inout) :: case
@@ -62,6 +63,7 @@ contains
 
    contains
 
+      !> Returns the reference value of a property.
       real(wp) function value_of(name)
          character(len=*), intent(in) :: name
 
@@ -76,7 +78,8 @@ contains
 
    end subroutine settle_variations
 
-   !> Whether structure, excitation, mesh and observation go together. Problems stay in the blocks.
+   !> Checks that structure, excitations, meshes and observation fit together. Problems are added to
+   !> the blocks.
    subroutine check_whole(blocks, case)
       type(block_t), intent(inout) :: blocks(:)
       type(case_t), intent(in) :: case
@@ -114,7 +117,7 @@ contains
       end if
    end subroutine check_whole
 
-   !> The place of the n-th group of a name; 0 where there are fewer.
+   !> Returns the place of the n-th group of a name among the blocks; 0: there are fewer.
    pure integer function place_of(blocks, name, n) result(k)
       type(block_t), intent(in) :: blocks(:)
       character(len=*), intent(in) :: name
@@ -129,8 +132,9 @@ contains
       k = 0
    end function place_of
 
-   !> A dip that falls between the points of a mesh is not there, or anything: a third of an element
-   !> costs the second frequency of a strip .4 %, half of one .05 %.
+   !> Refuses a dip that is too narrow for a mesh: a dip that falls between the quadrature points
+   !> has no effect or an arbitrary one. With a width of a third of an element, the second frequency
+   !> of a strip has an error of .4 %; with half an element, .05 %.
    subroutine check_dip(blocks, case)
       type(block_t), intent(inout) :: blocks(:)
       type(case_t), intent(in) :: case
@@ -147,7 +151,8 @@ contains
       end associate
    end subroutine check_dip
 
-   !> A force acts on the beam. Where a record has a beam of its own length that shows later.
+   !> Refuses a force beyond the tip. If a record has a beam length of its own, the force is checked
+   !> later, with that length.
    subroutine check_forces(blocks, case)
       type(block_t), intent(inout) :: blocks(:)
       type(case_t), intent(in) :: case
@@ -164,24 +169,24 @@ contains
       end do
    end subroutine check_forces
 
-   !> Rigid supports leave the beam some freedom on every mesh.
+   !> Refuses so many rigid supports that the coarsest mesh has no degree of freedom left.
    subroutine check_rigid(blocks, case)
       type(block_t), intent(inout) :: blocks(:)
       type(case_t), intent(in) :: case
-      integer :: held, k, least
+      integer :: rigid, k, unknowns
 
       associate (structure => case%model%structure, mesh => case%meshes( &
          minloc(case%meshes%elements, dim=1)))
-         held = structure%rigid_supports()
-         least = unknowns_of(mesh, structure) + held - merge(1, 0, structure%has_hose())
-         if (held < least) return
+         rigid = structure%rigid_supports()
+         unknowns = unknowns_of(mesh, structure) + rigid - merge(1, 0, structure%has_hose())
+         if (rigid < unknowns) return
          k = place_of(blocks, 'support', structure%supports)
-         if (k > 0) call blocks(k)%refuse('', to_text(held)//' rigid ones', 'at most '// &
-            to_text(least - 1)//' on a mesh of '//to_text(mesh%elements)//' elements')
+         if (k > 0) call blocks(k)%refuse('', to_text(rigid)//' rigid ones', 'at most '// &
+            to_text(unknowns - 1)//' on a mesh of '//to_text(mesh%elements)//' elements')
       end associate
    end subroutine check_rigid
 
-   !> Refuses a case that lacks what the command needs.
+   !> Refuses a case that lacks something that the command needs.
    !>
    !> needs  needs_nothing, needs_modes, needs_response, needs_fit or needs_design
    subroutine check_needs(case, needs, error)
@@ -228,19 +233,18 @@ contains
          'one record with a known start', error)
    end subroutine check_needs
 
-   !> Refuses meshes on which one response takes minutes: by the exact solver, and for all modes. A
-   !> fit is repeated by the exact solver on a mesh of twice the elements.
+   !> Refuses meshes on which one response of the exact solver, or all natural modes, would take
+   !> minutes. A fit has half the limit, because it is repeated with twice the elements.
    subroutine check_elements(case, needs, error)
       type(case_t), intent(in) :: case
       integer, intent(in) :: needs
       type(error_t), allocatable, intent(inout) :: error
-      !> The time of one response grows with the square of the number of elements, and with its cube
-      !> where all modes are coupled.
+      !> The time of one response grows with the square of the number of elements, or with its cube
+      !> if all modes are coupled.
       integer, parameter :: most = 1000, most_coupled = 256
-      integer :: limit, repeats
+      integer :: limit, repeats, k
       character(len=:), allocatable :: reason
       logical :: coupled
-      integer :: k
 
       if (needs == needs_nothing) return
       if (needs == needs_response .and. .not. is_exact(case%model%solver)) return
@@ -260,6 +264,7 @@ contains
       end associate
    end subroutine check_elements
 
+   !> Refuses a case from which no single response can be computed.
    subroutine check_response(case, error)
       type(case_t), intent(in) :: case
       type(error_t), allocatable, intent(inout) :: error
@@ -273,7 +278,7 @@ contains
          't_first, t_last and t_step', error)
    end subroutine check_response
 
-   !> Experiments to choose from, of which the present one is known.
+   !> Refuses a case whose candidate experiments or present experiment are incomplete.
    subroutine check_design(case, error)
       type(case_t), intent(in) :: case
       type(error_t), allocatable, intent(inout) :: error
@@ -316,7 +321,8 @@ contains
       end associate
    end subroutine check_design
 
-   !> What may be chosen, with noise and parameters of interest of the case where it does not say.
+   !> Returns the candidate experiments of a case; takes the noise and the parameters of interest
+   !> from the rest of the case if &design does not give them.
    subroutine settle_box(case, box)
       type(case_t), intent(in) :: case
       type(box_t), intent(out) :: box
@@ -328,7 +334,7 @@ contains
       if (.not. allocated(box%interest)) box%interest = case%stages(size(case%stages))%free
    end subroutine settle_box
 
-   !> Whether all sample times are given.
+   !> Returns whether a window states all sample times: first, last and step.
    pure logical function has_grid(window)
       type(window_t), intent(in) :: window
 
@@ -336,7 +342,7 @@ contains
          allocated(window%t_step)
    end function has_grid
 
-   !> Whether the case has all that a fit needs.
+   !> Returns whether a case has everything that a fit needs.
    logical function can_be_fitted(case)
       type(case_t), intent(in) :: case
       type(error_t), allocatable :: error
@@ -345,8 +351,8 @@ contains
       can_be_fitted = .not. allocated(error)
    end function can_be_fitted
 
-   !> Which sensor record k comes from, and its beam where that has a length, a place of the sensor
-   !> or of the support of its own; these must go together.
+   !> Sets excitation and sensor of the experiment of record k and, if the record has its own, beam
+   !> length and places of sensor and support. Refuses values that do not fit together.
    subroutine place_experiment(case, k, experiment, error)
       type(case_t), intent(in) :: case
       integer, intent(in) :: k

@@ -1,4 +1,5 @@
-!> The group of a case file that lists experiments to choose from.
+!> Reader of the group &design of a case file: the candidate experiments among which `design`
+!> chooses. `beamid_case_files` calls it.
 module beamid_design_groups
    use beamid_blocks, only: block_t
    use beamid_boxes, only: box_t, is_pulse
@@ -16,8 +17,11 @@ module beamid_design_groups
 
 contains
 
+   !> Reads the group &design.
+   !>
    !> structure, excitations  of the case
-   !> sound  whether all other groups have been read without a problem
+   !> sound  whether no other group had a problem; otherwise only the keys are read
+   !> box    the lists of settings whose combinations are the candidates
    subroutine read_design(block, structure, excitations, sound, box)
       type(block_t), intent(inout) :: block
       type(structure_t), intent(in) :: structure
@@ -30,25 +34,28 @@ contains
       real(wp), allocatable :: noise, wanted
       integer :: k
 
-      call block%get('x_S', box%x_S, 'that of the case', 'places of the sensor, or '// &
+      call block%get('x_S', box%x_S, 'that of the case', 'positions of the sensor; ''auto'': '// &
          to_text(places)//' along the beam', most, ['auto'], word_S, positive)
-      call block%get('x_F', box%x_F, 'that of the case', 'places of the force, likewise', most, &
-         ['auto'], word_F, positive)
-      call block%get('duration', box%duration, 'that of the case', 'of the pulse', most, &
+      call block%get('x_F', box%x_F, 'that of the case', 'positions of the force; ''auto'': '// &
+         to_text(places)//' along the beam', most, ['auto'], word_F, positive)
+      call block%get('duration', box%duration, 'that of the case', 'durations of the pulse', most, &
          range=positive)
-      call block%get('t_first', box%t_first, 'that of the record', 'first sample times', most)
-      call block%get('t_last', box%t_last, 'that of the record', 'last sample times', most)
-      call block%get('t_step', box%t_step, 'that of the record', 'steps between samples', most, &
-         range=positive)
-      call block%get('sensors', box%sensors, 'at so many of the places at once', range_t(1, 2))
-      call block%get('modes', box%modes, 'whose start counts as unknown, as if the excitation '// &
-         'were of the kind ''free''', range_t(0, 20))
+      call block%get('t_first', box%t_first, 'that of the record', 'times of the first sample', &
+         most)
+      call block%get('t_last', box%t_last, 'that of the record', 'times of the last sample', most)
+      call block%get('t_step', box%t_step, 'that of the record', 'time steps of the samples', &
+         most, range=positive)
+      call block%get('sensors', box%sensors, 'number of positions that are observed at once', &
+         range_t(1, 2))
+      call block%get('modes', box%modes, 'number of modes whose initial amplitude and phase '// &
+         'are treated as unknown, as with kind=''free''', range_t(0, 20))
       call block%get('noise_sd', noise, 'sd of &noise, or of the record', &
          'standard deviation of the noise of each sensor', positive)
       call block%get('parameters', names, 'all that are free in the last stage', &
-         'whose errors count, with all others as a nuisance', size(parameters))
-      call block%get('target', wanted, 'none', 'relative standard error that is wanted of each', &
-         positive)
+         'names of the parameters of interest; the other free parameters are nuisance '// &
+         'parameters', size(parameters))
+      call block%get('target', wanted, 'none', 'relative standard error that is wanted for '// &
+         'each parameter', positive)
       call block%close()
       if (block%failed() .or. .not. sound) return
       if (allocated(noise)) box%noise_sd = noise
@@ -76,7 +83,7 @@ contains
       if (allocated(names)) call find_parameters(block, names, structure, box%interest)
    end subroutine read_design
 
-   !> Each value once, and on the beam.
+   !> Refuses a list that contains a value twice or, if `length` is present, a place beyond the tip.
    subroutine check_list(block, key, values, length)
       type(block_t), intent(inout) :: block
       character(len=*), intent(in) :: key
@@ -99,6 +106,9 @@ contains
       end do
    end subroutine check_list
 
+   !> Finds the parameters of interest; refuses unknown and repeated names.
+   !>
+   !> places  (size of names) places among the `parameters`
    subroutine find_parameters(block, names, structure, places)
       type(block_t), intent(inout) :: block
       character(len=*), intent(in) :: names(:)

@@ -1,5 +1,6 @@
-!> The groups of a case file that repeat a command over many members: records with noise of their
-!> own, made by structures that are drawn, or a list of cases.
+!> Readers of the groups of a case file that repeat a command for many ensemble members: records
+!> simulated with random noise and drawn parameters, or a list of cases. `beamid_case_files` calls
+!> them.
 module beamid_ensemble_groups
    use beamid_blocks, only: block_t
    use beamid_errors, only: error_t
@@ -18,25 +19,30 @@ module beamid_ensemble_groups
 
    public :: draw_t, ensemble_t, read_draw, read_ensemble
 
-   !> A parameter of the beam that makes a record, uniform between two values.
+   !> A parameter of the simulated beam that is drawn from a uniform distribution for each member.
    type :: draw_t
       integer :: parameter = 0         !< place among the `parameters`
-      real(wp) :: low = 0, high = 0    !< of what it is named for
+      real(wp) :: low = 0, high = 0    !< ends of the distribution, in the unit of the case file
    end type draw_t
 
+   !> The group &ensemble.
    type :: ensemble_t
-      character(len=:), allocatable :: command   !< not allocated: there is no such group
-      integer :: members = 1000
-      integer :: seed = 1
-      integer :: elements = 0                    !< of the beam that makes a record; 0: of the fit
-      character(len=:), allocatable :: cases     !< path of a list; not allocated: made records
-      integer :: line = 0
+      character(len=:), allocatable :: command   !< command run for each member; not allocated: the
+      !< case has no such group
+      integer :: members = 1000                  !< number of members
+      integer :: seed = 1                        !< seed of draws and noise
+      integer :: elements = 0                    !< of the beam that makes a record; 0: as the fit
+      character(len=:), allocatable :: cases     !< path of a list of cases; not allocated: records
+      !< are simulated
+      integer :: line = 0                        !< line of the group in the case file
    end type ensemble_t
 
 contains
 
+   !> Reads the group &ensemble.
+   !>
    !> structure  of the case
-   !> sound      whether it has been read without a problem
+   !> sound      whether no earlier group had a problem
    subroutine read_ensemble(block, structure, sound, found)
       type(block_t), intent(inout) :: block
       type(structure_t), intent(in) :: structure
@@ -45,14 +51,14 @@ contains
 
       found%command = 'identify'
       found%line = block%line
-      call block%get('command', found%command, 'that is run on each member', &
+      call block%get('command', found%command, 'command that is run on each member', &
          [character(len=9) :: 'identify', 'profile', 'sample', 'bootstrap', 'modes'])
-      call block%get('members', found%members, 'their number', range_t(1, 999999999))
-      call block%get('seed', found%seed, 'of the random numbers')
-      call block%get('elements', found%elements, 'of the mesh of the beam that makes a record', &
-         range_t(1, 10000), default='that of the fit')
-      call block%get_file('cases', found%cases, 'a file with the path of a case in each line, '// &
-         'each of which is a member', default='none, members are made from this case')
+      call block%get('members', found%members, 'number of members', range_t(1, 999999999))
+      call block%get('seed', found%seed, 'seed of the random numbers')
+      call block%get('elements', found%elements, 'number of elements of the mesh that '// &
+         'simulates a record', range_t(1, 10000), default='that of the fit')
+      call block%get_file('cases', found%cases, 'file with the path of a case in each line; '// &
+         'each case is a member', default='none, the members are simulated from this case')
       call block%close()
       if (block%failed()) return
       if (allocated(found%cases)) then
@@ -66,9 +72,11 @@ contains
       end if
    end subroutine read_ensemble
 
+   !> Reads a group &draw.
+   !>
    !> structure, excitations  of the case
-   !> sound   whether these have been read without a problem
-   !> others  those that came before
+   !> sound   whether no earlier group had a problem; otherwise only the keys are read
+   !> others  draws of earlier groups
    subroutine read_draw(block, structure, excitations, sound, others, found)
       type(block_t), intent(inout) :: block
       type(structure_t), intent(in) :: structure
@@ -78,9 +86,9 @@ contains
       type(draw_t), intent(out) :: found
       character(len=:), allocatable :: name
 
-      call block%get('parameter', name, 'of the beam that makes a record', required=.true.)
-      call block%get('low', found%low, 'it is drawn evenly from here', required=.true.)
-      call block%get('high', found%high, 'to here', required=.true.)
+      call block%get('parameter', name, 'name of the parameter to draw', required=.true.)
+      call block%get('low', found%low, 'lower end of the uniform distribution', required=.true.)
+      call block%get('high', found%high, 'upper end of the uniform distribution', required=.true.)
       call block%close()
       if (block%failed()) return
       if (found%high < found%low) call block%refuse('high', to_text(found%high), &
@@ -102,7 +110,7 @@ contains
 
    contains
 
-      !> The structure must be one with this value too.
+      !> Refuses an end of the distribution with which the structure is not valid.
       subroutine check_end(key, value)
          character(len=*), intent(in) :: key
          real(wp), intent(in) :: value

@@ -1,5 +1,5 @@
-!> The keys of one group of a case file with their values as written, what the group's reader asked
-!> for, and what is wrong with either.
+!> The keys and values of one group of a case file as written, the keys that the group's reader has
+!> asked for, and the problems found in either. `beamid_blocks` adds a typed `get` for each key.
 module beamid_entries
    use beamid_kinds, only: wp
    use beamid_numbers, only: shortened
@@ -13,14 +13,15 @@ module beamid_entries
 
    public :: entries_t
 
+   !> One group of a case file. `beamid_namelist` fills the tokens; a reader takes the values.
    type :: entries_t
-      character(len=:), allocatable :: name     !< of the group, without '&'
-      integer :: line = 1                       !< of its '&'
-      type(refusals_t) :: refusals
-      type(key_t), allocatable :: keys(:)       !< asked for so far
-      !> (n) each key with its values behind it
+      character(len=:), allocatable :: name     !< name of the group, without '&'
+      integer :: line = 1                       !< line of the case file with the group's '&'
+      type(refusals_t) :: refusals              !< problems found in the group
+      type(key_t), allocatable :: keys(:)       !< keys that the reader has asked for so far
+      !> (n_tokens) the group's tokens in the order of the file: each key, then its values
       type(token_t), allocatable, private :: tokens(:)
-      integer, private :: n = 0
+      integer, private :: n_tokens = 0
    contains
       procedure :: append
       procedure :: take
@@ -32,36 +33,38 @@ module beamid_entries
       procedure :: exclude
       procedure :: refuse
       procedure :: complain
-      procedure, private :: find
-      procedure, private :: place
+      procedure, private :: find_values
+      procedure, private :: key_position
    end type entries_t
 
 contains
 
-   !> A key, one of its values, or what is broken.
+   !> Appends a token of the group: a key, a value of the key before it, or broken text.
    subroutine append(self, token)
       class(entries_t), intent(inout) :: self
       type(token_t), intent(in) :: token
       type(token_t), allocatable :: longer(:)
 
       if (.not. allocated(self%tokens)) allocate (self%tokens(16))
-      if (self%n == size(self%tokens)) then
-         allocate (longer(2*self%n))
-         longer(:self%n) = self%tokens
+      if (self%n_tokens == size(self%tokens)) then
+         allocate (longer(2*self%n_tokens))
+         longer(:self%n_tokens) = self%tokens
          call move_alloc(longer, self%tokens)
       end if
-      self%n = self%n + 1
-      self%tokens(self%n) = token
+      self%n_tokens = self%n_tokens + 1
+      self%tokens(self%n_tokens) = token
    end subroutine append
 
-   !> Notes what a key is, and reads its values.
+   !> Registers a key among the keys of the group and reads its values; adds a problem to `refusals`
+   !> if a value, the number of values or a value's range is not as `key` demands.
    subroutine take(self, key, numbers, texts, word)
       class(entries_t), intent(inout) :: self
       type(key_t), intent(in) :: key
-      !> (values) of a key that takes numbers, or texts; none where it is not given or refused
+      !> (number of values) values of a key of numbers, or of texts; size 0 if the key is not given
+      !> or its values are refused
       real(wp), allocatable, intent(out), optional :: numbers(:)
       character(len=:), allocatable, intent(out), optional :: texts(:)
-      !> Which of the key's words stands for the numbers; ''.
+      !> The word of `key%words` that is given instead of numbers; '' if there is none.
       character(len=*), intent(out), optional :: word
       real(wp), allocatable :: x(:)
       character(len=:), allocatable :: name, message
@@ -72,7 +75,7 @@ contains
       if (present(texts)) allocate (character(len=longest) :: texts(0))
       if (present(word)) word = ''
       name = trim(key%name)
-      call self%find(name, first, n)
+      call self%find_values(name, first, n)
       if (first == 0) return
       if (allocated(key%words) .and. n == 1) then
          associate (only => self%tokens(first + 1))
@@ -108,29 +111,31 @@ contains
       end if
    end subroutine take
 
-   !> Refuses keys that nobody has asked for or that stand there twice, and the lack of required
-   !> ones, where no other problem can be the reason.
+   !> Ends the reading of the group: adds a problem for each unknown or repeated key. If the group
+   !> has no problem at all, also adds one for each required key that is missing; otherwise the
+   !> missing key may be a consequence of the other problem.
    subroutine close(self)
       class(entries_t), intent(inout) :: self
-      character(len=:), allocatable :: perhaps
-      integer :: seen(size(self%keys)), i, k
+      character(len=:), allocatable :: suggestion
+      integer :: first_line(size(self%keys)), i, k
 
-      seen = 0
-      do i = 1, self%n
+      first_line = 0
+      do i = 1, self%n_tokens
          associate (token => self%tokens(i))
             if (token%kind /= token_key) cycle
             do k = size(self%keys), 1, -1
                if (lower(trim(self%keys(k)%name)) == lower(token%text)) exit
             end do
             if (k == 0) then
-               call or_nearest(token%text, [(self%keys(k)%name, k=1, size(self%keys))], perhaps)
+               call or_nearest(token%text, [(self%keys(k)%name, k=1, size(self%keys))], suggestion)
                call self%complain(token%line, shortened(token%text), 'found an unknown key, '// &
-                  'expected '//listed([(self%keys(k)%name, k=1, size(self%keys))], ', ')//perhaps)
-            else if (seen(k) > 0) then
+                  'expected '//listed([(self%keys(k)%name, k=1, size(self%keys))], ', ')// &
+                  suggestion)
+            else if (first_line(k) > 0) then
                call self%complain(token%line, token%text, 'found the key again, expected it '// &
-                  'once (first in line '//to_text(seen(k))//')')
+                  'once (first in line '//to_text(first_line(k))//')')
             else
-               seen(k) = token%line
+               first_line(k) = token%line
             end if
          end associate
       end do
@@ -140,31 +145,31 @@ contains
       end do
    end subroutine close
 
-   !> Whether anything in the group was refused.
+   !> Returns whether any problem has been found in the group.
    pure logical function failed(self)
       class(entries_t), intent(in) :: self
 
       failed = self%refusals%n > 0
    end function failed
 
-   !> Whether a key is given.
+   !> Returns whether the group gives a key; upper and lower case are equal.
    pure logical function has(self, name)
       class(entries_t), intent(in) :: self
       character(len=*), intent(in) :: name
 
-      has = self%place(name) > 0
+      has = self%key_position(name) > 0
    end function has
 
-   !> The line of a key; the group's where the key is not given.
+   !> Returns the line of a key; if the key is not given, the line of the group.
    pure integer function line_of(self, name) result(line)
       class(entries_t), intent(in) :: self
       character(len=*), intent(in) :: name
 
       line = self%line
-      if (self%has(name)) line = self%tokens(self%place(name))%line
+      if (self%has(name)) line = self%tokens(self%key_position(name))%line
    end function line_of
 
-   !> Refuses the group without a key.
+   !> Adds a problem if the group does not give a key.
    subroutine require(self, name)
       class(entries_t), intent(inout) :: self
       character(len=*), intent(in) :: name
@@ -172,7 +177,9 @@ contains
       if (.not. self%has(name)) call self%refuse(name, 'nothing', 'a value')
    end subroutine require
 
-   !> Refuses a key that has no meaning beside another.
+   !> Adds a problem if the group gives a key that has no meaning in its context.
+   !>
+   !> beside  the reason, the end of the message `expected none ...`: "beside file"
    subroutine exclude(self, name, beside)
       class(entries_t), intent(inout) :: self
       character(len=*), intent(in) :: name, beside
@@ -180,7 +187,7 @@ contains
       if (self%has(name)) call self%refuse(name, 'a value', 'none '//beside)
    end subroutine exclude
 
-   !> Refuses what a key has.
+   !> Adds a problem: what was found as the value of a key, and what was expected.
    subroutine refuse(self, name, found, expected)
       class(entries_t), intent(inout) :: self
       character(len=*), intent(in) :: name, found, expected
@@ -188,7 +195,11 @@ contains
       call self%complain(self%line_of(name), name, 'found '//found//', expected '//expected)
    end subroutine refuse
 
-   !> One problem more, of a key or, where its name is '', of the group.
+   !> Adds a problem with a message of its own.
+   !>
+   !> line     line of the case file
+   !> name     key; '': the problem concerns the whole group
+   !> message  `found ..., expected ...`
    subroutine complain(self, line, name, message)
       class(entries_t), intent(inout) :: self
       integer, intent(in) :: line
@@ -197,45 +208,49 @@ contains
       call self%refusals%add(line, '&'//trim(self%name//' '//name)//': '//message)
    end subroutine complain
 
-   !> Where a key stands, and how many values it has; 0 where it is not given, or so broken that
-   !> nothing more can be said about it.
-   pure subroutine find(self, name, first, n)
+   !> Finds the values of a key.
+   !>
+   !> first  position of the key among the tokens, its values follow; 0: the key is not given, or
+   !>        the text behind it is broken and has been refused already
+   !> n      number of values
+   pure subroutine find_values(self, name, first, n)
       class(entries_t), intent(in) :: self
       character(len=*), intent(in) :: name
       integer, intent(out) :: first, n
       integer :: last
 
-      first = self%place(name)
+      first = self%key_position(name)
       n = 0
       if (first == 0) return
-      do last = first, self%n - 1
+      do last = first, self%n_tokens - 1
          if (self%tokens(last + 1)%kind < token_word) exit
       end do
       n = last - first
-      if (last < self%n) then
+      if (last < self%n_tokens) then
          if (self%tokens(last + 1)%kind == token_broken) first = 0
       end if
       if (first == 0) n = 0
       if (n /= 1) return
-      ! A comma alone, as in `key=, next=1`, is no value.
+      ! A comma alone, as in `key=, next=1`, is not a value.
       associate (only => self%tokens(last))
          if (only%kind == token_mark .and. only%text == ',') n = 0
       end associate
-   end subroutine find
+   end subroutine find_values
 
-   !> The place of a key, in any case, among the tokens; 0 where it is not given.
-   pure integer function place(self, name)
+   !> Returns the position of a key among the tokens, in upper or lower case; 0: it is not given.
+   pure integer function key_position(self, name) result(k)
       class(entries_t), intent(in) :: self
       character(len=*), intent(in) :: name
 
-      do place = 1, self%n
-         if (self%tokens(place)%kind /= token_key) cycle
-         if (lower(self%tokens(place)%text) == lower(name)) return
+      do k = 1, self%n_tokens
+         if (self%tokens(k)%kind /= token_key) cycle
+         if (lower(self%tokens(k)%text) == lower(name)) return
       end do
-      place = 0
-   end function place
+      k = 0
+   end function key_position
 
-   !> One key more. (An array constructor would not do for texts of their own length.)
+   !> Appends a key to a list. (An array constructor does not work here, because the texts of the
+   !> keys have different lengths.)
    subroutine append_key(keys, key)
       type(key_t), allocatable, intent(inout) :: keys(:)
       type(key_t), intent(in) :: key

@@ -1,4 +1,4 @@
-!> What the tables of groups, keys and parameters say about themselves, for `help` and the manual.
+!> The help for groups, keys and parameters, made from their tables, for `help` and the manual.
 module beamid_key_help
    use beamid_blocks, only: block_t
    use beamid_case_files, only: groups, list_keys
@@ -6,7 +6,7 @@ module beamid_key_help
    use beamid_strings, only: lower
    use beamid_texts, only: left, text_t, wrapped
    use beamid_units, only: units_t
-   use beamid_values, only: key_t, kind_integer, kind_text, listed, name_length
+   use beamid_values, only: key_t, kind_integer, kind_text, listed, name_length, one_of
    implicit none
    private
 
@@ -14,9 +14,9 @@ module beamid_key_help
 
 contains
 
-   !> Every group, key and free parameter of that name, in any case.
+   !> Adds the help for every group, key and free parameter of a name, in upper or lower case.
    !>
-   !> found  whether there is one; once .true. it stays
+   !> found  set to .true. if there is one; otherwise unchanged
    subroutine add_help_on(word, text, found)
       character(len=*), intent(in) :: word
       type(text_t), intent(inout) :: text
@@ -32,6 +32,7 @@ contains
          call text%line('group &'//trim(blocks(g)%name)//trim(merge(', required   ', &
             '             ', groups(g)%required))//trim(merge(', may repeat', '            ', &
             groups(g)%may_repeat)))
+         call text%line('  '//trim(groups(g)%purpose))
          do k = 1, size(blocks(g)%keys)
             call add_key(text, blocks(g)%keys(k))
          end do
@@ -54,7 +55,7 @@ contains
       end do
    end subroutine add_help_on
 
-   !> The groups in a paragraph.
+   !> Adds the list of all groups as a paragraph.
    subroutine add_group_list(text)
       type(text_t), intent(inout) :: text
       integer :: g
@@ -63,7 +64,7 @@ contains
          ' ')//new_line('a'), 10))
    end subroutine add_group_list
 
-   !> All groups, keys and parameters, each once.
+   !> Returns all names of groups, keys and free parameters, each once.
    subroutine known_words(words)
       character(len=name_length), allocatable, intent(out) :: words(:)
       type(block_t), allocatable :: blocks(:)
@@ -82,6 +83,7 @@ contains
       end do
    end subroutine known_words
 
+   !> Appends a word to a list unless the list has it.
    subroutine add_word(words, word)
       character(len=name_length), allocatable, intent(inout) :: words(:)
       character(len=*), intent(in) :: word
@@ -94,7 +96,8 @@ contains
       call move_alloc(longer, words)
    end subroutine add_word
 
-   !> A key in one sentence: what it takes, what holds without it, what it means.
+   !> Returns a key in one sentence: its meaning, the values that it takes, and its default. A
+   !> default that begins with `required` is the condition under which the key is required.
    function key_line(key) result(line)
       type(key_t), intent(in) :: key
       character(len=:), allocatable :: line
@@ -103,6 +106,8 @@ contains
       line = takes(key)
       if (key%required) then
          line = line//', required'
+      else if (index(key%default, 'required') == 1) then
+         line = line//', '//key%default
       else if (key%default /= '') then
          line = line//', default: '//key%default
       end if
@@ -114,7 +119,7 @@ contains
       end do
    end function key_line
 
-   !> What the values of a key are.
+   !> Returns the kind of the values of a key, with their range or with the words that it allows.
    function takes(key) result(text)
       type(key_t), intent(in) :: key
       character(len=:), allocatable :: text
@@ -123,6 +128,10 @@ contains
       text = 'number'
       if (key%kind == kind_integer) text = 'integer'
       if (key%kind == kind_text) text = 'text'
+      if (allocated(key%choices)) then
+         text = one_of(key%choices, trim(merge('''', ' ', key%kind == kind_text)))
+         return
+      end if
       if (key%most > 1) text = text//'s'
       range = key%range%in_words()
       if (index(range, 'a value ') == 1) range = range(9:)
@@ -130,17 +139,17 @@ contains
       if (key%infinite) text = text//' or inf'
    end function takes
 
+   !> Adds the help for a key.
    subroutine add_key(text, key)
       type(text_t), intent(inout) :: text
       type(key_t), intent(in) :: key
-
       integer, parameter :: column = 19
 
       call text%add(wrapped(left('  '//trim(key%name), column)//key_line(key)//new_line('a'), &
          column))
    end subroutine add_key
 
-   !> A parameter that a fit may free.
+   !> Adds the help for a parameter that a fit may estimate, parameter k of the table.
    subroutine add_parameter(text, k)
       type(text_t), intent(inout) :: text
       integer, intent(in) :: k

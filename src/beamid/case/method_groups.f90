@@ -1,10 +1,10 @@
-!> The groups of a case file that say how to compute: mesh, integrator, observation, several
-!> starts, windows, draws.
+!> Readers of the groups of a case file that choose numerical methods: mesh, solver, observation
+!> formula, multiple starts, windows, sampling and bootstrap. `beamid_case_files` calls them.
 module beamid_method_groups
    use beamid_blocks, only: block_t
+   use beamid_bootstraps, only: blocks, bootstrap_plan_t, by_judgement, parametric
    use beamid_cvode, only: cvode_t
    use beamid_galerkin, only: mesh_t
-   use beamid_inference, only: blocks, bootstrap_plan_t, by_judgement, parametric
    use beamid_kinds, only: wp, ip
    use beamid_modal, only: modal_t
    use beamid_multistart, only: multistart_t
@@ -19,13 +19,16 @@ module beamid_method_groups
    public :: read_bootstrap, read_discretization, read_integrator, read_multistart, &
       read_observation, read_sample, read_windows
 
-   !> Names of the formulas, by their numbers: (4.1), (4.2) and (3.13).
+   !> Names of the observation formulas, by their numbers: equations (4.1), (4.2) and (3.13).
    character(len=*), parameter, public :: formula_names(3) = &
       [character(len=23) :: 'displacement_difference', 'velocity_difference', 'equation']
 
 contains
 
-   !> refines  on return whether the elements are to be found
+   !> Reads the group &discretization.
+   !>
+   !> meshes   one mesh for each number of elements
+   !> refines  on return, whether elements='auto': a fit refines the mesh itself
    subroutine read_discretization(block, meshes, refines)
       type(block_t), intent(inout) :: block
       type(mesh_t), allocatable, intent(inout) :: meshes(:)
@@ -35,13 +38,15 @@ contains
       integer, allocatable :: elements(:)
       integer :: k
 
-      call block%get('degree', mesh%degree, 'of the splines')
-      call block%get('elements', elements, '''auto''', 'of the mesh; of several numbers '// &
-         'everything is done for each; ''auto'': as many as a fit needs, elsewhere 8', 50, &
-         range_t(1, 10000), ['auto'], word)
-      call block%get('gauss_points', mesh%gauss_points, 'in each panel', range_t(1, 64), &
-         default='degree + 1, exact')
-      call block%get('panels', mesh%panels, 'in each element', range_t(1, 1000))
+      call block%get('degree', mesh%degree, 'degree of the splines', &
+         choices=['3', '5', '7'])
+      call block%get('elements', elements, '''auto''', 'number of elements; of several '// &
+         'numbers, everything is done for each. ''auto'': identify and compare refine the mesh '// &
+         'until it does not matter, the other commands use 8', 50, range_t(1, 10000), ['auto'], &
+         word)
+      call block%get('gauss_points', mesh%gauss_points, 'number of Gauss points in each panel', &
+         range_t(1, 64), default='degree + 1, exact')
+      call block%get('panels', mesh%panels, 'number of panels in each element', range_t(1, 1000))
       if (all(mesh%degree /= [3, 5, 7])) call block%refuse('degree', to_text(mesh%degree), &
          '3, 5 or 7')
       call block%close()
@@ -61,6 +66,7 @@ contains
          k=1, size(elements))]
    end subroutine read_discretization
 
+   !> Reads the group &integrator.
    subroutine read_integrator(block, chosen)
       type(block_t), intent(inout) :: block
       class(solver_t), allocatable, intent(inout) :: chosen
@@ -71,12 +77,13 @@ contains
 
       method = 'modal'
       max_steps = int(solver%max_steps)
-      call block%get('method', method, 'exact in time, or step by step', ['modal', 'cvode'])
+      call block%get('method', method, 'solver: exact in time, or step by step', ['modal', 'cvode'])
       call block%get('rtol', solver%rtol, 'relative tolerance of cvode', range_t(1e-14_wp, 0.1_wp))
-      call block%get('atol', atol, 'rtol times the size of the displacement', &
-         'absolute tolerance of cvode', positive)
-      call block%get('max_order', solver%max_order, 'of cvode', range_t(1, 5))
-      call block%get('max_steps', max_steps, 'of cvode', range_t(1, huge(max_steps)))
+      call block%get('atol', atol, 'rtol times the estimated displacement', &
+         'absolute tolerance of cvode, on the displacement', positive)
+      call block%get('max_order', solver%max_order, 'highest order of cvode', range_t(1, 5))
+      call block%get('max_steps', max_steps, 'largest number of steps of cvode', &
+         range_t(1, huge(max_steps)))
       call block%close()
       solver%max_steps = int(max_steps, ip)
       if (allocated(atol)) solver%atol = atol
@@ -87,29 +94,33 @@ contains
       end if
    end subroutine read_integrator
 
+   !> Reads the group &multistart.
    subroutine read_multistart(block, plan)
       type(block_t), intent(inout) :: block
       type(multistart_t), intent(inout) :: plan
 
       plan%n = 20
-      call block%get('n', plan%n, 'starts', range_t(1, 100000))
-      call block%get('seed', plan%seed, 'of the random numbers')
-      call block%get('spread', plan%spread, 'the starts lie between the declared one divided '// &
-         'by this and times this', range_t(1, 1e6_wp, open=.true.))
+      call block%get('n', plan%n, 'number of starts', range_t(1, 100000))
+      call block%get('seed', plan%seed, 'seed of the random numbers')
+      call block%get('spread', plan%spread, 'ratio: starts lie between the declared start '// &
+         'divided by it and multiplied by it', range_t(1, 1e6_wp, open=.true.))
       call block%close()
    end subroutine read_multistart
 
-   !> n  how many; 0 without the group
+   !> Reads the group &windows.
+   !>
+   !> n  number of windows; remains 0 if the case has no such group
    subroutine read_windows(block, n)
       type(block_t), intent(inout) :: block
       integer, intent(inout) :: n
 
       n = 4
-      call block%get('n', n, 'consecutive windows in which the last stage is repeated', &
+      call block%get('n', n, 'number of consecutive windows, of equal duration', &
          range_t(2, 100))
       call block%close()
    end subroutine read_windows
 
+   !> Reads the group &sample; rounds the number of draws up to a multiple of the number of chains.
    subroutine read_sample(block, plan)
       type(block_t), intent(inout) :: block
       type(plan_t), intent(inout) :: plan
@@ -117,36 +128,41 @@ contains
 
       method = 'auto'
       noise = 'auto'
-      call block%get('draws', plan%draws, 'from the posterior', range_t(100*chains, 10000000))
-      call block%get('seed', plan%seed, 'of the random numbers')
-      call block%get('method', method, 'by weights, or chains where these fail; or chains', &
-         [character(len=6) :: 'auto', 'chains'])
-      call block%get('noise', noise, 'white, or autoregressive where residuals are not white', &
-         [character(len=5) :: 'auto', 'white'])
+      call block%get('draws', plan%draws, 'number of draws from the posterior', &
+         range_t(100*chains, 10000000))
+      call block%get('seed', plan%seed, 'seed of the random numbers')
+      call block%get('method', method, 'method: importance sampling, or Markov chains if its '// &
+         'weights degenerate; ''chains'': always Markov chains', [character(len=6) :: 'auto', &
+         'chains'])
+      call block%get('noise', noise, 'model of the noise: white, or (''auto'') autoregressive '// &
+         'if the residuals are not white', [character(len=5) :: 'auto', 'white'])
       call block%close()
       plan%draws = chains*((plan%draws + chains - 1)/chains)
       plan%importance = method == 'auto'
       plan%coloured = noise == 'auto'
    end subroutine read_sample
 
+   !> Reads the group &bootstrap.
    subroutine read_bootstrap(block, plan)
       type(block_t), intent(inout) :: block
       type(bootstrap_plan_t), intent(inout) :: plan
       character(len=:), allocatable :: kind
 
       kind = 'auto'
-      call block%get('n', plan%n, 'resampled records', range_t(100, 1000000))
-      call block%get('seed', plan%seed, 'of the random numbers')
-      call block%get('kind', kind, 'normal noise, or blocks of the residuals; auto: blocks '// &
-         'where these are not white', [character(len=10) :: 'auto', 'parametric', 'blocks'])
-      call block%get('block', plan%block, 'samples of a block', range_t(1, huge(1)), &
-         default='as the residuals ask for')
+      call block%get('n', plan%n, 'number of resampled records', range_t(100, 1000000))
+      call block%get('seed', plan%seed, 'seed of the random numbers')
+      call block%get('kind', kind, 'resampling: normal noise, or blocks of the residuals; '// &
+         '''auto'': blocks if the residuals are not white', [character(len=10) :: 'auto', &
+         'parametric', 'blocks'])
+      call block%get('block', plan%block, 'number of samples in a block', range_t(1, huge(1)), &
+         default='chosen from the residuals')
       call block%close()
       plan%kind = by_judgement
       if (kind == 'parametric') plan%kind = parametric
       if (kind == 'blocks') plan%kind = blocks
    end subroutine read_bootstrap
 
+   !> Reads the group &observation.
    subroutine read_observation(block, observed)
       type(block_t), intent(inout) :: block
       type(observation_t), intent(inout) :: observed
@@ -154,11 +170,13 @@ contains
       real(wp), allocatable :: delta
 
       formula = trim(formula_names(observed%formula))
-      call block%get('formula', formula, 'of the acceleration', formula_names)
-      call block%get('delta', delta, 'differences need it', 'their step', positive)
+      call block%get('formula', formula, 'formula of the observed acceleration: (4.1), (4.2) '// &
+         'or (3.13) of the paper', formula_names)
+      call block%get('delta', delta, 'required with both difference formulas', &
+         'time step of the difference formulas', positive)
       frame = 'absolute'
-      call block%get('frame', frame, 'of what is observed on a base that moves', &
-         ['absolute', 'relative'])
+      call block%get('frame', frame, 'frame of reference of the acceleration: the ground, or a '// &
+         'base that moves', ['absolute', 'relative'])
       call block%close()
       if (block%failed()) return
       observed%relative = frame == 'relative'

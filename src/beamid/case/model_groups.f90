@@ -1,4 +1,5 @@
-!> The groups of a case file that describe the structure, its excitation, its units and the noise.
+!> Readers of the groups of a case file that describe the structure, the excitation, the unit labels
+!> and the simulated noise. `beamid_case_files` calls them.
 module beamid_model_groups
    use beamid_along_groups, only: along_t, reference_of
    use beamid_blocks, only: block_t
@@ -22,17 +23,21 @@ module beamid_model_groups
 
    public :: section_t, read_structure, read_excitation, read_units, read_noise
 
-   !> A rectangle from which I, and with the density rho, are computed; 0: not given.
+   !> Rectangular cross section: I = width height**3/12, and rho = density width height if the
+   !> density is given. 0: not given.
    type :: section_t
-      real(wp) :: width = 0, height = 0, density = 0
+      real(wp) :: width = 0      !< b [length]
+      real(wp) :: height = 0     !< h, in the direction of the vibration [length]
+      real(wp) :: density = 0    !< [mass/length**3]
    end type section_t
 
 contains
 
-   !> A group of parameters of the structure: the rows of the table that name it. Of sensors and
-   !> supports there may be several, each with a name.
+   !> Reads a group of parameters of the structure: all rows of the table `parameters` that name the
+   !> group. Each sensor and each support has a group and a name of its own.
    !>
-   !> along  what varies along the beam, and need not have a value in &beam
+   !> section  of the beam, set by the group &beam
+   !> along    properties that vary along the beam; &beam need not give a value for them
    subroutine read_structure(block, structure, section, along)
       type(block_t), intent(inout) :: block
       type(structure_t), intent(inout) :: structure
@@ -60,21 +65,38 @@ contains
       end if
       if (block%name == 'gravity') then
          direction = 'hanging'
-         call block%get('direction', direction, 'whether the root is above or below', &
-            [character(len=8) :: 'hanging', 'standing'])
+         call block%get('direction', direction, 'position of the beam: below its root, or '// &
+            'above it', [character(len=8) :: 'hanging', 'standing'])
          structure%stands = direction == 'standing'
       end if
       if (block%name == 'beam') then
-         call block%get('width', width, 'give I', 'b of a rectangle', positive)
-         call block%get('height', height, 'give I', 'h of a rectangle', positive)
-         call block%get('density', density, 'give rho', 'mass per volume of a rectangle', positive)
+         call block%get('width', width, 'required without I', 'width of a rectangular section', &
+            positive)
+         call block%get('height', height, 'required without I', 'height of a rectangular section', &
+            positive)
+         call block%get('density', density, 'required without rho', 'mass per unit volume', &
+            positive)
       end if
       call block%close()
       if (block%failed() .or. block%name /= 'beam') return
       call check_dimension(block, 'width', width)
       call check_dimension(block, 'height', height)
       call check_dimension(block, 'density', density)
-      ! What &along has beside I or density is refused there.
+      call set_section(block, structure, section, along, width, height, density)
+   end subroutine read_structure
+
+   !> Sets I and rho of a structure, either as given or from the rectangular cross section; refuses
+   !> the group &beam if it gives too many or too few of these keys.
+   !>
+   !> width, height, density  as given in the group; not allocated: not given
+   subroutine set_section(block, structure, section, along, width, height, density)
+      type(block_t), intent(inout) :: block
+      type(structure_t), intent(inout) :: structure
+      type(section_t), intent(inout) :: section
+      type(along_t), intent(in) :: along(:)
+      real(wp), allocatable, intent(inout) :: width, height, density
+
+      ! `settle_variations` refuses &along of width or height beside I, and of rho beside density.
       if (.not. block%has('I')) then
          call take_reference(along, 'width', width)
          call take_reference(along, 'height', height)
@@ -102,9 +124,11 @@ contains
       if (allocated(width)) section%width = width
       if (allocated(height)) section%height = height
       if (allocated(density)) section%density = density
-   end subroutine read_structure
+   end subroutine set_section
 
-   !> Refuses a dimension whose powers would overflow or underflow.
+   !> Refuses a dimension so large or small that its powers would overflow or underflow.
+   !>
+   !> value  not allocated: not given
    subroutine check_dimension(block, key, value)
       type(block_t), intent(inout) :: block
       character(len=*), intent(in) :: key
@@ -116,9 +140,10 @@ contains
          to_text(value), to_text(smallest)//' to '//to_text(largest)//' in any units')
    end subroutine check_dimension
 
-   !> The value of parameter k, as its row has it; not allocated: none was given.
+   !> Reads the value of parameter k of the table `parameters`.
    !>
-   !> along  what varies along the beam, and has a value by that
+   !> value  as named in the case file; not allocated: not given
+   !> along  properties that vary along the beam, whose values there make the key optional
    subroutine read_parameter(block, k, value, along)
       type(block_t), intent(inout) :: block
       integer, intent(in) :: k
@@ -138,7 +163,10 @@ contains
          key_of(k), value)
    end subroutine read_parameter
 
-   !> The value of what varies along the beam, where &beam has none.
+   !> Takes the reference value of a property that varies along the beam if &beam gives no value.
+   !>
+   !> name   of the property
+   !> value  unchanged if it is allocated, or if the property does not vary
    subroutine take_reference(along, name, value)
       type(along_t), intent(in) :: along(:)
       character(len=*), intent(in) :: name
@@ -148,10 +176,12 @@ contains
       if (reference_of(along, name) > 0) value = reference_of(along, name)
    end subroutine take_reference
 
-   !> The name of one more sensor or support; of several each has its own.
+   !> Reads the name of the next sensor or support. A single one needs no name; several need
+   !> different names.
    !>
-   !> n, names  how many there are, and what they are called
-   !> item      the number of this one
+   !> n      number of sensors or supports read so far; increased by one
+   !> names  names of sensors or supports
+   !> item   number of the new one
    subroutine read_name(block, n, names, item)
       type(block_t), intent(inout) :: block
       integer, intent(inout) :: n
@@ -160,8 +190,8 @@ contains
       character(len=:), allocatable :: name
       integer :: k
 
-      call block%get('name', name, 'by which records and free parameters name it', &
-         default='none; of several each needs one')
+      call block%get('name', name, 'name for records and parameters: letters, digits and _', &
+         default='none; required with several groups')
       if (allocated(name)) then
          if (verify(name, letters//digits) > 0 .or. len(name) > item_name_length .or. name == '') &
             call block%refuse('name', shown(name), 'at most '//to_text(item_name_length)// &
@@ -183,7 +213,9 @@ contains
       names(n) = name
    end subroutine read_name
 
-   !> error  of the table of a force or of the acceleration of the base
+   !> Reads an excitation and refuses keys that do not belong to its kind.
+   !>
+   !> error  error in the table of the force or of the base acceleration; an earlier error is kept
    subroutine read_excitation(block, found, error)
       type(block_t), intent(inout) :: block
       type(excitation_t), intent(out) :: found
@@ -193,41 +225,36 @@ contains
       type(series_t) :: series
       real(wp), allocatable :: amplitude, duration, force, displacement, x_F, rate
       real(wp) :: power, time
-      integer :: modes, k
-      !> Keys that only some kinds have, and these kinds.
-      character(len=*), parameter :: keys(13) = [character(len=12) :: 'amplitude', 'duration', &
-         'file', 'time_column', 'value_column', 'rate', 'load', 'power', 'force', 'displacement', &
-         'time', 'modes', 'x_F'], &
-         owners(13) = [character(len=19) :: 'pulse', 'pulse', 'table base', 'table base', &
-         'table base', 'table base', 'pulse table', 'pulse table', 'release', 'release', &
-         'release', 'free', 'pulse table release']
+      integer :: modes
+      character(len=*), parameter :: no_pulse = 'required with kind=''pulse'''
 
       load = 'point'
       power = 2
       time = 0
       modes = 2
-      call block%get('kind', kind, 'what sets the beam in motion', &
+      call block%get('kind', kind, 'kind of excitation: a force that is a pulse or a table, a '// &
+         'release of the tip, a free motion, or a motion of the base', &
          [character(len=7) :: 'pulse', 'table', 'release', 'free', 'base'], required=.true.)
-      call block%get('amplitude', amplitude, 'a pulse needs it', 'force of a pulse')
-      call block%get('duration', duration, 'a pulse needs it', 'of a pulse, from t = 0', positive)
-      call block%get_file('file', file, 'time and force of a table, time and acceleration of '// &
-         'the base, linear between the rows', default='table and base need it')
+      call block%get('amplitude', amplitude, no_pulse, 'force of the pulse')
+      call block%get('duration', duration, no_pulse, 'duration of the pulse, from t = 0', positive)
+      call block%get_file('file', file, 'table of time and force, or of time and base '// &
+         'acceleration; linear between the rows', &
+         default='required with kind=''table'' and kind=''base''')
       columns = ''
       call get_columns(block, columns(1), columns(2), rate)
-      call block%get('load', load, 'where a pulse or a table acts', [character(len=11) :: 'point', &
-         'distributed'])
-      call block%get('power', power, 'p of a distributed load (x/l)^p', range_t(2))
-      call block%get('force', force, 'give displacement', 'that held the tip before its release')
-      call block%get('displacement', displacement, 'give force', 'of the tip before its release')
-      call block%get('time', time, 'of the release')
-      call block%get('modes', modes, 'that move at a free start', range_t(1, 20))
+      call block%get('load', load, 'load of a pulse or a table: a point force, or a '// &
+         'distributed force', [character(len=11) :: 'point', 'distributed'])
+      call block%get('power', power, 'exponent p of the distributed load (x/l)^p', range_t(2))
+      call block%get('force', force, 'required with kind=''release'' without displacement', &
+         'static force before the release')
+      call block%get('displacement', displacement, 'required with kind=''release'' without force', &
+         'static displacement before the release')
+      call block%get('time', time, 'time of the release')
+      call block%get('modes', modes, 'number of modes in the free motion', range_t(1, 20))
       call read_parameter(block, of_x_F, x_F)
       call block%close()
       if (block%failed()) return
-      do k = 1, size(keys)
-         if (index(owners(k), kind) == 0) call block%exclude(trim(keys(k)), 'with kind = '''// &
-            kind//'''')
-      end do
+      call exclude_keys_of_other_kinds(block, kind)
       select case (kind)
       case ('pulse')
          call block%require('amplitude')
@@ -239,31 +266,76 @@ contains
          if (block%failed() .or. allocated(error)) return
          call read_series(file, columns, part_t(), series, error, rate)
          if (allocated(error)) return
+         call use_table()
+      case ('release')
+         call set_release(block, force, displacement, time, found)
+      case ('free')
+         found = new_free(modes)
+      end select
+      call set_load()
+
+   contains
+
+      !> Makes a base motion or a force of the table that was read.
+      subroutine use_table()
          if (kind == 'base') call new_base_motion(series%t, series%z, found, error)
          if (kind == 'table') call new_force_table(series%t, series%z, found, error)
          if (.not. allocated(error) .and. kind == 'table') call refuse_constant(series%z, error)
          call locate(error, file)
-      case ('release')
-         if (allocated(force) .eqv. allocated(displacement)) then
-            call block%refuse('force', trim(merge('both force and displacement', &
-               'neither force, displacement', allocated(force))), &
-               'either force or displacement of the tip before')
-         else if (allocated(force)) then
-            found = new_release(force, time, .false.)
-         else
-            found = new_release(displacement, time, .true.)
-         end if
-      case ('free')
-         found = new_free(modes)
-      end select
-      found%distributed = load == 'distributed'
-      found%power = power
-      if (found%distributed) call block%exclude('x_F', 'with load = ''distributed''')
-      if (allocated(x_F)) found%x_F = x_F
+      end subroutine use_table
+
+      !> Sets where the force acts.
+      subroutine set_load()
+         found%distributed = load == 'distributed'
+         found%power = power
+         if (found%distributed) call block%exclude('x_F', 'with load = ''distributed''')
+         if (allocated(x_F)) found%x_F = x_F
+      end subroutine set_load
+
    end subroutine read_excitation
 
-   !> Refuses what no force of a thruster or a hammer is. Two nodes alone may well be the same: a
-   !> pulse.
+   !> Sets the release of a tip that is deflected statically, by a given force or displacement.
+   !>
+   !> force, displacement  of the tip before the release, exactly one of them allocated
+   !> time                 of the release [time]
+   subroutine set_release(block, force, displacement, time, found)
+      type(block_t), intent(inout) :: block
+      real(wp), allocatable, intent(in) :: force, displacement
+      real(wp), intent(in) :: time
+      type(excitation_t), intent(inout) :: found
+
+      if (allocated(force) .eqv. allocated(displacement)) then
+         call block%refuse('force', trim(merge('both force and displacement', &
+            'neither force, displacement', allocated(force))), &
+            'either force or displacement of the tip before')
+      else if (allocated(force)) then
+         found = new_release(force, time, .false.)
+      else
+         found = new_release(displacement, time, .true.)
+      end if
+   end subroutine set_release
+
+   !> Refuses keys of the group &excitation that have no meaning for its kind.
+   subroutine exclude_keys_of_other_kinds(block, kind)
+      type(block_t), intent(inout) :: block
+      character(len=*), intent(in) :: kind
+      !> Keys that belong to certain kinds only, and these kinds.
+      character(len=*), parameter :: keys(13) = [character(len=12) :: 'amplitude', 'duration', &
+         'file', 'time_column', 'value_column', 'rate', 'load', 'power', 'force', 'displacement', &
+         'time', 'modes', 'x_F'], &
+         kinds(13) = [character(len=19) :: 'pulse', 'pulse', 'table base', 'table base', &
+         'table base', 'table base', 'pulse table', 'pulse table', 'release', 'release', &
+         'release', 'free', 'pulse table release']
+      integer :: k
+
+      do k = 1, size(keys)
+         if (index(kinds(k), kind) == 0) call block%exclude(trim(keys(k)), 'with kind = '''// &
+            kind//'''')
+      end do
+   end subroutine exclude_keys_of_other_kinds
+
+   !> Refuses a table with the same force in every row, which no thruster or hammer produces. A
+   !> table of two rows is an exception: it is a pulse.
    subroutine refuse_constant(force, error)
       real(wp), intent(in) :: force(:)
       type(error_t), allocatable, intent(inout) :: error
@@ -273,6 +345,7 @@ contains
          to_text(size(force))//' rows, expected one that changes')
    end subroutine refuse_constant
 
+   !> Reads the unit labels.
    subroutine read_units(block, labels)
       type(block_t), intent(inout) :: block
       type(units_t), intent(inout) :: labels
@@ -285,13 +358,13 @@ contains
 
    contains
 
-      !> Labels go into tables of comma-separated fields.
+      !> Reads one label and refuses labels that would break a field of a table (commas, quotes).
       subroutine read_label(key, label)
          character(len=*), intent(in) :: key
          character(len=*), intent(inout) :: label
          character(len=:), allocatable :: text
 
-         call block%get(key, text, 'label of its unit', default='none')
+         call block%get(key, text, 'label of the unit of '//key, default='none')
          if (.not. allocated(text)) return
          if (scan(text, ',"') > 0 .or. len(text) > label_length) call block%refuse(key, &
             shown(text), 'a label without commas and double quotes, of at most '// &
@@ -301,14 +374,18 @@ contains
 
    end subroutine read_units
 
+   !> Reads the noise that `simulate` adds to a record.
+   !>
+   !> sd    standard deviation [acceleration]
+   !> seed  of the random numbers
    subroutine read_noise(block, sd, seed)
       type(block_t), intent(inout) :: block
       real(wp), intent(inout) :: sd
       integer, intent(inout) :: seed
 
-      call block%get('sd', sd, 'standard deviation of the acceleration', not_negative, &
-         required=.true.)
-      call block%get('seed', seed, 'of the random numbers')
+      call block%get('sd', sd, 'standard deviation of the noise of the acceleration', &
+         not_negative, required=.true.)
+      call block%get('seed', seed, 'seed of the random numbers')
       call block%close()
    end subroutine read_noise
 

@@ -1,5 +1,5 @@
-!> Takes the text of a case file apart into groups, and the groups into keys with their values as
-!> written. What the keys mean is up to those who read the groups (`beamid_blocks`).
+!> Splits the text of a case file into groups, and each group into keys with their values as
+!> written. The readers of the groups (`beamid_blocks`) interpret the keys.
 module beamid_namelist
    use beamid_blocks, only: block_t
    use beamid_numbers, only: shown
@@ -14,42 +14,45 @@ module beamid_namelist
 
    public :: group_t, scan_namelist
 
-   !> The largest case file, bytes.
+   !> Largest size of a case file [bytes].
    integer, parameter :: max_bytes = 2**18
 
-   !> One group that a file may hold.
+   !> A group that a case file may contain.
    type :: group_t
       character(len=20) :: name
-      logical :: may_repeat = .false., required = .false.
-      logical :: stands_alone = .false.   !< beside it no group is required
+      logical :: may_repeat = .false.     !< the group may occur more than once
+      logical :: required = .false.       !< a case file must contain the group
+      logical :: stands_alone = .false.   !< if this group is given, no other group is required
+      character(len=100) :: purpose = ''  !< sentence for the help and the reference
    end type group_t
 
 contains
 
-   !> Takes a case file apart; all problems with its form are found.
+   !> Splits a case file into groups and reports all problems with its form.
    subroutine scan_namelist(text, groups, blocks, refusals)
       character(len=*), intent(in) :: text
-      !> The groups that are known.
+      !> Groups that are known.
       type(group_t), intent(in) :: groups(:)
-      !> The groups that were found, in the order of the file, each with the problems inside it.
+      !> Groups that were found, in the order of the file, each with its own problems.
       type(block_t), allocatable, intent(out) :: blocks(:)
-      !> The problems outside of them.
+      !> Problems outside the groups.
       type(refusals_t), intent(out) :: refusals
       type(scanner_t) :: scanner
-      integer :: g, i, n, seen(size(groups))
+      integer :: g, i, n, first_line(size(groups))
 
-      ! There are no more groups than there are '&'.
+      ! The number of '&' is an upper bound of the number of groups.
       allocate (blocks(count([(text(i:i) == '&', i=1, len(text))])))
       n = 0
-      seen = 0
+      first_line = 0
       call refuse_binary(text, refusals)
       scanner%text = text
+      ! Skip the byte-order mark of UTF-8.
       if (index(text, char(239)//char(187)//char(191)) == 1) scanner%next = 4
       if (refusals%n == 0) call scanner%advance()
       do while (scanner%token%kind /= token_end)
          select case (scanner%token%kind)
          case (token_group)
-            call find_group(scanner%token, groups, seen, refusals, g)
+            call find_group(scanner%token, groups, first_line, refusals, g)
             if (g > 0) then
                n = n + 1
                blocks(n)%name = trim(groups(g)%name)
@@ -67,74 +70,75 @@ contains
          end select
       end do
       blocks = blocks(:n)
-      ! A group that is missing may have been lost to another problem.
+      ! If there are other problems, a missing group may be a consequence of one of them.
       if (refusals%n > 0 .or. any(blocks%refusals%n > 0)) return
-      if (all(seen == 0)) then
+      if (all(first_line == 0)) then
          call refusals%add(scanner%line, 'found no group, expected &'// &
             listed([(groups(g)%name, g=1, size(groups))], ', &'))
-      else if (.not. any(groups%stands_alone .and. seen > 0)) then
+      else if (.not. any(groups%stands_alone .and. first_line > 0)) then
          do g = 1, size(groups)
-            if (groups(g)%required .and. seen(g) == 0) call refusals%add(scanner%line, &
+            if (groups(g)%required .and. first_line(g) == 0) call refusals%add(scanner%line, &
                'found no group &'//trim(groups(g)%name)//', expected one')
          end do
       end if
    end subroutine scan_namelist
 
-   !> Refuses what is not text, and a text that is far too long.
+   !> Refuses a file that is longer than `max_bytes`, is not UTF-8 or has control characters.
    subroutine refuse_binary(text, refusals)
       character(len=*), intent(in) :: text
       type(refusals_t), intent(inout) :: refusals
-      integer :: i, code, more, line
+      integer :: i, code, continuation, line
 
       if (len(text) > max_bytes) then
          call refusals%add(1, 'found a file of more than '//to_text(max_bytes)// &
             ' bytes, expected a case file')
          return
       end if
-      more = 0
+      continuation = 0
       line = 1
       do i = 1, len(text)
          code = iachar(text(i:i))
-         ! UTF-8: a first byte says how many bytes 10xxxxxx follow.
-         if (more > 0 .neqv. (code >= 128 .and. code < 192)) exit
-         more = max(more - 1, 0)
-         if (code >= 192) more = 1
-         if (code >= 224) more = 2
-         if (code >= 240) more = 3
+         ! UTF-8: the first byte of a character says how many bytes 10xxxxxx follow.
+         if (continuation > 0 .neqv. (code >= 128 .and. code < 192)) exit
+         continuation = max(continuation - 1, 0)
+         if (code >= 192) continuation = 1
+         if (code >= 224) continuation = 2
+         if (code >= 240) continuation = 3
          if (code == 192 .or. code == 193 .or. code > 244 .or. code == 127) exit
          if (code < 32 .and. code /= 9 .and. code /= 10 .and. code /= 13) exit
          if (code == 13 .and. i < len(text) .and. index(text(i + 1:), line_feed) /= 1) exit
          if (code == 10) line = line + 1
       end do
-      if (i <= len(text) .or. more > 0) call refusals%add(line, 'found a character '// &
+      if (i <= len(text) .or. continuation > 0) call refusals%add(line, 'found a character '// &
          'that is not text (a control character or not UTF-8), expected a text file')
    end subroutine refuse_binary
 
-   !> The group whose name is the token; 0 with a problem when it must not stand here.
+   !> Finds the group that a token names, and reports an unknown or repeated group.
    !>
-   !> seen  line where each known group was first seen, 0 for not at all
-   subroutine find_group(token, groups, seen, refusals, g)
+   !> first_line  (number of groups) line where each group occurs first; 0: not yet
+   !> g           number of the group; 0: unknown or not allowed to repeat
+   subroutine find_group(token, groups, first_line, refusals, g)
       type(token_t), intent(in) :: token
       type(group_t), intent(in) :: groups(:)
-      integer, intent(inout) :: seen(:)
+      integer, intent(inout) :: first_line(:)
       type(refusals_t), intent(inout) :: refusals
       integer, intent(out) :: g
-      character(len=:), allocatable :: perhaps
+      character(len=:), allocatable :: suggestion
       integer :: i
 
       do g = size(groups), 1, -1
          if (lower(trim(groups(g)%name)) == lower(token%text(2:))) exit
       end do
       if (g == 0) then
-         call or_nearest(token%text(2:), [(groups(i)%name, i=1, size(groups))], perhaps)
+         call or_nearest(token%text(2:), [(groups(i)%name, i=1, size(groups))], suggestion)
          call refusals%add(token%line, 'found unknown group '//shown(token%text)// &
-            ', expected &'//listed([(groups(i)%name, i=1, size(groups))], ', &')//perhaps)
-      else if (seen(g) > 0 .and. .not. groups(g)%may_repeat) then
+            ', expected &'//listed([(groups(i)%name, i=1, size(groups))], ', &')//suggestion)
+      else if (first_line(g) > 0 .and. .not. groups(g)%may_repeat) then
          call refusals%add(token%line, 'found &'//trim(groups(g)%name)// &
-            ' again, expected it once (first in line '//to_text(seen(g))//')')
+            ' again, expected it once (first in line '//to_text(first_line(g))//')')
          g = 0
       else
-         seen(g) = token%line
+         first_line(g) = token%line
       end if
    end subroutine find_group
 
@@ -146,7 +150,7 @@ contains
       call scan_group(scanner, ignored)
    end subroutine pass_group
 
-   !> Goes through one group; the scanner stands on its name and ends on the token behind it.
+   !> Scans one group into a block; the scanner moves from the group's name to the token behind it.
    subroutine scan_group(scanner, block)
       type(scanner_t), intent(inout) :: scanner
       type(block_t), intent(inout) :: block
@@ -179,8 +183,8 @@ contains
       end do
    end subroutine scan_group
 
-   !> Goes through `key = values`; the scanner stands on the key. Commas that stand where they
-   !> should are left out of the values.
+   !> Scans `key = values` from the key onwards and appends both to the block. A comma that
+   !> separates two values is not appended; any other comma is, and is refused later.
    subroutine scan_key(scanner, block)
       type(scanner_t), intent(inout) :: scanner
       type(block_t), intent(inout) :: block
@@ -207,7 +211,7 @@ contains
       end do
    end subroutine scan_key
 
-   !> Something that is no key stands where one should.
+   !> Reports a token that stands where a key is expected.
    subroutine report_no_key(token, block)
       type(token_t), intent(in) :: token
       type(block_t), intent(inout) :: block
@@ -220,7 +224,7 @@ contains
       call block%complain(token%line, '', 'found '//message)
    end subroutine report_no_key
 
-   !> A group ends without '/': at '&end', at the next group or at the end of the file.
+   !> Reports a group without '/'. It ends at '&end', at the next group or at the end of the file.
    subroutine report_missing_end(scanner, block)
       type(scanner_t), intent(inout) :: scanner
       type(block_t), intent(inout) :: block

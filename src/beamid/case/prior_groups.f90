@@ -1,4 +1,5 @@
-!> The group of a case file that says what is known of a parameter beside the records.
+!> Reader of the group &prior of a case file: knowledge about a parameter that does not come from
+!> the records. `beamid_case_files` calls it.
 module beamid_prior_groups
    use beamid_blocks, only: block_t
    use beamid_excitation, only: excitation_t
@@ -19,10 +20,12 @@ module beamid_prior_groups
 
 contains
 
+   !> Reads a group &prior.
+   !>
    !> structure, section, excitations  of the case
-   !> records  how many there are
-   !> sound    whether all of these have been read without a problem
-   !> others   those that came before
+   !> records  number of records
+   !> sound    whether no earlier group had a problem; otherwise only the keys are read
+   !> others   priors of earlier groups
    subroutine read_prior(block, structure, section, excitations, records, sound, others, found)
       type(block_t), intent(inout) :: block
       type(structure_t), intent(in) :: structure
@@ -34,15 +37,17 @@ contains
       type(prior_t), intent(out) :: found
       character(len=:), allocatable :: name
 
-      call block%get('parameter', name, 'what is known beside the records', required=.true.)
-      call block%get('sd', found%sd, 'its standard deviation, in the unit of the parameter', &
-         positive, required=.true.)
-      call block%get('value', found%value, 'that of the case', 'what it is known to be')
-      call block%get('record', found%record, 'by number, the only one that it is about', &
-         range_t(1, max(1, records)), default='all, with one error in common')
+      call block%get('parameter', name, 'name of the parameter, or I, width, height or density', &
+         required=.true.)
+      call block%get('sd', found%sd, 'standard deviation of the prior', positive, required=.true.)
+      call block%get('value', found%value, 'the value of the case', 'mean of the prior')
+      call block%get('record', found%record, 'number of the record that this prior applies to', &
+         range_t(1, huge(1)), default='all records, with one common error')
+      if (found%record > max(1, records)) call block%refuse('record', to_text(found%record), &
+         '1 to '//to_text(max(1, records)))
       call block%close()
       if (block%failed() .or. .not. sound) return
-      call find(lower(name))
+      call find_parameters(lower(name))
       if (size(found%parameter) == 0) then
          call block%refuse('parameter', shown(name), 'one of '//listed([ &
             pack(name_of_parameter(structure, parameters%place), is_there(structure, &
@@ -67,8 +72,9 @@ contains
 
    contains
 
-      !> Its place, or the places of what goes with width, height and density.
-      subroutine find(name)
+      !> Finds the parameters that the prior concerns. Width, height and density of the section act
+      !> on I and rho, with the derivatives as slopes.
+      subroutine find_parameters(name)
          character(len=*), intent(in) :: name
 
          found%slope = [1.0_wp]
@@ -94,7 +100,7 @@ contains
          if (size(found%parameter) /= 1) return
          if (abs(found%slope(1) - 1) <= 0) found%name = name_of_parameter(structure, &
             found%parameter(1))
-      end subroutine find
+      end subroutine find_parameters
 
    end subroutine read_prior
 

@@ -1,5 +1,5 @@
-!> The groups of a case file that describe records: where they are, how they are calibrated, which
-!> samples are wanted.
+!> Readers of the groups of a case file that describe records: files and columns, calibration, and
+!> the selection of samples. `beamid_case_files` calls them.
 module beamid_record_groups
    use beamid_blocks, only: block_t
    use beamid_kinds, only: wp
@@ -14,33 +14,36 @@ module beamid_record_groups
 
 contains
 
+   !> Reads a group &record.
    subroutine read_recording(block, found)
       type(block_t), intent(inout) :: block
       type(recording_t), intent(out) :: found
 
       found%line = block%line
-      call block%get_file('file', found%path, 'columns of numbers', &
-         default='none, where it is simulated')
+      call block%get_file('file', found%path, 'table with columns of numbers', &
+         default='required, except by simulate')
       call get_window(block, found%window)
-      call block%get('scale', found%scale, 'acceleration = scale (value - offset)')
-      call block%get('offset', found%offset, 'in the unit of the record')
+      call block%get('scale', found%scale, 'factor: acceleration = scale (value - offset)')
+      call block%get('offset', found%offset, 'offset of the sensor, in the unit of the record')
       call get_columns(block, found%time_column, found%value_column, found%rate)
-      call block%get('clip_low', found%clip_low, 'flats are looked for', &
-         'samples at or below are left out')
-      call block%get('clip_high', found%clip_high, 'flats are looked for', &
-         'samples at or above are left out')
-      call block%get('thin', found%thin, 'every so many samples, behind a low-pass filter', &
-         range_t(2, 100000))
-      call block%get('sd', found%sd, 'of several records estimated', &
-         'of the noise of the acceleration', positive)
-      call block%get('length', found%length, 'that of &beam', 'of the beam then', positive)
-      call block%get('x_S', found%x_S, 'that of &sensor', 'place of the sensor then', positive)
-      call block%get('x_P', found%x_P, 'that of &support', 'place of the support then', positive)
-      call block%get('sensor', found%sensor, 'its name; of several sensors one must be named', &
-         default='the only one')
-      call block%get('experiment', found%experiment, &
-         'a number that channels of one motion have in common', range_t(1, huge(1)), &
-         default='a motion of its own')
+      call block%get('clip_low', found%clip_low, 'found from flats of the signal', &
+         'lower limit: samples at or below it are left out')
+      call block%get('clip_high', found%clip_high, 'found from flats of the signal', &
+         'upper limit: samples at or above it are left out')
+      call block%get('thin', found%thin, 'number n: every n-th sample is used, after a '// &
+         'low-pass filter', range_t(2, 100000))
+      call block%get('sd', found%sd, 'estimated if there are several records', &
+         'standard deviation of the noise of the acceleration', positive)
+      call block%get('length', found%length, 'that of &beam', 'length of the beam in this record', &
+         positive)
+      call block%get('x_S', found%x_S, 'that of &sensor', 'position of the sensor in this record', &
+         positive)
+      call block%get('x_P', found%x_P, 'that of &support', &
+         'position of the support in this record', positive)
+      call block%get('sensor', found%sensor, 'name of the sensor of this record', &
+         default='the only sensor; required with several')
+      call block%get('experiment', found%experiment, 'number of the experiment: records with '// &
+         'the same number share one motion', range_t(1, huge(1)), default='a motion of its own')
       call block%close()
       if (.not. abs(found%scale) > 0) call block%refuse('scale', to_text(found%scale), &
          'a value other than 0')
@@ -51,27 +54,30 @@ contains
       end if
    end subroutine read_recording
 
-   !> Which columns of a table are read, or how many samples there are per unit of time.
+   !> Gets the keys that describe the columns of a table.
+   !>
+   !> time_column, value_column  name or number of a column; '': default
+   !> rate                       samples per unit of time, if there is no time column
    subroutine get_columns(block, time_column, value_column, rate)
       type(block_t), intent(inout) :: block
       character(len=*), intent(inout) :: time_column, value_column
       real(wp), allocatable, intent(inout) :: rate
 
       call read_column('time_column', time_column, 'the first')
-      call read_column('value_column', value_column, 'the second; beside rate the only one')
-      call block%get('rate', rate, 'there is a time column', &
-         'samples per unit of time, the first at t = 0', positive)
+      call read_column('value_column', value_column, 'the second; with rate, the only one')
+      call block%get('rate', rate, 'none, there is a time column', &
+         'number of samples per unit of time; the first is at t = 0', positive)
       if (block%has('rate')) call block%exclude('time_column', 'beside rate')
 
    contains
 
-      !> A column has a name, and one that is not cut.
+      !> Gets the name of a column; refuses an empty name and a name that would be truncated.
       subroutine read_column(key, column, default)
          character(len=*), intent(in) :: key, default
          character(len=*), intent(inout) :: column
          character(len=:), allocatable :: name
 
-         call block%get(key, name, 'its name, in any case, or its number', default=default)
+         call block%get(key, name, 'name, in any case, or number of the column', default=default)
          if (.not. allocated(name)) return
          if (name == '' .or. len_trim(adjustl(name)) > len(column)) call block%refuse(key, &
             shown(name), 'the name of a column, of at most '//to_text(len(column))// &
@@ -81,7 +87,7 @@ contains
 
    end subroutine get_columns
 
-   !> The keys of a window, whose ends must be in order.
+   !> Gets the keys of a window, and refuses a window that ends before it begins.
    subroutine get_window(block, window)
       type(block_t), intent(inout) :: block
       type(window_t), intent(inout) :: window
@@ -90,8 +96,8 @@ contains
          'time of the first sample')
       call block%get('t_last', window%t_last, 'the last of the record', &
          'time of the last sample')
-      call block%get('t_step', window%t_step, 'every sample', 'only samples at these steps', &
-         positive)
+      call block%get('t_step', window%t_step, 'every sample', &
+         'time step of the samples that are used', positive)
       if (.not. (allocated(window%t_first) .and. allocated(window%t_last))) return
       if (window%t_last < window%t_first) call block%refuse('t_last', to_text(window%t_last), &
          'no less than t_first = '//to_text(window%t_first))

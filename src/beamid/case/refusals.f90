@@ -1,5 +1,5 @@
-!> What is wrong with a case file: `file:line: &group key: found ..., expected ...`, one line for
-!> each problem.
+!> The problems found in a case file. Each becomes one line of a message:
+!> `file:line: &group key: found ..., expected ...`.
 module beamid_refusals
    use beamid_errors, only: error_t, bad_input
    use beamid_strings, only: to_text
@@ -8,18 +8,19 @@ module beamid_refusals
 
    public :: refusals_t, refuse
 
-   !> The most problems that are told.
+   !> Largest number of problems that are reported.
    integer, parameter :: most = 20
    character(len=*), parameter :: line_feed = achar(10)
 
+   !> One problem: its line in the case file, and the message behind `file:line: `.
    type :: refusal_t
       integer :: line = 0
       character(len=:), allocatable :: text
    end type refusal_t
 
-   !> The first problems in the order of lines, and among equal lines as they were found.
+   !> The first problems, sorted by line; problems of one line are in the order of their discovery.
    type :: refusals_t
-      integer :: n = 0
+      integer :: n = 0                          !< number of problems kept
       type(refusal_t), private :: kept(most)
    contains
       procedure :: add
@@ -29,11 +30,11 @@ module beamid_refusals
 
 contains
 
-   !> One problem more.
+   !> Adds a problem.
    subroutine add(self, line, text)
       class(refusals_t), intent(inout) :: self
       integer, intent(in) :: line
-      !> Place in the line, what was found and what was expected.
+      !> Group and key, what was found and what was expected.
       character(len=*), intent(in) :: text
       integer :: k
 
@@ -50,7 +51,7 @@ contains
       self%kept(k)%text = text
    end subroutine add
 
-   !> The problems of another part of the file.
+   !> Adds all problems of another list.
    subroutine join(self, others)
       class(refusals_t), intent(inout) :: self
       type(refusals_t), intent(in) :: others
@@ -61,7 +62,9 @@ contains
       end do
    end subroutine join
 
-   !> All of them as one error; none where there is no problem.
+   !> Converts the problems to one error with a line for each; `error` stays if there are none.
+   !>
+   !> path  path of the case file
    subroutine tell(self, path, error)
       class(refusals_t), intent(in) :: self
       character(len=*), intent(in) :: path
@@ -77,10 +80,12 @@ contains
       call bad_input(error, lines(:len(lines) - 1))
    end subroutine tell
 
-   !> One problem that shows only after the file has been read; an earlier error stays.
+   !> Returns an error for a problem that is found after the file has been read; keeps an earlier
+   !> error.
    !>
-   !> line   0: no line in particular
-   !> place  the group and, where there is one, the key
+   !> path   path of the case file
+   !> line   line of the problem; 0: unknown
+   !> place  name of the group and, if there is one, of the key
    subroutine refuse(path, line, place, found, expected, error)
       character(len=*), intent(in) :: path, place, found, expected
       integer, intent(in) :: line

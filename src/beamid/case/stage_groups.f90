@@ -1,4 +1,5 @@
-!> Stages of a case file: what is free in each, where it starts and between which bounds.
+!> The groups &stage of a case file: free parameters, their start values and bounds. The checks of
+!> free parameters also serve the groups &prior and &draw.
 module beamid_stage_groups
    use beamid_blocks, only: block_t
    use beamid_excitation, only: excitation_t
@@ -19,15 +20,18 @@ module beamid_stage_groups
 
    public :: read_stage, check_free, narrowest_dip
 
-   !> Names that a stage may list: every parameter, E(x) and c_D(x).
+   !> Largest number of names in a stage: every parameter and E(x) and c_D(x), with room to spare.
    integer, parameter :: most_free = n_parameters + 4
 
 contains
 
-   !> structure, excitations  of the case; a stage may make E or c_D vary along the beam
-   !> records  how many there are: a parameter that is not shared gets a value for each
-   !> elements  of the coarsest mesh
-   !> sound    whether all of these have been read without a problem
+   !> Reads a group &stage.
+   !>
+   !> structure    of the case; a stage may make E or c_D vary along the beam
+   !> excitations  of the case
+   !> records      number of records; a parameter that is not shared has a value for each
+   !> elements     of the coarsest mesh
+   !> sound        whether no earlier group had a problem
    subroutine read_stage(block, structure, excitations, records, elements, sound, found)
       type(block_t), intent(inout) :: block
       type(structure_t), intent(inout) :: structure
@@ -37,26 +41,28 @@ contains
       type(stage_t), intent(out) :: found
       character(len=:), allocatable :: free(:), shared(:), kind
       character(len=4) :: word
-      character(len=name_length), allocatable :: names(:)
-      character(len=:), allocatable :: perhaps
       integer, allocatable :: places(:)
       integer :: coefficients, k
 
-      call block%get('free', free, '', 'parameters to estimate', most_free, required=.true.)
-      call block%get('shared', shared, 'all', 'those that all records have in common', &
-         most_free)
-      call block%get('start', found%start, 'where the stage before ended, free: ''auto''', &
-         'start values, one for each of free', most_free, ['auto', 'case'], word)
+      call block%get('free', free, '', 'names of the parameters to estimate', most_free, &
+         required=.true.)
+      call block%get('shared', shared, 'all of free', &
+         'names of the free parameters that all records have in common', most_free)
+      call block%get('start', found%start, &
+         'the stage before, else the case; with kind=''free'' ''auto''', &
+         'start values, one for each name in free; ''auto'': from the spectral lines of the '// &
+         'record; ''case'': the values of the case', most_free, ['auto', 'case'], word)
       found%automatic = word == 'auto'
       found%declared = word == 'case'
-      call block%get('lower', found%lower, '0; of amplitude and offset none', 'lower bounds', &
-         most_free)
-      call block%get('upper', found%upper, 'none', 'upper bounds', most_free)
+      call block%get('lower', found%lower, '0; none for T, amplitude and offset', &
+         'lower bounds, one for each name in free', most_free)
+      call block%get('upper', found%upper, 'none', &
+         'upper bounds, one for each name in free', most_free)
       coefficients = 16
       kind = 'spline'
-      call block%get('coefficients', coefficients, 'of each of E(x) and c_D(x)', &
-         range_t(4, most_coefficients))
-      call block%get('kind', kind, 'cubic splines, or straight lines, of E(x) and c_D(x)', &
+      call block%get('coefficients', coefficients, 'number of coefficients of E(x), and of '// &
+         'c_D(x)', range_t(4, most_coefficients))
+      call block%get('kind', kind, 'form of E(x) and c_D(x): cubic spline, or straight lines', &
          [character(len=6) :: 'spline', 'linear'])
       call block%close()
       if (block%failed()) return
@@ -66,18 +72,7 @@ contains
       if (.not. allocated(shared)) shared = free
       call spread_along(block, structure, coefficients, kind, found, free, shared)
       if (block%failed()) return
-      found%free = place_of_name(structure, free)
-      do k = 1, size(free)
-         if (found%free(k) == 0 .and. .not. any(free(:k - 1) == free(k))) then
-            names = pack(name_of_parameter(structure, parameters%place), parameters%is_free .and. &
-               is_there(structure, parameters%place))
-            call or_nearest(free(k), names, perhaps)
-            call block%refuse('free', shown(free(k)), 'one of '//listed(names, ' ')// &
-               ' E(x) c_D(x)'//perhaps)
-         else if (found%free(k) > 0 .and. count(found%free(:k - 1) == found%free(k)) == 1) then
-            call block%refuse('free', shown(free(k))//' twice', 'each parameter once')
-         end if
-      end do
+      call find_free(block, structure, free, found%free)
       places = place_of_name(structure, shared)
       do k = 1, size(shared)
          if (any(found%free == places(k))) cycle
@@ -90,11 +85,38 @@ contains
       found%offset = any(found%free == offset)
       call found%distribute(places, records)
    end subroutine read_stage
-
-   !> E(x) and c_D(x) stand for all their coefficients, which all records have in common.
+   !> Finds the parameters that a stage frees, and refuses unknown and repeated names.
    !>
-   !> stage         its starts and bounds, on return one for each coefficient
-   !> free, shared  names
+   !> names   names as given
+   !> places  (size of names) places among the `parameters`; 0: unknown
+   subroutine find_free(block, structure, names, places)
+      type(block_t), intent(inout) :: block
+      type(structure_t), intent(in) :: structure
+      character(len=*), intent(in) :: names(:)
+      integer, allocatable, intent(out) :: places(:)
+      character(len=name_length), allocatable :: known(:)
+      character(len=:), allocatable :: suggestion
+      integer :: k
+
+      places = place_of_name(structure, names)
+      do k = 1, size(names)
+         if (places(k) == 0 .and. .not. any(names(:k - 1) == names(k))) then
+            known = pack(name_of_parameter(structure, parameters%place), parameters%is_free .and. &
+               is_there(structure, parameters%place))
+            call or_nearest(names(k), known, suggestion)
+            call block%refuse('free', shown(names(k)), 'one of '//listed(known, ' ')// &
+               ' E(x) c_D(x)'//suggestion)
+         else if (places(k) > 0 .and. count(places(:k - 1) == places(k)) == 1) then
+            call block%refuse('free', shown(names(k))//' twice', 'each parameter once')
+         end if
+      end do
+   end subroutine find_free
+
+   !> Replaces E(x) and c_D(x) in a stage by their spline coefficients E.1, E.2, ..., and their
+   !> start values and bounds by as many equal ones. All records share these coefficients.
+   !>
+   !> coefficients, kind  of the fields, as given in the stage
+   !> free, shared        names of the free and of the shared parameters
    subroutine spread_along(block, structure, coefficients, kind, stage, free, shared)
       type(block_t), intent(inout) :: block
       type(structure_t), intent(inout) :: structure
@@ -102,45 +124,50 @@ contains
       character(len=*), intent(in) :: kind
       type(stage_t), intent(inout) :: stage
       character(len=:), allocatable, intent(inout) :: free(:), shared(:)
-      character(len=*), parameter :: plain(2) = [character(len=3) :: 'E', 'c_D']
+      character(len=*), parameter :: fields(2) = [character(len=3) :: 'E', 'c_D']
       character(len=len(free)), allocatable :: names(:)
+      character(len=name_length) :: field
       integer :: a, j, k
-      logical :: known(size(plain)), varies
+      logical :: known(size(fields)), any_field
 
       known = [structure%variations%E%kind /= constant .or. structure%has_dip(), &
          structure%variations%c_D%kind /= constant]
-      varies = .false.
-      do a = 1, size(plain)
-         if (count(lower_all(free) == lower(trim(plain(a)))//'(x)') > 1) call block%refuse('free', &
-            shown(trim(plain(a))//'(x)')//' twice', 'each parameter once')
+      any_field = .false.
+      do a = 1, size(fields)
+         field = trim(fields(a))//'(x)'
+         if (count(lower_all(free) == lower(field)) > 1) call block%refuse('free', &
+            shown(trim(field))//' twice', 'each parameter once')
          if (block%failed()) return
-         k = findloc(lower_all(free) == lower(trim(plain(a)))//'(x)', .true., dim=1)
+         k = findloc(lower_all(free) == lower(field), .true., dim=1)
          if (k == 0) cycle
-         varies = .true.
-         call prepare_field(block, trim(plain(a))//'(x)', coefficients, kind, known(a), &
+         any_field = .true.
+         call prepare_field(block, trim(field), coefficients, kind, known(a), &
             structure%variations%along(a))
          if (block%failed()) return
          allocate (names(coefficients))
          do j = 1, coefficients
-            names(j) = trim(plain(a))//'.'//to_text(j)
+            names(j) = trim(fields(a))//'.'//to_text(j)
          end do
          call spread_value(stage%start, k, coefficients)
          call spread_value(stage%lower, k, coefficients)
          call spread_value(stage%upper, k, coefficients)
-         call spread_name(shared, lower(trim(plain(a)))//'(x)', names)
-         call spread_name(free, lower(trim(plain(a)))//'(x)', names)
+         call spread_name(shared, lower(field), names)
+         call spread_name(free, lower(field), names)
          deallocate (names)
       end do
-      do a = 1, size(plain)
+      do a = 1, size(fields)
          if (structure%variations%along(a)%coefficients > 0 .and. &
-            any(lower_all(free) == lower(trim(plain(a))))) call block%refuse('free', &
-            trim(plain(a))//' beside '//trim(plain(a))//'(x)', 'one of them')
+            any(lower_all(free) == lower(fields(a)))) call block%refuse('free', &
+            trim(fields(a))//' beside '//trim(fields(a))//'(x)', 'one of them')
       end do
-      if (varies) return
+      if (any_field) return
       call block%exclude('coefficients', 'without E(x) or c_D(x) in free')
       call block%exclude('kind', 'without E(x) or c_D(x) in free')
    end subroutine spread_along
 
+   !> Replaces a name in a list by several names; appends them if the list lacks the name.
+   !>
+   !> name  in lower case
    !> Names in the place of one of a list, or at its end.
    subroutine spread_name(list, name, names)
       character(len=:), allocatable, intent(inout) :: list(:)
@@ -159,6 +186,7 @@ contains
       list(k + size(names):) = before(min(k, size(before)) + 1:)
    end subroutine spread_name
 
+   !> Returns names in lower case.
    pure function lower_all(names) result(small)
       character(len=*), intent(in) :: names(:)
       character(len=len(names)) :: small(size(names))
@@ -169,7 +197,7 @@ contains
       end do
    end function lower_all
 
-   !> Value k stands for `times` ones.
+   !> Replaces value k of a list by as many equal values.
    subroutine spread_value(values, k, times)
       real(wp), allocatable, intent(inout) :: values(:)
       integer, intent(in) :: k, times
@@ -177,9 +205,11 @@ contains
       if (allocated(values)) values = [values(:k - 1), spread(values(k), 1, times), values(k + 1:)]
    end subroutine spread_value
 
-   !> How E or c_D varies along the beam in a fit, the same in all stages.
+   !> Makes E or c_D a field along the beam with unknown coefficients. All stages must use the same
+   !> number and kind of coefficients.
    !>
-   !> known  whether the case says already how it does
+   !> name   'E(x)' or 'c_D(x)'
+   !> known  whether a group &along already defines the property along the beam
    subroutine prepare_field(block, name, coefficients, kind, known, field)
       type(block_t), intent(inout) :: block
       character(len=*), intent(in) :: name, kind
@@ -198,7 +228,7 @@ contains
       field%degree = degree
    end subroutine prepare_field
 
-   !> As many numbers as there are free parameters.
+   !> Refuses a list of numbers that has not one for each free parameter.
    subroutine check_count(block, key, values, n)
       type(block_t), intent(inout) :: block
       character(len=*), intent(in) :: key
@@ -210,7 +240,7 @@ contains
          to_text(n)//', one for each of free')
    end subroutine check_count
 
-   !> The narrowest dip that a mesh resolves, half an element [length].
+   !> Returns the width of the narrowest dip that a mesh resolves: half an element [length].
    pure real(wp) function narrowest_dip(structure, elements) result(width)
       type(structure_t), intent(in) :: structure
       integer, intent(in) :: elements
@@ -218,7 +248,8 @@ contains
       width = structure%length/(2*real(elements, wp))
    end function narrowest_dip
 
-   !> Bounds in their order, with the start between them.
+   !> Sets the default bounds; refuses bounds that are not allowed or not in order, and start values
+   !> outside them.
    subroutine check_bounds(block, structure, elements, stage)
       type(block_t), intent(inout) :: block
       type(structure_t), intent(in) :: structure
@@ -255,9 +286,11 @@ contains
       end do
    end subroutine check_bounds
 
-   !> What is free must be there.
+   !> Refuses free parameters that have no effect or no start value in this case, for example a
+   !> parameter of a hose that is absent.
    !>
-   !> key  that names it
+   !> free  places among the `parameters`
+   !> key   key of the group that names them, for the message
    subroutine check_free(block, free, structure, excitations, key)
       type(block_t), intent(inout) :: block
       integer, intent(in) :: free(:)

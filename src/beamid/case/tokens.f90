@@ -1,4 +1,5 @@
-!> The keys, words, strings and marks of a case file, one after the other.
+!> Splits the text of a case file into tokens: keys, words, strings and punctuation marks.
+!> `beamid_namelist` arranges them into groups.
 module beamid_tokens
    use beamid_numbers, only: shown
    implicit none
@@ -6,24 +7,27 @@ module beamid_tokens
 
    public :: token_t, scanner_t, line_feed, letters, digits
 
-   !> What a token is. Words, strings and marks may stand where the values of a key do.
+   !> Kinds of tokens. `token_word` and all kinds after it may be a value of a key.
    integer, parameter, public :: token_end = 0, token_group = 1, token_slash = 2, &
       token_broken = 3, token_key = 4, token_word = 5, token_string = 6, token_mark = 7
    character(len=*), parameter :: line_feed = achar(10), blanks = ' '//achar(9)//achar(13), &
       letters = 'abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ_', digits = '0123456789'
 
+   !> One token.
    type :: token_t
-      integer :: kind = token_end, line = 1
-      !> As written, `&name` of a group, `name` of `name =`; of a string what is between its quotes;
-      !> of a broken one what is wrong with it.
+      integer :: kind = token_end          !< one of the kinds above
+      integer :: line = 1                  !< line of the text where it begins
+      !> Text as written. A group has `&name`, a key `name` without '=', a string the text between
+      !> its quotes, a broken token the message that says what is wrong.
       character(len=:), allocatable :: text
    end type token_t
 
+   !> A position in a text and the token before it.
    type :: scanner_t
-      character(len=:), allocatable :: text
-      !> Position behind the current token, and the line there.
+      character(len=:), allocatable :: text     !< the whole text
+      !> Position behind the current token, and the line of this position.
       integer :: next = 1, line = 1
-      type(token_t) :: token
+      type(token_t) :: token                    !< the current token
    contains
       procedure :: advance
       procedure :: at_value
@@ -33,7 +37,7 @@ module beamid_tokens
 
 contains
 
-   !> The next token: a string, a word or `name =`, '&name', or one of the marks , = /
+   !> Moves to the next token: a string, a word, `name =`, `&name`, or one of the marks , = /
    subroutine advance(self)
       class(scanner_t), intent(inout) :: self
       integer :: first, length, line, next
@@ -62,7 +66,7 @@ contains
          if (self%text(first:self%next - 1) == '/') self%token%kind = token_slash
       end select
       self%token%text = self%text(first:self%next - 1)
-      ! A name with '=' behind it is a key.
+      ! A name followed by '=' is a key.
       next = self%next
       line = self%line
       call skip_blanks(self%text, next, line)
@@ -72,8 +76,9 @@ contains
       self%line = line
    end subroutine advance
 
-   !> The last character of a word. A '/' belongs to it when a name or number follows at once
-   !> (`1/2`, `data/a.csv`); blanks and commas belong to it inside the brackets of a subscript.
+   !> Returns the position of the last character of a word. A '/' belongs to the word if a name or
+   !> number follows directly (`1/2`, `data/a.csv`). Blanks and commas belong to the word inside
+   !> the parentheses of a subscript.
    pure integer function word_end(text, first) result(last)
       character(len=*), intent(in) :: text
       integer, intent(in) :: first
@@ -98,8 +103,8 @@ contains
       end do
    end function word_end
 
-   !> A text in quotes; the scanner stands on the quote. The text ends in the same line, and
-   !> behind it stands a blank or a mark.
+   !> Scans a text in quotes; the scanner stands on the opening quote. The token is broken if the
+   !> text does not end in the same line, or if neither a blank nor a mark follows.
    subroutine scan_string(self)
       class(scanner_t), intent(inout) :: self
       character(len=1) :: quote
@@ -130,7 +135,7 @@ contains
       end if
    end subroutine scan_string
 
-   !> The character at a position; a line feed behind the text.
+   !> Returns the character at a position; behind the end of the text, a line feed.
    pure character(len=1) function letter_at(text, position) result(letter)
       character(len=*), intent(in) :: text
       integer, intent(in) :: position
@@ -139,7 +144,7 @@ contains
       if (position <= len(text)) letter = text(position:position)
    end function letter_at
 
-   !> Moves a position and its line past blanks, line ends and comments.
+   !> Moves a position, and its line number, past blanks, line ends and comments.
    pure subroutine skip_blanks(text, next, line)
       character(len=*), intent(in) :: text
       integer, intent(inout) :: next, line
@@ -159,14 +164,14 @@ contains
       end do
    end subroutine skip_blanks
 
-   !> Whether the current token may stand where a value does.
+   !> Returns whether the current token may be a value of a key.
    pure logical function at_value(self)
       class(scanner_t), intent(in) :: self
 
       at_value = self%token%kind >= token_word
    end function at_value
 
-   !> Goes on from the current token to the next key, '/', group or end.
+   !> Moves past the values behind the current token: to the next key, '/', group or end of text.
    subroutine skip_values(self)
       class(scanner_t), intent(inout) :: self
 
@@ -176,7 +181,7 @@ contains
       end do
    end subroutine skip_values
 
-   !> Goes to the next group that begins a line, or to the end.
+   !> Moves to the next group that begins on a later line than the token before it, or to the end.
    subroutine skip_to_group(self)
       class(scanner_t), intent(inout) :: self
       integer :: line

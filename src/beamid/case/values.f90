@@ -1,4 +1,5 @@
-!> What the keys of a case file take, and the reading of one value.
+!> The kind, range and default of a key of a case file, the reading of one value, and the words
+!> that messages use for them. `beamid_entries` reads every value through `read_value`.
 module beamid_values
    use, intrinsic :: ieee_arithmetic, only: ieee_positive_inf, ieee_value
    use beamid_kinds, only: wp
@@ -10,15 +11,17 @@ module beamid_values
 
    public :: key_t, range_t, new_key, read_value, listed, one_of, number
 
-   !> What the values of a key are.
+   !> Kinds of values that a key takes.
    integer, parameter, public :: kind_real = 1, kind_integer = 2, kind_text = 3
-   !> The longest name, and the longest text among the values.
+   !> Longest name of a key, and longest text that a value may have [characters].
    integer, parameter, public :: name_length = 20, longest = 512
+   !> The longest text among the choices of a key.
+   integer, parameter :: longest_choice = 24
 
-   !> Numbers from `low` to `high`.
+   !> An interval of numbers from `low` to `high`; by default all numbers.
    type :: range_t
       real(wp) :: low = -huge(1.0_wp), high = huge(1.0_wp)
-      logical :: open = .false.            !< `low` itself does not belong to it
+      logical :: open = .false.            !< the interval excludes `low` itself
    contains
       procedure :: holds
       procedure :: in_words
@@ -27,26 +30,30 @@ module beamid_values
    type(range_t), parameter, public :: positive = range_t(low=0, open=.true.), &
       not_negative = range_t(low=0)
 
-   !> One key of a group.
+   !> The definition of one key of a group.
    type :: key_t
       character(len=name_length) :: name = ''
-      integer :: kind = kind_real
-      integer :: most = 1                  !< values that it takes
-      character(len=:), allocatable :: help
-      logical :: required = .false.
-      character(len=:), allocatable :: default    !< what holds without it
-      type(range_t) :: range
-      logical :: infinite = .false.        !< `inf` is a value
+      integer :: kind = kind_real          !< `kind_real`, `kind_integer` or `kind_text`
+      integer :: most = 1                  !< largest number of values
+      character(len=:), allocatable :: help       !< meaning of the key
+      logical :: required = .false.        !< the group must give the key
+      character(len=:), allocatable :: default    !< the default in words; '': none
+      type(range_t) :: range               !< allowed numbers
+      logical :: infinite = .false.        !< `inf` is allowed
       logical :: is_file = .false.         !< the value is the path of a file that the case reads
-      !> Words that may stand for the numbers, in quotes. (gfortran 12 copies but a part of an array
-      !> of texts whose length is deferred, where it belongs to an element of an array.)
+      !> Words in quotes that may be given instead of numbers; not allocated: none. (The length is
+      !> fixed because gfortran 12 copies only part of an array of texts of deferred length if the
+      !> array is a component of an array element.)
       character(len=name_length), allocatable :: words(:)
+      !> The texts or integers that a key allows. Not allocated: any text, or a range of numbers.
+      character(len=longest_choice), allocatable :: choices(:)
    contains
       procedure :: noun
    end type key_t
 
 contains
 
+   !> Returns whether a number lies in the range; an upper end of `huge` also allows infinity.
    elemental logical function holds(self, x)
       class(range_t), intent(in) :: self
       real(wp), intent(in) :: x
@@ -55,7 +62,7 @@ contains
          (x <= self%high .or. self%high >= huge(x))
    end function holds
 
-   !> The range in words; '' where it holds every number.
+   !> Returns the range in words for a message; '' if every number is allowed.
    pure function in_words(self) result(text)
       class(range_t), intent(in) :: self
       character(len=:), allocatable :: text
@@ -71,7 +78,7 @@ contains
       end if
    end function in_words
 
-   !> Names with something between them.
+   !> Returns names joined by a separator.
    pure function listed(names, between) result(text)
       character(len=*), intent(in) :: names(:), between
       character(len=:), allocatable :: text
@@ -83,7 +90,10 @@ contains
       end do
    end function listed
 
-   !> `a, b or c`, each between two marks; two words or more.
+   !> Returns `a, b or c` with each word between two marks.
+   !>
+   !> words  two words or more
+   !> mark   quotation mark
    pure function one_of(words, mark) result(text)
       character(len=*), intent(in) :: words(:), mark
       character(len=:), allocatable :: text
@@ -93,7 +103,7 @@ contains
       text = mark//listed(words(:n - 1), mark//', '//mark)//mark//' or '//mark//trim(words(n))//mark
    end function one_of
 
-   !> A number for a message: whole ones with all their digits.
+   !> Returns a number as text for a message; integers have all their digits.
    pure function number(x) result(text)
       real(wp), intent(in) :: x
       character(len=:), allocatable :: text
@@ -103,11 +113,15 @@ contains
       if (abs(x - anint(x)) <= 0) text = to_text(nint(x))
    end function number
 
-   pure function new_key(name, kind, default, help, most, range, required, infinite) result(key)
+   !> Returns the definition of a key; arguments are the components of `key_t`. A required key has
+   !> no default.
+   pure function new_key(name, kind, default, help, most, range, required, infinite, words) &
+      result(key)
       character(len=*), intent(in) :: name, default, help
       integer, intent(in) :: kind, most
       type(range_t), intent(in), optional :: range
       logical, intent(in), optional :: required, infinite
+      character(len=*), intent(in), optional :: words(:)
       type(key_t) :: key
 
       key%name = name
@@ -117,11 +131,12 @@ contains
       if (present(range)) key%range = range
       if (present(required)) key%required = required
       if (present(infinite)) key%infinite = infinite
+      if (present(words)) key%words = words
       key%default = default
       if (key%required) key%default = ''
    end function new_key
 
-   !> What a key takes, in words.
+   !> Returns the kind of value that a key takes in words, for a message.
    pure function noun(self) result(text)
       class(key_t), intent(in) :: self
       character(len=:), allocatable :: text
@@ -137,19 +152,19 @@ contains
       end do
    end function noun
 
-   !> Reads one value.
+   !> Reads one value of a key; the range is checked by the caller.
    subroutine read_value(token, key, behind, x, message)
       type(token_t), intent(in) :: token
       type(key_t), intent(in) :: key
-      !> Whether another value stands before this one.
+      !> Whether another value precedes this one.
       logical, intent(in) :: behind
-      !> The number; 0 for a text.
+      !> The number; 0 for text.
       real(wp), intent(out) :: x
-      !> Allocated when the value cannot be accepted: what was found and expected.
+      !> Allocated if the value is refused: `found ..., expected ...`.
       character(len=:), allocatable, intent(out) :: message
-      logical :: ok, whole
+      logical :: ok, is_integer
 
-      whole = key%kind == kind_integer
+      is_integer = key%kind == kind_integer
       call parse_number(token%text, x, ok)
       if (token%kind == token_mark .and. token%text == ',') then
          message = 'found an empty value before '','', expected '//key%noun()
@@ -163,10 +178,10 @@ contains
          x = ieee_value(x, ieee_positive_inf)
       else if (token%kind == token_string .or. key%kind == kind_text .or. &
          .not. is_decimal(token%text)) then
-         message = misfit(token, key, behind)
-      else if (whole .and. scan(token%text, '.eEdD') > 0) then
+         message = wrong_kind(token, key, behind)
+      else if (is_integer .and. scan(token%text, '.eEdD') > 0) then
          message = 'found '//shown(token%text)//', expected an integer'
-      else if (whole .and. (.not. ok .or. abs(x) > huge(1))) then
+      else if (is_integer .and. (.not. ok .or. abs(x) > huge(1))) then
          message = 'found '//shown(token%text)//', expected an integer between '// &
             to_text(-huge(1))//' and '//to_text(huge(1))
       else if (.not. ok) then
@@ -174,8 +189,8 @@ contains
       end if
    end subroutine read_value
 
-   !> Why a value is of the wrong kind.
-   pure function misfit(token, key, behind) result(message)
+   !> Returns the message for a value of the wrong kind; arguments as `read_value`.
+   pure function wrong_kind(token, key, behind) result(message)
       type(token_t), intent(in) :: token
       type(key_t), intent(in) :: key
       logical, intent(in) :: behind
@@ -196,6 +211,6 @@ contains
       else
          message = message//', expected '//key%noun()
       end if
-   end function misfit
+   end function wrong_kind
 
 end module beamid_values

@@ -1,5 +1,5 @@
-!> Symmetric band matrices in LAPACK's lower band storage: a(1 + i - j, j) = A(i, j), j <= i <= j +
-!> kd.
+!> Symmetric band matrices for the splines' M, C and K, in LAPACK's lower band storage:
+!> a(1 + i - j, j) = A(i, j) for j <= i <= j + kd.
 module beamid_bands
    use beamid_kinds, only: wp
    implicit none
@@ -7,10 +7,11 @@ module beamid_bands
 
    public :: band_t, new_band
 
+   !> A symmetric band matrix, or its Cholesky factor.
    type :: band_t
       integer :: n = 0                   !< order
       integer :: kd = 0                  !< half-bandwidth
-      real(wp), allocatable :: a(:, :)   !< (kd + 1, n)
+      real(wp), allocatable :: a(:, :)   !< (kd + 1, n) entries in lower band storage
    contains
       procedure :: add
       procedure :: add_rank_one
@@ -49,7 +50,7 @@ module beamid_bands
 
 contains
 
-   !> A zero matrix of order n with half-bandwidth kd.
+   !> Returns the zero matrix of order n with half-bandwidth kd.
    pure function new_band(n, kd) result(band)
       integer, intent(in) :: n, kd
       type(band_t) :: band
@@ -70,9 +71,9 @@ contains
       end associate
    end subroutine add
 
-   !> Adds alpha x x', where the nonzero entries of x lie within kd + 1 consecutive places.
+   !> Adds alpha x x' to the matrix.
    !>
-   !> x  (n)
+   !> x  (n) vector whose nonzero entries lie within kd + 1 consecutive indices
    pure subroutine add_rank_one(self, alpha, x)
       class(band_t), intent(inout) :: self
       real(wp), intent(in) :: alpha, x(:)
@@ -87,9 +88,9 @@ contains
       end do
    end subroutine add_rank_one
 
-   !> The same of an x that is zero but for some consecutive places.
+   !> Adds alpha x x' to the diagonal block whose first row is `first`.
    !>
-   !> first  the first of them
+   !> x  (m) vector, m <= kd + 1
    pure subroutine add_block(self, first, alpha, x)
       class(band_t), intent(inout) :: self
       integer, intent(in) :: first
@@ -103,7 +104,7 @@ contains
       end do
    end subroutine add_block
 
-   !> A(i, j), zero outside the band.
+   !> Returns A(i, j), which is zero outside the band.
    pure real(wp) function element(self, i, j)
       class(band_t), intent(in) :: self
       integer, intent(in) :: i, j
@@ -112,7 +113,7 @@ contains
       if (abs(i - j) <= self%kd) element = self%a(1 + abs(i - j), min(i, j))
    end function element
 
-   !> A x, x of shape (n).
+   !> Returns the product A x with a vector x of shape (n).
    function times(self, x) result(y)
       class(band_t), intent(in) :: self
       real(wp), intent(in) :: x(:)
@@ -122,7 +123,7 @@ contains
       call self%add_product(1.0_wp, x, y)
    end function times
 
-   !> y := y + alpha A x, for vectors of shape (n).
+   !> Adds alpha A x to y; x and y have the shape (n).
    subroutine add_product(self, alpha, x, y)
       class(band_t), intent(in) :: self
       real(wp), intent(in) :: alpha, x(:)
@@ -131,9 +132,9 @@ contains
       call dsbmv('L', self%n, self%kd, alpha, self%a, self%kd + 1, x, 1, 1.0_wp, y, 1)
    end subroutine add_product
 
-   !> Replaces a positive definite matrix by its Cholesky factor, for `solve`.
+   !> Replaces a positive definite matrix by its Cholesky factor, which `solve` uses.
    !>
-   !> positive  .false. when the matrix is not positive definite; it is then unusable
+   !> positive  .false.: the matrix is not positive definite, and its entries are then undefined
    subroutine factor(self, positive)
       class(band_t), intent(inout) :: self
       logical, intent(out) :: positive
@@ -143,9 +144,9 @@ contains
       positive = info == 0
    end subroutine factor
 
-   !> Solves A x = b in place with the matrix factored before.
+   !> Solves A x = b in place, after `factor`.
    !>
-   !> b  (n), the right-hand side on entry, the solution on return
+   !> b  (n) in: the right-hand side; out: the solution x
    subroutine solve(self, b)
       class(band_t), intent(in) :: self
       real(wp), intent(inout) :: b(:)

@@ -1,9 +1,11 @@
-!> Linear constraints b'w = 0 on the unknowns of band matrices, met by elimination.
+!> Linear constraints b'w = 0 on the unknowns w of band matrices, imposed by elimination. They
+!> represent rigid supports in the spline space.
 !>
-!> Of each the unknown e with the largest share of b goes. Another one that b touches takes along
-!> the next on the way to e whose share is no smaller, as far as keeps b'w at zero. That is a
-!> neighbour where the shares rise towards e, as those of splines at a place do, and the band grows
-!> no wider.
+!> Each constraint eliminates the unknown e with the largest |b_e|. Every other unknown i with
+!> b_i /= 0 is coupled with a partner: the next unknown k, from i towards e, with |b_k| >= |b_i|.
+!> A unit change of w_i then changes w_k by -b_i/b_k, so that b'w stays zero. For the values of
+!> splines at a point, |b| increases towards e; the partner is then the neighbour of i, and the
+!> half-bandwidth does not grow.
 module beamid_constraints
    use beamid_bands, only: band_t, new_band
    use beamid_kinds, only: wp
@@ -12,16 +14,20 @@ module beamid_constraints
 
    public :: constraints_t
 
-   !> Unknown j of those that are left moves w(own(j)) by 1 and w(partner(j)) by share(j).
+   !> One elimination: a unit of the remaining unknown j stands for w(own(j)) = 1 and
+   !> w(partner(j)) = share(j).
    type :: elimination_t
-      integer, allocatable :: own(:), partner(:)
-      real(wp), allocatable :: share(:)   !< |share| <= 1
+      integer, allocatable :: own(:)      !< (remaining) index of the unknown itself
+      !> (remaining) index of its partner, or own(j) if it has none
+      integer, allocatable :: partner(:)
+      real(wp), allocatable :: share(:)   !< (remaining) -b_own/b_partner, |share| <= 1
    end type elimination_t
 
+   !> A list of constraints. T is the matrix that maps the remaining unknowns q to all, w = T q.
    type :: constraints_t
-      !> Whether one follows from the others, or all together leave nothing to move.
+      !> .true.: a constraint depends on the others, or no unknown remains
       logical :: too_many = .false.
-      type(elimination_t), allocatable, private :: all(:)
+      type(elimination_t), allocatable, private :: all(:)   !< one elimination for each constraint
    contains
       procedure :: add
       procedure :: number
@@ -32,13 +38,13 @@ module beamid_constraints
 
 contains
 
-   !> One more constraint; sets `too_many` where there is nothing left to eliminate.
+   !> Adds a constraint, or sets `too_many` if it leaves no unknown or depends on the others.
    !>
-   !> b  (n) in the unknowns before any elimination
+   !> b  (n) coefficients of all unknowns w, before any elimination
    subroutine add(self, b)
       class(constraints_t), intent(inout) :: self
       real(wp), intent(in) :: b(:)
-      !> What the others leave of a row counts down to here: below it is round-off.
+      !> Least relative size of a row after the other eliminations; a smaller row is round-off.
       real(wp), parameter :: least = 1e-10_wp
       type(elimination_t) :: next
       real(wp), allocatable :: row(:)
@@ -67,7 +73,7 @@ contains
       self%all = [self%all, next]
    end subroutine add
 
-   !> How many unknowns are eliminated.
+   !> Returns the number of constraints, and of eliminated unknowns.
    pure integer function number(self)
       class(constraints_t), intent(in) :: self
 
@@ -75,8 +81,8 @@ contains
       if (allocated(self%all)) number = size(self%all)
    end function number
 
-   !> T'A T, T the map from the unknowns that are left to all; of matrices that are alike in order
-   !> and half-bandwidth the results are too.
+   !> Returns T'A T for a band matrix A. Matrices of equal order and half-bandwidth have results of
+   !> equal order and half-bandwidth.
    function of_matrix(self, matrix) result(condensed)
       class(constraints_t), intent(in) :: self
       type(band_t), intent(in) :: matrix
@@ -89,7 +95,7 @@ contains
       end do
    end function of_matrix
 
-   !> The same of one elimination.
+   !> Applies one elimination to a band matrix.
    function condense(by, a) result(condensed)
       type(elimination_t), intent(in) :: by
       type(band_t), intent(in) :: a
@@ -111,7 +117,7 @@ contains
       end associate
    end function condense
 
-   !> T'f.
+   !> Returns T'f for a vector f of all unknowns.
    pure function of_vector(self, f) result(condensed)
       class(constraints_t), intent(in) :: self
       real(wp), intent(in) :: f(:)
@@ -126,7 +132,7 @@ contains
       end do
    end function of_vector
 
-   !> T q: all unknowns from those that are left.
+   !> Returns all unknowns w = T q from the remaining unknowns q.
    pure function expanded(self, q) result(w)
       class(constraints_t), intent(in) :: self
       real(wp), intent(in) :: q(:)

@@ -1,5 +1,5 @@
-!> Galerkin integrals of the spline space: everything in (3.11) to (3.13) that depends on
-!> the mesh alone, so that it is computed once and serves every trial value of the parameters.
+!> Galerkin integrals of the spline space: the parts of (3.11) to (3.13) that depend on the mesh
+!> alone. They are computed once and used for every trial value of the parameters.
 module beamid_galerkin
    use beamid_bands, only: band_t, new_band
    use beamid_kinds, only: wp
@@ -12,39 +12,39 @@ module beamid_galerkin
 
    public :: mesh_t, galerkin_t, galerkin_of, new_galerkin, same_mesh, slope_points
 
-   !> How the beam is discretized.
+   !> The discretization of the beam: spline space and quadrature rule.
    type :: mesh_t
-      integer :: degree = 3         !< of the splines: 3, 5 or 7
-      integer :: elements = 8       !< N
-      integer :: gauss_points = 4   !< per panel
-      integer :: panels = 1         !< per element
+      integer :: degree = 3         !< degree of the splines: 3, 5 or 7
+      integer :: elements = 8       !< number of mesh intervals N
+      integer :: gauss_points = 4   !< Gauss points per panel
+      integer :: panels = 1         !< panels per element
    end type mesh_t
 
    !> Quadrature points along the beam.
    type :: points_t
-      integer, allocatable :: element(:)
-      real(wp), allocatable :: s(:)        !< position in the element, 0 .. 1
-      real(wp), allocatable :: xi(:)       !< x/l
-      real(wp), allocatable :: weight(:)   !< [length]
+      integer, allocatable :: element(:)   !< (points) element, from 0
+      real(wp), allocatable :: s(:)        !< (points) relative position in the element, 0 .. 1
+      real(wp), allocatable :: xi(:)       !< (points) position x/l
+      real(wp), allocatable :: weight(:)   !< (points) quadrature weight [length]
    end type points_t
 
+   !> The spline space of a mesh and its integrals.
    type :: galerkin_t
-      type(mesh_t) :: mesh
-      type(spline_space_t) :: space
-      type(band_t) :: inertia             !< <b_i, b_j> [length]
-      type(band_t) :: bending             !< <b_i'', b_j''> [1/length**3]
-      !> What varies along the beam: a factor of mass in `inertia`, of stiffness in `bending`. Air
-      !> and viscosity have matrices of their own then; else those are alike.
-      type(variations_t) :: variations
-      logical :: varies = .false.         !< what is known does
+      type(mesh_t) :: mesh                !< the mesh
+      type(spline_space_t) :: space       !< spline space with n basis functions b_i
+      type(band_t) :: inertia             !< <f b_i, b_j> [length], f: known factor of the mass
+      type(band_t) :: bending             !< <f b_i'', b_j''> [1/length**3], f: of the stiffness
+      type(variations_t) :: variations    !< variation of the properties along the beam
+      logical :: varies = .false.         !< a property has known variation
+      !> integrals with the known factors of air damping and viscosity; undefined unless `varies`,
+      !> because they then equal `inertia` and `bending`
       type(band_t) :: air, viscous
-      real(wp), allocatable :: tip(:)     !< (n) b_i(l)
-      !> Points of the bending integrals, and by them (points, 2) the factors of stiffness and
-      !> viscosity that are known
-      type(points_t) :: bent
+      real(wp), allocatable :: tip(:)     !< (n) values b_i(l)
+      type(points_t) :: bent              !< quadrature points of the bending integrals
+      !> (bending points, 2) known factors of stiffness and viscosity there
       real(wp), allocatable :: known(:, :)
-      type(points_t), private :: points   !< of the others
-      !> (degree + 1, points) sqrt(weight) b'' at those of the bending integrals
+      type(points_t), private :: points   !< quadrature points of the other integrals
+      !> (degree + 1, bending points) sqrt(weight) b'' of the functions on the point's element
       real(wp), allocatable, private :: curvature(:, :)
    contains
       procedure :: moments
@@ -58,7 +58,7 @@ module beamid_galerkin
 
 contains
 
-   !> Whether two meshes are the same, quadrature included.
+   !> Returns whether two meshes are equal, including their quadrature rules.
    pure logical function same_mesh(a, b)
       type(mesh_t), intent(in) :: a, b
 
@@ -66,7 +66,8 @@ contains
                       [b%degree, b%elements, b%gauss_points, b%panels])
    end function same_mesh
 
-   !> Integrals for a structure, whose root may turn if it is soft, and which may vary.
+   !> Returns the integrals for the beam of a structure, with its variation along the beam. The root
+   !> may rotate if the clamp is compliant.
    pure function galerkin_of(mesh, structure) result(self)
       type(mesh_t), intent(in) :: mesh
       type(structure_t), intent(in) :: structure
@@ -76,10 +77,11 @@ contains
          structure%variations)
    end function galerkin_of
 
-   !> Integrals for a beam of the given length [length].
+   !> Returns the integrals for a beam.
    !>
-   !> turning     whether the root may turn; default .false.
-   !> variations  left out: nothing varies along the beam
+   !> length      length of the beam [length]
+   !> turning     whether the root may rotate; default .false.
+   !> variations  variation along the beam; default: none
    pure function new_galerkin(mesh, length, turning, variations) result(self)
       type(mesh_t), intent(in) :: mesh
       real(wp), intent(in) :: length
@@ -124,9 +126,9 @@ contains
       end associate
    end function new_galerkin
 
-   !> The points of a rule on every element, or on each of the parts into which places cut it.
+   !> Returns the points of a quadrature rule on every element; elements are split at the breaks.
    !>
-   !> breaks  x/l, ascending
+   !> breaks  positions x/l, ascending
    pure function new_points(space, rule, breaks) result(points)
       type(spline_space_t), intent(in) :: space
       type(rule_t), intent(in) :: rule
@@ -156,10 +158,10 @@ contains
          - space%ends(points%element)))/space%length
    end function new_points
 
-   !> <theta, b_i> for theta(x) = (x/l)**power, the load shape of (3.10).
+   !> Returns <theta, b_i> for theta(x) = (x/l)**power, the load shape of (3.10).
    !>
-   !> power   >= 0; >= 2 for a load, so that theta and its slope vanish at the root
-   !> mass    whether by the mass per length; default .false.
+   !> power   exponent, >= 0; for a load >= 2, so that theta and its slope vanish at the root
+   !> mass    whether the known factor of the mass multiplies theta; default .false.
    !> values  (n) [length]
    pure function moments(self, power, mass) result(values)
       class(galerkin_t), intent(in) :: self
@@ -181,12 +183,12 @@ contains
       end do
    end function moments
 
-   !> Integral of (x/l)**power over the beam by the rule of the mesh, exact or not: with it w = x/l,
-   !> by which a root turns, has the integrals that `inertia` and `moments` give it.
+   !> Returns the integral of (x/l)**power over the beam [length], by the quadrature rule of the
+   !> mesh even if this is not exact: the integrals of the rigid rotation w = x/l then agree with
+   !> those of `inertia` and `moments`.
    !>
-   !> power   >= 0
-   !> mass    whether by the mass per length; default .false.
-   !> result  [length]
+   !> power  exponent, >= 0
+   !> mass   whether the known factor of the mass multiplies the integrand; default .false.
    pure real(wp) function integral(self, power, mass)
       class(galerkin_t), intent(in) :: self
       real(wp), intent(in) :: power
@@ -201,7 +203,7 @@ contains
       end do
    end function integral
 
-   !> The factor of the mass per length where that counts.
+   !> Returns the known factor of the mass per length at xi = x/l, or 1 unless `mass` is true.
    pure real(wp) function density(self, xi, mass)
       class(galerkin_t), intent(in) :: self
       real(wp), intent(in) :: xi
@@ -212,11 +214,12 @@ contains
       if (mass) density = self%variations%mass(xi)
    end function density
 
-   !> Gauss points between the root and a place, exact for (l - x) b_i' b_j' whatever the mesh has
-   !> for the other integrals.
+   !> Computes Gauss points between the root and a position. They integrate (l - x) b_i' b_j'
+   !> exactly, whatever rule the mesh has for the other integrals.
    !>
-   !> x           0 .. l [length]
-   !> variations  where the mass beyond has kinks the elements are cut
+   !> x                upper end of the integral, 0 .. l [length]
+   !> variations       elements are split where the mass beyond a position is not smooth
+   !> points, weights  (:) positions and weights [length]
    pure subroutine slope_points(space, x, variations, points, weights)
       type(spline_space_t), intent(in) :: space
       real(wp), intent(in) :: x
@@ -245,10 +248,11 @@ contains
       end do
    end subroutine slope_points
 
-   !> The integral of (a + b m) b_i' b_j' from the root to a place, m the mass per length beyond,
-   !> l - x where it does not vary.
+   !> Returns the integrals of (a + b m) b_i' b_j' from the root to a position x. m is the mass of
+   !> the beam beyond a point, divided by rho: l minus its position if the mass does not vary.
    !>
-   !> a, b  [1], [1/length]
+   !> x     upper end of the integral, 0 .. l [length]
+   !> a, b  coefficients [1], [1/length]
    function slope_band(self, x, a, b) result(band)
       class(galerkin_t), intent(in) :: self
       real(wp), intent(in) :: x, a, b
@@ -264,11 +268,12 @@ contains
       end do
    end function slope_band
 
-   !> Tabulates curvatures for `bending_energy` and `subtract_bending_force`: at degree - 1 Gauss
-   !> points, which are exact, where the rule of the mesh is exact for them too, else at its own.
+   !> Chooses the points of the bending integrals and tabulates b'' there. The degree - 1 Gauss
+   !> points that are exact for a uniform beam suffice if the rule of the mesh is exact, too, and
+   !> nothing varies; otherwise the points are those of the mesh, or more for a dip.
    pure subroutine tabulate_curvature(self)
       type(galerkin_t), intent(inout) :: self
-      integer, parameter :: of_a_dip = 8   ! points that know one as wide as a third of an element
+      integer, parameter :: of_a_dip = 8   ! resolves a dip whose width is a third of an element
       real(wp), allocatable :: breaks(:)
       integer, allocatable :: knots(:)
       integer :: q
@@ -294,9 +299,9 @@ contains
       end do
    end subroutine tabulate_curvature
 
-   !> The bending integrals with other factors at their points.
+   !> Returns the bending integrals <f b_i'', b_j''> with a factor f given at the bending points.
    !>
-   !> factor  (points of `bent`)
+   !> factor  (bending points) values of f
    function bending_band(self, factor) result(band)
       class(galerkin_t), intent(in) :: self
       real(wp), intent(in) :: factor(:)
@@ -311,10 +316,10 @@ contains
       end do
    end function bending_band
 
-   !> Curvatures of motions at the points of the bending integrals, times the roots of the weights.
+   !> Returns sqrt(weight) w'' of deflections w at the bending points.
    !>
-   !> w       (n, motions)
-   !> result  (points, motions)
+   !> w       (n, deflections) spline coefficients
+   !> values  (bending points, deflections)
    pure function curvatures(self, w) result(values)
       class(galerkin_t), intent(in) :: self
       real(wp), intent(in) :: w(:, :)
@@ -328,13 +333,14 @@ contains
       end do
    end function curvatures
 
-   !> force := force - the integrals of (k w'' + c v'') b_i'', by way of the curvature.
+   !> Subtracts the integrals of (k w'' + c v'') b_i'' from a force, by way of the curvatures.
    !>
-   !> In the band matrix the curvature of a smooth function is a difference of fourth order between
-   !> rounded entries, which costs N**4 units of round-off; here it is one of second order.
+   !> The product of a smooth w with the band matrix is a difference of fourth order between rounded
+   !> entries, whose round-off grows like N**4. The curvature is a difference of second order only.
    !>
-   !> k, c         (points of `bent`) stiffness and viscosity
-   !> w, v, force  (n)
+   !> k, c   (bending points) bending stiffness and viscosity
+   !> w, v   (n) spline coefficients of displacement and velocity
+   !> force  (n) generalized force
    pure subroutine subtract_bending_force(self, k, c, w, v, force)
       class(galerkin_t), intent(in) :: self
       real(wp), intent(in) :: k(:), c(:), w(:), v(:)
@@ -352,11 +358,11 @@ contains
       end do
    end subroutine subtract_bending_force
 
-   !> Integral of factor (w'')**2 over the beam, as accurate as `subtract_bending_force`.
+   !> Returns the integral of f (w'')**2 over the beam [1/length], as accurately as
+   !> `subtract_bending_force`.
    !>
-   !> w       (n)
-   !> factor  (points of `bent`); left out: what is known of the stiffness
-   !> result  [length**2/length**3]
+   !> w       (n) spline coefficients of a displacement
+   !> factor  (bending points) values of f; default: the known factor of the stiffness
    pure real(wp) function bending_energy(self, w, factor)
       class(galerkin_t), intent(in) :: self
       real(wp), intent(in) :: w(:)

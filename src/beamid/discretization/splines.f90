@@ -1,16 +1,18 @@
-!> B-splines of odd degree on a mesh of [0, l], combined so that every function satisfies the
-!> essential conditions of a clamped root, phi(0) = phi'(0) = 0 (Section 3 of CR-178199).
+!> The spline space V^N: B-splines of odd degree on a mesh of [0, l], combined so that every basis
+!> function satisfies the essential boundary conditions of a clamped root, phi(0) = phi'(0) = 0
+!> (Section 3 of CR-178199).
 !>
-!> The mesh is uniform, h = l/N. Where a property of the beam jumps or has a kink, w'' does too: a
-!> knot of as many as the continuity asks for stands there, and an element ends.
+!> The mesh is uniform, h = l/N. Where a property of the beam has a jump or a kink, w'' has one too;
+!> an element then ends there, at a knot of the multiplicity that this continuity requires.
 !>
-!> B_j is scaled by degree!, which for cubics on the uniform mesh is the paper's B_j(x_j) = 4,
-!> B_j(x_j +- h) = 1. The degree functions that do not vanish at the root are replaced by local
-!> combinations of three neighbours, for cubics b_1 = B_0 - 2 B_1 - 2 B_{-1}, so that the Gram
-!> matrices keep half-bandwidth = degree. The dimension is N + degree - 2, and one for each more
-!> knot.
+!> B_j is scaled by degree!. For cubics on the uniform mesh this is the paper's scaling,
+!> B_j(x_j) = 4, B_j(x_j +- h) = 1. As many B-splines as the degree do not vanish at the root. They
+!> are replaced by combinations of three neighbours, for cubics b_1 = B_0 - 2 B_1 - 2 B_{-1}, so
+!> that the Gram matrices keep the half-bandwidth `degree`. The dimension is N + degree - 2, plus
+!> one for each additional knot.
 !>
-!> A root that may turn (phi(0) = 0 alone) adds one function in front, for cubics B_{-1} - B_0/4.
+!> If the root may rotate (phi(0) = 0 is the only condition), the basis has one more function, the
+!> first: for cubics B_{-1} - B_0/4.
 module beamid_splines
    use beamid_b_splines, only: b_splines
    use beamid_kinds, only: wp
@@ -19,22 +21,23 @@ module beamid_splines
 
    public :: spline_space_t, new_spline_space
 
-   !> Functions that may be nonzero on one element: at most degree + 1, consecutive.
+   !> A spline space. At most degree + 1 consecutive basis functions are nonzero on an element.
    type :: spline_space_t
-      integer :: degree = 0                    !< odd, >= 3
-      integer :: elements = 0                  !< those of the mesh, and the parts of those cut
+      integer :: degree = 0                    !< degree of the splines, odd, >= 3
+      !> number of elements: the mesh intervals, and the parts into which breaks divide them
+      integer :: elements = 0
       integer :: n = 0                         !< dimension
-      integer :: turning = 0                   !< 1: the root may turn; 0: clamped
-      real(wp) :: length = 0                   !< l
-      real(wp), allocatable :: ends(:)         !< (0:elements) where elements meet [length]
-      !> mesh intervals in a unit of x [1/length]
-      real(wp), private :: scale = 1
-      !> knots in mesh intervals from the root; of element e the last on its left is number
-      !> left(e), before(e) B-splines have ended in front of it
-      real(wp), allocatable, private :: knots(:)
-      integer, allocatable, private :: left(:), before(:)   !< (0:elements - 1)
-      !> Row i: the coefficients of the plain B-splines i, i + 1, i + 2, from the root on, in b_i,
-      !> i <= degree - 2.
+      integer :: turning = 0                   !< 1: the root may rotate; 0: it is clamped
+      real(wp) :: length = 0                   !< length l of the beam [length]
+      real(wp), allocatable :: ends(:)         !< (0:elements) ends of the elements [length]
+      real(wp), private :: scale = 1           !< mesh intervals per unit of x, N/l [1/length]
+      real(wp), allocatable, private :: knots(:)      !< knots x N/l, ascending, 0 at the root
+      !> (0:elements - 1) index of the last knot at the left end of an element
+      integer, allocatable, private :: left(:)
+      !> (0:elements - 1) number of B-splines whose support ends before an element
+      integer, allocatable, private :: before(:)
+      !> (degree - 2, 3) row i: coefficients of the B-splines i, i + 1, i + 2, counted from the
+      !> root, in the combination b_i
       real(wp), allocatable, private :: root(:, :)
    contains
       procedure :: first_on_element
@@ -47,13 +50,15 @@ module beamid_splines
 
 contains
 
-   !> degree        odd, >= 3
-   !> elements      number of mesh intervals, >= 1
-   !> length        l > 0 [length]
-   !> turning       whether the root may turn; default .false.
-   !> breaks        x/l, ascending, where knots stand besides those of the mesh, or instead of one
-   !>               that is near
-   !> multiplicity  of these, 1 .. degree - 1
+   !> Returns a spline space.
+   !>
+   !> degree        degree of the splines, odd, >= 3
+   !> elements      number of mesh intervals N, >= 1
+   !> length        length l of the beam, > 0 [length]
+   !> turning       whether the root may rotate; default .false.
+   !> breaks        positions x/l, ascending, of knots in addition to those of the mesh; a break
+   !>               replaces a mesh knot that is close to it
+   !> multiplicity  multiplicity of each break, 1 .. degree - 1
    pure function new_spline_space(degree, elements, length, turning, breaks, multiplicity) &
       result(space)
       integer, intent(in) :: degree, elements
@@ -78,7 +83,7 @@ contains
          space%before(0:space%elements - 1))
       space%ends = nodes/elements*length
       space%ends(space%elements) = length
-      ! Beyond root and tip the mesh goes on.
+      ! The knots continue uniformly beyond the root and the tip.
       space%knots = [(real(i, wp), i=-degree, -1)]
       do e = 0, space%elements - 1
          space%knots = [space%knots, spread(nodes(e + 1), 1, times(e + 1))]
@@ -87,7 +92,8 @@ contains
       end do
       space%knots = [space%knots, [(real(elements + i, wp), i=0, degree)]]
 
-      ! At the root B-spline i has value(i) and slope(i), i = 1..degree.
+      ! value(i) and slope(i) are those of B-spline i at the root, i = 1 .. degree. The combination
+      ! of three neighbours, the middle one with coefficient 1, has value and slope 0.
       value = space%plain(0, 0.0_wp, 0)
       slope = space%plain(0, 0.0_wp, 1)
       allocate (space%root(degree - 2, 3))
@@ -99,11 +105,12 @@ contains
       end do
    end function new_spline_space
 
-   !> Where the elements of a mesh end, in mesh intervals from the root: a break takes the place of
-   !> the end that is nearest, where that is no farther than a twentieth of an interval.
+   !> Computes the ends of the elements, in mesh intervals from the root. A break replaces the
+   !> nearest node of the mesh if it is within a twentieth of an interval; otherwise it is an
+   !> additional node.
    !>
-   !> nodes  (:) ascending, 0 and `elements` among them
-   !> times  (:) knots at each
+   !> nodes  (:) ends of elements, ascending from 0 to `elements`
+   !> times  (:) multiplicity of the knot at each node
    pure subroutine mesh_knots(elements, nodes, times, breaks, multiplicity)
       integer, intent(in) :: elements
       real(wp), allocatable, intent(out) :: nodes(:)
@@ -137,9 +144,9 @@ contains
       end do
    end subroutine mesh_knots
 
-   !> Index of the first of the functions returned by `on_element`.
+   !> Returns the index of the first basis function that is nonzero on an element.
    !>
-   !> element  0 .. elements - 1, covering [ends(element), ends(element + 1)]
+   !> element  0 .. elements - 1; the element is [ends(element), ends(element + 1)]
    pure integer function first_on_element(self, element)
       class(spline_space_t), intent(in) :: self
       integer, intent(in) :: element
@@ -147,7 +154,7 @@ contains
       first_on_element = max(1, self%before(element) - 1 + self%turning)
    end function first_on_element
 
-   !> Index of the last of them.
+   !> Returns the index of the last basis function that is nonzero on an element.
    pure integer function last_on_element(self, element)
       class(spline_space_t), intent(in) :: self
       integer, intent(in) :: element
@@ -155,9 +162,9 @@ contains
       last_on_element = self%before(element) + self%degree - 1 + self%turning
    end function last_on_element
 
-   !> The element that a place is on.
+   !> Returns the element that contains a position.
    !>
-   !> x  0 .. l [length]
+   !> x  position, 0 .. l [length]
    pure integer function element_of(self, x) result(element)
       class(spline_space_t), intent(in) :: self
       real(wp), intent(in) :: x
@@ -173,12 +180,13 @@ contains
       end do
    end function element_of
 
-   !> Derivative of order `derivative` of the functions first, first+1, ... that live on an element.
+   !> Returns a derivative of the basis functions that are nonzero on an element.
    !>
    !> element     0 .. elements - 1
-   !> s           position in the element, 0 .. 1
-   !> derivative  0 .. degree [the result has unit 1/length**derivative]
-   !> values      (degree + 1); entries beyond the last function of the element are zero
+   !> s           relative position in the element, 0 .. 1
+   !> derivative  order of the derivative, 0 .. degree
+   !> values      (degree + 1) functions first_on_element, first_on_element + 1, ..., and zeros
+   !>             after the last function of the element [1/length**derivative]
    pure function on_element(self, element, s, derivative) result(values)
       class(spline_space_t), intent(in) :: self
       integer, intent(in) :: element, derivative
@@ -194,7 +202,7 @@ contains
             return
          end if
 
-         ! plain(c) is B-spline number before + c, and b_i number i + 2 for i > degree - 2.
+         ! plain(c) is B-spline number before + c; b_i is B-spline number i + 2 for i > degree - 2.
          values = 0
          first = max(1, before - 1)
          do row = 1, before + self%degree - first
@@ -209,7 +217,7 @@ contains
             end if
          end do
          if (self%turning == 0 .or. before > 1) return
-         ! The function that turns the root lives on the first two elements, in front of the others.
+         ! The first basis function, which rotates the root, is nonzero on the first two elements.
          functions = before + self%degree - 1
          values(2:functions + 1) = values(:functions)
          at_root = self%plain(0, 0.0_wp, 0)
@@ -218,11 +226,11 @@ contains
       end associate
    end function on_element
 
-   !> Derivative of order `derivative` of all basis functions at one position.
+   !> Returns a derivative of all basis functions at one position.
    !>
-   !> x           0 .. l [length]
-   !> derivative  0 .. degree
-   !> values      (n) [1/length**derivative]
+   !> x           position, 0 .. l [length]
+   !> derivative  order of the derivative, 0 .. degree
+   !> values      (n) values of the derivative [1/length**derivative]
    pure function at(self, x, derivative) result(values)
       class(spline_space_t), intent(in) :: self
       real(wp), intent(in) :: x
@@ -241,7 +249,8 @@ contains
       values(first:last) = local(:last - first + 1)
    end function at
 
-   !> The degree + 1 B-splines that live on an element, from left to right, before any combination.
+   !> Returns a derivative of the degree + 1 B-splines that are nonzero on an element, from left to
+   !> right, before they are combined at the root.
    pure function plain(self, element, s, derivative) result(values)
       class(spline_space_t), intent(in) :: self
       integer, intent(in) :: element, derivative

@@ -1,20 +1,24 @@
-!> The structure as oscillators that touch at few points.
+!> The equations of motion in modal coordinates: the structure as oscillators that are coupled at a
+!> few points.
 !>
-!> In the modes of the bare beam, pinned at a root that may turn, with the hose as one more
-!> oscillator, M, C and K are diagonal up to what hangs on the beam:
+!> The coordinates are the modes of the bare beam (pinned at the root if the root can rotate) and
+!> the hose as one more oscillator. In these coordinates M, C and K are diagonal except for the
+!> attachments:
 !>
 !>     s**2 M + s C + K = D(s) + V H(s) A**-1 V',    D_i = m_i s**2 + c_i s + k_i.
 !>
-!> The columns of V say how much each oscillator moves the tip, the hose, the slopes of root and
-!> tip, the sensors and supports; H holds what acts between them, a small matrix. A is diagonal: 1,
-!> but of a spring to the ground its compliance, with 1 + s c/k in H, so that it may be rigid.
+!> Each column of V holds the motion of the rows per unit of one oscillator: the displacements of
+!> tip, hose, sensors and supports, and the slopes at root, tip and sensors. H is a small matrix,
+!> the dynamic stiffness of the attachments. A is diagonal. Its entry is 1, except in the row of a
+!> spring to the ground: there it is the compliance, and H contains 1 + s c/k, so that the spring
+!> may be rigid (compliance 0).
 !>
-!> What acts between all oscillators of the beam, by axial force and weight or where properties vary
-!> along it, stands beside: E(s), a full matrix (`dense`).
+!> Terms that couple all oscillators of the beam (axial force, weight, properties that vary along
+!> the beam) are kept apart in a full matrix E(s), the component `dense`.
 !>
-!> The hose has the same D(s) whether its coordinate is y, with c_H s + k_H between it and the tip,
-!> or y - u(l), with m_H s**2 instead. The smaller of the two loses no digits: both forms are kept,
-!> and `form_at` says which one serves at s.
+!> The hose can be described in two ways. With the coordinate y, c_H s + k_H couples hose and tip;
+!> with y - u(l), m_H s**2 couples them instead. D(s) is the same. The smaller coupling loses fewer
+!> digits, so the assembly keeps both forms of the pencil, and `form_at` chooses one for a given s.
 module beamid_assembly
    use beamid_kinds, only: wp
    use beamid_modes, only: beam_modes_t
@@ -28,69 +32,83 @@ module beamid_assembly
 
    public :: assembly_t, new_assembly, pencil_t, quadratic, load_t
 
-   !> Coefficients of D(s) and H(s), or of their derivatives with respect to one parameter.
+   !> Coefficients of the polynomials D(s) and H(s), or their derivatives with respect to one
+   !> parameter.
    type :: pencil_t
-      real(wp), allocatable :: m(:), c(:), k(:)              !< (n)
-      real(wp), allocatable :: hm(:, :), hc(:, :), hk(:, :)  !< (r, r), symmetric
+      real(wp), allocatable :: m(:), c(:), k(:)              !< (n) of s**2, s and 1 in D
+      real(wp), allocatable :: hm(:, :), hc(:, :), hk(:, :)  !< (r, r) the same in H, symmetric
    end type pencil_t
 
-   !> What drives the structure: a force at a point, distributed, or the base that moves.
+   !> The load: a force at a point, a distributed force, or the motion of the base.
    type :: load_t
-      real(wp), allocatable :: shape(:)   !< <theta, phi> of the beam's modes; not allocated: none
-      logical :: base = .false.           !< the base moves, no force
+      !> (beam) <theta, phi> for the modes phi of the bare beam; not allocated: no distributed force
+      real(wp), allocatable :: shape(:)
+      logical :: base = .false.           !< the base moves; there is no force
    end type load_t
 
+   !> The equations of one structure and their derivatives with respect to chosen parameters.
+   !>
+   !> Sizes: n oscillators, r rows, `parameters` the chosen parameters, `operators` those of
+   !> `beamid_terms`. A slope is a derivative with respect to a parameter.
    type :: assembly_t
-      type(structure_t) :: structure
-      real(wp), allocatable :: strength(:, :)  !< (operators, matrices) of `beamid_terms`
-      integer :: n = 0                         !< oscillators
-      integer :: beam = 0                      !< the first of them: modes of the bare beam
-      type(pencil_t) :: pencil(2)              !< hose by y, by y - u(l)
-      !> (beam, beam, 2) E of C and K, and (beam, beam, 2, parameters) its derivatives; not
-      !> allocated: nothing acts so
+      type(structure_t) :: structure   !< the structure assembled
+      !> (operators, matrices) coefficients, from `beamid_terms`
+      real(wp), allocatable :: strength(:, :)
+      integer :: n = 0                         !< number of oscillators
+      integer :: beam = 0   !< number of modes of the bare beam; these oscillators come first
+      type(pencil_t) :: pencil(2)   !< D and H; form 1: hose by y, form 2: hose by y - u(l)
+      !> (beam, beam, 2) E in C and K, and (beam, beam, 2, parameters) its slopes; not allocated: no
+      !> term couples all oscillators
       real(wp), allocatable :: dense(:, :, :), dense_slope(:, :, :, :)
-      real(wp), allocatable :: v(:, :)         !< (r, n) column i is v_i
-      !> (n, r), and (n, r (r + 1)/2) products of rows k <= l at k + l (l - 1)/2
+      real(wp), allocatable :: v(:, :)         !< (r, n) V; column i belongs to oscillator i
+      !> (n, r) transpose of V, and (n, r (r + 1)/2) products of its rows k <= l, in the column with
+      !> the number k + l (l - 1)/2
       real(wp), allocatable :: vt(:, :), vv(:, :)
       real(wp), allocatable :: compliance(:)   !< (r) diagonal of A
-      real(wp), allocatable :: compliance_slope(:, :)   !< (r, parameters)
-      !> (r) which rows are held so fast that the two roots they take away are nowhere near
+      real(wp), allocatable :: compliance_slope(:, :)   !< (r, parameters) its slopes
+      !> (r) whether the spring of the row is so stiff that the pair of roots that it adds is far
+      !> above all others and is left out
       logical, allocatable :: held(:)
-      !> (n, 2, 2) F, and what of it goes with 1/s, by the two forms of the pencil: per unit force,
-      !> or per unit acceleration of the base
+      !> (n, 2, 2) load vector per unit force, or per unit acceleration of the base: index 2
+      !> separates F (1) and the part that is divided by s (2), index 3 the two forms of the pencil
       real(wp), allocatable :: load(:, :, :)
-      !> (r, 2) what of F acts along the rows of V, by the two forms, and (r, 2, parameters) its
-      !> derivatives: where little moves, V'x tells more than a sum over the oscillators
+      !> (r, 2) the part of F that acts along the rows, in the two forms, and (r, 2, parameters) its
+      !> slopes. If the motion is small there, the product with V'x is more accurate than a sum over
+      !> the oscillators.
       real(wp), allocatable :: push(:, :), push_slope(:, :, :)
-      !> the rest of F, (n), (n, parameters), and of what goes with 1/s the derivatives
+      !> (n) the remainder of F, (n, parameters) its slopes, and (n, parameters) the slopes of the
+      !> part of the load that is divided by s
       real(wp), allocatable :: rest(:), rest_slope(:, :), velocity_load_slope(:, :)
-      logical, allocatable :: load_changes(:)  !< (parameters) whether any of these is not 0
-      !> (r) by which a row is longer as the base moves: of what is connected to the ground, over
-      !> s**2
+      logical, allocatable :: load_changes(:)  !< (parameters) whether a slope of F is not 0
+      !> (r) displacement of a row per unit displacement of the base: 1 if it measures motion
+      !> relative to the ground, otherwise 0. Per unit acceleration of the base, the row moves by
+      !> this over s**2.
       real(wp), allocatable :: base_coupling(:)
-      !> Whether velocity or displacement of the base drive the structure too.
+      !> whether velocity or displacement of the base load the structure, besides its acceleration
       logical :: feels_base = .false.
       complex(wp), allocatable :: pole(:, :)   !< (n, 2) roots of D_i [1/time]
-      integer, allocatable :: parameters(:)    !< places of those to differentiate with respect to
-      !> operators in M, C and K that a parameter changes, and (3, operators, parameters) the
-      !> derivatives of what stands before them in M, C and K
+      integer, allocatable :: parameters(:)    !< numbers of the parameters of the slopes
+      !> operators of M, C and K that depend on a parameter
       integer, allocatable :: changing(:)
+      !> (3, changing, parameters) slopes of their coefficients in M, C and K
       real(wp), allocatable :: change(:, :, :)
-      !> (operators, parameters) whether any of these is not 0
+      !> (changing, parameters) whether any of these slopes is not 0
       logical, allocatable :: acts(:, :)
-      !> (2, parameters) d pencil/d parameter, where something acts between all oscillators
+      !> (2, parameters) slopes of the pencil; only if the assembly is dense
       type(pencil_t), allocatable :: slope(:, :)
-      real(wp), allocatable :: mu(:)           !< (beam) bending of the modes, of which inertia is 1
-      !> (r, n) how a row of v changes as its place moves along the beam of the mesh, and
-      !> (r, parameters) how a parameter moves that place; such a row has no entry of H but that on
-      !> the diagonal
+      !> (beam) eigenvalues of the bare beam's modes: bending integral per unit inertia integral
+      !> [1/length**4]
+      real(wp), allocatable :: mu(:)
+      !> (r, n) derivative of a row of V with respect to the position of its point on the beam of
+      !> the mesh, and (r, parameters) the derivative of this position. A row whose point moves has
+      !> only a diagonal entry in H.
       real(wp), allocatable :: v_slope(:, :), moves(:, :)
-      !> (operators) row of v; 0: none. A parameter to be differentiated with respect to may add one
-      !> that the structure by itself does without: J_T = 0, a sensor at the tip by default.
+      !> (operators) row of V of an operator; 0: none. A parameter of the slopes may add a row that
+      !> the structure itself does not need (J_T = 0, or a sensor that is at the tip by default).
       integer, allocatable :: row(:)
-      !> Rows of v; 0: not there. The sensor's may be that of the tip.
+      !> rows of tip, hose and sensor; 0: absent. The sensor may have the row of the tip.
       integer :: tip = 0, hose = 0, sensor = 0
-      !> That of the sensor's slope, where it reads gravity.
+      !> row of the slope at the sensor; 0: the sensor does not read gravity
       integer :: turn = 0
    contains
       procedure :: is_dense
@@ -102,23 +120,26 @@ module beamid_assembly
       procedure :: load_at
       procedure :: mass_couplings
       procedure :: products
-      procedure, private :: acts_at_tip
+      procedure, private :: is_tip_operator
       procedure :: traces
       procedure :: varied
       procedure :: grown
       procedure :: load_change
    end type assembly_t
 
-   !> A root this many times beyond all poles of the oscillators moves nothing that is observed.
+   !> A pair of roots this many times above all poles of the oscillators has no influence on the
+   !> observed motion.
    real(wp), parameter :: far_away = 1e5_wp
 
 contains
 
-   !> structure   what hangs on the beam
-   !> modes       of the bare beam
-   !> parameters  places in the table to differentiate with respect to
-   !> load        left out: a force at a point
-   !> whole       whether everything goes by whole matrices, whatever acts; default .false.
+   !> Returns the equations of a structure in modal coordinates.
+   !>
+   !> structure   beam and attachments
+   !> modes       modes of the bare beam
+   !> parameters  numbers of the parameters of the slopes
+   !> load        kind of load; default: a force at a point
+   !> whole       .true.: full matrices even if no term couples all oscillators; default .false.
    function new_assembly(structure, modes, parameters, load, whole) result(self)
       type(structure_t), intent(in) :: structure
       type(beam_modes_t), intent(in) :: modes
@@ -128,7 +149,7 @@ contains
       type(assembly_t) :: self
       type(load_t) :: applied
       real(wp), allocatable :: slopes(:, :, :)
-      real(wp) :: reach(size(operators))
+      real(wp) :: magnitude(size(operators))
       logical, dimension(size(operators)) :: needed, used
       integer :: form, matrix, p, i
 
@@ -139,21 +160,21 @@ contains
       allocate (self%strength(size(operators), of_compliance), &
          slopes(size(operators), of_compliance, size(parameters)))
       call strengths_and_slopes(structure, modes%space%length, parameters, self%strength, slopes)
-      reach = 0
+      magnitude = 0
       do matrix = 1, size(slopes, 2)
          do p = 1, size(parameters)
-            reach = reach + abs(slopes(:, matrix, p))
+            magnitude = magnitude + abs(slopes(:, matrix, p))
          end do
       end do
-      used = reach > 0
+      used = magnitude > 0
       do matrix = 1, size(slopes, 2)
-         reach = reach + abs(self%strength(:, matrix))
+         magnitude = magnitude + abs(self%strength(:, matrix))
       end do
-      needed = reach > 0
+      needed = magnitude > 0
       do i = root_slope, size(operators)
          needed(i) = needed(i) .or. is_spring(i, structure)
       end do
-      call lay_out(self, modes, needed)
+      call set_rows(self, modes, needed)
       self%mu = modes%mu
       do form = 1, 2
          self%pencil(form) = new_pencil(self, modes, self%strength, form)
@@ -175,18 +196,18 @@ contains
       call set_dense(self, modes, slopes, whole)
    end function new_assembly
 
-   !> Which oscillators and couplings there are, and V.
+   !> Numbers the oscillators and the rows of V, and sets V.
    !>
-   !> needed  (operators) which of them count
-   subroutine lay_out(self, modes, needed)
+   !> needed  (operators) whether the operator has a coefficient that is not 0, or a slope
+   subroutine set_rows(self, modes, needed)
       type(assembly_t), intent(inout) :: self
       type(beam_modes_t), intent(in) :: modes
       logical, intent(in) :: needed(:)
-      integer :: k, l, r
-      logical :: turns
+      integer :: k, r
+      logical :: reads_gravity
 
       associate (s => self%structure)
-         turns = s%g > 0 .or. any(self%parameters == of_g)
+         reads_gravity = s%g > 0 .or. any(self%parameters == of_g)
          allocate (self%row(size(operators)), source=0)
          self%n = self%beam
          self%tip = 1
@@ -200,7 +221,7 @@ contains
          do k = 1, size(operators)
             if (k == force_value .or. operators(k)%derivative < 0 .or. self%row(k) > 0 .or. &
                k == root_slope .and. modes%space%turning == 0) cycle
-            if (.not. (needed(k) .or. k == sensor_value(s%observer) .or. turns .and. &
+            if (.not. (needed(k) .or. k == sensor_value(s%observer) .or. reads_gravity .and. &
                k == sensor_slope(s%observer))) cycle
             if (k == root_slope .or. is_grounded(k) .or. &
                .not. stays_at_tip(self, operators(k)%place)) then
@@ -217,17 +238,30 @@ contains
             end if
          end do
          self%sensor = self%row(sensor_value(s%observer))
-         if (turns) self%turn = self%row(sensor_slope(s%observer))
+         if (reads_gravity) self%turn = self%row(sensor_slope(s%observer))
       end associate
+      call set_v(self, modes, r)
+   end subroutine set_rows
+
+   !> Sets V, its products, and its derivatives with respect to the positions of the points.
+   !>
+   !> r  number of rows
+   subroutine set_v(self, modes, r)
+      type(assembly_t), intent(inout) :: self
+      type(beam_modes_t), intent(in) :: modes
+      integer, intent(in) :: r
+      integer :: k, l
+
       allocate (self%v(r, self%n), self%v_slope(r, self%n), &
          self%moves(r, size(self%parameters)), source=0.0_wp)
       if (self%hose > 0) self%v(self%hose, self%beam + 1) = 1
       do k = 1, size(operators)
          if (self%row(k) == 0) cycle
          associate (row => self%row(k))
-            self%v(row, :) = at_point(self, modes, k, 0)
-            self%moves(row, :) = moves_of(self, modes, k)
-            if (any(abs(self%moves(row, :)) > 0)) self%v_slope(row, :) = at_point(self, modes, k, 1)
+            self%v(row, :) = modes_at_point(self, modes, k, 0)
+            self%moves(row, :) = position_slopes(self, modes, k)
+            if (any(abs(self%moves(row, :)) > 0)) &
+               self%v_slope(row, :) = modes_at_point(self, modes, k, 1)
          end associate
       end do
       allocate (self%vt, source=transpose(self%v))
@@ -237,9 +271,11 @@ contains
             self%vv(:, k + (l*(l - 1))/2) = self%vt(:, k)*self%vt(:, l)
          end do
       end do
-   end subroutine lay_out
+   end subroutine set_v
 
-   !> Whether a point is the tip, and remains there whatever parameter moves.
+   !> Returns whether a point is the tip and no parameter of the slopes moves it away.
+   !>
+   !> place  number of the parameter for the position; 0: the tip by definition
    pure logical function stays_at_tip(self, place)
       type(assembly_t), intent(in) :: self
       integer, intent(in) :: place
@@ -249,10 +285,11 @@ contains
       stays_at_tip = self%structure%follows_tip(place) .and. .not. any(self%parameters == place)
    end function stays_at_tip
 
-   !> What the oscillators do at the point of an operator.
+   !> Returns the values of the modes at the point of an operator, or of their derivatives.
    !>
-   !> more  derivatives with respect to the place on the beam of the mesh, beyond the operator's own
-   function at_point(self, modes, k, more) result(values)
+   !> k     operator
+   !> more  additional derivatives with respect to x, beyond the operator's own
+   function modes_at_point(self, modes, k, more) result(values)
       type(assembly_t), intent(in) :: self
       type(beam_modes_t), intent(in) :: modes
       integer, intent(in) :: k, more
@@ -261,10 +298,14 @@ contains
       values = 0
       values(:self%beam) = modes%at(place_on_mesh(k, self%structure, modes%space%length), &
          operators(k)%derivative + more)
-   end function at_point
+   end function modes_at_point
 
-   !> How the parameters move the point of an operator along the beam of the mesh.
-   pure function moves_of(self, modes, k) result(moves)
+   !> Returns the derivatives of an operator's position on the beam of the mesh with respect to the
+   !> parameters.
+   !>
+   !> k      operator
+   !> moves  (parameters) [length per unit of the parameter]
+   pure function position_slopes(self, modes, k) result(moves)
       type(assembly_t), intent(in) :: self
       type(beam_modes_t), intent(in) :: modes
       integer, intent(in) :: k
@@ -277,15 +318,18 @@ contains
          if (s%follows_tip(place)) return
          where (self%parameters == of_length) moves = -s%place(place)*l/s%length**2
       end associate
-   end function moves_of
+   end function position_slopes
 
-   !> Springs to the ground, rigid or not: A y is the motion, (1 + s c/k) y the force, in units in
-   !> which it is of the size of the others.
+   !> Sets the rows of the springs to the ground, rigid or not. The unknown of such a row is the
+   !> force y of the spring: A y is the motion, and (1 + s c/k) y the force of spring and damper, in
+   !> a unit that gives the row the size of the others.
+   !>
+   !> slopes  (operators, matrices, parameters) from `strengths_and_slopes`
    subroutine set_springs(self, modes, slopes)
       type(assembly_t), intent(inout) :: self
       type(beam_modes_t), intent(in) :: modes
       real(wp), intent(in) :: slopes(:, :, :)
-      real(wp) :: unit, alone
+      real(wp) :: unit, flexibility
       integer :: form, i, k
 
       allocate (self%compliance(size(self%v, 1)), source=1.0_wp)
@@ -308,14 +352,16 @@ contains
                   + s(of_compliance)*slopes(k, of_damping, :))
                self%change(3, i, :) = 0
             end if
-            ! Of a spring so stiff only the root that it sends away would know.
-            alone = sum(self%v(row, :)**2/self%pencil(1)%m)
-            self%held(row) = alone >= s(of_compliance)*(far_away*maxval(abs(self%pole)))**2
+            ! The pair of roots of so stiff a spring is far away and is left out.
+            flexibility = sum(self%v(row, :)**2/self%pencil(1)%m)
+            self%held(row) = flexibility >= s(of_compliance)*(far_away*maxval(abs(self%pole)))**2
          end associate
       end do
    end subroutine set_springs
 
-   !> Derivatives of the pencil.
+   !> Sets the slopes of the pencil.
+   !>
+   !> slopes  (operators, matrices, parameters) from `strengths_and_slopes`
    subroutine set_pencil_slopes(self, modes, slopes)
       type(assembly_t), intent(inout) :: self
       type(beam_modes_t), intent(in) :: modes
@@ -336,14 +382,17 @@ contains
       end do
    end subroutine set_pencil_slopes
 
-   !> E and its derivatives.
+   !> Sets E and its slopes, if a term couples all oscillators.
+   !>
+   !> slopes  (operators, matrices, parameters) from `strengths_and_slopes`
+   !> whole   .true.: in any case
    subroutine set_dense(self, modes, slopes, whole)
       type(assembly_t), intent(inout) :: self
       type(beam_modes_t), intent(in) :: modes
       real(wp), intent(in) :: slopes(:, :, :)
       logical, intent(in), optional :: whole
       type(beam_modes_t) :: own
-      real(wp), allocatable :: tension(:, :), turning(:), moves(:)
+      real(wp), allocatable :: tension(:, :), mode_slope(:), moves(:)
       logical :: needed, pull(size(operators))
       integer :: j, k, p
 
@@ -352,7 +401,7 @@ contains
          if (pull(j)) pull(j) = abs(self%strength(j, of_stiffness)) > 0 .or. &
             any(abs(slopes(j, of_stiffness, :)) > 0)
       end do
-      needed = allocated(modes%rest) .or. varies_more(self) .or. any(pull)
+      needed = allocated(modes%rest) .or. has_field(self) .or. any(pull)
       if (present(whole)) needed = needed .or. whole
       if (.not. needed) return
       call set_pencil_slopes(self, modes, slopes)
@@ -370,7 +419,7 @@ contains
             end associate
          end do
       end if
-      if (varies_more(self)) call add_varied_bending(self, modes, slopes)
+      if (has_field(self)) call add_field_bending(self, modes, slopes)
       if (.not. any(pull)) return
       own = modes
       call own%tabulate_slopes()
@@ -381,28 +430,31 @@ contains
             tension = own%tension(x, merge(0.0_wp, 1.0_wp, k == weight), &
                merge(1.0_wp, 0.0_wp, k == weight))
             self%dense(:, :, 2) = self%dense(:, :, 2) + s*tension
-            turning = modes%at(x, 1)
-            moves = moves_of(self, modes, k)
+            mode_slope = modes%at(x, 1)
+            moves = position_slopes(self, modes, k)
             do p = 1, size(self%parameters)
                self%dense_slope(:, :, 2, p) = self%dense_slope(:, :, 2, p) + s_p(p)*tension
                if (abs(s*moves(p)) > 0) self%dense_slope(:, :, 2, p) = &
-                  self%dense_slope(:, :, 2, p) + s*moves(p)*spread(turning, 1, self%beam) &
-                  *spread(turning, 2, self%beam)
+                  self%dense_slope(:, :, 2, p) + s*moves(p)*spread(mode_slope, 1, self%beam) &
+                  *spread(mode_slope, 2, self%beam)
             end do
          end associate
       end do
    end subroutine set_dense
 
-   !> Whether parameters say how the bending varies along the beam, or a parameter is to be
-   !> differentiated with respect to that would.
-   pure logical function varies_more(self)
+   !> Returns whether E(x) or c_D(x) depends on parameters: on those of the structure, or on a
+   !> parameter of the slopes.
+   pure logical function has_field(self)
       type(assembly_t), intent(in) :: self
 
-      varies_more = self%structure%varies_further() .or. any(is_coefficient(self%parameters))
-   end function varies_more
+      has_field = self%structure%varies_further() .or. any(is_coefficient(self%parameters))
+   end function has_field
 
-   !> What E(x) and c_D(x) make of the bending, beyond E, c_D and what is known to vary.
-   subroutine add_varied_bending(self, modes, slopes)
+   !> Adds to E the bending that E(x) and c_D(x) cause beyond constant E and c_D and the known
+   !> variation, and to its slopes their derivatives.
+   !>
+   !> slopes  (operators, matrices, parameters) from `strengths_and_slopes`
+   subroutine add_field_bending(self, modes, slopes)
       type(assembly_t), intent(inout) :: self
       type(beam_modes_t), intent(in) :: modes
       real(wp), intent(in) :: slopes(:, :, :)
@@ -412,7 +464,8 @@ contains
       real(wp) :: products(self%beam, self%beam, 2)
       integer :: j, k, p, q
 
-      ! What `factors` has first is of the stiffness, here it is second.
+      ! The functions return stiffness first and viscosity second; `matrix` has them in reverse
+      ! order.
       do q = 1, size(modes%bent)
          factor(q, :) = self%structure%factors(modes%bent(q)) - 1
          slope(:, :, q) = self%structure%factor_slopes(modes%bent(q), self%parameters)
@@ -441,24 +494,30 @@ contains
             end associate
          end do
       end do
-   end subroutine add_varied_bending
+   end subroutine add_field_bending
 
-   !> Whether something acts between all oscillators of the beam.
+   !> Returns whether a term couples all oscillators of the beam.
    pure logical function is_dense(self)
       class(assembly_t), intent(in) :: self
 
       is_dense = allocated(self%dense)
    end function is_dense
 
-   !> F and its derivatives: what acts along the rows of V, and the rest. Of a base that moves -M r
-   !> and, with 1/s, -C r, r the displacement of the whole by one. Of an operator that is connected
-   !> to the ground the row of V is longer instead (`base_coupling`), which loads all of its terms.
+   !> Sets F and its slopes: the part along the rows of V and the remainder.
+   !>
+   !> A base that moves loads the structure by -M r and, divided by s, by -C r, where r is the rigid
+   !> displacement of the whole structure by one. An operator that is connected to the ground is
+   !> treated differently: its row measures motion relative to the ground (`base_coupling`), which
+   !> loads all of its terms.
+   !>
+   !> slopes   (operators, matrices, parameters) from `strengths_and_slopes`
+   !> applied  kind of load
    subroutine set_load(self, modes, slopes, applied)
       type(assembly_t), intent(inout) :: self
       type(beam_modes_t), intent(in) :: modes
       real(wp), intent(in) :: slopes(:, :, :)
       type(load_t), intent(in) :: applied
-      real(wp), dimension(self%n) :: point, moving, spread_out
+      real(wp), dimension(self%n) :: point, point_slope, spread_out
       real(wp) :: moves(size(self%parameters))
       integer :: form, k, p
 
@@ -470,18 +529,18 @@ contains
       if (applied%base) spread_out(:self%beam) = -modes%total(:, 1)
       if (allocated(applied%shape)) spread_out(:self%beam) = applied%shape
       point = 0
-      moving = 0
+      point_slope = 0
       moves = 0
       if (.not. (applied%base .or. stays_at_tip(self, operators(force_value)%place))) then
-         point = at_point(self, modes, force_value, 0)
-         moving = at_point(self, modes, force_value, 1)
-         moves = moves_of(self, modes, force_value)
+         point = modes_at_point(self, modes, force_value, 0)
+         point_slope = modes_at_point(self, modes, force_value, 1)
+         moves = position_slopes(self, modes, force_value)
       end if
       self%rest = rest_load(self%strength)
       do p = 1, size(self%parameters)
          self%push_slope(:, :, p) = row_load(self, slopes(:, :, p), applied%base)
          self%rest_slope(:, p) = rest_load(slopes(:, :, p)) &
-            + self%strength(force_value, of_load)*moves(p)*moving
+            + self%strength(force_value, of_load)*moves(p)*point_slope
       end do
       self%load_changes = [(applied%base .or. any(abs(self%push_slope(:, :, p)) > 0) .or. &
          any(abs(self%rest_slope(:, p)) > 0), p=1, size(self%parameters))]
@@ -502,7 +561,7 @@ contains
 
    contains
 
-      !> What acts along no row, or a derivative of it.
+      !> Returns the part of F that acts along no row, or a derivative of it.
       pure function rest_load(s) result(rest)
          real(wp), intent(in) :: s(:, :)   !< (operators, matrices), or a derivative
          real(wp) :: rest(self%n)
@@ -516,10 +575,11 @@ contains
 
    end subroutine set_load
 
-   !> What of F, or of a derivative, acts along the rows of V.
+   !> Returns the part of F that acts along the rows of V, or a derivative of it.
    !>
-   !> s     (operators, matrices), or a derivative
+   !> s     (operators, matrices) coefficients, or their derivatives
    !> base  whether the base moves
+   !> push  (r, 2) in the two forms
    pure function row_load(self, s, base) result(push)
       type(assembly_t), intent(in) :: self
       real(wp), intent(in) :: s(:, :)
@@ -537,7 +597,7 @@ contains
          if (self%row(k) == 0 .or. .not. operators(k)%moves_with_base .or. is_grounded(k)) cycle
          push(self%row(k), :) = push(self%row(k), :) - s(k, of_mass)
       end do
-      ! By y the hose's mass moves alone, by y - u(l) the tip moves it too.
+      ! With y, the mass of the hose moves by itself; with y - u(l), the tip moves it too.
       if (self%hose > 0) then
          push(self%hose, :) = push(self%hose, :) - s(hose, of_mass)
          push(self%tip, 2) = push(self%tip, 2) - s(hose, of_mass)
@@ -546,12 +606,13 @@ contains
       end if
    end function row_load
 
-   !> What each operator that changes makes of two motions, z'Op x: of a spring to the ground the
-   !> product of what holds, A y w.
+   !> Computes z'Op x for each operator that depends on a parameter, where x and z are two motions.
+   !> For a spring to the ground the product is A y w.
    !>
-   !> form  of the pencil
-   !> x, y  (n), (r) one motion; z, w the other
-   !> q     (operators that change)
+   !> form  form of the pencil, in which the motions are given
+   !> x, y  (n), (r) first motion: oscillators and rows A**-1 V'x
+   !> z, w  (n), (r) second motion
+   !> q     (changing) the products
    pure subroutine products(self, form, x, y, z, w, q)
       class(assembly_t), intent(in) :: self
       integer, intent(in) :: form
@@ -570,7 +631,7 @@ contains
                else if (k == bending) then
                   q(i) = sum(self%mu*x(:b)*z(:b))
                else if (self%hose == 0) then
-                  if (self%acts_at_tip(k)) q(i) = y(tip)*w(tip)
+                  if (self%is_tip_operator(k)) q(i) = y(tip)*w(tip)
                else if (form == 1 .and. k == stretch) then
                   q(i) = (x(b + 1) - y(tip))*(z(b + 1) - w(tip))
                else if (form == 2 .and. k == hose) then
@@ -583,9 +644,12 @@ contains
       end associate
    end subroutine products
 
-   !> The same of the trace of Op Q**-1.
+   !> Returns the trace of Op Q**-1 for each operator that depends on a parameter.
    !>
-   !> diagonal, T  of Q**-1 (n), and A**-1 V'Q**-1 V (r, r)
+   !> form      form of the pencil
+   !> diagonal  (n) diagonal of Q**-1
+   !> T         (r, r) A**-1 V'Q**-1 V
+   !> q         (changing) the traces
    pure function traces(self, form, diagonal, T) result(q)
       class(assembly_t), intent(in) :: self
       integer, intent(in) :: form
@@ -604,7 +668,7 @@ contains
                else if (k == bending) then
                   q(i) = sum(self%mu*diagonal(:b))
                else if (h == 0) then
-                  if (self%acts_at_tip(k)) q(i) = T(tip, tip)
+                  if (self%is_tip_operator(k)) q(i) = T(tip, tip)
                else if (form == 1 .and. k == stretch) then
                   q(i) = diagonal(b + 1) + T(tip, tip) - T(tip, h) - T(h, tip)
                else if (form == 2 .and. k == hose) then
@@ -617,20 +681,24 @@ contains
       end associate
    end function traces
 
-   !> Whether an operator of a hose that is no oscillator acts at the tip: one that nothing holds
-   !> yet stays where it is, one without mass moves with the tip once it has any.
-   pure logical function acts_at_tip(self, k)
+   !> Returns whether an operator of a hose that is not an oscillator acts at the tip. Without c_H
+   !> and k_H the hose stays at rest, so that its spring acts between tip and ground. A hose without
+   !> mass moves with the tip once its mass is not 0.
+   !>
+   !> k  operator
+   pure logical function is_tip_operator(self, k)
       class(assembly_t), intent(in) :: self
       integer, intent(in) :: k
 
-      acts_at_tip = merge(stretch, hose, self%structure%has_hose()) == k .and. &
+      is_tip_operator = merge(stretch, hose, self%structure%has_hose()) == k .and. &
          (self%structure%has_hose() .or. any(self%strength(stretch, :) > 0))
-   end function acts_at_tip
+   end function is_tip_operator
 
-   !> Sum of s**2 M_p + s C_p + K_p over the operators.
+   !> Returns the sum of s**2 M_p + s C_p + K_p over the operators: z'Q_p x or tr Q**-1 Q_p.
    !>
-   !> q  (operators that change) `traces`
-   !> p  place among the parameters
+   !> q  (changing) from `products` or `traces`
+   !> s  [1/time]
+   !> p  index among the parameters of the slopes
    pure complex(wp) function varied(self, q, s, p)
       class(assembly_t), intent(in) :: self
       complex(wp), intent(in) :: q(:), s
@@ -645,7 +713,7 @@ contains
       end do
    end function varied
 
-   !> Sum of 2 s M_p + C_p over the operators.
+   !> Returns the sum of 2 s M_p + C_p over the operators; arguments as in `varied`.
    pure complex(wp) function grown(self, q, s, p)
       class(assembly_t), intent(in) :: self
       complex(wp), intent(in) :: q(:), s
@@ -659,9 +727,12 @@ contains
       end do
    end function grown
 
-   !> x'F_p at s, but for rows whose place moves.
+   !> Returns x'F_p at s, without the contribution of rows whose points move.
    !>
-   !> x, y  (n), (r) a motion
+   !> form  form of the pencil
+   !> x, y  (n), (r) motion: oscillators and rows
+   !> s     [1/time]
+   !> p     index among the parameters of the slopes
    pure complex(wp) function load_change(self, form, x, y, s, p) result(change)
       class(assembly_t), intent(in) :: self
       integer, intent(in) :: form, p
@@ -674,7 +745,11 @@ contains
          + sum(self%velocity_load_slope(:, p)*x)/s
    end function load_change
 
-   !> F at s.
+   !> Returns F at s, including the load by the velocity of the base.
+   !>
+   !> s     [1/time]
+   !> form  form of the pencil
+   !> load  (n)
    pure function load_at(self, s, form) result(load)
       class(assembly_t), intent(in) :: self
       complex(wp), intent(in) :: s
@@ -685,7 +760,8 @@ contains
       if (any(abs(self%load(:, 2, form)) > 0)) load = load + self%load(:, 2, form)/s
    end function load_at
 
-   !> What acts between the oscillators at once: H/s**2 for large s, and the rows that are held.
+   !> Returns H/s**2 for large s, (r, r), with a positive number on the diagonal of each row that is
+   !> held.
    pure function mass_couplings(self) result(h)
       class(assembly_t), intent(in) :: self
       real(wp) :: h(size(self%v, 1), size(self%v, 1))
@@ -698,16 +774,17 @@ contains
       end do
    end function mass_couplings
 
-   !> How many roots there are: two for each oscillator, less two for each that is held.
+   !> Returns the number of roots: two for each oscillator, less two for each row that is held.
    pure integer function roots(self)
       class(assembly_t), intent(in) :: self
 
       roots = 2*(self%n - count(self%held))
    end function roots
 
-   !> D(s) and H(s) in one of the two forms, or a derivative of them.
+   !> Returns D and H in one form, or their derivative with respect to a parameter.
    !>
-   !> strength  (operators, matrices), or a derivative
+   !> strength  (operators, matrices) coefficients, or their derivatives
+   !> form      1: hose by y, 2: hose by y - u(l)
    pure function new_pencil(self, modes, strength, form) result(p)
       type(assembly_t), intent(in) :: self
       type(beam_modes_t), intent(in) :: modes
@@ -723,11 +800,12 @@ contains
       call sum_terms(self, modes, strength(:, of_stiffness), form, p%k, p%hk)
    end function new_pencil
 
-   !> The part of one matrix.
+   !> Sums the terms of one matrix.
    !>
-   !> s  (operators)
-   !> d  (n) on the diagonal
-   !> h  (r, r)
+   !> s     (operators) coefficients in this matrix, or their derivatives
+   !> form  form of the pencil
+   !> d     (n) diagonal of the oscillators
+   !> h     (r, r) couplings of the rows
    pure subroutine sum_terms(self, modes, s, form, d, h)
       type(assembly_t), intent(in) :: self
       type(beam_modes_t), intent(in) :: modes
@@ -745,20 +823,25 @@ contains
          d(:b) = s(inertia) + s(bending)*modes%mu
          if (self%hose > 0) then
             d(b + 1) = s(hose) + s(stretch)
-            ! By y a spring acts between hose and tip, by y - u(l) the mass moves by the sum.
+            ! With y, a spring couples hose and tip; with y - u(l), the mass moves by the sum of
+            ! both.
             if (form == 1) call couple_hose(self, h, s(stretch), -1)
             if (form == 2) call couple_hose(self, h, s(hose), 1)
          else if (self%structure%has_hose()) then
-            ! A hose that nothing holds yet stays where it is.
+            ! Without c_H and k_H the hose stays at rest.
             h(tip, tip) = h(tip, tip) + s(stretch)
          else if (any(self%strength(stretch, :) > 0)) then
-            ! A hose without mass moves with the tip once it has any, held by c_H and k_H.
+            ! A hose without mass, held by c_H and k_H, moves with the tip once its mass is not 0.
             h(tip, tip) = h(tip, tip) + s(hose)
          end if
       end associate
    end subroutine sum_terms
 
-   !> A spring between hose and tip (sign -1), or a mass that moves by the sum of both (+1).
+   !> Adds to H a spring between hose and tip (sign -1), or a mass that moves by their sum (sign
+   !> +1).
+   !>
+   !> h      (r, r)
+   !> value  stiffness, damping or mass
    pure subroutine couple_hose(self, h, value, sign)
       type(assembly_t), intent(in) :: self
       real(wp), intent(inout) :: h(:, :)
@@ -770,7 +853,7 @@ contains
       h(self%hose, self%tip) = h(self%hose, self%tip) + sign*value
    end subroutine couple_hose
 
-   !> Both roots of a s**2 + b s + c, a > 0, b, c >= 0, without cancellation.
+   !> Returns both roots of a s**2 + b s + c without cancellation; a > 0, b >= 0, c >= 0.
    pure function quadratic(a, b, c) result(roots)
       real(wp), intent(in) :: a, b, c
       complex(wp) :: roots(2)
@@ -788,7 +871,7 @@ contains
       end if
    end function quadratic
 
-   !> Which form of the pencil loses no digits at s.
+   !> Returns the form of the pencil that is more accurate at s [1/time].
    pure integer function form_at(self, s) result(form)
       class(assembly_t), intent(in) :: self
       complex(wp), intent(in) :: s
@@ -802,8 +885,8 @@ contains
       form = merge(1, 2, real(held)**2 + aimag(held)**2 <= real(moved)**2 + aimag(moved)**2)
    end function form_at
 
-   !> Relative distance of s from -E/c_D, next to which the slow roots of overdamped modes lie: in a
-   !> mode overdamped so far the slow root's residue is that small too.
+   !> Returns |s + E/c_D| c_D/E, the relative distance of s from -E/c_D, the accumulation point of
+   !> the slow roots of overdamped modes. The residue of such a root is reduced by the same factor.
    pure real(wp) function from_pile(self, s)
       class(assembly_t), intent(in) :: self
       complex(wp), intent(in) :: s
@@ -813,7 +896,7 @@ contains
       end associate
    end function from_pile
 
-   !> Whether nothing hangs on the beam.
+   !> Returns whether the beam has no attachments.
    pure logical function is_bare(self)
       class(assembly_t), intent(in) :: self
 
@@ -822,6 +905,7 @@ contains
       end associate
    end function is_bare
 
+   !> Returns whether C is 0.
    pure logical function is_undamped(self)
       class(assembly_t), intent(in) :: self
 

@@ -1,13 +1,14 @@
 !> Motion of a cluster of roots in time.
 !>
-!> With d = (d/dt - c)/R the states are v, d v, ..., d**(m-1) v, where R P(d) v = f, and for
-!> derivatives with respect to parameters as many of y, P(d) y = v: a linear system
+!> With the operator d = (d/dt - c)/R, the states are v, d v, ..., d**(m-1) v, where R P(d) v = f.
+!> Derivatives with respect to parameters have as many additional states of y, where P(d) y = v.
+!> Together they are a linear system
 !>
 !>     x' = B x + e_m f
 !>
-!> that no parameter but those of the roots enters, solved by exponentials of small matrices. N(d) v
-!> is the motion with the transfer function N/(R P); of two roots c +- D the free motions are
-!> e**(c t) cosh D t and e**(c t) sinh(D t)/D.
+!> that depends on the roots but on no other parameter. It is solved by exponentials of small
+!> matrices. N(d) v is the motion with the transfer function N/(R P). For two roots c +- D, the free
+!> motions are e**(c t) cosh D t and e**(c t) sinh(D t)/D.
 module beamid_cluster_motion
    use beamid_clusters, only: cluster_t
    use beamid_kinds, only: wp
@@ -16,20 +17,26 @@ module beamid_cluster_motion
 
    public :: cluster_state_t, free_states
 
+   !> The states of a cluster and the matrices of a time step.
    type :: cluster_state_t
-      complex(wp), allocatable :: x(:)            !< (m), or (2 m) with derivatives
-      complex(wp), allocatable :: growth(:, :)    !< e**(B step)
-      complex(wp), allocatable :: drive(:, :)     !< what f and (slope of f) step add
+      !> (m) states, or (2 m) with derivatives
+      complex(wp), allocatable :: x(:)
+      !> (states, states) e**(B step)
+      complex(wp), allocatable :: growth(:, :)
+      !> (states, 2) contributions of f and of (slope of f) x step
+      complex(wp), allocatable :: drive(:, :)
    contains
       procedure :: advance
    end type cluster_state_t
 
 contains
 
-   !> One step further.
+   !> Advances the states by one time step.
    !>
-   !> force, slope  f at its beginning, and df/dt
-   !> same          the step is that of the last call
+   !> force  f at the beginning of the step
+   !> slope  df/dt, constant in the step
+   !> step   length of the step [time]
+   !> same   the step is as long as that of the last call, so that the matrices are used again
    pure subroutine advance(self, cluster, force, slope, step, same)
       class(cluster_state_t), intent(inout) :: self
       type(cluster_t), intent(in) :: cluster
@@ -43,7 +50,7 @@ contains
          a = 0
          a(:n, :n) = step*generator(cluster, n)
          self%growth = exponential(a(:n, :n), cluster%centre%s*step)
-         ! x/step, f and slope step as one system: f' = slope.
+         ! x/step, f and slope*step are one linear system, because f' = slope.
          a(:n, :n) = a(:n, :n) + cluster%centre%s*step*unit(n)
          a(cluster%m, n + 1) = 1
          a(n + 1, n + 2) = 1
@@ -53,25 +60,30 @@ contains
       self%x = matmul(self%growth, self%x) + self%drive(:, 1)*force + self%drive(:, 2)*slope*step
    end subroutine advance
 
-   !> States at the times after a unit impulse.
+   !> Returns the states after a unit impulse.
    !>
-   !> n  how many of them, m or 2 m
+   !> n       number of states, m or 2 m
+   !> times   after the impulse [time]
+   !> states  (times, n)
    pure function free_states(cluster, n, times) result(states)
       type(cluster_t), intent(in) :: cluster
       integer, intent(in) :: n
       real(wp), intent(in) :: times(:)
-      complex(wp) :: states(size(times), n), a(n, n)
+      complex(wp) :: states(size(times), n), a(n, n), growth(n, n)
       integer :: i
 
       a = generator(cluster, n)
       do i = 1, size(times)
          associate (t => times(i), s => cluster%centre%s)
-            states(i, :) = column(exponential(a*t, s*t), cluster%m)
+            growth = exponential(a*t, s*t)
+            states(i, :) = growth(:, cluster%m)
          end associate
       end do
    end function free_states
 
-   !> B - c
+   !> Returns B - c I, (n, n).
+   !>
+   !> n  number of states, m or 2 m
    pure function generator(cluster, n) result(a)
       type(cluster_t), intent(in) :: cluster
       integer, intent(in) :: n
@@ -89,13 +101,13 @@ contains
       end do
    end function generator
 
-   !> e**(a + shift), by the series and by squaring.
+   !> Returns e**(a + shift I), by the power series and repeated squaring.
    pure function exponential(a, shift) result(e)
       complex(wp), intent(in) :: a(:, :), shift
       complex(wp) :: e(size(a, 1), size(a, 1)), small(size(a, 1), size(a, 1))
       integer :: k, squarings
 
-      ! .5**15/15! < 1e-16
+      ! The remainder of the series is .5**15/15! < 1e-16.
       squarings = max(0, exponent(maxval(sum(abs(a), dim=1))) + 1)
       small = scale(1.0_wp, -squarings)*a
       e = unit(size(a, 1))
@@ -108,6 +120,7 @@ contains
       end do
    end function exponential
 
+   !> Returns the unit matrix of order n.
    pure function unit(n)
       integer, intent(in) :: n
       complex(wp) :: unit(n, n)
@@ -118,13 +131,5 @@ contains
          unit(i, i) = 1
       end do
    end function unit
-
-   pure function column(a, k)
-      complex(wp), intent(in) :: a(:, :)
-      integer, intent(in) :: k
-      complex(wp) :: column(size(a, 1))
-
-      column = a(:, k)
-   end function column
 
 end module beamid_cluster_motion

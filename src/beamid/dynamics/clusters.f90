@@ -1,14 +1,16 @@
-!> Roots that come together: which ones, and the disc that holds them.
+!> Clusters: groups of roots that nearly coincide, and the disc that contains each group.
 !>
-!> Where two roots nearly meet, each residue and each derivative grows without bound and only their
-!> sum has a meaning: the part of the sensor's transfer function with poles in a disc about them,
+!> If two roots nearly coincide, each residue and each derivative is unbounded, but their sum is
+!> not. A cluster therefore represents the part of the sensor's transfer function with poles in a
+!> disc around the group,
 !>
 !>     N(z)/(R P(z)),    s = c + R z,
 !>
-!> P the polynomial of the m roots in the disc, N of lower degree, both by moments over its circle
-!> (`beamid_contours`). Everything depends smoothly on the parameters, however near the roots are;
-!> the disc itself stays where it is. Of a disc on the real axis the lower half is the mirror image
-!> of the upper, and all is real; of another one the mirror image counts by a factor of two.
+!> where P is the polynomial of the m roots in the disc and N has a lower degree. Both follow from
+!> moments over the circle (`beamid_contours`). All quantities are smooth functions of the
+!> parameters, however close the roots are; the disc itself stays fixed. If c is real, the lower
+!> half of the disc is the mirror image of the upper half and all results are real. Otherwise the
+!> complex conjugate disc is included by a factor of two.
 module beamid_clusters
    use beamid_assembly, only: assembly_t
    use beamid_kinds, only: wp
@@ -18,21 +20,24 @@ module beamid_clusters
 
    public :: cluster_t, find_clusters, base_cluster
 
+   !> One cluster.
    type :: cluster_t
-      integer :: m = 0                         !< roots
-      integer :: points = 0                    !< on the circle, or on its upper half
-      type(root_t) :: centre                   !< c
-      real(wp) :: radius = 0                   !< R
+      integer :: m = 0                         !< number of roots
+      integer :: points = 0   !< quadrature points on the circle, or on its upper half
+      type(root_t) :: centre                   !< centre c [1/time]
+      real(wp) :: radius = 0                   !< radius R [1/time]
       logical :: on_axis = .false.             !< c is real
-      !> No roots of the structure, but the double pole at 0 by which velocity and displacement of
-      !> the base follow from its acceleration.
+      !> not roots of the structure, but the double pole at 0, through which velocity and
+      !> displacement of the base follow from its acceleration
       logical :: is_base = .false.
-      complex(wp) :: counted = 0               !< S_0
-      complex(wp), allocatable :: a(:)         !< (m + 1) coefficients of P, ascending
-      complex(wp), allocatable :: da(:, :)     !< (m + 1, parameters)
-      complex(wp) :: moments(2) = 0            !< of the sensor: sums of r and of r s
-      integer, allocatable :: parameters(:)    !< with respect to which derivatives are
-      !> of the sensor, see `rows_of`; twice that where there is a mirror image
+      complex(wp) :: counted = 0   !< number of roots in the disc, by a contour integral (S_0)
+      complex(wp), allocatable :: a(:)         !< (m + 1) coefficients of P, ascending powers
+      complex(wp), allocatable :: da(:, :)     !< (m + 1, parameters) their derivatives
+      !> at the sensor: the sums of r and of r s over the cluster, where r is a residue
+      complex(wp) :: moments(2) = 0
+      integer, allocatable :: parameters(:)    !< numbers of the parameters of the derivatives
+      !> motions of the sensor by the states of the cluster, and their derivatives, see `rows_of` in
+      !> `beamid_contours`; doubled if the mirror image is included
       complex(wp), allocatable :: row(:, :), drow(:, :, :)
    contains
       procedure :: holds
@@ -43,39 +48,44 @@ module beamid_clusters
       procedure :: modes
    end type cluster_t
 
-   !> Roots in one cluster at most, the ratio of their radius to the distance of the next that is
-   !> asked for, and the one that has to do.
+   !> Largest number of roots in a cluster. Let g be the radius of the group and o the distance of
+   !> the nearest other root from its centre: g/o should be below `well_apart` and must be below
+   !> `barely_apart`.
    integer, parameter :: most_roots = 12
    real(wp), parameter :: well_apart = 0.3_wp, barely_apart = 0.9_wp
 
 contains
 
-   !> Discs about the flagged roots, each with at least one more.
+   !> Finds the discs around the flagged roots, each with at least one more root.
    !>
-   !> all      every root, 2 n of them
-   !> flagged  those, Im s >= 0, that another one is near
-   !> alone    which of them may be taken by themselves where no compact disc holds them: a wide one
-   !>          costs more digits
+   !> all       every root, conjugates included
+   !> flagged   roots with Im s >= 0 that have another root nearby
+   !> alone     (flagged) whether the root may be taken by itself if no compact disc contains its
+   !>           group, because a wide disc costs more digits
+   !> clusters  the discs; empty if there are none
    subroutine find_clusters(assembly, all, flagged, alone, clusters)
       type(assembly_t), intent(in) :: assembly
       type(root_t), intent(in) :: all(:), flagged(:)
       logical, intent(in) :: alone(:)
       type(cluster_t), allocatable, intent(out) :: clusters(:)
       type(cluster_t) :: cluster
-      integer :: k
+      integer, allocatable :: kept(:)
+      integer :: i, k
 
       allocate (clusters(0))
       do k = 1, size(flagged)
          if (any(clusters%holds(flagged(k)%s))) cycle
-         call gather(assembly, all, flagged(k), clusters, alone(k), cluster)
+         call gather_roots(assembly, all, flagged(k), clusters, alone(k), cluster)
          if (cluster%m == 0) cycle
-         clusters = [clusters(places(.not. cluster%holds(clusters%centre%s))), cluster]
+         ! The new disc contains any other that it touches.
+         kept = pack([(i, i=1, size(clusters))], .not. cluster%holds(clusters%centre%s))
+         clusters = [clusters(kept), cluster]
       end do
    end subroutine find_clusters
 
-   !> The disc about 0 for a base that moves.
+   !> Returns the disc around 0 for a base that moves.
    !>
-   !> s  the structure's roots
+   !> s  roots of the structure [1/time]
    function base_cluster(assembly, s) result(cluster)
       type(assembly_t), intent(in) :: assembly
       complex(wp), intent(in) :: s(:)
@@ -85,74 +95,69 @@ contains
       cluster%m = 2
       cluster%on_axis = .true.
       cluster%radius = minval(abs(s))/4
-      ! 4**(-2 points) < 1e-17, and some for the powers of z.
+      ! The error is 4**(-2 points) < 1e-17, with a reserve for the powers of z.
       cluster%points = 20
       call nearest_pole(assembly, cluster%centre)
    end function base_cluster
 
-   !> Where a mask is true.
-   pure function places(mask)
-      logical, intent(in) :: mask(:)
-      integer :: places(count(mask)), k
-
-      places = pack([(k, k=1, size(mask))], mask)
-   end function places
-
-   !> The fewest roots about a flagged one that stand well apart from all others. A disc that
-   !> touches the real axis is moved onto it.
+   !> Finds the smallest group of roots around a flagged root that is well apart from all others. A
+   !> disc that touches the real axis is moved onto it.
    !>
-   !> others   found before: each is inside or outside as a whole
-   !> compact  whether no other disc will do than one well apart, and small against its distance
-   !>          from 0
-   !> cluster  m = 0: there is no such disc
-   subroutine gather(assembly, all, flagged, others, compact, cluster)
+   !> all      every root
+   !> flagged  the root to start from
+   !> others   clusters found before: each must be inside or outside as a whole
+   !> compact  .true.: accept only a disc that is well apart from other roots and small compared
+   !>          with its distance from 0
+   !> cluster  the disc; m = 0: there is none
+   subroutine gather_roots(assembly, all, flagged, others, compact, cluster)
       type(assembly_t), intent(in) :: assembly
       type(root_t), intent(in) :: all(:), flagged
       type(cluster_t), intent(in) :: others(:)
       logical, intent(in) :: compact
       type(cluster_t), intent(out) :: cluster
-      complex(wp) :: from(size(all)), centre
+      complex(wp) :: position(size(all)), centre
       logical :: inside(size(all)), on_axis
-      real(wp) :: g, o, least, radius
+      real(wp) :: g, o, limit, radius
       integer :: i, m
 
+      ! Positions relative to the flagged root; the differences of offsets keep their digits.
       do i = 1, size(all)
-         from(i) = (assembly%pole(all(i)%origin, all(i)%side) &
+         position(i) = (assembly%pole(all(i)%origin, all(i)%side) &
             - assembly%pole(flagged%origin, flagged%side)) + (all(i)%offset - flagged%offset)
       end do
       centre = 0
       on_axis = .false.
-      least = merge(well_apart, barely_apart, compact)
+      limit = merge(well_apart, barely_apart, compact)
       m = 1
       do while (m < min(most_roots, size(all) - 1))
          m = m + 1
-         inside = nearest(from, centre, m)
-         centre = sum(from, mask=inside)/m
+         inside = nearest(position, centre, m)
+         centre = sum(position, mask=inside)/m
          if (on_axis) centre = cmplx(real(centre), -aimag(flagged%s), wp)
-         inside = nearest(from, centre, m)
-         g = maxval(abs(from - centre), mask=inside)
-         o = minval(abs(from - centre), mask=.not. inside)
-         ! The double pole at 0 of a base that moves is outside too.
+         inside = nearest(position, centre, m)
+         g = maxval(abs(position - centre), mask=inside)
+         o = minval(abs(position - centre), mask=.not. inside)
+         ! The double pole at 0 of a base that moves is outside, too.
          if (assembly%feels_base) o = min(o, abs(flagged%s + centre))
          radius = max(sqrt(g*o), 0.4_wp*o)
          if (.not. on_axis .and. abs(aimag(flagged%s + centre)) <= radius) then
             on_axis = .true.
-            least = merge(well_apart, barely_apart, compact)
+            limit = merge(well_apart, barely_apart, compact)
             m = 1
             cycle
          end if
-         if (.not. g < least*o .or. splits(others)) cycle
+         if (.not. g < limit*o .or. splits(others)) cycle
          if (compact .and. .not. g < well_apart*abs(flagged%s + centre)) cycle
-         least = g/o
+         limit = g/o
          cluster%m = m
          cluster%centre = flagged
          cluster%centre%offset = flagged%offset + centre
          cluster%centre%s = flagged%s + centre
          cluster%on_axis = on_axis
          cluster%radius = radius
-         ! The error is (R/o)**points + (g/R)**points, but for the powers of z.
+         ! The error is (R/o)**points + (g/R)**points, except for the powers of z.
          cluster%points = m + 2 + max(32, ceiling(40/log(o/radius)))
-         if (least < well_apart) exit
+         if (limit < well_apart) exit
       end do
       if (cluster%on_axis) then
          cluster%centre%s = real(cluster%centre%s)
@@ -161,7 +166,7 @@ contains
 
    contains
 
-      !> Whether the disc holds a part of another cluster only.
+      !> Returns whether the disc contains only a part of another cluster.
       pure logical function splits(others)
          type(cluster_t), intent(in) :: others(:)
          integer :: k, shared
@@ -173,9 +178,9 @@ contains
          end do
       end function splits
 
-   end subroutine gather
+   end subroutine gather_roots
 
-   !> The m points nearest to a centre.
+   !> Returns which points are the m nearest to a centre.
    pure function nearest(points, centre, m) result(chosen)
       complex(wp), intent(in) :: points(:), centre
       integer, intent(in) :: m
@@ -190,7 +195,7 @@ contains
       end do
    end function nearest
 
-   !> Whether a root is one of these.
+   !> Returns whether a root is in the disc.
    elemental logical function holds(self, s)
       class(cluster_t), intent(in) :: self
       complex(wp), intent(in) :: s
@@ -198,7 +203,7 @@ contains
       holds = abs(s - self%centre%s) <= self%radius
    end function holds
 
-   !> Whether its derivatives are those with respect to these parameters.
+   !> Returns whether the derivatives are those with respect to the given parameters.
    pure logical function knows(self, parameters)
       class(cluster_t), intent(in) :: self
       integer, intent(in) :: parameters(:)
@@ -207,21 +212,22 @@ contains
       if (knows) knows = all(self%parameters == parameters)
    end function knows
 
-   !> Whether the contour holds as many roots as were found in it.
+   !> Returns whether the contour integral counts as many roots as were gathered; none for the disc
+   !> around 0 of the base.
    elemental logical function is_complete(self)
       class(cluster_t), intent(in) :: self
 
       is_complete = abs(self%counted - merge(0, self%m, self%is_base)) < 1e-3_wp
    end function is_complete
 
-   !> What counts for the mirror image too.
+   !> Returns the factor that includes the mirror image: 1 on the real axis, otherwise 2.
    pure real(wp) function weight(self)
       class(cluster_t), intent(in) :: self
 
       weight = merge(1.0_wp, 2.0_wp, self%on_axis)
    end function weight
 
-   !> How many modes: pairs of roots.
+   !> Returns the number of modes: pairs of roots.
    elemental integer function modes(self)
       class(cluster_t), intent(in) :: self
 
@@ -229,7 +235,9 @@ contains
       if (self%on_axis) modes = self%m/2
    end function modes
 
-   !> d c/d parameter of the mean of the roots.
+   !> Returns the derivative of the mean of the roots with respect to a parameter [1/time per unit].
+   !>
+   !> parameter  index of the parameter
    pure complex(wp) function dmean(self, parameter)
       class(cluster_t), intent(in) :: self
       integer, intent(in) :: parameter

@@ -1,9 +1,9 @@
-!> Roots of a structure that differs little from the last one: each by Newton's method from where
-!> its derivatives say that it has gone.
+!> Continuation of the roots of one structure to those of a slightly different one, by Newton's
+!> method from the positions that the derivatives of the roots predict.
 !>
-!> With x_j = 1 and all equations but that of oscillator j met, what is left of that one is
-!> w = x'(s**2 M + s C + K) x, and dw/ds = x'(2 s M + C) x: the vector that a residue needs anyway
-!> gives the step.
+!> If x_j = 1 and all equations but that of oscillator j hold, the residual of the latter is
+!> w = x'(s**2 M + s C + K) x, and dw/ds = x'(2 s M + C) x. The vector of a root, which its residue
+!> requires anyway, therefore gives the Newton step.
 module beamid_continuation
    use beamid_assembly, only: assembly_t
    use beamid_kinds, only: wp
@@ -14,25 +14,25 @@ module beamid_continuation
 
    public :: follow_roots, follow, meets, all_of, mirrored
 
-   !> Steps at most; quadratic convergence from a fair prediction takes three or four.
+   !> Largest number of steps; from a fair prediction, quadratic convergence takes three or four.
    integer, parameter :: most_steps = 8
-   !> The last step, relative to the distance from the nearest pole of an oscillator; and one that
-   !> is round-off where the next is no shorter.
-   real(wp), parameter :: arrived = 1e-14_wp, noise = 1e-11_wp
-   !> Roots that are nearer to each other, relatively, are not told apart in this way; and what A of
-   !> a vector is at least, relative to that of an undamped mode, where no other root is near.
+   !> Relative to the distance from the nearest pole of an oscillator: a step of this size or less
+   !> ends the iteration; a step of the second size is round-off if the next is not shorter.
+   real(wp), parameter :: converged = 1e-14_wp, noise = 1e-11_wp
+   !> Relative distance below which two roots count as one; and |A| of a vector, relative to that of
+   !> an undamped mode, below which another root is near.
    real(wp), parameter :: apart = 1e-6_wp, least_A = 1e-3_wp
 
 contains
 
-   !> Gives up when more than a quarter has been lost, or one where something acts between all
-   !> oscillators.
+   !> Follows all roots. Stops early if more than a quarter of them are lost, or one of an assembly
+   !> with dense matrices.
    !>
-   !> root      in: one of each pair and the real ones, where they are expected; out: where those
-   !>           that were followed are
-   !> vector    of each that was followed
-   !> followed  .false.: one that was not found, or met another, or left the axis or came to it, or
-   !>           that was not looked for any more
+   !> root      in: one of each complex pair and all real roots, at their predicted positions; out:
+   !>           the exact positions of the roots that were followed
+   !> vector    (roots) vectors of the roots that were followed
+   !> followed  (roots) .false.: the root was not found, coincides with another root, left the real
+   !>           axis or reached it, or was not searched for after the early stop
    subroutine follow_roots(assembly, root, vector, followed)
       type(assembly_t), intent(in) :: assembly
       type(root_t), intent(inout) :: root(:)
@@ -54,9 +54,9 @@ contains
       end do
    end subroutine follow_roots
 
-   !> Whether a root is one of others.
+   !> Returns whether a root coincides with one of others.
    !>
-   !> known  which of them count
+   !> known  (others) which of them are compared
    pure logical function meets(root, others, known)
       type(root_t), intent(in) :: root, others(:)
       logical, intent(in) :: known(:)
@@ -72,9 +72,11 @@ contains
       meets = .false.
    end function meets
 
-   !> One root, on the axis where it starts there.
+   !> Follows one root by Newton's method. A root that starts on the real axis stays there.
    !>
-   !> followed  .false.: it does not converge, or comes to the axis
+   !> root      in: the predicted position; out: the root
+   !> vector    vector of the root
+   !> followed  .false.: no convergence, a double root, or a complex root that reached the real axis
    subroutine follow(assembly, root, vector, followed)
       type(assembly_t), intent(in) :: assembly
       type(root_t), intent(inout) :: root
@@ -115,14 +117,14 @@ contains
          before = length
          root%offset = root%offset + step
          root%s = root%s + step
-         followed = length <= arrived*abs(root%offset)
+         followed = length <= converged*abs(root%offset)
          if (followed) exit
       end do
       followed = followed .and. abs(vector%A) > 2*least_A*abs(root%s)*vector%inertia
       if (.not. is_real) followed = followed .and. aimag(root%s) > 1e-3_wp*abs(root%s)
    end subroutine follow
 
-   !> The conjugate root, from the conjugate pole.
+   !> Returns the conjugate root, stored relative to the conjugate pole.
    pure type(root_t) function mirrored(assembly, root)
       type(assembly_t), intent(in) :: assembly
       type(root_t), intent(in) :: root
@@ -131,7 +133,10 @@ contains
       if (abs(aimag(assembly%pole(root%origin, root%side))) > 0) mirrored%side = 3 - root%side
    end function mirrored
 
-   !> All roots, those of one half and then the others: conjugates, and every second real one.
+   !> Returns all roots, in the order of `find_roots`: one of each complex pair and of every two
+   !> real roots in the first half, the other one in the second half.
+   !>
+   !> half  one of each complex pair and all real roots
    pure function all_of(assembly, half) result(all)
       type(assembly_t), intent(in) :: assembly
       type(root_t), intent(in) :: half(:)
@@ -141,7 +146,7 @@ contains
       n = assembly%roots()/2
       allocate (all(2*n))
       pairs = 0
-      reals = 2*n - size(half)       ! pairs, until the real ones are counted after them
+      reals = 2*n - size(half)       ! number of complex pairs; the real roots follow them
       do k = 1, size(half)
          if (abs(aimag(half(k)%s)) > 0) then
             pairs = pairs + 1

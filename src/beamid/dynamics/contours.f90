@@ -1,11 +1,13 @@
-!> The rational function of a cluster, by moments of the transfer function h over a circle between
-!> its roots and all others:
+!> The transfer function of a cluster of roots (`beamid_clusters`), from contour integrals.
 !>
-!>     mu_k = R <z**(k+1) h>,  S_k = R <z**(k+1) W'/W>,  d S_k = -k <z**k d log W>,    s = c + R z.
+!> The transfer function h and W'/W (`beamid_transfer`) are integrated over a circle that separates
+!> the m roots of the cluster from all others. With s = c + R z and the mean < > over the circle,
 !>
-!> The trapezoidal rule converges there like a geometric series. S_k are the sums of the k-th powers
-!> of the roots, S_0 their number, and give P by Newton's identities; the mu_k are the coefficients
-!> of N/P at infinity.
+!>     mu_k = R <z**(k+1) h>,  S_k = R <z**(k+1) W'/W>,  d S_k = -k <z**k d log W>.
+!>
+!> The trapezoidal rule converges like a geometric series. S_k is the sum of the k-th powers of the
+!> roots in z, and S_0 their number; Newton's identities give the polynomial P with these roots. The
+!> mu_k are the coefficients of N/P at infinity, where N/(R P) is the part of h with these poles.
 module beamid_contours
    use beamid_assembly, only: assembly_t
    use beamid_clusters, only: cluster_t
@@ -19,8 +21,12 @@ module beamid_contours
 
 contains
 
-   !> Point k of the circle, 1 .. points. The mean over the whole circle is the mean over them; on
-   !> the real axis, where they are its upper half, the real part of that.
+   !> Computes point k of the circle. The mean over the circle is the mean over its points; for a
+   !> circle about the real axis, whose points are on the upper half, it is the real part of that.
+   !>
+   !> k      number of the point, 1 .. points
+   !> z      position relative to the centre and the radius, |z| = 1
+   !> point  the point s = c + R z
    pure subroutine contour_point(self, k, z, point)
       class(cluster_t), intent(in) :: self
       integer, intent(in) :: k
@@ -36,7 +42,10 @@ contains
       point%s = point%s + self%radius*z
    end subroutine contour_point
 
-   !> P and the motion of the sensor, with their derivatives with respect to the parameters.
+   !> Computes the polynomial P of a cluster and the sensor's motion, with their derivatives with
+   !> respect to the parameters of the assembly.
+   !>
+   !> self  in: roots, circle and number of points; out: the other components, too
    subroutine measure(assembly, self)
       type(assembly_t), intent(in) :: assembly
       type(cluster_t), intent(inout) :: self
@@ -76,7 +85,7 @@ contains
       self%counted = S(0)
       self%moments = [mu(0), self%centre%s*mu(0) + self%radius*mu(1)]
       if (self%is_base) then
-         ! P = z**2, whatever the parameters.
+         ! P = z**2, independent of the parameters.
          S = 0
          dS = 0
       end if
@@ -84,10 +93,13 @@ contains
       call rows_of(self, mu, dmu, self%row, self%drow)
    end subroutine measure
 
-   !> The polynomial whose roots have the sums of powers S_1, S_2, ..., and its derivatives:
-   !> k a_(m-k) = -sum over i = 1 .. k of a_(m-k+i) S_i.
+   !> Computes the monic polynomial whose roots have the power sums S_1, S_2, ..., and its
+   !> derivatives, by Newton's identities: k a_(m-k) = -sum over i = 1 .. k of a_(m-k+i) S_i.
    !>
-   !> a, da  (m + 1), (m + 1, parameters) ascending powers
+   !> S   (m) power sums
+   !> dS  (m, parameters) derivatives of S
+   !> a   (m + 1) coefficients, by ascending powers
+   !> da  (m + 1, parameters) derivatives of a
    pure subroutine newton_identities(S, dS, a, da)
       complex(wp), intent(in) :: S(:), dS(:, :)
       complex(wp), allocatable, intent(out) :: a(:), da(:, :)
@@ -97,22 +109,26 @@ contains
       allocate (a(m + 1), da(m + 1, size(dS, 2)), source=(0.0_wp, 0.0_wp))
       a(m + 1) = 1
       do k = 1, m
-         associate (place => m + 1 - k)
+         associate (j => m + 1 - k)
             do i = 1, k
-               a(place) = a(place) - a(place + i)*S(i)/k
-               da(place, :) = da(place, :) - (da(place + i, :)*S(i) + a(place + i)*dS(i, :))/k
+               a(j) = a(j) - a(j + i)*S(i)/k
+               da(j, :) = da(j, :) - (da(j + i, :)*S(i) + a(j + i)*dS(i, :))/k
             end do
          end associate
       end do
    end subroutine newton_identities
 
-   !> What the states of `beamid_cluster_motion` make of a motion with given moments: displacement,
-   !> velocity and acceleration, but for what follows the force at once.
+   !> Computes the rows that map the states of `beamid_cluster_motion` to displacement, velocity and
+   !> acceleration of a motion with given moments, without the part of the acceleration that follows
+   !> the force instantaneously.
    !>
-   !> mu, dmu  (m + 2), (m + 2, parameters)
-   !> row      (m, 3)
-   !> drow     (2 m, 3, parameters) the derivatives, (N/P)_p = (N_p - Q)/P - rest/P**2 with
-   !>          N P_p = Q P + rest
+   !> With N P_p = Q P + rest, the derivative with respect to a parameter is
+   !> (N/P)_p = (N_p - Q)/P - rest/P**2.
+   !>
+   !> mu    (m + 2) moments
+   !> dmu   (m + 2, parameters) derivatives of mu
+   !> row   (m, 3) rows for displacement, velocity and acceleration
+   !> drow  (2 m, 3, parameters) derivatives of the rows; the second half belongs to 1/P**2
    pure subroutine rows_of(self, mu, dmu, row, drow)
       class(cluster_t), intent(in) :: self
       complex(wp), intent(in) :: mu(:), dmu(:, :)
@@ -140,8 +156,11 @@ contains
       end do
    end subroutine rows_of
 
-   !> Rows of the free motion that begins with state k alone, over c**2: an acceleration of order
-   !> one.
+   !> Computes the rows of the free motion that starts with state k alone, divided by c**2, so that
+   !> the acceleration is of order one.
+   !>
+   !> k          number of the state, 1 .. m
+   !> row, drow  as in `rows_of`
    pure subroutine free_rows(self, k, row, drow)
       class(cluster_t), intent(in) :: self
       integer, intent(in) :: k
@@ -152,7 +171,7 @@ contains
          mu = 0
          dmu = 0
          mu(k) = 1
-         ! z**m and z**(m + 1) by P = 0.
+         ! z**m and z**(m + 1) are reduced by P(z) = 0.
          mu(m + 1:) = [-a(k), a(m)*a(k)]
          dmu(m + 1, :) = -da(k, :)
          dmu(m + 2, :) = a(m)*da(k, :) + da(m, :)*a(k)
@@ -162,8 +181,11 @@ contains
       call rows_of(self, mu/self%centre%s**2, dmu/self%centre%s**2, row, drow)
    end subroutine free_rows
 
-   !> Moments of a motion and of its first and second derivatives with respect to time, s = c + R z;
-   !> the first m of each count.
+   !> Returns the moments of a motion and of its first and second time derivatives, s = c + R z. The
+   !> first m moments of each are correct.
+   !>
+   !> mu       (m + 2) moments of the motion
+   !> moments  (m + 2, 3) moments of displacement, velocity and acceleration
    pure function derived(self, mu) result(moments)
       class(cluster_t), intent(in) :: self
       complex(wp), intent(in) :: mu(:)
@@ -177,7 +199,11 @@ contains
       end do
    end function derived
 
-   !> -Q, then -rest, of N P_p = Q P + rest.
+   !> Divides N P_p by P with remainder, N P_p = Q P + rest.
+   !>
+   !> row       (m) coefficients of N
+   !> da        (m + 1) coefficients of P_p
+   !> quotient  (2 m) coefficients of -Q, then of -rest
    pure subroutine divide(self, row, da, quotient)
       class(cluster_t), intent(in) :: self
       complex(wp), intent(in) :: row(:), da(:)

@@ -1,9 +1,9 @@
-!> Response by SUNDIALS CVODE: variable-order BDF, the stand-in for IMSL's DGEAR.
+!> The solver `cvode`: the response by SUNDIALS CVODE, variable-order BDF, in place of IMSL's DGEAR.
 !>
-!> The Newton systems go to `beamid_newton` through a SUNLinearSolver of our own ("matrix-embedded":
-!> CVODE holds no matrix). The integrator stops at every node of the force and starts afresh where
-!> the force jumps, so that no step straddles a discontinuity. Stability-limit detection is on:
-!> lightly damped modes lie where BDF of order 3 to 5 is unstable.
+!> CVODE solves its Newton systems through a SUNLinearSolver that calls `beamid_newton`
+!> ("matrix-embedded": CVODE holds no matrix). The integrator stops at every node of the force and
+!> restarts where the force jumps, so that no step contains a discontinuity. Stability-limit
+!> detection is on, because lightly damped modes lie where BDF of orders 3 to 5 is unstable.
 module beamid_cvode
    use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
    use, intrinsic :: iso_c_binding, only: c_associated, c_double, c_f_pointer, c_funloc, &
@@ -28,38 +28,44 @@ module beamid_cvode
 
    public :: cvode_t
 
+   !> The solver and its settings.
    type, extends(solver_t) :: cvode_t
       real(wp) :: rtol = 1e-8_wp             !< relative tolerance
-      !> absolute, on displacement [length]; 0: rtol x its estimated size
+      !> absolute tolerance of the displacement [length]; 0: rtol x its estimated size
       real(wp) :: atol = 0
-      integer :: max_order = 5               !< of the BDF, 1 .. 5
-      integer(ip) :: max_steps = 1000000     !< per response
+      integer :: max_order = 5               !< largest order of the BDF, 1 .. 5
+      integer(ip) :: max_steps = 1000000     !< largest number of steps per response
    contains
       procedure :: respond
       procedure :: relative_error
    end type cvode_t
 
-   !> Owner of every SUNDIALS handle of one integration and of the arrays behind its vectors.
+   !> One integration: the owner of all SUNDIALS handles and of the arrays behind their vectors.
+   !> With n unknowns, the state is (w, w'), 2 n numbers.
    type :: session_t
-      type(c_ptr) :: context = c_null_ptr
-      type(c_ptr) :: memory = c_null_ptr
+      type(c_ptr) :: context = c_null_ptr   !< SUNContext
+      type(c_ptr) :: memory = c_null_ptr   !< CVODE's memory
+      !> vectors on y, out and atol
       type(N_Vector), pointer :: state => null(), output => null(), tolerance => null()
+      !> solver of the Newton systems
       type(SUNLinearSolver), pointer :: linear => null()
-      real(c_double), allocatable :: y(:), out(:), atol(:)    !< (2 n)
-      type(motion_t) :: motion
-      type(complaint_t) :: complaint                          !< CVODE's last message
+      !> (2 n) state, state at a sample time, and absolute tolerances
+      real(c_double), allocatable :: y(:), out(:), atol(:)
+      type(motion_t) :: motion   !< right-hand side and Newton systems
+      type(complaint_t) :: complaint   !< last message of CVODE
    contains
       final :: close_session
    end type session_t
 
    interface
-      !> Address of a vector's data (SUNDIALS, sundials_nvector.h).
+      !> Returns the address of a vector's data (SUNDIALS, sundials_nvector.h).
       function vector_data(vector) bind(c, name='N_VGetArrayPointer') result(data)
          import :: c_ptr
          type(c_ptr), value :: vector
          type(c_ptr) :: data
       end function vector_data
-      !> CVodeSetLinearSolver (cvode_ls.h), which the Fortran module cannot be given a null matrix.
+      !> Attaches the linear solver (CVodeSetLinearSolver, cvode_ls.h). The Fortran module of
+      !> SUNDIALS does not accept a null matrix.
       integer(c_int) function set_linear_solver(memory, solver, matrix) &
          bind(c, name='CVodeSetLinearSolver')
          import :: c_int, c_ptr
@@ -69,6 +75,7 @@ module beamid_cvode
 
 contains
 
+   !> Computes the response from rest; arguments as in `beamid_responses`.
    subroutine respond(self, equations, excitation, times, response, work, error)
       class(cvode_t), intent(inout) :: self
       type(equations_t), intent(in), target :: equations
@@ -80,7 +87,7 @@ contains
       type(session_t), target :: session
       integer(ip) :: steps
       integer :: k, nodes, next
-      real(wp) :: finish, base(1, 3)
+      real(wp) :: finish
 
       response%t = times
       allocate (response%displacement(size(times)), response%velocity(size(times)), &
@@ -91,36 +98,23 @@ contains
       call open_session(self, equations, excitation, session, error)
       if (allocated(error)) return
 
-      ! At rest until the force begins; at its first instant the acceleration answers at once.
       next = 1
-      do while (next <= size(times))
-         if (times(next) > excitation%t(1)) exit
-         call observe(session, excitation, times(next), session%y, next, response)
-         next = next + 1
-      end do
-
       steps = 0
       nodes = size(excitation%t)
       do k = 1, nodes
-         ! Samples that miss the node by round-off are taken here: the step to them would be none.
+         ! Samples at the node, or beside it by round-off, are taken here: the step to them would
+         ! vanish. Up to the first node the structure is at rest; at this node, the acceleration
+         ! already includes the force.
          do while (next <= size(times))
             if (times(next) > excitation%t(k) + same_time*spacing(excitation%t(k))) exit
             call observe(session, excitation, times(next), session%y, next, response)
             next = next + 1
          end do
          if (next > size(times)) exit
-         session%motion%intercept = 0
-         session%motion%slope = 0
-         base = excitation%base([excitation%t(k)])
-         session%motion%begin = excitation%t(k)
-         session%motion%base = [base(1, 2), base(1, 1)]
+         call begin_segment(session%motion, excitation, k)
          finish = times(size(times))
          if (k < nodes) then
             finish = min(excitation%t(k + 1), finish)
-            associate (t => excitation%t, f => excitation%f)
-               session%motion%slope = (f(k + 1) - f(k))/(t(k + 1) - t(k))
-               session%motion%intercept = f(k) - session%motion%slope*t(k)
-            end associate
          else if (abs(excitation%f(k)) > 0) then
             call check(session, FCVodeReInit(session%memory, excitation%t(k), session%state), &
                'CVodeReInit', error)
@@ -134,13 +128,39 @@ contains
       work%factorizations = work%factorizations + session%motion%factorizations
    end subroutine respond
 
+   !> Sets the excitation from node k of the force to the next node; the force is 0 after the last.
+   subroutine begin_segment(motion, excitation, k)
+      type(motion_t), intent(inout) :: motion
+      type(excitation_t), intent(in) :: excitation
+      integer, intent(in) :: k
+      real(wp) :: base(1, 3)
+
+      associate (t => excitation%t, f => excitation%f)
+         base = excitation%base([t(k)])
+         motion%begin = t(k)
+         motion%base = [base(1, 2), base(1, 1)]
+         motion%intercept = 0
+         motion%slope = 0
+         if (k == size(t)) return
+         motion%slope = (f(k + 1) - f(k))/(t(k + 1) - t(k))
+         motion%intercept = f(k) - motion%slope*t(k)
+      end associate
+   end subroutine begin_segment
+
+   !> Returns the relative tolerance.
    pure real(wp) function relative_error(self)
       class(cvode_t), intent(in) :: self
 
       relative_error = self%rtol
    end function relative_error
 
-   !> Advances to `finish` and fills the response at every requested time on the way.
+   !> Advances to a time and fills the response at every sample time on the way.
+   !>
+   !> finish    where to stop [time]
+   !> steps     in and out: number of steps so far
+   !> next      in and out: index of the next sample time
+   !> response  in and out
+   !> error     CVODE fails, max_steps is exceeded, or the response is not finite
    subroutine integrate(self, session, excitation, finish, steps, next, response, error)
       class(cvode_t), intent(in) :: self
       type(session_t), intent(inout), target :: session
@@ -161,7 +181,7 @@ contains
          if (steps >= self%max_steps) then
             call failure(error, 'CVODE: max_steps = '//to_text(self%max_steps)// &
                ' steps used up at t = '//to_text(t(1))//' of '// &
-                  to_text(response%t(size(response%t))))
+               to_text(response%t(size(response%t))))
             return
          end if
          call check(session, FCVode(session%memory, finish, session%state, t, CV_ONE_STEP), &
@@ -171,8 +191,7 @@ contains
          do while (next <= size(response%t))
             if (response%t(next) > t(1)) exit
             call check(session, FCVodeGetDky(session%memory, response%t(next), 0_c_int, &
-               session%output), &
-               'CVodeGetDky', error)
+               session%output), 'CVodeGetDky', error)
             if (allocated(error)) return
             if (.not. all(ieee_is_finite(session%out))) then
                call failure(error, 'CVODE: the response is not finite at t = '// &
@@ -185,7 +204,12 @@ contains
       end do
    end subroutine integrate
 
-   !> Motion of the observed point in state y = (w, v) at a time.
+   !> Stores the motion of the sensor at one time.
+   !>
+   !> t         [time]
+   !> y         (2 n) state (w, w') at this time
+   !> k         index of the sample time
+   !> response  in and out
    subroutine observe(session, excitation, t, y, k, response)
       type(session_t), intent(in) :: session
       type(excitation_t), intent(in) :: excitation
@@ -209,18 +233,20 @@ contains
       end associate
    end subroutine observe
 
-   !> Creates every handle, at rest at the first node of the force.
+   !> Creates all handles, with the structure at rest at the first node of the force.
+   !>
+   !> error  the equations cannot be integrated (no unknowns left, buckling, M not positive
+   !>        definite), or a call of SUNDIALS fails
    subroutine open_session(self, equations, excitation, session, error)
       class(cvode_t), intent(in) :: self
       type(equations_t), intent(in), target :: equations
       type(excitation_t), intent(in) :: excitation
       type(session_t), intent(inout), target :: session
       type(error_t), allocatable, intent(out) :: error
+      type(SUNLinearSolver_Ops), pointer :: operations
       real(wp) :: atol
       integer(c_int) :: flag
-      integer :: n
 
-      n = equations%n
       if (equations%constraints%too_many) then
          call failure(error, 'the rigid supports stand so close together that the mesh has no '// &
             'motion left between them, expected more elements')
@@ -237,7 +263,7 @@ contains
       atol = self%atol
       if (.not. atol > 0) atol = self%rtol*equations%displacement
       if (.not. atol > 0) atol = self%rtol
-      allocate (session%y(2*n), session%out(2*n), source=0.0_c_double)
+      allocate (session%y(2*equations%n), session%out(2*equations%n), source=0.0_c_double)
       session%atol = atol*[1/equations%unit, equations%omega/equations%unit]
 
       call create_cvode(session%complaint, session%context, session%memory, flag)
@@ -247,7 +273,10 @@ contains
       session%output => new_vector(session%out, session%context)
       session%tolerance => new_vector(session%atol, session%context)
       session%linear => FSUNLinSolNewEmpty(session%context)
-      call attach_linear_solver(session)
+      session%linear%content = c_loc(session)
+      call c_f_pointer(session%linear%ops, operations)
+      operations%gettype = c_funloc(linear_type)
+      operations%solve = c_funloc(linear_solve)
 
       call then_check(FCVodeInit(session%memory, c_funloc(right_hand_side), excitation%t(1), &
          session%state), 'CVodeInit')
@@ -261,6 +290,7 @@ contains
 
    contains
 
+      !> Checks the flag of a call, unless an earlier call has failed.
       subroutine then_check(flag, call_name)
          integer(c_int), intent(in) :: flag
          character(len=*), intent(in) :: call_name
@@ -270,18 +300,7 @@ contains
 
    end subroutine open_session
 
-   !> Fills the table of operations of the empty SUNLinearSolver.
-   subroutine attach_linear_solver(session)
-      type(session_t), intent(inout), target :: session
-      type(SUNLinearSolver_Ops), pointer :: operations
-
-      session%linear%content = c_loc(session)
-      call c_f_pointer(session%linear%ops, operations)
-      operations%gettype = c_funloc(linear_type)
-      operations%solve = c_funloc(linear_solve)
-   end subroutine attach_linear_solver
-
-   !> Frees what `open_session` created, as far as it came.
+   !> Frees all handles that `open_session` has created.
    subroutine close_session(session)
       type(session_t), intent(inout) :: session
       integer(c_int) :: flag
@@ -294,7 +313,7 @@ contains
       if (c_associated(session%context)) flag = FSUNContext_Free(session%context)
    end subroutine close_session
 
-   !> Turns a negative flag into an error that names the call and repeats CVODE's own words.
+   !> Turns a negative flag into an error with the name of the call and CVODE's message.
    subroutine check(session, flag, call_name, error)
       type(session_t), intent(in) :: session
       integer(c_int), intent(in) :: flag
@@ -309,7 +328,8 @@ contains
       end if
    end subroutine check
 
-   !> Adapter (CVRhsFn): y' of `motion_t`. A state that is not finite asks for a shorter step.
+   !> Computes y' for CVODE by `motion_t` (adapter, CVRhsFn); requests a shorter step if y' is not
+   !> finite.
    integer(c_int) function right_hand_side(t, y, dy, user_data) bind(c)
       real(c_double), value :: t
       type(c_ptr), value :: y, dy, user_data
@@ -323,14 +343,15 @@ contains
       right_hand_side = merge(0_c_int, 1_c_int, all(ieee_is_finite(derivative)))
    end function right_hand_side
 
-   !> Adapter (SUNLinSolGetType): CVODE holds no matrix for this solver.
+   !> Returns the type of the linear solver (adapter, SUNLinSolGetType): CVODE holds no matrix for
+   !> it.
    integer(c_int) function linear_type(solver) bind(c)
       type(c_ptr), value :: solver
 
       linear_type = merge(SUNLINEARSOLVER_MATRIX_EMBEDDED, -1, c_associated(solver))
    end function linear_type
 
-   !> Adapter (SUNLinSolSolve): the Newton system of the current step through `motion_t`.
+   !> Solves the Newton system of the current step by `motion_t` (adapter, SUNLinSolSolve).
    integer(c_int) function linear_solve(solver, matrix, x, b, tolerance) bind(c)
       type(SUNLinearSolver), intent(in) :: solver
       type(c_ptr), value :: matrix, x, b

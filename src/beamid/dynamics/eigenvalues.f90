@@ -1,9 +1,9 @@
-!> All roots at once as eigenvalues of the linearised equations, by LAPACK: to be improved, but each
-!> of them is there.
+!> All roots at once, as eigenvalues of the linearised equations of motion by LAPACK. They are
+!> starting points to be improved, but none of the roots is missing.
 !>
-!> LAPACK's error is relative to the largest eigenvalue. s as it stands favours the large roots,
-!> 1/(s - shift) those near a shift: 0 for the low modes, -E/c_D for slow roots of overdamped modes,
-!> which lie the more densely the nearer they are to it.
+!> LAPACK's errors are relative to the largest eigenvalue. The eigenvalues s are accurate for the
+!> large roots, the eigenvalues 1/(s - shift) for the roots near the shift: 0 for the lowest modes,
+!> -E/c_D for the slow roots of overdamped modes, which accumulate there.
 module beamid_eigenvalues
    use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
    use beamid_assembly, only: assembly_t
@@ -20,8 +20,11 @@ module beamid_eigenvalues
 
 contains
 
-   !> roots  as many as there are: one of each complex pair and of every two real ones in the first
-   !>        half, the other as far behind
+   !> Computes starting points for all roots.
+   !>
+   !> roots  one of each complex pair and of every two real roots in the first half, the other one
+   !>        half the size further
+   !> error  LAPACK fails, or the user has interrupted
    subroutine roots_of_matrix(assembly, roots, error)
       type(assembly_t), intent(in) :: assembly
       type(root_t), allocatable, intent(out) :: roots(:)
@@ -37,13 +40,14 @@ contains
       call check_interrupt(error)
       if (allocated(error)) return
       fastest = maxval(abs(s))
-      ! To the right of all roots, next to the lowest.
+      ! The first shift is to the right of all roots, and close to the lowest.
       shift = 1e-3_wp*minval(abs(assembly%pole), mask=abs(assembly%pole) > 0)
       call roots_near(assembly, shift, near)
-      ! Of s by itself the error is that of the largest; of 1/(s - shift) it is |s - shift|**2 over
-      ! that of the nearest root: each list serves where its error is the smaller.
+      ! In units of epsilon, the error of s is |s| of the largest root, and the error of a root from
+      ! 1/(s - shift) is |s - shift|**2 over that of the nearest root. Each list is used where its
+      ! error is the smaller one.
       error_of_s = fastest
-      if (size(near) > 0) call take_over(s, near, (0.0_wp, 0.0_wp), &
+      if (size(near) > 0) call replace_within(s, near, (0.0_wp, 0.0_wp), &
          sqrt(minval(abs(near - shift))*fastest))
       associate (E => assembly%strength(bending, of_stiffness), &
          c_D => assembly%strength(bending, of_damping))
@@ -53,33 +57,35 @@ contains
             shift = -E/c_D
             if (size(near) > 0) error_of_s = min(fastest, shift**2/minval(abs(near)))
             call roots_near(assembly, shift, near)
-            if (size(near) > 0) call take_over(s, near, cmplx(shift, 0, wp), &
+            if (size(near) > 0) call replace_within(s, near, cmplx(shift, 0, wp), &
                min(abs(shift)/2, sqrt(minval(abs(near - shift))*error_of_s)))
          end if
       end associate
       call arrange(assembly, s, roots)
    end subroutine roots_of_matrix
 
-   !> Eigenvalues of x'' = -M**-1 (C x' + K x), what is held by forces that leave it no
-   !> acceleration; nothing where LAPACK fails.
+   !> Computes the roots as eigenvalues s of x'' = -M**-1 (C x' + K x), where constraint forces keep
+   !> the acceleration of rigid rows at zero.
+   !>
+   !> s  roots [1/time]; size 0: LAPACK fails
    subroutine large_roots(assembly, s)
       type(assembly_t), intent(in) :: assembly
       complex(wp), allocatable, intent(out) :: s(:)
-      real(wp), allocatable :: held(:, :), mass(:, :), b(:, :), a(:, :), given(:, :)
+      real(wp), allocatable :: rigid(:, :), mass(:, :), b(:, :), a(:, :), scaled(:, :)
       integer, allocatable :: pivots(:)
       integer :: i, info, k, n, m, r
 
       n = assembly%n
       r = size(assembly%v, 1)
       associate (p => assembly%pencil(1), v => assembly%v)
-         held = v(pack([(k, k=1, r)], assembly%held), :)
-         m = n + size(held, 1)
+         rigid = v(pack([(k, k=1, r)], assembly%held), :)
+         m = n + size(rigid, 1)
          allocate (mass(m, m), b(m, 2*n), a(2*n, 2*n), source=0.0_wp)
          allocate (pivots(m))
-         given = v/spread(merge(huge(1.0_wp), assembly%compliance, assembly%held), 2, n)
+         scaled = v/spread(merge(huge(1.0_wp), assembly%compliance, assembly%held), 2, n)
          mass(:n, :n) = matmul(transpose(v), matmul(p%hm, v))
-         b(:n, :n) = matmul(transpose(given), matmul(p%hk, v))
-         b(:n, n + 1:) = matmul(transpose(given), matmul(p%hc, v))
+         b(:n, :n) = matmul(transpose(scaled), matmul(p%hk, v))
+         b(:n, n + 1:) = matmul(transpose(scaled), matmul(p%hc, v))
          do i = 1, n
             mass(i, i) = mass(i, i) + p%m(i)
             b(i, i) = b(i, i) + p%k(i)
@@ -91,8 +97,8 @@ contains
                b(:e, n + 1:n + e) = b(:e, n + 1:n + e) + assembly%dense(:, :, 1)
             end associate
          end if
-         mass(n + 1:, :n) = held
-         mass(:n, n + 1:) = transpose(held)
+         mass(n + 1:, :n) = rigid
+         mass(:n, n + 1:) = transpose(rigid)
       end associate
       call dgesv(m, 2*n, mass, m, pivots, b, m, info)
       allocate (s(0))
@@ -104,7 +110,10 @@ contains
       call largest_eigenvalues(a, assembly%roots(), s)
    end subroutine large_roots
 
-   !> Roots by way of 1/(s - shift), from P(s) of `beamid_systems`.
+   !> Computes the roots from eigenvalues 1/(s - shift), by the matrix P(s) of `beamid_systems`.
+   !>
+   !> shift  real shift [1/time]
+   !> s      roots [1/time]; size 0: LAPACK fails
    subroutine roots_near(assembly, shift, s)
       type(assembly_t), intent(in) :: assembly
       real(wp), intent(in) :: shift
@@ -150,9 +159,10 @@ contains
       s = shift + 1/s
    end subroutine roots_near
 
-   !> Eigenvalues of the largest moduli; a is destroyed.
+   !> Computes the n eigenvalues of largest modulus of a matrix.
    !>
-   !> n  how many
+   !> a       matrix, destroyed
+   !> values  in: what to return if LAPACK fails; out: (n) eigenvalues
    subroutine largest_eigenvalues(a, n, values)
       real(wp), intent(inout) :: a(:, :)
       integer, intent(in) :: n
@@ -163,7 +173,7 @@ contains
       logical :: taken(size(a, 1))
       integer :: info, k
 
-      ! With what is no number LAPACK may stop the program.
+      ! LAPACK may stop the program if an entry is not finite.
       if (any(.not. ieee_is_finite(a))) return
       allocate (work(34*size(a, 1)))
       call dgeev('N', 'N', size(a, 1), a, size(a, 1), re, im, none, 1, none, 1, work, size(work), &
@@ -177,9 +187,13 @@ contains
       values = pack(all, taken)
    end subroutine largest_eigenvalues
 
-   !> Puts better values, those within a radius of a centre, in the place of the nearest; the
-   !> outermost first. Nothing happens where a pair would lose its image.
-   subroutine take_over(s, better, centre, radius)
+   !> Replaces roots by more accurate values. Each better value within a radius of a centre takes
+   !> the place of the nearest root that is not replaced yet, beginning with the outermost. Nothing
+   !> is changed if the result would not consist of complex pairs and real roots.
+   !>
+   !> s       all roots [1/time]
+   !> better  more accurate values of roots [1/time]
+   subroutine replace_within(s, better, centre, radius)
       complex(wp), intent(inout) :: s(:)
       complex(wp), intent(in) :: better(:), centre
       real(wp), intent(in) :: radius
@@ -198,22 +212,23 @@ contains
          new(place) = better(k)
       end do
       if (count(aimag(new) > 0) == count(aimag(new) < 0)) s = new
-   end subroutine take_over
+   end subroutine replace_within
 
-   !> One of each pair in the first half.
+   !> Arranges the roots with one of each pair in the first half, and stores them relative to their
+   !> nearest poles.
    subroutine arrange(assembly, s, roots)
       type(assembly_t), intent(in) :: assembly
       complex(wp), intent(in) :: s(:)
       type(root_t), allocatable, intent(out) :: roots(:)
       complex(wp) :: pairs(size(s)/2), others(size(s)/2)
-      complex(wp), allocatable :: upper(:), real_ones(:)
+      complex(wp), allocatable :: upper(:), real_roots(:)
       integer :: k, n
 
       upper = pack(s, aimag(s) > 0)
-      real_ones = pack(s, .not. abs(aimag(s)) > 0)
+      real_roots = pack(s, .not. abs(aimag(s)) > 0)
       n = size(upper)
-      pairs = [upper, real_ones(1::2)]
-      others = [conjg(upper), real_ones(2::2)]
+      pairs = [upper, real_roots(1::2)]
+      others = [conjg(upper), real_roots(2::2)]
       allocate (roots(size(s)))
       roots%s = [pairs, others]
       do k = 1, size(roots)

@@ -1,14 +1,15 @@
 !> The semidiscrete equations (3.13), M w'' + C w' + K w = f(t) F, of one structure on one mesh.
 !>
-!> The unknowns are the spline coefficients followed by the displacement y of the hose. The hose
-!> couples only with the splines that do not vanish at the tip, so that placed last it costs
-!> nothing: M, C and K keep the half-bandwidth of the splines, 3 for cubics.
+!> The unknowns are the spline coefficients, followed by the displacement y of the hose. The hose
+!> couples only with the splines that do not vanish at the tip. Because y is the last unknown, M, C
+!> and K keep the half-bandwidth of the splines (3 for cubics).
 module beamid_equations
    use beamid_bands, only: band_t, new_band
    use beamid_constraints, only: constraints_t
    use beamid_excitation, only: excitation_t
    use beamid_galerkin, only: galerkin_t, mesh_t
    use beamid_kinds, only: wp
+   use beamid_static_shapes, only: find_static_shape, hold_hose
    use beamid_structure, only: structure_t
    use beamid_terms, only: bending, force_value, hose, inertia, is_spring, load_shape, &
       of_compliance, of_damping, of_load, of_mass, of_stiffness, operators, place_on_mesh, pulls, &
@@ -18,32 +19,43 @@ module beamid_equations
 
    public :: equations_t, new_equations, unknowns_of
 
+   !> The equations of one structure. Sizes: n unknowns; `operators` and `matrices` as in
+   !> `beamid_terms`. If supports are rigid, all vectors and matrices are those after the
+   !> elimination of the constraints.
    type :: equations_t
       integer :: n = 0                       !< number of unknowns
       type(band_t) :: mass                   !< M
       type(band_t) :: damping                !< C
       type(band_t) :: stiffness              !< K
-      !> (n) F, per unit force, or per unit acceleration of the base
+      !> (n) F, per unit force or per unit acceleration of the base
       real(wp), allocatable :: load(:)
-      !> (n, 2) per unit velocity and displacement of the base; not allocated: none
+      !> (n, 2) loads per unit velocity and displacement of the base; not allocated: no base motion
       real(wp), allocatable :: base_loads(:, :)
-      real(wp) :: lifted = 0                 !< displacement of the sensor that goes with the base's
-      real(wp) :: tilted = 0                 !< what it reads of gravity thereby
-      real(wp), allocatable :: shape(:)      !< of a distributed load; not allocated: none
-      real(wp), allocatable :: tip(:)        !< (n) tip displacement = tip . w
+      !> displacement of the sensor, per unit displacement of the base, that the unknowns do not
+      !> contain
+      real(wp) :: lifted = 0
+      !> reading of the sensor due to gravity [1/time**2] that belongs to `lifted`
+      real(wp) :: tilted = 0
+      !> (splines) <theta, b> of a distributed load (3.10); not allocated: no distributed load
+      real(wp), allocatable :: shape(:)
+      real(wp), allocatable :: tip(:)        !< (n) displacement of the tip = tip . w
       real(wp), allocatable :: observer(:)   !< (n) displacement of the sensor = observer . w
-      !> (n) what a sensor that turns reads of gravity = tilt . w; not allocated: none
+      !> (n) reading of a tilted sensor due to gravity = tilt . w; not allocated: no gravity
       real(wp), allocatable :: tilt(:)
-      type(band_t) :: pull                   !< of axial force and weight; not allocated: none
-      !> (n, operators) vectors whose squares the operators at points are; 0: the others
+      !> (splines) stiffness due to axial force and weight; empty: neither acts
+      type(band_t) :: pull
+      !> (n, operators) row vector of each operator at a point (value or slope = point . w); 0 for
+      !> the others
       real(wp), allocatable :: point(:, :)
-      !> (n) displacement that one unit of each unknown stands for
+      !> (n) displacement per unit of each unknown [length]
       real(wp), allocatable :: unit(:)
-      type(constraints_t) :: constraints     !< of rigid supports
-      type(galerkin_t), pointer :: galerkin => null()   !< the integrals it was assembled from
-      type(structure_t) :: structure
-      real(wp), allocatable :: strength(:, :)   !< (operators, matrices) of `beamid_terms`
-      !> (bending points of the mesh, 2) factors of stiffness and viscosity
+      type(constraints_t) :: constraints     !< constraints of the rigid supports
+      !> the integrals of the mesh from which the matrices are assembled
+      type(galerkin_t), pointer :: galerkin => null()
+      type(structure_t) :: structure   !< the structure assembled
+      !> (operators, matrices) coefficients, from `beamid_terms`
+      real(wp), allocatable :: strength(:, :)
+      !> (bending points, 2) E(x)/E and c_D(x)/c_D at the quadrature points
       real(wp), allocatable :: factor(:, :)
       real(wp) :: omega = 0                  !< estimate of the first angular frequency [1/time]
       real(wp) :: displacement = 0           !< estimate of the size of the displacement [length]
@@ -55,12 +67,15 @@ module beamid_equations
 
 contains
 
-   !> Assembles (3.11) with the point load, or with the distributed load of (3.10), or for a base
+   !> Assembles the equations (3.11) with a force at a point, the distributed load (3.10), or a base
    !> that moves.
    !>
-   !> galerkin  must outlive the result, which points to it; `turning` for a root that is not rigid;
-   !>           its length need not be the structure's
-   !> matrices  .false.: M, C and K stay away, for a solver that works in modes; default .true.
+   !> galerkin    integrals of the mesh. The result points to them, so they must outlive it. If the
+   !>             root is not rigid, its space must have `turning`. Its length may differ from the
+   !>             structure's.
+   !> structure   beam and attachments
+   !> excitation  force or base motion
+   !> matrices    .false.: leave out M, C and K, for a solver that works in modes; default .true.
    function new_equations(galerkin, structure, excitation, matrices) result(self)
       type(galerkin_t), intent(in), target :: galerkin
       type(structure_t), intent(in) :: structure
@@ -86,7 +101,7 @@ contains
          end do
       end if
       call find_points(self, n)
-      ! The B-splines add up to degree!, the hose moves by y itself.
+      ! The B-splines add up to degree!. The unknown of the hose is its displacement.
       allocate (self%unit(n), source=1.0_wp)
       self%unit(:galerkin%space%n) = gamma(galerkin%mesh%degree + 1.0_wp)
       if (any(pulls([(k, k=1, size(operators))]) .and. abs(self%strength(:, of_stiffness)) > 0)) &
@@ -108,14 +123,14 @@ contains
       self%n = self%mass%n
       self%tip = self%point(:, tip_value)
       self%omega = structure%omega()
-      ! A force on a support moves nothing there; what it moves elsewhere is not that small.
+      ! Limited because a force at a support moves other points by more than the support itself.
       self%displacement = excitation%size_scale(min(abs(structure%stiffness()), &
          1e4_wp*structure%tip_stiffness()), self%omega)
       if (excitation%is_base) self%displacement = self%displacement*(structure%m_T &
          + structure%rho*structure%length)
    end function new_equations
 
-   !> How many unknowns there are on a mesh, less those that rigid supports take away.
+   !> Returns the number of unknowns on a mesh, after the elimination of rigid supports.
    pure integer function unknowns_of(mesh, structure)
       type(mesh_t), intent(in) :: mesh
       type(structure_t), intent(in) :: structure
@@ -124,9 +139,9 @@ contains
          structure%has_hose()]) - structure%rigid_supports()
    end function unknowns_of
 
-   !> The vectors of the operators at points.
+   !> Sets the row vectors of the operators at points.
    !>
-   !> n  unknowns
+   !> n  number of unknowns before the elimination
    subroutine find_points(self, n)
       type(equations_t), intent(inout) :: self
       integer, intent(in) :: n
@@ -145,25 +160,26 @@ contains
       end associate
    end subroutine find_points
 
-   !> M, C or K, term by term.
+   !> Returns M, C or K, the sum of its terms.
+   !>
+   !> matrix  `of_mass`, `of_damping` or `of_stiffness`
    function sum_of_terms(self, matrix) result(band)
       type(equations_t), intent(in) :: self
       integer, intent(in) :: matrix
-      type(band_t) :: band, bent
+      type(band_t) :: band, bent, inert
       integer :: k
 
       associate (g => self%galerkin, s => self%strength(:, matrix))
          band = new_band(size(self%point, 1), g%inertia%kd)
          bent = g%bending
-         if (matrix == of_damping .and. g%varies) bent = g%viscous
+         inert = g%inertia
+         if (matrix == of_damping .and. g%varies) then
+            bent = g%viscous
+            inert = g%air
+         end if
          if (self%structure%varies_further() .and. matrix /= of_mass) &
             bent = g%bending_band(self%factor(:, merge(1, 2, matrix == of_stiffness)))
-         band%a(:, :g%space%n) = s(bending)*bent%a
-         if (matrix == of_damping .and. g%varies) then
-            band%a(:, :g%space%n) = band%a(:, :g%space%n) + s(inertia)*g%air%a
-         else
-            band%a(:, :g%space%n) = band%a(:, :g%space%n) + s(inertia)*g%inertia%a
-         end if
+         band%a(:, :g%space%n) = s(bending)*bent%a + s(inertia)*inert%a
          if (matrix == of_stiffness .and. allocated(self%pull%a)) &
             band%a(:, :g%space%n) = band%a(:, :g%space%n) + self%pull%a
          do k = 1, size(s)
@@ -172,7 +188,7 @@ contains
       end associate
    end function sum_of_terms
 
-   !> Axial force and weight.
+   !> Sets the stiffness due to axial force and weight.
    subroutine find_pull(self)
       type(equations_t), intent(inout) :: self
       type(band_t) :: part
@@ -189,7 +205,8 @@ contains
       end associate
    end subroutine find_pull
 
-   !> Whether axial force or weight take the last stiffness away.
+   !> Returns whether axial force and weight make K lose its positive definiteness, i.e. buckle the
+   !> beam.
    logical function buckles(self)
       class(equations_t), intent(in) :: self
       type(band_t) :: factor
@@ -198,15 +215,14 @@ contains
       buckles = .false.
       if (.not. allocated(self%pull%a)) return
       factor = self%stiffness
-      ! A hose that no spring holds is no matter of stiffness.
-      if (self%structure%has_hose() .and. .not. self%structure%k_H > 0) &
-         call factor%add(self%n, self%n, self%structure%tip_stiffness())
+      call hold_hose(self%structure, factor)
       call factor%factor(positive)
       buckles = .not. positive
    end function buckles
 
-   !> The loads of a base that moves: -M r, -C r and -K r, r the displacement of the whole by one.
-   !> Where rigid supports stay behind, the beam is bent by the static shape that they leave.
+   !> Sets the loads of a base that moves: -M r, -C r and -K r, where r is the rigid displacement of
+   !> the whole structure by one. Rigid supports stay on the ground, so the base also bends the beam
+   !> into the static shape of `bend_at_supports`.
    subroutine set_base_loads(self)
       type(equations_t), intent(inout) :: self
       real(wp) :: loads(size(self%point, 1), 3)
@@ -222,77 +238,59 @@ contains
                *spread(s(k, :), 1, size(loads, 1))
          end do
       end associate
-      call bend(self, bent)
+      call bend_at_supports(self, bent)
       self%lifted = dot_product(self%observer, bent)
       if (allocated(self%tilt)) self%tilted = dot_product(self%tilt, bent)
       self%load = loads(:, 1) - self%mass%times(bent)
-      ! K times that shape is a force at the supports, which move nothing there.
+      ! K times this shape is a force at the supports, which do not move.
       self%base_loads = loads(:, 2:)
       self%base_loads(:, 1) = self%base_loads(:, 1) - self%damping%times(bent)
    end subroutine set_base_loads
 
-   !> The static shape with a displacement of -1 at every rigid support; 0 where there is none.
-   subroutine bend(self, shape)
+   !> Computes the static shape of the beam with displacement -1 at every rigid support. A rigid
+   !> clamp rotates with the base, so its slope is 0.
+   !>
+   !> shape  (n before the elimination) 0 if no support is rigid
+   subroutine bend_at_supports(self, shape)
       type(equations_t), intent(in) :: self
       real(wp), allocatable, intent(out) :: shape(:)
-      type(band_t) :: factor
-      real(wp), allocatable :: answers(:, :)
-      integer, allocatable :: held(:)
-      logical :: positive
-      integer :: i, k
+      type(band_t) :: stiffness
+      real(wp), allocatable :: rows(:, :), springs(:), values(:)
+      integer, allocatable :: rigid(:)
 
       allocate (shape(size(self%point, 1)), source=0.0_wp)
-      held = held_operators(self)
-      if (size(held) == 0) return
-      factor = self%stiffness
-      ! Springs where nothing moves change nothing, and hold a beam that only its supports hold.
-      do k = 1, size(held)
-         call factor%add_rank_one(self%structure%tip_stiffness()*self%galerkin%space%length &
-            **(2*operators(held(k))%derivative), self%point(:, held(k)))
-      end do
-      ! A hose that no spring holds takes no part in the static shape.
-      if (self%structure%has_hose() .and. .not. self%structure%k_H > 0) call factor%add( &
-         size(shape), size(shape), self%structure%tip_stiffness())
-      call factor%factor(positive)
-      if (.not. positive) return
-      answers = self%point(:, held)
-      do k = 1, size(held)
-         call factor%solve(answers(:, k))
-         do i = 1, k - 1
-            answers(:, k) = answers(:, k) - answers(:, i)*dot_product(self%point(:, held(i)), &
-               answers(:, k))
-         end do
-         answers(:, k) = answers(:, k)/dot_product(self%point(:, held(k)), answers(:, k))
-      end do
-      ! Column k moves support k by one and those before it not at all; the clamp turns with the
-      ! base.
-      do k = 1, size(held)
-         shape = shape - answers(:, k)*(merge(0, 1, held(k) == root_slope) &
-            + dot_product(self%point(:, held(k)), shape))
-      end do
-   end subroutine bend
+      rigid = rigid_operators(self)
+      if (size(rigid) == 0) return
+      stiffness = self%stiffness
+      call hold_hose(self%structure, stiffness)
+      springs = self%structure%tip_stiffness()*self%galerkin%space%length &
+         **(2*operators(rigid)%derivative)
+      rows = self%point(:, rigid)
+      values = merge(0.0_wp, -1.0_wp, rigid == root_slope)
+      call find_static_shape(stiffness, springs, rows, values, shape)
+   end subroutine bend_at_supports
 
-   !> Operators of springs that do not give way at all.
-   pure function held_operators(self) result(held)
+   !> Returns the operators of the rigid springs (compliance 0), without that of a clamp which the
+   !> spline space itself satisfies.
+   pure function rigid_operators(self) result(rigid)
       type(equations_t), intent(in) :: self
-      integer, allocatable :: held(:)
+      integer, allocatable :: rigid(:)
       integer :: k
 
-      held = pack([(k, k=1, size(operators))], [(is_spring(k, self%structure), &
+      rigid = pack([(k, k=1, size(operators))], [(is_spring(k, self%structure), &
          k=1, size(operators))] .and. .not. self%strength(:, of_compliance) > 0)
-      if (self%galerkin%space%turning == 0) held = pack(held, held /= root_slope)
-   end function held_operators
+      if (self%galerkin%space%turning == 0) rigid = pack(rigid, rigid /= root_slope)
+   end function rigid_operators
 
-   !> Eliminates what rigid supports hold.
+   !> Eliminates the constraints of the rigid supports from matrices and vectors.
    subroutine constrain(self)
       type(equations_t), intent(inout) :: self
-      real(wp), allocatable :: reduced(:, :)
-      integer, allocatable :: held(:)
+      integer, allocatable :: rigid(:)
       integer :: k
 
-      held = held_operators(self)
-      do k = 1, size(held)
-         call self%constraints%add(self%point(:, held(k)))
+      rigid = rigid_operators(self)
+      do k = 1, size(rigid)
+         call self%constraints%add(self%point(:, rigid(k)))
       end do
       if (self%constraints%number() == 0) return
       self%mass = self%constraints%of_matrix(self%mass)
@@ -302,23 +300,29 @@ contains
       self%observer = self%constraints%of_vector(self%observer)
       if (allocated(self%tilt)) self%tilt = self%constraints%of_vector(self%tilt)
       self%unit = self%unit(1 + self%constraints%number():)
-      allocate (reduced(self%mass%n, size(operators)))
-      do k = 1, size(operators)
-         reduced(:, k) = self%constraints%of_vector(self%point(:, k))
-      end do
-      call move_alloc(reduced, self%point)
-      if (.not. allocated(self%base_loads)) return
-      allocate (reduced(self%mass%n, 2))
-      do k = 1, 2
-         reduced(:, k) = self%constraints%of_vector(self%base_loads(:, k))
-      end do
-      call move_alloc(reduced, self%base_loads)
+      call eliminate(self%constraints, self%point)
+      if (allocated(self%base_loads)) call eliminate(self%constraints, self%base_loads)
    end subroutine constrain
 
-   !> force := force - C v - K w without the cancellation that the band matrices suffer on fine
-   !> meshes.
+   !> Eliminates the constraints from each column of an array.
+   subroutine eliminate(constraints, columns)
+      type(constraints_t), intent(in) :: constraints
+      real(wp), allocatable, intent(inout) :: columns(:, :)
+      real(wp), allocatable :: reduced(:, :)
+      integer :: k
+
+      allocate (reduced(size(columns, 1) - constraints%number(), size(columns, 2)))
+      do k = 1, size(columns, 2)
+         reduced(:, k) = constraints%of_vector(columns(:, k))
+      end do
+      call move_alloc(reduced, columns)
+   end subroutine eliminate
+
+   !> Subtracts C v + K w from a force without the cancellation that the band matrices suffer on
+   !> fine meshes.
    !>
-   !> w, v, force  (n)
+   !> w, v   (n) unknowns and their velocity
+   !> force  (n) in and out
    subroutine subtract_internal_force(self, w, v, force)
       class(equations_t), intent(in) :: self
       real(wp), intent(in) :: w(:), v(:)
@@ -344,7 +348,10 @@ contains
       end associate
    end subroutine subtract_internal_force
 
-   !> The part of the beam itself.
+   !> Subtracts the internal force of the beam itself, without attachments.
+   !>
+   !> w, v   (splines) spline coefficients and their velocity
+   !> force  (splines) in and out
    subroutine subtract_beam_force(self, w, v, force)
       type(equations_t), intent(in) :: self
       real(wp), intent(in) :: w(:), v(:)
@@ -363,7 +370,8 @@ contains
       end associate
    end subroutine subtract_beam_force
 
-   !> x' K x without the cancellation that the band matrix K suffers on fine meshes.
+   !> Returns x'K x, twice the strain energy, without the cancellation that the band matrix K
+   !> suffers on fine meshes.
    !>
    !> x  (n)
    real(wp) function strain_energy(self, x)

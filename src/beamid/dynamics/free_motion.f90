@@ -1,9 +1,11 @@
-!> Free motion: the lowest modes by themselves.
+!> Free motion: the lowest modes, each as a complex motion whose real and imaginary parts are the
+!> two motions of the mode.
 !>
-!> A mode with root s moves like Re(e**(s tau)/s**2), an acceleration of order one. Two modes whose
-!> roots c +- D nearly meet are indistinguishable by e**((c + D) tau) and e**((c - D) tau), and are
-!> given by e**(c tau) cosh D tau and e**(c tau) sinh(D tau)/D instead; so are the two roots of a
-!> mode near critical damping, which are real or a pair.
+!> A mode with root s moves like e**(s tau)/s**2 at time tau after release, an acceleration of order
+!> one. If two roots c +- D nearly coincide, e**((c + D) tau) and e**((c - D) tau) are nearly
+!> linearly dependent. They are then replaced by e**(c tau) cosh D tau and e**(c tau) sinh(D tau)/D.
+!> The same applies to the two roots of a mode near critical damping, which are real or a complex
+!> pair.
 module beamid_free_motion
    use beamid_cluster_motion, only: free_states
    use beamid_clusters, only: cluster_t
@@ -17,19 +19,23 @@ module beamid_free_motion
 
    public :: free_mode_t, find_free_modes
 
-   !> A complex motion; its real part and its imaginary part are the two of the mode.
+   !> A mode in free motion. Each motion is a linear combination of states, which are functions of
+   !> time.
    type :: free_mode_t
       complex(wp) :: s = 0                          !< root [1/time]
-      !> (parameters) its derivatives; those of the mean of the roots where some nearly meet
+      !> (parameters) derivatives of the root; in a cluster, those of the mean of its roots
       complex(wp), allocatable :: ds(:)
-      !> What the sensor sees of the mode, up to a factor that does not depend on the sensor, and
-      !> (parameters) its derivatives; 0 of one that nearly meets another
+      !> displacement of the sensor in the mode, up to a factor that is the same for all sensors; 0
+      !> if the mode belongs to a cluster
       complex(wp) :: seen = 0
+      !> (parameters) derivatives of `seen`
       complex(wp), allocatable :: dseen(:)
-      !> (states, 3) displacement, velocity and acceleration by states
+      !> (states, 3) coefficients of the states in displacement, velocity and acceleration
       complex(wp), allocatable :: row(:, :)
-      complex(wp), allocatable :: drow(:, :, :)     !< (states, 3, parameters) their derivatives
-      type(cluster_t), allocatable :: cluster       !< to which the mode belongs
+      !> (states, 3, parameters) their derivatives
+      complex(wp), allocatable :: drow(:, :, :)
+      !> the cluster to which the mode belongs; not allocated: none
+      type(cluster_t), allocatable :: cluster
    contains
       procedure :: states
       procedure :: as_seen_beside
@@ -37,27 +43,28 @@ module beamid_free_motion
 
 contains
 
-   !> Ascending |s|; of a cluster as many as are wanted.
+   !> Selects the lowest modes, in ascending order of |s|; of a cluster, as many as are wanted.
    !>
-   !> wanted  how many
+   !> poles   poles with derivatives
+   !> wanted  number of modes
    !> modes   (wanted)
-   !> error   there are fewer
+   !> error   there are fewer modes
    subroutine find_free_modes(poles, wanted, modes, error)
       type(poles_t), intent(in) :: poles
       integer, intent(in) :: wanted
       type(free_mode_t), allocatable, intent(out) :: modes(:)
       type(error_t), allocatable, intent(out) :: error
-      real(wp) :: size_of(size(poles%s) + size(poles%cluster))
-      logical :: waiting(size(size_of))
+      real(wp) :: magnitude(size(poles%s) + size(poles%cluster))
+      logical :: remaining(size(magnitude))
       integer :: found, k, next, n
 
       n = size(poles%s)
-      size_of = [abs(poles%s), abs(poles%cluster%centre%s)]
+      magnitude = [abs(poles%s), abs(poles%cluster%centre%s)]
       do k = 1, n
-         waiting(k) = aimag(poles%s(k)) > 0 .and. .not. any(poles%cluster%holds(poles%s(k)))
+         remaining(k) = aimag(poles%s(k)) > 0 .and. .not. any(poles%cluster%holds(poles%s(k)))
       end do
-      waiting(n + 1:) = .true.
-      found = count(waiting(:n)) + sum(poles%cluster%modes())
+      remaining(n + 1:) = .true.
+      found = count(remaining(:n)) + sum(poles%cluster%modes())
       if (found < wanted) then
          call failure(error, 'modal: found '//to_text(found)//' modes that oscillate, expected '// &
             to_text(wanted))
@@ -66,8 +73,8 @@ contains
       allocate (modes(wanted))
       found = 0
       do while (found < wanted)
-         next = minloc(size_of, dim=1, mask=waiting)
-         waiting(next) = .false.
+         next = minloc(magnitude, dim=1, mask=remaining)
+         remaining(next) = .false.
          if (next <= n) then
             found = found + 1
             modes(found) = mode_of_root(poles%s(next), poles%ds(next, :))
@@ -82,7 +89,9 @@ contains
       end do
    end subroutine find_free_modes
 
-   !> States e**(s tau) and tau e**(s tau).
+   !> Returns the mode of an isolated root. Its states are e**(s tau) and tau e**(s tau).
+   !>
+   !> s, ds  the root [1/time] and its derivatives (parameters)
    pure function mode_of_root(s, ds) result(mode)
       complex(wp), intent(in) :: s, ds(:)
       type(free_mode_t) :: mode
@@ -99,7 +108,8 @@ contains
       end do
    end function mode_of_root
 
-   !> Mode k of a cluster. On the real axis, where the states are real, two of them make one.
+   !> Returns mode k of a cluster. If the cluster lies on the real axis, its states are real, and
+   !> two of them make one mode.
    pure function mode_of_cluster(poles, cluster, k) result(mode)
       type(poles_t), intent(in) :: poles
       type(cluster_t), intent(in) :: cluster
@@ -126,8 +136,10 @@ contains
       mode%drow = drow
    end function mode_of_cluster
 
-   !> The motion at this sensor of the mode whose motion at another one is given: times the ratio of
-   !> what the two see of it.
+   !> Converts a mode to the motion at this sensor, if the motion of the same mode at another sensor
+   !> is given: multiplies by the ratio of the two displacements in the mode.
+   !>
+   !> other  the mode at the other sensor
    pure subroutine as_seen_beside(self, other)
       class(free_mode_t), intent(inout) :: self
       type(free_mode_t), intent(in) :: other
@@ -142,7 +154,10 @@ contains
       self%row = ratio*self%row
    end subroutine as_seen_beside
 
-   !> (times, states) States at the times after the beginning.
+   !> Returns the states at times after release.
+   !>
+   !> tau     times after release [time]
+   !> states  (times, states)
    pure function states(self, tau)
       class(free_mode_t), intent(in) :: self
       real(wp), intent(in) :: tau(:)

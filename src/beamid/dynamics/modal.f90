@@ -1,5 +1,8 @@
-!> Response as a sum of exponentials, exact in time, with exact derivatives: the structure in the
-!> modes of the bare beam, its poles, and the motion that they make of a force.
+!> The solver `modal`: the response as a sum of exponentials, exact in time, with exact derivatives.
+!>
+!> The flow is: modes of the bare beam (once per mesh), the equations in these modes
+!> (`beamid_assembly`), their poles and residues (`beamid_pole_search`), and the motion under a
+!> force (`beamid_synthesis`).
 module beamid_modal
    use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
    use beamid_assembly, only: assembly_t, load_t, new_assembly
@@ -11,7 +14,9 @@ module beamid_modal
    use beamid_interrupts, only: check_interrupt
    use beamid_kinds, only: wp
    use beamid_modes, only: bare_beam_modes, beam_modes_t, buckled
-   use beamid_poles, only: differentiate_poles, find_poles, observe_also, poles_t
+   use beamid_pole_derivatives, only: differentiate_poles
+   use beamid_pole_search, only: find_poles
+   use beamid_poles, only: observe_also, poles_t
    use beamid_responses, only: exact_solver_t, of_tilt, work_t
    use beamid_structure, only: of_g, of_length, same_structure, structure_t
    use beamid_structure_checks, only: check_axial_load
@@ -22,16 +27,22 @@ module beamid_modal
 
    public :: modal_t, assemble
 
+   !> The solver. It keeps the poles of the last structure, which are the start of the next search.
    type, extends(exact_solver_t) :: modal_t
-      type(beam_modes_t), allocatable, private :: modes   !< of the bare beam
-      type(mesh_t), private :: mesh = mesh_t()            !< what it was prepared for
-      type(poles_t), private :: poles = poles_t()         !< of the last structure
-      !> the same, of the slope at the sensor, where there is gravity
-      type(poles_t), private :: turns = poles_t()
-      type(structure_t), allocatable, private :: structure   !< that structure
-      logical, private :: distributed = .false., base = .false.   !< its load
+      type(beam_modes_t), allocatable, private :: modes   !< modes of the bare beam
+      !> the mesh for which the solver is prepared
+      type(mesh_t), private :: mesh = mesh_t()
+      type(poles_t), private :: poles = poles_t()         !< poles of the last structure
+      !> the same poles, observed at the slope of the sensor; only if there is gravity
+      type(poles_t), private :: slope_poles = poles_t()
+      !> the last structure; not allocated: `poles` is not valid
+      type(structure_t), allocatable, private :: structure
+      !> kind of load of `poles`: a distributed force, a base that moves
+      logical, private :: distributed = .false., base = .false.
+      !> power of the distributed force of `poles`
       real(wp), private :: power = 0
-      integer, allocatable, private :: layout(:)          !< rows of the assembly they belong to
+      !> (operators) rows of the assembly of `poles`
+      integer, allocatable, private :: rows(:)
    contains
       procedure :: prepare
       procedure :: motions
@@ -42,7 +53,9 @@ module beamid_modal
 
 contains
 
-   !> Modes of the bare beam: once per mesh.
+   !> Computes the modes of the bare beam for a mesh.
+   !>
+   !> galerkin  integrals of the mesh
    subroutine prepare(self, galerkin, error)
       class(modal_t), intent(inout) :: self
       type(galerkin_t), intent(in) :: galerkin
@@ -55,6 +68,7 @@ contains
       if (allocated(self%structure)) deallocate (self%structure)
    end subroutine prepare
 
+   !> Computes motions of the sensor and their derivatives; arguments as in `beamid_responses`.
    subroutine motions(self, equations, excitation, times, which, parameters, motion, work, error)
       class(modal_t), intent(inout) :: self
       type(equations_t), intent(in), target :: equations
@@ -70,7 +84,7 @@ contains
       if (allocated(error)) return
       n = count(which /= of_tilt)
       call synthesize(self%poles, excitation, times, which(:n), motion(:, :, :n))
-      if (n < size(which)) call turn(self, equations, excitation, times, parameters, &
+      if (n < size(which)) call find_tilt(self, equations, excitation, times, parameters, &
          motion(:, :, n + 1))
       call check_interrupt(error)
       if (allocated(error)) return
@@ -78,37 +92,45 @@ contains
          call failure(error, 'modal: the response is not finite')
    end subroutine motions
 
-   !> What the sensor reads of gravity as it turns.
-   subroutine turn(self, equations, excitation, times, parameters, motion)
+   !> Computes the reading of the sensor due to gravity, which is proportional to its slope, and the
+   !> derivatives of the reading.
+   !>
+   !> parameters  numbers of the parameters
+   !> motion      (times, 0:parameters) column 0 is the reading itself; 0 without gravity
+   subroutine find_tilt(self, equations, excitation, times, parameters, motion)
       type(modal_t), intent(in) :: self
       type(equations_t), intent(in) :: equations
       type(excitation_t), intent(in) :: excitation
       real(wp), intent(in) :: times(:)
       integer, intent(in) :: parameters(:)
       real(wp), intent(out) :: motion(:, 0:)
-      real(wp), allocatable :: turns(:, :, :)
+      real(wp), allocatable :: slopes(:, :, :)
       type(structure_t) :: unit
-      real(wp) :: shorter
+      real(wp) :: ratio
       integer :: p
 
       motion = 0
       if (.not. (equations%structure%g > 0 .or. any(parameters == of_g))) return
-      allocate (turns(size(times), 0:size(parameters), 1))
-      call synthesize(self%turns, excitation, times, [1], turns)
+      allocate (slopes(size(times), 0:size(parameters), 1))
+      call synthesize(self%slope_poles, excitation, times, [1], slopes)
       associate (s => equations%structure)
          unit = s
          unit%g = 1
-         shorter = equations%galerkin%space%length/s%length
-         motion = tilting(s)*shorter*turns(:, :, 1)
+         ratio = equations%galerkin%space%length/s%length
+         motion = tilting(s)*ratio*slopes(:, :, 1)
          do p = 1, size(parameters)
             if (parameters(p) == of_g) motion(:, p) = motion(:, p) &
-               + tilting(unit)*shorter*turns(:, 0, 1)
+               + tilting(unit)*ratio*slopes(:, 0, 1)
             if (parameters(p) == of_length) motion(:, p) = motion(:, p) - motion(:, 0)/s%length
          end do
       end associate
-   end subroutine turn
+   end subroutine find_tilt
 
-   !> Poles of the structure and their derivatives; those of the last structure are kept.
+   !> Computes the poles of a structure and their derivatives, unless the last call computed them.
+   !>
+   !> parameters  numbers of the parameters of the derivatives
+   !> error       the solver is not prepared for this mesh, the beam buckles, or the search for the
+   !>             roots fails
    subroutine solve(self, equations, excitation, parameters, work, error)
       class(modal_t), intent(inout) :: self
       type(equations_t), intent(in) :: equations
@@ -116,72 +138,95 @@ contains
       integer, intent(in) :: parameters(:)
       type(work_t), intent(inout) :: work
       type(error_t), allocatable, intent(out) :: error
-      type(assembly_t) :: assembly, turned
-      logical :: same
+      type(assembly_t) :: assembly
 
       work%solves = work%solves + 1
       call check_interrupt(error)
       if (allocated(error)) return
-      if (.not. allocated(self%modes)) then
-         call failure(error, 'modal: the modes of the mesh have not been prepared')
-         return
-      else if (.not. same_mesh(self%mesh, equations%galerkin%mesh) .or. &
-         self%modes%space%turning /= equations%galerkin%space%turning .or. &
-         abs(self%modes%space%length - equations%galerkin%space%length) > 0) then
-         call failure(error, 'modal: prepared for another mesh')
-         return
-      end if
+      call check_mesh(self, equations%galerkin, error)
+      if (allocated(error)) return
       call check_axial_load(equations%structure, error)
       if (allocated(error)) return
       call assemble(self%modes, equations, excitation, parameters, assembly)
-      same = knows(self, equations%structure, excitation, assembly%row)
-      if (.not. same) then
-         if (allocated(self%structure)) deallocate (self%structure)
-         call find_poles(assembly, self%poles, error)
+      if (.not. has_poles_of(self, equations%structure, excitation, assembly%row)) then
+         call update_poles(self, equations%structure, excitation, assembly, error)
          if (allocated(error)) return
-         self%structure = equations%structure
-         self%distributed = excitation%distributed
-         self%base = excitation%is_base
-         self%power = excitation%power
-         self%layout = assembly%row
-         if (assembly%is_dense() .and. any(real(self%poles%s) > 1e-10_wp*maxval(abs( &
-            self%poles%s)) .and. .not. abs(aimag(self%poles%s)) > 0)) then
-            call failure(error, 'modal: '//buckled)
-            deallocate (self%structure)
-            return
-         end if
-         if (assembly%turn > 0) then
-            turned = assembly
-            turned%sensor = assembly%turn
-            call observe_also(turned, self%poles, self%turns, error)
-            if (allocated(error)) deallocate (self%structure)
-            if (allocated(error)) return
-         end if
+      else if (size(self%poles%parameters) == size(parameters)) then
+         ! If only the history of the force has changed, the derivatives remain valid.
+         if (all(self%poles%parameters == parameters)) return
       end if
-      ! Under another force, as where many are tried, the derivatives are those of before.
-      if (same) same = size(self%poles%parameters) == size(parameters)
-      if (same) same = all(self%poles%parameters == parameters)
-      if (same) return
       call differentiate_poles(assembly, self%poles)
       if (assembly%turn == 0) return
       assembly%sensor = assembly%turn
-      call differentiate_poles(assembly, self%turns, also=self%poles)
+      call differentiate_poles(assembly, self%slope_poles, also=self%poles)
    end subroutine solve
 
-   !> Whether the poles that are kept are those of a structure under a load.
-   pure logical function knows(self, structure, excitation, layout)
+   !> Checks that the solver is prepared for a mesh.
+   subroutine check_mesh(self, galerkin, error)
+      class(modal_t), intent(in) :: self
+      type(galerkin_t), intent(in) :: galerkin
+      type(error_t), allocatable, intent(out) :: error
+
+      if (.not. allocated(self%modes)) then
+         call failure(error, 'modal: the modes of the mesh have not been prepared')
+      else if (.not. same_mesh(self%mesh, galerkin%mesh) .or. &
+         self%modes%space%turning /= galerkin%space%turning .or. &
+         abs(self%modes%space%length - galerkin%space%length) > 0) then
+         call failure(error, 'modal: prepared for another mesh')
+      end if
+   end subroutine check_mesh
+
+   !> Finds the poles of a structure at the sensor, and at the slope of the sensor if it reads
+   !> gravity, starting from those of the last structure.
+   !>
+   !> assembly  of the structure
+   !> error     the search fails, or a root that is real and positive shows that the beam buckles
+   subroutine update_poles(self, structure, excitation, assembly, error)
+      class(modal_t), intent(inout) :: self
+      type(structure_t), intent(in) :: structure
+      type(excitation_t), intent(in) :: excitation
+      type(assembly_t), intent(in) :: assembly
+      type(error_t), allocatable, intent(out) :: error
+      type(assembly_t) :: slope_assembly
+
+      if (allocated(self%structure)) deallocate (self%structure)
+      call find_poles(assembly, self%poles, error)
+      if (allocated(error)) return
+      if (assembly%is_dense() .and. any(real(self%poles%s) > 1e-10_wp*maxval(abs( &
+         self%poles%s)) .and. .not. abs(aimag(self%poles%s)) > 0)) then
+         call failure(error, 'modal: '//buckled)
+         return
+      end if
+      if (assembly%turn > 0) then
+         slope_assembly = assembly
+         slope_assembly%sensor = assembly%turn
+         call observe_also(slope_assembly, self%poles, self%slope_poles, error)
+         if (allocated(error)) return
+      end if
+      self%structure = structure
+      self%distributed = excitation%distributed
+      self%base = excitation%is_base
+      self%power = excitation%power
+      self%rows = assembly%row
+   end subroutine update_poles
+
+   !> Returns whether the poles of the last call are those of a structure under a load.
+   !>
+   !> rows  (operators) rows of the assembly of the structure
+   pure logical function has_poles_of(self, structure, excitation, rows)
       class(modal_t), intent(in) :: self
       type(structure_t), intent(in) :: structure
       type(excitation_t), intent(in) :: excitation
-      integer, intent(in) :: layout(:)
+      integer, intent(in) :: rows(:)
 
-      knows = allocated(self%structure)
-      if (knows) knows = same_structure(self%structure, structure) .and. &
+      has_poles_of = allocated(self%structure)
+      if (has_poles_of) has_poles_of = same_structure(self%structure, structure) .and. &
          (self%distributed .eqv. excitation%distributed) .and. &
          (self%base .eqv. excitation%is_base) .and. &
-         abs(self%power - excitation%power) <= 0 .and. all(self%layout == layout)
-   end function knows
+         abs(self%power - excitation%power) <= 0 .and. all(self%rows == rows)
+   end function has_poles_of
 
+   !> Computes the lowest modes that oscillate; arguments as in `beamid_responses`.
    subroutine free_modes(self, equations, parameters, wanted, modes, work, error)
       class(modal_t), intent(inout) :: self
       type(equations_t), intent(in), target :: equations
@@ -194,13 +239,17 @@ contains
       if (.not. allocated(error)) call find_free_modes(self%poles, wanted, modes, error)
    end subroutine free_modes
 
-   !> One root of each of the lowest modes that oscillate; where there are too few of them, the
-   !> lowest real roots too. Those of overdamped modes crowd near -E/c_D, below many a mode that
-   !> oscillates.
+   !> Computes the lowest roots, one of each complex pair. Modes that oscillate come first; if there
+   !> are too few, real roots follow. Real roots of overdamped modes crowd near -E/c_D, below many
+   !> modes that oscillate.
    !>
-   !> s         ascending |s| of either kind, as many as are wanted or as there are [1/time]
-   !> ds        (roots, parameters)
-   !> together  whether a root nearly meets another: ds is then that of their mean
+   !> parameters  numbers of the parameters of the derivatives
+   !> wanted      number of roots
+   !> s           roots of either kind in ascending order of |s|; as many as wanted, or as there are
+   !>             [1/time]
+   !> ds          (roots, parameters)
+   !> together    (roots) whether the root nearly coincides with another; `ds` is then the
+   !>             derivative of the mean of these roots
    subroutine lowest_roots(self, equations, parameters, wanted, s, ds, together, work, error)
       class(modal_t), intent(inout) :: self
       type(equations_t), intent(in), target :: equations
@@ -229,7 +278,9 @@ contains
       end associate
    end subroutine lowest_roots
 
-   !> The structure in the modes of the bare beam, with its load.
+   !> Assembles the equations in the modes of the bare beam, with the load of an excitation.
+   !>
+   !> parameters  numbers of the parameters of the slopes
    subroutine assemble(modes, equations, excitation, parameters, assembly)
       type(beam_modes_t), intent(in) :: modes
       type(equations_t), intent(in) :: equations
@@ -241,6 +292,7 @@ contains
       load%base = excitation%is_base
       if (excitation%distributed) then
          load%shape = matmul(equations%shape(:modes%space%n), modes%shapes)   ! (3.10)
+         ! The first mode of a beam with a rotating root is the rigid-body rotation, modes%turn*x.
          if (modes%turn > 0) load%shape(1) = modes%turn*modes%space%length &
             *equations%galerkin%integral(excitation%power + 1)
       end if

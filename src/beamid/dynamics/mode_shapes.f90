@@ -1,5 +1,5 @@
-!> Shapes of the damped modes along the beam, complex where damping or masses make their points move
-!> out of step.
+!> Shapes of the damped modes along the beam. They are complex if damping or attached masses make
+!> the points of the beam move out of phase.
 module beamid_mode_shapes
    use beamid_equations, only: equations_t
    use beamid_errors, only: error_t, failure
@@ -12,13 +12,13 @@ module beamid_mode_shapes
 
 contains
 
-   !> The vectors of (s**2 M + s C + K) u = 0 by inverse iteration next to the roots, as
-   !> displacements, turned and scaled to 1 where they are largest.
+   !> Computes mode shapes: the vectors of (s**2 M + s C + K) u = 0, by inverse iteration close to
+   !> the roots, as displacements. Each shape is normalised to 1 at the point where it is largest.
    !>
-   !> roots   (modes) [1/time]
-   !> x       (points) 0 .. length [length]
-   !> shapes  (points, modes)
-   !> error   a system of equations that cannot be solved, or a mode that does not move the beam
+   !> roots   (modes) roots s [1/time]
+   !> x       (points) positions, 0 .. length [length]
+   !> shapes  (points, modes) displacements
+   !> error   the equations cannot be solved, or a mode does not move the beam
    subroutine mode_shapes(equations, roots, x, shapes, error)
       type(equations_t), intent(in) :: equations
       complex(wp), intent(in) :: roots(:)
@@ -69,12 +69,13 @@ contains
       end associate
    end subroutine mode_shapes
 
-   !> Triangular factors by elimination with row pivots, written out: the last bits of what a
-   !> threaded LAPACK returns differ from run to run, and those of a table must not.
+   !> Computes the LU factors of a matrix, by elimination with row pivoting. LAPACK does not serve:
+   !> the last bits of the results of a threaded LAPACK differ from run to run, and those of a table
+   !> must not.
    !>
-   !> a        (n, n) on return the factors, of which the lower one has ones on its diagonal
-   !> order    (n) the rows of the matrix in the order of the factors
-   !> regular  .false. where a pivot vanishes or is no number
+   !> a        (n, n) in: the matrix; out: its factors, L with ones on the diagonal
+   !> order    (n) rows of the matrix in the order of the factors
+   !> regular  .false.: a pivot is zero or not a number
    pure subroutine factor(a, order, regular)
       complex(wp), intent(inout) :: a(:, :)
       integer, intent(out) :: order(:)
@@ -99,9 +100,9 @@ contains
       regular = .true.
    end subroutine factor
 
-   !> Solves with these factors.
+   !> Solves A x = b in place with the factors of `factor`.
    !>
-   !> b  (n) rows in their order; on return the solution
+   !> b  (n) in: right-hand side, its rows in the order of the factors; out: solution
    pure subroutine solve(a, b)
       complex(wp), intent(in) :: a(:, :)
       complex(wp), intent(inout) :: b(:)

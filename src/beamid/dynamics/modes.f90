@@ -1,4 +1,5 @@
-!> Undamped natural modes of the structure, and those of the bare beam.
+!> Undamped natural modes: those of the structure, and those of the bare beam, which are the
+!> coordinates (oscillators) of `beamid_assembly`.
 module beamid_modes
    use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
    use beamid_bands, only: band_t
@@ -15,33 +16,36 @@ module beamid_modes
 
    public :: undamped_modes, beam_modes_t, bare_beam_modes
 
-   !> What is wrong with a structure that cannot carry its load.
+   !> Message for a structure that buckles under its load.
    character(len=*), parameter, public :: buckled = 'axial force and weight buckle the beam, '// &
       'expected a stiffness above 0'
 
-   !> The modes of the bare beam, clamped or pinned at the root: B phi = mu G phi with the integrals
-   !> of the mesh alone; E I mu/rho are the squares of its angular frequencies. The first of the
-   !> pinned beam is its turn as a whole, mu = 0.
+   !> The modes phi of the bare beam, clamped or pinned at the root, of the eigenvalue problem
+   !> B phi = mu G phi with the integrals B (bending) and G (inertia) of the mesh alone. E I mu/rho
+   !> are the squares of the natural angular frequencies. The first mode of the pinned beam is its
+   !> rotation as a rigid body, mu = 0.
    type :: beam_modes_t
-      real(wp), allocatable :: mu(:)           !< (n) ascending [1/length**4]
+      real(wp), allocatable :: mu(:)           !< (n) eigenvalues, ascending [1/length**4]
       real(wp), allocatable :: shapes(:, :)    !< (n, n) columns phi with phi' G phi = 1
-      real(wp), allocatable :: tip(:)          !< (n) phi(l)
-      !> (n, 2) integral of phi by the mass per length, and by itself
+      real(wp), allocatable :: tip(:)          !< (n) values phi(l)
+      !> (n, 2) integrals of phi over the beam, with the known factor of the mass and without
       real(wp), allocatable :: total(:, :)
-      !> The first mode is turn*x where the beam is pinned; 0 where it is clamped [length**(-3/2)].
+      !> The first mode of the pinned beam is turn*x [length**(-3/2)]; 0: the beam is clamped.
       real(wp) :: turn = 0
-      type(spline_space_t) :: space
-      !> Gauss points along the beam, their weights, and (points, n) slopes of the modes there, as
-      !> `tabulate_slopes` leaves them, for `tension`.
+      type(spline_space_t) :: space            !< spline space of the shapes
+      !> for `tension`, set by `tabulate_slopes`: (points) positions and weights of Gauss points
+      !> along the beam [length], and (points, n) slopes of the modes there
       real(wp), allocatable :: points(:), weights(:), slopes(:, :)
-      !> (points) the mass beyond them, as `slope_band` has it
-      real(wp), allocatable :: beyond(:)
-      type(variations_t) :: variations
-      !> Points of the bending integrals as x/l, (points, 2) what is known of the factors there, and
-      !> where more varies than that (points, n) curvatures times the roots of the weights.
-      real(wp), allocatable :: bent(:), known(:, :), curvatures(:, :)
-      !> (n, n, 2) phi' A phi and phi' B phi of air and viscosity where something varies along the
-      !> beam, less those of mass and stiffness; not allocated: nothing does
+      real(wp), allocatable :: beyond(:)       !< (points) mass beyond each point over rho [length]
+      type(variations_t) :: variations         !< variation of the properties along the beam
+      !> (bending points) positions x/l, (bending points, 2) known factors of stiffness and
+      !> viscosity
+      real(wp), allocatable :: bent(:), known(:, :)
+      !> (bending points, n) sqrt(weight) phi''; not allocated unless a fit estimates the stiffness
+      !> or the viscosity along the beam
+      real(wp), allocatable :: curvatures(:, :)
+      !> (n, n, 2) phi' A phi of air damping and phi' V phi of viscosity, less those of inertia and
+      !> bending (unit matrix and mu); not allocated: no property has known variation
       real(wp), allocatable :: rest(:, :, :)
    contains
       procedure :: at
@@ -64,15 +68,17 @@ module beamid_modes
 
 contains
 
-   !> Solves K x = omega**2 M x by LAPACK for band matrices.
+   !> Computes the undamped natural modes of a structure, K x = omega**2 M x, by LAPACK for band
+   !> matrices.
    !>
-   !> The eigenvalues of M x = mu (K + sigma M) x, mu = 1/(omega**2 + sigma), are asked for:
-   !> LAPACK's error is relative to the largest eigenvalue, which in this form belongs to the lowest
-   !> mode. Rayleigh's quotient with the energies of the shapes then removes the round-off of K
+   !> LAPACK solves M x = mu (K + sigma M) x for mu = 1/(omega**2 + sigma), because its error is
+   !> relative to the largest eigenvalue, which in this form belongs to the lowest mode. The
+   !> Rayleigh quotient with the strain energies of the shapes then removes the round-off of K
    !> itself, which would cost the lowest frequencies digits like N**4.
    !>
-   !> omega   (n) ascending [1/time]
+   !> omega   (n) natural angular frequencies, ascending [1/time]
    !> shapes  (n, n) columns x with x' M x = 1
+   !> error   the structure buckles, or a matrix is not positive definite
    subroutine undamped_modes(equations, omega, shapes, error)
       type(equations_t), intent(in) :: equations
       real(wp), allocatable, intent(out) :: omega(:), shapes(:, :)
@@ -90,7 +96,9 @@ contains
       omega = [(sqrt(equations%strain_energy(shapes(:, k))), k=1, equations%n)]
    end subroutine undamped_modes
 
-   !> Modes of the bare beam, pinned where the space of the mesh lets the root turn.
+   !> Computes the modes of the bare beam. It is pinned if the root may rotate in the spline space.
+   !>
+   !> error  a matrix is not positive definite or not finite
    subroutine bare_beam_modes(galerkin, modes, error)
       type(galerkin_t), intent(in) :: galerkin
       type(beam_modes_t), intent(out) :: modes
@@ -107,11 +115,11 @@ contains
          modes%total(:, 1) = modes%total(:, 2)
          if (galerkin%varies) modes%total(:, 1) = matmul(galerkin%moments(0.0_wp, mass=.true.), &
             modes%shapes)
-         if (galerkin%space%turning > 0) call make_turn(galerkin, modes)
+         if (galerkin%space%turning > 0) call set_rotation(galerkin, modes)
          modes%mu = [(galerkin%bending_energy(modes%shapes(:, k)), k=1, size(modes%shapes, 2))]
          if (galerkin%space%turning > 0) modes%mu(1) = 0
          modes%tip = modes%at(length, 0)
-         if (galerkin%varies) call find_rest(galerkin, modes)
+         if (galerkin%varies) call set_damping_rest(galerkin, modes)
          modes%variations = galerkin%variations
          modes%bent = galerkin%bent%xi
          modes%known = galerkin%known
@@ -124,13 +132,13 @@ contains
       end associate
    end subroutine bare_beam_modes
 
-   !> The turn w = x, which every spline space has, is known better than by its coefficients: it
-   !> takes the place of the first shape, and is taken out of the others.
-   subroutine make_turn(galerkin, modes)
+   !> Replaces the first shape of a pinned beam by the rigid rotation w = x, which is known more
+   !> accurately than its computed coefficients, and makes the other shapes orthogonal to it.
+   subroutine set_rotation(galerkin, modes)
       type(galerkin_t), intent(in) :: galerkin
       type(beam_modes_t), intent(inout) :: modes
       type(band_t) :: factor
-      real(wp) :: turned(size(modes%shapes, 1)), moment(size(modes%shapes, 1))
+      real(wp) :: rotation(size(modes%shapes, 1)), moment(size(modes%shapes, 1))
       logical :: positive
       integer :: k
 
@@ -142,19 +150,20 @@ contains
       end associate
       factor = galerkin%inertia
       call factor%factor(positive)
-      turned = moment
-      call factor%solve(turned)
-      modes%shapes(:, 1) = turned
+      rotation = moment
+      call factor%solve(rotation)
+      modes%shapes(:, 1) = rotation
       do k = 2, size(modes%shapes, 2)
          associate (share => dot_product(moment, modes%shapes(:, k)))
-            modes%shapes(:, k) = modes%shapes(:, k) - share*turned
+            modes%shapes(:, k) = modes%shapes(:, k) - share*rotation
             modes%total(k, :) = modes%total(k, :) - share*modes%total(1, :)
          end associate
       end do
-   end subroutine make_turn
+   end subroutine set_rotation
 
-   !> What air and viscosity do between the modes of a beam whose properties vary.
-   subroutine find_rest(galerkin, modes)
+   !> Computes the coupling of the modes by air damping and viscosity (`rest`) for a beam whose
+   !> properties have known variation.
+   subroutine set_damping_rest(galerkin, modes)
       type(galerkin_t), intent(in) :: galerkin
       type(beam_modes_t), intent(inout) :: modes
       integer :: i, j
@@ -169,9 +178,9 @@ contains
             modes%rest(i, i, :) = modes%rest(i, i, :) - [1.0_wp, modes%mu(i)]
          end do
       end associate
-   end subroutine find_rest
+   end subroutine set_damping_rest
 
-   !> Once per mesh, where anything pulls.
+   !> Tabulates the slopes of the modes for `tension`, unless this has been done before.
    subroutine tabulate_slopes(self)
       class(beam_modes_t), intent(inout) :: self
       integer :: k
@@ -187,31 +196,32 @@ contains
       end do
    end subroutine tabulate_slopes
 
-   !> The integral of (a + b m) phi_i' phi_j' from the root to a place, m the mass per length
-   !> beyond.
+   !> Returns the integrals of (a + b m) phi_i' phi_j' from the root to a position x; m is the mass
+   !> beyond a point, divided by rho. Requires `tabulate_slopes`.
    !>
-   !> x     0 .. l [length]
-   !> a, b  [1], [1/length]; b only where x = l
+   !> x       upper end of the integral, 0 .. l [length]
+   !> a, b    coefficients [1], [1/length]; b counts only if x = l
+   !> values  (n, n)
    function tension(self, x, a, b) result(values)
       class(beam_modes_t), intent(in) :: self
       real(wp), intent(in) :: x, a, b
       real(wp) :: values(size(self%mu), size(self%mu))
       real(wp), allocatable :: weights(:), slopes(:, :)
-      integer :: cut, q, reached, whole
+      integer :: cut, q, after, before
 
       associate (l => self%space%length, ends => self%space%ends)
          cut = self%space%elements
          if (x < l) cut = self%space%element_of(x)
-         whole = count(self%points < ends(cut))
-         weights = self%weights(:whole)*(a + b*self%beyond(:whole))
-         slopes = self%slopes(:whole, :)
+         before = count(self%points < ends(cut))
+         weights = self%weights(:before)*(a + b*self%beyond(:before))
+         slopes = self%slopes(:before, :)
          if (x < l) then
-            ! Of the element that is cut the part in front.
-            reached = count(self%points < ends(cut + 1))
+            ! The part before x of the element that contains x.
+            after = count(self%points < ends(cut + 1))
             associate (share => (x - ends(cut))/(ends(cut + 1) - ends(cut)))
-               weights = [weights, self%weights(whole + 1:reached)*share*a]
+               weights = [weights, self%weights(before + 1:after)*share*a]
                slopes = reshape([transpose(slopes), [(self%at(ends(cut) + (self%points(q) &
-                  - ends(cut))*share, 1), q=whole + 1, reached)]], [size(weights), &
+                  - ends(cut))*share, 1), q=before + 1, after)]], [size(weights), &
                   size(self%mu)], order=[2, 1])
             end associate
          end if
@@ -221,29 +231,32 @@ contains
       end associate
    end function tension
 
-   !> The integrals of factor phi_i'' phi_j''.
+   !> Returns the integrals of f phi_i'' phi_j''.
    !>
-   !> factor  (bending points)
+   !> factor  (bending points) values of f
+   !> values  (n, n)
    function bending_products(self, factor) result(values)
       class(beam_modes_t), intent(in) :: self
       real(wp), intent(in) :: factor(:)
       real(wp) :: values(size(self%mu), size(self%mu))
       real(wp), allocatable :: curvatures(:, :), weighted(:, :)
-      integer, allocatable :: where_any(:)
+      integer, allocatable :: nonzero(:)
       integer :: k, q
 
-      where_any = pack([(q, q=1, size(factor))], abs(factor) > 0)
-      curvatures = self%curvatures(where_any, :)
+      nonzero = pack([(q, q=1, size(factor))], abs(factor) > 0)
+      curvatures = self%curvatures(nonzero, :)
       weighted = curvatures
       do k = 1, size(self%mu)
-         weighted(:, k) = factor(where_any)*curvatures(:, k)
+         weighted(:, k) = factor(nonzero)*curvatures(:, k)
       end do
       values = matmul(transpose(weighted), curvatures)
    end function bending_products
 
-   !> Values of the modes, or of a derivative, at one place.
+   !> Returns the values of all modes, or of a derivative, at one position.
    !>
-   !> x  0 .. l [length]
+   !> x           position, 0 .. l [length]
+   !> derivative  order of the derivative with respect to x
+   !> values      (n)
    function at(self, x, derivative) result(values)
       class(beam_modes_t), intent(in) :: self
       real(wp), intent(in) :: x
@@ -256,9 +269,11 @@ contains
          derivative == 0)
    end function at
 
-   !> Eigenvectors of K x = lambda M x in ascending order of lambda, x' M x = 1.
+   !> Computes the eigenvectors of K x = lambda M x, in ascending order of lambda, with x' M x = 1.
    !>
-   !> sigma  size of the lowest eigenvalue, > 0
+   !> sigma   shift, > 0, of the size of the lowest eigenvalue
+   !> shapes  (n, n) columns x
+   !> error   a matrix is not positive definite or not finite
    subroutine shapes_of(stiffness, mass_matrix, sigma, shapes, error)
       type(band_t), intent(in) :: stiffness, mass_matrix
       real(wp), intent(in) :: sigma
@@ -276,19 +291,18 @@ contains
       shifted = stiffness
       shifted%a = shifted%a + sigma*mass%a
       allocate (mu(n), z(n, n), work(1 + 5*n + 2*n**2), iwork(3 + 5*n))
-      ! With what is no number LAPACK may stop the program.
+      ! LAPACK may stop the program if an entry is not finite.
       if (.not. (all(ieee_is_finite(mass%a)) .and. all(ieee_is_finite(shifted%a)))) then
          call failure(error, 'modes: the mass or stiffness matrix is not finite')
          return
       end if
       call dsbgvd('V', 'L', n, mass%kd, shifted%kd, mass%a, mass%kd + 1, shifted%a, &
-         shifted%kd + 1, &
-         mu, z, n, work, size(work), iwork, size(iwork), info)
+         shifted%kd + 1, mu, z, n, work, size(work), iwork, size(iwork), info)
       if (info /= 0 .or. mu(1) <= 0) then
          call failure(error, 'modes: mass or stiffness matrix is not positive definite')
          return
       end if
-      ! From largest mu to smallest.
+      ! LAPACK returns mu in ascending order; the modes are in descending order of mu.
       allocate (shapes(n, n))
       do k = 1, n
          z(:, k) = z(:, k)/sqrt(mu(k))

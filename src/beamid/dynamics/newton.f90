@@ -1,8 +1,9 @@
-!> Right-hand side and Newton system of (3.13) as the first-order system w' = v, M v' = f F - C v -
-!> K w.
+!> Right-hand side and Newton system of (3.13), written as the first-order system w' = v, M v' = f F
+!> - C v - K w, for the solver `cvode`.
 !>
-!> A step of BDF solves (I - gamma J) (dw, dv) = (r_w, r_v). With the first block row
-!> dw = r_w + gamma dv the second becomes symmetric, positive definite and banded,
+!> A step of the BDF solves (I - gamma J) (dw, dv) = (r_w, r_v), where J is the Jacobian and gamma
+!> the step coefficient. The first block row gives dw = r_w + gamma dv. Inserted into the second, it
+!> gives a symmetric, positive definite band system,
 !>
 !>     (M + gamma C + gamma**2 K) dv = M r_v - gamma K r_w,
 !>
@@ -17,17 +18,20 @@ module beamid_newton
 
    public :: motion_t, new_motion
 
+   !> The first-order system under the force of the present segment, between two nodes.
    type :: motion_t
+      !> M, C, K and F
       type(equations_t), pointer :: equations => null()
-      !> The force in the current segment is intercept + slope*t [force, force/time]; of a base that
-      !> moves it is its acceleration.
+      !> Force in the segment: intercept + slope*t [force, force/time], or acceleration of the base.
       real(wp) :: intercept = 0, slope = 0
-      !> Velocity and displacement of the base at the beginning of the segment.
+      !> beginning of the segment [time], and velocity and displacement of the base there
       real(wp) :: begin = 0, base(2) = 0
+      !> numbers of evaluations of the right-hand side and of factorizations
       integer(ip) :: evaluations = 0, factorizations = 0
       type(band_t), private :: mass_factor      !< Cholesky factor of M
-      type(band_t), private :: step_factor      !< of M + gamma C + gamma**2 K
-      real(wp), private :: gamma = -1           !< of step_factor
+      !> Cholesky factor of M + gamma C + gamma**2 K
+      type(band_t), private :: step_factor
+      real(wp), private :: gamma = -1           !< gamma of `step_factor` [time]; -1: none
    contains
       procedure :: derivative
       procedure :: drive
@@ -38,7 +42,12 @@ module beamid_newton
 
 contains
 
-   !> error  M is not positive definite: a mass is missing or the mesh resolves no more
+   !> Prepares the first-order system of given equations.
+   !>
+   !> equations  must outlive `motion`, which points to them
+   !> motion     without force
+   !> error      M is not positive definite: a mass is missing, or the mesh is finer than round-off
+   !>            allows
    subroutine new_motion(equations, motion, error)
       type(equations_t), intent(in), target :: equations
       type(motion_t), intent(out) :: motion
@@ -52,15 +61,18 @@ contains
       motion%step_factor = equations%mass
    end subroutine new_motion
 
-   !> gfortran 12 frees the first of two such components, not the second, where a motion is part of
-   !> a type with a finalizer of its own.
+   !> Frees `step_factor`. If a motion is part of a type with a finalizer of its own, gfortran 12
+   !> frees the first of two such components, but not the second.
    pure subroutine release(motion)
       type(motion_t), intent(inout) :: motion
 
       if (allocated(motion%step_factor%a)) deallocate (motion%step_factor%a)
    end subroutine release
 
-   !> What drives the structure: the force, or acceleration, velocity and displacement of the base.
+   !> Returns the excitation at time t: the force and two numbers that are not used, or
+   !> acceleration, velocity and displacement of the base.
+   !>
+   !> t  in the segment [time]
    pure function drive(self, t)
       class(motion_t), intent(in) :: self
       real(wp), intent(in) :: t
@@ -73,10 +85,11 @@ contains
       drive(3) = self%base(2) + step*(self%base(1) + step*(first/2 + step*self%slope/6))
    end function drive
 
-   !> M^{-1} (force F - C v - K w) by the Cholesky factor of M.
+   !> Computes M**-1 (force F - C v - K w) by the Cholesky factor of M.
    !>
-   !> drive    (3) as `drive` has it
-   !> w, v, a  (n)
+   !> drive  (3) excitation, as from `drive`
+   !> w, v   (n) unknowns and their velocity
+   !> a      (n) their acceleration
    subroutine acceleration(self, drive, w, v, a)
       class(motion_t), intent(in) :: self
       real(wp), intent(in) :: drive(:), w(:), v(:)
@@ -88,7 +101,7 @@ contains
       call self%mass_factor%solve(a)
    end subroutine acceleration
 
-   !> Derivative of the state y = (w, v), both of shape (2 n).
+   !> Computes the derivative dy of the state y = (w, v), both of shape (2 n), at time t.
    subroutine derivative(self, t, y, dy)
       class(motion_t), intent(inout) :: self
       real(wp), intent(in) :: t, y(:)
@@ -101,10 +114,11 @@ contains
       self%evaluations = self%evaluations + 1
    end subroutine derivative
 
-   !> Solves (I - gamma J) x = r; the factorization is kept while gamma stays the same.
+   !> Solves (I - gamma J) x = r. The factorization is kept as long as gamma does not change.
    !>
+   !> gamma     step coefficient of the BDF [time]
    !> r, x      (2 n)
-   !> positive  .false. when the matrix could not be factored; x is then undefined
+   !> positive  .false.: the matrix could not be factored, and x is undefined
    subroutine newton_step(self, gamma, r, x, positive)
       class(motion_t), intent(inout) :: self
       real(wp), intent(in) :: gamma, r(:)

@@ -1,4 +1,6 @@
-!> What every response solver computes, and the one interface behind which the solvers stand.
+!> The interface of all solvers for the response in time, and the types that they exchange.
+!>
+!> Two solvers implement it: `cvode` integrates numerically, `modal` is exact in time.
 module beamid_responses
    use beamid_equations, only: equations_t
    use beamid_errors, only: error_t
@@ -11,38 +13,38 @@ module beamid_responses
 
    public :: of_tilt, response_t, solver_t, exact_solver_t, is_exact, prepare_for, work_t
 
-   !> What gravity adds to the reading of a sensor that turns, after displacement, velocity and
-   !> acceleration.
+   !> Number of the fourth motion: the reading of a tilted sensor due to gravity, after displacement
+   !> (1), velocity (2) and acceleration (3).
    integer, parameter :: of_tilt = 4
 
-   !> What a solver did, summed over the calls that were given the same counter.
+   !> Counters of a solver's work, summed over all calls that were given the same variable.
    type :: work_t
-      integer(ip) :: solves = 0             !< responses computed
+      integer(ip) :: solves = 0             !< computed responses
       integer(ip) :: steps = 0              !< steps of the integrator
-      integer(ip) :: evaluations = 0        !< of the right-hand side
-      integer(ip) :: factorizations = 0     !< of banded matrices
+      integer(ip) :: evaluations = 0        !< evaluations of the right-hand side
+      integer(ip) :: factorizations = 0     !< factorizations of band matrices
    end type work_t
 
-   !> Motion of the observed point at the requested times, each array of the same shape.
+   !> Motion of the sensor at the requested times; all arrays have the shape of `t`.
    type :: response_t
       real(wp), allocatable :: t(:)              !< [time]
       real(wp), allocatable :: displacement(:)   !< [length]
       real(wp), allocatable :: velocity(:)       !< [length/time]
       real(wp), allocatable :: acceleration(:)   !< (3.13) [length/time**2]
-      !> What a sensor that turns with the beam reads of gravity; not allocated: nothing
-      !> [length/time**2]
+      !> reading due to gravity of a sensor that rotates with the beam [length/time**2]; not
+      !> allocated: no gravity
       real(wp), allocatable :: tilt(:)
    end type response_t
 
-   !> What computes responses.
+   !> A solver for the response in time.
    type, abstract :: solver_t
    contains
       procedure(respond), deferred :: respond
       procedure(relative_error), deferred :: relative_error
    end type solver_t
 
-   !> A solver that is exact in time, with exact derivatives, and knows the modes. Before the first
-   !> response it is prepared for a mesh, once.
+   !> A solver that is exact in time and provides exact derivatives and the modes. It must be
+   !> prepared for a mesh, once, before the first response.
    type, abstract, extends(solver_t) :: exact_solver_t
    contains
       procedure(prepare), deferred :: prepare
@@ -55,12 +57,15 @@ module beamid_responses
    end type exact_solver_t
 
    abstract interface
-      !> Response from rest, (3.13) and (3.14). A method may keep what it found, for the next call.
+      !> Computes the response from rest, (3.13) and (3.14). A solver may keep intermediate results
+      !> for the next call.
       !>
-      !> times     ascending [time]; before the force begins the structure is at rest
-      !> response  allocated on success
-      !> work      counters to which this call adds
-      !> error     when the method could not do what was asked
+      !> equations   structure and mesh
+      !> excitation  force or base motion
+      !> times       ascending [time]; before the excitation begins, the structure is at rest
+      !> response    allocated on success
+      !> work        in and out: counters, to which this call adds
+      !> error       the solver failed
       subroutine respond(self, equations, excitation, times, response, work, error)
          import :: equations_t, error_t, excitation_t, response_t, solver_t, work_t, wp
          class(solver_t), intent(inout) :: self
@@ -71,22 +76,31 @@ module beamid_responses
          type(work_t), intent(inout) :: work
          type(error_t), allocatable, intent(out) :: error
       end subroutine respond
-      !> Relative error that the method leaves in a response; 0: round-off only.
+      !> Returns the relative error that the solver leaves in a response; 0: round-off only.
       pure real(wp) function relative_error(self)
          import :: solver_t, wp
          class(solver_t), intent(in) :: self
       end function relative_error
+      !> Prepares the solver for a mesh.
+      !>
+      !> galerkin  integrals of the mesh
       subroutine prepare(self, galerkin, error)
          import :: error_t, exact_solver_t, galerkin_t
          class(exact_solver_t), intent(inout) :: self
          type(galerkin_t), intent(in) :: galerkin
          type(error_t), allocatable, intent(out) :: error
       end subroutine prepare
-      !> Motions of the observed point together with their derivatives.
+      !> Computes motions of the sensor and their derivatives.
       !>
-      !> which       1 displacement, 2 velocity, 3 acceleration; at the end `of_tilt`
-      !> parameters  places among the `parameters`
-      !> motion      (times, 0:parameters, which), 0 the motion itself
+      !> equations   structure and mesh
+      !> excitation  force or base motion
+      !> times       ascending [time]
+      !> which       numbers of the motions: 1 displacement, 2 velocity, 3 acceleration, and last,
+      !>             if wanted, `of_tilt`
+      !> parameters  numbers of the parameters of the derivatives
+      !> motion      (times, 0:parameters, which) column 0 is the motion itself, column p its
+      !>             derivative with respect to parameters(p)
+      !> work        in and out: counters, to which this call adds
       subroutine motions(self, equations, excitation, times, which, parameters, motion, work, error)
          import :: equations_t, error_t, exact_solver_t, excitation_t, work_t, wp
          class(exact_solver_t), intent(inout) :: self
@@ -98,10 +112,14 @@ module beamid_responses
          type(work_t), intent(inout) :: work
          type(error_t), allocatable, intent(out) :: error
       end subroutine motions
-      !> The lowest modes that oscillate, or nearly do.
+      !> Computes the lowest modes that oscillate, including modes near critical damping.
       !>
-      !> modes  (wanted) ascending |s|
-      !> error  also when there are fewer
+      !> equations   structure and mesh
+      !> parameters  numbers of the parameters of the derivatives
+      !> wanted      number of modes
+      !> modes       (wanted) in ascending order of |s|
+      !> work        in and out: counters, to which this call adds
+      !> error       the solver failed, or there are fewer modes
       subroutine free_modes(self, equations, parameters, wanted, modes, work, error)
          import :: equations_t, error_t, exact_solver_t, free_mode_t, work_t
          class(exact_solver_t), intent(inout) :: self
@@ -115,7 +133,7 @@ module beamid_responses
 
 contains
 
-   !> Whether a solver is exact.
+   !> Returns whether a solver is exact in time.
    pure logical function is_exact(solver)
       class(solver_t), intent(in) :: solver
 
@@ -127,7 +145,9 @@ contains
       end select
    end function is_exact
 
-   !> What an exact solver computes once per mesh; another one has nothing to prepare.
+   !> Prepares a solver for a mesh if it is exact; another solver needs no preparation.
+   !>
+   !> galerkin  integrals of the mesh
    subroutine prepare_for(galerkin, solver, error)
       type(galerkin_t), intent(in) :: galerkin
       class(solver_t), intent(inout) :: solver
@@ -139,10 +159,13 @@ contains
       end select
    end subroutine prepare_for
 
-   !> Response together with its derivatives.
+   !> Computes the response and its derivatives.
    !>
-   !> parameters  places among the `parameters`
-   !> slopes      (size(parameters)) derivatives of each motion
+   !> parameters  numbers of the parameters
+   !> response    as from `respond`
+   !> slopes      (parameters) derivatives of each motion
+   !>
+   !> The other arguments are those of `respond`.
    subroutine differentiate(self, equations, excitation, times, parameters, response, slopes, &
       work, error)
       class(exact_solver_t), intent(inout) :: self
@@ -170,7 +193,7 @@ contains
       end do
    end subroutine differentiate
 
-   !> A response without derivatives.
+   !> Computes the response without derivatives; arguments as in `respond`.
    subroutine respond_alone(self, equations, excitation, times, response, work, error)
       class(exact_solver_t), intent(inout) :: self
       type(equations_t), intent(in), target :: equations
@@ -185,16 +208,22 @@ contains
          error)
    end subroutine respond_alone
 
+   !> Returns 0: an exact solver has no error except round-off.
    pure real(wp) function no_error(self)
       class(exact_solver_t), intent(in) :: self
 
       no_error = 0
    end function no_error
 
-   !> Their roots alone, and the derivatives of these.
+   !> Computes the roots of the lowest modes that oscillate and their derivatives.
    !>
-   !> s   as many as are wanted [1/time]
-   !> ds  (modes, parameters)
+   !> equations   structure and mesh
+   !> parameters  numbers of the parameters of the derivatives
+   !> s           (modes) roots in ascending order of |s| [1/time]; the size is the number of modes
+   !>             wanted
+   !> ds          (modes, parameters)
+   !> work        in and out: counters, to which this call adds
+   !> error       the solver failed, or there are fewer modes
    subroutine free_motion(self, equations, parameters, s, ds, work, error)
       class(exact_solver_t), intent(inout) :: self
       type(equations_t), intent(in), target :: equations

@@ -1,9 +1,12 @@
-!> Roots of the characteristic equation of the damped structure: each by Newton's method where that
-!> is enough, those that are left all at once by the Ehrlich-Aberth iteration (Aberth, Math. Comp.
-!> 27, 1973, 339). Where that does not get there, or something acts between all oscillators, from
-!> eigenvalues by LAPACK.
+!> Roots of the characteristic equation of the damped structure.
+!>
+!> Newton's method follows each root from its own starting point. The roots that it does not find
+!> are computed simultaneously by the Ehrlich-Aberth iteration (Aberth, Math. Comp. 27, 1973, 339).
+!> If the iteration does not converge, the starting points are eigenvalues from LAPACK instead. They
+!> always are for an assembly with dense matrices.
 module beamid_roots
    use beamid_assembly, only: assembly_t, new_assembly
+   use beamid_characteristic, only: logarithmic_derivative
    use beamid_continuation, only: all_of, follow, meets, mirrored
    use beamid_eigenvalues, only: roots_of_matrix
    use beamid_equations, only: equations_t
@@ -14,23 +17,26 @@ module beamid_roots
    use beamid_starting_roots, only: leave_axis, nudge, starting_points
    use beamid_strings, only: to_text
    use beamid_systems, only: improve_root
-   use beamid_vectors, only: logarithmic_derivative, nearest_pole, root_t, vector_t
+   use beamid_vectors, only: nearest_pole, root_t, vector_t
    implicit none
    private
 
    public :: find_roots, find_others, damped_roots
 
-   !> Sweeps at most, and those within which a root that has not arrived must come nearer.
+   !> Largest number of sweeps, and number of sweeps after which the corrections of a root that has
+   !> not converged must have halved.
    integer, parameter :: max_sweeps = 1000, patience = 20
-   !> Relative to the largest, a root at 0: that of a hose which only its dashpot holds. There the
-   !> relative corrections do not shrink; and squares of anything smaller would underflow.
-   real(wp), parameter :: nothing = 1e-60_wp
+   !> A root that is smaller than this, relative to the largest root, counts as 0, like the root of
+   !> a hose that is held only by its dashpot. There the relative corrections do not decrease, and
+   !> the squares of smaller numbers would underflow.
+   real(wp), parameter :: negligible = 1e-60_wp
 
 contains
 
-   !> Roots s of (s**2 M + s C + K) x = 0.
+   !> Computes the roots s of (s**2 M + s C + K) x = 0.
    !>
-   !> roots  complex pairs once, Im s > 0; real roots each; ascending |s| [1/time]
+   !> roots  one of each complex pair, Im s > 0, and all real roots, by ascending |s| [1/time]
+   !> error  the roots were not found
    subroutine damped_roots(equations, roots, error)
       type(equations_t), intent(in) :: equations
       complex(wp), allocatable, intent(out) :: roots(:)
@@ -44,14 +50,14 @@ contains
          call find_roots(new_assembly(structure, modes, [integer ::]), all, half, error)
          if (allocated(error)) return
          roots = half%s
-         ! A hose that nothing holds is free to drift: a root that the tip does not see.
+         ! A hose without spring and dashpot drifts freely: a root 0 that does not move the tip.
          if (structure%has_hose() .and. .not. (structure%k_H > 0 .or. structure%c_H > 0)) &
             roots = [roots, (0.0_wp, 0.0_wp)]
       end associate
       call sort_by_modulus(roots)
    end subroutine damped_roots
 
-   !> Ascending |s|, by insertion.
+   !> Sorts roots by ascending |s|, by insertion.
    pure subroutine sort_by_modulus(roots)
       complex(wp), intent(inout) :: roots(:)
       complex(wp) :: root
@@ -67,10 +73,14 @@ contains
       end do
    end subroutine sort_by_modulus
 
-   !> All roots, and one of each complex pair with the real ones.
+   !> Computes all roots of an assembly.
    !>
-   !> from_matrix  whether it begins at eigenvalues of the equations of motion, as it does where
-   !>              something acts between all oscillators
+   !> all          all roots: one of each complex pair and of every two real roots in the first
+   !>              half, the other one half the size further
+   !> half         one of each complex pair, Im s > 0, and all real roots
+   !> error        the iteration does not converge
+   !> from_matrix  whether the starting points are eigenvalues from LAPACK; default .false., but
+   !>              always .true. for an assembly with dense matrices
    subroutine find_roots(assembly, all, half, error, from_matrix)
       type(assembly_t), intent(in) :: assembly
       type(root_t), allocatable, intent(out) :: all(:), half(:)
@@ -90,14 +100,14 @@ contains
       if (assembly%is_dense()) then
          call improve(assembly, all)
       else
-         call approach(assembly, all, done)
-         call iterate(assembly, all, done, doubtful, error)
-         if (doubtful .and. .not. by_matrix) then
-            call roots_of_matrix(assembly, all, error)
-            if (allocated(error)) return
+         do
             call approach(assembly, all, done)
             call iterate(assembly, all, done, doubtful, error)
-         end if
+            if (by_matrix .or. .not. doubtful) exit
+            call roots_of_matrix(assembly, all, error)
+            if (allocated(error)) return
+            by_matrix = .true.
+         end do
       end if
       if (.not. allocated(error)) call check_interrupt(error)
       if (allocated(error)) return
@@ -105,11 +115,13 @@ contains
       call select_half(assembly, half)
    end subroutine find_roots
 
-   !> The same where most are known already, as from a structure that has changed a little.
+   !> Computes all roots if most of them are known, as after a small change of the structure.
    !>
-   !> some   one of each complex pair with the real ones, where they are or are expected
-   !> known  which of them are in place
-   !> found  .false.: the iteration does not converge, or is doubtful
+   !> some   one of each complex pair and all real roots, exact or approximate
+   !> known  which of `some` are exact
+   !> all    all roots, in the order of `find_roots`
+   !> half   one of each complex pair, Im s > 0, and all real roots
+   !> found  .false.: the iteration does not converge, or its result is doubtful
    subroutine find_others(assembly, some, known, all, half, found)
       type(assembly_t), intent(in) :: assembly
       type(root_t), intent(in) :: some(:)
@@ -134,7 +146,8 @@ contains
       if (found) call select_half(assembly, half)
    end subroutine find_others
 
-   !> Each root by itself, the second of a complex pair from the first.
+   !> Improves each root of an assembly with dense matrices; the second root of a complex pair is
+   !> the conjugate of the first.
    subroutine improve(assembly, roots)
       type(assembly_t), intent(in) :: assembly
       type(root_t), intent(inout) :: roots(:)
@@ -152,8 +165,11 @@ contains
       end do
    end subroutine improve
 
-   !> Newton's method for each by itself: those that arrive, and where no other has, are done. A
-   !> point near the axis is taken for a real root; one that does not arrive stays where it is.
+   !> Applies Newton's method to each root from its starting point. A point near the real axis is
+   !> taken as a real root. A root that does not converge, or converges to a root found before,
+   !> keeps its starting point.
+   !>
+   !> done  (roots) which of them have converged
    subroutine approach(assembly, roots, done)
       type(assembly_t), intent(in) :: assembly
       type(root_t), intent(inout) :: roots(:)
@@ -183,12 +199,14 @@ contains
       end do
    end subroutine approach
 
-   !> Ehrlich-Aberth: corrections in turn until none moves. A multiple root is known to a root of
-   !> the round-off only: there the corrections shrink first and then no longer.
+   !> Performs the Ehrlich-Aberth iteration: corrects the roots in turn until all have converged. At
+   !> a multiple root the corrections decrease only to a root of the round-off, and then stagnate.
    !>
-   !> done      those that are in place already
-   !> doubtful  whether some were still moving more than round-off at a double root explains, as
-   !>           they do in a dense row of real roots from poor starting points, or did not converge
+   !> done      (roots) in: which roots are exact already
+   !> doubtful  some roots stagnated at corrections larger than round-off at a double root explains,
+   !>           as happens from poor starting points in a dense row of real roots, or some did not
+   !>           converge
+   !> error     some roots did not converge
    subroutine iterate(assembly, roots, done, doubtful, error)
       type(assembly_t), intent(in) :: assembly
       type(root_t), intent(inout) :: roots(:)
@@ -202,31 +220,25 @@ contains
       half = size(roots)/2
       doubtful = .false.
       if (assembly%is_bare()) then
-         do k = 1, size(roots)
-            roots(k)%j = modulo(k - 1, assembly%n) + 1
-            roots(k)%origin = roots(k)%j
-            roots(k)%side = 1 + (k - 1)/assembly%n
-            roots(k)%offset = 0
-            roots(k)%s = assembly%pole(roots(k)%origin, roots(k)%side)
-         end do
+         call take_poles(assembly, roots)
          return
       end if
       settled = done
       given = done
       moved = 0
       before = huge(before)
-      least = nothing*maxval(abs(roots%s))
+      least = negligible*maxval(abs(roots%s))
       do sweep = 1, max_sweeps
          call check_interrupt(error)
          if (allocated(error)) return
          do k = 1, size(roots)
             if (done(k)) cycle
             call correct(assembly, roots, k, moved(k))
-            ! Convergence is quadratic at least, but for multiple roots.
+            ! Convergence is at least quadratic, except at multiple roots.
             settled(k) = moved(k) <= 1e-10_wp*abs(roots(k)%offset)
             done(k) = moved(k) <= 1e-6_wp*max(abs(roots(k)%offset), 1e-14_wp*abs(roots(k)%s)) &
                .or. abs(roots(k)%s) <= least
-            ! Its mirror image has arrived when it has.
+            ! The conjugate of a complex root converges together with it.
             if (k <= half .and. .not. done(k)) done(k + half) = given(k + half)
          end do
          if (modulo(sweep, patience) == 0) then
@@ -237,7 +249,7 @@ contains
             before = moved
          end if
          if (.not. all(done)) cycle
-         ! With all the others in place one more correction leaves round-off.
+         ! With all other roots exact, one more correction leaves only round-off.
          do k = 1, size(roots)
             if (.not. settled(k)) call correct(assembly, roots, k, moved(k))
          end do
@@ -248,11 +260,27 @@ contains
          ' roots of the characteristic equation did not converge')
    end subroutine iterate
 
-   !> Newton's correction of root k for the polynomial without the other roots. The second of a
-   !> complex pair follows from the first once that one hardly moves; before, a pair may have to
-   !> part into two real roots, which it cannot do as long as it is a mirror image.
+   !> Sets the roots to the poles of the oscillators, which are the roots of a bare beam.
+   subroutine take_poles(assembly, roots)
+      type(assembly_t), intent(in) :: assembly
+      type(root_t), intent(inout) :: roots(:)
+      integer :: k
+
+      do k = 1, size(roots)
+         roots(k)%j = modulo(k - 1, assembly%n) + 1
+         roots(k)%origin = roots(k)%j
+         roots(k)%side = 1 + (k - 1)/assembly%n
+         roots(k)%offset = 0
+         roots(k)%s = assembly%pole(roots(k)%origin, roots(k)%side)
+      end do
+   end subroutine take_poles
+
+   !> Applies to root k Newton's correction for the characteristic polynomial divided by the factors
+   !> of all other roots. Once a complex root has almost converged, its partner is set to its
+   !> conjugate. Before that the partner is corrected by itself, because a pair may have to separate
+   !> into two real roots, which two conjugate points cannot do.
    !>
-   !> moved  size of the correction
+   !> moved  modulus of the correction [1/time]; `huge` if there is none but a small shift
    subroutine correct(assembly, roots, k, moved)
       type(assembly_t), intent(in) :: assembly
       type(root_t), intent(inout) :: roots(:)
@@ -261,7 +289,7 @@ contains
       complex(wp) :: slope, step, gap
       real(wp) :: near
       integer :: half, i, partner
-      logical :: told, settled
+      logical :: known, settled
 
       half = size(roots)/2
       partner = modulo(k - 1 + half, size(roots)) + 1
@@ -272,23 +300,23 @@ contains
          end if
       end if
       slope = logarithmic_derivative(assembly, roots(k))
-      told = abs(slope) > 0
+      known = abs(slope) > 0
       near = 1e-6_wp*abs(roots(k)%s)
       do i = 1, size(roots)
          if (i == k) cycle
          gap = roots(k)%s - roots(i)%s
          if (abs(real(gap)) + abs(aimag(gap)) <= near) gap = distance(assembly, roots(k), roots(i))
-         told = told .and. abs(gap) > 0
-         if (told) slope = slope - conjg(gap)/(real(gap)**2 + aimag(gap)**2)
+         known = known .and. abs(gap) > 0
+         if (known) slope = slope - conjg(gap)/(real(gap)**2 + aimag(gap)**2)
       end do
-      if (told .and. abs(slope) > 0) then
+      if (known .and. abs(slope) > 0) then
          step = -1/slope
          moved = abs(step)
       else
-         ! The slope cannot be told, or two points have met: a little aside, and no convergence.
+         ! W'/W is unknown, or two points coincide: shift the point slightly; it has not converged.
          step = max(1e-8_wp*abs(roots(k)%offset), epsilon(near)*abs(roots(k)%s))
          moved = huge(moved)
-         ! Where several poles are one to all digits that is as near as it gets.
+         ! Where several poles are equal to all digits, the point cannot come closer to the root.
          if (assembly%from_pile(roots(k)%s) <= 100*epsilon(near)) moved = 0
          if (.not. moved > 0) step = 0
       end if
@@ -300,7 +328,7 @@ contains
       if (settled) roots(partner) = mirrored(assembly, roots(k))
    end subroutine correct
 
-   !> Of two roots next to each other, with the digits that their offsets have.
+   !> Returns the difference of two close roots with the full accuracy of their offsets.
    pure complex(wp) function distance(assembly, a, b)
       type(assembly_t), intent(in) :: assembly
       type(root_t), intent(in) :: a, b
@@ -309,7 +337,7 @@ contains
          + (a%offset - b%offset)
    end function distance
 
-   !> Whether two roots are conjugate and not real.
+   !> Returns whether two roots are exact conjugates of each other and clearly not real.
    pure logical function is_pair(a, b)
       type(root_t), intent(in) :: a, b
 
@@ -317,14 +345,14 @@ contains
          abs(aimag(a%s)) > 1e-3_wp*abs(a%s)
    end function is_pair
 
-   !> Keeps one root of each complex pair and the real ones.
+   !> Reduces all roots to one of each complex pair, Im s > 0, and all real roots. Imaginary parts
+   !> that are round-off are removed, and so are real parts if the structure is undamped.
    subroutine select_half(assembly, roots)
       type(assembly_t), intent(in) :: assembly
       type(root_t), allocatable, intent(inout) :: roots(:)
       integer :: k
 
       if (assembly%is_undamped()) then
-         ! Without damping the real parts are round-off.
          do k = 1, size(roots)
             roots(k)%s = cmplx(0.0_wp, aimag(roots(k)%s), wp)
             roots(k)%offset = cmplx(0.0_wp, aimag(roots(k)%offset), wp)
@@ -332,7 +360,8 @@ contains
       end if
       do k = 1, size(roots)
          if (abs(aimag(roots(k)%s)) > 1e-3_wp*abs(roots(k)%s)) cycle
-         ! A pair has a mirror image; on the axis, at a multiple root most of all, there is noise.
+         ! A complex root has a conjugate. On the real axis, most of all at a multiple root, the
+         ! imaginary part is round-off.
          if (minval(abs(real(roots%s - roots(k)%s)) + abs(aimag(roots%s + roots(k)%s))) &
             <= 1e-2_wp*abs(aimag(roots(k)%s))) cycle
          roots(k)%s = real(roots(k)%s)

@@ -1,5 +1,5 @@
-!> Where the search for the roots of the characteristic equation begins: from the undamped modes of
-!> the whole, by LAPACK.
+!> Starting points of the search for the roots of the characteristic equation, from the undamped
+!> modes of the whole structure.
 module beamid_starting_roots
    use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
    use beamid_assembly, only: assembly_t, quadratic
@@ -14,7 +14,7 @@ module beamid_starting_roots
 
    public :: starting_points, leave_axis
 
-   !> How far from the axis a root that may be real starts, relatively at most.
+   !> Largest relative distance from the real axis of a starting point of a root that may be real.
    real(wp), parameter, public :: nudge = 1e-3_wp
 
    interface
@@ -45,32 +45,39 @@ module beamid_starting_roots
 
 contains
 
-   !> Undamped modes of the whole, each with the damping that it sees; the slow roots of overdamped
-   !> ones where they pile up. Off the real axis, since two real roots may have to become a pair.
+   !> Computes a starting point for every root.
+   !>
+   !> The starting points are the roots of the undamped modes with their modal damping. The slow
+   !> roots of strongly overdamped modes, which accumulate at -E/c_D, come from `slow_roots`. Real
+   !> points are moved off the real axis, because two real points may have to become a pair.
+   !>
+   !> roots  one of each pair (complex or real) in the first half, the other one half the size
+   !>        further
+   !> error  the mass matrix is not positive definite, or the user has interrupted
    subroutine starting_points(assembly, roots, error)
       type(assembly_t), intent(in) :: assembly
       type(root_t), allocatable, intent(out) :: roots(:)
       type(error_t), allocatable, intent(out) :: error
       real(wp), dimension(assembly%n, assembly%n) :: M, C, K
-      real(wp) :: lambda(assembly%n), piled(assembly%n)
+      real(wp) :: lambda(assembly%n), slow(assembly%n)
       complex(wp) :: pair(2)
       integer :: half, j, next, side
 
       call full_matrices(assembly, M, C, K)
-      call slow_roots(assembly, M, C, K, piled)
+      call slow_roots(assembly, M, C, K, slow)
       call check_interrupt(error)
       if (allocated(error)) return
       call solve_symmetric(K, M, lambda, error)
       if (.not. allocated(error)) call check_interrupt(error)
       if (allocated(error)) return
       half = assembly%roots()/2
-      next = size(piled)
+      next = size(slow)
       allocate (roots(2*half))
       do j = half, 1, -1
          pair = quadratic(1.0_wp, dot_product(K(:, j), matmul(C, K(:, j))), max(lambda(j), 0.0_wp))
-         if (abs(aimag(pair(1))) <= 0 .and. piled(next) < 0 .and. &
-            abs(real(pair(1)) - piled(next)) < -0.1_wp*piled(next)) then
-            pair(1) = piled(next)
+         if (abs(aimag(pair(1))) <= 0 .and. slow(next) < 0 .and. &
+            abs(real(pair(1)) - slow(next)) < -0.1_wp*slow(next)) then
+            pair(1) = slow(next)
             next = next - 1
          end if
          do side = 1, 2
@@ -80,7 +87,8 @@ contains
       end do
    end subroutine starting_points
 
-   !> Moves a real starting point off the axis; one that is not real stays where it is.
+   !> Moves a real starting point off the real axis and stores it relative to the nearest pole; a
+   !> complex point keeps its position.
    !>
    !> side  1: upwards, 2: downwards
    subroutine leave_axis(assembly, side, root)
@@ -89,16 +97,20 @@ contains
       type(root_t), intent(inout) :: root
 
       if (.not. abs(aimag(root%s)) > 0) root%s = root%s &
-         + (0.0_wp, 1.0_wp)*nudge*(3 - 2*side)*room(assembly, root%s)
+         + (0.0_wp, 1.0_wp)*nudge*(3 - 2*side)*axis_scale(assembly, root%s)
       root%origin = 0
       call nearest_pole(assembly, root)
    end subroutine leave_axis
 
-   !> Slow roots of overdamped modes, near -E/c_D: there the inertia is that at -E/c_D, and with
-   !> s = -E/c_D + epsilon/c_D and B the bending stiffness per unit of E the vectors are those of
-   !> (s**2 M + K_rest) x = -epsilon B x, K_rest the stiffness but for bending.
+   !> Computes the slow roots of overdamped modes, near -E/c_D.
    !>
-   !> slow  (n) the nearest to -E/c_D last; 0: no mode of the bare beam is overdamped
+   !> Near -E/c_D the inertia is that at -E/c_D. With s = -E/c_D + epsilon/c_D, the bending
+   !> stiffness B per unit of E, and the stiffness K_rest without bending, the vectors are those of
+   !> (s**2 M + K_rest) x = -epsilon B x.
+   !>
+   !> M, C, K  (n, n) matrices of `full_matrices`
+   !> slow     (n) roots, the nearest to -E/c_D last [1/time]; 0: the mode is not overdamped, or no
+   !>          mode of the bare beam is
    subroutine slow_roots(assembly, M, C, K, slow)
       type(assembly_t), intent(in) :: assembly
       real(wp), intent(in) :: M(:, :), C(:, :), K(:, :)
@@ -130,10 +142,16 @@ contains
       end associate
    end subroutine slow_roots
 
-   !> K x = lambda M x by LAPACK; the vectors, x'M x = 1, stand in K afterwards. Not by DSYGVD:
-   !> OpenBLAS shares the work of its DSYMV among threads however little there is, and where others
-   !> want the processors too it waits for them, a hundred times as long as it works. A band matrix
-   !> is made tridiagonal without.
+   !> Solves K x = lambda M x by LAPACK.
+   !>
+   !> DSYGVD does not serve: OpenBLAS distributes the work of its DSYMV among threads even if there
+   !> is little of it, and on a busy machine it then waits a hundred times as long as it works. The
+   !> reduction of a band matrix to tridiagonal form uses no threads.
+   !>
+   !> K       (n, n) in: K; out: columns x with x'M x = 1
+   !> M       (n, n) in: M; out: its Cholesky factor
+   !> lambda  (n) eigenvalues, ascending
+   !> error   the mass matrix is not positive definite, or an entry is not finite
    subroutine solve_symmetric(K, M, lambda, error)
       real(wp), intent(inout) :: K(:, :), M(:, :)
       real(wp), intent(out) :: lambda(:)
@@ -147,7 +165,7 @@ contains
       do j = 1, n
          band(:n - j + 1, j) = K(j:, j)
       end do
-      ! With what is no number LAPACK may stop the program.
+      ! LAPACK may stop the program if an entry is not finite.
       if (.not. all(ieee_is_finite(K))) info = 1
       if (info == 0) call dsbevd('V', 'L', n, n - 1, band, n, lambda, K, n, work, size(work), &
          iwork, size(iwork), info)
@@ -155,24 +173,27 @@ contains
       if (info /= 0) call failure(error, 'modal: mass matrix is not positive definite')
    end subroutine solve_symmetric
 
-   !> How far a slow real root may be moved: those of overdamped modes lie the more densely the
-   !> nearer they are to -E/c_D.
-   pure real(wp) function room(assembly, s)
+   !> Returns the distance by which a real point may be moved, up to a factor [1/time]. The roots of
+   !> overdamped modes are the denser, the closer they are to -E/c_D.
+   pure real(wp) function axis_scale(assembly, s)
       type(assembly_t), intent(in) :: assembly
       complex(wp), intent(in) :: s
 
-      room = abs(s)
+      axis_scale = abs(s)
       associate (k => assembly%strength(bending, of_stiffness), &
          c => assembly%strength(bending, of_damping))
-         if (c > 0) room = min(room, abs(s + k/c))
+         if (c > 0) axis_scale = min(axis_scale, abs(s + k/c))
       end associate
-   end function room
+   end function axis_scale
 
-   !> M, C and K in the oscillators, to a few digits: a spring that is rigid is a very stiff one.
+   !> Computes M, C and K of the oscillators to a few digits. A rigid spring is replaced by a very
+   !> stiff one.
+   !>
+   !> M, C, K  (n, n)
    pure subroutine full_matrices(assembly, M, C, K)
       type(assembly_t), intent(in) :: assembly
       real(wp), dimension(:, :), intent(out) :: M, C, K
-      real(wp), parameter :: stiffest = 1e4_wp
+      real(wp), parameter :: largest_ratio = 1e4_wp   ! of a spring to the beam's stiffness
       real(wp) :: least
       integer :: i, r
 
@@ -182,7 +203,7 @@ contains
          C = 0
          K = 0
          do i = 1, r
-            least = sum(v(i, :)**2)*p%hk(i, i)/(stiffest*maxval(p%k))
+            least = sum(v(i, :)**2)*p%hk(i, i)/(largest_ratio*maxval(p%k))
             C = C + outer(matmul(p%hc(i, :), v)/max(A(i), merge(least, 1.0_wp, A(i) < 1)), v(i, :))
             K = K + outer(matmul(p%hk(i, :), v)/max(A(i), merge(least, 1.0_wp, A(i) < 1)), v(i, :))
          end do
@@ -194,6 +215,7 @@ contains
       end associate
    end subroutine full_matrices
 
+   !> Returns the outer product x y'.
    pure function outer(x, y)
       real(wp), intent(in) :: x(:), y(:)
       real(wp) :: outer(size(x), size(y))

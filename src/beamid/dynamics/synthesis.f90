@@ -1,10 +1,12 @@
-!> Motion of the sensor from poles and residues.
+!> Motion of the sensor from poles and residues: the last step of the solver `modal`.
 !>
-!> Each pole carries a state z' = s z + f(t), at rest before the force. f is linear between its
-!> nodes, so that z is known in closed form; displacement, velocity and acceleration of the sensor
-!> are Re(sum r z), Re(sum r s z) and Re(sum r s**2 z) + f o' M**-1 F. A cluster of poles has states
-!> of its own, and rows in the place of residues. Real and imaginary parts of all states at many
-!> times are a matrix, and each motion and each derivative is that matrix times a vector.
+!> Each pole s has a state z with z' = s z + f(t), z = 0 before the force begins. The force f is
+!> linear between its nodes, so z is known in closed form. Displacement, velocity and acceleration
+!> of the sensor are Re(sum r z), Re(sum r s z) and Re(sum r s**2 z) + f o'M**-1 F, with the
+!> residues r. A cluster of poles has states of its own, with rows in place of residues.
+!>
+!> The real and imaginary parts of all states at many times are the columns of a matrix. Each motion
+!> and each derivative is this matrix times a vector of weights.
 module beamid_synthesis
    use beamid_cluster_motion, only: cluster_state_t
    use beamid_excitation, only: excitation_t
@@ -16,37 +18,42 @@ module beamid_synthesis
 
    public :: synthesize, at_rest, states_t
 
-   !> Real and imaginary parts of z of all poles, and of y = dz/ds where derivatives are wanted.
+   !> The states of all poles and clusters at one time.
    type :: states_t
-      real(wp), allocatable :: z(:, :), y(:, :)       !< (2, poles); y of no poles: not wanted
-      type(cluster_state_t), allocatable :: cluster(:)
-      real(wp) :: t = 0                               !< where they have got to [time]
-      integer :: node = 1                             !< of the force, at or before t
-      real(wp) :: behind = 0                          !< what the steps so far lack to t [time]
+      !> (2, poles) real and imaginary part of z, and of y = dz/ds; y has no columns if no
+      !> derivatives are wanted
+      real(wp), allocatable :: z(:, :), y(:, :)
+      type(cluster_state_t), allocatable :: cluster(:)   !< states of the clusters
+      real(wp) :: t = 0                               !< time of the states [time]
+      integer :: node = 1                             !< last node of the force at or before t
+      real(wp) :: behind = 0   !< t minus the sum of all step lengths, round-off [time]
    contains
       procedure :: columns
       procedure :: through
       procedure, private :: plan
    end type states_t
 
-   !> One step within a segment of the force.
+   !> One time step between two nodes of the force.
    type :: step_t
-      real(wp) :: length = 0                !< [time]
-      real(wp) :: force = 0, slope = 0      !< at its beginning, and its slope
-      integer :: row = 0                    !< the sample it ends at; 0: none
-      logical :: same = .false.             !< as long as the one before
+      real(wp) :: length = 0                !< length of the step [time]
+      real(wp) :: force = 0, slope = 0   !< force at its beginning and its slope [force, force/time]
+      integer :: row = 0                    !< index of the sample time at its end; 0: none
+      logical :: same = .false.             !< as long as the step before
    end type step_t
 
-   !> Times at once: the states of so many stay in the cache of a processor.
-   integer, parameter :: block = 500
+   !> Number of times that are computed at once: their states fit into the cache of a processor.
+   integer, parameter :: block_size = 500
 
 contains
 
-   !> Motions at the times and their derivatives.
+   !> Computes motions of the sensor and their derivatives.
    !>
-   !> times   ascending [time]
-   !> which   1 displacement, 2 velocity, 3 acceleration
-   !> motion  (times, 0:parameters, which), 0 the motion itself
+   !> poles       poles and residues, with derivatives if `motion` has more than one column
+   !> excitation  the force, linear between its nodes
+   !> times       ascending [time]
+   !> which       1 displacement, 2 velocity, 3 acceleration
+   !> motion      (times, 0:parameters, which) column 0 is the motion itself, column p its
+   !>             derivative with respect to parameter p
    subroutine synthesize(poles, excitation, times, which, motion)
       type(poles_t), intent(in) :: poles
       type(excitation_t), intent(in) :: excitation
@@ -58,11 +65,11 @@ contains
       integer :: first, last, q
 
       states = at_rest(poles, excitation, size(motion, 2) > 1)
-      allocate (x(min(block, size(times)), states%columns()))
+      allocate (x(min(block_size, size(times)), states%columns()))
       weights = weights_of(poles, which, states%columns(), size(motion, 2) - 1)
-      do first = 1, size(times), block
+      do first = 1, size(times), block_size
          if (interrupted()) return
-         last = min(first + block - 1, size(times))
+         last = min(first + block_size - 1, size(times))
          call states%through(poles, excitation, times(first:last), x)
          do q = 1, size(which)
             motion(first:last, :, q) = matmul(x(:last - first + 1, :), weights(:, :, q))
@@ -78,9 +85,12 @@ contains
       end do
    end subroutine synthesize
 
-   !> What the columns of states are multiplied by.
+   !> Returns the weights by which the columns of states are multiplied.
    !>
-   !> weights  (columns, 0:parameters, which)
+   !> which       1 displacement, 2 velocity, 3 acceleration
+   !> columns     number of columns of states
+   !> parameters  number of parameters
+   !> weights     (columns, 0:parameters, which)
    pure function weights_of(poles, which, columns, parameters) result(weights)
       type(poles_t), intent(in) :: poles
       integer, intent(in) :: which(:), columns, parameters
@@ -123,9 +133,9 @@ contains
       end associate
    end function weights_of
 
-   !> Nothing moves, at the first node of the force.
+   !> Returns the states of a structure at rest, at the first node of the force.
    !>
-   !> with_slopes  whether dz/ds is wanted too
+   !> with_slopes  whether derivatives are wanted
    pure function at_rest(poles, excitation, with_slopes) result(states)
       type(poles_t), intent(in) :: poles
       type(excitation_t), intent(in) :: excitation
@@ -143,7 +153,8 @@ contains
       states%t = excitation%t(1)
    end function at_rest
 
-   !> How many numbers they are.
+   !> Returns the number of columns that the states have: real and imaginary parts of z, y and the
+   !> clusters' states.
    pure integer function columns(self)
       class(states_t), intent(in) :: self
       integer :: k
@@ -152,10 +163,12 @@ contains
          + 2*sum([(size(self%cluster(k)%x), k=1, size(self%cluster))])
    end function columns
 
-   !> Marches through times and the nodes of the force, pole by pole.
+   !> Advances the states through given times, and through the nodes of the force in between.
    !>
-   !> times  ascending, from where the states are [time]; before the first node they are 0
-   !> x      (times or more, columns) real parts, then imaginary parts: of z, of y, of each cluster
+   !> times  ascending, not before the time of the states [time]; before the first node the states
+   !>        are 0
+   !> x      (times or more, columns) states at the times: for z, for y and for each cluster, all
+   !>        real parts, then all imaginary parts
    subroutine through(self, poles, excitation, times, x)
       class(states_t), intent(inout) :: self
       type(poles_t), intent(in) :: poles
@@ -191,10 +204,11 @@ contains
       end do
    end subroutine through
 
-   !> The steps to some times, from node to node of the force and to each of them. What differs in
-   !> the last digits only is one time: a force in step with the samples takes one step for each.
+   !> Plans the steps: from node to node of the force, and to each of the times. Two times that
+   !> differ only by round-off count as one, so that a force with nodes at the sample times takes
+   !> one step per sample.
    !>
-   !> steps  the first n are they
+   !> steps  out: the steps; the first n are used
    subroutine plan(self, excitation, times, steps, n)
       class(states_t), intent(inout) :: self
       type(excitation_t), intent(in) :: excitation
@@ -208,22 +222,22 @@ contains
       associate (t => excitation%t)
          nodes = self%node
          do while (nodes < size(t) .and. last > 0)
-            if (t(nodes + 1) > times(last) + digits_of(times(last))) exit
+            if (t(nodes + 1) > times(last) + round_off(times(last))) exit
             nodes = nodes + 1
          end do
          allocate (steps(last + nodes - self%node))
          n = 0
          do k = 1, last
-            near = times(k) + digits_of(times(k))
+            near = times(k) + round_off(times(k))
             do while (self%node < size(t))
                if (t(self%node + 1) > near) exit
-               call add(t(self%node + 1))
+               call add_step(t(self%node + 1))
                self%node = self%node + 1
             end do
-            if (times(k) > self%t + digits_of(times(k)) .or. n == 0) then
-               call add(max(self%t, times(k)))
+            if (times(k) > self%t + round_off(times(k)) .or. n == 0) then
+               call add_step(max(self%t, times(k)))
             else if (steps(n)%row > 0) then
-               call add(self%t)
+               call add_step(self%t)
             end if
             steps(n)%row = k
          end do
@@ -231,16 +245,18 @@ contains
 
    contains
 
-      subroutine add(finish)
+      !> Adds the step from the time of the states to `finish` [time].
+      subroutine add_step(finish)
          real(wp), intent(in) :: finish
 
          n = n + 1
          associate (by => steps(n), t => excitation%t, f => excitation%f, node => self%node)
-            ! On a uniform grid the exponentials serve again. What their steps lack the next one
-            ! has more: differences in the last digits do not add up.
+            ! On a uniform grid all steps have the same length, and the exponentials are used again.
+            ! The round-off that a step neglects is added to the next, so that it does not
+            ! accumulate.
             self%behind = self%behind + (finish - self%t)
             by%length = max(0.0_wp, self%behind)
-            if (n > 1) by%same = abs(by%length - steps(n - 1)%length) <= digits_of(finish)
+            if (n > 1) by%same = abs(by%length - steps(n - 1)%length) <= round_off(finish)
             if (by%same) by%length = steps(n - 1)%length
             self%behind = self%behind - by%length
             if (node < size(t)) then
@@ -249,91 +265,75 @@ contains
             end if
          end associate
          self%t = finish
-      end subroutine add
+      end subroutine add_step
 
    end subroutine plan
 
-   !> The last digits of a time.
-   pure real(wp) function digits_of(t)
+   !> Returns the difference below which two times near t are equal, four units in the last place
+   !> [time].
+   pure real(wp) function round_off(t)
       real(wp), intent(in) :: t
 
-      digits_of = 4*epsilon(t)*abs(t)
-   end function digits_of
+      round_off = 4*epsilon(t)*abs(t)
+   end function round_off
 
-   !> One pole through steps: z' = s z + f, and y' = s y + z where it is wanted.
+   !> Advances the state of one pole through all steps: z' = s z + f and, if wanted, y' = s y + z.
    !>
-   !> s               [1/time]
-   !> z, y            (2) real and imaginary part, in and out
-   !> x, x_i, w, w_i  (times) both at the samples: of z, and of y
-   pure subroutine march(s, steps, z, x, x_i, y, w, w_i)
+   !> s          the pole [1/time]
+   !> steps      from `plan`
+   !> z, y       (2) real and imaginary part of the state, in and out; y: default: not wanted
+   !> x, x_imag  (times) out: real and imaginary part of z at the samples
+   !> w, w_imag  (times) out: the same of y
+   pure subroutine march(s, steps, z, x, x_imag, y, w, w_imag)
       complex(wp), intent(in) :: s
       type(step_t), intent(in) :: steps(:)
       real(wp), intent(inout) :: z(2)
-      real(wp), intent(inout), contiguous :: x(:), x_i(:)
+      real(wp), intent(inout), contiguous :: x(:), x_imag(:)
       real(wp), intent(inout), optional :: y(2)
-      real(wp), intent(inout), optional, contiguous :: w(:), w_i(:)
-      complex(wp) :: growth, phi(4), more
-      real(wp) :: zr, zi, yr, yi, gr, gi, re
-      logical :: known, slopes
+      real(wp), intent(inout), optional, contiguous :: w(:), w_imag(:)
+      complex(wp) :: z_now, y_now, growth, phi(4)
+      logical :: known
       integer :: j
 
-      slopes = present(y)
-      zr = z(1)
-      zi = z(2)
-      yr = 0
-      yi = 0
-      if (slopes) then
-         yr = y(1)
-         yi = y(2)
-      end if
-      gr = 1
-      gi = 0
+      z_now = cmplx(z(1), z(2), wp)
+      y_now = 0
+      if (present(y)) y_now = cmplx(y(1), y(2), wp)
+      growth = 1
       known = .false.
       do j = 1, size(steps)
          associate (by => steps(j), h => steps(j)%length)
             if (.not. by%same) then
                growth = exp(s*h)
-               gr = real(growth)
-               gi = aimag(growth)
                known = .false.
             end if
-            if (slopes) then
-               re = yr + h*zr
-               yi = yi + h*zi
-               yr = gr*re - gi*yi
-               yi = gr*yi + gi*re
-            end if
-            re = zr
-            zr = gr*re - gi*zi
-            zi = gr*zi + gi*re
+            if (present(y)) y_now = growth*(y_now + h*z_now)
+            z_now = growth*z_now
             if (abs(by%force) + abs(by%slope) > 0) then
-               ! To z force h phi_1 + slope h**2 phi_2, to y its derivative.
-               if (.not. known) phi = phi_functions(s*h, cmplx(gr, gi, wp))
+               if (.not. known) phi = phi_functions(s*h, growth)
                known = .true.
-               more = h*(by%force*phi(1) + by%slope*h*phi(2))
-               zr = zr + real(more)
-               zi = zi + aimag(more)
-               if (slopes) then
-                  more = h**2*(by%force*phi(3) + by%slope*h*phi(4))
-                  yr = yr + real(more)
-                  yi = yi + aimag(more)
-               end if
+               z_now = z_now + h*(by%force*phi(1) + by%slope*h*phi(2))
+               if (present(y)) y_now = y_now + h**2*(by%force*phi(3) + by%slope*h*phi(4))
             end if
             if (by%row == 0) cycle
-            x(by%row) = zr
-            x_i(by%row) = zi
-            if (.not. slopes) cycle
-            w(by%row) = yr
-            w_i(by%row) = yi
+            x(by%row) = real(z_now)
+            x_imag(by%row) = aimag(z_now)
+            if (.not. present(y)) cycle
+            w(by%row) = real(y_now)
+            w_imag(by%row) = aimag(y_now)
          end associate
       end do
-      z = [zr, zi]
-      if (slopes) y = [yr, yi]
+      z = [real(z_now), aimag(z_now)]
+      if (present(y)) y = [real(y_now), aimag(y_now)]
    end subroutine march
 
-   !> phi_1 = (e**x - 1)/x, phi_2 = (phi_1 - 1)/x, and their derivatives phi_1' = phi_1 - phi_2 and
-   !> phi_2' = phi_2 - 2 phi_3, phi_3 = (phi_2 - 1/2)/x. By the series of phi_3 for small x; for
-   !> large x, a root much faster than the samples, these differences would cancel.
+   !> Returns phi_1 = (e**x - 1)/x, phi_2 = (phi_1 - 1)/x, and their derivatives phi_1' = phi_1 -
+   !> phi_2 and phi_2' = phi_2 - 2 phi_3, where phi_3 = (phi_2 - 1/2)/x. For small x, phi_3 comes
+   !> from its power series. For large x (a pole much faster than the samples) these differences
+   !> would cancel, so closed forms are used.
+   !>
+   !> x            s times the step
+   !> exponential  e**x
+   !> phi          (4) phi_1, phi_2, phi_1', phi_2'
    pure function phi_functions(x, exponential) result(phi)
       complex(wp), intent(in) :: x, exponential
       complex(wp) :: phi(4), phi_3
@@ -345,7 +345,7 @@ contains
          phi(3) = (exponential*(x - 1) + 1)/x**2
          phi(4) = (exponential*(x - 2) + (x + 2))/x**3
       else
-         ! phi_3 = sum x**k/(k + 3)!, to 2**24/27! < 1e-20
+         ! phi_3 = sum x**k/(k + 3)!, with a remainder of 2**24/27! < 1e-20.
          phi_3 = 1
          do k = 24, 1, -1
             phi_3 = 1 + phi_3*x*(1.0_wp/(k + 3))

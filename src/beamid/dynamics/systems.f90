@@ -1,15 +1,16 @@
-!> The equations at s as one matrix, where something acts between all oscillators. With E(s) of
-!> `beamid_assembly` and f = H y
+!> The equations at s as one full matrix, for a dense assembly, in which a term couples all
+!> oscillators. With E(s) of `beamid_assembly` and the row forces f = H y:
 !>
 !>     P(s) (x, y) = (F, -base_coupling/s**2),    P = [ D + E   V H ]
-!>                                           [   V'     -A ],
+!>                                                    [   V'     -A ]
 !>
-!> and at a root (x, f)'P = 0 too. So ds/dp = -(x, f)'P_p (x, y)/A, A = (x, f)'P_s (x, y), and the
-!> vector's own derivative solves
+!> At a root, P (x, y) = 0 and (x, f)'P = 0. Therefore ds/dp = -(x, f)'P_p (x, y)/A with A = (x,
+!> f)'P_s (x, y), where the indices p and s denote partial derivatives. The derivative of the
+!> eigenvector solves the bordered system
 !>
 !>     P (x, y)_p + P_s (x, y) ds/dp = -P_p (x, y),    (x, f)'P_s (x, y)_p = 0.
 module beamid_systems
-   use beamid_assembly, only: assembly_t
+   use beamid_assembly, only: assembly_t, pencil_t
    use beamid_kinds, only: wp
    use beamid_vectors, only: nearest_pole, root_t, vector_t
    implicit none
@@ -18,11 +19,12 @@ module beamid_systems
    public :: system_at, improve_root, find_whole_vector, differentiate_vector, vector_slope_t, &
       factor, solve
 
-   !> Derivatives of a root and its vector with respect to one parameter.
+   !> Derivatives of a root and its eigenvector with respect to one parameter.
    type :: vector_slope_t
-      complex(wp) :: s = 0                    !< of the root
+      complex(wp) :: s = 0                    !< of the root [1/time]
+      !> (n), (r), (r) of the oscillators, the rows and their forces
       complex(wp), allocatable :: x(:), y(:), f(:)
-      complex(wp) :: A = 0
+      complex(wp) :: A = 0   !< of A = x'(2 s M + C) x
    end type vector_slope_t
 
    interface
@@ -44,9 +46,9 @@ module beamid_systems
 
 contains
 
-   !> P(s) and P'(s).
+   !> Computes P(s) and P'(s).
    !>
-   !> point  its distances from the poles keep their digits
+   !> point  s, given by its distance from a pole of an oscillator, which keeps the digits of D(s)
    !> P, dP  (n + r, n + r)
    subroutine system_at(assembly, point, P, dP)
       type(assembly_t), intent(in) :: assembly
@@ -70,8 +72,8 @@ contains
             P(i, i) = P(i, i) + pencil%m(i)*left*right
             dP(i, i) = dP(i, i) + pencil%m(i)*(left + right)
          end do
-         P(:n, n + 1:) = matmul(transpose(v), (pencil%hm*s + pencil%hc)*s + pencil%hk)
-         dP(:n, n + 1:) = matmul(transpose(v), 2*pencil%hm*s + pencil%hc)
+         P(:n, n + 1:) = matmul(transpose(v), couplings(pencil, s))
+         dP(:n, n + 1:) = matmul(transpose(v), couplings_slope(pencil, s))
          P(n + 1:, :n) = v
          do k = 1, r
             P(n + k, n + k) = -assembly%compliance(k)
@@ -79,8 +81,30 @@ contains
       end associate
    end subroutine system_at
 
-   !> LU factors, as `solve` takes them; at a root a pivot that vanishes is made tiny, as inverse
-   !> iteration asks for: far below round-off, which counts by row and column and may be less here.
+   !> Returns H(s), (r, r).
+   pure function couplings(pencil, s) result(H)
+      type(pencil_t), intent(in) :: pencil
+      complex(wp), intent(in) :: s
+      complex(wp) :: H(size(pencil%hm, 1), size(pencil%hm, 2))
+
+      H = (pencil%hm*s + pencil%hc)*s + pencil%hk
+   end function couplings
+
+   !> Returns H'(s), (r, r).
+   pure function couplings_slope(pencil, s) result(dH)
+      type(pencil_t), intent(in) :: pencil
+      complex(wp), intent(in) :: s
+      complex(wp) :: dH(size(pencil%hm, 1), size(pencil%hm, 2))
+
+      dH = 2*pencil%hm*s + pencil%hc
+   end function couplings_slope
+
+   !> Computes the LU factors of P for `solve`. A pivot that vanishes, as it may at a root, is
+   !> replaced by a tiny number, as inverse iteration requires. The number is far below round-off,
+   !> because the round-off of a row or column may be smaller than that of P.
+   !>
+   !> P       in: the matrix; out: its factors
+   !> pivots  (size of P) row interchanges
    subroutine factor(P, pivots)
       complex(wp), intent(inout) :: P(:, :)
       integer, intent(out) :: pivots(:)
@@ -93,7 +117,11 @@ contains
       end do
    end subroutine factor
 
-   !> b := P**-1 b, or P'**-1 b ('T').
+   !> Solves P x = b, or P'x = b, by the LU factors.
+   !>
+   !> P, pivots  from `factor`
+   !> b          (size of P, columns) in: right-hand sides; out: solutions
+   !> side       'N': P; 'T': P'
    subroutine solve(P, pivots, b, side)
       complex(wp), intent(in) :: P(:, :)
       integer, intent(in) :: pivots(:)
@@ -104,47 +132,50 @@ contains
       call zgetrs(side, size(pivots), size(b, 2), P, size(pivots), pivots, b, size(pivots), info)
    end subroutine solve
 
-   !> Rayleigh's quotient and inverse iteration in turn, from a point near a root; of a multiple one
-   !> it is known to a root of the round-off only. What a last change leaves is its square, as Q is
-   !> one of s.
+   !> Improves a root by inverse iteration, with the Rayleigh quotient in each step. Q is quadratic
+   !> in s, so the error after the last step is the square of the last change. A multiple root of
+   !> order k is accurate only to the k-th root of round-off.
+   !>
+   !> root  in: a point near the root; out: the root, and the oscillator with the largest modal mass
    subroutine improve_root(assembly, root)
       type(assembly_t), intent(in) :: assembly
       type(root_t), intent(inout) :: root
-      integer, parameter :: most_steps = 20
-      real(wp), parameter :: arrived = 3e-8_wp
+      integer, parameter :: max_steps = 20
+      real(wp), parameter :: tolerance = 3e-8_wp
       complex(wp), dimension(assembly%n + size(assembly%v, 1), assembly%n &
          + size(assembly%v, 1)) :: P, dP
-      complex(wp) :: z(size(P, 1), 1), driven(size(P, 1)), left(size(P, 1)), change
+      complex(wp) :: z(size(P, 1), 1), rhs(size(P, 1)), left(size(P, 1)), change
       real(wp), dimension(size(P, 1)) :: rows, columns
       integer :: pivots(size(P, 1)), step, n
 
       n = assembly%n
       z = 1
-      do step = 1, most_steps
+      do step = 1, max_steps
          call system_at(assembly, root, P, dP)
          if (step > 1) z(:, 1) = matmul(dP, z(:, 1))
-         driven = z(:, 1)
+         rhs = z(:, 1)
          call balance(P, rows, columns)
          call factor(P, pivots)
          call solve_balanced(P, pivots, rows, columns, z)
-         driven = driven/maxval(abs(z))
+         rhs = rhs/maxval(abs(z))
          z = z/maxval(abs(z))
-         left = left_of(assembly, root%s, z(:, 1))
-         change = -sum(left*driven)/sum(left*matmul(dP, z(:, 1)))
+         left = left_vector(assembly, root%s, z(:, 1))
+         change = -sum(left*rhs)/sum(left*matmul(dP, z(:, 1)))
          if (.not. abs(aimag(root%s)) > 0) change = real(change)
          if (step == 1) cycle
          root%s = root%s + change
          root%offset = root%offset + change
          if (abs(change) > 1e-2_wp*abs(root%offset)) call nearest_pole(assembly, root)
-         if (abs(change) <= arrived*max(abs(root%offset), arrived*abs(root%s))) exit
+         if (abs(change) <= tolerance*max(abs(root%offset), tolerance*abs(root%s))) exit
       end do
       root%j = maxloc(assembly%pencil(1)%m*abs(z(:n, 1))**2, dim=1)
    end subroutine improve_root
 
-   !> Rows and columns divided by the largest of each, powers of two: round-off counts relative to
-   !> what is of its own kind, an oscillator or an attachment.
+   !> Scales rows and columns of P to a largest entry of about 1, by powers of two. Round-off then
+   !> counts relative to the entries of the same kind, oscillator or attachment.
    !>
-   !> rows, columns  (size of P) that multiply
+   !> P              in and out
+   !> rows, columns  (size of P) the factors
    pure subroutine balance(P, rows, columns)
       complex(wp), intent(inout) :: P(:, :)
       real(wp), intent(out) :: rows(:), columns(:)
@@ -160,7 +191,11 @@ contains
       end do
    end subroutine balance
 
-   !> z := P**-1 z of the matrix that has been balanced and factored.
+   !> Solves P x = z by the factors of the balanced matrix.
+   !>
+   !> P, pivots      from `factor`
+   !> rows, columns  from `balance`
+   !> z              (size of P, 1) in: right-hand side; out: solution
    subroutine solve_balanced(P, pivots, rows, columns, z)
       complex(wp), intent(in) :: P(:, :)
       integer, intent(in) :: pivots(:)
@@ -172,19 +207,22 @@ contains
       z(:, 1) = columns*z(:, 1)
    end subroutine solve_balanced
 
-   !> (x, f) of (x, y).
-   pure function left_of(assembly, s, z) result(left)
+   !> Returns the left eigenvector (x, f) of the right eigenvector (x, y).
+   !>
+   !> s  the root [1/time]
+   !> z  (n + r) right eigenvector
+   pure function left_vector(assembly, s, z) result(left)
       type(assembly_t), intent(in) :: assembly
       complex(wp), intent(in) :: s, z(:)
       complex(wp) :: left(size(z))
 
       left = z
-      associate (p => assembly%pencil(assembly%form_at(s)), n => assembly%n)
-         left(n + 1:) = matmul((p%hm*s + p%hc)*s + p%hk, z(n + 1:))
-      end associate
-   end function left_of
+      left(assembly%n + 1:) = matmul(couplings(assembly%pencil(assembly%form_at(s)), s), &
+         z(assembly%n + 1:))
+   end function left_vector
 
-   !> The vector of a root, x_j = 1, with as much of `vector_t` as does not need D apart from E.
+   !> Computes the eigenvector of a root by inverse iteration, with x_j = 1. Sets all components of
+   !> `vector_t` except those that need D without E.
    subroutine find_whole_vector(assembly, root, vector)
       type(assembly_t), intent(in) :: assembly
       type(root_t), intent(in) :: root
@@ -206,8 +244,9 @@ contains
       call factor(P, pivots)
       z = 1
       do step = 1, 3
-         ! By P itself, not by what is balanced: where next to nothing couples an oscillator with
-         ! others its row is round-off at its root, and balanced it would be of order one.
+         ! The iteration is that of P, not of the balanced matrix. If an oscillator is hardly
+         ! coupled with others, its row of P is round-off at its root; balanced, it would be of
+         ! order one.
          if (step > 1) z(:, 1) = matmul(dP, z(:, 1))
          call solve_balanced(P, pivots, rows, columns, z)
          z = z/maxval(abs(z))
@@ -215,7 +254,7 @@ contains
       z = z/z(root%j, 1)
       vector%x = z(:n, 1)
       vector%y(:r) = z(n + 1:, 1)
-      z(:, 1) = left_of(assembly, root%s, z(:, 1))
+      z(:, 1) = left_vector(assembly, root%s, z(:, 1))
       vector%f(:r) = z(n + 1:, 1)
       vector%A = sum(z(:n, 1)*matmul(dP(:n, :n), vector%x)) &
          + sum(z(:n, 1)*matmul(dP(:n, n + 1:), vector%y(:r)))
@@ -225,7 +264,8 @@ contains
       end associate
    end subroutine find_whole_vector
 
-   !> Derivatives with respect to every parameter of the assembly.
+   !> Computes the derivatives of a root and its eigenvector with respect to every parameter of the
+   !> assembly, by the bordered system.
    !>
    !> slopes  (parameters)
    subroutine differentiate_vector(assembly, root, vector, slopes)
@@ -236,7 +276,7 @@ contains
       complex(wp), dimension(assembly%n + size(assembly%v, 1), assembly%n &
          + size(assembly%v, 1)) :: P, dP
       complex(wp) :: bordered(size(P, 1) + 1, size(P, 1) + 1), b(size(P, 1) + 1, size(slopes)), &
-         pushed(assembly%n)
+         dA_dx(assembly%n)
       complex(wp), dimension(size(assembly%v, 1), size(assembly%v, 1)) :: H, dH, H_p, dH_p
       integer :: pivots(size(P, 1) + 1), k, n, m, r
 
@@ -245,30 +285,30 @@ contains
       r = m - n
       call system_at(assembly, root, P, dP)
       associate (s => root%s, pencil => assembly%pencil(vector%form), x => vector%x, &
-         y => vector%y(:r), f => vector%f(:r), v => assembly%v, A => assembly%compliance)
-         H = (pencil%hm*s + pencil%hc)*s + pencil%hk
-         dH = 2*pencil%hm*s + pencil%hc
+         y => vector%y(:r), f => vector%f(:r), A => assembly%compliance)
+         H = couplings(pencil, s)
+         dH = couplings_slope(pencil, s)
          bordered(:m, :m) = P
          bordered(:m, m + 1) = matmul(dP, [x, y])
          bordered(m + 1, :m) = matmul([x, f], dP)
          bordered(m + 1, m + 1) = 0
          b = 0
          do k = 1, size(slopes)
-            b(:m, k) = -changed(assembly, root, vector, k)
+            b(:m, k) = -system_change(assembly, root, vector, k)
          end do
          call factor(bordered, pivots)
          call solve(bordered, pivots, b, 'N')
-         pushed = 2*matmul(dP(:n, :n), x)
+         dA_dx = 2*matmul(dP(:n, :n), x)
          do k = 1, size(slopes)
             associate (by => slopes(k), slope => assembly%slope(vector%form, k), &
                A_p => assembly%compliance_slope(:, k))
                by%s = b(m + 1, k)
                by%x = b(:n, k)
                by%y = b(n + 1:m, k)
-               H_p = (slope%hm*s + slope%hc)*s + slope%hk + dH*by%s
+               H_p = couplings(slope, s) + dH*by%s
                dH_p = 2*(slope%hm*s + pencil%hm*by%s) + slope%hc
                by%f = matmul(H, by%y) + matmul(H_p, y)
-               by%A = sum(by%x*pushed) &
+               by%A = sum(by%x*dA_dx) &
                   + sum((2*(slope%m*s + pencil%m*by%s) + slope%c)*x**2) &
                   + sum((A_p*y + A*by%y)*matmul(dH, y)) &
                   + sum(A*y*(matmul(dH_p, y) + matmul(dH, by%y)))
@@ -280,8 +320,11 @@ contains
       end associate
    end subroutine differentiate_vector
 
-   !> P_p (x, y), with parameter p of the assembly.
-   function changed(assembly, root, vector, p) result(b)
+   !> Returns P_p (x, y), the change of the equations with a parameter at constant s and (x, y).
+   !>
+   !> p  index of the parameter
+   !> b  (n + r)
+   function system_change(assembly, root, vector, p) result(b)
       type(assembly_t), intent(in) :: assembly
       type(root_t), intent(in) :: root
       type(vector_t), intent(in) :: vector
@@ -293,11 +336,11 @@ contains
          v => assembly%v, v_p => assembly%v_slope, moves => assembly%moves(:, p), &
          n => assembly%n, beam => assembly%beam, dense => assembly%dense_slope(:, :, :, p))
          b(:n) = ((slope%m*s + slope%c)*s + slope%k)*x + matmul(moves*f, v_p) &
-            + matmul(matmul((slope%hm*s + slope%hc)*s + slope%hk, y), v)
+            + matmul(matmul(couplings(slope, s), y), v)
          if (any(abs(dense) > 0)) b(:beam) = b(:beam) + matmul(dense(:, :, 1)*s &
             + dense(:, :, 2), x(:beam))
          b(n + 1:) = moves*matmul(v_p, x) - assembly%compliance_slope(:, p)*y
       end associate
-   end function changed
+   end function system_change
 
 end module beamid_systems

@@ -1,13 +1,15 @@
-!> What the structure answers at a point s that is no root: with Q = s**2 M + s C + K the motion
-!> q = Q**-1 F, the sensor's share h = o'q of it, W'/W = tr Q**-1 Q', and the derivatives of h and
-!> of log W with respect to the parameters.
+!> The transfer function of the structure at a point s that is not a root, for contour integrals.
 !>
-!> With the oscillator j and the vectors of `beamid_vectors`, w = D_j + v_j'f and the rest without
-!> oscillator j,
+!> With Q = s**2 M + s C + K, `transfer_at` computes the motion q = Q**-1 F, the sensor's motion
+!> h = o'q, the logarithmic derivative of the characteristic function W = det Q,
+!> W'/W = tr(Q**-1 Q'), and the derivatives of h and log W with respect to the parameters.
 !>
-!>     Q**-1 = Q_rest**-1 + x x'/w,    V'Q_rest**-1 V = A (A + G H)**-1 G:
+!> With the oscillator j and the quantities of `beamid_vectors`, w = D_j + v_j'f, and Q_rest, which
+!> is Q without oscillator j,
 !>
-!> near a pole of D_j, as at a root, nothing in it grows without bound.
+!>     Q**-1 = Q_rest**-1 + x x'/w,    V'Q_rest**-1 V = A (A + G H)**-1 G.
+!>
+!> These quantities stay bounded near a root of D_j and near a root of the structure.
 module beamid_transfer
    use beamid_assembly, only: assembly_t
    use beamid_kinds, only: wp
@@ -18,20 +20,25 @@ module beamid_transfer
 
    public :: transfer_t, transfer_at
 
+   !> The transfer function at one point, and its derivatives.
    type :: transfer_t
-      complex(wp), allocatable :: q(:)         !< (n) motion per unit force
-      complex(wp) :: u(most) = 0               !< V'q
-      complex(wp) :: h = 0                     !< of the sensor
+      complex(wp), allocatable :: q(:)         !< (n) motion of the oscillators per unit force
+      !> motion of the rows, V'q; for the row of a spring the force, as y in `beamid_vectors`
+      complex(wp) :: u(most) = 0
+      complex(wp) :: h = 0                     !< motion of the sensor per unit force, o'q
       complex(wp) :: dlog = 0                  !< W'/W [time]
-      complex(wp), allocatable :: dh(:)        !< (parameters)
-      complex(wp), allocatable :: dlog_p(:)    !< (parameters) d log W/d parameter
-      integer :: form = 1                      !< of the pencil, that of `q`
+      complex(wp), allocatable :: dh(:)        !< (parameters) derivatives of h
+      complex(wp), allocatable :: dlog_p(:)    !< (parameters) derivatives of log W
+      integer :: form = 1                      !< form of the pencil that `q` refers to, 1 or 2
    end type transfer_t
 
 contains
 
-   !> point        its origin is kept: a pole near by, which leaves the distances their digits
-   !> with_slopes  whether derivatives are wanted
+   !> Computes the transfer function at one point.
+   !>
+   !> point        the point s; its origin is kept, a pole near s, which keeps the digits of the
+   !>              distances from the poles
+   !> with_slopes  whether the derivatives with respect to the parameters are computed
    subroutine transfer_at(assembly, point, with_slopes, value)
       type(assembly_t), intent(in) :: assembly
       type(root_t), intent(in) :: point
@@ -40,13 +47,12 @@ contains
       type(root_t) :: place
       type(vector_t) :: vector
       complex(wp), dimension(size(assembly%v, 1), size(assembly%v, 1)) :: E, T, HE
-      complex(wp), dimension(assembly%n) :: o, x, diagonal, load
-      complex(wp), dimension(size(assembly%v, 1)) :: u_o, u_x, turned, given, longer, none
+      complex(wp), dimension(assembly%n) :: diagonal, load
       complex(wp) :: w
       integer :: i, r
 
       if (assembly%is_dense()) then
-         call whole_transfer(assembly, point, with_slopes, value)
+         call dense_transfer(assembly, point, with_slopes, value)
          return
       end if
       r = size(assembly%v, 1)
@@ -79,27 +85,12 @@ contains
             *matmul(HE, assembly%v(:, i)))/vector%D(i))/vector%D(i)
       end do
       value%dlog = sum(vector%dD*diagonal) + sum(vector%dH(:r, :r)*T)
-      if (.not. with_slopes) return
-      none = 0
-      load = assembly%v(assembly%sensor, :)
-      call solve(assembly, place%j, vector, E, w, load, none, o, u_o)
-      turned = 0
-      load = 0
-      do i = 1, r
-         if (.not. any(abs(assembly%moves(i, :)) > 0)) cycle
-         longer = none
-         longer(i) = 1
-         call solve(assembly, place%j, vector, E, w, load, longer, x, u_x)
-         turned(i) = -2*sum(assembly%v_slope(i, :)*x)
-      end do
-      ! How log W changes with the compliance of a row.
-      given = [(E(i, i) - vector%f(i)*vector%y(i)/w, i=1, r)]
-      call differentiate(assembly, place%s, o, u_o, diagonal, T, vector%H(:r, :r), turned, given, &
-         value)
+      if (with_slopes) call differentiate(assembly, place, vector, E, w, diagonal, T, value)
    end subroutine transfer_at
 
-   !> The same from P(s) of `beamid_systems` and its inverse.
-   subroutine whole_transfer(assembly, point, with_slopes, value)
+   !> Computes the transfer function (arguments of `transfer_at`) of an assembly with dense
+   !> matrices, from P(s) of `beamid_systems` and its inverse.
+   subroutine dense_transfer(assembly, point, with_slopes, value)
       type(assembly_t), intent(in) :: assembly
       type(root_t), intent(in) :: point
       logical, intent(in) :: with_slopes
@@ -154,70 +145,112 @@ contains
             end do
          end associate
       end associate
-   end subroutine whole_transfer
+   end subroutine dense_transfer
 
-   !> Derivatives with respect to the parameters: -o'Q**-1 Q_p Q**-1 F, tr Q**-1 Q_p, and what a
-   !> place that moves or a load that changes adds to them.
+   !> Computes the derivatives with respect to the parameters: -o'Q**-1 Q_p Q**-1 F of h and
+   !> tr(Q**-1 Q_p) of log W, with the contributions of positions and loads that depend on a
+   !> parameter.
    !>
-   !> o, u_o       Q**-1 of the sensor's row, and V' of it
-   !> diagonal, T  of Q**-1, and A**-1 V'Q**-1 V
-   !> turned       (r) tr Q**-1 Q_p as the place of a row moves
-   !> given        (r) the same as its compliance grows
-   subroutine differentiate(assembly, s, o, u_o, diagonal, T, H, turned, given, value)
+   !> place     the point, with the oscillator j of `vector`
+   !> vector    x, y, f, G and H at the point
+   !> E, w      (r, r) (A + G H)**-1, and D_j + v_j'f
+   !> diagonal  (n) diagonal of Q**-1
+   !> T         (r, r) A**-1 V'Q**-1 V
+   !> value     in: q, u and form; out: dh and dlog_p, too
+   subroutine differentiate(assembly, place, vector, E, w, diagonal, T, value)
       type(assembly_t), intent(in) :: assembly
-      complex(wp), intent(in) :: s, o(:), u_o(:), diagonal(:), T(:, :), H(:, :), turned(:), given(:)
+      type(root_t), intent(in) :: place
+      type(vector_t), intent(in) :: vector
+      complex(wp), intent(in) :: E(:, :), w, diagonal(:), T(:, :)
       type(transfer_t), intent(inout) :: value
-      complex(wp), dimension(size(assembly%changing)) :: moved, trace
-      complex(wp) :: seen(size(u_o))
-      integer :: p
+      complex(wp) :: o(assembly%n)
+      complex(wp), dimension(size(E, 1)) :: u_o, position_trace, compliance_trace, none, row_change
+      complex(wp), dimension(size(assembly%changing)) :: products, traces
+      integer :: i, p
 
+      none = 0
+      call solve(assembly, place%j, vector, E, w, cmplx(assembly%v(assembly%sensor, :), kind=wp), &
+         none, o, u_o)
+      call trace_positions(assembly, place, vector, E, w, position_trace)
+      compliance_trace = [(E(i, i) - vector%f(i)*vector%y(i)/w, i=1, size(E, 1))]
       if (.not. allocated(value%dh)) allocate (value%dh(size(assembly%parameters)), &
          value%dlog_p(size(assembly%parameters)))
-      associate (u => value%u(:size(u_o)), d => assembly%v_slope, form => value%form)
-         call assembly%products(form, value%q, u, o, u_o, moved)
-         trace = assembly%traces(form, diagonal, T)
+      associate (u => value%u(:size(E, 1)), H => vector%H, s => place%s, &
+         v_x => assembly%v_slope, form => value%form)
+         call assembly%products(form, value%q, u, o, u_o, products)
+         traces = assembly%traces(form, diagonal, T)
          do p = 1, size(assembly%parameters)
             associate (moves => assembly%moves(:, p), A_p => assembly%compliance_slope(:, p))
-               value%dh(p) = -assembly%varied(moved, s, p) + sum(A_p*u_o*matmul(H, u)) &
+               value%dh(p) = -assembly%varied(products, s, p) + sum(A_p*u_o*matmul(H, u)) &
                   + assembly%load_change(form, o, u_o, s, p)
-               value%dlog_p(p) = assembly%varied(trace, s, p) + sum(A_p*given)
+               value%dlog_p(p) = assembly%varied(traces, s, p) + sum(A_p*compliance_trace)
                if (.not. any(abs(moves) > 0)) cycle
-               seen = moves*matmul(d, value%q)
-               value%dh(p) = value%dh(p) + seen(assembly%sensor) - sum(u_o*matmul(H, seen)) &
-                  - sum(moves*matmul(d, o)*(matmul(H, u) - assembly%push(:, form)))
-               value%dlog_p(p) = value%dlog_p(p) + sum(moves*turned)
+               row_change = moves*matmul(v_x, value%q)
+               value%dh(p) = value%dh(p) + row_change(assembly%sensor) &
+                  - sum(u_o*matmul(H, row_change)) &
+                  - sum(moves*matmul(v_x, o)*(matmul(H, u) - assembly%push(:, form)))
+               value%dlog_p(p) = value%dlog_p(p) + sum(moves*position_trace)
             end associate
          end do
       end associate
    end subroutine differentiate
 
-   !> q = Q**-1 F and u = V'q, of a row that is longer or held what `beamid_vectors` has it be.
+   !> Computes the derivatives of log W with respect to the positions of the rows of V,
+   !> 2 (dv_i/dx)'Q**-1 times the coupling of row i.
    !>
-   !> E       (A + G H)**-1
-   !> load    (n)
-   !> longer  (r) by which rows are longer than what the oscillators make of them
-   subroutine solve(assembly, j, vector, E, w, load, longer, q, u)
+   !> traces  (r) derivatives with respect to the position on the mesh; 0 for rows that no parameter
+   !>         moves [1/length]
+   subroutine trace_positions(assembly, place, vector, E, w, traces)
+      type(assembly_t), intent(in) :: assembly
+      type(root_t), intent(in) :: place
+      type(vector_t), intent(in) :: vector
+      complex(wp), intent(in) :: E(:, :), w
+      complex(wp), intent(out) :: traces(:)
+      complex(wp), dimension(assembly%n) :: x, no_load
+      complex(wp), dimension(size(traces)) :: u_x, extended
+      integer :: i
+
+      traces = 0
+      no_load = 0
+      do i = 1, size(traces)
+         if (.not. any(abs(assembly%moves(i, :)) > 0)) cycle
+         extended = 0
+         extended(i) = 1
+         call solve(assembly, place%j, vector, E, w, no_load, extended, x, u_x)
+         traces(i) = -2*sum(assembly%v_slope(i, :)*x)
+      end do
+   end subroutine trace_positions
+
+   !> Solves Q q = F, with u = V'q; for the row of a spring u is the force, as y in
+   !> `beamid_vectors`.
+   !>
+   !> j         oscillator of the vector
+   !> E, w      (r, r) (A + G H)**-1, and D_j + v_j'f
+   !> load      (n) F
+   !> extended  (r) prescribed motion of the rows, in addition to that of the oscillators
+   !> q, u      (n), (r) the solution
+   subroutine solve(assembly, j, vector, E, w, load, extended, q, u)
       type(assembly_t), intent(in) :: assembly
       integer, intent(in) :: j
       type(vector_t), intent(in) :: vector
-      complex(wp), intent(in) :: E(:, :), w, load(:), longer(:)
+      complex(wp), intent(in) :: E(:, :), w, load(:), extended(:)
       complex(wp), intent(out) :: q(:), u(:)
-      complex(wp) :: f(size(u)), driven
+      complex(wp) :: f(size(u)), modal_force
       integer :: i, r
 
       r = size(u)
-      u = longer
+      u = extended
       do i = 1, assembly%n
          if (i /= j) u = u + assembly%v(:, i)*load(i)/vector%D(i)
       end do
       u = matmul(E, u)
       f = matmul(vector%H(:r, :r), u)
-      driven = (sum(vector%x*load) - sum(vector%f(:r)*longer))/w
+      modal_force = (sum(vector%x*load) - sum(vector%f(:r)*extended))/w
       do i = 1, assembly%n
-         q(i) = vector%x(i)*driven
+         q(i) = vector%x(i)*modal_force
          if (i /= j) q(i) = q(i) + (load(i) - sum(assembly%v(:, i)*f))/vector%D(i)
       end do
-      u = u + vector%y(:r)*driven
+      u = u + vector%y(:r)*modal_force
    end subroutine solve
 
 end module beamid_transfer

@@ -1,13 +1,15 @@
-!> Roots of an assembly and their vectors.
+!> Roots s of an assembly (`beamid_assembly`) and their vectors: (s**2 M + s C + K) x = 0 for the
+!> motion x of the oscillators, by matrices of the order of V's rows.
 !>
-!> With an oscillator j that takes part in the motion, x_j = 1, and G = sum over i /= j of
-!> v_i v_i'/D_i,
+!> The vector is normalised to x_j = 1 at an oscillator j that takes part in the motion. With
+!> G = sum over i /= j of v_i v_i'/D_i,
 !>
-!>     y = (A + G H)**-1 v_j,  f = H y,  x_i = -v_i'f/D_i,  D_j + v_j'f = 0:
+!>     y = (A + G H)**-1 v_j,  f = H y,  x_i = -v_i'f/D_i,  D_j + v_j'f = 0.
 !>
-!> nothing in it grows without bound when what hangs on the beam is light and s near a pole of D_j.
-!> Of a row that a spring to the ground holds y is the force of the spring in a unit of its own, A y
-!> the motion with the compliance in A, and H y the force with that of the dashpot.
+!> These quantities stay bounded if the attachments are light and s is near a root of D_j. For
+!> most rows A = 1, and y = V'x is the motion at the row. For the row of a spring to the ground, y
+!> is the spring's force in a suitable unit; A y is the motion, where A is the compliance, and
+!> f = H y is the force of spring and dashpot.
 module beamid_vectors
    use beamid_assembly, only: assembly_t, pencil_t
    use beamid_kinds, only: wp
@@ -16,42 +18,46 @@ module beamid_vectors
    implicit none
    private
 
-   public :: root_t, vector_t, add_answer, find_vector, logarithmic_derivative, nearest_pole, &
+   public :: root_t, vector_t, add_answer, couplings, eliminate, find_vector, nearest_pole, &
       solve_coupled, solve_mass
 
-   !> The highest order of H: every coupling that `beamid_assembly` knows.
+   !> Largest order of H: all rows of V that `beamid_assembly` can have.
    integer, parameter, public :: most = 5 + 2*most_sensors + most_supports
 
-   !> A point s given relative to the nearest pole, so that D keeps its digits however near it is.
+   !> A point s of the complex plane, a root or an approximation to one. It is stored relative to a
+   !> nearby root of an oscillator's D_i (a pole), so that D_i(s) keeps its digits near the pole.
    type :: root_t
-      integer :: j = 0                !< the oscillator with x_j = 1: one that takes part
-      integer :: origin = 0           !< s = pole(origin, side) + offset
-      integer :: side = 1
-      complex(wp) :: offset = 0
-      complex(wp) :: s = 0
+      integer :: j = 0                !< oscillator at which the vector is normalised, x_j = 1
+      integer :: origin = 0           !< oscillator of the pole; 0: not chosen yet
+      integer :: side = 1             !< 1 or 2: which of the two roots of D_origin is the pole
+      complex(wp) :: offset = 0       !< s - pole(origin, side) [1/time]
+      complex(wp) :: s = 0            !< the point itself [1/time]
    end type root_t
 
-   !> The vector x of a root, and what derivatives of it need; of y and f the first r count.
+   !> The vector of a root, and the quantities that its derivatives need. n: number of oscillators;
+   !> r: number of rows of V.
    type :: vector_t
-      complex(wp), allocatable :: x(:)                        !< (n)
-      complex(wp), allocatable :: D(:), dD(:)                 !< (n) D(s) and D'(s)
-      complex(wp), allocatable :: inverse(:)                  !< (n) 1/D(s), 0 for oscillator j
-      complex(wp) :: y(most), f(most)                         !< A**-1 V'x and H y
-      complex(wp), allocatable, dimension(:, :) :: G, H, dH   !< (r, r)
-      integer :: form = 1                    !< of the pencil
-      complex(wp) :: A = 0                   !< x'(2 s M + C) x
-      real(wp) :: inertia = 0                !< M on x and its conjugate, real and positive
+      complex(wp), allocatable :: x(:)          !< (n) motion of the oscillators, x_j = 1
+      complex(wp), allocatable :: D(:), dD(:)   !< (n) D(s) and D'(s)
+      complex(wp), allocatable :: inverse(:)    !< (n) 1/D(s); 0 for oscillator j
+      complex(wp) :: y(most), f(most)           !< A**-1 V'x and H y; the first r entries are set
+      complex(wp), allocatable, dimension(:, :) :: G, H, dH   !< (r, r) G(s), H(s) and H'(s)
+      integer :: form = 1                       !< form of the pencil at s, 1 or 2
+      complex(wp) :: A = 0                      !< x'(2 s M + C) x
+      real(wp) :: inertia = 0                   !< x^H M x, real and positive
    end type vector_t
 
 contains
 
-   !> Gives a point the nearest pole as its origin, and as oscillator j the one whose own answer is
-   !> the largest against what holds it.
+   !> Stores a point relative to the nearest pole. Chooses as oscillator j the one whose own
+   !> response is the largest in comparison with its couplings to the rows of V.
+   !>
+   !> root  in: s, and origin, side and offset if origin > 0; out: j, origin, side and offset
    pure subroutine nearest_pole(self, root)
       type(assembly_t), intent(in) :: self
       type(root_t), intent(inout) :: root
       complex(wp) :: s
-      real(wp) :: distance(2), least, weight(most), share, largest
+      real(wp) :: distance(2), least, weight(most), response, largest
       integer :: i, k, l, origin, side, r
 
       r = size(self%v, 1)
@@ -77,10 +83,10 @@ contains
             origin = i
             side = k
          end do
-         share = sum(self%v(:, i)**2*weight(:r))/self%pencil(1)%m(i)
-         share = share**2/max(distance(1)*distance(2), tiny(1.0_wp))
-         if (share <= largest) cycle
-         largest = share
+         response = sum(self%v(:, i)**2*weight(:r))/self%pencil(1)%m(i)
+         response = response**2/max(distance(1)*distance(2), tiny(1.0_wp))
+         if (response <= largest) cycle
+         largest = response
          root%j = i
       end do
       if (.not. least > 0) root%j = origin
@@ -90,7 +96,7 @@ contains
       root%offset = s - self%pole(origin, side)
    end subroutine nearest_pole
 
-   !> H(s) and H'(s).
+   !> Computes H(s) and H'(s), both of shape (r, r).
    pure subroutine couplings(pencil, s, H, dH)
       type(pencil_t), intent(in) :: pencil
       complex(wp), intent(in) :: s
@@ -105,90 +111,13 @@ contains
       end do
    end subroutine couplings
 
-   !> W'/W of the characteristic polynomial, W(s) = det(A + G H)(D_j + v_j'f) times D_i of all
-   !> other oscillators.
-   !> The one routine that a search calls hundreds of times: no array here is allocated. 0: without
-   !> oscillator j there is a root at this very point, and the quotient cannot be told.
-   pure complex(wp) function logarithmic_derivative(self, root) result(value)
-      type(assembly_t), intent(in) :: self
-      type(root_t), intent(in) :: root
-      complex(wp), dimension(most, most) :: G, dG, H, dH, a
-      complex(wp) :: b(most, most + 1), y(most), origin, left, right, D, dD, D_j, dD_j, w, dw
-      logical :: regular
-      integer :: i, k, l, r
-
-      r = size(self%v, 1)
-      associate (pencil => self%pencil(self%form_at(root%s)))
-         origin = self%pole(root%origin, root%side)
-         G(:r, :r) = 0
-         dG(:r, :r) = 0
-         value = 0
-         do i = 1, self%n
-            left = (origin - self%pole(i, 1)) + root%offset
-            right = (origin - self%pole(i, 2)) + root%offset
-            D = pencil%m(i)*left*right
-            dD = pencil%m(i)*(left + right)
-            if (i == root%j) then
-               D_j = D
-               dD_j = dD
-               cycle
-            end if
-            D = 1/D
-            dD = dD*D
-            value = value + dD
-            dD = -dD*D
-            do l = 1, r
-               do k = 1, l
-                  G(k, l) = G(k, l) + self%v(k, i)*self%v(l, i)*D
-                  dG(k, l) = dG(k, l) + self%v(k, i)*self%v(l, i)*dD
-               end do
-            end do
-         end do
-         do l = 1, r
-            do k = 1, r
-               H(k, l) = (pencil%hm(k, l)*root%s + pencil%hc(k, l))*root%s &
-                  + pencil%hk(k, l)
-               dH(k, l) = 2*pencil%hm(k, l)*root%s + pencil%hc(k, l)
-            end do
-            G(l, :l - 1) = G(:l - 1, l)
-            dG(l, :l - 1) = dG(:l - 1, l)
-         end do
-      end associate
-      do l = 1, r
-         do k = 1, r
-            a(k, l) = sum(G(k, :r)*H(:r, l))
-            b(k, l + 1) = sum(dG(k, :r)*H(:r, l) + G(k, :r)*dH(:r, l))
-         end do
-         a(l, l) = a(l, l) + self%compliance(l)
-         b(l, 1) = self%v(l, root%j)
-      end do
-      call eliminate(r, r + 1, a, b, regular)
-      w = D_j
-      dw = dD_j
-      do k = 1, r
-         y(k) = sum(H(k, :r)*b(:r, 1))
-         w = w + self%v(k, root%j)*y(k)
-         y(k) = sum(b(k, 2:r + 1)*b(:r, 1))
-      end do
-      do k = 1, r
-         dw = dw + self%v(k, root%j)*sum(dH(k, :r)*b(:r, 1) - H(k, :r)*y(:r))
-         value = value + b(k, k + 1)
-      end do
-      if (.not. regular) then
-         ! It cannot be told here.
-         value = 0
-      else if (.not. abs(w) > 0) then
-         value = huge(1.0_wp)
-      else
-         value = value + dw/w
-      end if
-   end function logarithmic_derivative
-
-   !> b := a**-1 b for a tiny matrix, by elimination with partial pivoting; a is destroyed. LAPACK
-   !> takes several times as long for these orders.
+   !> Solves a x = b in place for a small matrix, by elimination with partial pivoting. LAPACK takes
+   !> several times as long for these orders.
    !>
-   !> r, m     order, and columns of b
-   !> regular  .false. when a is singular; b is then undefined
+   !> r, m     order of a, and number of columns of b
+   !> a        (r, r) matrix, destroyed
+   !> b        (r, m) in: the right-hand sides; out: the solutions
+   !> regular  .false.: a is singular, and b is undefined
    pure subroutine eliminate(r, m, a, b, regular)
       integer, intent(in) :: r, m
       complex(wp), intent(inout) :: a(:, :), b(:, :)
@@ -232,14 +161,17 @@ contains
       end do
    end subroutine eliminate
 
-   !> A modulus that costs no square root.
+   !> Returns |Re z| + |Im z|, a norm of z that needs no square root.
    elemental real(wp) function size_of(z)
       complex(wp), intent(in) :: z
 
       size_of = abs(real(z)) + abs(aimag(z))
    end function size_of
 
-   !> The vector of a root.
+   !> Computes the vector of a root.
+   !>
+   !> root    the root, with j, origin and offset as `nearest_pole` sets them
+   !> vector  in: arrays to be reused, of any shape; out: the vector
    pure subroutine find_vector(self, root, vector)
       type(assembly_t), intent(in) :: self
       type(root_t), intent(in) :: root
@@ -247,15 +179,7 @@ contains
       integer :: i, k, l, r
 
       r = size(self%v, 1)
-      if (allocated(vector%H)) then
-         if (size(vector%x) /= self%n .or. size(vector%H, 1) /= r) deallocate (vector%H)
-      end if
-      if (.not. allocated(vector%H)) then
-         if (allocated(vector%x)) deallocate (vector%x, vector%D, vector%dD)
-         if (allocated(vector%G)) deallocate (vector%inverse, vector%G, vector%dH)
-         allocate (vector%x(self%n), vector%D(self%n), vector%dD(self%n), &
-            vector%inverse(self%n), vector%G(r, r), vector%H(r, r), vector%dH(r, r))
-      end if
+      call allocate_vector(self%n, r, vector)
       vector%form = self%form_at(root%s)
       associate (v => self%v, m => self%pencil(1)%m, G => vector%G, pencil => &
          self%pencil(vector%form))
@@ -263,7 +187,7 @@ contains
          call denominators(self%n, m, self%pole, root, vector%D, vector%dD, vector%inverse)
          do l = 1, r
             do k = 1, l
-               G(k, l) = real_sum(self%n, self%vv(:, k + l*(l - 1)/2), vector%inverse)
+               G(k, l) = sum(self%vv(:, k + l*(l - 1)/2)*vector%inverse)
                G(l, k) = G(k, l)
             end do
             vector%y(l) = v(l, root%j)
@@ -290,8 +214,27 @@ contains
       end associate
    end subroutine find_vector
 
-   !> D, D' and 1/D at a point, but 0 in the place of 1/D_j; the distances from other poles by way
-   !> of the nearest one, which leaves each its digits.
+   !> Allocates the arrays of a vector for n oscillators and r rows, unless they have these shapes.
+   pure subroutine allocate_vector(n, r, vector)
+      integer, intent(in) :: n, r
+      type(vector_t), intent(inout) :: vector
+
+      if (allocated(vector%H)) then
+         if (size(vector%x) == n .and. size(vector%H, 1) == r) return
+         deallocate (vector%H)
+      end if
+      if (allocated(vector%x)) deallocate (vector%x, vector%D, vector%dD)
+      if (allocated(vector%G)) deallocate (vector%inverse, vector%G, vector%dH)
+      allocate (vector%x(n), vector%D(n), vector%dD(n), vector%inverse(n), vector%G(r, r), &
+         vector%H(r, r), vector%dH(r, r))
+   end subroutine allocate_vector
+
+   !> Computes D, D' and 1/D at a point, with 0 in the place of 1/D_j. The distances from the poles
+   !> are formed relative to the nearest pole, so that none loses digits by cancellation.
+   !>
+   !> m               (n) modal masses m_i of D_i = m_i s**2 + c_i s + k_i
+   !> pole            (n, 2) roots of D_i [1/time]
+   !> D, dD, inverse  (n) D, D' and 1/D
    pure subroutine denominators(n, m, pole, root, D, dD, inverse)
       integer, intent(in) :: n
       real(wp), intent(in) :: m(n)
@@ -315,20 +258,13 @@ contains
       inverse(root%j) = 0
    end subroutine denominators
 
-   !> sum a z
-   pure complex(wp) function real_sum(n, a, z)
-      integer, intent(in) :: n
-      real(wp), intent(in) :: a(n)
-      complex(wp), intent(in) :: z(n)
-      integer :: i
-
-      real_sum = 0
-      do i = 1, n
-         real_sum = real_sum + a(i)*z(i)
-      end do
-   end function real_sum
-
-   !> x := x - D**-1 V f, the answer of the oscillators to forces along the rows.
+   !> Adds the response of the oscillators to forces f along the rows of V to x: x := x - D**-1 V f.
+   !>
+   !> n, r     numbers of oscillators and rows
+   !> vt       (n, r) transpose of `assembly%v`
+   !> f        (r) forces
+   !> inverse  (n) 1/D
+   !> x        (n) motion of the oscillators
    pure subroutine add_answer(n, r, vt, f, inverse, x)
       integer, intent(in) :: n, r
       real(wp), intent(in) :: vt(n, r)
@@ -346,7 +282,10 @@ contains
       end do
    end subroutine add_answer
 
-   !> b := (A + G H)**-1 b; zero where there is no inverse.
+   !> Solves (A + G H) x = b in place; the result is 0 if the matrix is singular.
+   !>
+   !> vector  supplies G and H
+   !> b       (r) in: right-hand side; out: solution
    pure subroutine solve_coupled(self, vector, b)
       type(assembly_t), intent(in) :: self
       type(vector_t), intent(in) :: vector
@@ -371,12 +310,12 @@ contains
       if (regular) b = columns(:r, 1)
    end subroutine solve_coupled
 
-   !> x := M**-1 x and y = V'x, the latter without the cancellation of a sum over x; of a row that
-   !> is held y is the force.
+   !> Computes the accelerations x := M**-1 x of the oscillators under forces, and y = V'x of the
+   !> rows, without the cancellation of a sum over x. For a rigid row, y is the constraint force.
    !>
-   !> x      (n, columns)
-   !> y      (r, columns)
-   !> moved  (r) by which rows that are held are moved, for the first column; left out: by nothing
+   !> x      (n, columns) in: forces; out: accelerations
+   !> y      (r, columns) accelerations of the rows, or forces of rigid rows
+   !> moved  (r) prescribed accelerations of rigid rows, for the first column; default: none
    subroutine solve_mass(self, x, y, moved)
       type(assembly_t), intent(in) :: self
       real(wp), intent(inout) :: x(:, :)

@@ -1,8 +1,9 @@
-!> Noise that remembers: e_t = a_1 e_(t-1) + ... + a_p e_(t-p) + white noise, estimated from
-!> residuals, and the filter that makes such noise white.
+!> Fits autoregressive noise, e_t = a_1 e_(t-1) + ... + a_p e_(t-p) + white noise, to residuals, and
+!> filters the noise to white noise. The posterior uses it for coloured residuals.
 !>
-!> Yule and Walker's equations by Levinson's recursion, the order by the least AICc (Brockwell and
-!> Davis, Time Series: Theory and Methods, 1991, sections 8.1, 8.2 and 9.3).
+!> The coefficients solve Yule and Walker's equations by Levinson's recursion; the order has the
+!> least AICc (Brockwell and Davis, Time Series: Theory and Methods, 1991, sections 8.1, 8.2 and
+!> 9.3).
 module beamid_autoregression
    use beamid_kinds, only: wp
    use beamid_sorting, only: median
@@ -12,13 +13,16 @@ module beamid_autoregression
 
    public :: autoregression_t, new_autoregression
 
+   !> An autoregressive process, and the neighbours of each sample.
    type :: autoregression_t
-      integer :: order = 0
-      !> (order, 0:order) column k predicts from the k values before, the latest first
+      integer :: order = 0   !< p
+      !> (order, 0:order) column k: coefficients that predict a value from the k values before, the
+      !> latest first
       real(wp), allocatable :: predictor(:, :)
-      !> (0:order) what makes an error of that prediction as large as one of the last
+      !> (0:order) factors that give the error of the prediction from k values the same variance as
+      !> that from p values
       real(wp), allocatable :: gain(:)
-      !> (m) values before a row that belong to it: none behind a gap
+      !> (m) number of values before each row without a gap between them
       integer, allocatable :: before(:)
    contains
       procedure :: whiten
@@ -26,46 +30,49 @@ module beamid_autoregression
 
 contains
 
-   !> residual  (m) in the order of time, some of them not 0
-   !> t         (m) their times, ascending; more than 1.5 of the usual step apart is a gap
-   !> white     .true.: of order 0, whatever they are
+   !> Fits an autoregressive process to residuals.
+   !>
+   !> residual  (m) in order of time, not all zero
+   !> t         (m) their times, ascending [time]; a step of more than 1.5 median steps is a gap
+   !> white     .true.: assumes white noise, of order 0
    function new_autoregression(residual, t, white) result(self)
       real(wp), intent(in) :: residual(:), t(:)
       logical, intent(in) :: white
       type(autoregression_t) :: self
       real(wp), allocatable :: covariance(:), a(:, :), variance(:), criterion(:)
-      real(wp) :: reflection, usual
-      integer :: k, m, most
+      real(wp) :: reflection, median_step
+      integer :: k, m, max_order
 
       m = size(residual)
-      most = merge(0, min(max_lags, m/4), white)
-      allocate (self%before(m), covariance(0:most), a(most, 0:most), variance(0:most), &
-         criterion(0:most))
+      max_order = merge(0, min(max_lags, m/4), white)
+      allocate (self%before(m), covariance(0:max_order), a(max_order, 0:max_order), &
+         variance(0:max_order), criterion(0:max_order))
       self%before = 0
-      usual = median(t(2:) - t(:m - 1))
+      median_step = median(t(2:) - t(:m - 1))
       do k = 2, m
-         if (t(k) - t(k - 1) <= 1.5_wp*usual) self%before(k) = self%before(k - 1) + 1
+         if (t(k) - t(k - 1) <= 1.5_wp*median_step) self%before(k) = self%before(k - 1) + 1
       end do
-      do k = 0, most
+      do k = 0, max_order
          covariance(k) = sum(residual(:m - k)*residual(k + 1:), mask=self%before(k + 1:) >= k)/m
       end do
       a = 0
       variance(0) = covariance(0)
-      do k = 1, most
+      do k = 1, max_order
          reflection = (covariance(k) - dot_product(a(:k - 1, k - 1), covariance(k - 1:1:-1))) &
             /variance(k - 1)
          a(:k - 1, k) = a(:k - 1, k - 1) - reflection*a(k - 1:1:-1, k - 1)
          a(k, k) = reflection
          variance(k) = variance(k - 1)*(1 - reflection**2)
       end do
-      criterion = [(m*log(variance(k)) + 2.0_wp*(k + 1)*m/max(1, m - k - 2), k=0, most)]
+      criterion = [(m*log(variance(k)) + 2.0_wp*(k + 1)*m/max(1, m - k - 2), k=0, max_order)]
       self%order = minloc(criterion, dim=1) - 1
       allocate (self%predictor(self%order, 0:self%order), self%gain(0:self%order))
       self%predictor(:, :) = a(:self%order, :self%order)
       self%gain(:) = sqrt(variance(self%order)/variance(:self%order))
    end function new_autoregression
 
-   !> What is left of values, or of a derivative of them, when each is predicted from those before.
+   !> Replaces values, or derivatives of values, by the errors of their prediction from the values
+   !> before.
    !>
    !> values  (m)
    pure subroutine whiten(self, values)

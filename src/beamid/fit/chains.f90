@@ -1,6 +1,7 @@
-!> What draws of several chains are worth: effective sample sizes and the potential scale reduction,
-!> rank-normalised (Vehtari, Gelman, Simpson, Carpenter and Bürkner, Bayesian Analysis 16, 2021,
-!> 667; Geyer, Statistical Science 7, 1992, 473, for where sums of autocorrelations end).
+!> Computes diagnostics of Markov chains: effective sample sizes and the potential scale reduction,
+!> both rank-normalised (Vehtari, Gelman, Simpson, Carpenter and Bürkner, Bayesian Analysis 16,
+!> 2021, 667). Sums of autocorrelations are truncated after Geyer (Statistical Science 7, 1992,
+!> 473). `beamid_sampling` judges its draws with them.
 module beamid_chains
    use beamid_distributions, only: normal_quantile
    use beamid_kinds, only: wp
@@ -12,64 +13,72 @@ module beamid_chains
 
 contains
 
-   !> Effective number of draws for what lies in the middle of a distribution.
+   !> Returns the effective sample size for the middle of a distribution (bulk-ESS).
    !>
-   !> draws  (length, chains)
+   !> draws  (length, chains) of one parameter
    real(wp) function bulk_size(draws)
       real(wp), intent(in) :: draws(:, :)
 
-      bulk_size = effective_size(normal_scores(halves(draws)))
+      bulk_size = effective_size(normal_scores(split_chains(draws)))
    end function bulk_size
 
-   !> The same for both of its 5 % tails, the smaller number.
+   !> Returns the effective sample size for the tails (tail-ESS): the smaller of the sizes for the
+   !> 5 % and the 95 % quantile.
+   !>
+   !> draws  (length, chains) of one parameter
    real(wp) function tail_size(draws)
       real(wp), intent(in) :: draws(:, :)
       real(wp), parameter :: tails(2) = [0.05_wp, 0.95_wp]
-      real(wp) :: flat(size(draws))
+      real(wp) :: sorted(size(draws))
       integer :: k
 
-      flat = reshape(draws, [size(draws)])
-      call sort(flat)
+      sorted = reshape(draws, [size(draws)])
+      call sort(sorted)
       tail_size = huge(tail_size)
       do k = 1, 2
-         tail_size = min(tail_size, effective_size(halves(merge(1.0_wp, 0.0_wp, &
-            draws <= quantile(flat, tails(k))))))
+         tail_size = min(tail_size, effective_size(split_chains(merge(1.0_wp, 0.0_wp, &
+            draws <= quantile(sorted, tails(k))))))
       end do
    end function tail_size
 
-   !> 1 where chains agree in place and spread; above 1.01 they do not.
+   !> Returns the potential scale reduction: 1 if chains agree in location and scale; above 1.01
+   !> they do not.
+   !>
+   !> draws  (length, chains) of one parameter
    real(wp) function scale_reduction(draws) result(r)
       real(wp), intent(in) :: draws(:, :)
-      real(wp) :: flat(size(draws)), middle
+      real(wp) :: sorted(size(draws)), middle
 
-      flat = reshape(draws, [size(draws)])
-      call sort(flat)
-      middle = quantile(flat, 0.5_wp)
-      r = max(of_scores(draws), of_scores(abs(draws - middle)))
+      sorted = reshape(draws, [size(draws)])
+      call sort(sorted)
+      middle = quantile(sorted, 0.5_wp)
+      r = max(reduction_of_scores(draws), reduction_of_scores(abs(draws - middle)))
 
    contains
 
-      real(wp) function of_scores(values)
+      !> Returns the potential scale reduction of the normal scores of some values.
+      real(wp) function reduction_of_scores(values)
          real(wp), intent(in) :: values(:, :)
          real(wp) :: within, between
 
-         associate (z => normal_scores(halves(values)))
+         associate (z => normal_scores(split_chains(values)))
             call variances(z, within, between)
-            of_scores = 1
+            reduction_of_scores = 1
             if (within > 0) then
-               of_scores = sqrt((size(z, 1) - 1.0_wp)/size(z, 1) + between/within)
+               reduction_of_scores = sqrt((size(z, 1) - 1.0_wp)/size(z, 1) + between/within)
             else if (between > 0) then
-               of_scores = huge(of_scores)
+               reduction_of_scores = huge(reduction_of_scores)
             end if
          end associate
-      end function of_scores
+      end function reduction_of_scores
 
    end function scale_reduction
 
-   !> A quantile by linear interpolation between order statistics, the first of probability 0 and
-   !> the last of probability 1.
+   !> Returns a quantile by linear interpolation between order statistics, of which the first has
+   !> the probability 0 and the last the probability 1.
    !>
-   !> sorted  (n) ascending
+   !> sorted       (n) ascending
+   !> probability  0 .. 1
    pure real(wp) function quantile(sorted, probability)
       real(wp), intent(in) :: sorted(:), probability
       real(wp) :: place
@@ -84,7 +93,7 @@ contains
       end if
    end function quantile
 
-   !> deviation  the standard deviation, of n - 1
+   !> Computes mean and standard deviation (with n - 1) of x (n).
    pure subroutine mean_and_deviation(x, mean, deviation)
       real(wp), intent(in) :: x(:)
       real(wp), intent(out) :: mean, deviation
@@ -93,8 +102,8 @@ contains
       deviation = sqrt(sum((x - mean)**2)/(size(x) - 1))
    end subroutine mean_and_deviation
 
-   !> Each chain as two, without the draw in the middle where their number is odd.
-   pure function halves(draws) result(split)
+   !> Splits each chain in two halves, without the draw in the middle if their number is odd.
+   pure function split_chains(draws) result(split)
       real(wp), intent(in) :: draws(:, :)
       real(wp) :: split(size(draws, 1)/2, 2*size(draws, 2))
       integer :: k, n
@@ -104,9 +113,9 @@ contains
          split(:, 2*k - 1) = draws(:n, k)
          split(:, 2*k) = draws(size(draws, 1) - n + 1:, k)
       end do
-   end function halves
+   end function split_chains
 
-   !> Normal scores of the ranks among all draws; equal draws have the mean of their ranks.
+   !> Returns the normal scores of the ranks among all draws; equal draws have their mean rank.
    function normal_scores(draws) result(scores)
       real(wp), intent(in) :: draws(:, :)
       real(wp) :: scores(size(draws, 1), size(draws, 2))
@@ -117,15 +126,15 @@ contains
       call sort(sorted)
       do j = 1, size(draws, 2)
          do i = 1, size(draws, 1)
-            rank = (below(draws(i, j), .false.) + below(draws(i, j), .true.) + 1)/2.0_wp
+            rank = (count_below(draws(i, j), .false.) + count_below(draws(i, j), .true.) + 1)/2.0_wp
             scores(i, j) = normal_quantile((rank - 0.375_wp)/(size(sorted) + 0.25_wp))
          end do
       end do
 
    contains
 
-      !> How many are smaller, or no larger, by bisection.
-      pure integer function below(x, or_equal)
+      !> Returns, by bisection, how many draws are smaller than x, or not larger.
+      pure integer function count_below(x, or_equal)
          real(wp), intent(in) :: x
          logical, intent(in) :: or_equal
          integer :: first, last, middle
@@ -140,12 +149,12 @@ contains
                last = middle
             end if
          end do
-         below = first
-      end function below
+         count_below = first
+      end function count_below
 
    end function normal_scores
 
-   !> Mean variance in a chain, and variance of the chains' means.
+   !> Computes the mean variance within a chain, and the variance of the chains' means.
    pure subroutine variances(draws, within, between)
       real(wp), intent(in) :: draws(:, :)
       real(wp), intent(out) :: within, between
@@ -161,37 +170,39 @@ contains
       between = sum((means - sum(means)/size(means))**2)/(size(means) - 1)
    end subroutine variances
 
-   !> Number of independent draws of which the mean would be as uncertain: autocorrelations over
-   !> all chains, summed in pairs while these are positive, and not above the pair before.
+   !> Returns the number of independent draws whose mean would have the same variance.
+   !> Autocorrelations over all chains are summed in pairs while the pairs are positive, and each
+   !> pair counts at most as much as the pair before.
    real(wp) function effective_size(draws) result(effective)
       real(wp), intent(in) :: draws(:, :)
-      real(wp) :: within, between, spread, total, pair, before, means(size(draws, 2))
+      real(wp) :: within, between, total_variance, total, pair, previous_pair, means(size(draws, 2))
       integer :: n, lag
 
       n = size(draws, 1)
       call variances(draws, within, between)
-      spread = within*(n - 1)/n + between
+      total_variance = within*(n - 1)/n + between
       effective = size(draws)
-      if (.not. spread > 0) return
+      if (.not. total_variance > 0) return
       means = sum(draws, dim=1)/n
-      ! The pair of lags 0 and 1 counts whatever it is.
+      ! The pair of lags 0 and 1 always counts.
       total = 1 + correlation(1)
-      before = total
+      previous_pair = total
       lag = 2
       do while (lag < n - 2)
          pair = correlation(lag) + correlation(lag + 1)
          if (pair < 0 .or. lag >= n - 4) exit
-         pair = min(pair, before)
+         pair = min(pair, previous_pair)
          total = total + pair
-         before = pair
+         previous_pair = pair
          lag = lag + 2
       end do
-      ! Of the last pair the first may be positive.
+      ! The first autocorrelation of the last pair may be positive.
       if (lag < n - 2) total = total + max(0.0_wp, correlation(lag))/2
       effective = size(draws)/max(2*total - 1, 1/log10(real(size(draws), wp)))
 
    contains
 
+      !> Returns the autocorrelation at a lag over all chains.
       real(wp) function correlation(lag)
          integer, intent(in) :: lag
          real(wp) :: covariance
@@ -202,7 +213,7 @@ contains
             covariance = covariance + dot_product(draws(:n - lag, k) - means(k), &
                draws(lag + 1:, k) - means(k))/n/size(draws, 2)
          end do
-         correlation = 1 - (within - covariance)/spread
+         correlation = 1 - (within - covariance)/total_variance
          if (lag == 0) correlation = 1
       end function correlation
 

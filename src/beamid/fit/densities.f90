@@ -1,4 +1,5 @@
-!> A probability density to be sampled, and coordinates in which its parameters have no bounds.
+!> Declares the probability densities that the samplers draw from, and coordinates without bounds
+!> for their parameters.
 module beamid_densities
    use beamid_kinds, only: wp
    use beamid_variables, only: has, unbounded, variable_t
@@ -7,19 +8,22 @@ module beamid_densities
 
    public :: density_t, coordinate_t, new_coordinate, impossible
 
-   !> The logarithm of no probability at all.
+   !> Logarithm of the density where the density is zero or cannot be computed.
    real(wp), parameter :: impossible = -huge(1.0_wp)
 
+   !> A probability density of n parameters.
    type, abstract :: density_t
    contains
       procedure(evaluate), deferred :: evaluate
    end type density_t
 
    abstract interface
-      !> q          (n) within the bounds
+      !> Computes the logarithm of the density and, if requested, its derivatives.
+      !>
+      !> q          (n) parameters within their bounds
       !> value      log density up to a constant; `impossible` where it cannot be computed
       !> gradient   (n) d value/d q
-      !> curvature  (n, n) -d2 value/d q2 nearly, positive semidefinite
+      !> curvature  (n, n) approximation of -d2 value/d q2, positive semidefinite
       subroutine evaluate(self, q, value, gradient, curvature)
          import :: density_t, wp
          class(density_t), intent(inout) :: self
@@ -29,9 +33,11 @@ module beamid_densities
       end subroutine evaluate
    end interface
 
-   !> A parameter by a number without bounds: the logarithm of its distance from its one bound, of
-   !> the ratio of its distances from both, or, where it has none, itself over what is moderate.
+   !> Maps a parameter to a coordinate x without bounds. With one bound x is the logarithm of the
+   !> distance from the bound, with two bounds the logarithm of the ratio of the distances from
+   !> them, and without bounds the parameter over its magnitude.
    type :: coordinate_t
+      !> bounds and moderate value of the parameter, in its unit
       real(wp) :: lower = -unbounded, upper = unbounded, magnitude = 1
    contains
       procedure :: value
@@ -43,13 +49,14 @@ module beamid_densities
 
 contains
 
+   !> Returns the coordinate of a variable of a fit.
    elemental type(coordinate_t) function new_coordinate(variable)
       type(variable_t), intent(in) :: variable
 
       new_coordinate = coordinate_t(variable%lower, variable%upper, variable%magnitude)
    end function new_coordinate
 
-   !> The parameter at x.
+   !> Returns the parameter at x.
    elemental real(wp) function value(self, x)
       class(coordinate_t), intent(in) :: self
       real(wp), intent(in) :: x
@@ -65,26 +72,26 @@ contains
       end if
    end function value
 
-   !> x of a parameter inside its bounds; at a bound that of a point a little inside.
+   !> Returns the coordinate x of a parameter value; at a bound that of a point slightly inside.
    elemental real(wp) function of(self, value) result(x)
       class(coordinate_t), intent(in) :: self
       real(wp), intent(in) :: value
-      real(wp) :: least
+      real(wp) :: nearest
 
-      least = 1e-6_wp*self%magnitude
+      nearest = 1e-6_wp*self%magnitude
       if (has(self%lower) .and. has(self%upper)) then
-         least = min(least, 1e-3_wp*(self%upper - self%lower))
-         x = log(max(value - self%lower, least)/max(self%upper - value, least))
+         nearest = min(nearest, 1e-3_wp*(self%upper - self%lower))
+         x = log(max(value - self%lower, nearest)/max(self%upper - value, nearest))
       else if (has(self%lower)) then
-         x = log(max(value - self%lower, least))
+         x = log(max(value - self%lower, nearest))
       else if (has(self%upper)) then
-         x = log(max(self%upper - value, least))
+         x = log(max(self%upper - value, nearest))
       else
          x = value/self%magnitude
       end if
    end function of
 
-   !> d value/d x.
+   !> Returns the derivative d value/d x.
    elemental real(wp) function slope(self, x)
       class(coordinate_t), intent(in) :: self
       real(wp), intent(in) :: x
@@ -93,7 +100,7 @@ contains
       if (has(self%upper) .and. .not. has(self%lower)) slope = -slope
    end function slope
 
-   !> log |d value/d x|.
+   !> Returns log |d value/d x|, which changes the density when the coordinate changes.
    elemental real(wp) function log_slope(self, x)
       class(coordinate_t), intent(in) :: self
       real(wp), intent(in) :: x
@@ -107,7 +114,7 @@ contains
       end if
    end function log_slope
 
-   !> d log_slope/d x.
+   !> Returns the derivative of `log_slope` by x.
    elemental real(wp) function bend(self, x)
       class(coordinate_t), intent(in) :: self
       real(wp), intent(in) :: x
@@ -116,6 +123,7 @@ contains
       if (has(self%lower) .and. has(self%upper)) bend = 1 - 2*logistic(x)
    end function bend
 
+   !> Returns the logistic function 1/(1 + exp(-x)), without overflow.
    elemental real(wp) function logistic(x)
       real(wp), intent(in) :: x
 

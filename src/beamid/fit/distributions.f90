@@ -1,4 +1,5 @@
-!> Student's t, chi-square and normal distributions from the incomplete beta and gamma functions.
+!> Computes Student's t, chi-square and normal distributions from the incomplete beta and gamma
+!> functions, for intervals and tests.
 module beamid_distributions
    use beamid_kinds, only: wp
    implicit none
@@ -10,12 +11,13 @@ module beamid_distributions
    !> Half width of a 95 % interval of a standard normal variable.
    real(wp), parameter, public :: normal_95 = 1.959963984540054_wp
 
+   !> Largest number of terms of a series or continued fraction.
    integer, parameter :: max_terms = 100000
 
 contains
 
-   !> Regularised incomplete beta function I_x(a, b), 0 <= x <= 1, a, b > 0: the continued fraction
-   !> DLMF 8.17.22, on the side where it converges fast.
+   !> Returns the regularised incomplete beta function I_x(a, b), 0 <= x <= 1, a, b > 0, by the
+   !> continued fraction DLMF 8.17.22, of x or of 1 - x, whichever converges faster.
    pure real(wp) function incomplete_beta(a, b, x) result(value)
       real(wp), intent(in) :: a, b, x
       real(wp) :: front
@@ -32,18 +34,19 @@ contains
       end if
    end function incomplete_beta
 
-   !> log(1 - x), also for small x.
+   !> Returns log(1 - x), accurate also for small x.
    pure real(wp) function log1m(x)
       real(wp), intent(in) :: x
       real(wp) :: y
 
-      ! log(y)/(y - 1) varies slowly: the rounding of y = 1 - x cancels.
+      ! log(y)/(y - 1) varies slowly: the round-off of y = 1 - x cancels.
       y = 1 - x
       log1m = -x
       if (abs(y - 1) > 0) log1m = -x*log(y)/(y - 1)
    end function log1m
 
-   !> The fraction 1/(1+ d_1/(1+ d_2/(1+ ...))) of the incomplete beta function, by Lentz's method.
+   !> Returns the continued fraction 1/(1+ d_1/(1+ d_2/(1+ ...))) of the incomplete beta function,
+   !> by Lentz's method.
    pure real(wp) function beta_fraction(a, b, x) result(value)
       real(wp), intent(in) :: a, b, x
       real(wp) :: c, d, term
@@ -67,6 +70,7 @@ contains
       end do
    end function beta_fraction
 
+   !> Returns x, or the smallest normal number if |x| is smaller, for Lentz's method.
    pure real(wp) function away_from_zero(x)
       real(wp), intent(in) :: x
 
@@ -74,8 +78,8 @@ contains
       if (abs(x) < tiny(x)) away_from_zero = tiny(x)
    end function away_from_zero
 
-   !> Regularised upper incomplete gamma function Q(a, x), a > 0, x >= 0: the series DLMF 8.11.4 of
-   !> 1 - Q for x < a + 1, the continued fraction 8.9.2 beyond.
+   !> Returns the regularised upper incomplete gamma function Q(a, x), a > 0, x >= 0: by the series
+   !> DLMF 8.11.4 of 1 - Q for x < a + 1, otherwise by the continued fraction 8.9.2.
    pure real(wp) function incomplete_gamma(a, x) result(value)
       real(wp), intent(in) :: a, x
       real(wp) :: front, term, c, d, b
@@ -109,7 +113,8 @@ contains
       end if
    end function incomplete_gamma
 
-   !> Probability that |T| <= t, t >= 0, for Student's t with `freedom` > 0 degrees of freedom.
+   !> Returns the probability that |T| <= t, t >= 0, for Student's t with `freedom` > 0 degrees of
+   !> freedom.
    pure real(wp) function student_probability(t, freedom) result(value)
       real(wp), intent(in) :: t, freedom
 
@@ -120,8 +125,8 @@ contains
       end if
    end function student_probability
 
-   !> The t with P(|T| <= t) = probability, 0 < probability < 1, to machine precision; 0.95 for a
-   !> 95 % interval.
+   !> Returns the t with P(|T| <= t) = probability, 0 < probability < 1, to machine precision. The
+   !> probability is 0.95 for a 95 % interval.
    pure real(wp) function student_quantile(probability, freedom) result(t)
       real(wp), intent(in) :: probability, freedom
       real(wp) :: below, above, excess, density, height
@@ -133,7 +138,7 @@ contains
          below = above
          above = 2*above
       end do
-      ! Newton's method within brackets; twice the density is the slope of the probability.
+      ! Newton's method within brackets; the derivative of the probability is twice the density.
       height = 2*exp(log_gamma((freedom + 1)/2) - log_gamma(freedom/2))/sqrt(freedom*acos(-1.0_wp))
       t = (below + above)/2
       do k = 1, 200
@@ -151,22 +156,23 @@ contains
       end do
    end function student_quantile
 
-   !> Probability that chi-square with `freedom` degrees of freedom exceeds x.
+   !> Returns the probability that chi-square with `freedom` degrees of freedom exceeds x.
    pure real(wp) function chi_square_tail(x, freedom) result(value)
       real(wp), intent(in) :: x, freedom
 
       value = incomplete_gamma(freedom/2, max(0.0_wp, x)/2)
    end function chi_square_tail
 
-   !> Probability that a standard normal variable is below x.
+   !> Returns the probability that a standard normal variable is below x.
    elemental real(wp) function normal_probability(x) result(value)
       real(wp), intent(in) :: x
 
       value = erfc(-x/sqrt(2.0_wp))/2
    end function normal_probability
 
-   !> The x that a standard normal variable stays below with a probability in (0, 1): Newton's
-   !> method on the logarithm of the tail, which is concave: past the root once, then up to it.
+   !> Returns the quantile of the standard normal distribution for a probability in (0, 1), by
+   !> Newton's method on the logarithm of the tail. This function is concave: the iteration passes
+   !> the root once and then converges from one side.
    elemental real(wp) function normal_quantile(probability) result(x)
       real(wp), intent(in) :: probability
       real(wp), parameter :: root_of_2_pi = sqrt(2*acos(-1.0_wp))

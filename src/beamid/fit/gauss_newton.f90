@@ -1,5 +1,6 @@
-!> Where linear theory puts the minimum of a sum of squares, seen from a point: the Gauss-Newton
-!> step within the bounds, what is left of the residuals behind it, and how far that is.
+!> Computes Gauss-Newton steps within bounds: the minimum of a sum of squares that linear theory
+!> predicts from a point, the residuals that remain there, and the distance to it. Searches stop by
+!> this distance, and `beamid_optimality` checks their results with it.
 module beamid_gauss_newton
    use beamid_kinds, only: wp
    use beamid_lapack, only: dgelsy
@@ -9,25 +10,28 @@ module beamid_gauss_newton
 
    public :: gauss_newton_t, gauss_newton_step, least_squares_step, scales_of
 
+   !> The minimum that linear theory predicts.
    type :: gauss_newton_t
       real(wp), allocatable :: step(:)      !< (n) to the minimum, physical parameters
       real(wp), allocatable :: residual(:)  !< (m) r + jacobian step
-      !> Distance to the minimum in standard errors: (J - J_min)/s^2 = distance^2 with
-      !> s^2 = J_min/(m - n), the shift of the parameter, or combination of parameters, that the
-      !> step moves most in units of its own standard error.
+      !> Distance to the minimum in standard errors, sqrt((J - J_min)/s^2) with s^2 = J_min/(m - n).
+      !> It is the shift, in units of its own standard error, of the parameter or combination of
+      !> parameters that the step moves most in these units.
       real(wp) :: distance = 0
-      integer :: rank = 0                   !< independent directions in which parameters count
+      integer :: rank = 0   !< number of independent directions in which parameters have an effect
    end type gauss_newton_t
 
 contains
 
-   !> Minimises |residual + jacobian step| while parameters + step stay inside the bounds: a
-   !> variable that the step takes to a bound stays there, and the others go on.
+   !> Minimises |residual + jacobian step| with parameters + step inside the bounds. A variable that
+   !> reaches a bound stays there, and the others move on.
    !>
-   !> jacobian   (m, n) d residual/d parameter
-   !> residual   (m)
-   !> parameters (n) inside the bounds of the variables
-   !> threshold  relative error of the columns: directions whose effect is smaller are left alone
+   !> jacobian    (m, n) d residual/d parameter
+   !> residual    (m)
+   !> parameters  (n) inside the bounds of the variables
+   !> variables   (n) with their bounds and magnitudes
+   !> threshold   relative error of the columns; directions with a smaller relative effect are left
+   !>             unchanged
    function gauss_newton_step(jacobian, residual, parameters, variables, threshold) result(ahead)
       real(wp), intent(in) :: jacobian(:, :), residual(:), parameters(:), threshold
       type(variable_t), intent(in) :: variables(:)
@@ -36,7 +40,7 @@ contains
       logical :: free(size(parameters))
       integer :: hit, k, rank
 
-      ! What the search put on a bound may lie beyond it by a rounding.
+      ! A parameter that the search put on a bound may lie beyond it by round-off.
       p = min(max(parameters, variables%lower), variables%upper)
       free = .true.
       ahead%residual = residual
@@ -44,7 +48,7 @@ contains
          call least_squares_step(jacobian, ahead%residual, scales_of(variables, p), free, &
             threshold, step, rank)
          ahead%rank = max(ahead%rank, rank)
-         ! The share of the step after which each variable meets a bound.
+         ! The share of the step at which each variable reaches a bound.
          share = 1
          do k = 1, size(p)
             if (p(k) + step(k) < variables(k)%lower) share(k) = (variables(k)%lower - p(k))/step(k)
@@ -62,7 +66,8 @@ contains
          /max(left/max(1, size(residual) - size(p)), tiny(left)))
    end function gauss_newton_step
 
-   !> What relative changes of the parameters are relative to.
+   !> Returns the scale, (n), of relative changes of each parameter: the larger of its absolute
+   !> value and its magnitude.
    pure function scales_of(variables, parameters) result(scales)
       type(variable_t), intent(in) :: variables(:)
       real(wp), intent(in) :: parameters(:)
@@ -71,11 +76,16 @@ contains
       scales = max(abs(parameters), variables%magnitude)
    end function scales_of
 
-   !> The shortest step, per relative change, that minimises |r + jacobian step|: LAPACK's least
-   !> squares by QR with column pivoting.
+   !> Minimises |r + jacobian step|, and returns the shortest of the minimising steps, measured in
+   !> relative changes. Uses LAPACK's least squares by QR with column pivoting (`dgelsy`).
    !>
-   !> free  (n) variables that move
-   !> rank  number of independent directions in which these have an effect
+   !> jacobian   (m, n)
+   !> residual   (m) r
+   !> scales     (n) > 0, of relative changes
+   !> free       (n) whether a variable moves
+   !> threshold  smallest reciprocal condition number of the columns that are used
+   !> step       (n) 0 for variables that do not move
+   !> rank       number of independent directions in which the moving variables have an effect
    subroutine least_squares_step(jacobian, residual, scales, free, threshold, step, rank)
       real(wp), intent(in) :: jacobian(:, :), residual(:), scales(:), threshold
       logical, intent(in) :: free(:)

@@ -1,6 +1,7 @@
-!> What an experiment that nobody has done yet would tell of its parameters: linear theory from the
-!> information matrix J'J/sigma**2 of relative changes (Fedorov, Theory of Optimal Experiments,
-!> 1972; Pukelsheim, Optimal Design of Experiments, 2006). Those of independent samples add up.
+!> Predicts the errors of a planned experiment by linear theory, from the information matrix
+!> J'J/sigma**2 of relative changes of the parameters (Fedorov, Theory of Optimal Experiments, 1972;
+!> Pukelsheim, Optimal Design of Experiments, 2006). The information matrices of independent samples
+!> add. The design of experiments uses it.
 module beamid_information
    use beamid_distributions, only: normal_95
    use beamid_kinds, only: wp
@@ -10,58 +11,65 @@ module beamid_information
 
    public :: prediction_t, eliminate, predict
 
-   !> Errors of n parameters, k of which are of interest and the others a nuisance, which is free.
+   !> Predicted errors of n parameters and criteria of a design. k of the parameters are of
+   !> interest; the others are nuisance parameters, which are free.
    type :: prediction_t
-      !> Every parameter of interest has a standard error; without, the criteria have no values.
+      !> whether every parameter of interest has a standard error; if not, the criteria have no
+      !> values
       logical :: finite = .false.
-      logical :: determined = .false.           !< and a 95 % interval narrower than its value
-      !> D: log det of the information of what is of interest, the nuisance free. A: sum of relative
-      !> variances. E: the least eigenvalue of that information.
+      logical :: determined = .false.           !< whether their 95 % intervals also exclude zero
+      !> D: log det of the information on the parameters of interest with the nuisance parameters
+      !> free. A: sum of relative variances. E: smallest eigenvalue of this information.
       real(wp) :: D = -unlimited, A = unlimited, E = 0
-      real(wp), allocatable :: sd(:)            !< (n) relative; `unlimited`: nothing is known of it
-      !> (k) of that information, ascending, and (k, k) the direction of each; of size 0: none
+      !> (n) relative standard deviations; `unlimited` if the experiment says nothing
+      real(wp), allocatable :: sd(:)
+      !> (k) eigenvalues of this information, ascending, and (k, k) eigenvectors in columns; size 0
+      !> if `finite` is .false.
       real(wp), allocatable :: eigenvalue(:), direction(:, :)
    end type prediction_t
 
-   !> Eigenvalues of correlations below this are round-off, of columns parallel to 7 digits.
+   !> Eigenvalues of a correlation matrix below this value are round-off: columns parallel to 7
+   !> digits.
    real(wp), parameter :: round_off = 1e-13_wp
 
 contains
 
-   !> Information of the first n parameters with those behind them free: the Schur complement.
+   !> Returns the information on the first n parameters with the others free: the Schur complement.
    !>
-   !> information  (m, m) -> (n, n)
+   !> information  (m, m)
+   !> rest         (n, n)
    pure function eliminate(information, n) result(rest)
       real(wp), intent(in) :: information(:, :)
       integer, intent(in) :: n
-      real(wp) :: rest(n, n), whole(size(information, 1), size(information, 1))
+      real(wp) :: rest(n, n), reduced(size(information, 1), size(information, 1))
       real(wp) :: pivot
       integer :: j, k
 
-      whole = information
-      do k = size(whole, 1), n + 1, -1
-         pivot = whole(k, k)
-         ! What is left of it once the others are known is round-off: it is they.
+      reduced = information
+      do k = size(reduced, 1), n + 1, -1
+         pivot = reduced(k, k)
+         ! The remainder of a parameter that the others determine is round-off.
          if (.not. pivot > round_off*information(k, k)) cycle
          do j = 1, k - 1
-            whole(:k - 1, j) = whole(:k - 1, j) - whole(:k - 1, k)*(whole(k, j)/pivot)
+            reduced(:k - 1, j) = reduced(:k - 1, j) - reduced(:k - 1, k)*(reduced(k, j)/pivot)
          end do
       end do
-      rest = whole(:n, :n)
+      rest = reduced(:n, :n)
    end function eliminate
 
-   !> Standard errors and criteria, by the eigenvalues of the correlations of the columns of J. A
-   !> parameter with a part in a direction that says nothing is not known; nothing is inverted.
+   !> Predicts standard errors and criteria from the eigenvalues of the correlations of the columns
+   !> of J. A parameter with a component in a direction without information has no error. No matrix
+   !> is inverted.
    !>
    !> information  (n, n) of relative changes, in units of the noise
-   !> interest     (n)
+   !> interest     (n) whether a parameter is of interest
    pure subroutine predict(information, interest, prediction)
       real(wp), intent(in) :: information(:, :)
       logical, intent(in) :: interest(:)
       type(prediction_t), intent(out) :: prediction
       real(wp) :: a(size(interest), size(interest)), v(size(interest), size(interest)), &
          covariance(size(interest), size(interest)), length(size(interest)), value(size(interest))
-      logical :: lost(size(interest))
+      logical :: is_lost(size(interest))
       integer :: j, k, n
 
       n = size(interest)
@@ -72,48 +80,53 @@ contains
       end do
       call decompose(a, value, v)
       covariance = 0
-      lost = .false.
+      is_lost = .false.
       do k = 1, n
          if (value(k) <= n*round_off) then
-            lost = lost .or. abs(v(:, k)) > 1e-6_wp
+            is_lost = is_lost .or. abs(v(:, k)) > 1e-6_wp
          else
             do j = 1, n
                covariance(:, j) = covariance(:, j) + v(:, k)/length*(v(j, k)/length(j)/value(k))
             end do
          end if
       end do
-      prediction%sd = [(merge(unlimited, sqrt(covariance(k, k)), lost(k)), k=1, n)]
-      prediction%finite = .not. any(lost .and. interest)
+      prediction%sd = [(merge(unlimited, sqrt(covariance(k, k)), is_lost(k)), k=1, n)]
+      prediction%finite = .not. any(is_lost .and. interest)
       prediction%determined = all(pack(prediction%sd, interest) < 1/normal_95)
-      call judge(covariance, pack([(k, k=1, n)], interest), prediction)
+      call add_criteria(covariance, pack([(k, k=1, n)], interest), prediction)
    end subroutine predict
 
-   !> Criteria from the covariance of all, of which the rows and columns of interest count.
-   pure subroutine judge(covariance, places, prediction)
+   !> Adds the criteria, from the covariance of all parameters.
+   !>
+   !> covariance   (n, n) relative
+   !> of_interest  (k) indices of the parameters of interest
+   pure subroutine add_criteria(covariance, of_interest, prediction)
       real(wp), intent(in) :: covariance(:, :)
-      integer, intent(in) :: places(:)
+      integer, intent(in) :: of_interest(:)
       type(prediction_t), intent(inout) :: prediction
-      real(wp) :: part(size(places), size(places))
+      real(wp) :: part(size(of_interest), size(of_interest))
       integer :: k, n
 
-      n = merge(size(places), 0, prediction%finite)
+      n = merge(size(of_interest), 0, prediction%finite)
       allocate (prediction%eigenvalue(n), prediction%direction(n, n))
       if (n == 0) return
-      part = covariance(places, places)
+      part = covariance(of_interest, of_interest)
       prediction%A = sum([(part(k, k), k=1, n)])
       call decompose(part, prediction%eigenvalue, prediction%direction)
-      ! Those of the information are the reciprocals, in the opposite order.
+      ! The eigenvalues of the information are the reciprocals, in the opposite order.
       prediction%eigenvalue = 1/max(prediction%eigenvalue(n:1:-1), tiny(1.0_wp))
       prediction%direction = prediction%direction(:, n:1:-1)
       prediction%D = sum(log(prediction%eigenvalue))
       prediction%E = prediction%eigenvalue(1)
-   end subroutine judge
+   end subroutine add_criteria
 
-   !> Eigenvalues, ascending, and vectors of a symmetric matrix without negative ones, by Jacobi's
-   !> rotations: small ones keep their digits too (Demmel and Veselic, SIAM J. Matrix Anal. Appl.
-   !> 13, 1992, 1204).
+   !> Computes eigenvalues, ascending, and eigenvectors of a symmetric positive semidefinite matrix
+   !> by Jacobi rotations, which give small eigenvalues full relative accuracy (Demmel and Veselic,
+   !> SIAM J. Matrix Anal. Appl. 13, 1992, 1204).
    !>
-   !> a  (n, n) is lost
+   !> a       (n, n); undefined on return
+   !> value   (n)
+   !> vector  (n, n) eigenvectors in columns
    pure subroutine decompose(a, value, vector)
       real(wp), intent(inout) :: a(:, :)
       real(wp), intent(out) :: value(:), vector(:, :)
@@ -136,9 +149,9 @@ contains
                theta = (a(j, j) - a(i, i))/(2*a(i, j))
                t = sign(1.0_wp, theta)/(abs(theta) + hypot(1.0_wp, theta))
                c = 1/hypot(1.0_wp, t)
-               call turn(a(:, i), a(:, j), c, t*c)
-               call turn(a(i, :), a(j, :), c, t*c)
-               call turn(vector(:, i), vector(:, j), c, t*c)
+               call rotate(a(:, i), a(:, j), c, t*c)
+               call rotate(a(i, :), a(j, :), c, t*c)
+               call rotate(vector(:, i), vector(:, j), c, t*c)
                a(i, j) = 0
                a(j, i) = 0
             end do
@@ -154,8 +167,8 @@ contains
 
    end subroutine decompose
 
-   !> Turns the plane of two coordinates.
-   elemental subroutine turn(x, y, c, s)
+   !> Rotates the pair (x, y) by an angle of cosine c and sine s.
+   elemental subroutine rotate(x, y, c, s)
       real(wp), intent(inout) :: x, y
       real(wp), intent(in) :: c, s
       real(wp) :: before
@@ -163,6 +176,6 @@ contains
       before = x
       x = c*before - s*y
       y = s*before + c*y
-   end subroutine turn
+   end subroutine rotate
 
 end module beamid_information

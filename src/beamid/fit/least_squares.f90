@@ -1,5 +1,6 @@
-!> Nonlinear least squares with bounds: searches by MINPACK, a last step where differences stood in
-!> for derivatives, and what became of it.
+!> Fits parameters within bounds by nonlinear least squares: repeats MINPACK searches until one ends
+!> at a minimum, treats parameters at their bounds, and refines results found with finite
+!> differences. Everything above `fit/` fits through this module.
 module beamid_least_squares
    use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
    use beamid_errors, only: error_t, failure
@@ -16,28 +17,29 @@ module beamid_least_squares
 
    public :: monitor_t, fit_t, options_t, fit
 
+   !> Result of a least-squares fit.
    type :: fit_t
-      real(wp), allocatable :: estimate(:)    !< (n) physical parameters
-      real(wp), allocatable :: start(:)       !< (n) where the search began
-      real(wp), allocatable :: residual(:)    !< (m) at the estimate
-      real(wp) :: J = 0                       !< sum of squares of the residuals
-      integer :: iterations = 0
-      integer :: evaluations = 0              !< of the residuals, those for differences included
-      !> trial steps at which the model could not be computed
+      real(wp), allocatable :: estimate(:)   !< (n) physical parameters
+      real(wp), allocatable :: start(:)      !< (n) physical parameters at the start
+      real(wp), allocatable :: residual(:)   !< (m) residuals at the estimate
+      real(wp) :: J = 0                      !< sum of squares of the residuals
+      integer :: iterations = 0              !< of all searches
+      integer :: evaluations = 0             !< of the residuals, including those for differences
+      !> number of trial steps at which the model could not be computed
       integer :: shortened = 0
       real(wp), allocatable :: jacobian(:, :) !< (m, n) d residual/d parameter at the estimate
-      !> (2) largest relative difference between exact derivatives and central differences, column
-      !> by column, at the start and at the estimate; not allocated where they were not compared, or
-      !> differences could not be computed
+      !> (2) largest relative difference, over the columns, between exact derivatives and central
+      !> differences, at the start and at the estimate; not allocated if they were not compared or
+      !> the differences could not be computed
       real(wp), allocatable :: derivative_check(:)
       character(len=:), allocatable :: reason !< why the search stopped, in words
    contains
       procedure :: add_earlier
    end type fit_t
 
-   !> Beside MINPACK's own values of info, and all of them in words.
-   integer, parameter :: all_linear = 9
-   character(len=*), parameter :: reasons(0:all_linear) = [character(len=60) :: &
+   !> Code that follows MINPACK's values of `info`, and the text for each value.
+   integer, parameter :: nothing_to_search = 9
+   character(len=*), parameter :: reasons(0:nothing_to_search) = [character(len=60) :: &
       'the search could not start', &
       'J falls no further', &
       'the parameters change no further', &
@@ -49,15 +51,23 @@ module beamid_least_squares
       'the derivatives vanish to machine precision', &
       'nothing to search for: all that is free enters linearly']
 
-   !> First steps of a search, and of those that follow where it ends at no minimum.
+   !> Bounds of the first step (MINPACK's `factor`): of the first search, and of the searches that
+   !> follow if a search does not end at a minimum.
    real(wp), parameter :: first_steps(3) = [100.0_wp, 1.0_wp, 0.1_wp]
 
 contains
 
-   !> Minimises the sum of squares of m >= n residuals by n variables.
+   !> Minimises the sum of squares of m residuals by n <= m variables.
    !>
-   !> error      the model fails at the start, or wherever the search turns; no convergence
-   !> monitor    told of every iteration, with the search's label and the variables' names
+   !> problem    on return at any parameters
+   !> m          number of residuals
+   !> variables  (n) with starts, bounds and magnitudes
+   !> result     the estimate and the course of the fit
+   !> error      the model cannot be computed at the start or at the points that the search tries;
+   !>            exact derivatives disagree with differences; no convergence
+   !> monitor    receives a report of every iteration
+   !> label      name of the search in these reports; default ''
+   !> names      (n) names of the variables in reports and messages; default ''
    subroutine fit(problem, m, variables, options, result, error, monitor, label, names)
       class(problem_t), intent(inout), target :: problem
       integer, intent(in) :: m
@@ -70,7 +80,7 @@ contains
       type(search_t), target :: search
       character(len=:), allocatable :: objection
       real(wp), allocatable :: at_start, at_end
-      logical :: compares
+      logical :: must_compare
       integer :: attempt, info, k
 
       if (m < size(variables)) then
@@ -78,36 +88,21 @@ contains
             to_text(size(variables))//' parameters')
          return
       end if
-      search%problem => problem
-      select type (problem)
-      class is (smooth_problem_t)
-         if (problem%exact) search%smooth => problem
-      end select
-      if (present(monitor)) search%monitor => monitor
-      search%label = ''
-      if (present(label)) search%label = label
-      allocate (search%names(size(variables)))
-      search%names = ''
-      if (present(names)) search%names = names
-      search%variables = variables
-      search%parameters = variables%start
-      ! The difference step, sqrt(relative_error) |z|, must stand well above the error of the model:
-      ! a step that drowns in it leaves the parameters where they are, with a success code.
-      if (options%relative_error > 0) search%relative_error = max(options%relative_error, 1e-8_wp)
+      call prepare(search, problem, variables, options, monitor, label, names)
       allocate (result%residual(m), result%jacobian(m, size(variables)))
       result%start = variables%start
-      compares = associated(search%smooth) .and. options%check
-      if (compares) then
+      must_compare = associated(search%smooth) .and. options%check
+      if (must_compare) then
          call search%evaluate_at(result%start, result%residual, error)
-         if (.not. allocated(error)) call compare(search, result%start, search%here%jacobian, &
-            at_start, error)
+         if (.not. allocated(error)) call check_derivatives(search, result%start, &
+            search%current%jacobian, at_start, error)
          if (allocated(error)) return
       end if
 
       do attempt = 1, size(first_steps)
          search%factor = first_steps(attempt)
          search%moving = [(k, k=1, size(variables))]
-         search%held = spread(.false., 1, size(variables))
+         search%was_fixed = spread(.false., 1, size(variables))
          call minimise_with_bounds(search, options, result, info, error)
          if (allocated(error)) return
          objection = ''
@@ -122,22 +117,60 @@ contains
       result%evaluations = search%evaluations
       result%shortened = search%shortened
       result%reason = trim(reasons(info))
-      do k = 1, size(variables)
-         if (.not. any(search%moving == k)) result%reason = result%reason//'; '// &
-            trim(search%names(k))//' held at its bound'
-      end do
+      call name_variables_at_bounds(search, result%reason)
       if (info == 0 .or. info == 5 .or. objection /= '') then
          call failure(error, 'least squares: no convergence; '//result%reason//objection)
          return
       end if
       if (attempt > 1) result%reason = result%reason//'; search '//to_text(attempt)// &
          ', with shorter steps'
-      if (compares) call compare(search, result%estimate, result%jacobian, at_end, error)
+      if (.not. must_compare) return
+      call check_derivatives(search, result%estimate, result%jacobian, at_end, error)
       if (allocated(at_start) .and. allocated(at_end)) result%derivative_check = [at_start, at_end]
    end subroutine fit
 
-   !> Counts what an earlier search has cost, from whose end this one went on; derivatives were
-   !> compared there.
+   !> Appends the names of the variables that a search has fixed at their bounds.
+   pure subroutine name_variables_at_bounds(search, reason)
+      type(search_t), intent(in) :: search
+      character(len=:), allocatable, intent(inout) :: reason
+      integer :: k
+
+      do k = 1, size(search%variables)
+         if (.not. any(search%moving == k)) reason = reason//'; '//trim(search%names(k))// &
+            ' held at its bound'
+      end do
+   end subroutine name_variables_at_bounds
+
+   !> Connects a search with its problem, its variables and the receiver of its reports.
+   subroutine prepare(search, problem, variables, options, monitor, label, names)
+      type(search_t), intent(inout) :: search
+      class(problem_t), intent(inout), target :: problem
+      type(variable_t), intent(in) :: variables(:)
+      type(options_t), intent(in) :: options
+      class(monitor_t), intent(inout), target, optional :: monitor
+      character(len=*), intent(in), optional :: label, names(:)
+
+      search%problem => problem
+      select type (problem)
+      class is (smooth_problem_t)
+         if (problem%exact) search%smooth => problem
+      end select
+      if (present(monitor)) search%monitor => monitor
+      search%label = ''
+      if (present(label)) search%label = label
+      allocate (search%names(size(variables)))
+      search%names = ''
+      if (present(names)) search%names = names
+      search%variables = variables
+      search%parameters = variables%start
+      ! The difference step, sqrt(relative_error) |z|, must be much larger than the error of the
+      ! model. If the step is lost in this error, MINPACK leaves the parameters unchanged and still
+      ! reports success.
+      if (options%relative_error > 0) search%relative_error = max(options%relative_error, 1e-8_wp)
+   end subroutine prepare
+
+   !> Adds the cost of an earlier search, from whose end this fit started, and takes over its
+   !> comparison of derivatives.
    subroutine add_earlier(self, before)
       class(fit_t), intent(inout) :: self
       type(fit_t), intent(in) :: before
@@ -148,12 +181,15 @@ contains
       if (allocated(before%derivative_check)) self%derivative_check = before%derivative_check
    end subroutine add_earlier
 
-   !> Compares exact derivatives with differences: a fit by derivatives that are not those of the
-   !> residuals is none.
+   !> Compares exact derivatives with central differences, because a fit with wrong derivatives is
+   !> wrong.
    !>
+   !> parameters  (n) physical values
    !> jacobian    (m, n) at the parameters
-   !> difference  as of `compare_derivatives`
-   subroutine compare(search, parameters, jacobian, difference, error)
+   !> difference  largest relative difference of a column; not allocated if the differences cannot
+   !>             be computed
+   !> error       unchanged, or a derivative is wrong
+   subroutine check_derivatives(search, parameters, jacobian, difference, error)
       type(search_t), intent(inout) :: search
       real(wp), intent(in) :: parameters(:), jacobian(:, :)
       real(wp), allocatable, intent(out) :: difference
@@ -168,11 +204,15 @@ contains
       if (name == '') name = 'parameter '//to_text(k)
       call failure(error, 'least squares: the exact derivative by '//name// &
          ' disagrees with differences of the residuals')
-   end subroutine compare
+   end subroutine check_derivatives
 
-   !> Minimises. At a bound the change of variable has no slope, and the search would creep: a
-   !> variable that lingers there is held on it while the others move, and let go, once, if J falls
-   !> towards the inside.
+   !> Runs searches until no variable at a bound must be released. At a bound the change of variable
+   !> has zero slope, so that a search would creep. Therefore a variable that stays at a bound is
+   !> fixed there while the others move, and is released once if J decreases towards the inside.
+   !>
+   !> search  with variables, and the indices of those that move
+   !> result  on return the estimate, the residuals and the Jacobian
+   !> info    MINPACK's code of the reason for stopping, or `nothing_to_search`
    subroutine minimise_with_bounds(search, options, result, info, error)
       type(search_t), intent(inout), target :: search
       type(options_t), intent(in) :: options
@@ -184,21 +224,21 @@ contains
       integer :: k
 
       if (size(search%variables) == 0) then
-         ! Nothing to search for: all that is unknown enters linearly.
+         ! All unknowns enter linearly and are eliminated.
          result%estimate = search%parameters
          call search%problem%residuals(search%parameters, result%residual, error)
-         info = all_linear
+         info = nothing_to_search
          return
       end if
-      ! The square root of an integrator's error would end a search too early where residuals are
-      ! large and convergence is slow.
+      ! A tolerance of the square root of the integrator's error would end a search too early where
+      ! residuals are large and convergence is slow.
       tolerance = max(options%tolerance, options%relative_error**0.75_wp)
       do
          search%variables(search%moving) = search%variables(search%moving)%from( &
             search%parameters(search%moving))
          allocate (z(size(search%moving)), source=1.0_wp)
          search%near_bound = 0
-         search%lingering = 0
+         search%iterations_at_bound = 0
          call run_search(search, options, tolerance, z, result%residual, info)
          if (info == 5 .and. options%persistent .and. associated(search%smooth)) &
             call search_by_newton(search, z, result%residual, info)
@@ -209,9 +249,9 @@ contains
          search%parameters(search%moving) = search%variables(search%moving)%value(z)
          deallocate (z)
          if (info < 0) then
-            ! Stopped by `report`: hold the variable at its bound and go on with the others.
+            ! Stopped by `watch_bounds`: fix the variable at its bound and continue with the others.
             k = search%near_bound
-            search%held(k) = .true.
+            search%was_fixed(k) = .true.
             search%parameters(k) = search%variables(k)%nearest_bound(search%parameters(k))
             search%moving = pack(search%moving, search%moving /= k)
             if (size(search%moving) > 0) cycle
@@ -220,24 +260,34 @@ contains
             info = 4
          end if
          result%estimate = search%parameters
-         if (associated(search%smooth)) then
-            call search%evaluate_at(search%parameters, result%residual, error)
-            if (.not. allocated(error)) result%jacobian = search%here%jacobian
-         else
-            call differences(search%problem, search%parameters, search%variables, &
-               search%relative_error, result%jacobian, error)
-         end if
+         call find_jacobian(search, result, error)
          if (allocated(error)) return
-         k = inward(search, result)
+         k = variable_to_release(search, result)
          if (k == 0) exit
          search%moving = [search%moving, k]
       end do
       if (.not. associated(search%smooth)) call polish(search, result)
    end subroutine minimise_with_bounds
 
-   !> Gauss-Newton steps with the central differences of the final Jacobian: the one-sided ones of
-   !> `lmdif` stop a little beside the minimum. They go on while they grow shorter, and none counts
-   !> that is long or lets J rise by more than the residuals' error.
+   !> Computes the Jacobian at the parameters of a search.
+   subroutine find_jacobian(search, result, error)
+      type(search_t), intent(inout) :: search
+      type(fit_t), intent(inout) :: result
+      type(error_t), allocatable, intent(out) :: error
+
+      if (associated(search%smooth)) then
+         call search%evaluate_at(search%parameters, result%residual, error)
+         if (.not. allocated(error)) result%jacobian = search%current%jacobian
+      else
+         call differences(search%problem, search%parameters, search%variables, &
+            search%relative_error, result%jacobian, error)
+      end if
+   end subroutine find_jacobian
+
+   !> Refines an estimate by Gauss-Newton steps with the final Jacobian of central differences,
+   !> because `lmdif` with its one-sided differences stops a little beside the minimum. The steps
+   !> continue while they become shorter. A step is rejected if it is long or raises J by more than
+   !> the error of the residuals.
    subroutine polish(search, result)
       type(search_t), intent(inout) :: search
       type(fit_t), intent(inout) :: result
@@ -273,8 +323,9 @@ contains
       end do
    end subroutine polish
 
-   !> A variable held at a bound from which J falls towards the inside; 0 when there is none.
-   pure integer function inward(search, result) result(k)
+   !> Returns the index of a variable, fixed at a bound, for which J decreases towards the inside;
+   !> 0: none.
+   pure integer function variable_to_release(search, result) result(k)
       type(search_t), intent(in) :: search
       type(fit_t), intent(in) :: result
       real(wp) :: slope
@@ -286,6 +337,6 @@ contains
          if (slope < 0) return
       end do
       k = 0
-   end function inward
+   end function variable_to_release
 
 end module beamid_least_squares

@@ -1,33 +1,67 @@
-!> Markov chains by Metropolis' rule with a proposal that adapts, and a second, shorter step where
-!> the first is refused (Haario, Laine, Mira and Saksman, Statistics and Computing 16, 2006, 339).
+!> Runs Markov chains by Metropolis' rule, with a proposal that adapts to the chain and a second,
+!> shorter step if the first is rejected (delayed rejection and adaptive Metropolis, DRAM: Haario,
+!> Laine, Mira and Saksman, Statistics and Computing 16, 2006, 339). `beamid_sampling` uses the
+!> chains if importance sampling fails.
 module beamid_metropolis
    use beamid_densities, only: coordinate_t, density_t, impossible
    use beamid_errors, only: error_t, failure
    use beamid_interrupts, only: interrupted, stop_flag
    use beamid_kinds, only: wp
-   use beamid_lapack, only: dpotrf
    use beamid_noise, only: gaussian_noise, uniform_noise
+   use beamid_proposals, only: factor_covariance
    use beamid_searches, only: monitor_t
    implicit none
    private
 
-   public :: run_chains, factor_covariance
+   public :: run_chains
 
-   !> Steps for one that is kept, and for one that only adapts.
+   !> Steps for each draw that is kept, and steps before the first draw, which adapt the proposal.
    integer, parameter :: thin = 10, warm_up = 5000
-   !> Steps between two adaptations, of which the random numbers are drawn at once.
+   !> Steps between two adaptations; their random numbers are generated together.
    integer, parameter :: block = 250
+   !> Length of the second step relative to that of the first.
    real(wp), parameter :: shorter = 0.2_wp
+
+   !> A point at which the density was evaluated.
+   type :: point_t
+      real(wp), allocatable :: x(:)    !< (n) coordinates without bounds
+      real(wp) :: log_density = 0      !< of the parameters, up to a constant
+      real(wp) :: log_density_x = 0    !< of the coordinates, up to a constant
+   end type point_t
+
+   !> A Markov chain with its adaptive proposal, a normal distribution around the current point.
+   type :: chain_t
+      class(density_t), allocatable :: density           !< the chain's own copy
+      type(coordinate_t), allocatable :: coordinate(:)   !< (n)
+      type(point_t) :: here                              !< the current point
+      !> (n, n) triangle; its product with n standard normal numbers is a first step
+      real(wp), allocatable :: factor(:, :)
+      logical :: is_upper = .false.                      !< whether the triangle is the upper one
+      !> standard deviation of a first step, in standard deviations of the chain
+      real(wp) :: step_scale = 1
+      integer :: seen = 0                                !< number of points in `mean`
+      real(wp), allocatable :: mean(:)                   !< (n) of the points of the warm-up
+      real(wp), allocatable :: scatter(:, :)             !< (n, n) their covariance times seen - 1
+      integer :: evaluations = 0                         !< of the density
+   end type chain_t
 
 contains
 
-   !> mode, axes   (n), (n, n) where the density is high, and how it falls off: a triangle, upper or
-   !>              lower
-   !> chains       each from a start of its own, farther out than most of the density
-   !> length       draws kept of each
+   !> Runs several chains in parallel, each from its own start, farther from the mode than most of
+   !> the density.
+   !>
+   !> coordinate   (n) coordinates of the parameters, without bounds
+   !> mode         (n) coordinates where the density is high
+   !> axes         (n, n) triangle A, upper or lower; A A' is the covariance of a normal density
+   !>              around the mode
+   !> chains       number of chains
+   !> length       draws of each chain that are kept
+   !> seed         any integer; the same seed gives the same chains
    !> q            (n, chains*length) parameters, chain by chain
-   !> log_density  (chains*length) of the parameters
-   !> error        no start where the density can be computed
+   !> log_density  (chains*length) of the parameters, up to a constant
+   !> evaluations  of the density, by all chains
+   !> error        a chain found no start at which the density can be computed
+   !> monitor      receives reports of the progress
    subroutine run_chains(density, coordinate, mode, axes, chains, length, seed, q, log_density, &
       evaluations, error, monitor)
       class(density_t), intent(in) :: density
@@ -54,49 +88,33 @@ contains
          'sampling: the density cannot be computed around the estimate')
    end subroutine run_chains
 
-   !> A chain with a copy of the density of its own, here: gfortran 12 calls through a wild pointer
-   !> where a polymorphic variable is private to a thread without work.
+   !> Runs one chain. The chain copies the density here, because gfortran 12 calls through a wild
+   !> pointer if a polymorphic variable is private to a thread without work.
    !>
-   !> counted  evaluations; below 0: no start was found
+   !> q            (n, length) parameters
+   !> log_density  (length) of the parameters
+   !> counted      evaluations of the density; negative: no start was found
+   !> finished     steps of all chains so far
+   !> whole        steps of all chains together
    subroutine run_chain(density, coordinate, mode, axes, seed, q, log_density, counted, &
       finished, whole, monitor)
       class(density_t), intent(in) :: density
       type(coordinate_t), intent(in) :: coordinate(:)
       real(wp), intent(in) :: mode(:), axes(:, :)
-      integer, intent(in) :: seed
+      integer, intent(in) :: seed, whole
       real(wp), intent(out) :: q(:, :), log_density(:)
       integer, intent(out) :: counted
-      integer, intent(inout) :: finished   !< steps of all chains
-      integer, intent(in) :: whole
+      integer, intent(inout) :: finished
       class(monitor_t), intent(inout), optional :: monitor
-      integer, parameter :: tries = 50
-      class(density_t), allocatable :: mine
-      real(wp), dimension(size(mode)) :: x, first, second, mean
-      real(wp), dimension(size(mode), size(mode)) :: factor, covariance
-      real(wp) :: z(size(mode), 2*block), u(2*block), here, value, value2, accept, accept2
-      real(wp) :: plain, plain1, plain2, scale
-      integer :: step, place, n, kept, seen, total, i
-      logical :: is_upper
+      type(chain_t) :: chain
+      real(wp) :: z(size(mode), 2*block), u(2*block)
+      integer :: step, place, kept, total
 
-      allocate (mine, source=density)
-      n = size(mode)
-      scale = 2.4_wp/sqrt(real(n, wp))
-      counted = 0
-      z(:, :tries) = reshape(gaussian_noise(n*tries, 1.0_wp, seed), [n, tries])
-      do i = 1, tries
-         x = mode + 2*matmul(axes, z(:, i))
-         call evaluate(x, here, plain)
-         if (here > impossible) exit
-      end do
-      if (i > tries) then
-         counted = -counted
-         return
-      end if
-      factor = scale*axes
-      is_upper = all([(all(abs(axes(i + 1:, i)) <= 0), i=1, n)])
-      mean = x
-      covariance = 0
-      seen = 0
+      allocate (chain%density, source=density)
+      chain%coordinate = coordinate
+      call start_chain(chain, mode, axes, seed)
+      counted = -chain%evaluations
+      if (.not. chain%here%log_density_x > impossible) return
       kept = 0
       total = warm_up + thin*size(log_density)
       do step = 1, total
@@ -109,109 +127,138 @@ contains
             !$omp end critical (one_block_done)
             z = reshape(gaussian_noise(size(z), 1.0_wp, seed + 7919*(1 + step/block)), shape(z))
             u = uniform_noise(size(u), seed + 7919*(1 + step/block) + 5)
-            if (step > 1 .and. step <= warm_up) call adapt()
+            if (step > 1 .and. step <= warm_up) call adapt(chain, step)
          end if
-         first = x + matmul(factor, z(:, 2*place + 1))
-         call evaluate(first, value, plain1)
-         accept = min(1.0_wp, exp(min(0.0_wp, value - here)))
-         if (u(2*place + 1) < accept) then
-            x = first
-            here = value
-            plain = plain1
-         else
-            second = x + shorter*matmul(factor, z(:, 2*place + 2))
-            call evaluate(second, value2, plain2)
-            ! With the probability that the second would have refused the first as well.
-            accept2 = 0
-            if (value2 > impossible .and. accept < 1) accept2 = exp(value2 - here &
-               + log_step(first - second) - log_step(first - x))*(1 - min(1.0_wp, &
-               exp(min(0.0_wp, value - value2))))/(1 - accept)
-            if (u(2*place + 2) < accept2) then
-               x = second
-               here = value2
-               plain = plain2
-            end if
-         end if
+         call advance(chain, z(:, 2*place + 1:2*place + 2), u(2*place + 1:2*place + 2))
          if (step <= warm_up) then
-            seen = seen + 1
-            covariance = covariance + (seen - 1.0_wp)/seen*spread(x - mean, 2, n) &
-               *spread(x - mean, 1, n)
-            mean = mean + (x - mean)/seen
+            call add_to_scatter(chain)
          else if (modulo(step - warm_up, thin) == 0) then
             kept = kept + 1
-            q(:, kept) = coordinate%value(x)
-            log_density(kept) = plain
+            q(:, kept) = coordinate%value(chain%here%x)
+            log_density(kept) = chain%here%log_density
          end if
       end do
+      counted = chain%evaluations
+   end subroutine run_chain
 
-   contains
+   !> Draws a start twice as widely scattered as the density; the last of 50 trials stays if the
+   !> density can be computed at none of them.
+   subroutine start_chain(chain, mode, axes, seed)
+      type(chain_t), intent(inout) :: chain
+      real(wp), intent(in) :: mode(:), axes(:, :)
+      integer, intent(in) :: seed
+      integer, parameter :: tries = 50
+      type(point_t) :: start
+      real(wp) :: z(size(mode), tries)
+      integer :: i, n
 
-      !> value  log density of the coordinates
-      !> plain  of the parameters
-      subroutine evaluate(at, value, plain)
-         real(wp), intent(in) :: at(:)
-         real(wp), intent(out) :: value, plain
+      n = size(mode)
+      z = reshape(gaussian_noise(n*tries, 1.0_wp, seed), [n, tries])
+      do i = 1, tries
+         start%x = mode + 2*matmul(axes, z(:, i))
+         call compute_density(chain, start)
+         if (start%log_density_x > impossible) exit
+      end do
+      chain%here = start
+      chain%step_scale = 2.4_wp/sqrt(real(n, wp))
+      chain%factor = chain%step_scale*axes
+      chain%is_upper = all([(all(abs(axes(i + 1:, i)) <= 0), i=1, n)])
+      chain%mean = start%x
+      allocate (chain%scatter(n, n), source=0.0_wp)
+   end subroutine start_chain
 
-         counted = counted + 1
-         call mine%evaluate(coordinate%value(at), plain)
-         value = impossible
-         if (plain > impossible) value = plain + sum(coordinate%log_slope(at))
-      end subroutine evaluate
+   !> Computes the density at a point.
+   subroutine compute_density(chain, point)
+      type(chain_t), intent(inout) :: chain
+      type(point_t), intent(inout) :: point
 
-      !> Log density of a first step, up to a constant.
-      real(wp) function log_step(d)
-         real(wp), intent(in) :: d(:)
-         real(wp) :: w(size(d))
-         integer :: i
+      chain%evaluations = chain%evaluations + 1
+      call chain%density%evaluate(chain%coordinate%value(point%x), point%log_density)
+      point%log_density_x = impossible
+      if (point%log_density > impossible) point%log_density_x = point%log_density &
+         + sum(chain%coordinate%log_slope(point%x))
+   end subroutine compute_density
 
-         w = d
-         if (is_upper) then
-            do i = n, 1, -1
+   !> Takes one step of the chain.
+   !>
+   !> z  (n, 2) standard normal numbers for the first and the second proposed point
+   !> u  (2) uniform numbers, which decide whether the points are accepted
+   subroutine advance(chain, z, u)
+      type(chain_t), intent(inout) :: chain
+      real(wp), intent(in) :: z(:, :), u(:)
+      type(point_t) :: first, second
+      real(wp) :: accept, accept2
+
+      first%x = chain%here%x + matmul(chain%factor, z(:, 1))
+      call compute_density(chain, first)
+      accept = min(1.0_wp, exp(min(0.0_wp, first%log_density_x - chain%here%log_density_x)))
+      if (u(1) < accept) then
+         chain%here = first
+         return
+      end if
+      second%x = chain%here%x + shorter*matmul(chain%factor, z(:, 2))
+      call compute_density(chain, second)
+      ! Detailed balance: times the probability of rejecting the first point from the second, over
+      ! that of rejecting it from the current point.
+      accept2 = 0
+      if (second%log_density_x > impossible .and. accept < 1) accept2 = exp(second%log_density_x &
+         - chain%here%log_density_x + log_step(chain, first%x - second%x) &
+         - log_step(chain, first%x - chain%here%x))*(1 - min(1.0_wp, exp(min(0.0_wp, &
+         first%log_density_x - second%log_density_x))))/(1 - accept)
+      if (u(2) < accept2) chain%here = second
+   end subroutine advance
+
+   !> Returns the log density of a first step d, (n), up to a constant.
+   pure real(wp) function log_step(chain, d)
+      type(chain_t), intent(in) :: chain
+      real(wp), intent(in) :: d(:)
+      real(wp) :: w(size(d))
+      integer :: i
+
+      w = d
+      associate (factor => chain%factor)
+         if (chain%is_upper) then
+            do i = size(d), 1, -1
                w(i) = (w(i) - dot_product(factor(i, i + 1:), w(i + 1:)))/factor(i, i)
             end do
          else
-            do i = 1, n
+            do i = 1, size(d)
                w(i) = (w(i) - dot_product(factor(i, :i - 1), w(:i - 1)))/factor(i, i)
             end do
          end if
-         log_step = -sum(w**2)/2
-      end function log_step
+      end associate
+      log_step = -sum(w**2)/2
+   end function log_step
 
-      !> A proposal shaped as the chain so far; what it began with is forgotten by halves.
-      subroutine adapt()
-         real(wp) :: trial(n, n)
-         logical :: positive
+   !> Adds the current point to the mean and the scatter of the chain.
+   pure subroutine add_to_scatter(chain)
+      type(chain_t), intent(inout) :: chain
 
-         trial = covariance/(seen - 1)
-         call factor_covariance(trial, positive)
-         if (.not. positive) return
-         factor = scale*trial
-         is_upper = .false.
-         if (step == warm_up/4 + 1 .or. step == warm_up/2 + 1) then
-            seen = seen/2
-            covariance = covariance/2
-         end if
-      end subroutine adapt
+      chain%seen = chain%seen + 1
+      associate (apart => chain%here%x - chain%mean, seen => chain%seen)
+         chain%scatter = chain%scatter + (seen - 1.0_wp)/seen*spread(apart, 2, size(apart)) &
+            *spread(apart, 1, size(apart))
+         chain%mean = chain%mean + apart/seen
+      end associate
+   end subroutine add_to_scatter
 
-   end subroutine run_chain
+   !> Gives the proposal the covariance of the chain so far. After a quarter and after half of the
+   !> warm-up, the points before get half their weight.
+   subroutine adapt(chain, step)
+      type(chain_t), intent(inout) :: chain
+      integer, intent(in) :: step
+      real(wp) :: trial(size(chain%mean), size(chain%mean))
+      logical :: positive
 
-   !> The lower triangle L of a covariance L L', with a diagonal larger by what round-off may take.
-   !>
-   !> positive  .false.: it is no covariance, and nothing can be said of the matrix on return
-   subroutine factor_covariance(matrix, positive)
-      real(wp), intent(inout) :: matrix(:, :)
-      logical, intent(out) :: positive
-      integer :: info, k, n
-
-      n = size(matrix, 1)
-      do k = 1, n
-         matrix(k, k) = matrix(k, k)*(1 + 1e-8_wp) + tiny(1.0_wp)
-      end do
-      call dpotrf('L', n, matrix, n, info)
-      positive = info == 0
-      do k = 2, n
-         matrix(:k - 1, k) = 0
-      end do
-   end subroutine factor_covariance
+      trial = chain%scatter/(chain%seen - 1)
+      call factor_covariance(trial, positive)
+      if (.not. positive) return
+      chain%factor = chain%step_scale*trial
+      chain%is_upper = .false.
+      if (step == warm_up/4 + 1 .or. step == warm_up/2 + 1) then
+         chain%seen = chain%seen/2
+         chain%scatter = chain%scatter/2
+      end if
+   end subroutine adapt
 
 end module beamid_metropolis

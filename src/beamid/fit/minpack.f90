@@ -1,4 +1,5 @@
-!> Explicit interfaces of the MINPACK procedures of the least-squares search.
+!> Declares explicit interfaces of the MINPACK procedures `lmdif` and `lmder`, which
+!> `beamid_searches` calls. The names of the arguments are MINPACK's.
 module beamid_minpack
    use beamid_kinds, only: wp
    implicit none
@@ -7,6 +8,7 @@ module beamid_minpack
    public :: lmder, lmdif
 
    abstract interface
+      !> Computes the residuals fvec (m) at x (n); iflag < 0 on return stops the search.
       subroutine residual_callback(m, n, x, fvec, iflag)
          import :: wp
          integer, intent(in) :: m, n
@@ -14,6 +16,7 @@ module beamid_minpack
          real(wp), intent(inout) :: fvec(m)
          integer, intent(inout) :: iflag
       end subroutine residual_callback
+      !> Computes the residuals fvec (m) for iflag = 1, or the Jacobian fjac (m, n) for iflag = 2.
       subroutine jacobian_callback(m, n, x, fvec, fjac, ldfjac, iflag)
          import :: wp
          integer, intent(in) :: m, n, ldfjac
@@ -24,6 +27,7 @@ module beamid_minpack
    end interface
 
    interface
+      !> Minimises a sum of squares with forward differences in place of derivatives.
       subroutine lmdif(fcn, m, n, x, fvec, ftol, xtol, gtol, maxfev, epsfcn, diag, mode, factor, &
          nprint, info, nfev, fjac, ldfjac, ipvt, qtf, wa1, wa2, wa3, wa4)
          import :: wp, residual_callback
@@ -34,6 +38,7 @@ module beamid_minpack
          integer, intent(out) :: info, nfev, ipvt(n)
          real(wp), intent(out) :: fvec(m), fjac(ldfjac, n), qtf(n), wa1(n), wa2(n), wa3(n), wa4(m)
       end subroutine lmdif
+      !> Minimises a sum of squares with exact derivatives.
       subroutine lmder(fcn, m, n, x, fvec, fjac, ldfjac, ftol, xtol, gtol, maxfev, diag, mode, &
          factor, nprint, info, nfev, njev, ipvt, qtf, wa1, wa2, wa3, wa4)
          import :: wp, jacobian_callback

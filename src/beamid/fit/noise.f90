@@ -1,5 +1,6 @@
-!> Reproducible Gaussian noise, the same on every machine: L'Ecuyer's MRG32k3a (Operations Research
-!> 47, 1999, 159), whose integers are exact in double precision, and the Box-Muller transform.
+!> Generates reproducible random numbers, the same on every machine: uniform numbers by L'Ecuyer's
+!> MRG32k3a (Operations Research 47, 1999, 159), whose integers are exact in double precision, and
+!> Gaussian numbers by the Box-Muller transform.
 module beamid_noise
    use beamid_kinds, only: ip, wp
    implicit none
@@ -7,14 +8,16 @@ module beamid_noise
 
    public :: gaussian_noise, uniform_noise
 
+   !> The two moduli of MRG32k3a.
    real(wp), parameter :: m1 = 4294967087.0_wp, m2 = 4294944443.0_wp
+   !> Rounds that mix a seed, and numbers that are discarded at the start.
    integer, parameter :: warm_up = 20
 
 contains
 
-   !> n independent values of mean 0 and standard deviation sd.
+   !> Returns n independent Gaussian numbers of mean 0 and standard deviation sd.
    !>
-   !> seed  any integer; the same seed gives the same noise
+   !> seed  any integer; the same seed gives the same numbers
    pure function gaussian_noise(n, sd, seed) result(noise)
       integer, intent(in) :: n, seed
       real(wp), intent(in) :: sd
@@ -25,14 +28,14 @@ contains
 
       state = seeded(seed)
       do k = 1, n, 2
-         call draw(state, u(1))
-         call draw(state, u(2))
+         call draw_uniform(state, u(1))
+         call draw_uniform(state, u(2))
          noise(k) = sd*sqrt(-2*log(u(1)))*cos(two_pi*u(2))
          if (k < n) noise(k + 1) = sd*sqrt(-2*log(u(1)))*sin(two_pi*u(2))
       end do
    end function gaussian_noise
 
-   !> n independent values, uniform in (0, 1).
+   !> Returns n independent numbers, uniform in (0, 1); the same seed gives the same numbers.
    pure function uniform_noise(n, seed) result(noise)
       integer, intent(in) :: n, seed
       real(wp) :: noise(n)
@@ -41,50 +44,51 @@ contains
 
       state = seeded(seed)
       do k = 1, n
-         call draw(state, noise(k))
+         call draw_uniform(state, noise(k))
       end do
    end function uniform_noise
 
-   !> Six numbers from the seed by squaring: the generator is linear, and would carry a linear
-   !> relation between seeds over to their noise. No product reaches 2**53.
+   !> Returns the six numbers of the generator's state for a seed, by repeated squaring. The
+   !> generator is linear, so that a linear function of the seed would carry linear relations
+   !> between seeds over to their numbers. No product reaches 2**53.
    pure function seeded(seed) result(state)
       integer, intent(in) :: seed
       real(wp) :: state(6), mixed, u
       integer :: k, round
 
-      mixed = rest(real(seed, wp), m2)
+      mixed = remainder(real(seed, wp), m2)
       do k = 1, 6
          do round = 1, warm_up
-            mixed = rest(mixed*rest(mixed + round, 2.0_wp**21) + 69069*k + 1, m2)
+            mixed = remainder(mixed*remainder(mixed + round, 2.0_wp**21) + 69069*k + 1, m2)
          end do
          state(k) = mixed
       end do
       do k = 1, warm_up
-         call draw(state, u)
+         call draw_uniform(state, u)
       end do
    end function seeded
 
-   !> A uniform number in (0, 1).
-   pure subroutine draw(state, u)
+   !> Draws a uniform number in (0, 1) and advances the state.
+   pure subroutine draw_uniform(state, u)
       real(wp), intent(inout) :: state(6)
       real(wp), intent(out) :: u
       real(wp) :: p1, p2
 
-      p1 = rest(1403580*state(2) - 810728*state(1), m1)
-      p2 = rest(527612*state(6) - 1370589*state(4), m2)
+      p1 = remainder(1403580*state(2) - 810728*state(1), m1)
+      p2 = remainder(527612*state(6) - 1370589*state(4), m2)
       state = [state(2), state(3), p1, state(5), state(6), p2]
-      u = rest(p1 - p2, m1)
+      u = remainder(p1 - p2, m1)
       if (.not. u > 0) u = m1
       u = u/(m1 + 1)
-   end subroutine draw
+   end subroutine draw_uniform
 
-   !> `modulo` of integers below 2**53, exact as well and without the C library's loop.
-   pure real(wp) function rest(x, m)
+   !> Returns `modulo(x, m)` of integers below 2**53; exact, and without the C library's loop.
+   pure real(wp) function remainder(x, m)
       real(wp), intent(in) :: x, m
 
-      rest = x - m*int(x/m, ip)
-      if (rest < 0) rest = rest + m
-      if (rest >= m) rest = rest - m
-   end function rest
+      remainder = x - m*int(x/m, ip)
+      if (remainder < 0) remainder = remainder + m
+      if (remainder >= m) remainder = remainder - m
+   end function remainder
 
 end module beamid_noise

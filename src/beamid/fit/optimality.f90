@@ -1,6 +1,6 @@
-!> Whether a search has ended at a minimum. A success code of MINPACK is no proof: it comes as well
-!> where trial steps were refused until they were too short to matter, where a derivative is wrong,
-!> and where one long step ended at a place at which parameters have no effect.
+!> Checks whether a search has ended at a minimum. MINPACK's success code is no proof: MINPACK also
+!> reports success if trial steps were rejected until they were negligibly short, if a derivative is
+!> wrong, or if one long step ended where parameters have no effect.
 module beamid_optimality
    use beamid_errors, only: error_t
    use beamid_gauss_newton, only: gauss_newton_step, gauss_newton_t, scales_of
@@ -13,22 +13,26 @@ module beamid_optimality
 
    public :: check_minimum
 
-   !> Distance to the minimum that counts as none, in standard errors. A hundredth shows in no
-   !> number that is told of a fit; searches that converge end at 1e-6 or less. An integrator's
-   !> error stops a search earlier: then it is what that error may do to an estimate.
+   !> Largest distance to the minimum, in standard errors, that is accepted. A hundredth of a
+   !> standard error is below the digits of every reported result; searches that converge end at
+   !> 1e-6 or less. The error of an integrator stops a search earlier; the second limit allows for
+   !> the effect of this error on an estimate.
    real(wp), parameter :: near = 1e-2_wp, near_by_integrator = 0.25_wp
 
 contains
 
-   !> At a minimum linear theory sees no other ahead; it counts to where a parameter has changed by
-   !> its own size. No more is asked for than a search can see: relative changes of J, and of the
-   !> parameters, by the tolerance, and by a thousand times the relative error of an integrator,
-   !> which grows along a response and in differences of it.
+   !> Checks that linear theory predicts no lower minimum ahead of the estimate. Linear theory is
+   !> trusted up to a change of a parameter by its own size. The check demands no more than the
+   !> search can resolve: relative changes of J and of the parameters by the tolerance, and by a
+   !> thousand times the relative error of an integrator, which grows along a response and in
+   !> differences of it.
    !>
-   !> start      where the first search began
-   !> estimate, residual, jacobian  where the search has ended
-   !> objection  what speaks against a minimum, or ''. `search` is then left where to go on from:
-   !>            there, or at the start
+   !> search     on return with the parameters from which to continue, the estimate or the start
+   !> start      (n) where the first search began
+   !> estimate   (n) where the search has ended
+   !> residual   (m) there
+   !> jacobian   (m, n) there
+   !> objection  the reason why the estimate is no minimum; '': none
    !> error      the derivatives at the start cannot be computed
    subroutine check_minimum(search, options, start, estimate, residual, jacobian, objection, error)
       type(search_t), intent(inout) :: search
@@ -49,7 +53,7 @@ contains
       end associate
       scales = scales_of(search%variables, estimate)
       share = 1/max(1.0_wp, maxval(abs(ahead%step)/scales(search%moving)))
-      ! Where every step was refused a minimum far away is no less of an objection.
+      ! If every step was rejected, a minimum far away is an equally strong objection.
       if (all(abs(estimate - start) <= 1e-12_wp*scales)) share = 1
       J = sum(residual**2)
       gain = share*(2 - share)*(J - sum(ahead%residual**2))
@@ -69,18 +73,20 @@ contains
       end if
    end subroutine check_minimum
 
-   !> Parameters whose effect at the estimate is lost in round-off have none that the record could
-   !> determine; but where it was there at the start, the search has run away from what it looked
-   !> for. A parameter at its bound, a mass of zero say, may take others' effect away.
+   !> Objects if parameters that had an effect at the start have none at the estimate: the search
+   !> has then run away. Parameters without an effect at either point are no objection; the record
+   !> cannot determine them. Nor are parameters at their bounds, because a mass of zero, for
+   !> example, may cancel the effect of others.
    !>
-   !> rank  at the estimate
+   !> rank       number of independent directions with an effect at the estimate
+   !> objection  on return with the objection, if there is one
    subroutine check_lost_effects(search, start, estimate, residual, rank, objection, error)
       type(search_t), intent(inout) :: search
       real(wp), intent(in) :: start(:), estimate(:), residual(:)
       integer, intent(in) :: rank
       character(len=:), allocatable, intent(inout) :: objection
       type(error_t), allocatable, intent(out) :: error
-      !> So much larger an effect at the start is no matter of round-off.
+      !> Factor above round-off from which an effect at the start counts.
       real(wp), parameter :: clearly = 1e3_wp
       type(gauss_newton_t) :: ahead
       real(wp), allocatable :: r(:), jacobian(:, :)
@@ -102,7 +108,7 @@ contains
       search%parameters = start
    end subroutine check_lost_effects
 
-   !> Relative error of the columns of a Jacobian.
+   !> Returns the relative error of the columns of a Jacobian of m rows.
    real(wp) function jacobian_error(search, m)
       type(search_t), intent(in) :: search
       integer, intent(in) :: m

@@ -1,7 +1,7 @@
-!> Importance weights of which the largest are replaced by what a generalised Pareto distribution
-!> puts there, and its shape k, which tells whether the weights can be trusted: below .7 they can
-!> (Vehtari, Simpson, Gelman, Yao and Gabry, J. Mach. Learn. Res. 25, 2024, no. 72; the fit after
-!> Zhang and Stephens, Technometrics 51, 2009, 316).
+!> Smooths importance weights: replaces the largest by quantiles of a generalised Pareto
+!> distribution fitted to them. Its shape k shows whether the weights can be trusted: below 0.7 they
+!> can (Vehtari, Simpson, Gelman, Yao and Gabry, J. Mach. Learn. Res. 25, 2024, no. 72; the fit
+!> after Zhang and Stephens, Technometrics 51, 2009, 316).
 module beamid_pareto
    use beamid_kinds, only: wp
    use beamid_sorting, only: sort
@@ -12,15 +12,17 @@ module beamid_pareto
 
 contains
 
+   !> Smooths and normalises importance weights.
+   !>
    !> log_weight  (n) up to a constant
-   !> weight      (n) their sum is 1
-   !> k           of the tail; -1 where there are too few weights for one
+   !> weight      (n), with the sum 1
+   !> k           shape of the tail; -1 if there are too few weights to fit a tail
    subroutine smooth_weights(log_weight, weight, k)
       real(wp), intent(in) :: log_weight(:)
       real(wp), intent(out) :: weight(:), k
       real(wp), allocatable :: sorted(:), tail(:)
       real(wp) :: cut, sigma, p
-      integer :: i, m, n, place
+      integer :: i, m, n, rank
 
       n = size(log_weight)
       weight = exp(log_weight - maxval(log_weight))
@@ -30,16 +32,17 @@ contains
          sorted = weight
          call sort(sorted)
          cut = sorted(n - m)
-         ! Weights equal to the cut, zeros above all, are none of the tail.
+         ! Weights equal to the cut, especially zeros, do not belong to the tail.
          tail = pack(sorted(n - m + 1:), sorted(n - m + 1:) > cut)
          m = size(tail)
          if (m >= 5) then
             call fit_pareto(tail - cut, k, sigma)
-            ! By rank, and none above the largest that was drawn.
+            ! Each weight of the tail becomes the quantile of its rank, at most the largest weight
+            ! drawn.
             do i = 1, n
                if (.not. weight(i) > cut) cycle
-               place = count(tail <= weight(i))
-               p = (place - 0.5_wp)/m
+               rank = count(tail <= weight(i))
+               p = (rank - 0.5_wp)/m
                if (abs(k) > 1e-12_wp) then
                   weight(i) = cut + sigma*((1 - p)**(-k) - 1)/k
                else
@@ -52,8 +55,8 @@ contains
       weight = weight/sum(weight)
    end subroutine smooth_weights
 
-   !> Shape and scale of a generalised Pareto distribution: the mean of a profile likelihood over a
-   !> grid; of few values k is drawn towards one half.
+   !> Estimates shape k and scale sigma of a generalised Pareto distribution as the mean of the
+   !> profile likelihood over a grid. If there are few values, k is shrunk towards one half.
    !>
    !> x  (m) ascending, > 0
    pure subroutine fit_pareto(x, k, sigma)

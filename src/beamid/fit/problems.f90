@@ -1,5 +1,5 @@
-!> A sum of squares to be minimised, and its derivatives: exact ones of a smooth problem,
-!> differences of any other, and one against the other where both are there.
+!> Declares the types of least-squares problems, with or without exact derivatives, that a search
+!> minimises. Computes Jacobians by central differences, and compares exact derivatives with them.
 module beamid_problems
    use beamid_errors, only: error_t
    use beamid_kinds, only: wp
@@ -9,22 +9,26 @@ module beamid_problems
 
    public :: problem_t, smooth_problem_t, differences, error_of_differences, compare_derivatives
 
+   !> A least-squares problem: residuals as a function of physical parameters.
    type, abstract :: problem_t
    contains
       procedure(residuals), deferred :: residuals
    end type problem_t
 
-   !> A problem that knows its derivatives.
+   !> A least-squares problem that also computes the derivatives of its residuals.
    type, abstract, extends(problem_t) :: smooth_problem_t
-      logical :: exact = .true.   !< .false.: not as things are, and differences take their place
+      !> .false.: the derivatives are not available in the present state; differences are used
+      logical :: exact = .true.
    contains
       procedure(jacobian), deferred :: jacobian
    end type smooth_problem_t
 
    abstract interface
+      !> Computes the residuals.
+      !>
       !> parameters  (n) physical values
-      !> r           (m)
-      !> error       the model cannot be computed there
+      !> r           (m) residuals
+      !> error       the model cannot be computed at these parameters
       subroutine residuals(self, parameters, r, error)
          import :: error_t, problem_t, wp
          class(problem_t), intent(inout) :: self
@@ -32,10 +36,12 @@ module beamid_problems
          real(wp), intent(out) :: r(:)
          type(error_t), allocatable, intent(out) :: error
       end subroutine residuals
-      !> Residuals and their derivatives.
+      !> Computes the residuals and their derivatives.
       !>
-      !> r    (m)
-      !> jac  (m, n) d r/d parameter, physical parameters
+      !> parameters  (n) physical values
+      !> r           (m) residuals
+      !> jac         (m, n) d r/d parameter, with respect to physical parameters
+      !> error       the model cannot be computed at these parameters
       subroutine jacobian(self, parameters, r, jac, error)
          import :: error_t, smooth_problem_t, wp
          class(smooth_problem_t), intent(inout) :: self
@@ -47,15 +53,20 @@ module beamid_problems
 
 contains
 
-   !> Largest relative difference, over the columns, between a Jacobian and central differences.
+   !> Compares a Jacobian, column by column, with central differences of the residuals.
    !>
-   !> A column is mistaken when the two are further apart than three times what another step, longer
-   !> or shorter, makes of the differences, or the round-off of what counts most: however little or
-   !> much a parameter counts.
+   !> A column counts as wrong if it differs from the central differences by more than 0.5 % of its
+   !> length, and by more than three times the uncertainty of the differences. This uncertainty is
+   !> the larger of their change with a step three times longer or shorter and the round-off of the
+   !> parameter with the largest effect. The criterion therefore does not depend on the size of a
+   !> parameter's effect.
    !>
-   !> exact     (m, n) the Jacobian at the parameters
-   !> worst     not allocated where the differences cannot be computed
-   !> mistaken  the worst column that is mistaken, 0: none
+   !> parameters  (n) physical values
+   !> variables   (n) with their bounds and magnitudes
+   !> exact       (m, n) the Jacobian at the parameters
+   !> worst       largest relative difference of a column; not allocated if the differences cannot
+   !>             be computed
+   !> mistaken    index of the column with the largest error among the wrong columns; 0: none
    subroutine compare_derivatives(problem, parameters, variables, exact, worst, mistaken)
       class(problem_t), intent(inout) :: problem
       real(wp), intent(in) :: parameters(:), exact(:, :)
@@ -86,11 +97,14 @@ contains
       mistaken = maxloc(wrong, dim=1, mask=wrong > allowed .and. .not. wrong <= 3*unsure)
    end subroutine compare_derivatives
 
-   !> The Jacobian by central differences with a step of the cube root of the error, moved inside
-   !> where a bound is near.
+   !> Computes the Jacobian by central differences. The step is proportional to the cube root of the
+   !> relative error. Near a bound, the two points are moved inside.
    !>
+   !> parameters      (n) physical values
+   !> variables       (n) with their bounds and magnitudes
    !> relative_error  of the residuals
-   !> jac             (m, n)
+   !> jac             (m, n) d r/d parameter
+   !> error           the model cannot be computed at one of the points
    subroutine differences(problem, parameters, variables, relative_error, jac, error)
       class(problem_t), intent(inout) :: problem
       real(wp), intent(in) :: parameters(:), relative_error
@@ -115,7 +129,7 @@ contains
       end do
    end subroutine differences
 
-   !> The steps of those differences.
+   !> Returns half the distance, (n), between the two points of each central difference.
    pure function steps(relative_error, parameters, variables)
       real(wp), intent(in) :: relative_error, parameters(:)
       type(variable_t), intent(in) :: variables(:)
@@ -124,7 +138,10 @@ contains
       steps = relative_error**(1/3.0_wp)*max(abs(parameters), 1e-3_wp*variables%magnitude)
    end function steps
 
-   !> Relative error of such a Jacobian, with some reserve: that of the residuals over the step.
+   !> Returns a bound, with some reserve, for the relative error of a Jacobian by central
+   !> differences: the error of the residuals over the step.
+   !>
+   !> relative_error  of the residuals
    pure real(wp) function error_of_differences(relative_error) result(error)
       real(wp), intent(in) :: relative_error
 

@@ -1,9 +1,9 @@
-!> The profile of a sum of squares: the least J at each value of one parameter, all others fitted
-!> again; where it has risen by as much as 95 % of all records let it, the interval ends.
+!> Computes the profile of a sum of squares J along one parameter: the least J at each value, with
+!> all other parameters fitted again. The interval ends where J has risen to its 95 % level.
 !>
-!> Where residuals are linear in the parameters these intervals are those of linear theory; where
-!> they are not they may be lopsided, end at a bound, or have no end (Bates and Watts, Nonlinear
-!> Regression Analysis, 1988, section 6.1).
+!> If residuals are linear in the parameters, these intervals are those of linear theory. Otherwise
+!> they may be asymmetric, end at a bound, or have no end (Bates and Watts, Nonlinear Regression
+!> Analysis, 1988, section 6.1).
 module beamid_profile_likelihood
    use beamid_errors, only: error_t
    use beamid_gauss_newton, only: least_squares_step, scales_of
@@ -17,53 +17,58 @@ module beamid_profile_likelihood
 
    public :: side_t, follow_profile
 
-   !> How a side of a profile ends: where J has risen so far; at a bound, before that; nowhere, J
-   !> stays below whatever the value; or where a fit failed, and the end is not known.
+   !> How a side of a profile ends: J has risen to its 95 % level; the parameter has reached a bound
+   !> before; J stays below this level for all values; or a fit failed, and the end is not known.
    integer, parameter, public :: is_closed = 1, at_bound = 2, is_open = 3, is_lost = 4
 
    !> One side of the profile of a parameter, from the estimate outwards.
    type :: side_t
-      integer :: state = is_lost
-      real(wp) :: end = 0                       !< of the interval
-      real(wp), allocatable :: value(:)         !< (points) of the parameter
-      real(wp), allocatable :: J(:)             !< (points) least sum of squares there
+      integer :: state = is_lost                !< how the side ends
+      real(wp) :: end = 0                       !< end of the interval, a value of the parameter
+      real(wp), allocatable :: value(:)         !< (points) values of the parameter
+      real(wp), allocatable :: J(:)             !< (points) least sum of squares at each value
       !> (points) sqrt((J - J_min)/rise): 1 at the end of the interval
       real(wp), allocatable :: distance(:)
-      real(wp), allocatable :: parameters(:, :) !< (n, points)
-      character(len=:), allocatable :: reason   !< why it is lost; else ''
+      real(wp), allocatable :: parameters(:, :) !< (n, points) all parameters at each value
+      character(len=:), allocatable :: reason   !< why the end is not known; otherwise ''
    end type side_t
 
-   !> The sum of squares with one parameter held.
+   !> The least-squares problem in which one parameter of another problem is fixed.
    type, extends(smooth_problem_t) :: section_t
-      class(smooth_problem_t), pointer :: whole => null()
-      integer :: held = 0
-      real(wp) :: value = 0
+      class(smooth_problem_t), pointer :: full => null()    !< the problem with all n parameters
+      integer :: rows = 0                                   !< m, number of residuals
+      type(variable_t), allocatable :: variables(:)         !< (n) of all parameters
+      integer :: fixed = 0                                  !< index of the fixed parameter
+      real(wp) :: value = 0                                 !< its value
+      real(wp) :: J_min = 0                                 !< least sum of squares
+      real(wp) :: rise = 1                                  !< of J at the end of the interval
    contains
       procedure :: residuals
       procedure :: jacobian
    end type section_t
 
-   !> Aimed at between two points, in `distance`.
-   real(wp), parameter :: pace = 0.25_wp
+   !> Distance between two points that the steps aim at, as in `side_t`.
+   real(wp), parameter :: target_gain = 0.25_wp
 
-   !> Beyond so many times what is moderate, or so near to a bound in parts of the estimate's own
-   !> distance, nothing is asked any more.
-   real(wp), parameter :: far = 1e8_wp, near = 1e-3_wp
+   !> The profile ends beyond `farthest` times the moderate value, and nearer to a bound than the
+   !> share `nearest` of the estimate's distance.
+   real(wp), parameter :: farthest = 1e8_wp, nearest = 1e-3_wp
 
 contains
 
    !> Follows the profile of parameter k from the estimate to one side.
    !>
-   !> problem    on return anywhere
-   !> rows       of its residuals
+   !> problem    on return at any parameters
+   !> rows       m, number of its residuals
    !> variables  (n) with their bounds
    !> estimate   (n) where J is least
-   !> J_min      its sum of squares
-   !> k          the parameter
-   !> direction  -1 or 1
+   !> J_min      J at the estimate
+   !> k          index of the parameter
+   !> direction  -1: towards smaller values; 1: towards larger values
    !> rise       of J at the end of the interval, > 0
-   !> first      length of a step by which J may rise by `rise`, > 0, as linear theory has it
-   !> monitor    hears of each point
+   !> first      step, > 0, along which J rises by `rise` according to linear theory
+   !> side       the profile; a failed fit is noted there
+   !> monitor    receives a report of each point
    subroutine follow_profile(problem, rows, variables, estimate, J_min, k, direction, rise, first, &
       side, monitor)
       class(smooth_problem_t), intent(inout), target :: problem
@@ -72,78 +77,75 @@ contains
       real(wp), intent(in) :: estimate(:), J_min, rise, first
       type(side_t), intent(out) :: side
       class(monitor_t), intent(inout), optional :: monitor
-      integer, parameter :: most = 200, most_halvings = 8
+      integer, parameter :: max_points = 200, max_failures = 8
       type(section_t) :: section
       type(error_t), allocatable :: error
-      real(wp) :: here(size(estimate)), there(size(estimate)), slopes(size(estimate))
-      real(wp) :: bound, step, z, J, limit
-      integer :: halvings, i
+      real(wp), dimension(size(estimate)) :: here, next, slopes
+      real(wp) :: bound, step, distance, J, limit
+      integer :: failures, i
 
-      section%whole => problem
-      section%held = k
-      section%exact = problem%exact
+      call new_section(section, problem, rows, variables, k, J_min, rise)
       bound = merge(variables(k)%lower, variables(k)%upper, direction < 0)
-      limit = far*max(abs(estimate(k)), variables(k)%magnitude)
-      side%reason = ''
+      limit = farthest*max(abs(estimate(k)), variables(k)%magnitude)
       here = estimate
-      allocate (side%value(0), side%J(0), side%distance(0), side%parameters(size(here), 0))
-      call add_point(side, k, here, J_min, 0.0_wp)
-      if (abs(bound) < unbounded .and. abs(estimate(k) - bound) <= near*variables(k)%magnitude) then
-         side%state = at_bound
-         side%end = bound
-         return
-      end if
-      ! Only the first step has the estimate's own derivatives to go by.
-      call directions(section, rows, variables, here, slopes)
-      step = min(pace*first, limit/10)
-      halvings = 0
-      do i = 1, most
-         there = ahead(here, slopes, direction*step)
-         call minimise(section, rows, variables, there, J, error)
+      call start_side(side, section, here)
+      if (has_ended(nearest*variables(k)%magnitude)) return
+      call find_slopes(section, here, slopes)
+      step = min(target_gain*first, limit/10)
+      failures = 0
+      do i = 1, max_points
+         next = ahead(here, slopes, direction*step)
+         call minimise(section, next, J, error)
          if (allocated(error)) then
-            halvings = halvings + 1
-            step = abs(there(k) - here(k))/4
-            if (halvings <= most_halvings .and. step > 0) cycle
-            side%end = here(k)
-            side%reason = error%message
+            failures = failures + 1
+            step = abs(next(k) - here(k))/4
+            if (failures <= max_failures .and. step > 0) cycle
+            call give_up(error%message)
             return
          end if
-         z = sqrt(max(0.0_wp, J - J_min)/rise)
-         if (z >= 1) then
-            call find_end(section, rows, variables, here, there, side%distance(size(side%J)), z, &
-               J, J_min, rise, side)
+         distance = distance_of(section, J)
+         if (distance >= 1) then
+            call find_end(section, here, next, side%distance(size(side%J)), distance, J, side)
             return
          end if
-         step = abs(there(k) - here(k))
-         associate (gain => z - side%distance(size(side%J)))
-            step = step*min(3.0_wp, pace/max(gain, pace/3))
-         end associate
-         here = there
-         call add_point(side, k, here, J, z)
-         if (present(monitor)) then
-            !$omp critical (one_side_done)
-            call monitor%advanced(size(side%J), 0, 'points of a profile')
-            !$omp end critical (one_side_done)
-         end if
-         if (abs(here(k) - bound) <= near*abs(estimate(k) - bound)) then
-            side%state = at_bound
-            side%end = bound
-            return
-         end if
-         if (abs(here(k)) >= limit) then
-            side%state = is_open
-            side%end = direction*unbounded
-            return
-         end if
-         call directions(section, rows, variables, here, slopes)
+         step = next_step(abs(next(k) - here(k)), distance - side%distance(size(side%J)))
+         here = next
+         call add_point(side, k, here, J, distance)
+         if (present(monitor)) call report_point(monitor, size(side%J))
+         if (has_ended(nearest*abs(estimate(k) - bound))) return
+         call find_slopes(section, here, slopes)
       end do
-      side%end = here(k)
-      side%reason = 'the sum of squares neither rises nor stays'
+      call give_up('the sum of squares neither rises nor stays')
 
    contains
 
-      !> A step along the curve of minima, within the bounds. The model may have no value at a
-      !> bound, and a curve of minima may lead all parameters to theirs: no step goes all the way.
+      !> Ends the side at the last point, for a reason.
+      subroutine give_up(reason)
+         character(len=*), intent(in) :: reason
+
+         side%end = here(k)
+         side%reason = reason
+      end subroutine give_up
+
+      !> Returns whether the profile has reached the bound, to within a distance, or the limit, and
+      !> then ends the side there.
+      logical function has_ended(near)
+         real(wp), intent(in) :: near
+
+         has_ended = abs(here(k) - bound) <= near
+         if (has_ended) then
+            side%state = at_bound
+            side%end = bound
+         else if (abs(here(k)) >= limit) then
+            has_ended = .true.
+            side%state = is_open
+            side%end = direction*unbounded
+         end if
+      end function has_ended
+
+      !> Returns the parameters, (n), after a step along the curve of minima, inside the bounds. A
+      !> step covers at most 0.9 of the way to the bound, because the model may have no value there,
+      !> and because the curve may lead all parameters to their bounds.
       function ahead(from, slopes, length) result(to)
          real(wp), intent(in) :: from(:), slopes(:), length
          real(wp) :: to(size(from)), moved
@@ -159,179 +161,215 @@ contains
 
    end subroutine follow_profile
 
-   !> The value at which the distance is 1, between two points of which one is nearer and one is
-   !> farther: by the chord of the distance, nearly a line, and where that is slow by halves.
-   subroutine find_end(section, rows, variables, inside, outside, z_in, z_out, J_out, J_min, rise, &
-      side)
+   !> Returns the length of the next step from that of a step and its gain of distance.
+   pure real(wp) function next_step(step, gain)
+      real(wp), intent(in) :: step, gain
+
+      next_step = step*min(3.0_wp, target_gain/max(gain, target_gain/3))
+   end function next_step
+
+   !> Reports the number of points of a side; the sides are followed in parallel.
+   subroutine report_point(monitor, points)
+      class(monitor_t), intent(inout) :: monitor
+      integer, intent(in) :: points
+
+      !$omp critical (one_side_done)
+      call monitor%advanced(points, 0, 'points of a profile')
+      !$omp end critical (one_side_done)
+   end subroutine report_point
+
+   !> Finds the value at which the distance is 1, between a point inside the interval and one
+   !> outside: by the secant of the distance, which is nearly linear, and by every fourth step a
+   !> bisection.
+   !>
+   !> inside, outside            (n) parameters of the two points
+   !> distance_in, distance_out  distances of the two points
+   !> J_out                      sum of squares outside
+   !> side                       on return with the end of the interval
+   subroutine find_end(section, inside, outside, distance_in, distance_out, J_out, side)
       type(section_t), intent(inout) :: section
-      integer, intent(in) :: rows
-      type(variable_t), intent(in) :: variables(:)
-      real(wp), intent(in) :: inside(:), outside(:), z_in, z_out, J_out, J_min, rise
+      real(wp), intent(in) :: inside(:), outside(:), distance_in, distance_out, J_out
       type(side_t), intent(inout) :: side
-      integer, parameter :: most = 60
+      integer, parameter :: max_steps = 60
       real(wp), parameter :: close_enough = 1e-6_wp
       type(error_t), allocatable :: error
       real(wp), dimension(size(inside)) :: inner, outer, p
-      real(wp) :: z(2), zp, share, J
-      integer :: i
+      real(wp) :: z(2), distance, share, J
+      integer :: i, k
 
+      k = section%fixed
       inner = inside
       outer = outside
-      z = [z_in, z_out]
+      z = [distance_in, distance_out]
       p = outer
-      zp = z_out
+      distance = distance_out
       J = J_out
-      do i = 1, most
-         if (abs(zp - 1) <= close_enough) exit
+      do i = 1, max_steps
+         if (abs(distance - 1) <= close_enough) exit
          share = (1 - z(1))/(z(2) - z(1))
          if (modulo(i, 4) == 0) share = 0.5_wp
          p = inner + min(max(share, 0.02_wp), 0.98_wp)*(outer - inner)
-         if (.not. abs(p(section%held) - inner(section%held)) > 0 .or. &
-            .not. abs(p(section%held) - outer(section%held)) > 0) exit
-         call minimise(section, rows, variables, p, J, error)
+         if (.not. abs(p(k) - inner(k)) > 0 .or. .not. abs(p(k) - outer(k)) > 0) exit
+         call minimise(section, p, J, error)
          if (allocated(error)) then
-            side%end = inner(section%held)
+            side%end = inner(k)
             side%reason = error%message
             return
          end if
-         zp = sqrt(max(0.0_wp, J - J_min)/rise)
-         if (zp < 1) then
+         distance = distance_of(section, J)
+         if (distance < 1) then
             inner = p
-            z(1) = zp
+            z(1) = distance
          else
             outer = p
-            z(2) = zp
+            z(2) = distance
          end if
       end do
-      side%end = p(section%held)
-      associate (k => section%held)
-         if (abs(zp - 1) > 1e-2_wp .and. abs(outer(k) - inner(k)) > 1e-3_wp &
-            *abs(outer(k) - side%value(1))) then
-            side%reason = 'between '//to_text(inner(k))//' and '//to_text(outer(k))// &
-               ' no value was found with J at the level of 95 %'
-            return
-         end if
-         call add_point(side, k, p, J, zp)
-      end associate
+      side%end = p(k)
+      if (abs(distance - 1) > 1e-2_wp .and. abs(outer(k) - inner(k)) > 1e-3_wp &
+         *abs(outer(k) - side%value(1))) then
+         side%reason = 'between '//to_text(inner(k))//' and '//to_text(outer(k))// &
+            ' no value was found with J at the level of 95 %'
+         return
+      end if
+      call add_point(side, k, p, J, distance)
       side%state = is_closed
    end subroutine find_end
 
-   !> Minimises over all other parameters.
+   !> Returns the distance from the estimate, as in `side_t`, for a sum of squares J.
+   pure real(wp) function distance_of(section, J)
+      type(section_t), intent(in) :: section
+      real(wp), intent(in) :: J
+
+      distance_of = sqrt(max(0.0_wp, J - section%J_min)/section%rise)
+   end function distance_of
+
+   !> Minimises J over all parameters except the fixed one.
    !>
-   !> parameters  (n) on return where J is least
-   subroutine minimise(section, rows, variables, parameters, J, error)
+   !> parameters  (n) on entry the start and the fixed value, on return the minimum
+   !> J           least sum of squares
+   !> error       the fit failed
+   subroutine minimise(section, parameters, J, error)
       type(section_t), intent(inout) :: section
-      integer, intent(in) :: rows
-      type(variable_t), intent(in) :: variables(:)
       real(wp), intent(inout) :: parameters(:)
       real(wp), intent(out) :: J
       type(error_t), allocatable, intent(out) :: error
-      type(variable_t) :: others(size(variables) - 1)
+      type(variable_t) :: others(size(parameters) - 1)
       type(options_t) :: options
       type(fit_t) :: found
 
-      section%value = parameters(section%held)
-      others = without(variables, section%held)
-      ! What has followed the one that is held to a thousandth of its size is at no bound yet.
-      others%magnitude = max(1e-4_wp*others%magnitude, min(others%magnitude, &
-         abs(pick(parameters, section%held))))
-      others = others%from(pick(parameters, section%held))
+      associate (k => section%fixed)
+         section%value = parameters(k)
+         others = [section%variables(:k - 1), section%variables(k + 1:)]
+         ! A parameter that has decreased with the fixed one, to a thousandth of its size, say, is
+         ! not yet at a bound.
+         others%magnitude = max(1e-4_wp*others%magnitude, min(others%magnitude, &
+            abs([parameters(:k - 1), parameters(k + 1:)])))
+         others = others%from([parameters(:k - 1), parameters(k + 1:)])
+      end associate
       options%check = .false.
       options%tolerance = 1e-9_wp
       J = 0
-      call fit(section, rows, others, options, found, error)
+      call fit(section, section%rows, others, options, found, error)
       if (allocated(error)) return
-      parameters = all_of(section, found%estimate)
+      parameters = all_parameters(section, found%estimate)
       J = found%J
    end subroutine minimise
 
-   !> (n) how all parameters move along the curve of minima, for a unit of the one that is held: to
-   !> first order, by the derivatives here; where these fail they stay.
-   subroutine directions(section, rows, variables, parameters, slopes)
+   !> Computes the derivatives, (n), of all parameters along the curve of minima by the fixed
+   !> parameter, from the Jacobian; 0 for the other parameters if the Jacobian is not available.
+   subroutine find_slopes(section, parameters, slopes)
       type(section_t), intent(inout) :: section
-      integer, intent(in) :: rows
-      type(variable_t), intent(in) :: variables(:)
       real(wp), intent(in) :: parameters(:)
       real(wp), intent(out) :: slopes(:)
-      real(wp) :: r(rows), jac(rows, size(parameters))
+      real(wp) :: r(section%rows), jac(section%rows, size(parameters))
       type(error_t), allocatable :: error
       logical :: moves(size(parameters))
       integer :: rank, k
 
       slopes = 0
-      slopes(section%held) = 1
+      slopes(section%fixed) = 1
       if (.not. section%exact) return
-      call section%whole%jacobian(parameters, r, jac, error)
+      call section%full%jacobian(parameters, r, jac, error)
       if (allocated(error)) return
-      moves = [(k /= section%held .and. .not. variables(k)%is_at_bound(parameters(k)), &
+      moves = [(k /= section%fixed .and. .not. section%variables(k)%is_at_bound(parameters(k)), &
          k=1, size(parameters))]
-      call least_squares_step(jac, jac(:, section%held), scales_of(variables, parameters), moves, &
-         epsilon(1.0_wp)*rows, slopes, rank)
-      slopes(section%held) = 1
-   end subroutine directions
+      call least_squares_step(jac, jac(:, section%fixed), scales_of(section%variables, &
+         parameters), moves, epsilon(1.0_wp)*section%rows, slopes, rank)
+      slopes(section%fixed) = 1
+   end subroutine find_slopes
 
-   subroutine add_point(side, k, parameters, J, z)
+   !> Fixes parameter k of a problem; the other arguments are those of `follow_profile`.
+   subroutine new_section(section, problem, rows, variables, k, J_min, rise)
+      type(section_t), intent(inout) :: section
+      class(smooth_problem_t), intent(inout), target :: problem
+      integer, intent(in) :: rows, k
+      type(variable_t), intent(in) :: variables(:)
+      real(wp), intent(in) :: J_min, rise
+
+      section%full => problem
+      section%exact = problem%exact
+      section%rows = rows
+      section%variables = variables
+      section%fixed = k
+      section%J_min = J_min
+      section%rise = rise
+   end subroutine new_section
+
+   !> Starts a side with the estimate, (n).
+   subroutine start_side(side, section, estimate)
+      type(side_t), intent(inout) :: side
+      type(section_t), intent(in) :: section
+      real(wp), intent(in) :: estimate(:)
+
+      side%reason = ''
+      allocate (side%value(0), side%J(0), side%distance(0), side%parameters(size(estimate), 0))
+      call add_point(side, section%fixed, estimate, section%J_min, 0.0_wp)
+   end subroutine start_side
+
+   !> Appends a point to a side.
+   subroutine add_point(side, k, parameters, J, distance)
       type(side_t), intent(inout) :: side
       integer, intent(in) :: k
-      real(wp), intent(in) :: parameters(:), J, z
-      real(wp), allocatable :: longer(:, :)
-      integer :: n
+      real(wp), intent(in) :: parameters(:), J, distance
 
-      n = size(side%J)
       side%value = [side%value, parameters(k)]
       side%J = [side%J, J]
-      side%distance = [side%distance, z]
-      allocate (longer(size(parameters), n + 1))
-      longer(:, :n) = side%parameters
-      longer(:, n + 1) = parameters
-      call move_alloc(longer, side%parameters)
+      side%distance = [side%distance, distance]
+      side%parameters = reshape([side%parameters, parameters], [size(parameters), size(side%J)])
    end subroutine add_point
 
+   !> Computes the residuals, (rows), with one parameter fixed; `parameters` (n - 1) are the others.
    subroutine residuals(self, parameters, r, error)
       class(section_t), intent(inout) :: self
       real(wp), intent(in) :: parameters(:)
       real(wp), intent(out) :: r(:)
       type(error_t), allocatable, intent(out) :: error
 
-      call self%whole%residuals(all_of(self, parameters), r, error)
+      call self%full%residuals(all_parameters(self, parameters), r, error)
    end subroutine residuals
 
+   !> Computes the residuals and their derivatives, (rows, n - 1), by the parameters not fixed.
    subroutine jacobian(self, parameters, r, jac, error)
       class(section_t), intent(inout) :: self
       real(wp), intent(in) :: parameters(:)
       real(wp), intent(out) :: r(:), jac(:, :)
       type(error_t), allocatable, intent(out) :: error
-      real(wp) :: whole(size(jac, 1), size(jac, 2) + 1)
+      real(wp) :: full(size(jac, 1), size(jac, 2) + 1)
 
-      call self%whole%jacobian(all_of(self, parameters), r, whole, error)
+      call self%full%jacobian(all_parameters(self, parameters), r, full, error)
       if (allocated(error)) return
-      jac(:, :self%held - 1) = whole(:, :self%held - 1)
-      jac(:, self%held:) = whole(:, self%held + 1:)
+      jac(:, :self%fixed - 1) = full(:, :self%fixed - 1)
+      jac(:, self%fixed:) = full(:, self%fixed + 1:)
    end subroutine jacobian
 
-   !> (n) the held one in its place among the others.
-   pure function all_of(self, others) result(parameters)
+   !> Returns all parameters, (n), with the fixed value in its place among the others.
+   pure function all_parameters(self, others) result(parameters)
       class(section_t), intent(in) :: self
       real(wp), intent(in) :: others(:)
       real(wp) :: parameters(size(others) + 1)
 
-      parameters = [others(:self%held - 1), self%value, others(self%held:)]
-   end function all_of
-
-   pure function without(variables, k) result(rest)
-      type(variable_t), intent(in) :: variables(:)
-      integer, intent(in) :: k
-      type(variable_t) :: rest(size(variables) - 1)
-
-      rest = [variables(:k - 1), variables(k + 1:)]
-   end function without
-
-   pure function pick(values, k) result(rest)
-      real(wp), intent(in) :: values(:)
-      integer, intent(in) :: k
-      real(wp) :: rest(size(values) - 1)
-
-      rest = [values(:k - 1), values(k + 1:)]
-   end function pick
+      parameters = [others(:self%fixed - 1), self%value, others(self%fixed:)]
+   end function all_parameters
 
 end module beamid_profile_likelihood

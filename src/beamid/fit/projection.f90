@@ -1,6 +1,6 @@
-!> Unknowns that enter linearly are eliminated: r(p) = y + Phi c with the c that makes |r| smallest,
-!> and the derivative of r with c(p) in place (Golub and Pereyra, SIAM J. Numer. Anal. 10, 1973,
-!> 413): variable projection.
+!> Eliminates unknowns that enter linearly (variable projection: Golub and Pereyra, SIAM J. Numer.
+!> Anal. 10, 1973, 413): r(p) = y + Phi c with the c that minimises |r|, and the derivative of r(p)
+!> with c(p) eliminated. Residuals of free motions use it for amplitudes and offset.
 module beamid_projection
    use beamid_errors, only: error_t, failure
    use beamid_kinds, only: wp
@@ -11,6 +11,7 @@ module beamid_projection
 
    public :: projection_t, new_projection
 
+   !> QR decomposition of Phi (m, k).
    type :: projection_t
       real(wp), allocatable :: q(:, :)   !< (m, k) orthonormal basis of the columns of Phi
       real(wp), allocatable :: r(:, :)   !< (k, k) Phi = q r, upper triangle
@@ -21,6 +22,7 @@ module beamid_projection
    end type projection_t
 
    interface
+      !> LAPACK: the matrix Q of a QR decomposition.
       subroutine dorgqr(m, n, k, a, lda, tau, work, lwork, info)
          import :: wp
          integer, intent(in) :: m, n, k, lda, lwork
@@ -33,8 +35,11 @@ module beamid_projection
 
 contains
 
-   !> phi    (m, k) columns of the linear unknowns, m >= k
-   !> error  the columns are dependent: the samples cannot tell the unknowns apart
+   !> Decomposes the columns of the linear unknowns.
+   !>
+   !> phi    (m, k) Phi, m >= k
+   !> error  fewer samples than unknowns, or dependent columns: the samples cannot tell the unknowns
+   !>        apart
    subroutine new_projection(phi, projection, error)
       real(wp), intent(in) :: phi(:, :)
       type(projection_t), intent(out) :: projection
@@ -64,10 +69,10 @@ contains
       call dorgqr(m, k, k, projection%q, max(1, m), tau, work, size(work), info)
    end subroutine new_projection
 
-   !> The linear unknowns and what they leave.
+   !> Computes the linear unknowns and the remaining residuals.
    !>
-   !> y  (m) on return the residuals r = y + Phi c
-   !> c  (k)
+   !> y  (m) on entry the residuals for c = 0, on return r = y + Phi c
+   !> c  (k) the linear unknowns
    subroutine coefficients(self, y, c)
       class(projection_t), intent(in) :: self
       real(wp), intent(inout) :: y(:)
@@ -82,11 +87,11 @@ contains
       c = -b(:, 1)
    end subroutine coefficients
 
-   !> dr/dp of the residuals with c(p) eliminated.
+   !> Computes dr/dp of the residuals with c(p) eliminated, for one parameter p.
    !>
-   !> slope  (m) on entry dy/dp + (dPhi/dp) c with c held, on return dr/dp
    !> dphi   (m, k) dPhi/dp
    !> r      (m) the residuals
+   !> slope  (m) on entry dy/dp + (dPhi/dp) c with c fixed, on return dr/dp
    subroutine derivative(self, dphi, r, slope)
       class(projection_t), intent(in) :: self
       real(wp), intent(in) :: dphi(:, :), r(:)
@@ -98,10 +103,10 @@ contains
       slope = slopes(:, 1)
    end subroutine derivative
 
-   !> The same by several parameters at once.
+   !> Computes the same derivatives for several parameters at once.
    !>
    !> along   (k, parameters) (dPhi/dp)'r
-   !> slopes  (m, parameters)
+   !> slopes  (m, parameters) as `slope` in `derivative`
    subroutine derivatives(self, along, slopes)
       class(projection_t), intent(in) :: self
       real(wp), intent(in) :: along(:, :)

@@ -1,6 +1,6 @@
-!> Intervals from estimates of resampled data (Efron and Tibshirani, An Introduction to the
-!> Bootstrap, 1993, sections 13.3 and 14.3; Künsch, Annals of Statistics 17, 1989, 1217, for
-!> blocks).
+!> Computes bootstrap intervals from estimates of resampled data, and the blocks for resampling
+!> correlated residuals (Efron and Tibshirani, An Introduction to the Bootstrap, 1993, sections 13.3
+!> and 14.3; Künsch, Annals of Statistics 17, 1989, 1217, for blocks).
 module beamid_resampling
    use beamid_chains, only: quantile
    use beamid_distributions, only: normal_probability, normal_quantile
@@ -14,7 +14,7 @@ module beamid_resampling
 
 contains
 
-   !> Ends of the 95 % interval that leaves as many estimates on either side.
+   !> Returns the ends of the 95 % percentile interval.
    !>
    !> estimates  (n) of resampled data
    function percentile_interval(estimates) result(ends)
@@ -26,28 +26,30 @@ contains
       ends = [quantile(sorted, 0.025_wp), quantile(sorted, 0.975_wp)]
    end function percentile_interval
 
-   !> The same, corrected for bias and acceleration (BCa).
+   !> Returns the ends of the 95 % interval with correction for bias and acceleration (BCa).
    !>
-   !> estimate  of the data themselves; among the others where a half of those lie below it
-   !> a         acceleration
+   !> estimates  (n) of resampled data
+   !> estimate   from the data themselves
+   !> a          acceleration
    function corrected_interval(estimates, estimate, a) result(ends)
       real(wp), intent(in) :: estimates(:), estimate, a
-      real(wp) :: ends(2), sorted(size(estimates)), bias, level(2), share
+      real(wp) :: ends(2), sorted(size(estimates)), bias, level(2), share_below
       integer :: n
 
       n = size(estimates)
       sorted = estimates
       call sort(sorted)
-      share = (count(estimates < estimate) + count(estimates <= estimate))/(2.0_wp*n)
-      bias = normal_quantile(min(max(share, 0.5_wp/n), 1 - 0.5_wp/n))
+      share_below = (count(estimates < estimate) + count(estimates <= estimate))/(2.0_wp*n)
+      bias = normal_quantile(min(max(share_below, 0.5_wp/n), 1 - 0.5_wp/n))
       level = bias + normal_quantile([0.025_wp, 0.975_wp])
       level = normal_probability(bias + level/(1 - a*level))
       ends = [quantile(sorted, level(1)), quantile(sorted, level(2))]
    end function corrected_interval
 
-   !> How the standard error changes with the parameter: from what each datum does to the estimate.
+   !> Returns the acceleration, the rate at which the standard error changes with the parameter,
+   !> from the influence of each datum on the estimate.
    !>
-   !> influence  (m) adding up to 0 or nearly
+   !> influence  (m), with a sum of 0 or nearly 0
    pure real(wp) function acceleration(influence) result(a)
       real(wp), intent(in) :: influence(:)
 
@@ -55,7 +57,12 @@ contains
       if (any(abs(influence) > 0)) a = sum(influence**3)/(6*sum(influence**2)**1.5_wp)
    end function acceleration
 
-   !> Places of m values that blocks of a length put one behind the other, each block from anywhere.
+   !> Returns m indices for a moving-block bootstrap: consecutive blocks of a length, each starting
+   !> at a random index.
+   !>
+   !> m       number of values
+   !> length  of a block
+   !> seed    any integer
    function block_places(m, length, seed) result(places)
       integer, intent(in) :: m, length, seed
       integer :: places(m), first, k
@@ -68,29 +75,31 @@ contains
       end do
    end function block_places
 
-   !> A length that grows as the cube root of the samples and with how long their correlation lasts
-   !> (Politis and White, Econometric Reviews 23, 2004, 53, the constant of its circular form).
+   !> Returns a block length that grows with the cube root of the number of samples and with the
+   !> correlation time (Politis and White, Econometric Reviews 23, 2004, 53, with the constant of
+   !> the circular bootstrap).
    !>
-   !> r  (m) residuals in the order of time
+   !> r  (m) residuals in order of time
    pure integer function usual_block(r) result(length)
       real(wp), intent(in) :: r(:)
       real(wp), allocatable :: correlation(:)
       real(wp) :: g, spectrum, window, band
-      integer :: k, m, quiet, last
+      integer :: k, m, insignificant_lags, last
 
       m = size(r)
       length = 1
       if (.not. any(abs(r) > 0) .or. m < 8) return
-      quiet = max(5, int(sqrt(log10(real(m, wp)))))
-      last = min(m - 1, int(sqrt(real(m, wp))) + quiet)
+      insignificant_lags = max(5, int(sqrt(log10(real(m, wp)))))
+      last = min(m - 1, int(sqrt(real(m, wp))) + insignificant_lags)
       allocate (correlation(0:last))
       do k = 0, last
          correlation(k) = dot_product(r(:m - k), r(k + 1:))/sum(r**2)
       end do
       band = 2*sqrt(log10(real(m, wp))/m)
-      ! Twice the lag behind which several in a row are no more than chance.
-      do k = 0, last - quiet
-         if (all(abs(correlation(k + 1:k + quiet)) < band)) exit
+      ! The sums extend to twice the lag after which several consecutive correlations are
+      ! insignificant.
+      do k = 0, last - insignificant_lags
+         if (all(abs(correlation(k + 1:k + insignificant_lags)) < band)) exit
       end do
       last = min(last, max(2*k, 1))
       g = 0

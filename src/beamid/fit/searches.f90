@@ -1,8 +1,9 @@
-!> One search by MINPACK: `lmdif`, the stand-in for IMSL's ZXSSQ, or `lmder` for problems that know
-!> their derivatives.
+!> Runs one MINPACK search for the minimum of a sum of squares: `lmdif` (in place of IMSL's ZXSSQ,
+!> which the paper used), or `lmder` if the problem has exact derivatives. `beamid_least_squares`
+!> calls it, with checks before and after.
 !>
-!> MINPACK calls back a procedure without a place for data of ours: `active`, private to this module
-!> and to each thread, points to the search in hand while MINPACK runs.
+!> MINPACK's callbacks have no argument for user data. Therefore `active`, which is private to this
+!> module and to each thread, points to the current search while MINPACK runs.
 module beamid_searches
    use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
    use beamid_errors, only: error_t, failure
@@ -14,9 +15,10 @@ module beamid_searches
    implicit none
    private
 
-   public :: monitor_t, options_t, search_t, run_search, tell, trial
+   public :: monitor_t, options_t, search_t, run_search, notify_monitor, physical_parameters
 
-   !> Is told of every iteration, and of several searches how many are done.
+   !> Receives reports of progress: of each iteration of a search, and of the share of a larger task
+   !> that is finished.
    type, abstract :: monitor_t
    contains
       procedure(iteration), deferred :: iteration
@@ -24,22 +26,26 @@ module beamid_searches
       procedure :: advanced
    end type monitor_t
 
+   !> Options of a least-squares fit.
    type :: options_t
-      !> of the residuals, by an integrator's tolerance; 0: round-off only
+      !> relative error of the residuals that an integrator's tolerance causes; 0: round-off only
       real(wp) :: relative_error = 0
-      real(wp) :: tolerance = 1e-10_wp     !< relative, on J and on the parameters
-      integer :: max_evaluations = 2000
-      !> where these do not do, go on by Newton's method if derivatives are exact
+      real(wp) :: tolerance = 1e-10_wp    !< relative, for J and for the parameters
+      integer :: max_evaluations = 2000   !< of the residuals, in one search
+      !> if `max_evaluations` do not suffice and derivatives are exact, continue by Newton's method
       logical :: persistent = .false.
       logical :: check = .true.            !< compare exact derivatives with differences
    end type options_t
 
    abstract interface
-      !> May be called by several threads at once.
+      !> Reports one iteration. Several threads may call it at the same time.
       !>
-      !> label       which search it is
-      !> J           sum of squares so far
-      !> names, parameters  (n) physical values
+      !> label        name of the search
+      !> number       number of the iteration
+      !> evaluations  evaluations of the residuals so far
+      !> J            sum of squares at this iteration
+      !> names        (n) names of the parameters
+      !> parameters   (n) physical values
       subroutine iteration(self, label, number, evaluations, J, names, parameters)
          import :: monitor_t, wp
          class(monitor_t), intent(inout) :: self
@@ -49,39 +55,46 @@ module beamid_searches
       end subroutine iteration
    end interface
 
-   !> A point at which a problem that knows its derivatives was evaluated.
+   !> A point at which residuals and exact derivatives were evaluated.
    type :: evaluated_t
-      real(wp), allocatable :: parameters(:), residual(:), jacobian(:, :)   !< (n), (m), (m, n)
-      real(wp) :: J = huge(1.0_wp)
+      real(wp), allocatable :: parameters(:)    !< (n) physical values
+      real(wp), allocatable :: residual(:)      !< (m)
+      real(wp), allocatable :: jacobian(:, :)   !< (m, n) d residual/d parameter
+      real(wp) :: J = huge(1.0_wp)              !< sum of squares
    end type evaluated_t
 
-   !> What the callback needs to know.
+   !> The state of a search, which the callbacks read and change.
    type :: search_t
-      class(problem_t), pointer :: problem => null()
-      !> the same where it has exact derivatives
+      class(problem_t), pointer :: problem => null()   !< the problem whose J is minimised
+      !> the same problem if it has exact derivatives, otherwise null
       class(smooth_problem_t), pointer :: smooth => null()
-      class(monitor_t), pointer :: monitor => null()
-      character(len=:), allocatable :: label
-      character(len=24), allocatable :: names(:)
-      type(variable_t), allocatable :: variables(:)
-      real(wp), allocatable :: parameters(:)   !< (n) values of those that do not move
-      integer, allocatable :: moving(:)        !< which variables MINPACK moves
-      logical, allocatable :: held(:)          !< (n) may not be held at a bound a second time
-      !> a moving variable that has come to a bound, 0: none
+      class(monitor_t), pointer :: monitor => null()   !< null: no reports
+      character(len=:), allocatable :: label          !< name of the search in reports
+      character(len=24), allocatable :: names(:)      !< (n) names of the parameters
+      type(variable_t), allocatable :: variables(:)   !< (n) with their bounds
+      real(wp), allocatable :: parameters(:)          !< (n) values of variables that do not move
+      integer, allocatable :: moving(:)               !< indices of the variables that MINPACK moves
+      !> (n) whether a variable was fixed at a bound before; it is not fixed a second time
+      logical, allocatable :: was_fixed(:)
+      !> index of a moving variable at its bound; 0: none
       integer :: near_bound = 0
-      integer :: lingering = 0                 !< iterations in a row that it has spent there
-      !> of the residuals, for the steps of differences
+      integer :: iterations_at_bound = 0       !< consecutive iterations that it has spent there
+      !> relative error of the residuals, from which `lmdif` finds the steps of its differences
       real(wp) :: relative_error = epsilon(1.0_wp)
-      real(wp) :: factor = 100          !< length of the first step, in norms of the scaled start
-      real(wp), allocatable :: first_norm   !< of the residuals at the start
+      !> largest length of the first step, in units of the norm of the scaled start (MINPACK's
+      !> `factor`)
+      real(wp) :: factor = 100
+      real(wp), allocatable :: first_norm      !< Euclidean norm of the residuals at the start
+      !> `shortened`: trial steps at which the model could not be computed
       integer :: iterations = 0, evaluations = 0, shortened = 0, failures_in_a_row = 0
-      type(error_t), allocatable :: error
-      !> the point asked for last, if it could be evaluated, and one to which a search may come back
-      !> from a trial step
-      type(evaluated_t) :: here, kept
-      real(wp) :: J = huge(1.0_wp)             !< where the last step began
-      real(wp) :: nothing = 0                  !< a distance that is none, in standard errors
-      logical :: is_settled = .false.          !< no step is worth while
+      type(error_t), allocatable :: error      !< the error that stopped the search
+      !> the point evaluated last, and an earlier point to which the search may return from a
+      !> rejected trial step
+      type(evaluated_t) :: current, previous
+      real(wp) :: J = huge(1.0_wp)             !< sum of squares where the last step began
+      !> distance to the minimum [standard errors] below which the search has converged
+      real(wp) :: settled_distance = 0
+      logical :: is_settled = .false.          !< whether that distance is reached
    contains
       procedure :: evaluate_at
    end type search_t
@@ -89,41 +102,46 @@ module beamid_searches
    type(search_t), pointer :: active => null()
    !$omp threadprivate(active)
 
-   !> So many failing trial steps in a row, each a tenth of the one before, end a search.
+   !> Number of failing trial steps in a row, each a tenth of the step before, that ends a search.
    integer, parameter :: max_failures = 10
-   !> A minimum as near as this, in standard errors and in square roots of the tolerance, is where
-   !> the search is: 1e-6 by default. It is the relative offset of Bates and Watts (Technometrics
-   !> 23, 1981, 179), who stop at 1e-3; round-off of a response sees some 1e-7. Asked for where a
-   !> step has changed J by no more than `little`, relatively.
-   real(wp), parameter :: settled = 0.1_wp, little = 1e-5_wp
+   !> A search has converged if linear theory sees the minimum within `settled_offset`
+   !> sqrt(tolerance) standard errors: 1e-6 by default. This distance is the relative offset of
+   !> Bates and Watts (Technometrics 23, 1981, 179), who stop at 1e-3; round-off of a response
+   !> limits it to some 1e-7. The test is made only after a step that changed J by at most the share
+   !> `small_change`.
+   real(wp), parameter :: settled_offset = 0.1_wp, small_change = 1e-5_wp
 
 contains
 
-   !> Called by one thread at a time; does nothing unless overridden.
+   !> Reports that a part of several searches is finished. One thread at a time calls it; it does
+   !> nothing unless overridden.
    !>
-   !> part, whole  of the work
+   !> part   number of searches that are finished
+   !> whole  number of all searches
    subroutine done(self, part, whole)
       class(monitor_t), intent(inout) :: self
       integer, intent(in) :: part, whole
    end subroutine done
 
-   !> As `done`, of work without iterations.
+   !> Reports, like `done`, the progress of work that has no iterations.
    !>
-   !> whole   0: not known
-   !> pieces  what the work is counted in, 'draws'
+   !> part    number of pieces that are finished
+   !> whole   number of all pieces; 0: not known
+   !> pieces  plural noun for the pieces, such as 'draws'
    subroutine advanced(self, part, whole, pieces)
       class(monitor_t), intent(inout) :: self
       integer, intent(in) :: part, whole
       character(len=*), intent(in) :: pieces
    end subroutine advanced
 
-   !> Calls MINPACK.
+   !> Calls MINPACK with the settings of a search.
    !>
-   !> tolerance  relative, on the parameters; of a model by an integrator also on J, which cannot
-   !>            settle to the last digit
-   !> z          (n) start, then solution
+   !> search     on return with counts, and with `error` if the model failed
+   !> tolerance  relative, for the parameters; also for J if the model uses an integrator, because
+   !>            then J does not converge to the last digit
+   !> z          (moving variables) on entry the start, on return the solution
    !> r          (m) residuals at the solution
-   !> info       MINPACK's, or negative when the search was stopped
+   !> info       MINPACK's code of the reason for stopping; negative: a callback stopped the search
    subroutine run_search(search, options, tolerance, z, r, info)
       type(search_t), intent(inout), target :: search
       type(options_t), intent(in) :: options
@@ -140,18 +158,18 @@ contains
       allocate (fjac(size(r), size(z)), wa4(size(r)))
       active => search
       search%J = huge(search%J)
-      search%kept%J = huge(search%J)
+      search%previous%J = huge(search%J)
       search%is_settled = .false.
-      search%nothing = settled*sqrt(options%tolerance)
+      search%settled_distance = settled_offset*sqrt(options%tolerance)
       ftol = merge(tolerance, 1e-14_wp, options%relative_error > 0)
       associate (m => size(r), n => size(z))
          if (associated(search%smooth)) then
-            call lmder(evaluate_both, m, n, z, r, fjac, m, ftol, tolerance, gtol, &
+            call lmder(lmder_callback, m, n, z, r, fjac, m, ftol, tolerance, gtol, &
                options%max_evaluations, diag, 1, search%factor, 1, info, nfev, njev, ipvt, qtf, &
                wa1, wa2, wa3, wa4)
             if (search%is_settled) info = 2
          else
-            call lmdif(evaluate, m, n, z, r, ftol, tolerance, gtol, options%max_evaluations, &
+            call lmdif(lmdif_callback, m, n, z, r, ftol, tolerance, gtol, options%max_evaluations, &
                search%relative_error, diag, 1, search%factor, 1, info, nfev, fjac, m, ipvt, qtf, &
                wa1, wa2, wa3, wa4)
          end if
@@ -159,9 +177,9 @@ contains
       active => null()
    end subroutine run_search
 
-   !> The callback of `lmder`: residuals through `evaluate`, derivatives for iflag = 2, and there
-   !> the end of a search that has settled.
-   subroutine evaluate_both(m, n, x, fvec, fjac, ldfjac, iflag)
+   !> Computes residuals, or derivatives (iflag = 2), for `lmder`, and stops a search that has
+   !> converged. Its arguments are those of MINPACK; x holds the moving variables z.
+   subroutine lmder_callback(m, n, x, fvec, fjac, ldfjac, iflag)
       integer, intent(in) :: m, n, ldfjac
       real(wp), intent(in) :: x(n)
       real(wp), intent(inout) :: fvec(m), fjac(ldfjac, n)
@@ -172,10 +190,10 @@ contains
       integer :: k
 
       if (iflag /= 2) then
-         call evaluate(m, n, x, fvec, iflag)
+         call lmdif_callback(m, n, x, fvec, iflag)
          return
       end if
-      call active%evaluate_at(trial(active, x), r, error)
+      call active%evaluate_at(physical_parameters(active, x), r, error)
       if (allocated(error)) then
          call move_alloc(error, active%error)
          iflag = -1
@@ -183,26 +201,27 @@ contains
       end if
       do k = 1, n
          associate (moving => active%moving(k))
-            fjac(:m, k) = active%here%jacobian(:, moving)*active%variables(moving)%derivative(x(k))
+            fjac(:m, k) = active%current%jacobian(:, moving) &
+               *active%variables(moving)%derivative(x(k))
          end associate
       end do
-      if (.not. active%here%J < (1 - little)*active%J) then
+      if (.not. active%current%J < (1 - small_change)*active%J) then
          associate (variables => active%variables(active%moving), &
-            parameters => active%here%parameters(active%moving))
-            ahead = gauss_newton_step(active%here%jacobian(:, active%moving), r, parameters, &
+            parameters => active%current%parameters(active%moving))
+            ahead = gauss_newton_step(active%current%jacobian(:, active%moving), r, parameters, &
                variables, m*epsilon(r))
-            active%is_settled = ahead%distance <= active%nothing .and. ahead%rank == n .and. &
-               .not. any(variables%is_at_bound(parameters))
+            active%is_settled = ahead%distance <= active%settled_distance .and. &
+               ahead%rank == n .and. .not. any(variables%is_at_bound(parameters))
          end associate
          if (active%is_settled) iflag = -1
       end if
-      active%J = active%here%J
-   end subroutine evaluate_both
+      active%J = active%current%J
+   end subroutine lmder_callback
 
-   !> The callback of MINPACK. iflag = 0: a new iteration; 2: a difference for the Jacobian; 1: the
-   !> start or a trial step. A trial step at which the model fails is made to look a hundred times
-   !> worse than the start, whereupon Levenberg-Marquardt takes a tenth of it.
-   subroutine evaluate(m, n, x, fvec, iflag)
+   !> Computes residuals for `lmdif`. iflag = 0 marks a new iteration, 1 the start or a trial step,
+   !> 2 a difference for the Jacobian. At a trial step where the model fails, the residuals are set
+   !> to a hundred times the norm at the start; Levenberg-Marquardt then tries a tenth of the step.
+   subroutine lmdif_callback(m, n, x, fvec, iflag)
       integer, intent(in) :: m, n
       real(wp), intent(in) :: x(n)
       real(wp), intent(inout) :: fvec(m)
@@ -210,10 +229,10 @@ contains
       type(error_t), allocatable :: error
 
       if (iflag == 0) then
-         call report(active, x, fvec, iflag)
+         call watch_bounds(active, x, fvec, iflag)
          return
       end if
-      call active%evaluate_at(trial(active, x), fvec, error)
+      call active%evaluate_at(physical_parameters(active, x), fvec, error)
       if (.not. allocated(error)) then
          if (.not. ieee_is_finite(sum(fvec**2))) &
             call failure(error, 'the sum of squared residuals is not finite')
@@ -233,11 +252,15 @@ contains
       end if
       active%shortened = active%shortened + 1
       fvec = 100*(active%first_norm + tiny(1.0_wp))/sqrt(real(m, wp))
-   end subroutine evaluate
+   end subroutine lmdif_callback
 
-   !> Residuals, and with them the derivatives of a problem that knows them: most trial steps are
-   !> taken, and the next thing that is wanted are the derivatives there; `here` has them. From
-   !> those that are not taken a search comes back to where it was, and does not pay for it again.
+   !> Computes residuals and, if the problem has exact derivatives, the Jacobian into `current`.
+   !> Most trial steps are accepted, and the derivatives are then needed at the same point. After a
+   !> rejected step the search returns to the point before, which `previous` still holds.
+   !>
+   !> parameters  (n) physical values
+   !> r           (m) residuals
+   !> error       the model fails there, or derivatives are not finite
    subroutine evaluate_at(self, parameters, r, error)
       class(search_t), intent(inout) :: self
       real(wp), intent(in) :: parameters(:)
@@ -249,18 +272,18 @@ contains
          call self%problem%residuals(parameters, r, error)
          return
       end if
-      if (is_at(self%here, parameters)) then
-         r = self%here%residual
+      if (is_at(self%current, parameters)) then
+         r = self%current%residual
          return
       end if
-      if (is_at(self%kept, parameters)) then
-         call swap(self%here, self%kept)
-         r = self%here%residual
+      if (is_at(self%previous, parameters)) then
+         call swap(self%current, self%previous)
+         r = self%current%residual
          return
       end if
-      if (self%here%J <= self%kept%J) call swap(self%here, self%kept)
+      if (self%current%J <= self%previous%J) call swap(self%current, self%previous)
       self%evaluations = self%evaluations + 1
-      associate (here => self%here)
+      associate (here => self%current)
          here%J = huge(here%J)
          if (.not. allocated(here%jacobian)) allocate (here%jacobian(size(r), size(parameters)), &
             here%residual(size(r)))
@@ -280,7 +303,7 @@ contains
       end associate
    end subroutine evaluate_at
 
-   !> Whether a point has been evaluated there.
+   !> Returns whether a point was evaluated at exactly these parameters.
    pure logical function is_at(evaluated, parameters)
       type(evaluated_t), intent(in) :: evaluated
       real(wp), intent(in) :: parameters(:)
@@ -289,6 +312,7 @@ contains
       if (is_at) is_at = all(abs(parameters - evaluated%parameters) <= 0)
    end function is_at
 
+   !> Exchanges two evaluated points without copying their arrays.
    subroutine swap(a, b)
       type(evaluated_t), intent(inout) :: a, b
       type(evaluated_t) :: c
@@ -299,6 +323,7 @@ contains
 
    contains
 
+      !> Moves an evaluated point.
       subroutine move(from, to)
          type(evaluated_t), intent(inout) :: from
          type(evaluated_t), intent(out) :: to
@@ -311,31 +336,35 @@ contains
 
    end subroutine swap
 
-   !> The physical parameters at a point of the moving variables.
-   function trial(search, x) result(parameters)
+   !> Returns all physical parameters, (n), at a point x of the moving variables.
+   function physical_parameters(search, x) result(parameters)
       type(search_t), intent(in) :: search
       real(wp), intent(in) :: x(:)
       real(wp) :: parameters(size(search%variables))
 
       parameters = search%parameters
       parameters(search%moving) = search%variables(search%moving)%value(x)
-   end function trial
+   end function physical_parameters
 
-   !> Counts an iteration, and tells the monitor of it.
+   !> Counts an iteration and reports it to the monitor.
    !>
-   !> parameters  physical
-   subroutine tell(search, parameters, J)
+   !> parameters  (n) physical values
+   !> J           sum of squares there
+   subroutine notify_monitor(search, parameters, J)
       type(search_t), intent(inout) :: search
       real(wp), intent(in) :: parameters(:), J
 
       if (associated(search%monitor)) call search%monitor%iteration(search%label, &
          search%iterations, search%evaluations, J, search%names, parameters)
       search%iterations = search%iterations + 1
-   end subroutine tell
+   end subroutine notify_monitor
 
-   !> Passes an iteration on to the monitor, and stops MINPACK (iflag < 0) when a variable has spent
-   !> some iterations at a bound.
-   subroutine report(search, x, r, iflag)
+   !> Reports an iteration, and stops MINPACK (iflag < 0) if a variable has stayed at a bound for
+   !> three iterations.
+   !>
+   !> x  (moving variables)
+   !> r  (m) residuals there
+   subroutine watch_bounds(search, x, r, iflag)
       type(search_t), intent(inout) :: search
       real(wp), intent(in) :: x(:), r(:)
       integer, intent(inout) :: iflag
@@ -343,17 +372,17 @@ contains
       real(wp) :: parameters(size(search%variables))
       integer :: k, near
 
-      parameters = trial(search, x)
-      call tell(search, parameters, sum(r**2))
+      parameters = physical_parameters(search, x)
+      call notify_monitor(search, parameters, sum(r**2))
       near = 0
       do k = 1, size(search%variables)
-         if (search%held(k) .or. .not. any(search%moving == k)) cycle
+         if (search%was_fixed(k) .or. .not. any(search%moving == k)) cycle
          if (search%variables(k)%is_at_bound(parameters(k))) near = k
       end do
-      search%lingering = merge(search%lingering + 1, 0, near > 0 .and. &
-         (near == search%near_bound .or. search%lingering == 0))
+      search%iterations_at_bound = merge(search%iterations_at_bound + 1, 0, near > 0 .and. &
+         (near == search%near_bound .or. search%iterations_at_bound == 0))
       search%near_bound = near
-      if (search%lingering >= patience) iflag = -1
-   end subroutine report
+      if (search%iterations_at_bound >= patience) iflag = -1
+   end subroutine watch_bounds
 
 end module beamid_searches

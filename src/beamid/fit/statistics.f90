@@ -1,5 +1,6 @@
-!> What a least-squares fit says about its parameters: errors, correlations, what is not determined,
-!> and whether the residuals look like noise. Works on any Jacobian.
+!> Computes the statistics of a least-squares fit from its Jacobian and residuals: standard errors,
+!> correlations, intervals, and the combinations of parameters that the data do not determine.
+!> Independent of the model.
 module beamid_statistics
    use beamid_distributions, only: chi_square_tail, student_quantile
    use beamid_errors, only: error_t, failure
@@ -9,40 +10,45 @@ module beamid_statistics
    implicit none
    private
 
-   public :: statistics_t, new_statistics, undetermined, misfit_of_records
-   public :: aicc, bic, nested_test, unlimited
+   public :: statistics_t, new_statistics, undetermined, misfit_of_records, unlimited
 
-   !> Stands for the error of a parameter that the record says nothing about.
+   !> Value of the standard error of a parameter about which the data say nothing.
    real(wp), parameter :: unlimited = huge(1.0_wp)
 
-   !> Lags of the autocorrelation.
+   !> Largest lag of the autocorrelations of residuals.
    integer, parameter, public :: max_lags = 20
 
-   !> Linear theory around the estimate.
+   !> Results of linear theory around the estimate. m is the number of residuals, n that of the
+   !> parameters. Standard errors, intervals and covariances are in the units of the parameters.
    type :: statistics_t
-      integer :: samples = 0, parameters = 0
-      integer :: freedom = 0                         !< rows, what else is known included, - n
-      real(wp) :: variance = 0                       !< of the noise, J/freedom
-      real(wp), allocatable :: covariance(:, :)      !< (n, n)
-      !> (n); `unlimited` where the record says nothing about a parameter
+      integer :: samples = 0                         !< residuals of data
+      integer :: parameters = 0                      !< n
+      !> degrees of freedom: number of all rows, including prior knowledge, less n
+      integer :: freedom = 0
+      real(wp) :: variance = 0                       !< of the noise, sigma**2 = J/freedom
+      real(wp), allocatable :: covariance(:, :)      !< (n, n) of the estimate
+      !> (n) standard errors; `unlimited` if the data say nothing about a parameter
       real(wp), allocatable :: std_error(:)
-      real(wp), allocatable :: half_width(:)         !< (n) of the 95 % interval
-      real(wp), allocatable :: correlation(:, :)     !< (n, n)
-      !> Singular values, descending, of the Jacobian per relative change: column j times scale_j.
+      real(wp), allocatable :: half_width(:)         !< (n) of the 95 % interval, by Student's t
+      real(wp), allocatable :: correlation(:, :)     !< (n, n) of the estimate
+      !> (n) singular values, descending, of the Jacobian with respect to relative changes: column j
+      !> times scale(j)
       real(wp), allocatable :: singular(:)
-      real(wp), allocatable :: direction(:, :)       !< (n, n) column k belongs to singular(k)
+      real(wp), allocatable :: direction(:, :)       !< (n, n) right singular vectors, in columns
       real(wp) :: condition = 0                      !< singular(1)/singular(n)
-      !> (n) the 95 % interval is narrower than the value
+      !> (n) whether the half width of the 95 % interval is less than the absolute value
       logical, allocatable :: determined(:)
-      !> The same for residuals that are not white, never smaller: with their autocovariance in the
-      !> place of sigma**2 (Newey and West's estimate), and the number of independent samples that
-      !> would carry as much, the least over the parameters, in that of m.
+      !> (n) standard error and half width of the 95 % interval for residuals that are not white,
+      !> never smaller than those above: the autocovariances of the residuals replace sigma**2
+      !> (estimate of Newey and West)
       real(wp), allocatable :: corrected_error(:), corrected_half_width(:)
-      !> (n) several records pull a parameter apart by more than their residuals explain; its
-      !> corrected error is from that
+      !> (n) whether the estimates that several records favour differ by more than the residuals
+      !> explain; the corrected error then comes from these differences
       logical, allocatable :: disputed(:)
+      !> number of independent samples with as much information as the m correlated samples;
+      !> smallest over the parameters
       real(wp) :: effective = 0
-      !> (n) somebody knows better than linear theory that a parameter is not determined
+      !> (n) whether a caller has found, beyond linear theory, that a parameter is not determined
       logical, allocatable :: withdrawn(:)
    contains
       procedure :: withdraw
@@ -51,15 +57,19 @@ module beamid_statistics
 
 contains
 
+   !> Computes the statistics of a fit.
+   !>
    !> jacobian  (m, n) derivatives of the residuals with respect to the parameters
-   !> residual  (m)
+   !> residual  (m) at the estimate
    !> estimate  (n)
-   !> scale     (n) > 0, what a relative change of each parameter is relative to: its value, or
-   !>           where that is zero something of its usual size
-   !> error     no degrees of freedom left, or a singular value decomposition that fails
-   !> samples   so many rows are data, the first ones; default all. The others are what else is
-   !>           known, as uncertain as data of the standard deviation `noise`
-   !> first     first rows of several records, and (n) what these have in common
+   !> scale     (n) > 0, unit of relative changes of each parameter: its value, or a moderate value
+   !>           if that is zero
+   !> error     no degrees of freedom left, or a singular value decomposition that does not converge
+   !> samples   number of data rows, which come first; default: all rows. The other rows are prior
+   !>           knowledge, weighted like data of the standard deviation `noise`
+   !> noise     standard deviation of the noise used in these weights
+   !> first     (records) first row of each of several records
+   !> shared    (n) whether the records have a parameter in common; required with `first`
    subroutine new_statistics(jacobian, residual, estimate, scale, statistics, error, samples, &
       noise, first, shared)
       real(wp), intent(in) :: jacobian(:, :), residual(:), estimate(:), scale(:)
@@ -99,7 +109,7 @@ contains
       call correct_errors(jacobian, residual(:m), statistics, noise, first, shared)
    end subroutine new_statistics
 
-   !> Takes back what linear theory says of a parameter.
+   !> Marks a parameter as not determined, whatever linear theory says.
    pure subroutine withdraw(self, parameter)
       class(statistics_t), intent(inout) :: self
       integer, intent(in) :: parameter
@@ -108,6 +118,7 @@ contains
       self%withdrawn(parameter) = .true.
    end subroutine withdraw
 
+   !> Returns whether a parameter has been marked as not determined.
    pure logical function is_withdrawn(self, parameter)
       class(statistics_t), intent(in) :: self
       integer, intent(in) :: parameter
@@ -116,11 +127,12 @@ contains
       if (allocated(self%withdrawn)) is_withdrawn = self%withdrawn(parameter)
    end function is_withdrawn
 
-   !> What takes the place of J where the noise of several records is estimated from the fit itself,
-   !> and J with it says nothing: m times the geometric mean of the variances of all m samples.
+   !> Returns the quantity that replaces J if the noise levels of several records are estimated from
+   !> the fit itself, so that the weighted J carries no information: m times the weighted geometric
+   !> mean of the residual variances of the records, m being the number of all samples.
    !>
    !> residual  (m) without weights
-   !> samples   (records) of each, one after the other
+   !> samples   (records) number of samples of each record, in order
    pure real(wp) function misfit_of_records(residual, samples) result(J)
       real(wp), intent(in) :: residual(:)
       integer, intent(in) :: samples(:)
@@ -138,26 +150,28 @@ contains
       J = row*exp(likelihood/row)
    end function misfit_of_records
 
-   !> Covariance sigma**2 V S**-2 V', undone for the scale. A parameter with a part in a direction
-   !> whose singular value is round-off has no limits at all.
+   !> Computes covariance, sigma**2 V S**-2 V' in the parameters' units, correlation and standard
+   !> errors. A parameter with a component in a direction whose singular value is round-off has an
+   !> unlimited error.
    !>
-   !> smallest  singular values up to here are round-off
-   pure subroutine add_covariance(statistics, scale, smallest)
+   !> scale      (n) as in `new_statistics`
+   !> threshold  singular values up to this one are round-off
+   pure subroutine add_covariance(statistics, scale, threshold)
       type(statistics_t), intent(inout) :: statistics
-      real(wp), intent(in) :: scale(:), smallest
+      real(wp), intent(in) :: scale(:), threshold
       real(wp) :: inverse(size(scale), size(scale)), root(size(scale))
-      logical :: lost(size(scale))
+      logical :: is_lost(size(scale))
       real(wp) :: largest
       integer :: j, k
 
-      ! In units of the largest singular value, so that nothing over- or underflows on the way.
+      ! In units of the largest singular value, to prevent overflow and underflow.
       inverse = 0
-      lost = .false.
+      is_lost = .false.
       largest = max(statistics%singular(1), tiny(1.0_wp))
       do k = 1, size(scale)
          associate (v => statistics%direction(:, k), s => statistics%singular(k)/largest)
-            if (statistics%singular(k) <= smallest) then
-               lost = lost .or. abs(v) > 1e-6_wp
+            if (statistics%singular(k) <= threshold) then
+               is_lost = is_lost .or. abs(v) > 1e-6_wp
                cycle
             end if
             do j = 1, size(scale)
@@ -173,17 +187,20 @@ contains
             *(sqrt(statistics%variance)*(scale(j)/largest))
          do k = 1, size(scale)
             if (j == k) statistics%correlation(k, j) = 1
-            if (j /= k .and. .not. (lost(j) .or. lost(k))) statistics%correlation(k, j) = &
+            if (j /= k .and. .not. (is_lost(j) .or. is_lost(k))) statistics%correlation(k, j) = &
                inverse(k, j)/(root(k)*root(j))
          end do
       end do
       statistics%std_error = merge(unlimited, &
-         min(unlimited, sqrt(statistics%variance)*(scale/largest)*root), lost)
+         min(unlimited, sqrt(statistics%variance)*(scale/largest)*root), is_lost)
    end subroutine add_covariance
 
-   !> Errors with the autocovariances of the residuals up to `max_lags`, tapered linearly.
+   !> Corrects standard errors for correlated residuals, with their autocovariances up to lag
+   !> `max_lags`, tapered linearly.
    !>
-   !> residual  of the data
+   !> jacobian              (m, n) of all rows
+   !> residual              (samples) of the data
+   !> noise, first, shared  as in `new_statistics`
    subroutine correct_errors(jacobian, residual, statistics, noise, first, shared)
       real(wp), intent(in) :: jacobian(:, :), residual(:)
       type(statistics_t), intent(inout) :: statistics
@@ -194,13 +211,13 @@ contains
       real(wp) :: variance, gamma
       integer :: j, k, m, lags
 
-      ! A row of `influence` is what a unit residual does to an estimate.
+      ! Row i of `influence` is the change of the estimate per unit of residual i.
       m = size(residual)
       lags = min(max_lags, m/2)
       statistics%corrected_error = statistics%std_error
       statistics%disputed = spread(.false., 1, statistics%parameters)
       statistics%effective = m
-      ! Nothing to correct, or nothing that could be squared.
+      ! Nothing to correct, or errors so large that their squares overflow.
       if (.not. statistics%variance > 0 .or. &
          any(statistics%std_error >= sqrt(unlimited)*epsilon(unlimited))) then
          statistics%corrected_half_width = statistics%half_width
@@ -222,17 +239,20 @@ contains
       end do
       statistics%corrected_half_width = statistics%corrected_error*student_quantile(0.95_wp, &
          max(1.0_wp, statistics%effective - statistics%parameters))
-      if (present(first)) call add_dispute(influence, residual, first, shared, statistics)
+      if (present(first)) call add_disagreement(influence, residual, first, shared, statistics)
    end subroutine correct_errors
 
-   !> Errors from how far apart records pull an estimate: e_r, the sum of influence times residual
-   !> over record r, adds up to nothing over all of them, and R/(R - 1) sum e_r**2 is its variance
-   !> whatever is wrong with the model in each. Taken where the sum is improbable for the variances
-   !> that noise as coloured as it is gives these e_r; with R - 1 degrees of freedom.
+   !> Corrects standard errors for disagreement between records. The contribution of record r to the
+   !> estimate, e_r = sum of influence times residual over the record, sums to zero over all R
+   !> records, and R/(R - 1) sum e_r**2 estimates the variance whatever is wrong with the model in
+   !> each record. This estimate, with R - 1 degrees of freedom, is used if the sum is improbable
+   !> under the variances that the (coloured) noise gives the e_r.
    !>
-   !> first   (R) first row of each record
-   !> shared  (n)
-   subroutine add_dispute(influence, residual, first, shared, statistics)
+   !> influence  (m, n) change of the estimate per unit of residual
+   !> residual   (samples) of the data
+   !> first      (R) first row of each record
+   !> shared     (n) whether the records have a parameter in common
+   subroutine add_disagreement(influence, residual, first, shared, statistics)
       real(wp), intent(in) :: influence(:, :), residual(:)
       integer, intent(in) :: first(:)
       logical, intent(in) :: shared(:)
@@ -263,9 +283,10 @@ contains
          statistics%corrected_error(j) = total
          statistics%corrected_half_width(j) = total*student_quantile(0.95_wp, records - 1.0_wp)
       end do
-   end subroutine add_dispute
+   end subroutine add_disagreement
 
-   !> Singular values and right singular vectors of the Jacobian with its columns scaled.
+   !> Computes singular values, (n), and right singular vectors, (n, n), of the Jacobian with scaled
+   !> columns.
    subroutine decompose(jacobian, scale, singular, direction, error)
       real(wp), intent(in) :: jacobian(:, :), scale(:)
       real(wp), allocatable, intent(out) :: singular(:), direction(:, :)
@@ -284,10 +305,10 @@ contains
          'statistics: the singular value decomposition did not converge')
    end subroutine decompose
 
-   !> A sentence for each combination of parameters that the record does not determine: a relative
-   !> change along it that the noise cannot tell from nothing is larger than one.
+   !> Returns a sentence for each combination of parameters whose relative change by 100 % cannot be
+   !> distinguished from noise (at 95 %).
    !>
-   !> names     (n)
+   !> names     (n) of the parameters
    !> scale     (n) as in `new_statistics`
    !> jacobian  (m, n) for the change of J along a direction
    function undetermined(statistics, names, scale, jacobian) result(sentences)
@@ -305,91 +326,56 @@ contains
          epsilon(1.0_wp)*statistics%samples*statistics%singular(1))
       do k = n, 1, -1
          if (statistics%singular(k) > threshold) cycle
-         sentences = [character(len=512) :: sentences, sentence(statistics, names, scale, &
-            jacobian, k)]
+         sentences = [character(len=512) :: sentences, &
+            describe_direction(statistics, names, scale, jacobian, k)]
       end do
    end function undetermined
 
-   !> What direction k is, and how flat J lies along it.
-   function sentence(statistics, names, scale, jacobian, k) result(text)
+   !> Returns the sentence for direction k: its parameters, and the change of J along it.
+   function describe_direction(statistics, names, scale, jacobian, k) result(text)
       type(statistics_t), intent(in) :: statistics
       character(len=*), intent(in) :: names(:)
       real(wp), intent(in) :: scale(:), jacobian(:, :)
       integer, intent(in) :: k
       character(len=:), allocatable :: text
       real(wp), allocatable :: v(:)
-      real(wp) :: J, change, along, least
+      real(wp) :: J, change_alone, change_along, smallest_share
       integer :: i, largest
 
       J = statistics%variance*statistics%freedom
       v = statistics%direction(:, k)
       largest = maxloc(abs(v), dim=1)
       v = v/v(largest)
-      ! Alone, or together with others whose small changes have as much effect?
-      change = sum((jacobian(:, largest)*scale(largest))**2)
-      along = (statistics%singular(k)/statistics%direction(largest, k))**2
-      least = 0.1_wp
-      if (count(abs(v) > least) == 1 .and. change > 4*along) least = 1e-4_wp
-      if (count(abs(v) > least) == 1) then
+      ! Is the largest parameter alone undetermined, or can small changes of others compensate it?
+      change_alone = sum((jacobian(:, largest)*scale(largest))**2)
+      change_along = (statistics%singular(k)/statistics%direction(largest, k))**2
+      smallest_share = 0.1_wp
+      if (count(abs(v) > smallest_share) == 1 .and. change_alone > 4*change_along) &
+         smallest_share = 1e-4_wp
+      if (count(abs(v) > smallest_share) == 1) then
          text = trim(names(largest))// &
             ' is not determined by this record: doubling it changes J by '// &
-            to_text(change)//' ('//to_text(100*(change/max(J, tiny(J))))//' % of J)'
+            to_text(change_alone)//' ('//to_text(100*(change_alone/max(J, tiny(J))))//' % of J)'
          return
       end if
       text = ''
       do i = 1, size(v)
-         if (abs(v(i)) <= least) cycle
+         if (abs(v(i)) <= smallest_share) cycle
          if (text /= '') text = text//', '
-         text = text//trim(names(i))//' by '//signed(100*v(i))//' %'
+         text = text//trim(names(i))//' by '//signed_per_cent(100*v(i))//' %'
       end do
-      text = 'not determined together: changing '//text//' at once changes J by '//to_text(along)
-   end function sentence
+      text = 'not determined together: changing '//text//' at once changes J by '// &
+         to_text(change_along)
+   end function describe_direction
 
-   !> Whole per cent, or two digits of less.
-   pure function signed(value) result(text)
+   !> Returns a percentage with its sign: in whole numbers, or with two decimals below 1 %.
+   pure function signed_per_cent(value) result(text)
       real(wp), intent(in) :: value
       character(len=:), allocatable :: text
 
       text = trim(adjustl(fixed(value, 12, merge(0, 2, abs(value) >= 1))))
       text = text(:verify(text, '.', back=.true.))
       if (value > 0) text = '+'//text
-   end function signed
-
-   !> Akaike's criterion with the correction for few samples:
-   !> m ln(J/m) + 2 k + 2 k (k + 1)/(m - k - 1), k = parameters + 1 with the noise variance.
-   pure real(wp) function aicc(J, samples, parameters) result(value)
-      real(wp), intent(in) :: J
-      integer, intent(in) :: samples, parameters
-      integer :: k
-
-      k = parameters + 1
-      value = samples*log(J/samples) + 2*k
-      if (samples > k + 1) then
-         value = value + 2.0_wp*k*(k + 1)/(samples - k - 1)
-      else
-         value = huge(value)
-      end if
-   end function aicc
-
-   !> Schwarz's criterion: m ln(J/m) + k ln m.
-   pure real(wp) function bic(J, samples, parameters) result(value)
-      real(wp), intent(in) :: J
-      integer, intent(in) :: samples, parameters
-
-      value = samples*log(J/samples) + (parameters + 1)*log(real(samples, wp))
-   end function bic
-
-   !> Banks and Fitzpatrick: U = m (J_restricted - J_full)/J_full against chi-square with as many
-   !> degrees of freedom as there are restrictions.
-   !>
-   !> probability  of so large a U if the restrictions hold
-   pure subroutine nested_test(J_restricted, J_full, samples, restrictions, U, probability)
-      real(wp), intent(in) :: J_restricted, J_full
-      integer, intent(in) :: samples, restrictions
-      real(wp), intent(out) :: U, probability
-
-      U = samples*(J_restricted - J_full)/J_full
-      probability = chi_square_tail(U, real(restrictions, wp))
-   end subroutine nested_test
+   end function signed_per_cent
 
 end module beamid_statistics

@@ -1,7 +1,9 @@
-!> Parameters as a search sees them: without bounds, and of order one.
+!> Transforms physical parameters to the variables z of a search, which have no bounds and are of
+!> order one. MINPACK moves z; the model gets the physical values.
 !>
-!> A smooth change of variable keeps each parameter inside its bounds. Far from a bound it is close
-!> to linear, so that the search runs as it would without bounds; every search starts at z = 1.
+!> A smooth change of variable keeps each parameter inside its bounds. Far from a bound the change
+!> is close to linear, so that the search runs as it would without bounds. Every search starts at
+!> z = 1.
 module beamid_variables
    use beamid_kinds, only: wp
    implicit none
@@ -9,20 +11,23 @@ module beamid_variables
 
    public :: variable_t, new_variable, unbounded, has
 
-   !> Stands for a bound that is not there.
+   !> Value of a bound that does not exist (with a minus sign for a lower bound).
    real(wp), parameter :: unbounded = huge(1.0_wp)
 
-   !> A search by a logarithm goes no farther, and no number is lost.
+   !> Largest change of the logarithm of a parameter in a search; it prevents overflow.
    real(wp), parameter :: farthest = 50
 
+   !> A parameter with its bounds and its change of variable. The unit of `start`, `lower`, `upper`,
+   !> `magnitude` and `scale` is that of the parameter.
    type :: variable_t
       real(wp) :: start = 0                    !< value at z = 1
-      real(wp) :: lower = -unbounded
-      real(wp) :: upper = unbounded
-      real(wp) :: magnitude = 1                !< what a moderate value is
-      logical :: is_logarithmic = .false.      !< searched for by its logarithm; no bounds but 0
-      real(wp), private :: scale = 1           !< size of the parameter's region of interest
-      real(wp), private :: x = 1               !< x = z*self%x is the argument of the formulas below
+      real(wp) :: lower = -unbounded           !< lower bound
+      real(wp) :: upper = unbounded            !< upper bound
+      real(wp) :: magnitude = 1                !< moderate value of the parameter, > 0
+      logical :: is_logarithmic = .false.      !< its logarithm is varied; the only bound is 0
+      real(wp), private :: scale = 1           !< unit of the change of variable
+      !> z = 1 corresponds to this argument x of the formulas in `value`
+      real(wp), private :: x = 1
    contains
       procedure :: value
       procedure :: derivative
@@ -33,11 +38,14 @@ module beamid_variables
 
 contains
 
-   !> start         lower <= start <= upper. At a bound every smooth change of variable is
-   !>               stationary: a search from there starts one per cent of `magnitude` (at most
-   !>               1/1000 of the interval) inside; component `start` tells where
-   !> lower, upper  or -unbounded, unbounded
-   !> magnitude     what a moderate value of the parameter is, > 0
+   !> Returns the variable of a parameter.
+   !>
+   !> start         value at z = 1, lower <= start <= upper. At a bound every smooth change of
+   !>               variable has zero slope. A search from a bound therefore starts one per cent of
+   !>               `magnitude` (at most 1/1000 of the interval) inside; the component `start` tells
+   !>               where
+   !> lower, upper  bounds; -unbounded, unbounded: none
+   !> magnitude     moderate value of the parameter, > 0
    pure function new_variable(start, lower, upper, magnitude) result(self)
       real(wp), intent(in) :: start, lower, upper, magnitude
       type(variable_t) :: self
@@ -67,8 +75,9 @@ contains
       end if
    end function new_variable
 
-   !> The parameter at z: lower + scale (sqrt(1 + x**2) - 1) or its mirror image with one bound,
-   !> lower + scale sin(x/2)**2 with two, start + scale (z - 1) with none; x = z*self%x.
+   !> Returns the parameter at z. With x = z self%x it is lower + scale (sqrt(1 + x**2) - 1) with a
+   !> lower bound, the mirror image with an upper bound, lower + scale sin(x/2)**2 with two bounds,
+   !> and start + scale (z - 1) without bounds.
    elemental real(wp) function value(self, z)
       class(variable_t), intent(in) :: self
       real(wp), intent(in) :: z
@@ -88,7 +97,7 @@ contains
       end if
    end function value
 
-   !> d value/d z.
+   !> Returns the derivative d value/d z.
    elemental real(wp) function derivative(self, z)
       class(variable_t), intent(in) :: self
       real(wp), intent(in) :: z
@@ -108,7 +117,7 @@ contains
       end if
    end function derivative
 
-   !> The same variable with another start.
+   !> Returns the same variable with another start.
    elemental type(variable_t) function from(self, start)
       class(variable_t), intent(in) :: self
       real(wp), intent(in) :: start
@@ -117,7 +126,7 @@ contains
       from%is_logarithmic = self%is_logarithmic
    end function from
 
-   !> Whether a value is so near a bound that it might as well lie on it.
+   !> Returns whether a value is nearer to a bound than 1e-4 of the magnitude.
    elemental logical function is_at_bound(self, value)
       class(variable_t), intent(in) :: self
       real(wp), intent(in) :: value
@@ -126,7 +135,7 @@ contains
          has(self%upper) .and. self%upper - value < 1e-4_wp*self%magnitude
    end function is_at_bound
 
-   !> The bound that is nearest to a value.
+   !> Returns the bound that is nearest to a value.
    elemental real(wp) function nearest_bound(self, value)
       class(variable_t), intent(in) :: self
       real(wp), intent(in) :: value
@@ -135,7 +144,7 @@ contains
          has(self%lower) .and. value - self%lower <= self%upper - value)
    end function nearest_bound
 
-   !> Whether a bound is there.
+   !> Returns whether a bound exists.
    elemental logical function has(bound)
       real(wp), intent(in) :: bound
 

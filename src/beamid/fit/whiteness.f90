@@ -1,4 +1,4 @@
-!> Are residuals white noise?
+!> Tests whether residuals are white noise, and counts their effective number if they are not.
 module beamid_whiteness
    use beamid_distributions, only: chi_square_tail, normal_95
    use beamid_errors, only: error_t
@@ -10,28 +10,29 @@ module beamid_whiteness
 
    public :: residual_check_t, check_residuals, effective_samples
 
-   !> Are the residuals white?
+   !> Result of the test for white noise.
    type :: residual_check_t
-      real(wp), allocatable :: autocorrelation(:)    !< lags 1, 2, ...
-      !> 95 % of white residuals' lags lie within +-band
+      real(wp), allocatable :: autocorrelation(:)    !< (lags) at lags 1, 2, ...
+      !> half width of the band that contains 95 % of the autocorrelations of white residuals
       real(wp) :: band = 0
-      integer :: lags = 0                            !< of the Ljung-Box sum
-      real(wp) :: ljung_box = 0
-      !> of so large a Ljung-Box sum for white residuals
+      integer :: lags = 0                            !< number of lags in the Ljung-Box statistic
+      real(wp) :: ljung_box = 0                      !< Ljung-Box statistic
+      !> of a Ljung-Box statistic at least as large if the residuals are white
       real(wp) :: probability = 1
       logical :: white = .true.                      !< probability >= 0.05
    end type residual_check_t
 
 contains
 
-   !> Autocorrelation, and the Ljung-Box test over the first lags, a tenth of the samples at most.
+   !> Computes the autocorrelations of residuals, and performs the Ljung-Box test over the first
+   !> lags, at most a tenth of the samples.
    !>
-   !> The residuals of a fit are correlated even where the noise is not: with P the projection onto
-   !> the columns of the Jacobian, white noise of variance sigma**2 leaves E r_t r_(t+k) =
-   !> -sigma**2 P_(t,t+k). The test is of what lies beyond that.
+   !> The residuals of a fit are correlated even if the noise is white: with P the projection onto
+   !> the columns of the Jacobian, white noise of variance sigma**2 leaves E r_t r_(t+k) = -sigma**2
+   !> P_(t,t+k). The test subtracts this expectation.
    !>
-   !> residual  (m) in the order of time
-   !> jacobian  (m, n) of the fit; left out: no parameter was fitted
+   !> residual  (m) in order of time
+   !> jacobian  (m, n) of the fit; absent: no parameter was fitted
    function check_residuals(residual, jacobian) result(found)
       real(wp), intent(in) :: residual(:)
       real(wp), intent(in), optional :: jacobian(:, :)
@@ -58,15 +59,15 @@ contains
       found%white = found%probability >= 0.05_wp
    end function check_residuals
 
-   !> Number of white samples whose sum of squares would scatter as much, m/(1 + 2 sum of squared
-   !> autocorrelations): the time times the bandwidth of the residuals. Of long lags some stand for
-   !> their neighbours.
+   !> Returns the number of white samples whose sum of squares would have the same relative scatter,
+   !> m/(1 + 2 sum of squared autocorrelations). It is the duration times the bandwidth of the
+   !> residuals. Long lags are sampled, each standing for its neighbours.
    !>
-   !> residual  (m) in the order of time
+   !> residual  (m) in order of time
    pure real(wp) function effective_samples(residual) result(effective)
       real(wp), intent(in) :: residual(:)
       real(wp) :: total, lagged
-      integer :: k, m, pace
+      integer :: k, m, stride
 
       m = size(residual)
       effective = m
@@ -75,17 +76,20 @@ contains
       lagged = 0
       k = 1
       do while (k <= m/4)
-         pace = 1 + k/20
-         ! White residuals have 1/m by chance.
-         lagged = lagged + pace*((dot_product(residual(:m - k), residual(k + 1:))/total)**2 &
+         stride = 1 + k/20
+         ! The squared autocorrelation of white residuals is 1/m on average.
+         lagged = lagged + stride*((dot_product(residual(:m - k), residual(k + 1:))/total)**2 &
             - 1.0_wp/m)
-         k = k + pace
+         k = k + stride
       end do
       effective = m/(1 + 2*max(0.0_wp, lagged))
    end function effective_samples
 
-   !> Autocorrelation of the residuals of a fit to white noise; 0 where the columns of the Jacobian
-   !> are dependent, or take every degree of freedom.
+   !> Computes the expected autocorrelations of the residuals of a fit to white noise; 0 if the
+   !> columns of the Jacobian are dependent or as many as the samples.
+   !>
+   !> jacobian         (m, n) of the fit
+   !> autocorrelation  (lags) at lags 1, 2, ...
    subroutine expected_autocorrelation(jacobian, autocorrelation)
       real(wp), intent(in) :: jacobian(:, :)
       real(wp), intent(out) :: autocorrelation(:)

@@ -1,4 +1,6 @@
-!> From records to parameters: the stages of a fit, on one mesh or on several.
+!> Identification: estimates the parameters from the records, in stages, on one mesh or several.
+!>
+!> This is the entry point for a complete fit; it runs `beamid_stages`.
 module beamid_identification
    use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
    use beamid_errors, only: error_t, failure
@@ -9,7 +11,8 @@ module beamid_identification
    use beamid_least_squares, only: monitor_t, options_t
    use beamid_residuals, only: new_residuals, residual_t
    use beamid_simulation, only: model_t, simulate, simulation_t
-   use beamid_stages, only: run_stage, stage_fit_t
+   use beamid_stage_fits, only: stage_fit_t
+   use beamid_stages, only: run_stage
    use beamid_starts, only: check_frequencies
    use beamid_strings, only: to_text
    use beamid_structure, only: of_kappa_R
@@ -21,17 +24,18 @@ module beamid_identification
    public :: model_t, stage_t, simulation_t, stage_fit_t, outcome_t, quantity_t, simulate, &
       identify, identify_meshes, score_fits
 
-   !> All stages on one mesh, or what went wrong.
+   !> The results of all stages on one mesh, or the error.
    type :: outcome_t
-      type(stage_fit_t), allocatable :: fits(:)
-      type(error_t), allocatable :: error
+      type(stage_fit_t), allocatable :: fits(:)   !< (stages)
+      type(error_t), allocatable :: error         !< not allocated: success
    end type outcome_t
 
-   !> Of one record, given by its samples and the model's own excitation, or of several.
+   !> Fits the samples of one record with the excitation of the model, or several experiments.
    interface identify
       module procedure :: identify_samples
       module procedure :: identify_experiments
    end interface identify
+   !> The same on several meshes.
    interface identify_meshes
       module procedure :: identify_meshes_samples
       module procedure :: identify_meshes_experiments
@@ -39,13 +43,13 @@ module beamid_identification
 
 contains
 
-   !> Runs the stages in turn on one mesh, each from where the one before ended.
+   !> Runs the stages in turn on one mesh. Each stage starts where the previous one ended.
    !>
    !> experiments  one for each record
-   !> fits         (size(stages)) allocated on success
+   !> fits         (size(stages)) results; allocated on success
    !> error        says which stage failed, and why
-   !> monitor      told of every iteration
-   !> check        .false.: derivatives are not compared with differences
+   !> monitor      informed of every iteration
+   !> check        .false.: exact derivatives are not compared with differences; default .true.
    subroutine identify_experiments(model, mesh, stages, experiments, fits, error, monitor, check)
       type(model_t), intent(in) :: model
       type(mesh_t), intent(in) :: mesh
@@ -58,23 +62,23 @@ contains
       type(residual_t) :: problem, exact
       type(options_t) :: options
       type(stage_t) :: stage
-      type(scenario_t) :: as_given
+      type(scenario_t) :: given
       type(error_t), allocatable :: objection
-      logical :: turning
+      logical :: root_is_free
       integer :: k, p
 
-      turning = any([(any(stages(k)%free == of_kappa_R), k=1, size(stages))])
-      call new_residuals(model, mesh, experiments, problem, error, turning)
+      root_is_free = any([(any(stages(k)%free == of_kappa_R), k=1, size(stages))])
+      call new_residuals(model, mesh, experiments, problem, error, root_is_free)
       if (allocated(error)) return
-      as_given = problem%scenario
-      if (.not. problem%exact) call exact_counterpart(model, mesh, experiments, turning, &
+      given = problem%scenario
+      if (.not. problem%exact) call exact_counterpart(model, mesh, experiments, root_is_free, &
          exact)
       options%relative_error = model%solver%relative_error()
       if (present(check)) options%check = check
       allocate (fits(size(stages)))
       do k = 1, size(stages)
          stage = stages(k)
-         ! What rests on a mode that is not in the record stays held.
+         ! Parameters that the first stage has fixed because a mode is not in the record stay fixed.
          if (k > 1) stage = stage%without([(any(stages(1)%free == stage%free(p)) .and. &
             .not. any(fits(1)%free == stage%free(p)), p=1, size(stage%free))])
          call run_stage(problem, exact, stage, options, 'N = '//to_text(mesh%elements)// &
@@ -83,8 +87,8 @@ contains
          if (interrupted()) return
          if (k == 1) then
             if (is_poor(problem, fits(1)%residual, failed=allocated(error))) then
-               ! Perhaps because the model is given in other units than the record.
-               problem%scenario = as_given
+               ! Perhaps the model is in other units than the record.
+               problem%scenario = given
                call check_frequencies(problem, objection)
                if (allocated(objection)) then
                   call move_alloc(objection, error)
@@ -103,7 +107,8 @@ contains
       end do
    end subroutine identify_experiments
 
-   !> Whether a search failed, or left half of what the records vary.
+   !> Tells whether a search has failed, or its residuals hold more than half of the variance of the
+   !> records.
    pure logical function is_poor(problem, residual, failed)
       type(residual_t), intent(in) :: problem
       real(wp), allocatable, intent(in) :: residual(:)
@@ -123,9 +128,11 @@ contains
       is_poor = .not. left <= varied/2
    end function is_poor
 
-   !> One record from its samples.
+   !> Runs the stages on the samples of one record.
    !>
-   !> samples, measured  (m) ascending [time], [length/time**2]
+   !> samples          (m) sample times, ascending [time]
+   !> measured         (m) recorded acceleration [length/time**2]
+   !> other arguments  as of `identify_experiments`
    subroutine identify_samples(model, mesh, stages, samples, measured, fits, error, monitor)
       type(model_t), intent(in) :: model
       type(mesh_t), intent(in) :: mesh
@@ -140,11 +147,12 @@ contains
       call identify(model, mesh, stages, experiments, fits, error, monitor)
    end subroutine identify_samples
 
-   !> `identify` on each mesh, as many at a time as there are threads.
+   !> Runs `identify` on each mesh, in parallel.
    !>
-   !> fits   (size(stages), size(meshes)) allocated on success
-   !> error  of the first mesh that failed
-   !> check  as above
+   !> fits     (size(stages), size(meshes)) results; allocated on success
+   !> error    error of the first mesh that failed
+   !> monitor  informed of every iteration and of finished meshes
+   !> check    as of `identify_experiments`
    subroutine identify_meshes_experiments(model, meshes, stages, experiments, fits, error, &
       monitor, check)
       type(model_t), intent(in) :: model
@@ -158,7 +166,7 @@ contains
       type(outcome_t), allocatable :: outcomes(:)
       integer :: finished, k
 
-      ! The finest mesh takes longest: it goes first.
+      ! The finest mesh takes longest and therefore starts first.
       allocate (outcomes(size(meshes)))
       finished = 0
       !$omp parallel do schedule(dynamic, 1) copyin(stop_flag)
@@ -184,6 +192,10 @@ contains
       end do
    end subroutine identify_meshes_experiments
 
+   !> Runs `identify` on each mesh, for the samples of one record.
+   !>
+   !> samples   (m) sample times, ascending [time]
+   !> measured  (m) recorded acceleration [length/time**2]
    subroutine identify_meshes_samples(model, meshes, stages, samples, measured, fits, error, &
       monitor)
       type(model_t), intent(in) :: model
@@ -199,13 +211,13 @@ contains
       call identify_meshes(model, meshes, stages, experiments, fits, error, monitor)
    end subroutine identify_meshes_samples
 
-   !> Adds up the squared residuals of each fit over other samples than it was made from.
+   !> Computes the sum of squared residuals of each fit over samples that the fit has not used.
    !>
-   !> meshes    (k) of the fits
-   !> samples   (m) ascending [time]
-   !> measured  (m) record at the samples [length/time**2]
-   !> fits      (stages, k) component `score` is set
-   !> error     a response that cannot be computed; a sum that is not finite
+   !> meshes    (k) meshes of the fits
+   !> samples   (m) sample times, ascending [time]
+   !> measured  (m) recorded acceleration [length/time**2]
+   !> fits      (stages, k) on return with component `score`
+   !> error     a response cannot be computed; a sum is not finite
    subroutine score_fits(model, meshes, samples, measured, fits, error)
       type(model_t), intent(in) :: model
       type(mesh_t), intent(in) :: meshes(:)

@@ -1,4 +1,4 @@
-!> The same fit from several starts: which minima there are, and how often each is found.
+!> Fits from several starts: which minima of J exist, and how often each is found.
 module beamid_multistart
    use beamid_errors, only: error_t
    use beamid_experiments, only: experiment_t
@@ -16,32 +16,36 @@ module beamid_multistart
 
    public :: multistart_t, minimum_t, identify_from_many
 
-   !> How many starts, and how far apart.
+   !> Number and spread of the starts.
    type :: multistart_t
-      integer :: n = 0              !< 0: the declared start alone
-      integer :: seed = 1
-      !> starts lie between the declared one divided by this and times this, > 1
+      integer :: n = 0              !< number of starts; 0: the declared start alone
+      integer :: seed = 1           !< of the random starts
+      !> starts lie between the declared start divided by `spread` and multiplied by it, > 1
       real(wp) :: spread = 3
    end type multistart_t
 
-   !> One of the minima found.
+   !> One of the minima.
    type :: minimum_t
-      integer :: count = 0
-      type(stage_fit_t), allocatable :: fits(:)
+      integer :: count = 0                        !< number of starts that have led there
+      type(stage_fit_t), allocatable :: fits(:)   !< (stages)
    end type minimum_t
 
-   !> Fits whose sums of squares and estimates agree so well have found the same minimum.
+   !> Relative differences of J and of the estimates up to which two fits have found the same
+   !> minimum.
    real(wp), parameter :: same_sum = 1e-6_wp, same_estimate = 1e-3_wp
 
 contains
 
-   !> Runs all stages on one mesh from the declared start and from n - 1 others of the first stage,
-   !> as many at a time as there are threads. The same seed gives the same starts.
+   !> Runs all stages on one mesh from n starts of the first stage: the declared start and n - 1
+   !> random ones.
    !>
-   !> minima    ascending J
-   !> failures  how many starts failed
-   !> error     that of the declared start, where every start failed
-   !> check     .false.: derivatives are not compared with differences
+   !> The starts are computed in parallel. The same seed gives the same starts.
+   !>
+   !> minima    in the order of ascending J
+   !> failures  number of starts that failed
+   !> error     error of the declared start, if every start failed
+   !> monitor   informed of every iteration and of finished starts
+   !> check     .false.: exact derivatives are not compared with differences; default .true.
    subroutine identify_from_many(model, mesh, stages, experiments, plan, minima, failures, error, &
       monitor, check)
       type(model_t), intent(in) :: model
@@ -62,12 +66,11 @@ contains
       !$omp parallel do schedule(dynamic, 1) copyin(stop_flag)
       do k = 1, plan%n
          if (interrupted()) cycle
-         call identify(model, mesh, from_elsewhere(model, stages, plan, k), experiments, &
+         call identify(model, mesh, stages_from_start(model, stages, plan, k), experiments, &
             outcomes(k)%fits, outcomes(k)%error, monitor, check)
          !$omp critical (one_start_done)
          finished = finished + 1
-         if (present(monitor)) call monitor%advanced(finished, plan%n, &
-            'starts')
+         if (present(monitor)) call monitor%advanced(finished, plan%n, 'starts')
          !$omp end critical (one_start_done)
       end do
       !$omp end parallel do
@@ -84,20 +87,20 @@ contains
       if (size(minima) == 0) call move_alloc(outcomes(1)%error, error)
    end subroutine identify_from_many
 
-   !> The stages with start k in the first of them; the first is the declared one.
-   function from_elsewhere(model, stages, plan, k) result(moved)
+   !> Returns the stages with start number k in the first of them; start 1 is the declared one.
+   function stages_from_start(model, stages, plan, k) result(restarted)
       type(model_t), intent(in) :: model
       type(stage_t), intent(in) :: stages(:)
       type(multistart_t), intent(in) :: plan
       integer, intent(in) :: k
-      type(stage_t), allocatable :: moved(:)
+      type(stage_t), allocatable :: restarted(:)
       real(wp) :: u(size(stages(1)%free)), value
       integer :: p
 
-      moved = stages
+      restarted = stages
       if (k == 1) return
       u = uniform_noise(size(u), plan%seed + 7919*k)
-      associate (first => moved(1))
+      associate (first => restarted(1))
          first%automatic = .false.
          call first%set_bounds()
          if (.not. allocated(first%start)) first%start = &
@@ -109,7 +112,7 @@ contains
                free_magnitude(model%structure, model%excitation, first%free(p)))
             if (first%upper(p) < unbounded .and. first%lower(p) > -unbounded) then
                value = first%lower(p) + u(p)*(first%upper(p) - first%lower(p))
-               ! What may be infinite has no midpoint.
+               ! A stiffness is drawn on a logarithmic scale, because it may be infinite.
                if (parameters(first%free(p))%is_reciprocal .and. first%lower(p) > 0) value = &
                   first%lower(p)*(first%upper(p)/first%lower(p))**u(p)
             else
@@ -118,40 +121,40 @@ contains
             first%start(p) = min(max(value, first%lower(p)), first%upper(p))
          end do
       end associate
-   end function from_elsewhere
+   end function stages_from_start
 
-   !> Counts a fit with the minimum it has found, or as a new one at its place.
+   !> Counts a fit with the minimum that it has found, or inserts it as a new minimum.
    subroutine collect(minima, fits)
       type(minimum_t), allocatable, intent(inout) :: minima(:)
       type(stage_fit_t), intent(in) :: fits(:)
       type(minimum_t), allocatable :: longer(:)
-      integer :: k, place
+      integer :: k, position
 
-      place = 1
+      position = 1
       do k = 1, size(minima)
          associate (old => minima(k)%fits(size(fits)), new => fits(size(fits)))
-            if (same(old, new)) then
+            if (same_minimum(old, new)) then
                minima(k)%count = minima(k)%count + 1
                return
             end if
-            if (old%fit%J <= new%fit%J) place = k + 1
+            if (old%fit%J <= new%fit%J) position = k + 1
          end associate
       end do
       allocate (longer(size(minima) + 1))
-      longer(:place - 1) = minima(:place - 1)
-      longer(place)%count = 1
-      longer(place)%fits = fits
-      longer(place + 1:) = minima(place:)
+      longer(:position - 1) = minima(:position - 1)
+      longer(position)%count = 1
+      longer(position)%fits = fits
+      longer(position + 1:) = minima(position:)
       call move_alloc(longer, minima)
    end subroutine collect
 
-   !> Whether two fits have found the same minimum.
-   pure logical function same(a, b)
+   !> Tells whether two fits have found the same minimum.
+   pure logical function same_minimum(a, b)
       type(stage_fit_t), intent(in) :: a, b
 
-      same = abs(a%fit%J - b%fit%J) <= same_sum*max(a%fit%J, b%fit%J) .and. &
+      same_minimum = abs(a%fit%J - b%fit%J) <= same_sum*max(a%fit%J, b%fit%J) .and. &
          all(abs(a%fit%estimate - b%fit%estimate) <= same_estimate &
          *max(abs(a%fit%estimate), abs(b%fit%estimate)))
-   end function same
+   end function same_minimum
 
 end module beamid_multistart

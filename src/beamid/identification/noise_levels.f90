@@ -1,6 +1,8 @@
-!> Searches whose rows are weighted by the noise: of each record where there are several, of the
-!> data beside what else is known. Where it is not stated it is estimated from the residuals, and
-!> the search repeated until it is the noise that the search has used.
+!> Fits with estimated noise: weighted least squares where the noise of the records is not stated.
+!>
+!> The noise matters if several records are weighed against each other, or records against priors.
+!> It is estimated from the residuals, and the search is repeated until the noise agrees with the
+!> noise that the search has used.
 module beamid_noise_levels
    use beamid_errors, only: error_t, failure
    use beamid_gauss_newton, only: least_squares_step, scales_of
@@ -15,16 +17,25 @@ module beamid_noise_levels
 
    public :: fit_with_noise
 
-   !> A smaller relative change of the noise is none.
+   !> Relative change of the noise level below which the iteration has converged.
    real(wp), parameter :: settled = 1e-4_wp
 
-   !> No sensor is better than this part of what it records: without it a record that happens to be
-   !> fitted without rest would count for all.
+   !> Smallest noise that is assumed, as a share of the root mean square of the record. Otherwise a
+   !> record that happens to be fitted exactly would outweigh all others.
    real(wp), parameter :: least_noise = 1e-4_wp
 
 contains
 
-   !> As `fit`, J that of the records alone.
+   !> Runs a search like `fit`, with estimated noise. J is the weighted sum of squares of the
+   !> samples alone.
+   !>
+   !> problem    the fit; on return with the noise and the weights that the search has used
+   !> variables  (n) start, bounds and scale of each free parameter
+   !> found      result
+   !> error      no convergence; the noise does not settle
+   !> monitor    informed of every iteration
+   !> label      name of the search for the monitor
+   !> names      (n) names of the variables
    subroutine fit_with_noise(problem, variables, options, found, error, monitor, label, names)
       type(residual_t), intent(inout) :: problem
       type(variable_t), intent(in) :: variables(:)
@@ -34,9 +45,9 @@ contains
       class(monitor_t), intent(inout), optional :: monitor
       character(len=*), intent(in) :: label, names(:)
       integer, parameter :: most = 50
-      type(variable_t) :: from(size(variables))
+      type(variable_t) :: restart(size(variables))
       type(options_t) :: quiet
-      type(fit_t) :: before
+      type(fit_t) :: previous
       real(wp) :: change
       integer :: k
 
@@ -45,37 +56,40 @@ contains
       quiet%check = .false.
       do k = 1, most
          if (allocated(error)) return
-         call learn_noise(problem, variables, found, change, error)
+         call estimate_noise(problem, variables, found, change, error)
          if (allocated(error)) return
          if (change <= settled) exit
-         before = found
-         from = variables%from(found%estimate)
-         call fit(problem, problem%rows(), from, quiet, found, error, monitor, label, names)
+         previous = found
+         restart = variables%from(found%estimate)
+         call fit(problem, problem%rows(), restart, quiet, found, error, monitor, label, names)
          if (allocated(error)) return
-         found%start = before%start
-         call found%add_earlier(before)
+         found%start = previous%start
+         call found%add_earlier(previous)
       end do
       if (k > most) call failure(error, 'the noise of the records does not settle: it still '// &
          'changes by '//to_text(100*change)//' %; expected sd of each record')
       found%J = sum(found%residual(:problem%samples())**2)
    end subroutine fit_with_noise
 
-   !> Estimates the noise from a fit, unless that has used nearly the same: of each record what the
-   !> parameters cannot explain even where they are its own, to first order. What records disagree
-   !> about is no noise; taken for it, the search would follow one record and leave the others.
+   !> Estimates the noise from a fit, and sets it unless it has converged.
    !>
-   !> variables  of the fit
-   !> change  the largest relative one; 0: nothing is estimated
-   subroutine learn_noise(problem, variables, found, change, error)
+   !> The noise of a record is the residual that is left, to first order, if the parameters could
+   !> adapt to this record alone. A disagreement between records is not noise: if it counted as
+   !> noise, the search would follow one record and give up the others.
+   !>
+   !> variables  (n) variables of the fit
+   !> found      result of the fit
+   !> change     largest relative change of the noise; 0: nothing has to be estimated
+   subroutine estimate_noise(problem, variables, found, change, error)
       type(residual_t), intent(inout) :: problem
       type(variable_t), intent(in) :: variables(:)
       type(fit_t), intent(in) :: found
       real(wp), intent(out) :: change
       type(error_t), allocatable, intent(out) :: error
       type(statistics_t) :: statistics
-      real(wp) :: sd(size(problem%parts)), noise, free
+      real(wp) :: sd(size(problem%parts)), noise, freedom
       real(wp), dimension(size(variables)) :: scale, step
-      logical :: mine(size(variables))
+      logical :: active(size(variables))
       integer :: i, m, n, rank, row
 
       change = 0
@@ -83,29 +97,30 @@ contains
       m = problem%samples()
       if (problem%prior_rows() == 0 .and. .not. (problem%is_weighted() .and. &
          any(problem%is_estimated()))) return
-      free = real(problem%rows() - n - problem%linear_unknowns(), wp)/m
-      if (.not. free > 0) return
+      freedom = real(problem%rows() - n - problem%linear_unknowns(), wp)/m
+      if (.not. freedom > 0) return
       row = 0
       scale = scales_of(variables, found%estimate)
       do i = 1, size(sd)
          associate (z => problem%parts(i)%experiment%measured, weight => problem%weight(i))
             associate (r => found%residual(row + 1:row + size(z)), &
                jacobian => found%jacobian(row + 1:row + size(z), :))
-               mine = any(abs(jacobian) > 0, dim=1)
-               call least_squares_step(jacobian, r, scale, mine, epsilon(free)*size(z), step, rank)
+               active = any(abs(jacobian) > 0, dim=1)
+               call least_squares_step(jacobian, r, scale, active, epsilon(freedom)*size(z), step, &
+                  rank)
                sd(i) = norm2(r + matmul(jacobian, step))/weight/sqrt(real(max(1, size(z) - rank &
                   - problem%linear_unknowns()/size(sd)), wp))
             end associate
-            sd(i) = max(sd(i), least_noise*norm2(z)/sqrt(real(size(z), wp)), tiny(free))
+            sd(i) = max(sd(i), least_noise*norm2(z)/sqrt(real(size(z), wp)), tiny(freedom))
             row = row + size(z)
          end associate
       end do
       noise = 1
       if (.not. problem%is_weighted()) noise = sd(1)
-      if (problem%prior_rows() > 0 .and. n > 0 .and. free*m > 1) then
-         ! Of coloured residuals fewer would carry as much.
+      if (problem%prior_rows() > 0 .and. n > 0 .and. freedom*m > 1) then
+         ! Coloured residuals carry as much information as fewer white ones.
          call new_statistics(found%jacobian, found%residual, found%estimate, &
-            max(abs(found%estimate), tiny(free)), statistics, error, m)
+            max(abs(found%estimate), tiny(freedom)), statistics, error, m)
          if (allocated(error)) return
          noise = noise*sqrt(m/max(statistics%effective, 1.0_wp))
          change = abs(log(noise/problem%noise))
@@ -116,6 +131,6 @@ contains
       problem%noise = noise
       if (problem%is_weighted()) problem%weight = merge(1/sd, problem%weight, &
          problem%is_estimated())
-   end subroutine learn_noise
+   end subroutine estimate_noise
 
 end module beamid_noise_levels

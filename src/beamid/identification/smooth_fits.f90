@@ -1,15 +1,18 @@
-!> Searches for E(x) and c_D(x): as smooth as the data ask for.
+!> Fits of E(x), c_D(x) and dips: searches with a smoothness penalty whose strength the data
+!> determine.
 !>
-!> The coefficients' logarithms u carry a penalty strength |D u|**2 on their differences, beside the
-!> residuals. Its strength is that of the restricted marginal likelihood of the problem linearised
-!> where a search has ended; the search goes on with it, until it stays. The first search is rigid.
+!> The penalty is strength |D u|**2, where u are the logarithms of the coefficients of a field and D
+!> takes differences. After each search the strength is set to the maximum of the restricted
+!> marginal likelihood of the problem linearised at the estimate. The search is repeated until the
+!> strength no longer changes. The first search uses a rigid penalty.
 module beamid_smooth_fits
    use beamid_errors, only: error_t, failure
+   use beamid_field_penalties, only: fields, penalty_count
    use beamid_kinds, only: wp
    use beamid_least_squares, only: fit_t, monitor_t, options_t
    use beamid_line_matches, only: match_lines, starts_along
    use beamid_noise_levels, only: fit_with_noise
-   use beamid_residuals, only: fields, penalty_order, residual_t
+   use beamid_residuals, only: residual_t
    use beamid_smoothing, only: choose_strength, smoothing_t
    use beamid_statistics, only: misfit_of_records
    use beamid_strings, only: to_text
@@ -21,32 +24,39 @@ module beamid_smooth_fits
 
    public :: fit_smoothly, misfit_of, field_fit_t, new_field_fit, trial_t
 
-   !> What a search says of one of E(x) and c_D(x).
+   !> The smoothing of one field, E(x) or c_D(x).
    type :: field_fit_t
-      integer, allocatable :: place(:)     !< (n) its coefficients among the parameters
-      type(smoothing_t) :: smoothing       !< of their logarithms among the other parameters
+      integer, allocatable :: place(:)   !< (coefficients) their indices among the free parameters
+      !> strength, freedom and linear theory of the logarithms, beside the other parameters
+      type(smoothing_t) :: smoothing
    end type field_fit_t
 
-   !> Where a search has ended.
+   !> The end of a search from one of several starts.
    type :: trial_t
-      real(wp), allocatable :: estimate(:)
-      real(wp) :: misfit = 0               !< as of `misfit_of`
+      real(wp), allocatable :: estimate(:)   !< (n)
+      real(wp) :: misfit = 0                 !< value of `misfit_of`
    end type trial_t
 
 contains
 
-   !> As `fit_with_noise`; on return the problem has the strengths.
+   !> Runs a search like `fit_with_noise`, with penalties if a field or the place of a dip is free.
    !>
-   !> Where E varies a search from afar is lost: over a long record the phase of every mode is off
-   !> by turns, each mode by another number of them. So it starts from the lines of the records.
-   !> Where there are none the first search is for the first part of the record, and each goes on
-   !> from the one before on twice as much.
+   !> If E varies along the beam, a search from a distant start fails: over a long record, the phase
+   !> of each mode is wrong by a different number of turns. The search therefore starts from the
+   !> spectral lines of the records. If no lines match, the first search fits the beginning of the
+   !> record, and each further search fits twice as much, from the previous estimate.
    !>
-   !> Where a dip is looked for there are several starts, and where none of them leaves what looks
-   !> like noise others all along the beam.
+   !> For a dip there are several starts. If none of them leaves residuals that look like noise,
+   !> more starts are tried all along the beam.
    !>
-   !> trials  where searches from other starts have ended, roughly
-   !> error   also where a strength does not settle
+   !> problem    the fit; on return with the strengths of the penalties
+   !> variables  (n) start, bounds and scale of each free parameter
+   !> found      result
+   !> trials     approximate ends of the searches from several starts
+   !> error      no convergence; the noise or the strength of a penalty does not settle
+   !> monitor    informed of every iteration
+   !> label      name of the search for the monitor
+   !> names      (n) names of the variables
    subroutine fit_smoothly(problem, variables, options, found, trials, error, monitor, label, names)
       type(residual_t), intent(inout) :: problem
       type(variable_t), intent(in) :: variables(:)
@@ -56,10 +66,10 @@ contains
       type(error_t), allocatable, intent(out) :: error
       class(monitor_t), intent(inout), optional :: monitor
       character(len=*), intent(in) :: label, names(:)
-      type(variable_t) :: from(size(variables))
-      type(options_t) :: rough, persistent
+      type(variable_t) :: start(size(variables))
+      type(options_t) :: quick, persistent
       type(variable_t), allocatable :: starts(:, :)
-      logical :: dips, suits
+      logical :: dips, looks_like_noise
       integer :: k
 
       allocate (trials(0))
@@ -68,30 +78,31 @@ contains
          return
       end if
       problem%strength = 0
-      from = variables
-      rough = options
-      rough%check = .false.
-      rough%tolerance = 1e-4_wp
+      start = variables
+      quick = options
+      quick%check = .false.
+      quick%tolerance = 1e-4_wp
       persistent = options
       persistent%persistent = .true.
-      ! Differences take evaluations of their own.
-      rough%max_evaluations = 50*merge(1, size(variables) + 1, problem%exact)
+      ! Without exact derivatives, each Jacobian takes n evaluations more.
+      quick%max_evaluations = 50*merge(1, size(variables) + 1, problem%exact)
       persistent%max_evaluations = 300*merge(1, size(variables) + 1, problem%exact)
       call match_lines(problem, variables, starts)
       dips = any(problem%free == of_x_D)
-      suits = size(starts, 2) == 1 .and. .not. dips
-      if (suits) from = starts(:, 1)
-      if (.not. suits .and. size(starts, 2) > 0) call try_starts(problem, starts, rough, trials, &
-         from, suits, monitor, label, names)
-      if (dips .and. .not. suits) then
-         ! Lines may mislead, where a record has few samples in a period or is short.
+      looks_like_noise = size(starts, 2) == 1 .and. .not. dips
+      if (looks_like_noise) start = starts(:, 1)
+      if (.not. looks_like_noise .and. size(starts, 2) > 0) call try_starts(problem, starts, &
+         quick, trials, start, looks_like_noise, monitor, label, names)
+      if (dips .and. .not. looks_like_noise) then
+         ! Spectral lines may mislead if a record is short or has few samples in a period.
          starts = starts_along(problem, variables)
-         call try_starts(problem, starts, rough, trials, from, suits, monitor, label, names, &
-            grows=.true.)
+         call try_starts(problem, starts, quick, trials, start, looks_like_noise, monitor, label, &
+            names, grows=.true.)
       else if (size(starts, 2) == 0) then
-         call grow(problem, from, rough, monitor, label, names)
+         call fit_growing_parts(problem, start, quick, monitor, label, names)
       end if
-      call settle(problem, from, persistent, found, error, monitor, label, names, settled=0.02_wp)
+      call fit_with_strengths(problem, start, persistent, found, error, monitor, label, names, &
+         settled=0.02_wp)
       if (allocated(error)) then
          if (.not. any(is_coefficient(problem%free)) .or. index(error%message, &
             'no convergence') + index(error%message, 'does not settle') == 0) return
@@ -103,50 +114,52 @@ contains
       found%start = variables%start
    end subroutine fit_smoothly
 
-   !> Searches from several starts.
+   !> Runs searches from several starts.
    !>
-   !> trials  where they end, added to those that are there
-   !> best    the start of the least J of all, where a search succeeds
-   !> suits   whether what that leaves looks like noise
-   !> grows   whether each begins with a short piece of the record
-   subroutine try_starts(problem, starts, options, trials, best, suits, monitor, label, names, &
-      grows)
+   !> starts            (n, starts)
+   !> trials            on return with the ends of the successful searches appended
+   !> best              on return the end of the search with the smallest misfit of all trials
+   !> looks_like_noise  whether the residuals of that search are white
+   !> grows             present: each search begins with a short part of the record
+   subroutine try_starts(problem, starts, options, trials, best, looks_like_noise, monitor, label, &
+      names, grows)
       type(residual_t), intent(in) :: problem
       type(variable_t), intent(in) :: starts(:, :)
       type(options_t), intent(in) :: options
       type(trial_t), allocatable, intent(inout) :: trials(:)
       type(variable_t), intent(inout) :: best(:)
-      logical, intent(inout) :: suits
+      logical, intent(inout) :: looks_like_noise
       class(monitor_t), intent(inout), optional :: monitor
       character(len=*), intent(in) :: label, names(:)
       logical, intent(in), optional :: grows
       type(residual_t) :: part
       type(fit_t) :: found
-      type(variable_t) :: from(size(best))
+      type(variable_t) :: start(size(best))
       type(residual_check_t) :: check
       type(trial_t) :: trial
       type(error_t), allocatable :: error
       integer :: k
 
       do k = 1, size(starts, 2)
-         from = starts(:, k)
+         start = starts(:, k)
          part = problem
-         if (present(grows)) call grow(part, from, options, monitor, label, names)
-         call settle(part, from, options, found, error, monitor, label, names, settled=0.5_wp)
+         if (present(grows)) call fit_growing_parts(part, start, options, monitor, label, names)
+         call fit_with_strengths(part, start, options, found, error, monitor, label, names, &
+            settled=0.5_wp)
          if (allocated(error)) cycle
          trial%estimate = found%estimate
          trial%misfit = misfit_of(part, found)
          trials = [trials, trial]
          if (trials(size(trials))%misfit > minval(trials%misfit)) cycle
-         best = from%from(found%estimate)
+         best = start%from(found%estimate)
          associate (m => problem%samples())
             check = check_residuals(found%residual(:m), found%jacobian(:m, :))
          end associate
-         suits = check%white
+         looks_like_noise = check%white
       end do
    end subroutine try_starts
 
-   !> J, or what takes its place for several records whose noise is not stated.
+   !> Returns J, or, for several records whose noise is not stated, the quantity that replaces J.
    pure real(wp) function misfit_of(problem, found) result(misfit)
       type(residual_t), intent(in) :: problem
       type(fit_t), intent(in) :: found
@@ -158,10 +171,12 @@ contains
          [(size(problem%parts(i)%experiment%samples), i=1, size(problem%parts))])
    end function misfit_of
 
-   !> Moves a start to where it suits longer and longer pieces of the record.
-   subroutine grow(problem, from, options, monitor, label, names)
+   !> Moves a start by fitting longer and longer parts of the record.
+   !>
+   !> start  (n) on return the last estimate
+   subroutine fit_growing_parts(problem, start, options, monitor, label, names)
       type(residual_t), intent(inout) :: problem
-      type(variable_t), intent(inout) :: from(:)
+      type(variable_t), intent(inout) :: start(:)
       type(options_t), intent(in) :: options
       class(monitor_t), intent(inout), optional :: monitor
       character(len=*), intent(in) :: label, names(:)
@@ -170,34 +185,37 @@ contains
       type(error_t), allocatable :: error
       integer :: k
 
-      do k = doublings(problem), 1, -1
+      do k = halvings(problem), 1, -1
          part = problem%beginning(0.5_wp**k)
-         call settle(part, from, options, found, error, monitor, label, names, settled=0.5_wp)
+         call fit_with_strengths(part, start, options, found, error, monitor, label, names, &
+            settled=0.5_wp)
          if (allocated(error)) cycle
-         from = from%from(found%estimate)
+         start = start%from(found%estimate)
          problem%strength = part%strength
       end do
-   end subroutine grow
+   end subroutine fit_growing_parts
 
-   !> How often a record may be halved: a part has ten samples for each parameter, of a penalised
-   !> function those that no penalty holds.
-   pure integer function doublings(problem)
+   !> Returns how many times a record may be halved so that a part keeps ten samples for each
+   !> unknown. The coefficients of a penalised field count only as far as the penalty does not
+   !> determine them.
+   pure integer function halvings(problem)
       type(residual_t), intent(in) :: problem
       integer, parameter :: most = 10, for_each = 10
       integer :: a, unknowns
 
       unknowns = size(problem%free) + problem%linear_unknowns()
       do a = 1, fields
-         unknowns = unknowns - max(0, size(problem%field_columns(a)) - penalty_order)
+         unknowns = unknowns - penalty_count(size(problem%field_columns(a)))
       end do
-      doublings = max(0, min(most, int(log(problem%samples()/(for_each*real(unknowns, wp))) &
+      halvings = max(0, min(most, int(log(problem%samples()/(for_each*real(unknowns, wp))) &
          /log(2.0_wp))))
-   end function doublings
+   end function halvings
 
-   !> A search with strengths that suit it.
+   !> Repeats a search until the strengths of the penalties agree with its result.
    !>
-   !> settled  a change of log strength by less is none
-   subroutine settle(problem, variables, options, found, error, monitor, label, names, settled)
+   !> settled  change of the logarithm of a strength below which the iteration has converged
+   subroutine fit_with_strengths(problem, variables, options, found, error, monitor, label, names, &
+      settled)
       type(residual_t), intent(inout) :: problem
       type(variable_t), intent(in) :: variables(:)
       type(options_t), intent(in) :: options
@@ -208,16 +226,16 @@ contains
       real(wp), intent(in) :: settled
       integer, parameter :: most = 60, patience = 10
       real(wp), parameter :: most_at_once = 10
-      type(variable_t) :: from(size(variables))
+      type(variable_t) :: restart(size(variables))
       type(field_fit_t) :: field
       type(options_t) :: quiet
-      type(fit_t) :: before
+      type(fit_t) :: previous
       real(wp), dimension(fields) :: step, limit, last
       integer :: a, k
 
       do a = 1, fields
          if (size(problem%field_columns(a)) > 0 .and. .not. problem%strength(a) > 0) &
-            call set_rigid(problem, variables, a, error)
+            call set_rigid_strength(problem, variables, a, error)
          if (allocated(error)) return
       end do
       call fit_with_noise(problem, variables, options, found, error, monitor, label, names)
@@ -235,9 +253,9 @@ contains
                field, error)
             if (allocated(error)) return
             step(a) = log(field%smoothing%strength/problem%strength(a))
-            ! Step by step: what one function has not explained yet is nothing of the other. And
-            ! where each fit has another of two maxima of the likelihood for its largest, or two
-            ! functions take turns, shorter ones from turn to turn.
+            ! A strength falls by a factor of 10 at most, because a misfit that one field has not
+            ! explained yet must not be explained by the other. The steps become shorter if
+            ! strengths oscillate, as between two maxima of the likelihood or between two fields.
             if (k > patience .and. step(a)*last(a) < 0) limit(a) = limit(a)/2
             step(a) = max(step(a), -limit(a))
             if (k > patience) step(a) = min(step(a), limit(a))
@@ -245,18 +263,21 @@ contains
          last = step
          if (all(abs(step) <= settled)) exit
          problem%strength = problem%strength*exp(step)
-         before = found
-         from = variables%from(found%estimate)
-         call fit_with_noise(problem, from, quiet, found, error, monitor, label, names)
+         previous = found
+         restart = variables%from(found%estimate)
+         call fit_with_noise(problem, restart, quiet, found, error, monitor, label, names)
          if (allocated(error)) return
-         call found%add_earlier(before)
+         call found%add_earlier(previous)
       end do
       if (k > most) call failure(error, 'the strength of the smoothing does not settle')
-   end subroutine settle
+   end subroutine fit_with_strengths
 
-   !> No property differs between neighbouring coefficients by more than some 25 %, as a standard
-   !> deviation: a model that is wrong would ask for any penalty to vanish. What it cannot explain
-   !> goes on for long, and counts as noise of the few samples that it is worth.
+   !> Returns the smallest strength of a penalty that is allowed.
+   !>
+   !> It corresponds to a standard deviation of about 25 % for the difference between neighbouring
+   !> coefficients. A wrong model would otherwise remove every penalty. The errors of a wrong model
+   !> are correlated over long times, so they count as the noise of as many samples as they are
+   !> worth.
    !>
    !> residual  (samples)
    pure real(wp) function least_strength(problem, residual) result(strength)
@@ -274,8 +295,11 @@ contains
       strength = max(sum(residual**2)/effective/unlike**2, tiny(strength))
    end function least_strength
 
-   !> A strength beside which the data count for nothing, but for what is smooth.
-   subroutine set_rigid(problem, variables, a, error)
+   !> Sets the strength of a first search: so large that the data determine only what the penalty
+   !> leaves free.
+   !>
+   !> a  number of the field: 1 for E(x), 2 for c_D(x)
+   subroutine set_rigid_strength(problem, variables, a, error)
       type(residual_t), intent(inout) :: problem
       type(variable_t), intent(in) :: variables(:)
       integer, intent(in) :: a
@@ -292,17 +316,22 @@ contains
       problem%strength(a) = rigid*max(tiny(rigid), sum([(sum((jacobian(:, columns(k)) &
          *variables(columns(k))%start)**2), k=1, size(columns))]))
       if (all(abs(variables(columns)%start - variables(columns(1))%start) <= 0)) return
-      ! A start that varies already keeps its shape, up to a slope of `steep` in the logarithm over
-      ! the length. What is wrong with it is no noise, and no measure of what the data can tell.
+      ! A start that varies along the beam keeps its shape, up to a slope of `steep` in the
+      ! logarithm over the length. Its misfit is not noise, and no measure of the information in the
+      ! data.
       problem%strength(a) = sum(r(:problem%samples())**2)/problem%samples() &
          *(size(columns)/steep)**2
-   end subroutine set_rigid
+   end subroutine set_rigid_strength
 
-   !> The smoothing of E(x) (1) or c_D(x) (2) at an estimate, all other rows taken for data.
+   !> Computes the smoothing of one field at an estimate. The rows of the other penalty and of the
+   !> priors count as data.
    !>
-   !> estimate            (n)
-   !> residual, jacobian  (rows), (rows, n or more)
-   !> as_used             .true.: all but `asked` belongs to the strength of the problem
+   !> estimate  (n)
+   !> residual  (rows)
+   !> jacobian  (rows, n or more) the columns after the first n belong to linear unknowns
+   !> a         number of the field: 1 for E(x), 2 for c_D(x)
+   !> as_used   .true.: all results except `asked` belong to the strength of the fit; default
+   !>           .false.: to the strength that maximises the likelihood
    subroutine new_field_fit(problem, estimate, residual, jacobian, a, field, error, as_used)
       type(residual_t), intent(in) :: problem
       real(wp), intent(in) :: estimate(:), residual(:), jacobian(:, :)
@@ -310,32 +339,33 @@ contains
       type(field_fit_t), intent(out) :: field
       type(error_t), allocatable, intent(out) :: error
       logical, intent(in), optional :: as_used
-      real(wp), allocatable :: J(:, :), r(:), at(:), penalty(:, :), used
-      logical, allocatable :: data(:)
+      real(wp), allocatable :: slopes(:, :), data_residual(:), expansion_point(:), &
+         penalty(:, :), strength
+      logical, allocatable :: is_data(:)
       integer :: first, k, n, rows
 
       field%place = problem%field_columns(a)
       n = size(estimate)
       call problem%penalty_rows(a, first, rows)
-      allocate (data(size(residual)), source=.true.)
-      data(first:first + rows - 1) = .false.
-      J = jacobian(pack([(k, k=1, size(data))], data), :)
-      r = pack(residual, data)
-      allocate (penalty(rows, size(J, 2)), source=0.0_wp)
-      at = [estimate, spread(0.0_wp, 1, size(J, 2) - n)]
+      allocate (is_data(size(residual)), source=.true.)
+      is_data(first:first + rows - 1) = .false.
+      slopes = jacobian(pack([(k, k=1, size(is_data))], is_data), :)
+      data_residual = pack(residual, is_data)
+      allocate (penalty(rows, size(slopes, 2)), source=0.0_wp)
+      expansion_point = [estimate, spread(0.0_wp, 1, size(slopes, 2) - n)]
       penalty(:, :n) = jacobian(first:first + rows - 1, :n)/sqrt(problem%strength(a))
       do k = 1, size(field%place)
          associate (p => field%place(k))
-            at(p) = log(estimate(p))
-            J(:, p) = J(:, p)*estimate(p)
+            expansion_point(p) = log(estimate(p))
+            slopes(:, p) = slopes(:, p)*estimate(p)
             penalty(:, p) = penalty(:, p)*estimate(p)
          end associate
       end do
       if (present(as_used)) then
-         if (as_used) used = problem%strength(a)
+         if (as_used) strength = problem%strength(a)
       end if
-      call choose_strength(J, r, at, penalty, field%smoothing, error, &
-         least_strength(problem, residual(:problem%samples())), used)
+      call choose_strength(slopes, data_residual, expansion_point, penalty, field%smoothing, &
+         error, least_strength(problem, residual(:problem%samples())), strength)
    end subroutine new_field_fit
 
 end module beamid_smooth_fits

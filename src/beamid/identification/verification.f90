@@ -1,5 +1,7 @@
-!> Whether an integrator's error has moved the estimates of a fit: the fit goes on from them with
-!> the exact response, and where it ends tells.
+!> Verification of an integrator: whether its error has moved the estimates of a fit.
+!>
+!> The fit is continued from its estimates with the exact response. The shift of the estimates is
+!> the effect of the error of the integrator.
 module beamid_verification
    use beamid_cvode, only: cvode_t
    use beamid_errors, only: error_t, failure
@@ -19,17 +21,17 @@ module beamid_verification
 
    public :: exact_counterpart, verify_integrator
 
-   !> How far an estimate may have been moved, in standard errors; and relatively, where a record
-   !> without noise leaves standard errors that are the integrator's own: a digit that no summary
-   !> shows.
+   !> Largest accepted shift of an estimate, in standard errors; and the relative shift that is
+   !> accepted in any case, because no summary shows that digit. Without noise in the record, the
+   !> standard errors come from the integrator itself and may be smaller.
    real(wp), parameter :: allowed = 0.25_wp, negligible = 1e-6_wp
 
 contains
 
-   !> The residuals of the same experiments by the exact response; without parts where it cannot be
-   !> prepared.
+   !> Prepares the same fit with the exact response.
    !>
    !> turning  whether the compliance of the clamp is free
+   !> exact    the fit; without `parts` if the exact response cannot be prepared
    subroutine exact_counterpart(model, mesh, experiments, turning, exact)
       type(model_t), intent(in) :: model
       type(mesh_t), intent(in) :: mesh
@@ -39,7 +41,7 @@ contains
       type(model_t) :: exact_model
       type(error_t), allocatable :: error
 
-      ! By component: gfortran 12 copies a solver of one type into the room of another.
+      ! Copied by component: gfortran 12 copies a solver of one type into the memory of another.
       exact_model%structure = model%structure
       exact_model%observation = model%observation
       if (allocated(model%priors)) exact_model%priors = model%priors
@@ -48,14 +50,18 @@ contains
       if (allocated(error)) deallocate (exact%parts)
    end subroutine exact_counterpart
 
-   !> problem    as it was fitted
+   !> Measures how far the error of the integrator has moved the estimates.
+   !>
+   !> problem    the fit with the integrator
    !> exact      from `exact_counterpart`
-   !> variables  (n) of the fit
-   !> names      (n) theirs
-   !> moved      by how many standard errors, the largest over the parameters; -1 where no degree of
-   !>            freedom is left for these
-   !> reference  seen from where: the exact response, or a smaller tolerance where that fails
-   !> error      an estimate was moved too far, or nothing can tell whether it was
+   !> variables  (n) variables of the fit
+   !> names      (n) their names
+   !> found      result of the fit
+   !> moved      largest shift of an estimate [standard errors]; -1 if no degree of freedom is left
+   !>            for standard errors
+   !> reference  solution from which the shift is measured: the exact response, or a smaller
+   !>            tolerance if that fails
+   !> error      an estimate was moved too far, or no reference can be computed
    subroutine verify_integrator(problem, exact, variables, names, found, moved, reference, error)
       type(residual_t), intent(in) :: problem
       type(residual_t), intent(inout) :: exact
@@ -88,8 +94,9 @@ contains
       k = maxloc(ratio, dim=1)
       if (ratio(k) <= allowed) return
       associate (rtol => problem%parts(1)%solver%relative_error())
-         ! The power of ten that keeps the shift, which goes with the tolerance, below a third of
-         ! what is allowed; the default at most, from where nothing goes with it.
+         ! The shift is proportional to the tolerance. Proposed is the power of ten that keeps it
+         ! below a third of the accepted shift, and at most the default tolerance, because the shift
+         ! of larger tolerances is not proportional.
          smaller = min(default%rtol, 10.0_wp**floor(log10(rtol*allowed/(3*ratio(k)))))
          call failure(error, 'a relative tolerance of '//to_text(rtol)//' is too large: the '// &
             'error of the integrator has moved '//trim(names(k))//' by '//to_text(shift(k))// &
@@ -99,10 +106,11 @@ contains
       end associate
    end subroutine verify_integrator
 
-   !> Goes on from the estimates with the exact response, or where that fails with a hundredth of
-   !> the tolerance.
+   !> Continues from the estimates with the exact response, or with a hundredth of the tolerance if
+   !> that fails.
    !>
-   !> reference  which of the two
+   !> better     result of the continued fit
+   !> reference  name of the solution that was used
    subroutine refit(problem, exact, variables, found, better, reference, error)
       type(residual_t), intent(in) :: problem
       type(residual_t), intent(inout) :: exact
@@ -112,10 +120,10 @@ contains
       character(len=:), allocatable, intent(out) :: reference
       type(error_t), allocatable, intent(out) :: error
       type(residual_t) :: finer
-      type(variable_t) :: from_there(size(variables))
+      type(variable_t) :: start(size(variables))
       integer :: i
 
-      from_there = variables%from(found%estimate)
+      start = variables%from(found%estimate)
       reference = 'the exact response'
       if (allocated(exact%parts)) then
          exact%scenario = problem%scenario
@@ -125,7 +133,7 @@ contains
          exact%weight = problem%weight
          exact%noise = problem%noise
          exact%strength = problem%strength
-         call fit(exact, size(found%residual), from_there, options_t(check=.false.), better, error)
+         call fit(exact, size(found%residual), start, options_t(check=.false.), better, error)
          if (.not. allocated(error)) return
       end if
       finer = problem
@@ -139,7 +147,7 @@ contains
       end do
       associate (rtol => finer%parts(1)%solver%relative_error())
          reference = 'a tolerance of '//to_text(rtol)
-         call fit(finer, size(found%residual), from_there, options_t(relative_error=rtol, &
+         call fit(finer, size(found%residual), start, options_t(relative_error=rtol, &
             check=.false.), better, error)
       end associate
       if (allocated(error)) error%message = 'nothing tells how far the error of the integrator '// &

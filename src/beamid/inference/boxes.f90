@@ -1,4 +1,5 @@
-!> Lists of settings that an experiment may have, and the sample times of all windows in them.
+!> Lists of settings from which `design` forms experiments, and the sample times of all windows that
+!> these settings allow. `beamid_designs` computes the information of their combinations.
 module beamid_boxes
    use beamid_errors, only: bad_input, error_t
    use beamid_excitation, only: excitation_t
@@ -13,32 +14,36 @@ module beamid_boxes
 
    public :: box_t, window_times_t, complete, is_pulse, list_times, samples_until
 
-   !> More sample times than this, all windows together, are refused.
+   !> Largest number of sample times that is accepted, all windows together.
    integer, parameter :: most_times = 1000000
 
-   !> What there is to choose from; a list that is not allocated has the value of the case.
+   !> Lists of the settings to choose from. A list that is not allocated has one entry, the value of
+   !> the case.
    type :: box_t
-      real(wp), allocatable :: x_S(:), x_F(:)                     !< places [length]
-      real(wp), allocatable :: duration(:)                        !< of the pulse [time]
-      real(wp), allocatable :: t_first(:), t_last(:), t_step(:)   !< sample times [time]
-      integer :: sensors = 1                                      !< at so many of the places
-      real(wp) :: noise_sd = 0                                    !< of each [length/time**2]
-      integer, allocatable :: interest(:)                         !< places among the `parameters`
-      real(wp) :: target = 0           !< relative standard error that is wanted; 0: none
-      !> So many modes start as if nobody knew the force, which has ended; 0: it is known
+      real(wp), allocatable :: x_S(:)          !< positions of the sensor [length]
+      real(wp), allocatable :: x_F(:)          !< positions of the force [length]
+      real(wp), allocatable :: duration(:)     !< durations of the pulse [time]
+      real(wp), allocatable :: t_first(:), t_last(:), t_step(:)   !< windows and sampling [time]
+      integer :: sensors = 1                   !< number of sensors in use at a time, 1 or 2
+      real(wp) :: noise_sd = 0                 !< noise level of each sensor [length/time**2]
+      integer, allocatable :: interest(:)      !< indices in `parameters` of those of interest
+      real(wp) :: target = 0                   !< wanted relative standard error; 0: none
+      !> number of modes whose initial amplitude and phase are unknown, as with kind='free'; the
+      !> force has then ended before the first sample. 0: the force is known
       integer :: modes = 0
    end type box_t
 
-   !> Sample times of all windows, and which of them each window from t_first by t_step has.
+   !> Sample times of one combination of t_first and t_step, up to the largest t_last.
    type :: window_times_t
-      real(wp) :: t_first = 0, t_step = 0
-      real(wp), allocatable :: t(:)
-      integer, allocatable :: place(:)              !< of each in `times`
+      real(wp) :: t_first = 0, t_step = 0           !< [time]
+      real(wp), allocatable :: t(:)                 !< (m) ascending [time]
+      integer, allocatable :: place(:)              !< (m) index of each in the times of all windows
    end type window_times_t
 
 contains
 
-   !> Whether an excitation is a constant force from t = 0 on, of which the duration may be chosen.
+   !> Returns whether an excitation is a pulse: a constant force from t = 0 on, whose duration a
+   !> design may choose.
    elemental logical function is_pulse(excitation)
       type(excitation_t), intent(in) :: excitation
 
@@ -48,7 +53,11 @@ contains
          abs(excitation%f(2) - excitation%f(1)) > 0)
    end function is_pulse
 
-   !> Lists that were not given, and all of them in ascending order.
+   !> Fills the lists that are not allocated from the present experiment and sorts all lists.
+   !>
+   !> box         on return every list is allocated and ascending
+   !> experiment  the present one, with sample times
+   !> model       whose structure gives the positions that the experiment does not state
    subroutine complete(box, experiment, model)
       type(box_t), intent(inout) :: box
       type(experiment_t), intent(in) :: experiment
@@ -58,32 +67,38 @@ contains
       ! gfortran 12 frees twice what a function returns into an associate block.
       s = experiment%structure_of(model%structure)
       associate (t => experiment%samples)
-         call settle(box%x_S, s%sensor_place())
-         call settle(box%x_F, s%place(of_x_F))
-         call settle(box%duration, merge(experiment%excitation%t(2), 0.0_wp, &
+         call complete_list(box%x_S, s%sensor_place())
+         call complete_list(box%x_F, s%place(of_x_F))
+         call complete_list(box%duration, merge(experiment%excitation%t(2), 0.0_wp, &
             is_pulse(experiment%excitation)))
-         call settle(box%t_first, t(1))
-         call settle(box%t_last, t(size(t)))
-         call settle(box%t_step, (t(size(t)) - t(1))/max(1, size(t) - 1))
+         call complete_list(box%t_first, t(1))
+         call complete_list(box%t_last, t(size(t)))
+         call complete_list(box%t_step, (t(size(t)) - t(1))/max(1, size(t) - 1))
       end associate
    end subroutine complete
 
-   subroutine settle(list, default)
+   !> Gives a list its default if it is not allocated, and sorts it.
+   subroutine complete_list(list, default)
       real(wp), allocatable, intent(inout) :: list(:)
       real(wp), intent(in) :: default
 
       if (.not. allocated(list)) list = [default]
       call sort(list)
-   end subroutine settle
+   end subroutine complete_list
 
-   !> The sample times of every window, and all of them together.
+   !> Lists the sample times of every window, and the sample times of all windows together.
+   !>
+   !> box      with complete lists
+   !> windows  (t_first times t_step, t_step fastest)
+   !> times    all sample times, ascending, each once [time]
+   !> error    more than `most_times` sample times
    subroutine list_times(box, windows, times, error)
       type(box_t), intent(in) :: box
       type(window_times_t), allocatable, intent(out) :: windows(:)
       real(wp), allocatable, intent(out) :: times(:)
       type(error_t), allocatable, intent(out) :: error
-      real(wp), allocatable :: all_of_them(:)
-      real(wp) :: last, same, total
+      real(wp), allocatable :: all_times(:)
+      real(wp) :: last, round_off, total
       integer :: i, j, k, low, n
 
       last = maxval(box%t_last)
@@ -96,7 +111,7 @@ contains
             to_text(most_times))
          return
       end if
-      allocate (windows(size(box%t_first)*size(box%t_step)), all_of_them(0))
+      allocate (windows(size(box%t_first)*size(box%t_step)), all_times(0))
       do i = 1, size(box%t_first)
          do j = 1, size(box%t_step)
             associate (window => windows((i - 1)*size(box%t_step) + j))
@@ -105,21 +120,21 @@ contains
                n = int(max(0.0_wp, (last - window%t_first)/max(window%t_step, tiny(last))) &
                   *(1 + 1e-12_wp) + 1e-6_wp)
                window%t = [(window%t_first + k*window%t_step, k=0, n)]
-               all_of_them = [all_of_them, window%t]
+               all_times = [all_times, window%t]
             end associate
          end do
       end do
-      ! Those of two windows that differ by round-off only are one.
-      call sort(all_of_them)
-      same = 64*epsilon(same)*maxval(abs(all_of_them))
-      times = pack(all_of_them, [.true., all_of_them(2:) - all_of_them(:size(all_of_them) - 1) &
-         > same])
+      ! Times of different windows that differ by round-off alone count as the same time.
+      call sort(all_times)
+      round_off = 64*epsilon(round_off)*maxval(abs(all_times))
+      times = pack(all_times, [.true., all_times(2:) - all_times(:size(all_times) - 1) &
+         > round_off])
       do i = 1, size(windows)
          allocate (windows(i)%place(size(windows(i)%t)))
          low = 1
          do k = 1, size(windows(i)%t)
             do while (low < size(times))
-               if (times(low + 1) > windows(i)%t(k) + same) exit
+               if (times(low + 1) > windows(i)%t(k) + round_off) exit
                low = low + 1
             end do
             windows(i)%place(k) = low
@@ -127,7 +142,7 @@ contains
       end do
    end subroutine list_times
 
-   !> How many samples a window has up to a time.
+   !> Returns the number of samples of a window up to a time [time].
    pure integer function samples_until(window, t_last)
       type(window_times_t), intent(in) :: window
       real(wp), intent(in) :: t_last

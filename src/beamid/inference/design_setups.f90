@@ -1,5 +1,5 @@
-!> One experiment or several as a problem of which derivatives are wanted, nothing measured; also
-!> such that the start counts as unknown and the motion comes from a force all the same.
+!> Experiments of a design as a residual problem whose derivatives are wanted although nothing has
+!> been measured. The start of the motion may count as unknown although a known force causes it.
 module beamid_design_setups
    use beamid_boxes, only: is_pulse
    use beamid_errors, only: bad_input, error_t
@@ -16,52 +16,61 @@ module beamid_design_setups
 
    public :: setup_t, new_setup, check_begin, differentiate, place
 
-   !> What is differentiated, and where the start is unknown what the motion comes from.
+   !> A residual problem to differentiate.
    type :: setup_t
-      type(residual_t) :: problem
+      type(residual_t) :: problem               !< with the free parameters of the design
+      !> the same experiments with their forces, which gives the motion that `problem` then takes
+      !> for measured; allocated if the start counts as unknown
       type(residual_t), allocatable :: cause
    end type setup_t
 
 contains
 
-   !> The problem of some experiments.
+   !> Makes a residual problem of experiments.
    !>
-   !> modes  whose start is taken as unknown; 0: none
-   !> error  also a sample before the force has ended
-   subroutine new_setup(model, mesh, experiments, turning, modes, setup, error)
+   !> experiments   (records) with sample times, noise and any measured values
+   !> root_is_free  whether the compliance of the root spring is free
+   !> modes         number of modes whose initial amplitude and phase count as unknown, as with
+   !>               kind='free'; 0: the force is known
+   !> error         an experiment that cannot be computed, or with `modes` a sample before the force
+   !>               has ended
+   subroutine new_setup(model, mesh, experiments, root_is_free, modes, setup, error)
       type(model_t), intent(in) :: model
       type(mesh_t), intent(in) :: mesh
       type(experiment_t), intent(in) :: experiments(:)
-      logical, intent(in) :: turning
+      logical, intent(in) :: root_is_free
       integer, intent(in) :: modes
       type(setup_t), intent(out) :: setup
       type(error_t), allocatable, intent(out) :: error
-      type(experiment_t) :: loose(size(experiments))
+      type(experiment_t) :: unforced(size(experiments))   ! with unknown start if modes > 0
       real(wp) :: finish
       integer :: k
 
-      loose = experiments
+      unforced = experiments
       if (modes > 0) then
          allocate (setup%cause)
-         call new_residuals(model, mesh, experiments, setup%cause, error, turning)
+         call new_residuals(model, mesh, experiments, setup%cause, error, root_is_free)
          do k = 1, size(experiments)
             associate (force => experiments(k)%excitation)
                finish = force%t(merge(1, size(force%t), force%is_release))
                if (.not. allocated(error)) call check_begin(experiments(k)%samples(1), finish, &
                   error)
                if (allocated(error)) return
-               loose(k)%excitation = new_free(modes)
-               ! Where it acts is in the structure, but for a place of its own.
-               if (allocated(force%x_F)) loose(k)%excitation%x_F = force%x_F
+               unforced(k)%excitation = new_free(modes)
+               ! The position of the force is in the structure, unless the force has its own.
+               if (allocated(force%x_F)) unforced(k)%excitation%x_F = force%x_F
             end associate
          end do
          setup%cause%free = [integer ::]
          setup%cause%record = [integer ::]
       end if
-      call new_residuals(model, mesh, loose, setup%problem, error, turning)
+      call new_residuals(model, mesh, unforced, setup%problem, error, root_is_free)
    end subroutine new_setup
 
-   !> A motion whose start is unknown begins when the force has ended.
+   !> Refuses samples before the force has ended, for a motion whose start counts as unknown.
+   !>
+   !> first   first sample time [time]
+   !> finish  end of the force [time]
    subroutine check_begin(first, finish, error)
       real(wp), intent(in) :: first, finish
       type(error_t), allocatable, intent(out) :: error
@@ -71,9 +80,13 @@ contains
          ', as its modes start anyhow')
    end subroutine check_begin
 
-   !> Derivatives in units of the noise, by relative changes and by what enters linearly.
+   !> Computes the derivatives of the residuals, in units of the noise, with respect to relative
+   !> changes of the free parameters and with respect to the linear unknowns.
    !>
-   !> jacobian  (samples, n + linear)
+   !> setup     on return with the motion of `cause` as its measured values
+   !> scale     (n) values that relative changes of the free parameters refer to, > 0
+   !> jacobian  (samples, n + linear unknowns)
+   !> error     a response that cannot be computed
    subroutine differentiate(setup, scale, jacobian, error)
       type(setup_t), intent(inout) :: setup
       real(wp), intent(in) :: scale(:)
@@ -107,7 +120,10 @@ contains
       end do
    end subroutine differentiate
 
-   !> Sensor and force at their places, and the length of a pulse.
+   !> Sets the positions of sensor and force [length] and the duration of a pulse [time].
+   !>
+   !> problem   of one experiment
+   !> duration  without effect on another excitation than a pulse
    pure subroutine place(problem, x_S, x_F, duration)
       type(residual_t), intent(inout) :: problem
       real(wp), intent(in) :: x_S, x_F, duration

@@ -1,23 +1,23 @@
-!> Experiments that could be done, side by side: sensors, force, window and sampling from lists, and
-!> what each combination would tell of the free parameters.
+!> Compares the designs of an experiment: forms all combinations of sensors, force, window and
+!> sampling from lists, and predicts how well each of them determines the free parameters.
 !>
-!> For each place of force and sensor and each duration one response with its exact derivatives at
-!> every sample time that any window has; the information of a window is a sum over its samples,
-!> that of two sensors the sum of both.
+!> One response with exact derivatives, at the sample times of all windows, is computed for each
+!> position of force and sensor and each duration. The information of a window is the sum over its
+!> samples; the information of two sensors is the sum of both.
 module beamid_designs
    use beamid_boxes, only: box_t, complete, is_pulse, list_times, samples_until, window_times_t
+   use beamid_design_information, only: present_information, prior_information, window_information
    use beamid_design_setups, only: check_begin, differentiate, new_setup, place, setup_t
    use beamid_errors, only: bad_input, error_t, locate
    use beamid_experiments, only: experiment_t
+   use beamid_fit_setups, only: set_free
    use beamid_galerkin, only: mesh_t
-   use beamid_information, only: eliminate, predict, prediction_t
+   use beamid_information, only: predict, prediction_t
    use beamid_interrupts, only: check_interrupt, interrupted, stop_flag
    use beamid_kinds, only: wp
    use beamid_parameters, only: as_named, free_magnitude, get_free, name_of_parameter
-   use beamid_priors, only: priors_of
    use beamid_residuals, only: residual_t
    use beamid_simulation, only: model_t
-   use beamid_starts, only: set_free
    use beamid_strings, only: to_text
    use beamid_structure, only: of_kappa_R, of_x_F
    use beamid_unknowns, only: quantity_t, stage_t
@@ -26,40 +26,47 @@ module beamid_designs
 
    public :: design_t, designs_t, compare_designs, needed
 
-   !> More designs than this are refused.
+   !> Largest number of designs that is accepted.
    integer, parameter :: most_designs = 200000
 
-   !> One experiment.
+   !> One design, with its predicted errors.
    type :: design_t
-      real(wp) :: x_S(2) = 0, x_F = 0, duration = 0, t_first = 0, t_last = 0, t_step = 0
-      integer :: samples = 0                        !< of all sensors
-      real(wp), allocatable :: information(:, :)    !< (n, n) of the samples, of relative changes
-      type(prediction_t) :: prediction              !< with what else is known
-      integer, private :: share(2) = 0, window = 0  !< where its information comes from
+      real(wp) :: x_S(2) = 0                        !< positions of the sensors [length]
+      real(wp) :: x_F = 0                           !< position of the force [length]
+      real(wp) :: duration = 0                      !< duration of the pulse [time]
+      real(wp) :: t_first = 0, t_last = 0, t_step = 0   !< window and sampling [time]
+      integer :: samples = 0                        !< number of samples, all sensors together
+      real(wp), allocatable :: information(:, :)    !< (n, n) by the samples, of relative changes
+      type(prediction_t) :: prediction              !< by the samples and the priors
+      integer, private :: share(2) = 0              !< of each sensor, index in the list of shares
+      integer, private :: window = 0                !< index of window and end in a share
    end type design_t
 
+   !> All designs that were compared.
    type :: designs_t
-      type(box_t) :: box                            !< every list with its values, ascending
-      type(design_t) :: present                     !< the case as it is
+      type(box_t) :: box                            !< the lists of settings, complete and ascending
+      type(design_t) :: present                     !< the experiments of the case
       type(design_t), allocatable :: list(:)        !< every combination
-      type(quantity_t), allocatable :: quantities(:)   !< (n) of the parameters
-      logical, allocatable :: interest(:)           !< (n)
-      real(wp), allocatable :: prior(:)             !< (n) information that is there without samples
+      type(quantity_t), allocatable :: quantities(:)   !< (n) free parameters, values and scales
+      logical, allocatable :: interest(:)           !< (n) whether the parameter is of interest
+      real(wp), allocatable :: prior(:)             !< (n) information of the priors
    end type designs_t
 
-   !> (n, n, windows) of one place of sensor and force and one duration.
+   !> Information by one sensor with given positions of sensor and force and given duration.
    type :: share_t
-      real(wp), allocatable :: information(:, :, :)
-      type(error_t), allocatable :: error
+      real(wp), allocatable :: information(:, :, :)  !< (n, n, ends*windows)
+      type(error_t), allocatable :: error            !< why it could not be computed
    end type share_t
 
 contains
 
-   !> Every experiment in the box, at the values that the model has.
+   !> Computes the information and the predicted errors of every design, at the parameter values of
+   !> the model.
    !>
    !> model        with an exact solver
-   !> stage        whose parameters are free
-   !> experiments  the present ones, with times, noise and samples of any value
+   !> stage        with the free parameters
+   !> experiments  (records) the present ones, with sample times, noise and any measured values
+   !> box          lists of settings to choose from
    !> error        too many combinations, or a response that cannot be computed
    subroutine compare_designs(model, mesh, stage, experiments, box, designs, error)
       type(model_t), intent(in) :: model
@@ -74,11 +81,11 @@ contains
       type(window_times_t), allocatable :: windows(:)
       type(share_t), allocatable :: shares(:)
       real(wp), allocatable :: times(:)
-      logical :: turning
+      logical :: root_is_free
       integer :: k, n_F, n_S
 
-      turning = any(stage%free == of_kappa_R)
-      call add_present(model, mesh, stage, experiments, turning, box, designs, error)
+      root_is_free = any(stage%free == of_kappa_R)
+      call add_present(model, mesh, stage, experiments, root_is_free, box, designs, error)
       if (allocated(error)) return
       call complete(designs%box, experiments(1), model)
       if (box%modes > 0 .and. is_pulse(experiments(1)%excitation)) call check_begin(minval( &
@@ -91,16 +98,16 @@ contains
       one%sd = box%noise_sd
       one%samples = times
       one%measured = 0*times
-      call new_setup(model, mesh, [one], turning, box%modes, setup, error)
+      call new_setup(model, mesh, [one], root_is_free, box%modes, setup, error)
       if (allocated(error)) return
-      call set_free(setup%problem, alone(stage))
+      call set_free(setup%problem, single_stage(stage))
       n_S = size(designs%box%x_S)
       n_F = size(designs%box%x_F)
       allocate (shares(size(designs%box%duration)*n_F*n_S))
       !$omp parallel do schedule(dynamic, 1) copyin(stop_flag)
       do k = 0, n_F*n_S - 1
          if (interrupted()) cycle
-         call inform(setup, designs, k, windows, shares)
+         call compute_shares(setup, designs, k, windows, shares)
       end do
       !$omp end parallel do
       call check_interrupt(error)
@@ -113,10 +120,12 @@ contains
       call add_up(designs, shares)
    end subroutine compare_designs
 
-   !> What the samples of an experiment have to be multiplied in number by, every one repeated, that
-   !> every parameter of interest is known to a relative standard error; of a force its square root.
+   !> Returns how many times each sample of a design must be repeated for every parameter of
+   !> interest to reach a relative standard error. Instead, the force may be multiplied by the
+   !> square root of this number.
    !>
-   !> times  < 0: no number is enough
+   !> wanted  relative standard error, > 0
+   !> times   factor on the number of samples; < 0: no number suffices
    function needed(designs, design, wanted) result(times)
       type(designs_t), intent(in) :: designs
       type(design_t), intent(in) :: design
@@ -126,7 +135,8 @@ contains
       integer :: k
 
       times = 1
-      ! At once without priors; with them each step falls short of what is needed, by less and less.
+      ! Without priors the first step is exact. With priors each step falls short of the number
+      ! needed, by less and less.
       do k = 1, 1000
          prediction = predicted(designs, times*design%information)
          if (.not. prediction%finite) exit
@@ -138,7 +148,9 @@ contains
       if (.not. prediction%finite .or. times > 1e30_wp) times = -1
    end function needed
 
-   !> With what is known beside the samples.
+   !> Predicts the errors by the information of samples and priors together.
+   !>
+   !> information  (n, n) of the samples, of relative changes
    pure function predicted(designs, information) result(prediction)
       type(designs_t), intent(in) :: designs
       real(wp), intent(in) :: information(:, :)
@@ -153,41 +165,77 @@ contains
       call predict(whole, designs%interest, prediction)
    end function predicted
 
-   !> The stage in an experiment by itself, where every parameter has one value.
-   pure type(stage_t) function alone(stage)
+   !> Returns the stage of a single experiment, in which every parameter occurs once.
+   pure type(stage_t) function single_stage(stage) result(single)
       type(stage_t), intent(in) :: stage
       integer :: k
 
-      alone = stage%without([(any(stage%free(:k - 1) == stage%free(k)), k=1, size(stage%free))])
-      alone%record = 0*alone%free
-   end function alone
+      single = stage%without([(any(stage%free(:k - 1) == stage%free(k)), k=1, size(stage%free))])
+      single%record = 0*single%free
+   end function single_stage
 
-   !> The parameters with their scales, and what the case as it is tells of them.
-   subroutine add_present(model, mesh, stage, experiments, turning, box, designs, error)
+   !> Lists the parameters with their scales and computes what the present experiments tell of them.
+   !>
+   !> root_is_free  whether the compliance of the root spring is free
+   !> designs       on return complete but for the list of designs
+   !> error         a response that cannot be computed
+   subroutine add_present(model, mesh, stage, experiments, root_is_free, box, designs, error)
       type(model_t), intent(in) :: model
       type(mesh_t), intent(in) :: mesh
       type(stage_t), intent(in) :: stage
       type(experiment_t), intent(in) :: experiments(:)
-      logical, intent(in) :: turning
+      logical, intent(in) :: root_is_free
       type(box_t), intent(in) :: box
       type(designs_t), intent(inout) :: designs
       type(error_t), allocatable, intent(out) :: error
       type(setup_t) :: setup
       type(stage_t) :: single
-      real(wp), allocatable :: information(:, :), known(:), scale(:), jacobian(:, :)
-      integer, allocatable :: first(:), others(:), column(:)
-      integer :: k, m, n
+      real(wp), allocatable :: scale(:)
+      integer, allocatable :: column(:)
+      integer :: k
 
       designs%box = box
-      call new_setup(model, mesh, experiments, turning, box%modes, setup, error)
+      call new_setup(model, mesh, experiments, root_is_free, box%modes, setup, error)
       if (allocated(error)) return
-      single = alone(stage)
-      n = size(single%free)
-      allocate (designs%quantities(n))
-      do k = 1, n
-         associate (q => designs%quantities(k), s => setup%problem%scenario%structures(1), &
-            e => experiments(1)%excitation)
-            q%parameter = single%free(k)
+      single = single_stage(stage)
+      call list_quantities(single, setup%problem, experiments(1), designs%quantities)
+      designs%interest = [(any(box%interest == single%free(k)), k=1, size(single%free))]
+      call set_free(setup%problem, single)
+      scale = designs%quantities%scale
+      designs%prior = prior_information(setup%problem, scale)
+      call set_free(setup%problem, stage)
+      column = [(findloc(single%free, stage%free(k), dim=1), k=1, size(stage%free))]
+      call present_information(setup, column, scale, designs%present%information, error)
+      if (allocated(error)) return
+      associate (design => designs%present, s => setup%problem%scenario%structures(1), &
+         t => experiments(1)%samples)
+         design%prediction = predicted(designs, design%information)
+         design%samples = setup%problem%samples()
+         design%x_S = [s%sensor_place(), 0.0_wp]
+         design%x_F = s%place(of_x_F)
+         if (is_pulse(experiments(1)%excitation)) design%duration = experiments(1)%excitation%t(2)
+         design%t_first = t(1)
+         design%t_last = t(size(t))
+         design%t_step = (t(size(t)) - t(1))/max(1, size(t) - 1)
+      end associate
+   end subroutine add_present
+
+   !> Lists the free parameters with their values and with the scales of their relative changes.
+   !>
+   !> experiment  the first one; values are those of its structure and excitation
+   !> quantities  (n) the scale of a value that is practically zero is the parameter's magnitude
+   subroutine list_quantities(stage, problem, experiment, quantities)
+      type(stage_t), intent(in) :: stage
+      type(residual_t), intent(in) :: problem
+      type(experiment_t), intent(in) :: experiment
+      type(quantity_t), allocatable, intent(out) :: quantities(:)
+      integer :: k
+
+      allocate (quantities(size(stage%free)))
+      do k = 1, size(quantities)
+         associate (q => quantities(k), s => problem%scenario%structures(1), &
+            e => experiment%excitation)
+            q%parameter = stage%free(k)
             q%name = name_of_parameter(s, q%parameter)
             q%searched = get_free(s, e, q%parameter)
             q%value = as_named(q%parameter, q%searched)
@@ -195,60 +243,13 @@ contains
             if (abs(q%searched) > 1e-9_wp*q%scale) q%scale = abs(q%searched)
          end associate
       end do
-      designs%interest = [(any(box%interest == single%free(k)), k=1, n)]
-      call set_free(setup%problem, single)
-      scale = designs%quantities%scale
-      designs%prior = known_before(setup%problem, scale)
-      call set_free(setup%problem, stage)
-      column = [(findloc(single%free, stage%free(k), dim=1), k=1, size(stage%free))]
-      scale = scale(column)
-      call differentiate(setup, scale, jacobian, error)
-      if (allocated(error)) return
-      information = matmul(transpose(jacobian), jacobian)
-      ! What another record has of its own is nuisance, and has its own priors.
-      known = known_before(setup%problem, scale)
-      first = [(findloc(column, k, dim=1), k=1, n)]
-      others = pack([(k, k=1, size(information, 1))], [(.not. any(first == k), &
-         k=1, size(information, 1))])
-      do k = 1, size(others)
-         m = others(k)
-         if (m <= size(known)) information(m, m) = information(m, m) + known(m)
-      end do
-      associate (present => designs%present)
-         present%information = eliminate(information([first, others], [first, others]), n)
-         present%prediction = predicted(designs, present%information)
-         present%samples = setup%problem%samples()
-         associate (s => setup%problem%scenario%structures(1), t => experiments(1)%samples)
-            present%x_S = [s%sensor_place(), 0.0_wp]
-            present%x_F = s%place(of_x_F)
-            if (is_pulse(experiments(1)%excitation)) &
-               present%duration = experiments(1)%excitation%t(2)
-            present%t_first = t(1)
-            present%t_last = t(size(t))
-            present%t_step = (t(size(t)) - t(1))/max(1, size(t) - 1)
-         end associate
-      end associate
-   end subroutine add_present
+   end subroutine list_quantities
 
-   !> Information of priors of free parameters.
-   pure function known_before(problem, scale) result(known)
-      type(residual_t), intent(in) :: problem
-      real(wp), intent(in) :: scale(:)
-      real(wp) :: known(size(scale))
-      integer :: which(size(scale)), k
-
-      known = 0
-      which = priors_of(problem%priors, problem%free, problem%record)
-      do k = 1, size(scale)
-         if (which(k) == 0) cycle
-         associate (prior => problem%priors(which(k)))
-            known(k) = (scale(k)/prior%width(prior%centre_in(problem%record(k))))**2
-         end associate
-      end do
-   end function known_before
-
-   !> Every combination, without its information: sensors, force, duration, begin, step and end, the
-   !> last one changing fastest. Windows that end before they begin are none.
+   !> Lists every combination of sensors, force, duration, begin, step and end, the last changing
+   !> fastest, without its information. Windows that end before they begin are left out.
+   !>
+   !> windows  sample times of every begin and step
+   !> error    no combination, or more than `most_designs`
    subroutine list_designs(designs, windows, error)
       type(designs_t), intent(inout) :: designs
       type(window_times_t), intent(in) :: windows(:)
@@ -299,10 +300,13 @@ contains
       end associate
    end subroutine list_designs
 
-   !> What each window tells with the sensor and the force at one place, of every duration.
+   !> Computes the information of every window and duration for one pair of positions of sensor and
+   !> force. Runs in threads.
    !>
-   !> k  0, 1, ...: which places
-   subroutine inform(setup, designs, k, windows, shares)
+   !> setup   of one experiment with the sample times of all windows
+   !> k       number of the pair, from 0; the position of the force changes fastest
+   !> shares  (0:) of all pairs and durations, the durations fastest; those of pair k are set
+   subroutine compute_shares(setup, designs, k, windows, shares)
       type(setup_t), intent(in) :: setup
       type(designs_t), intent(in) :: designs
       integer, intent(in) :: k
@@ -326,53 +330,14 @@ contains
                call locate(share%error, 'x_S = '//to_text(box%x_S(s))//', x_F = '// &
                   to_text(box%x_F(f)))
                if (allocated(share%error)) return
-               call gather(jacobian, size(designs%interest), windows, box%t_last, &
+               call window_information(jacobian, size(designs%interest), windows, box%t_last, &
                   share%information)
             end associate
          end do
       end associate
-   end subroutine inform
+   end subroutine compute_shares
 
-   !> Information of the first n parameters in every window, and up to every end.
-   !>
-   !> information  (n, n, ends*windows)
-   subroutine gather(jacobian, n, windows, ends, information)
-      real(wp), intent(in) :: jacobian(:, :), ends(:)
-      integer, intent(in) :: n
-      type(window_times_t), intent(in) :: windows(:)
-      real(wp), allocatable, intent(out) :: information(:, :, :)
-      real(wp) :: whole(size(jacobian, 2), size(jacobian, 2))
-      real(wp), allocatable :: rows(:, :)
-      real(wp) :: part(n, n)
-      integer :: first, i, j, l, last, place, w
-
-      allocate (information(n, n, size(ends)*size(windows)))
-      do w = 1, size(windows)
-         whole = 0
-         first = 1
-         do l = 1, size(ends)
-            last = samples_until(windows(w), ends(l))
-            allocate (rows(max(0, last - first + 1), size(jacobian, 2)))
-            do i = 1, size(rows, 1)
-               rows(i, :) = jacobian(windows(w)%place(first + i - 1), :)
-            end do
-            do j = 1, size(whole, 2)
-               do i = 1, j
-                  whole(i, j) = whole(i, j) + dot_product(rows(:, i), rows(:, j))
-                  whole(j, i) = whole(i, j)
-               end do
-            end do
-            deallocate (rows)
-            ! In two steps: gfortran 14 checks the bounds before it knows where a result goes.
-            part = eliminate(whole, n)
-            place = (w - 1)*size(ends) + l
-            information(:, :, place) = part
-            first = max(first, last + 1)
-         end do
-      end do
-   end subroutine gather
-
-   !> Information and errors of every design from those of single sensors.
+   !> Adds up the information of every design from that of single sensors and predicts its errors.
    subroutine add_up(designs, shares)
       type(designs_t), intent(inout) :: designs
       type(share_t), intent(in) :: shares(:)
@@ -386,8 +351,8 @@ contains
       !$omp end parallel do
    end subroutine add_up
 
-   !> The same of design k. By itself: an associate-name in a loop of several threads is none of
-   !> their own with gfortran 14.
+   !> Adds up the information of design k and predicts its errors. A procedure of its own, because
+   !> with gfortran 14 threads share the associate-names of a parallel loop.
    subroutine add_shares(designs, shares, k)
       type(designs_t), intent(inout) :: designs
       type(share_t), intent(in) :: shares(:)

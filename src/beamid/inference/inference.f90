@@ -1,71 +1,49 @@
-!> What a record says of the parameters beyond linear theory around one fit: profiles, draws from
-!> the posterior, and fits of resampled records.
+!> Inference beyond linear theory from one fit: the profile likelihood of each parameter, and draws
+!> from the posterior. The methods themselves are in `fit/` and know no beam; `beamid_bootstraps`
+!> resamples records.
 module beamid_inference
    use beamid_distributions, only: student_quantile
    use beamid_errors, only: error_t, failure
    use beamid_experiments, only: experiment_t
+   use beamid_fit_setups, only: set_free
    use beamid_galerkin, only: mesh_t
    use beamid_interrupts, only: check_interrupt, interrupted, stop_flag
    use beamid_kinds, only: wp
-   use beamid_least_squares, only: fit, fit_t, monitor_t, options_t
-   use beamid_noise, only: gaussian_noise
+   use beamid_least_squares, only: monitor_t
    use beamid_posteriors, only: new_posterior, posterior_t
-   use beamid_priors, only: priors_of
    use beamid_profile_likelihood, only: follow_profile, is_open, side_t
-   use beamid_resampling, only: acceleration, block_places, corrected_interval, &
-      percentile_interval, usual_block
    use beamid_residuals, only: new_residuals, residual_t
    use beamid_sampling, only: draws_t, plan_t, sample
    use beamid_simulation, only: model_t
-   use beamid_stages, only: stage_fit_t
-   use beamid_starts, only: set_free
+   use beamid_stage_fits, only: stage_fit_t
    use beamid_statistics, only: unlimited
-   use beamid_strings, only: to_text
    use beamid_structure, only: of_kappa_R
    use beamid_unknowns, only: quantity_t, variables_of
    use beamid_variables, only: variable_t
    implicit none
    private
 
-   public :: bootstrap_plan_t, bootstrap_t, posterior_draws_t, profile_fit, sample_fit, &
-      bootstrap_fit
+   public :: posterior_draws_t, problem_of_fit, profile_fit, sample_fit
 
-   integer, parameter, public :: by_judgement = 0, parametric = 1, blocks = 2
-
-   type :: bootstrap_plan_t
-      integer :: n = 1000
-      integer :: seed = 1
-      integer :: kind = by_judgement   !< blocks where the residuals are not white
-      integer :: block = 0             !< samples; 0: as the residuals ask for
-   end type bootstrap_plan_t
-
-   !> Fits of resampled records.
-   type :: bootstrap_t
-      integer :: kind = parametric
-      integer :: block = 0
-      integer :: failures = 0
-      real(wp), allocatable :: estimates(:, :)     !< (free, n - failures)
-      integer, allocatable :: number(:)            !< (n - failures) which of them
-      real(wp), allocatable :: percentile(:, :)    !< (2, free)
-      real(wp), allocatable :: corrected(:, :)     !< (2, free) for bias and acceleration
-      character(len=:), allocatable :: reason      !< why the first that failed did
-   end type bootstrap_t
-
-   !> Draws, and what the model does with some of them.
+   !> Draws from the posterior, and the model's response for some of them.
    type :: posterior_draws_t
       type(draws_t) :: draws
-      integer, allocatable :: order(:)             !< (records) of the noise; 0: white
-      !> (samples, some) accelerations
+      integer, allocatable :: order(:)             !< (records) autoregressive order; 0: white noise
+      !> (samples, shown) responses of the model [length/time**2]
       real(wp), allocatable :: motion(:, :)
-      integer, allocatable :: shown(:)             !< (some) of which draws
+      integer, allocatable :: shown(:)             !< (shown) index of the draw of each response
    end type posterior_draws_t
 
 contains
 
-   !> The problem of a fit as the fit has left it.
+   !> Makes the residual problem of a fit, in the state in which the fit has left it.
    !>
-   !> variables  (n) of what it searched for
-   subroutine problem_of(model, mesh, experiments, found, problem, variables, error)
+   !> experiments  (records) that were fitted
+   !> found        their fit
+   !> problem      with the estimates, weights, noise level and penalties of the fit
+   !> variables    (n) free parameters, with bounds and magnitudes
+   !> error        no free parameter, no degree of freedom, or residuals of 0
+   subroutine problem_of_fit(model, mesh, experiments, found, problem, variables, error)
       type(model_t), intent(in) :: model
       type(mesh_t), intent(in) :: mesh
       type(experiment_t), intent(in) :: experiments(:)
@@ -93,13 +71,16 @@ contains
       problem%strength = found%strength
       call set_free(problem, found%again())
       call variables_of(found%again(), problem%scenario, variables, quantities, error)
-   end subroutine problem_of
+   end subroutine problem_of_fit
 
-   !> Both sides of the profile of every parameter that was searched for. J may rise by as much as
-   !> it does at the end of the interval of linear theory, that of correlated residuals where they
-   !> are.
+   !> Follows the profile likelihood of every free parameter on both sides of its estimate.
    !>
-   !> sides  (2, n) below and above, of what was searched for
+   !> The interval ends where J has risen as much as it does at the end of the interval of linear
+   !> theory, which is corrected for residuals that are not white.
+   !>
+   !> sides  (2, n) below and above the estimate of each parameter that was searched for, which may
+   !>        be the reciprocal of the one in the case
+   !> error  as in `problem_of_fit`, or an interruption; a side that fails has the state `is_lost`
    subroutine profile_fit(model, mesh, experiments, found, sides, error, monitor)
       type(model_t), intent(in) :: model
       type(mesh_t), intent(in) :: mesh
@@ -110,19 +91,19 @@ contains
       class(monitor_t), intent(inout), optional :: monitor
       type(residual_t) :: problem
       type(variable_t), allocatable :: variables(:)
-      real(wp) :: t, rise(size(found%free)), first(size(found%free))
+      real(wp) :: t, rise(size(found%free)), first_step(size(found%free))
       integer :: finished, k, n, task
 
-      call problem_of(model, mesh, experiments, found, problem, variables, error)
+      call problem_of_fit(model, mesh, experiments, found, problem, variables, error)
       if (allocated(error)) return
       n = size(found%free)
       associate (s => found%statistics)
          do k = 1, n
             t = student_quantile(0.95_wp, real(s%freedom, wp))
-            first(k) = 0.1_wp*max(abs(found%fit%estimate(k)), variables(k)%magnitude)
+            first_step(k) = 0.1_wp*max(abs(found%fit%estimate(k)), variables(k)%magnitude)
             if (s%std_error(k) > 0 .and. s%corrected_half_width(k) < sqrt(unlimited)) then
                t = s%corrected_half_width(k)/s%std_error(k)
-               first(k) = s%corrected_half_width(k)
+               first_step(k) = s%corrected_half_width(k)
             end if
             rise(k) = s%variance*t**2
          end do
@@ -143,22 +124,27 @@ contains
 
    contains
 
+      !> Follows the profile of parameter k below (side 1) or above (side 2) its estimate.
       subroutine follow(k, side)
          integer, intent(in) :: k, side
          type(residual_t) :: mine
 
          mine = problem
          call follow_profile(mine, mine%rows(), variables, found%fit%estimate, &
-            sum(found%fit%residual**2), k, 2*side - 3, rise(k), first(k), sides(side, k), monitor)
+            sum(found%fit%residual**2), k, 2*side - 3, rise(k), first_step(k), sides(side, k), &
+            monitor)
       end subroutine follow
 
    end subroutine profile_fit
 
-   !> Draws from the posterior.
+   !> Draws from the posterior of the parameters and computes the model's response for some of the
+   !> draws.
    !>
-   !> sides  (2, n) the profiles: where one has no end a flat prior has no finite weight
-   !> error  such a parameter, or one of which the posterior leans on the end that its range is
-   !>        given here; a density that has no mode; chains that do not agree
+   !> sides      (2, n) profile likelihood; if a side is open, a flat prior has no finite weight
+   !> plan       number of draws, seed and method
+   !> posterior  draws and responses
+   !> error      as in `problem_of_fit`; an open profile; a posterior that reaches the artificial
+   !>            end of an unbounded range; a density without a mode; chains that do not agree
    subroutine sample_fit(model, mesh, experiments, found, sides, plan, posterior, error, monitor)
       type(model_t), intent(in) :: model
       type(mesh_t), intent(in) :: mesh
@@ -169,10 +155,11 @@ contains
       type(posterior_draws_t), intent(out) :: posterior
       type(error_t), allocatable, intent(out) :: error
       class(monitor_t), intent(inout), optional :: monitor
+      !> Number of draws with a response.
       integer, parameter :: shown = 200
-      !> However large a parameter, J stays finite: somewhere a flat prior has to end. Without a
-      !> bound it does at so many times the estimate, or what is moderate; and no more of the
-      !> posterior may lie in the outer half of that range.
+      !> J stays finite however large a parameter is, so that a flat prior must end somewhere. For
+      !> an unbounded parameter it ends at `widest` times the estimate or the parameter's magnitude.
+      !> At most the share `leaning` of the posterior may lie in the outer half of that range.
       real(wp), parameter :: widest = 100, leaning = 1e-3_wp
       type(residual_t) :: problem
       type(variable_t), allocatable :: variables(:)
@@ -182,10 +169,10 @@ contains
 
       do k = 1, size(found%free)
          if (all(sides(:, k)%state /= is_open)) cycle
-         call no_limit(k)
+         call refuse_open(k)
          return
       end do
-      call problem_of(model, mesh, experiments, found, problem, variables, error)
+      call problem_of_fit(model, mesh, experiments, found, problem, variables, error)
       if (allocated(error)) return
       call new_posterior(problem, variables, found%fit%residual, found%jacobian, plan%coloured, &
          density)
@@ -203,7 +190,7 @@ contains
       do k = 1, size(variables)
          if (count(abs(posterior%draws%q(k, :)) > limit(k)/2) <= leaning &
             *size(posterior%draws%q, 2)) cycle
-         call no_limit(k)
+         call refuse_open(k)
          return
       end do
       associate (draws => size(posterior%draws%q, 2))
@@ -214,17 +201,19 @@ contains
 
    contains
 
-      subroutine no_limit(k)
+      !> Sets the error of a parameter that the record does not bound.
+      subroutine refuse_open(k)
          integer, intent(in) :: k
 
          call failure(error, 'posterior: the record sets '// &
             trim(found%quantities(k)%searched_name())//' no limit that counts, and all values '// &
             'up to infinity cannot be equally probable; expected a bound in its stage, or &prior')
-      end subroutine no_limit
+      end subroutine refuse_open
 
    end subroutine sample_fit
 
-   !> The model's accelerations with some of the draws.
+   !> Computes the model's response [length/time**2] for the draws in `shown`; draws whose response
+   !> cannot be computed are left out.
    subroutine predict(problem, posterior)
       type(residual_t), intent(inout) :: problem
       type(posterior_draws_t), intent(inout) :: posterior
@@ -244,151 +233,5 @@ contains
       posterior%shown = pack(posterior%shown, computed)
       posterior%motion = posterior%motion(:, pack([(k, k=1, size(computed))], computed))
    end subroutine predict
-
-   !> Fits the model's own record again and again, each time with other residuals: noise of the
-   !> standard deviation that was found or stated, or blocks of the residuals, put together anew.
-   !> What is known of free parameters is drawn as well.
-   !>
-   !> error  too few of the fits succeed
-   subroutine bootstrap_fit(model, mesh, experiments, found, plan, bootstrap, error, monitor)
-      type(model_t), intent(in) :: model
-      type(mesh_t), intent(in) :: mesh
-      type(experiment_t), intent(in) :: experiments(:)
-      type(stage_fit_t), intent(in) :: found
-      type(bootstrap_plan_t), intent(in) :: plan
-      type(bootstrap_t), intent(out) :: bootstrap
-      type(error_t), allocatable, intent(out) :: error
-      class(monitor_t), intent(inout), optional :: monitor
-      type(residual_t) :: problem
-      type(variable_t), allocatable :: variables(:)
-      type(error_t), allocatable :: failed
-      type(options_t) :: options
-      real(wp) :: estimates(size(found%free), plan%n)
-      logical :: done(plan%n)
-      integer :: finished, first_failed, k, number
-
-      call problem_of(model, mesh, experiments, found, problem, variables, error)
-      if (allocated(error)) return
-      variables = variables%from(found%fit%estimate)
-      options%relative_error = model%solver%relative_error()
-      options%check = .false.
-      bootstrap%kind = plan%kind
-      if (plan%kind == by_judgement) bootstrap%kind = merge(parametric, blocks, found%check%white)
-      if (bootstrap%kind == blocks) then
-         bootstrap%block = plan%block
-         if (plan%block == 0) bootstrap%block = usual_block(found%residual)
-         bootstrap%block = min(bootstrap%block, minval([(size(experiments(k)%samples), &
-            k=1, size(experiments))]))
-      end if
-      finished = 0
-      first_failed = plan%n + 1
-      bootstrap%reason = ''
-      !$omp parallel do schedule(dynamic, 8) private(failed) copyin(stop_flag)
-      do number = 1, plan%n
-         if (interrupted()) cycle
-         call fit_one(number, failed)
-         done(number) = .not. allocated(failed)
-         !$omp critical (one_replicate_done)
-         finished = finished + 1
-         if (present(monitor)) call monitor%advanced(finished, plan%n, &
-            'resampled records')
-         if (allocated(failed)) then
-            if (number < first_failed) then
-               first_failed = number
-               bootstrap%reason = failed%message
-            end if
-         end if
-         !$omp end critical (one_replicate_done)
-      end do
-      !$omp end parallel do
-      call check_interrupt(error)
-      if (allocated(error)) return
-      bootstrap%number = pack([(k, k=1, plan%n)], done)
-      bootstrap%estimates = estimates(:, bootstrap%number)
-      bootstrap%failures = count(.not. done)
-      if (2*bootstrap%failures > plan%n) then
-         call failure(error, to_text(bootstrap%failures)//' of '//to_text(plan%n)// &
-            ' fits of resampled records fail: '//bootstrap%reason)
-         return
-      end if
-      call find_intervals(found, bootstrap)
-
-   contains
-
-      subroutine fit_one(number, failed)
-         integer, intent(in) :: number
-         type(error_t), allocatable, intent(out) :: failed
-         type(residual_t) :: mine
-         type(fit_t) :: fitted
-
-         mine = problem
-         call disturb(mine, found, bootstrap, plan%seed + 7919*number)
-         call fit(mine, mine%rows(), variables, options, fitted, failed)
-         if (.not. allocated(failed)) estimates(:, number) = fitted%estimate
-      end subroutine fit_one
-
-   end subroutine bootstrap_fit
-
-   !> Puts another record in the place of each, and another value in that of what is known.
-   subroutine disturb(problem, found, bootstrap, seed)
-      type(residual_t), intent(inout) :: problem
-      type(stage_fit_t), intent(in) :: found
-      type(bootstrap_t), intent(in) :: bootstrap
-      integer, intent(in) :: seed
-      real(wp), allocatable :: noise(:)
-      real(wp) :: z(size(found%free)), inflation
-      integer :: which(size(found%free)), i, k, m, record, row
-
-      ! Residuals are smaller than the noise by what the fit has taken.
-      inflation = sqrt(real(found%statistics%samples, wp)/found%statistics%freedom)
-      row = 0
-      do i = 1, size(problem%parts)
-         associate (experiment => problem%parts(i)%experiment)
-            m = size(experiment%samples)
-            associate (r => found%residual(row + 1:row + m))
-               if (bootstrap%kind == blocks) then
-                  noise = inflation*(r(block_places(m, bootstrap%block, seed + 101*i)) - sum(r)/m)
-               else if (allocated(experiment%sd)) then
-                  noise = gaussian_noise(m, experiment%sd, seed + 101*i)
-               else
-                  noise = gaussian_noise(m, inflation*norm2(r)/sqrt(real(m, wp)), seed + 101*i)
-               end if
-               experiment%measured = experiment%measured + r + noise
-            end associate
-         end associate
-         row = row + m
-      end do
-      which = priors_of(problem%priors, problem%free, problem%record)
-      z = gaussian_noise(size(z), 1.0_wp, seed + 57)
-      do k = 1, size(which)
-         if (which(k) == 0) cycle
-         associate (prior => problem%priors(which(k)), q => found%quantities(k))
-            record = problem%record(k)
-            prior%centre(max(1, record, prior%record)) = q%searched &
-               + z(k)*prior%width(prior%centre_in(record))
-         end associate
-      end do
-   end subroutine disturb
-
-   subroutine find_intervals(found, bootstrap)
-      type(stage_fit_t), intent(in) :: found
-      type(bootstrap_t), intent(inout) :: bootstrap
-      real(wp) :: influence(size(found%residual))
-      integer :: k, m, n
-
-      n = size(found%free)
-      m = size(influence)
-      allocate (bootstrap%percentile(2, n), bootstrap%corrected(2, n))
-      do k = 1, n
-         influence = 0
-         associate (s => found%statistics)
-            if (all(s%std_error < sqrt(unlimited))) influence = -matmul(found%jacobian(:m, :), &
-               s%covariance(:, k)/s%variance)*found%fit%residual(:m)
-         end associate
-         bootstrap%percentile(:, k) = percentile_interval(bootstrap%estimates(k, :))
-         bootstrap%corrected(:, k) = corrected_interval(bootstrap%estimates(k, :), &
-            found%fit%estimate(k), acceleration(influence))
-      end do
-   end subroutine find_intervals
 
 end module beamid_inference

@@ -1,10 +1,12 @@
-!> The probability density of parameters after the records: of their noise, white or autoregressive,
-!> with its standard deviation integrated out where it is not stated; flat before the records
-!> between the bounds of each parameter, times what else is known; linear unknowns integrated out.
+!> The posterior density of the parameters given the records, which `beamid_inference` samples from.
 !>
-!> With sigma unknown (1/sigma before the record) and k linear unknowns of m samples the density is
-!> J**(-(m - k)/2)/sqrt(det Phi'Phi); with sigma known exp(-J/(2 sigma**2)) in place of the power
-!> (Box and Tiao, Bayesian Inference in Statistical Analysis, 1973, section 8.2).
+!> The noise is white or autoregressive. Its standard deviation is integrated out if it is not
+!> stated, and so are the linear unknowns. The prior is flat between the bounds of each parameter,
+!> times the priors of the case.
+!>
+!> For m samples, k linear unknowns with the columns Phi and unknown sigma, whose prior is 1/sigma,
+!> the density is J**(-(m - k)/2)/sqrt(det Phi'Phi). For known sigma, exp(-J/(2 sigma**2)) stands in
+!> place of the power (Box and Tiao, Bayesian Inference in Statistical Analysis, 1973, section 8.2).
 module beamid_posteriors
    use beamid_autoregression, only: new_autoregression
    use beamid_densities, only: density_t, impossible
@@ -19,32 +21,36 @@ module beamid_posteriors
 
    public :: posterior_t, new_posterior
 
+   !> The posterior density of a fit.
    type, extends(density_t) :: posterior_t
       type(residual_t) :: problem
-      type(variable_t), allocatable :: variables(:)
-      integer, allocatable :: first(:), last(:)    !< (records) rows of each
-      logical, allocatable :: estimated(:)         !< (records) the noise is not stated
-      real(wp) :: linear = 0                       !< linear unknowns for each record
-      integer, allocatable :: order(:)             !< (records) of the noise; 0: white
+      type(variable_t), allocatable :: variables(:)   !< (n) free parameters
+      integer, allocatable :: first(:), last(:)    !< (records) first and last row of the residuals
+      logical, allocatable :: estimated(:)         !< (records) whether the noise is not stated
+      real(wp) :: linear = 0                       !< number of linear unknowns per record
+      integer, allocatable :: order(:)             !< (records) autoregressive order; 0: white noise
    contains
       procedure :: evaluate
    end type posterior_t
 
 contains
 
+   !> Makes the posterior density of a fit.
+   !>
    !> problem    as fitted
    !> residual   (rows) of the fit
    !> jacobian   (rows, n) of the fit
-   !> coloured   whether noise may be autoregressive: it is in the records whose residuals are
-   !>            white with a probability below 1 %. At 5 % the fit to what is white narrows the
-   !>            intervals of one record in twenty, and they cover 93.5 instead of 94.5 % of truths
+   !> coloured   whether the noise may be autoregressive. It is then taken as autoregressive in the
+   !>            records whose residuals are white with a probability below 1 %. With a limit of 5
+   !>            %, the noise model is fitted to white noise in one record of twenty and narrows its
+   !>            intervals; they cover 93.5 instead of 94.5 % of the true values.
    subroutine new_posterior(problem, variables, residual, jacobian, coloured, posterior)
       type(residual_t), intent(in) :: problem
       type(variable_t), intent(in) :: variables(:)
       real(wp), intent(in) :: residual(:), jacobian(:, :)
       logical, intent(in) :: coloured
       type(posterior_t), intent(out) :: posterior
-      real(wp), parameter :: improbable = 0.01_wp
+      real(wp), parameter :: improbable = 0.01_wp   ! probability of white residuals
       type(residual_check_t) :: found
       integer :: first, i, last, records
 
@@ -69,6 +75,13 @@ contains
       if (all(posterior%order == 0)) deallocate (posterior%problem%colour)
    end subroutine new_posterior
 
+   !> Computes the logarithm of the posterior density, up to a constant, and its derivatives.
+   !>
+   !> q          (n) parameters
+   !> value      logarithm of the density; `impossible` if the response cannot be computed
+   !> gradient   (n) its derivatives
+   !> curvature  (n, n) negative second derivatives, by the Gauss-Newton approximation; given
+   !>            together with `gradient`
    subroutine evaluate(self, q, value, gradient, curvature)
       class(posterior_t), intent(inout) :: self
       real(wp), intent(in) :: q(:)
@@ -109,7 +122,7 @@ contains
 
    contains
 
-      !> Residuals in units of their standard deviation.
+      !> Adds residuals in units of their known standard deviation.
       subroutine add_known(r, jac)
          real(wp), intent(in) :: r(:), jac(:, :)
 
@@ -119,7 +132,7 @@ contains
          curvature = curvature + matmul(transpose(jac), jac)
       end subroutine add_known
 
-      !> Residuals of which the standard deviation is not known.
+      !> Adds residuals whose standard deviation is unknown and integrated out.
       subroutine add_estimated(r, jac)
          real(wp), intent(in) :: r(:), jac(:, :)
          real(wp) :: J, power

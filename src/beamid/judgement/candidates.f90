@@ -1,5 +1,5 @@
-!> Several models of the same records: how many parameters each of them has fitted, and which is a
-!> special case of which.
+!> Candidate models of the same records, which `compare` ranks: fits each, counts its estimated
+!> parameters, and tells which model is nested in which.
 module beamid_candidates
    use beamid_errors, only: error_t, failure
    use beamid_excitation, only: excitation_t
@@ -17,18 +17,20 @@ module beamid_candidates
 
    public :: candidate_t, fit_candidate, same_samples, is_nested
 
-   !> Whose a parameter is in a record: nobody's, as it is held fixed, that of all records together,
-   !> or, by the number of the record, its own.
+   !> Owners of a parameter in a record: none, because it is fixed, or all records together. A
+   !> positive owner is the number of the record that has the parameter for itself.
    integer, parameter, public :: held = -1, shared = 0
 
+   !> A model of the records, with its fit.
    type :: candidate_t
       type(model_t) :: model
       type(mesh_t) :: mesh
-      logical :: refines = .false.             !< the elements are to be found
+      logical :: refines = .false.             !< whether the mesh is refined automatically
       type(stage_t), allocatable :: stages(:)
-      type(experiment_t), allocatable :: experiments(:)
-      type(stage_fit_t) :: fit                 !< of the last stage
-      !> (parameters, records) once it is fitted; what any stage has freed counts
+      type(experiment_t), allocatable :: experiments(:)   !< (records)
+      type(stage_fit_t) :: fit                 !< fit of the last stage
+      !> (parameters, records) owner of each parameter; one that any stage has freed is estimated.
+      !> Allocated by `fit_candidate`.
       integer, allocatable :: owner(:, :)
    contains
       procedure :: unknowns
@@ -37,19 +39,21 @@ module beamid_candidates
 
 contains
 
-   !> Whether two models have the same records, sample by sample.
+   !> Returns whether two models have the same records, sample by sample.
    pure logical function same_samples(a, b) result(same)
       type(candidate_t), intent(in) :: a, b
       integer :: k
 
       same = size(a%experiments) == size(b%experiments)
-      if (same) same = all([(equal(a%experiments(k)%samples, b%experiments(k)%samples) .and. &
-         equal(a%experiments(k)%measured, b%experiments(k)%measured), k=1, size(a%experiments))])
+      if (same) same = all([(identical(a%experiments(k)%samples, b%experiments(k)%samples) .and. &
+         identical(a%experiments(k)%measured, b%experiments(k)%measured), &
+         k=1, size(a%experiments))])
    end function same_samples
 
-   !> Runs all stages of one model.
+   !> Fits one model with all its stages.
    !>
-   !> error  also where no residual is left, for which criteria are not defined
+   !> candidate  on return with `fit` and `owner`
+   !> error      a stage that fails, or J = 0, for which the criteria are not defined
    subroutine fit_candidate(candidate, error, monitor)
       type(candidate_t), intent(inout) :: candidate
       type(error_t), allocatable, intent(out) :: error
@@ -82,8 +86,8 @@ contains
          'J = 0: the criteria are not defined for a model that leaves no residual')
    end subroutine fit_candidate
 
-   !> How many numbers were fitted, by any stage, and what was eliminated; of E(x) and c_D(x) the
-   !> effective degrees of freedom, to the nearest whole number.
+   !> Returns the number of estimated parameters: those that any stage has freed, the linear
+   !> unknowns, and for smooth fields E(x) and c_D(x) their effective degrees of freedom, rounded.
    pure integer function unknowns(self)
       class(candidate_t), intent(in) :: self
       integer :: a
@@ -98,7 +102,7 @@ contains
       end do
    end function unknowns
 
-   !> J, or what takes its place for several records whose noise is not stated.
+   !> Returns J or, for several records whose noise is not all stated, the misfit that replaces it.
    pure real(wp) function sum_of_squares(self) result(J)
       class(candidate_t), intent(in) :: self
       integer :: k
@@ -110,8 +114,10 @@ contains
          k=1, size(self%experiments))])
    end function sum_of_squares
 
-   !> Whether `small` is `large` with some of its free parameters held: what `large` holds fixed is
-   !> the same in both, in every record, and everything that `small` frees is free in `large`.
+   !> Returns whether `small` is nested in `large`: it is `large` with some free parameters fixed.
+   !>
+   !> Every parameter that `large` fixes then has the same value in both models, in every record,
+   !> and every parameter that `small` frees is free in `large`.
    logical function is_nested(small, large)
       type(candidate_t), intent(in) :: small, large
       integer :: k, r
@@ -126,10 +132,10 @@ contains
                   is_there(b%structures(r), k))) cycle
                if (large%owner(k, r) < small%owner(k, r)) return
                if (large%owner(k, r) == held) then
-                  if (.not. alike(k, a%structures(r), a%excitations(r), b%structures(r), &
+                  if (.not. same_value(k, a%structures(r), a%excitations(r), b%structures(r), &
                      b%excitations(r))) return
                else if (large%owner(k, r) == shared) then
-                  if (.not. alike(k, a%structures(r), a%excitations(r), a%structures(1), &
+                  if (.not. same_value(k, a%structures(r), a%excitations(r), a%structures(1), &
                      a%excitations(1))) return
                end if
             end do
@@ -138,28 +144,29 @@ contains
       is_nested = .true.
    end function is_nested
 
-   !> Whether parameter k is the same in two structures: a place at the tip is where the tip is.
-   pure logical function alike(k, a, force_a, b, force_b)
+   !> Returns whether parameter k has the same value in two structures. Positions that follow the
+   !> tip are the same even if the lengths differ.
+   pure logical function same_value(k, a, force_a, b, force_b) result(same)
       integer, intent(in) :: k
       type(structure_t), intent(in) :: a, b
       type(excitation_t), intent(in) :: force_a, force_b
       real(wp) :: x(2)
 
       x = [get_free(a, force_a, k), get_free(b, force_b, k)]
-      alike = abs(x(1) - x(2)) <= 1e-12_wp*maxval(abs(x))
-      if (parameters(k)%range == on_beam) alike = alike .or. &
-         a%follows_tip(k) .and. b%follows_tip(k)
-   end function alike
+      same = abs(x(1) - x(2)) <= 1e-12_wp*maxval(abs(x))
+      if (parameters(k)%range == on_beam) same = same .or. a%follows_tip(k) .and. b%follows_tip(k)
+   end function same_value
 
-   !> Whether two models differ in nothing but their parameters: in how the response is computed,
-   !> what is observed, what there is on the beam, and what kind of force acts.
+   !> Returns whether two models differ in their parameters alone: they have the same mesh,
+   !> observation, supports, sensors and kind of excitation.
    pure logical function same_method(a, b) result(same)
       type(candidate_t), intent(in) :: a, b
       integer :: r
 
-      associate (seen => a%model%observation, other => b%model%observation)
-         same = same_mesh(a%mesh, b%mesh) .and. seen%formula == other%formula .and. &
-            abs(seen%delta - other%delta) <= 0 .and. (seen%relative .eqv. other%relative)
+      associate (observation => a%model%observation, other => b%model%observation)
+         same = same_mesh(a%mesh, b%mesh) .and. observation%formula == other%formula .and. &
+            abs(observation%delta - other%delta) <= 0 .and. &
+            (observation%relative .eqv. other%relative)
       end associate
       associate (beam => a%model%structure, other => b%model%structure)
          same = same .and. beam%supports == other%supports .and. &
@@ -172,22 +179,23 @@ contains
       end do
    end function same_method
 
-   !> Whether two excitations are the same but for their amplitude and the place of the force.
+   !> Returns whether two excitations differ in amplitude and position of the force alone.
    pure logical function same_kind(a, b) result(same)
       type(excitation_t), intent(in) :: a, b
 
       same = a%modes == b%modes .and. all([a%distributed, a%by_displacement, a%is_release, &
          a%is_base] .eqv. [b%distributed, b%by_displacement, b%is_release, b%is_base]) .and. &
-         abs(a%power - b%power) <= 0 .and. equal(a%t, b%t)
+         abs(a%power - b%power) <= 0 .and. identical(a%t, b%t)
       if (same) same = all(abs(a%f*b%amplitude - b%f*a%amplitude) <= &
          1e-12_wp*abs(a%f*b%amplitude))
    end function same_kind
 
-   pure logical function equal(a, b)
+   !> Returns whether two arrays have the same size and the same elements.
+   pure logical function identical(a, b)
       real(wp), intent(in) :: a(:), b(:)
 
-      equal = size(a) == size(b)
-      if (equal) equal = all(abs(a - b) <= 0)
-   end function equal
+      identical = size(a) == size(b)
+      if (identical) identical = all(abs(a - b) <= 0)
+   end function identical
 
 end module beamid_candidates

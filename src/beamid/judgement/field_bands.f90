@@ -1,16 +1,17 @@
-!> E(x) and c_D(x) of a fit with their 95 % bands: the logarithm of a function is taken for normal,
-!> by the delta method from the errors of what was searched for, so that its limits are positive.
+!> The estimated fields E(x) and c_D(x) with their 95 % bands, for the reports on a fit.
 !>
-!> With g the derivatives of log E at a place by the n quantities, C their covariance and h, s the
-!> half widths and standard errors of their intervals, the half width of log E is the root of
+!> The logarithm of a field is taken as normal, by the delta method from the errors of the estimated
+!> quantities, so that the limits of its band are positive. Let g be the derivatives of log E(x)
+!> with respect to the n quantities, C their covariance, and h and s the half widths and standard
+!> errors of their intervals. The half width of log E(x) is then the root of
 !>
-!>     g' (h/s C h/s) g + sum over what is held of (sum g h/s effect)**2
+!>     g' (h/s C h/s) g + sum over fixed parameters with an error of (sum g h/s effect)**2
 !>
-!> which is h/E where only E was searched for.
+!> which is h/E if E alone was estimated.
 module beamid_field_bands
    use beamid_kinds, only: wp
    use beamid_smoothing, only: resolution_length
-   use beamid_stages, only: stage_fit_t
+   use beamid_stage_fits, only: stage_fit_t
    use beamid_statistics, only: unlimited
    use beamid_structure, only: function_of, is_coefficient, of_c_D, of_d_D, of_E, of_w_D, of_x_D, &
       structure_t
@@ -20,19 +21,20 @@ module beamid_field_bands
 
    public :: band, band_t, varies
 
-   !> A function at places along the beam.
+   !> A field at points along the beam; values in the unit of E or c_D.
    type :: band_t
-      real(wp), allocatable :: x(:)            !< [length] from root to tip
-      real(wp), allocatable :: start(:)        !< where the search began
-      real(wp), allocatable :: value(:)
-      logical :: is_estimate = .false.         !< something of it was searched for
-      !> Of log value, of the 95 % band; `unlimited` where the record leaves it open. Not allocated:
-      !> nothing was searched for, or no degree of freedom was left.
+      real(wp), allocatable :: x(:)            !< (points) positions from root to tip [length]
+      real(wp), allocatable :: start(:)        !< (points) values that the search started from
+      real(wp), allocatable :: value(:)        !< (points) estimate
+      logical :: is_estimate = .false.         !< whether any parameter of the field was estimated
+      !> (points) half width of the 95 % band of log(value); `unlimited` where the record does not
+      !> determine the field. Not allocated: nothing was estimated, or no degree of freedom was
+      !> left.
       real(wp), allocatable :: half_width(:)
-      !> [length] over which the estimate averages, from a spacing of the coefficients to the whole
-      !> beam; not allocated: no penalty
+      !> (points) length over which the estimate averages [length], between the spacing of the
+      !> coefficients and the length of the beam; not allocated: no penalty
       real(wp), allocatable :: resolution(:)
-      real(wp) :: spacing = 0                  !< of the coefficients [length]; 0: there are none
+      real(wp) :: spacing = 0                  !< of the spline coefficients [length]; 0: none
    contains
       procedure :: lower
       procedure :: upper
@@ -40,9 +42,9 @@ module beamid_field_bands
 
 contains
 
-   !> Whether E or c_D of a fit varies along the beam.
+   !> Returns whether E or c_D varies along the beam.
    !>
-   !> a  of_E_x or of_c_D_x
+   !> a  the field, of_E_x or of_c_D_x
    pure logical function varies(structure, a)
       type(structure_t), intent(in) :: structure
       integer, intent(in) :: a
@@ -57,46 +59,46 @@ contains
       end associate
    end function varies
 
-   !> E(x) or c_D(x) of the first record, known variation included.
+   !> Returns E(x) or c_D(x) of the first record with its band, including the known variation.
    !>
-   !> a       of_E_x or of_c_D_x
-   !> points  places from root to tip, 2 or more
+   !> a       the field, of_E_x or of_c_D_x
+   !> points  number of points from root to tip, 2 or more
    function band(fit, a, points)
       class(stage_fit_t), intent(in) :: fit
       integer, intent(in) :: a, points
       type(band_t) :: band
-      type(structure_t) :: before
+      type(structure_t) :: start
       real(wp) :: slope(size(fit%quantities)), xi
-      logical :: ours(size(fit%quantities))
+      logical :: belongs(size(fit%quantities))   ! to the field
       integer, allocatable :: which(:)
       integer :: k
 
-      before = fit%scenario%structures(1)
+      start = fit%scenario%structures(1)
       do k = 1, size(fit%quantities)
          associate (q => fit%quantities(k))
-            ours(k) = q%record <= 1 .and. is_part(q%parameter, a)
-            if (ours(k)) call before%set(q%parameter, q%start)
+            belongs(k) = q%record <= 1 .and. is_part(q%parameter, a)
+            if (belongs(k)) call start%set(q%parameter, q%start)
          end associate
       end do
-      band%is_estimate = any(ours)
+      band%is_estimate = any(belongs)
       allocate (band%x(points), band%start(points), band%value(points))
       if (band%is_estimate .and. fit%statistics%samples > 0) allocate (band%half_width(points))
-      ! (Of a component of each element the compiler makes a copy, and says so in checking builds.)
+      ! A loop, because gfortran would pass `quantities%parameter` as an array temporary.
       which = [(fit%quantities(k)%parameter, k=1, size(fit%quantities))]
       do k = 1, points
          xi = (k - 1.0_wp)/(points - 1)
          band%x(k) = xi*fit%scenario%structures(1)%length
          band%value(k) = value_at(fit%scenario%structures(1), a, xi)
-         band%start(k) = value_at(before, a, xi)
+         band%start(k) = value_at(start, a, xi)
          if (.not. allocated(band%half_width)) cycle
          slope = 0
-         where (ours) slope = slopes(fit%scenario%structures(1), a, xi, which)
-         band%half_width(k) = half_width(fit, slope)
+         where (belongs) slope = log_derivatives(fit%scenario%structures(1), a, xi, which)
+         band%half_width(k) = log_half_width(fit, slope)
       end do
       call add_resolution(fit, a, band)
    end function band
 
-   !> Whether E(x) or c_D(x) goes with a parameter.
+   !> Returns whether field a depends on a parameter.
    pure logical function is_part(parameter, a)
       integer, intent(in) :: parameter, a
 
@@ -108,6 +110,7 @@ contains
       is_part = is_part .or. function_of(parameter) == a
    end function is_part
 
+   !> Returns the value of field a at xi = x/l.
    pure real(wp) function value_at(structure, a, xi)
       type(structure_t), intent(in) :: structure
       integer, intent(in) :: a
@@ -122,8 +125,9 @@ contains
       end if
    end function value_at
 
-   !> Derivatives of its logarithm by parameters, 0 by those that are not its own.
-   pure function slopes(structure, a, xi, parameters)
+   !> Returns the derivatives of the logarithm of field a at xi = x/l with respect to parameters; 0
+   !> for parameters that the field does not depend on.
+   pure function log_derivatives(structure, a, xi, parameters) result(slopes)
       type(structure_t), intent(in) :: structure
       integer, intent(in) :: a, parameters(:)
       real(wp), intent(in) :: xi
@@ -136,15 +140,17 @@ contains
       do k = 1, size(parameters)
          if (.not. is_part(parameters(k), a)) cycle
          slopes(k) = by(a, k)/factors(a)
-         ! The property itself is in front of its factors.
+         ! E and c_D themselves multiply their factors.
          if (.not. any(parameters(k) == [of_E, of_c_D])) cycle
          if (structure%get(parameters(k)) > 0) slopes(k) = slopes(k) &
             + 1/structure%get(parameters(k))
       end do
-   end function slopes
+   end function log_derivatives
 
-   !> slope  (n) by the quantities
-   pure real(wp) function half_width(fit, slope)
+   !> Returns the half width of the 95 % band of the logarithm of a field at a point.
+   !>
+   !> slope  (n) derivatives of the logarithm with respect to the quantities
+   pure real(wp) function log_half_width(fit, slope) result(half_width)
       class(stage_fit_t), intent(in) :: fit
       real(wp), intent(in) :: slope(:)
       real(wp) :: g(size(slope))
@@ -154,7 +160,7 @@ contains
       associate (s => fit%statistics)
          if (any(abs(slope) > 0 .and. .not. (s%corrected_half_width < unlimited .and. &
             s%std_error < unlimited))) return
-         ! A dip that may be none leaves E known, a function that is too coarse does not.
+         ! A dip that may not exist leaves E known; a field that is too coarse does not.
          if (any([(abs(slope(j)) > 0 .and. is_coefficient(fit%quantities(j)%parameter) .and. &
             s%is_withdrawn(j), j=1, size(slope))])) return
          g = 0
@@ -171,33 +177,34 @@ contains
          end if
          half_width = sqrt(half_width)
       end associate
-   end function half_width
+   end function log_half_width
 
-   !> What the estimate averages at each place, by the row of the nearest coefficient.
-   subroutine add_resolution(fit, a, found)
+   !> Adds the spacing of the coefficients and the length over which the estimate averages at each
+   !> point, from the resolution matrix's row of the nearest coefficient.
+   subroutine add_resolution(fit, a, band)
       class(stage_fit_t), intent(in) :: fit
       integer, intent(in) :: a
-      type(band_t), intent(inout) :: found
+      type(band_t), intent(inout) :: band
       type(field_t) :: along
       real(wp), allocatable :: places(:), row(:)
       integer :: j, k
 
       along = fit%scenario%structures(1)%variations%along(a)
       if (.not. allocated(along%value)) return
-      found%spacing = fit%scenario%structures(1)%length/(along%coefficients - along%degree)
+      band%spacing = fit%scenario%structures(1)%length/(along%coefficients - along%degree)
       if (.not. allocated(fit%fields(a)%place)) return
       places = along%places()*fit%scenario%structures(1)%length
-      allocate (found%resolution(size(found%x)))
-      do k = 1, size(found%x)
-         j = minloc(abs(places - found%x(k)), dim=1)
+      allocate (band%resolution(size(band%x)))
+      do k = 1, size(band%x)
+         j = minloc(abs(places - band%x(k)), dim=1)
          row = fit%fields(a)%smoothing%resolution(fit%fields(a)%place(j), &
             fit%fields(a)%place)
-         found%resolution(k) = min(fit%scenario%structures(1)%length, max(found%spacing, &
-            resolution_length(row, found%spacing)))
+         band%resolution(k) = min(fit%scenario%structures(1)%length, max(band%spacing, &
+            resolution_length(row, band%spacing)))
       end do
    end subroutine add_resolution
 
-   !> Lower end of the band, 0 where the record leaves it open.
+   !> Returns the lower end of the band at point k; 0 where the band is unlimited.
    pure real(wp) function lower(self, k)
       class(band_t), intent(in) :: self
       integer, intent(in) :: k
@@ -206,7 +213,7 @@ contains
       if (.not. self%half_width(k) < unlimited) lower = 0
    end function lower
 
-   !> Upper end of the band, `unlimited` where the record leaves it open.
+   !> Returns the upper end of the band at point k, or `unlimited`.
    pure real(wp) function upper(self, k)
       class(band_t), intent(in) :: self
       integer, intent(in) :: k

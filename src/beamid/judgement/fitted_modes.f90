@@ -1,4 +1,5 @@
-!> Modes of a fitted structure, with intervals carried over from its parameters.
+!> Modes of a fitted structure, with intervals of frequency and damping ratio that follow from the
+!> errors of its parameters by linear theory.
 module beamid_fitted_modes
    use beamid_distributions, only: student_quantile
    use beamid_equations, only: equations_t, new_equations
@@ -16,25 +17,29 @@ module beamid_fitted_modes
 
    public :: fitted_mode_t, fitted_modes
 
-   !> A mode and how well it is known; half widths of 95 % intervals, `unlimited` where there is
-   !> none. A real root, which decays and does not oscillate, stands for itself.
+   !> A mode with the half widths of its 95 % intervals, `unlimited` where there is no interval. A
+   !> real root, which decays without oscillating, counts as a mode of its own.
    type :: fitted_mode_t
-      integer :: record = 1
+      integer :: record = 1                 !< record whose structure has the mode
       complex(wp) :: s = 0                  !< root [1/time]
-      !> It nearly meets another one, and has no derivative and no interval by itself.
+      !> whether the root belongs to a cluster: it has no derivative and no interval by itself
       logical :: together = .false.
       real(wp) :: frequency = 0             !< |s|/(2 pi) [1/time]
       real(wp) :: damping_ratio = 0         !< -Re(s)/|s|
-      real(wp) :: frequency_half_width = 0
-      real(wp) :: damping_half_width = 0
+      real(wp) :: frequency_half_width = 0  !< [1/time]
+      real(wp) :: damping_half_width = 0    !< of the damping ratio
    end type fitted_mode_t
 
 contains
 
-   !> The lowest modes of each record's structure, first those that oscillate. Where the residuals
-   !> are not white the widths grow as those of the parameters do at the worst.
+   !> Computes the lowest modes of each record's structure, the oscillating ones first.
    !>
-   !> count  how many for each record; fewer where the mesh has fewer
+   !> If the residuals are not white, the half widths grow by the largest factor by which those of
+   !> the parameters do.
+   !>
+   !> count  number of modes for each record; the mesh may have fewer
+   !> modes  of all records, record by record
+   !> error  roots that cannot be found
    subroutine fitted_modes(mesh, fit, count, modes, error)
       type(mesh_t), intent(in) :: mesh
       type(stage_fit_t), intent(in) :: fit
@@ -66,15 +71,20 @@ contains
       end do
    end subroutine fitted_modes
 
-   !> One mode from its root and the root's derivatives.
+   !> Returns a mode with its intervals.
+   !>
+   !> record    number of the record
+   !> s         root [1/time]
+   !> ds        (free) derivatives of the root with respect to the free parameters
+   !> together  whether the root belongs to a cluster
    function fitted_mode(fit, record, s, ds, together) result(mode)
       type(stage_fit_t), intent(in) :: fit
       integer, intent(in) :: record
       complex(wp), intent(in) :: s, ds(:)
       logical, intent(in) :: together
       type(fitted_mode_t) :: mode
-      real(wp), dimension(size(ds)) :: of_frequency, of_damping   ! sensitivities
-      logical :: mine(size(ds))
+      real(wp), dimension(size(ds)) :: modulus_derivative, damping_derivative
+      logical :: acts(size(ds))   ! whether the parameter acts on this record's structure
       real(wp) :: scale, t
       real(wp), parameter :: two_pi = 2*acos(-1.0_wp)
       integer :: n
@@ -89,25 +99,25 @@ contains
       mode%damping_half_width = unlimited
       if (fit%statistics%samples == 0 .or. together) return
       associate (statistics => fit%statistics)
-         ! No limits, or none that could be squared.
+         ! An infinite standard error, or one whose square would overflow.
          if (any(statistics%std_error(:n) >= sqrt(unlimited)*epsilon(1.0_wp))) return
          scale = 1
          if (.not. fit%check%white) scale = max(scale, maxval(statistics%corrected_half_width(:n) &
             /max(statistics%half_width(:n), tiny(1.0_wp)), mask=.not. statistics%disputed(:n)))
          t = scale*student_quantile(0.95_wp, real(statistics%freedom, wp))
-         ! The amplitude, and what belongs to other records, does not act on this structure.
          associate (owner => fit%quantities(:n)%record)
-            mine = (owner == 0 .or. owner == record) .and. fit%free /= amplitude
+            acts = (owner == 0 .or. owner == record) .and. fit%free /= amplitude
          end associate
-         of_frequency = merge(real(conjg(s)*ds)/abs(s), 0.0_wp, mine)
-         of_damping = merge(-real(ds)/abs(s), 0.0_wp, mine) + real(s)*of_frequency/abs(s)**2
-         mode%frequency_half_width = t*deviation(of_frequency/two_pi)
-         if (abs(aimag(s)) > 0) mode%damping_half_width = t*deviation(of_damping)
+         modulus_derivative = merge(real(conjg(s)*ds)/abs(s), 0.0_wp, acts)
+         damping_derivative = merge(-real(ds)/abs(s), 0.0_wp, acts) &
+            + real(s)*modulus_derivative/abs(s)**2
+         mode%frequency_half_width = t*deviation(modulus_derivative/two_pi)
+         if (abs(aimag(s)) > 0) mode%damping_half_width = t*deviation(damping_derivative)
       end associate
 
    contains
 
-      !> Standard deviation of a combination of the parameters.
+      !> Returns the standard deviation of the linear combination g of the free parameters.
       real(wp) function deviation(g)
          real(wp), intent(in) :: g(:)
 

@@ -1,15 +1,14 @@
-!> What the mesh does to estimates: the fit goes on from them on finer ones. And fits on meshes
-!> refined until it no longer shows.
+!> The effect of the mesh on estimates: refits on finer meshes, starting from the estimates, and
+!> fits on meshes that are refined until the effect is small.
 module beamid_refinement
    use beamid_errors, only: error_t
    use beamid_experiments, only: experiment_t
+   use beamid_fit_setups, only: set_free
    use beamid_galerkin, only: mesh_t
-   use beamid_identification, only: identify_meshes, model_t, stage_fit_t, &
-      stage_t
+   use beamid_identification, only: identify_meshes, model_t, stage_fit_t, stage_t
    use beamid_kinds, only: wp
    use beamid_least_squares, only: fit, fit_t, monitor_t, options_t
    use beamid_residuals, only: residual_t
-   use beamid_starts, only: set_free
    use beamid_strings, only: to_text
    use beamid_structure, only: of_kappa_R
    use beamid_unknowns, only: name_length, quantity_t, variables_of
@@ -20,18 +19,18 @@ module beamid_refinement
 
    public :: add_mesh_shift, identify_refining
 
-   !> Elements of the coarsest and of the finest mesh that refinement tries.
+   !> Numbers of elements of the coarsest and the finest mesh that `identify_refining` tries.
    integer, parameter :: coarsest = 8, finest = 128
 
 contains
 
-   !> All stages on meshes of 8, 16, ... 128 elements, until the mesh shifts no estimate of the last
-   !> stage by more than a quarter of its half width.
+   !> Fits all stages on meshes of 8, 16, ... 128 elements, until finer meshes shift no estimate of
+   !> the last stage by more than a quarter of its half width.
    !>
-   !> mesh   its elements are those of the last one tried on return
-   !> fits   (size(stages), 1) on that mesh, with the shifts of the last stage
-   !> error  of a fit, whatever its mesh
-   !> check  .false.: derivatives are not compared with differences
+   !> mesh   on return with the number of elements of the last mesh tried
+   !> fits   (stages, 1) on that mesh, with the mesh shifts of the last stage
+   !> error  a fit that fails on any mesh
+   !> check  .false.: do not compare exact derivatives with differences; default .true.
    subroutine identify_refining(model, mesh, stages, experiments, fits, error, monitor, check)
       type(model_t), intent(in) :: model
       type(mesh_t), intent(inout) :: mesh
@@ -44,8 +43,7 @@ contains
 
       mesh%elements = coarsest
       do
-         call identify_meshes(model, [mesh], stages, experiments, fits, error, monitor, &
-            check)
+         call identify_meshes(model, [mesh], stages, experiments, fits, error, monitor, check)
          if (allocated(error)) return
          associate (last => fits(size(stages), 1))
             call add_mesh_shift(model, mesh, experiments, last, monitor)
@@ -55,32 +53,39 @@ contains
       end do
    end subroutine identify_refining
 
-   !> By how much finer meshes shift what was searched for: one with splines of a degree higher by
-   !> two, one with twice the elements, both with exact integrals. The larger of the two shifts, and
-   !> the difference of the two with a tenth of that as its error. By the exact response, whatever
-   !> the solver of the model.
+   !> Adds to a fit by how much finer meshes shift its estimates.
    !>
-   !> found  `mesh_shift` stays unallocated where a fit on a finer mesh fails
+   !> Two finer meshes are tried, one with splines of a degree higher by two, the other with twice
+   !> the elements, both with exact integrals and with the exact response, whatever the model's
+   !> solver. The mesh shift is the larger of the two shifts. Its error is the difference of the two
+   !> plus a tenth of the mesh shift.
+   !>
+   !> experiments  (records) that were fitted
+   !> found        their fit; on return with `mesh_shift` and `mesh_error`, unless a fit on a finer
+   !>              mesh fails
    subroutine add_mesh_shift(model, mesh, experiments, found, monitor)
       type(model_t), intent(in) :: model
       type(mesh_t), intent(in) :: mesh
       type(experiment_t), intent(in) :: experiments(:)
       type(stage_fit_t), intent(inout) :: found
       class(monitor_t), intent(inout), optional :: monitor
-      real(wp), dimension(size(found%free)) :: higher, halved, shift
+      real(wp), dimension(size(found%free)) :: by_degree, by_elements, shift
       logical :: failed
 
       if (size(found%free) == 0) return
-      call refit(mesh_t(mesh%degree + 2, mesh%elements, mesh%degree + 3, 1), higher)
-      if (.not. failed) call refit(mesh_t(mesh%degree, 2*mesh%elements, mesh%degree + 1, 1), halved)
+      call refit(mesh_t(mesh%degree + 2, mesh%elements, mesh%degree + 3, 1), by_degree)
+      if (.not. failed) call refit(mesh_t(mesh%degree, 2*mesh%elements, mesh%degree + 1, 1), &
+         by_elements)
       if (failed) return
-      shift = merge(higher, halved, abs(higher) >= abs(halved))
+      shift = merge(by_degree, by_elements, abs(by_degree) >= abs(by_elements))
       found%mesh_shift = shift
-      found%mesh_error = abs(higher - halved) + 0.1_wp*abs(shift)
+      found%mesh_error = abs(by_degree - by_elements) + 0.1_wp*abs(shift)
 
    contains
 
-      !> What a fit on another mesh finds, from where the fit has ended.
+      !> Fits on a finer mesh, starting from the estimates, and sets `failed`.
+      !>
+      !> moved  (free) shift of each estimate; 0 if the fit fails
       subroutine refit(finer, moved)
          type(mesh_t), intent(in) :: finer
          real(wp), intent(out) :: moved(:)
@@ -88,7 +93,7 @@ contains
          type(variable_t), allocatable :: variables(:)
          type(quantity_t), allocatable :: quantities(:)
          type(stage_t) :: stage
-         type(fit_t) :: better
+         type(fit_t) :: refined
          type(error_t), allocatable :: error
          character(len=name_length), allocatable :: names(:)
 
@@ -106,11 +111,11 @@ contains
          if (.not. allocated(error)) then
             allocate (names(size(quantities)))
             names = quantities%name
-            call fit(problem, problem%rows(), variables, options_t(check=.false.), better, error, &
+            call fit(problem, problem%rows(), variables, options_t(check=.false.), refined, error, &
                monitor, 'finer mesh, N = '//to_text(finer%elements), names)
          end if
          failed = allocated(error)
-         if (.not. failed) moved = better%estimate - found%fit%estimate
+         if (.not. failed) moved = refined%estimate - found%fit%estimate
       end subroutine refit
 
    end subroutine add_mesh_shift

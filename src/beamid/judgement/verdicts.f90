@@ -1,5 +1,5 @@
-!> Whether a fit is one: how much of each record it explains, which modes are there, and whether a
-!> parameter rests on modes that are not.
+!> Judges a fit: the share of each record that it explains, which modes the records show, and
+!> whether a parameter is determined only by modes that no record shows.
 module beamid_verdicts
    use beamid_decaying_lines, only: find_lines
    use beamid_equations, only: new_equations, equations_t
@@ -13,7 +13,7 @@ module beamid_verdicts
    use beamid_model_roots, only: belief_t, beliefs_about
    use beamid_responses, only: work_t
    use beamid_spectra, only: line_t, near_mains, noise_near
-   use beamid_stages, only: stage_fit_t
+   use beamid_stage_fits, only: stage_fit_t
    use beamid_strings, only: to_text
    use beamid_trials, only: is_multiple, least_gain, resting
    use beamid_unknowns, only: name_length, name_of
@@ -23,42 +23,48 @@ module beamid_verdicts
 
    public :: verdict_t, quality_t, sighting_t, new_verdict
 
-   !> How much of one record is explained.
+   !> How well a fit explains one record.
    type :: quality_t
-      integer :: samples = 0
-      real(wp) :: rms_signal = 0      !< about its mean
-      real(wp) :: rms_residual = 0
+      integer :: samples = 0          !< number of samples
+      real(wp) :: rms_signal = 0      !< rms of the record about its mean [length/time**2]
+      real(wp) :: rms_residual = 0    !< rms of the residuals [length/time**2]
       real(wp) :: fit_percent = 0     !< 100 (1 - rms_residual/rms_signal)
-      real(wp) :: noise_sd = 0        !< from the residuals and their degrees of freedom
-      real(wp) :: effective = 0       !< samples
+      real(wp) :: noise_sd = 0        !< noise level, corrected for the degrees of freedom
+      real(wp) :: effective = 0       !< effective number of samples, < samples if not white
    end type quality_t
 
-   !> One mode in one record.
+   !> One mode of the model in one record.
    type :: sighting_t
       integer :: record = 1, mode = 1
-      real(wp) :: model = 0           !< frequency [1/time]
-      real(wp) :: peak = 0            !< of the record beside it; 0: none
-      real(wp) :: share = 0           !< of the record's energy
-      character(len=8) :: verdict = 'unseen'   !< or seen, harmonic, mains
+      real(wp) :: model = 0           !< frequency of the model [1/time]
+      real(wp) :: peak = 0            !< frequency of the spectral line beside it [1/time]; 0: none
+      real(wp) :: share = 0           !< share of the record's variance
+      !> 'seen', 'unseen', 'harmonic' (a multiple of the first mode) or 'mains' (of 50 or 60 Hz)
+      character(len=8) :: verdict = 'unseen'
    end type sighting_t
 
+   !> The verdict on a fit.
    type :: verdict_t
       type(quality_t), allocatable :: qualities(:)    !< (records)
-      type(sighting_t), allocatable :: sightings(:)
-      character(len=:), allocatable :: no_fit         !< why the fit is none; ''
+      type(sighting_t), allocatable :: sightings(:)   !< every mode in every record
+      character(len=:), allocatable :: no_fit         !< why the fit is rejected; '': it is accepted
    end type verdict_t
 
-   !> Less than this is no fit where the residuals are not white.
+   !> A fit that explains less of a record, in percent, is rejected if its residuals are not white.
    real(wp), parameter :: least_percent = 50
 
+   !> Largest number of spectral lines per record; number of modes to judge if fewer were fitted.
    integer, parameter :: most_lines = 12, usual_modes = 2
    real(wp), parameter :: two_pi = 2*acos(-1.0_wp)
 
 contains
 
-   !> The verdict on the fit of one stage.
+   !> Judges the fit of one stage.
    !>
-   !> error  the structure's roots cannot be found
+   !> experiments  (records) that were fitted
+   !> mesh         mesh of the fit
+   !> fit          of the stage
+   !> error        the roots of the structure cannot be found
    subroutine new_verdict(experiments, mesh, fit, verdict, error)
       type(experiment_t), intent(in) :: experiments(:)
       type(mesh_t), intent(in) :: mesh
@@ -74,24 +80,27 @@ contains
       first = 0
       do r = 1, size(experiments)
          associate (experiment => experiments(r), m => size(experiments(r)%samples))
-            associate (rest => fit%residual(first + 1:first + m))
-               verdict%qualities(r) = quality(experiment%measured, rest, fit)
-               verdict%sightings = [verdict%sightings, sightings(experiment, r, first, &
-                  rest, fit, s(:, r))]
+            associate (residual => fit%residual(first + 1:first + m))
+               verdict%qualities(r) = quality_of(experiment%measured, residual, fit)
+               verdict%sightings = [verdict%sightings, modes_in_record(experiment, r, first, &
+                  residual, fit, s(:, r))]
             end associate
             first = first + m
          end associate
       end do
       verdict%no_fit = fit%doubt
-      if (verdict%no_fit == '') verdict%no_fit = misfit(verdict%qualities, fit)
+      if (verdict%no_fit == '') verdict%no_fit = describe_misfit(verdict%qualities, fit)
       if (verdict%no_fit == '' .and. all(experiments%excitation%modes > 0)) &
-         verdict%no_fit = without_hold(verdict%sightings, fit, s, ds)
+         verdict%no_fit = describe_undetermined(verdict%sightings, fit, s, ds)
    end subroutine new_verdict
 
-   !> Oscillating roots of the fitted structures: as many as were fitted, or two.
+   !> Computes the lowest oscillating roots of the fitted structures, as many as modes were fitted
+   !> but at least `usual_modes`, and their derivatives.
    !>
-   !> s   (modes, records) [1/time]
-   !> ds  (modes, records, free), 0 by what belongs to another record
+   !> s      (modes, records) roots [1/time]; 0 where the mesh has fewer
+   !> ds     (modes, records, free) derivatives with respect to the free parameters; 0 for
+   !>        parameters of another record
+   !> error  the roots cannot be found
    subroutine roots_of_fit(mesh, fit, s, ds, error)
       type(mesh_t), intent(in) :: mesh
       type(stage_fit_t), intent(in) :: fit
@@ -126,9 +135,12 @@ contains
       end associate
    end subroutine roots_of_fit
 
-   !> measured, rest  (m) of one record
-   function quality(measured, rest, fit)
-      real(wp), intent(in) :: measured(:), rest(:)
+   !> Returns how well a fit explains one record.
+   !>
+   !> measured  (m) the record [length/time**2]
+   !> residual  (m) its residuals [length/time**2]
+   function quality_of(measured, residual, fit) result(quality)
+      real(wp), intent(in) :: measured(:), residual(:)
       type(stage_fit_t), intent(in) :: fit
       type(quality_t) :: quality
       integer :: m
@@ -136,7 +148,7 @@ contains
       m = size(measured)
       quality%samples = m
       quality%rms_signal = sqrt(sum((measured - sum(measured)/m)**2)/m)
-      quality%rms_residual = sqrt(sum(rest**2)/m)
+      quality%rms_residual = sqrt(sum(residual**2)/m)
       if (quality%rms_signal > 0) quality%fit_percent = 100*(1 - quality%rms_residual &
          /quality%rms_signal)
       quality%noise_sd = quality%rms_residual
@@ -144,23 +156,28 @@ contains
          if (statistics%freedom > 0) quality%noise_sd = quality%rms_residual &
             *sqrt(max(1.0_wp, statistics%samples/real(statistics%freedom, wp)))
       end associate
-      quality%effective = effective_samples(rest)
-   end function quality
+      quality%effective = effective_samples(residual)
+   end function quality_of
 
-   !> What one record shows of each mode.
+   !> Returns what one record shows of each mode.
    !>
-   !> row   of all residuals behind which its own begin
-   !> rest  (m) these
-   !> s     (modes) roots
-   function sightings(experiment, r, row, rest, fit, s) result(found)
+   !> A mode is seen if a spectral line stands beside it, or if it was fitted and reduces J by more
+   !> than noise would. A mode on a multiple of the first mode's frequency or of the mains may be
+   !> that multiple.
+   !>
+   !> r         number of the record
+   !> row       number of residuals of the records before it
+   !> residual  (m) residuals of this record [length/time**2]
+   !> s         (modes) roots of its structure [1/time]
+   function modes_in_record(experiment, r, row, residual, fit, s) result(found)
       type(experiment_t), intent(in) :: experiment
       integer, intent(in) :: r, row
-      real(wp), intent(in) :: rest(:)
+      real(wp), intent(in) :: residual(:)
       type(stage_fit_t), intent(in) :: fit
       complex(wp), intent(in) :: s(:)
       type(sighting_t), allocatable :: found(:)
       type(line_t), allocatable :: lines(:)
-      type(sighting_t) :: one
+      type(sighting_t) :: sighting
       real(wp) :: gain, span
       integer :: k
 
@@ -170,49 +187,56 @@ contains
          call find_lines(t, z, 2*maxval(aimag(s))/two_pi, most_lines, lines)
          do k = 1, size(s)
             if (.not. aimag(s(k)) > 0) cycle
-            one = sighting_t(record=r, mode=k, model=aimag(s(k))/two_pi)
+            sighting = sighting_t(record=r, mode=k, model=aimag(s(k))/two_pi)
             associate (modes => fit%scenario%excitations(r)%modes)
-               if (k <= modes .or. fit%note == '') call look_for(lines, span, one)
+               if (k <= modes .or. fit%note == '') call find_nearest_line(lines, span, sighting)
                gain = 0
-               if (k <= modes) call look_into(fit, r, k, row, experiment, rest, s(k), one%share, &
-                  gain)
+               if (k <= modes) call weigh_mode(fit, r, k, row, experiment, residual, s(k), &
+                  sighting%share, gain)
             end associate
-            if (gain > least_gain .and. one%verdict == 'unseen') one%verdict = 'seen'
-            if (one%verdict == 'seen' .and. is_multiple(s, k, gain, lines, span)) &
-               one%verdict = merge('mains   ', 'harmonic', near_mains(one%model, span, 0.0_wp))
-            if (one%verdict == 'seen' .and. k <= fit%scenario%excitations(r)%modes) then
-               if (blends(fit, r, row, t, rest, s, k)) one%verdict = 'harmonic'
+            if (gain > least_gain .and. sighting%verdict == 'unseen') sighting%verdict = 'seen'
+            if (sighting%verdict == 'seen' .and. is_multiple(s, k, gain, lines, span)) &
+               sighting%verdict = merge('mains   ', 'harmonic', near_mains(sighting%model, span, &
+               0.0_wp))
+            if (sighting%verdict == 'seen' .and. k <= fit%scenario%excitations(r)%modes) then
+               if (merges_with_harmonic(fit, r, row, t, residual, s, k)) &
+                  sighting%verdict = 'harmonic'
             end if
-            found = [found, one]
+            found = [found, sighting]
          end do
       end associate
-   end function sightings
+   end function modes_in_record
 
-   !> Whether a mode and the multiple of the first one beside it are one broad line: with that
-   !> multiple in the model as well J would be less by more than chance, and an estimate further
-   !> away than its interval is wide. The multiple decays as the first mode does, or as its power.
+   !> Returns whether a mode and a multiple of the first mode's frequency form one broad line.
    !>
-   !> row      of all residuals behind which those of record r begin
-   !> t, rest  (m) of that record
-   !> s        (modes) roots
-   logical function blends(fit, r, row, t, rest, s, k)
+   !> This is so if, with the multiple in the model as well, J would fall by more than noise
+   !> explains and an estimate would move by more than the width of its interval. The multiple
+   !> decays as the first mode does or as its power.
+   !>
+   !> r            number of the record
+   !> row          number of residuals of the records before it
+   !> t, residual  (m) sample times [time] and residuals of the record [length/time**2]
+   !> s            (modes) roots of its structure [1/time]
+   !> k            number of the mode
+   logical function merges_with_harmonic(fit, r, row, t, residual, s, k) result(merges)
       type(stage_fit_t), intent(in) :: fit
       integer, intent(in) :: r, row, k
-      real(wp), intent(in) :: t(:), rest(:)
+      real(wp), intent(in) :: t(:), residual(:)
       complex(wp), intent(in) :: s(:)
-      real(wp), parameter :: independent = 1e-10_wp
-      integer, parameter :: highest = 12
+      real(wp), parameter :: independent = 1e-10_wp   ! of a column that counts as independent
+      integer, parameter :: highest = 12              ! order of a multiple
+      !> Jacobian, followed by cosine and sine of the multiple with either decay
       real(wp) :: a(size(fit%jacobian, 1), size(fit%jacobian, 2) + 4), step(size(a, 2)), &
-         size_of(size(a, 2)), gain
+         column_norm(size(a, 2)), gain
       complex(wp) :: multiple(size(t))
       integer :: j, m, n, order, rank
 
-      blends = .false.
+      merges = .false.
       if (k < 2 .or. fit%statistics%samples == 0 .or. size(a, 1) <= size(a, 2)) return
       m = size(t)
       n = size(fit%jacobian, 2)
       order = nint(aimag(s(k))/aimag(s(1)))
-      ! Beside each other: no further apart than both lines are wide together.
+      ! The lines must be no further apart than the sum of their widths.
       if (order < 2 .or. order > highest .or. abs(aimag(s(k)) - order*aimag(s(1))) > &
          2*abs(real(s(k))) + 2*order*abs(real(s(1))) + 2*two_pi/(t(m) - t(1))) return
       a(:, :n) = fit%jacobian
@@ -222,72 +246,85 @@ contains
          a(row + 1:row + m, n + 2*j - 1) = real(multiple)
          a(row + 1:row + m, n + 2*j) = aimag(multiple)
       end do
-      size_of = norm2(a, dim=1)
-      if (.not. all(size_of > 0)) return
-      call least_squares_step(a, fit%fit%residual, 1/size_of, spread(.true., 1, size(step)), &
+      column_norm = norm2(a, dim=1)
+      if (.not. all(column_norm > 0)) return
+      call least_squares_step(a, fit%fit%residual, 1/column_norm, spread(.true., 1, size(step)), &
          independent, step, rank)
       gain = (sum(fit%fit%residual**2) - sum((fit%fit%residual + matmul(a, step))**2))/ &
-         noise_near(t, rest, aimag(s(k))/two_pi, -real(s(k)))/fit%weight(r)**2
-      if (gain > least_gain) blends = any(abs(step(:size(fit%free))) > &
+         noise_near(t, residual, aimag(s(k))/two_pi, -real(s(k)))/fit%weight(r)**2
+      if (gain > least_gain) merges = any(abs(step(:size(fit%free))) > &
          2*fit%statistics%corrected_half_width(:size(fit%free)))
-   end function blends
+   end function merges_with_harmonic
 
-   !> The line beside a mode.
-   pure subroutine look_for(lines, span, one)
+   !> Sets peak, share and verdict of a mode from the spectral line nearest to it, unless that is
+   !> further away than both the resolution 1/span and 1 % of the frequency.
+   !>
+   !> lines  spectral lines of the record
+   !> span   duration of the record [time]
+   pure subroutine find_nearest_line(lines, span, sighting)
       type(line_t), intent(in) :: lines(:)
       real(wp), intent(in) :: span
-      type(sighting_t), intent(inout) :: one
+      type(sighting_t), intent(inout) :: sighting
       integer :: n
 
       if (size(lines) == 0) return
-      n = minloc(abs(lines%frequency - one%model), dim=1)
-      if (abs(lines(n)%frequency - one%model) > max(1/span, 1e-2_wp*one%model)) return
-      one%peak = lines(n)%frequency
-      one%share = min(1.0_wp, lines(n)%energy)
-      one%verdict = 'seen'
-      if (lines(n)%harmonic > 0) one%verdict = 'harmonic'
-      if (lines(n)%mains) one%verdict = 'mains'
-   end subroutine look_for
+      n = minloc(abs(lines%frequency - sighting%model), dim=1)
+      if (abs(lines(n)%frequency - sighting%model) > max(1/span, 1e-2_wp*sighting%model)) return
+      sighting%peak = lines(n)%frequency
+      sighting%share = min(1.0_wp, lines(n)%energy)
+      sighting%verdict = 'seen'
+      if (lines(n)%harmonic > 0) sighting%verdict = 'harmonic'
+      if (lines(n)%mains) sighting%verdict = 'mains'
+   end subroutine find_nearest_line
 
-   !> What a free mode has in a fit: its share of the energy, and what J falls by with it over the
-   !> noise around its frequency.
-   subroutine look_into(fit, r, k, row, experiment, rest, s, share, gain)
+   !> Computes the weight of a fitted free mode in a record.
+   !>
+   !> r           number of the record
+   !> k           number of the mode
+   !> row         number of residuals of the records before it
+   !> experiment  the record
+   !> residual    (m) its residuals [length/time**2]
+   !> s           root of the mode [1/time]
+   !> share       share of the record's variance; unchanged if it cannot be computed
+   !> gain        by how much the mode reduces J, over the variance of the noise around its
+   !>             frequency
+   subroutine weigh_mode(fit, r, k, row, experiment, residual, s, share, gain)
       type(stage_fit_t), intent(in) :: fit
       integer, intent(in) :: r, k, row
       type(experiment_t), intent(in) :: experiment
-      real(wp), intent(in) :: rest(:)
+      real(wp), intent(in) :: residual(:)
       complex(wp), intent(in) :: s
       real(wp), intent(inout) :: share
       real(wp), intent(out) :: gain
-      real(wp) :: c(2), covariance(2, 2), determinant, all_of_it
+      real(wp) :: c(2), covariance(2, 2), determinant, total
       integer :: first
 
       gain = 0
       if (fit%statistics%samples == 0) return
-      first = place_of_mode(fit, r, k)
+      first = index_of_mode(fit, r, k)
       c = fit%quantities(first:first + 1)%value
       associate (z => experiment%measured, m => size(experiment%measured), &
-         cosine => fit%jacobian(row + 1:row + size(rest), first), &
-         sine => fit%jacobian(row + 1:row + size(rest), first + 1))
-         all_of_it = sum((z - sum(z)/m)**2)
-         if (all_of_it > 0) share = sum((c(1)*cosine + c(2)*sine)**2)/fit%weight(r)**2/all_of_it
+         cosine => fit%jacobian(row + 1:row + size(residual), first), &
+         sine => fit%jacobian(row + 1:row + size(residual), first + 1))
+         total = sum((z - sum(z)/m)**2)
+         if (total > 0) share = sum((c(1)*cosine + c(2)*sine)**2)/fit%weight(r)**2/total
       end associate
       covariance = fit%statistics%covariance(first:first + 1, first:first + 1)
       determinant = covariance(1, 1)*covariance(2, 2) - covariance(1, 2)**2
       if (.not. (determinant > 0 .and. determinant < huge(1.0_wp))) return
       gain = fit%statistics%variance*(c(1)**2*covariance(2, 2) - 2*c(1)*c(2)*covariance(1, 2) &
          + c(2)**2*covariance(1, 1))/determinant/fit%weight(r)**2/noise_near(experiment%samples, &
-         rest, aimag(s)/two_pi, -real(s))
-   end subroutine look_into
+         residual, aimag(s)/two_pi, -real(s))
+   end subroutine weigh_mode
 
-   !> Where the first of the two amplitudes of mode k in record r is among the quantities.
-   pure integer function place_of_mode(fit, r, k) result(first)
+   !> Returns the index in `quantities` of the first of the two amplitudes of mode k in record r.
+   pure integer function index_of_mode(fit, r, k) result(first)
       type(stage_fit_t), intent(in) :: fit
       integer, intent(in) :: r, k
       character(len=name_length) :: name
       integer :: i
 
-      ! Of a further channel they are those of the first.
+      ! Further channels of a motion share the amplitudes of the first channel.
       first = 0
       do i = r, 1, -1
          name = name_of('cos_'//to_text(k), merge(0, i, size(fit%scenario%structures) == 1))
@@ -295,10 +332,11 @@ contains
             if (fit%quantities(first)%name == name) return
          end do
       end do
-   end function place_of_mode
+   end function index_of_mode
 
-   !> Records of which too little is explained.
-   function misfit(qualities, fit) result(text)
+   !> Returns a sentence on the record that the fit explains least, if that is too little and the
+   !> residuals are not white; else ''.
+   function describe_misfit(qualities, fit) result(text)
       type(quality_t), intent(in) :: qualities(:)
       type(stage_fit_t), intent(in) :: fit
       character(len=:), allocatable :: text
@@ -309,10 +347,14 @@ contains
       if (fit%check%white .or. .not. qualities(r)%fit_percent < least_percent) return
       text = 'the model explains '//to_text(nint(qualities(r)%fit_percent))// &
          ' % of record '//to_text(r)//', and what is left is not noise'
-   end function misfit
+   end function describe_misfit
 
-   !> Parameters that are determined by all modes, and not by those that were seen.
-   function without_hold(sightings, fit, s, ds) result(text)
+   !> Returns a sentence on the parameters that all modes determine, but not the modes seen in the
+   !> records; else ''.
+   !>
+   !> s   (modes, records) roots [1/time]
+   !> ds  (modes, records, free) their derivatives
+   function describe_undetermined(sightings, fit, s, ds) result(text)
       type(sighting_t), intent(in) :: sightings(:)
       type(stage_fit_t), intent(in) :: fit
       complex(wp), intent(in) :: s(:, :), ds(:, :, :)
@@ -328,9 +370,9 @@ contains
       there = .false.
       visible = .false.
       do k = 1, size(sightings)
-         associate (one => sightings(k))
-            there(one%mode, one%record) = .true.
-            visible(one%mode, one%record) = one%verdict == 'seen'
+         associate (mode => sightings(k)%mode, record => sightings(k)%record)
+            there(mode, record) = .true.
+            visible(mode, record) = sightings(k)%verdict == 'seen'
          end associate
       end do
       values = fit%fit%estimate
@@ -344,6 +386,6 @@ contains
       end do
       if (text == '') return
       text = text(2:)//': determined by modes alone that are not in the record'
-   end function without_hold
+   end function describe_undetermined
 
 end module beamid_verdicts

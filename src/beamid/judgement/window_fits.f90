@@ -1,5 +1,5 @@
-!> The same fit in consecutive windows of the records: what drifts from one to the next is not what
-!> the model has for a constant.
+!> Repeats a fit in consecutive windows of the records. A parameter whose estimates differ between
+!> windows by more than their standard errors is not constant during the motion.
 module beamid_window_fits
    use beamid_distributions, only: chi_square_tail
    use beamid_errors, only: error_t, failure
@@ -20,20 +20,22 @@ module beamid_window_fits
 
    public :: window_fit_t, fit_windows, scatter
 
-   !> One window, or what went wrong in it.
+   !> The fit in one window.
    type :: window_fit_t
-      real(wp), allocatable :: first(:), last(:)   !< (records) times of its first and last samples
-      real(wp), allocatable :: estimate(:)         !< (n) of what was searched for
+      real(wp), allocatable :: first(:), last(:)   !< (records) first and last sample time [time]
+      real(wp), allocatable :: estimate(:)         !< (n) estimates of the free parameters
       real(wp), allocatable :: std_error(:)        !< (n) corrected for residuals that are not white
-      type(error_t), allocatable :: error
+      type(error_t), allocatable :: error          !< why the fit failed
    end type window_fit_t
 
 contains
 
-   !> Fits each window from where the whole fit has ended, with the same parameters free.
+   !> Fits each window with the free parameters of a fit, starting from its estimates.
    !>
-   !> fit  of one stage
-   !> n    windows of equal time in each record
+   !> experiments  (records) that were fitted
+   !> fit          of one stage to the whole records
+   !> n            number of windows of equal duration in each record
+   !> windows      (n) fits, or the error of each
    subroutine fit_windows(model, mesh, experiments, fit, n, windows)
       type(model_t), intent(in) :: model
       type(mesh_t), intent(in) :: mesh
@@ -51,7 +53,7 @@ contains
       !$omp end parallel do
    end subroutine fit_windows
 
-   !> Window k of n.
+   !> Fits window k of n. Runs in threads.
    subroutine fit_one(model, mesh, experiments, fit, k, n, window)
       type(model_t), intent(in) :: model
       type(mesh_t), intent(in) :: mesh
@@ -64,7 +66,7 @@ contains
       type(stage_fit_t) :: found
       type(options_t) :: options
       logical, allocatable :: inside(:)
-      logical :: turning
+      logical :: root_is_free
       integer :: i
 
       allocate (window%first(size(parts)), window%last(size(parts)))
@@ -85,10 +87,10 @@ contains
          window%first(i) = parts(i)%samples(1)
          window%last(i) = parts(i)%samples(size(parts(i)%samples))
       end do
-      turning = any(fit%free == of_kappa_R)
-      call new_residuals(model, mesh, parts, problem, window%error, turning)
+      root_is_free = any(fit%free == of_kappa_R)
+      call new_residuals(model, mesh, parts, problem, window%error, root_is_free)
       if (allocated(window%error)) return
-      if (.not. problem%exact) call exact_counterpart(model, mesh, parts, turning, exact)
+      if (.not. problem%exact) call exact_counterpart(model, mesh, parts, root_is_free, exact)
       problem%scenario = fit%scenario
       options%relative_error = model%solver%relative_error()
       options%check = .false.
@@ -98,11 +100,15 @@ contains
       window%std_error = found%statistics%corrected_error(:size(found%free))
    end subroutine fit_one
 
-   !> How far the estimates of quantity k lie apart, and whether their errors explain that.
+   !> Compares the spread of the estimates of parameter k over the windows with their standard
+   !> errors.
    !>
-   !> spread       standard deviation over the windows
+   !> Windows that failed or give no standard error do not count. With fewer than two others, spread
+   !> and expected are 0 and probability is 1.
+   !>
+   !> spread       standard deviation of the estimates over the windows
    !> expected     root mean square of their standard errors
-   !> probability  of so large a spread by these errors
+   !> probability  that the errors alone cause at least this spread (chi-square test)
    pure subroutine scatter(windows, k, spread, expected, probability)
       type(window_fit_t), intent(in) :: windows(:)
       integer, intent(in) :: k

@@ -1,10 +1,13 @@
-!> Statics of a cantilever with an axial force that changes along it, E I w'''' - (N w')' = f.
+!> Statics of a cantilever with an axial force N(x) that varies along it, E I w'''' - (N w')' = f:
+!> influence function and buckling, for `beamid_structure`.
 !>
-!> For a unit force at xi the slope theta = w' satisfies E I theta'' - N theta = -1 between the root
-!> and xi and = 0 beyond, theta = kappa E I theta' at the root, theta' = 0 at the tip. N is linear
-!> in pieces, in each of which theta is a power series. From the tip on theta' = p theta + r is
-!> known at the end of each piece; from the root on theta follows. All is analytic in the
-!> parameters.
+!> Under a unit force at xi, the slope theta = w' satisfies E I theta'' - N theta = -1 between the
+!> root and xi, and = 0 beyond xi. The boundary conditions are theta = kappa E I theta' at the root
+!> (kappa: compliance of the clamp) and theta' = 0 at the tip. N is piecewise linear, and theta is a
+!> power series in each piece. A first sweep, from the tip to the root, computes the coefficients of
+!> theta' = p theta + r at the ends of the pieces; a second sweep, from the root to the tip,
+!> computes theta and its integral w. The result is analytic in the parameters, so that complex
+!> steps give its derivatives.
 module beamid_columns
    use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
    use beamid_kinds, only: wp
@@ -13,29 +16,32 @@ module beamid_columns
 
    public :: column_t, new_column, column_deflection, column_buckles
 
-   !> Largest number of pieces. The slope grows by a factor of e per piece at most, so that its
-   !> square stays below the largest number.
+   !> Largest number of pieces. The slope grows at most by a factor of e per piece, so that its
+   !> square does not overflow.
    integer, parameter, public :: most_pieces = 600
 
-   !> A cantilever in pieces.
+   !> A cantilever divided into pieces. Values are complex to carry a complex step.
    type :: column_t
-      complex(wp) :: stiffness = 0                   !< E I
-      complex(wp) :: compliance = 0                  !< of the clamp
-      complex(wp), allocatable :: ends(:)            !< (pieces + 1) ascending [length]
-      !> (pieces) axial force where each piece begins, and dN/dx; (0) the force would need more than
-      !> `most_pieces`
-      complex(wp), allocatable :: N(:), slope(:)
+      complex(wp) :: stiffness = 0           !< bending stiffness E I [force length**2]
+      complex(wp) :: compliance = 0          !< compliance of the clamp [1/(force length)]
+      complex(wp), allocatable :: ends(:)    !< (pieces + 1) ends of the pieces, ascending [length]
+      !> (pieces) axial force at the beginning of each piece [force]; size 0: the force would
+      !> require more than `most_pieces`
+      complex(wp), allocatable :: N(:)
+      complex(wp), allocatable :: slope(:)   !< (pieces) dN/dx in each piece [force/length]
    end type column_t
 
 contains
 
-   !> Returns a cantilever in pieces that are short compared with sqrt(E I/|N|), the length over
-   !> which the force bends the beam.
+   !> Returns a cantilever divided into pieces that are shorter than sqrt(E I/|N|), the length over
+   !> which the axial force bends the beam.
    !>
-   !> stiffness   E I [force length**2]
-   !> compliance  of the clamp [1/(force length)]; 0: rigid
-   !> ends        (intervals + 1) ascending [length]; in each interval the force is linear
-   !> N, slope    (intervals) force where each interval begins [force], and dN/dx [force/length]
+   !> stiffness   bending stiffness E I [force length**2]
+   !> compliance  compliance of the clamp [1/(force length)]; 0: rigid
+   !> ends        (intervals + 1) ends of intervals, ascending [length]; N is linear in each
+   !>             interval
+   !> N           (intervals) axial force at the beginning of each interval [force]
+   !> slope       (intervals) dN/dx in each interval [force/length]
    pure function new_column(stiffness, compliance, ends, N, slope) result(column)
       complex(wp), intent(in) :: stiffness, compliance, ends(:), N(:), slope(:)
       type(column_t) :: column
@@ -66,69 +72,77 @@ contains
       end associate
    end function new_column
 
-   !> Returns the deflection at x under a unit force at xi, both ends of pieces [length/force]; NaN
-   !> where the column has more pieces than it may.
+   !> Returns the deflection at x under a unit force at xi [length/force]. The result is NaN if the
+   !> column would require more than `most_pieces`.
+   !>
+   !> x, xi  ends of pieces [length]
    pure complex(wp) function column_deflection(self, x, xi) result(w)
       type(column_t), intent(in) :: self
       complex(wp), intent(in) :: x, xi
       complex(wp), dimension(0:size(self%N)) :: p, r
       complex(wp) :: theta, first(3), second(3), forced(3)
-      integer :: k, pushed, seen
+      integer :: k, loaded_end, observed_end
 
       w = ieee_value(1.0_wp, ieee_quiet_nan)
       if (size(self%N) == 0) return
-      ! Complex places: which ends they are, not on which side of them.
-      seen = minloc(abs(self%ends - x), dim=1)
-      pushed = minloc(abs(self%ends - xi), dim=1)
+      ! The positions are complex: find the end that each equals, instead of comparing positions.
+      observed_end = minloc(abs(self%ends - x), dim=1)
+      loaded_end = minloc(abs(self%ends - xi), dim=1)
       p(size(self%N)) = 0
       r(size(self%N)) = 0
       do k = size(self%N), 1, -1
-         call cross(self, k, k < pushed, first, second, forced)
-         ! (theta, theta') at the end is first theta + second theta' + forced of the beginning.
+         call solve_piece(self, k, k < loaded_end, first, second, forced)
+         ! (theta, theta') at the end = first*theta + second*theta' + forced, with theta and theta'
+         ! at the beginning.
          p(k - 1) = (p(k)*first(1) - first(2))/(second(2) - p(k)*second(1))
          r(k - 1) = (p(k)*forced(1) + r(k) - forced(2))/(second(2) - p(k)*second(1))
       end do
-      associate (turn => self%compliance*self%stiffness)
-         theta = turn*r(0)/(1 - turn*p(0))
+      associate (root => self%compliance*self%stiffness)
+         theta = root*r(0)/(1 - root*p(0))
       end associate
       w = 0
       do k = 1, size(self%N)
-         if (k >= seen) return
-         call cross(self, k, k < pushed, first, second, forced)
-         associate (turned => p(k - 1)*theta + r(k - 1))
-            w = w + first(3)*theta + second(3)*turned + forced(3)
-            theta = first(1)*theta + second(1)*turned + forced(1)
+         if (k >= observed_end) return
+         call solve_piece(self, k, k < loaded_end, first, second, forced)
+         associate (dtheta => p(k - 1)*theta + r(k - 1))
+            w = w + first(3)*theta + second(3)*dtheta + forced(3)
+            theta = first(1)*theta + second(1)*dtheta + forced(1)
          end associate
       end do
    end function column_deflection
 
-   !> Returns whether the axial force buckles the beam: without load the slope that is 1 at the tip
-   !> must not change its sign on the way to the root, nor what the clamp makes of it. A column of
-   !> more pieces than it may have counts as buckled.
+   !> Returns whether the axial force buckles the beam. The solution without load that has slope 1
+   !> and curvature 0 at the tip is followed to the root: the beam is stable if the slope, and at
+   !> the root the residual of the clamp's boundary condition, stay positive. A column that would
+   !> require more than `most_pieces` counts as buckled.
    pure logical function column_buckles(self) result(buckles)
       type(column_t), intent(in) :: self
-      complex(wp) :: theta, turned, first(3), second(3), forced(3)
+      complex(wp) :: theta, dtheta, first(3), second(3), forced(3)
       real(wp) :: before(2)
       integer :: k
 
       theta = 1
-      turned = 0
+      dtheta = 0
       buckles = .true.
       if (size(self%N) == 0) return
       do k = size(self%N), 1, -1
-         call cross(self, k, .false., first, second, forced)
-         ! The inverse of a matrix of determinant 1.
-         before = real([second(2)*theta - second(1)*turned, first(1)*turned - first(2)*theta])
+         call solve_piece(self, k, .false., first, second, forced)
+         ! The transfer matrix has the determinant 1; this is its inverse.
+         before = real([second(2)*theta - second(1)*dtheta, first(1)*dtheta - first(2)*theta])
          theta = before(1)
-         turned = before(2)
+         dtheta = before(2)
          if (.not. real(theta) > 0) return
       end do
-      buckles = .not. real(theta - self%compliance*self%stiffness*turned) > 0
+      buckles = .not. real(theta - self%compliance*self%stiffness*dtheta) > 0
    end function column_buckles
 
-   !> theta, theta' and the integral of theta at the end of a piece: of the two solutions that begin
-   !> with theta = 1 and with theta' = 1, and of what a unit force beyond adds.
-   pure subroutine cross(self, k, loaded, first, second, forced)
+   !> Computes theta, theta' and the integral of theta at the end of piece k for three solutions.
+   !>
+   !> loaded  whether the force acts beyond the piece
+   !> first   (3) the solution that begins with theta = 1, theta' = 0, without force
+   !> second  (3) the solution that begins with theta = 0, theta' = 1, without force
+   !> forced  (3) the solution that begins with theta = theta' = 0, with the unit force if `loaded`
+   pure subroutine solve_piece(self, k, loaded, first, second, forced)
       type(column_t), intent(in) :: self
       integer, intent(in) :: k
       logical, intent(in) :: loaded
@@ -138,24 +152,25 @@ contains
       second = series(self, k, [(0.0_wp, 0.0_wp), (1.0_wp, 0.0_wp)], (0.0_wp, 0.0_wp))
       forced = series(self, k, [(0.0_wp, 0.0_wp), (0.0_wp, 0.0_wp)], &
          merge((-1.0_wp, 0.0_wp), (0.0_wp, 0.0_wp), loaded))
-   end subroutine cross
+   end subroutine solve_piece
 
-   !> theta'' = (N theta + force)/(E I) over a piece.
+   !> Solves theta'' = (N theta + force)/(E I) over piece k by a power series.
    !>
-   !> begin   theta and theta'
-   !> values  theta, theta' and the integral of theta at the end
+   !> begin   (2) theta and theta' at the beginning
+   !> force   right-hand side, 0 or -1 [force]
+   !> values  (3) theta, theta' and the integral of theta at the end
    pure function series(self, k, begin, force) result(values)
       type(column_t), intent(in) :: self
       integer, intent(in) :: k
       complex(wp), intent(in) :: begin(2), force
       complex(wp) :: values(3)
-      !> A piece has |N| h**2 < E I: the terms fall like 1/i!.
+      !> In a piece, |N| h**2 < E I: the terms decrease like 1/i!.
       integer, parameter :: terms = 24
       complex(wp) :: c(-1:terms)
       integer :: i
 
       associate (h => self%ends(k + 1) - self%ends(k))
-         ! c(i) = a_i h**i
+         ! c(i) = a_i h**i, where a_i are the coefficients of the power series.
          c(-1) = 0
          c(0) = begin(1)
          c(1) = begin(2)*h

@@ -1,5 +1,5 @@
-!> What sets the beam in motion: the force of a thruster in time, the release of a tip that was held
-!> aside, or something unknown before the record began.
+!> The excitation of the beam: a force as a function of time, the release of a deflected tip, a
+!> motion of the base, or an unknown excitation before the record began (free motion).
 module beamid_excitation
    use beamid_errors, only: error_t, bad_input
    use beamid_kinds, only: wp
@@ -9,28 +9,33 @@ module beamid_excitation
 
    public :: excitation_t, new_pulse, new_force_table, new_release, new_free, new_base_motion
 
-   !> Times that differ by less than this many units in the last place are the same.
+   !> Times that differ by less than this many units in the last place count as equal.
    real(wp), parameter, public :: same_time = 16
 
-   !> f is linear between its nodes and zero outside [first node, last node]; it may jump at these
-   !> two.
+   !> An excitation f(t): piecewise linear between its nodes and zero outside the interval from the
+   !> first to the last node, at both of which it may jump.
    type :: excitation_t
       real(wp), allocatable :: t(:)      !< nodes, strictly increasing [time]
-      real(wp), allocatable :: f(:)      !< force at the nodes, amplitude*shape [force]
-      real(wp), allocatable, private :: shape(:)
-      real(wp) :: amplitude = 1          !< of a pulse [force]; of a table a factor
+      !> values at the nodes, amplitude*shape [force]; of a moving base [length/time**2]
+      real(wp), allocatable :: f(:)
+      real(wp), allocatable, private :: shape(:)   !< values at the nodes per unit amplitude
+      !> amplitude of a pulse [force], of a release [force] or [length]; factor of a table [1]
+      real(wp) :: amplitude = 1
       !> .false.: the force acts at a point, (3.11). .true.: distributed, (3.10), with
       !> theta(x) = (x/l)**power.
       logical :: distributed = .false.
-      real(wp) :: power = 2              !< >= 2
-      !> The point is held aside by the amplitude [length]; the force follows from the stiffness.
+      real(wp) :: power = 2              !< exponent of theta(x), >= 2
+      !> .true.: the amplitude is the static displacement at x_F before a release [length]; the
+      !> force follows from the static stiffness (`fit_to`).
       logical :: by_displacement = .false.
-      logical :: is_release = .false.    !< f is taken away at the first node
-      !> f is the acceleration of the base, relative to which the beam moves, and no force.
+      logical :: is_release = .false.    !< a static force is removed at the first node
+      !> .true.: f is the acceleration of the base, not a force; the beam's motion is relative to
+      !> the base.
       logical :: is_base = .false.
-      !> place where the force acts [length]; not allocated: the structure's
+      !> position of the force [length]; not allocated: x_F of the structure
       real(wp), allocatable :: x_F
-      !> > 0: no force is known; the motion at the first sample is any of so many modes.
+      !> > 0: free motion; the excitation is unknown, and this number of the lowest modes has an
+      !> arbitrary amplitude and phase at the first sample
       integer :: modes = 0
    contains
       procedure :: force
@@ -42,10 +47,10 @@ module beamid_excitation
 
 contains
 
-   !> Constant force of the thruster, 0 <= t <= duration.
+   !> Returns a rectangular pulse: the constant force of a thruster for 0 <= t <= duration.
    !>
-   !> amplitude  [force]
-   !> duration   > 0 [time]
+   !> amplitude  force [force]
+   !> duration   duration, > 0 [time]
    pure function new_pulse(amplitude, duration) result(excitation)
       real(wp), intent(in) :: amplitude, duration
       type(excitation_t) :: excitation
@@ -55,11 +60,12 @@ contains
       call excitation%set_amplitude(amplitude)
    end function new_pulse
 
-   !> The tip is held aside and let go. The motion that follows is the answer to the step -F.
+   !> Returns a release: the beam is deflected statically at x_F and released. The motion relative
+   !> to the deflected shape is the response to the step force -F.
    !>
-   !> amplitude        [force], or [length] of the tip's displacement
-   !> time             of the release [time]
-   !> by_displacement  which of the two the amplitude is
+   !> amplitude        static force [force], or static displacement at x_F [length]
+   !> time             time of the release [time]
+   !> by_displacement  .true.: the amplitude is a displacement
    pure function new_release(amplitude, time, by_displacement) result(excitation)
       real(wp), intent(in) :: amplitude, time
       logical, intent(in) :: by_displacement
@@ -73,9 +79,9 @@ contains
       call excitation%set_amplitude(amplitude)
    end function new_release
 
-   !> Nothing is known about the start.
+   !> Returns a free motion: the state at the first sample is unknown.
    !>
-   !> modes  how many of the lowest modes move at the first sample, >= 1
+   !> modes  number of the lowest modes that move at the first sample, >= 1
    pure function new_free(modes) result(excitation)
       integer, intent(in) :: modes
       type(excitation_t) :: excitation
@@ -84,9 +90,10 @@ contains
       excitation%modes = modes
    end function new_free
 
-   !> The force of a displacement that is given, once the structure is known.
+   !> Computes the static force of a release whose displacement is given; other excitations are
+   !> unchanged.
    !>
-   !> stiffness  static, where the force acts [force/length]
+   !> stiffness  static stiffness at the position of the force [force/length]
    pure subroutine fit_to(self, stiffness)
       class(excitation_t), intent(inout) :: self
       real(wp), intent(in) :: stiffness
@@ -94,7 +101,7 @@ contains
       if (self%by_displacement) self%f = self%amplitude*stiffness*self%shape
    end subroutine fit_to
 
-   !> Scales the force.
+   !> Sets the amplitude and scales f accordingly.
    pure subroutine set_amplitude(self, amplitude)
       class(excitation_t), intent(inout) :: self
       real(wp), intent(in) :: amplitude
@@ -103,10 +110,11 @@ contains
       self%f = amplitude*self%shape
    end subroutine set_amplitude
 
-   !> A force given by nodes.
+   !> Makes an excitation from a force given by a table.
    !>
-   !> t, f   nodes [time] and forces [force]
-   !> error  fewer than two nodes, a negative first time or times that do not increase
+   !> t, f        (nodes) times [time] and forces [force]
+   !> excitation  the result; unchanged if there is an error
+   !> error       fewer than two nodes, a negative first time or times that do not increase
    pure subroutine new_force_table(t, f, excitation, error)
       real(wp), intent(in) :: t(:), f(:)
       type(excitation_t), intent(inout) :: excitation
@@ -126,10 +134,12 @@ contains
       end if
    end subroutine new_force_table
 
-   !> The base moves, from rest at the first node, by an acceleration that is given by nodes.
+   !> Makes an excitation from a table of accelerations of the base, which is at rest at the first
+   !> node.
    !>
-   !> t, f   nodes [time] and accelerations [length/time**2]
-   !> error  as of a force table
+   !> t, f        (nodes) times [time] and accelerations [length/time**2]
+   !> excitation  the result
+   !> error       the same errors as of `new_force_table`
    pure subroutine new_base_motion(t, f, excitation, error)
       real(wp), intent(in) :: t(:), f(:)
       type(excitation_t), intent(inout) :: excitation
@@ -139,10 +149,12 @@ contains
       excitation%is_base = .true.
    end subroutine new_base_motion
 
-   !> Displacement, velocity and acceleration of the base, by integration of its acceleration.
+   !> Returns displacement, velocity and acceleration of the base; the first two by exact
+   !> integration of the piecewise linear acceleration.
    !>
-   !> times   ascending [time]
-   !> motion  (times, 3) [length], [length/time], [length/time**2]; 0: it does not move
+   !> times   (samples) ascending [time]
+   !> motion  (samples, 3) displacement [length], velocity [length/time] and acceleration
+   !>         [length/time**2]; 0 if the base does not move
    pure function base(self, times) result(motion)
       class(excitation_t), intent(in) :: self
       real(wp), intent(in) :: times(:)
@@ -173,7 +185,8 @@ contains
       end associate
    end function base
 
-   !> One step with an acceleration that changes linearly from `first` to `last`.
+   !> Advances displacement z and velocity v by one time step in which the acceleration changes
+   !> linearly from `first` to `last`.
    pure subroutine advance(step, first, last, z, v)
       real(wp), intent(in) :: step, first, last
       real(wp), intent(inout) :: z, v
@@ -182,8 +195,8 @@ contains
       v = v + step*(first + last)/2
    end subroutine advance
 
-   !> f(t) [force], with the closed interval of the paper: f(duration) is still the amplitude, also
-   !> where the time misses it by round-off.
+   !> Returns f(t) [force]. The interval is closed, as in the paper: f(duration) of a pulse is still
+   !> the amplitude, even if t exceeds the duration by round-off.
    elemental real(wp) function force(self, t)
       class(excitation_t), intent(in) :: self
       real(wp), intent(in) :: t
@@ -194,7 +207,7 @@ contains
          low = 1
          high = size(nodes)
          if (t < nodes(low) .or. t > nodes(high) + same_time*spacing(nodes(high))) return
-         ! Most tables are uniform: about there.
+         ! In a uniform table, and most are uniform, the interval is near `middle`.
          middle = 1 + int((t - nodes(low))/(nodes(high) - nodes(low))*(high - 1))
          middle = max(low, min(middle, high))
          if (nodes(max(low, middle - 1)) <= t) low = max(low, middle - 1)
@@ -212,11 +225,12 @@ contains
       end associate
    end function force
 
-   !> Size of the displacement that the force causes in an oscillator: the smaller of what its peak
-   !> does statically and what its impulse does suddenly.
+   !> Estimates the size of the displacement that the force causes in an oscillator [length]: the
+   !> smaller of the static deflection under the peak force and the amplitude after an impulsive
+   !> force of the same impulse.
    !>
-   !> stiffness  [force/length]
-   !> omega      angular frequency [1/time]
+   !> stiffness  stiffness of the oscillator [force/length]
+   !> omega      natural angular frequency of the oscillator [1/time]
    pure real(wp) function size_scale(self, stiffness, omega)
       class(excitation_t), intent(in) :: self
       real(wp), intent(in) :: stiffness, omega

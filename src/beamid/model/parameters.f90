@@ -1,4 +1,7 @@
-!> The table of parameters: everything that is known of each of them, a row for one.
+!> The table of parameters. Each row holds the properties of one parameter: its name, group in the
+!> case file, unit, range, default, typical magnitude and help.
+!>
+!> Reading, range checks, unit labels, scaling, start values and help follow from the rows.
 module beamid_parameters
    use, intrinsic :: ieee_arithmetic, only: ieee_positive_inf, ieee_value
    use beamid_excitation, only: excitation_t
@@ -18,48 +21,55 @@ module beamid_parameters
       belongs_to_hose
    public :: amplitude, offset, positive, not_negative, on_beam, any_value, share
 
-   !> Ranges.
+   !> Allowed ranges of a parameter: > 0; >= 0; a position, 0 < x <= length; any value; a share,
+   !> 0 <= value < 1.
    integer, parameter :: positive = 1, not_negative = 2, on_beam = 3, any_value = 4, share = 5
 
-   !> Of a name as it is printed, that of its sensor or support behind it.
+   !> Length of a printed name, with the name of the sensor or support after it.
    integer, parameter, public :: name_length = 10 + item_name_length
 
-   !> Places of the amplitude and of the offset, which belongs to the record.
+   !> Numbers of two parameters that are not components of a structure: the amplitude of the
+   !> excitation, and the offset of a record.
    integer, parameter :: amplitude = n_parameters + 1, offset = amplitude + 1
 
-   !> What moderate values are made of beside the parameters: the mass of beam and tip, the tip's
-   !> static stiffness, the first angular frequency.
+   !> Quantities that moderate values are made of, in addition to the parameters: the mass of beam
+   !> and tip, the static stiffness of the tip, and the first natural angular frequency.
    integer, parameter :: the_mass = n_parameters + 1, the_stiffness = the_mass + 1, &
       the_omega = the_stiffness + 1
 
+   !> One row of the table.
    type :: parameter_t
-      integer :: place                !< row
-      character(len=9) :: name        !< its key
-      character(len=10) :: group      !< of the case file
-      integer :: unit(3)              !< exponents of mass, length and time
-      integer :: range
-      character(len=13) :: default    !< what holds without it; '': it is required
-      !> The yardstick of a fit that starts from zero.
+      integer :: place                !< number of the parameter, equal to the number of the row
+      character(len=9) :: name        !< name in fits and reports
+      character(len=10) :: group      !< group of the case file
+      integer :: unit(3)              !< exponents of mass, length and time in its unit
+      integer :: range                !< allowed range: `positive` .. `share`
+      character(len=20) :: default    !< default, as text for the help; '': required
+      !> Moderate value: the scale of a fit that starts from zero, [unit of the parameter].
       type(monomial_t) :: moderate
-      integer :: needs = 0            !< place of a parameter without which it means nothing
-      logical :: is_free = .true.     !< whether a fit may free it
-      !> Whether a structure holds its reciprocal, and a search looks for that: it may be infinite.
+      integer :: needs = 0            !< number of a parameter without which it has no effect
+      logical :: is_free = .true.     !< whether a fit may estimate it
+      !> Whether a structure holds its reciprocal, for which a fit searches: the parameter may be
+      !> infinite (a rigid spring).
       logical :: is_reciprocal = .false.
-      character(len=60) :: help
-      integer :: item = 0             !< which of the sensors or supports; 0: none
-      character(len=9) :: key = ''    !< in the case file, where that is not its name
+      character(len=80) :: help       !< line of help
+      integer :: item = 0             !< number of its sensor, support or coefficient; 0: none
+      character(len=9) :: key = ''    !< key in the case file, if it differs from the name
    end type parameter_t
 
+   !> Moderate value of a mass.
    type(monomial_t), parameter :: tenth_of_mass = monomial_t(0.1_wp, [the_mass, 0, 0])
 
-   !> The rows. Moderate masses: a tenth of beam and tip; stiffness: a tenth of the tip's; damping:
-   !> one per cent of critical at the first frequency.
+   !> The table. A moderate mass is a tenth of the mass of beam and tip; a moderate stiffness is a
+   !> tenth of the tip's static stiffness; moderate damping is one per cent of critical damping at
+   !> the first natural frequency.
    integer :: i
-   !> gfortran 12 takes an element, not the index of a loop by itself.
+   !> `nth(i)` is i. gfortran 12 accepts an array element as a component of a constructor, but not
+   !> the index of an implied loop.
    integer, parameter :: nth(most_coefficients) = [(i, i=1, most_coefficients)]
    type(parameter_t), parameter :: parameters(n_parameters + 2 + 2*most_coefficients) = [ &
       parameter_t(of_m_T, 'm_T', 'tip', [1, 0, 0], not_negative, '0', tenth_of_mass, &
-         help='tip mass'), &
+         help='mass at the tip'), &
       parameter_t(of_E, 'E', 'beam', [1, -1, -2], positive, '', &
          monomial_t(place=[of_E, 0, 0]), help='modulus of elasticity'), &
       parameter_t(of_c_D, 'c_D', 'beam', [1, -1, -1], not_negative, '0', &
@@ -68,10 +78,11 @@ module beamid_parameters
       parameter_t(of_m_H, 'm_H', 'hose', [1, 0, 0], not_negative, '', tenth_of_mass, &
          help='mass of the hose; 0: no hose'), &
       parameter_t(of_c_H, 'c_H', 'hose', [1, 0, -1], not_negative, '0', &
-         monomial_t(2e-2_wp, [the_mass, the_omega, 0]), help='its damping'), &
+         monomial_t(2e-2_wp, [the_mass, the_omega, 0]), &
+         help='damping coefficient between beam and hose'), &
       parameter_t(of_k_H, 'k_H', 'hose', [1, 0, -2], not_negative, '0', &
-         monomial_t(0.1_wp, [the_stiffness, 0, 0]), help='its stiffness'), &
-      parameter_t(of_rho, 'rho', 'beam', [1, -1, 0], positive, 'density b h', &
+         monomial_t(0.1_wp, [the_stiffness, 0, 0]), help='stiffness between beam and hose'), &
+      parameter_t(of_rho, 'rho', 'beam', [1, -1, 0], positive, 'density*width*height', &
          monomial_t(place=[of_rho, 0, 0]), help='mass per unit length'), &
       parameter_t(of_gamma, 'gamma', 'beam', [1, -1, -1], not_negative, '0', &
          monomial_t(2e-2_wp, [of_rho, the_omega, 0]), &
@@ -81,51 +92,52 @@ module beamid_parameters
          help='rotary inertia of the tip mass'), &
       parameter_t(of_kappa_R, 'k_R', 'beam', [1, 2, -2], positive, 'a rigid clamp', &
          monomial_t(0.1_wp, [of_length, of_E, of_I], [1, -1, -1]), needs=of_kappa_R, &
-         is_reciprocal=.true., help='torsional spring at the root'), &
+         is_reciprocal=.true., help='stiffness of the torsional spring at the root'), &
       parameter_t(of_c_R, 'c_R', 'beam', [1, 2, -1], not_negative, '0', &
          monomial_t(6e-2_wp, [the_stiffness, of_length, the_omega], [1, 2, -1]), &
          needs=of_kappa_R, &
-         help='viscous damper at the root, beside k_R'), &
+         help='damping coefficient of the damper at the root, beside k_R'), &
       parameter_t(of_length, 'length', 'beam', [0, 1, 0], positive, '', &
-         monomial_t(place=[of_length, 0, 0]), help='of the beam'), &
-      parameter_t(of_I, 'I', 'beam', [0, 4, 0], positive, 'b h^3/12', &
+         monomial_t(place=[of_length, 0, 0]), help='length of the beam'), &
+      parameter_t(of_I, 'I', 'beam', [0, 4, 0], positive, 'width*height^3/12', &
          monomial_t(place=[of_I, 0, 0]), is_free=.false., &
-         help='second moment of the cross section'), &
+         help='second moment of area of the cross section'), &
       parameter_t(of_x_F, 'x_F', 'excitation', [0, 1, 0], on_beam, 'the tip', &
-         monomial_t(place=[of_length, 0, 0]), help='where a force acts'), &
+         monomial_t(place=[of_length, 0, 0]), help='position of the force'), &
       parameter_t(of_g, 'g', 'gravity', [0, 1, -2], not_negative, '', &
          monomial_t(5e-2_wp, [the_stiffness, of_length, the_mass], [1, 1, -1]), &
-         help='gravity, along the beam'), &
+         help='acceleration of gravity'), &
       parameter_t(of_T, 'T', 'axial', [1, 1, -2], any_value, '', &
          monomial_t(5e-2_wp, [the_stiffness, of_length, 0]), key='force', &
-         help='in the beam, tension above 0; free as T'), &
+         help='axial force, positive in tension; its symbol is T'), &
       parameter_t(of_x_D, 'place', 'along', [0, 1, 0], on_beam, 'x or a dip', &
-         monomial_t(place=[of_length, 0, 0]), help='of the middle of a dip'), &
+         monomial_t(place=[of_length, 0, 0]), help='position of the middle of the dip'), &
       parameter_t(of_w_D, 'width', 'along', [0, 1, 0], positive, 'x or a dip', &
-         monomial_t(0.1_wp, [of_length, 0, 0]), help='of a dip, a standard deviation, '// &
+         monomial_t(0.1_wp, [of_length, 0, 0]), help='standard deviation of the dip, '// &
          'at least half an element'), &
       parameter_t(of_d_D, 'depth', 'along', [0, 0, 0], share, 'x or a dip', &
-         monomial_t(0.1_wp), help='of a dip, the share that is missing in its middle'), &
+         monomial_t(0.1_wp), help='share of E that is missing in the middle of the dip'), &
       (parameter_t(m_S_at(i), 'm_S', 'sensor', [1, 0, 0], not_negative, '0', tenth_of_mass, &
          help='mass of the sensor', item=nth(i)), &
       parameter_t(J_S_at(i), 'J_S', 'sensor', [1, 2, 0], not_negative, '0', &
          monomial_t(1e-4_wp, [the_mass, of_length, 0], [1, 2, 1]), &
-         help='its rotary inertia', item=nth(i)), &
+         help='rotary inertia of the sensor', item=nth(i)), &
       parameter_t(x_S_at(i), 'x_S', 'sensor', [0, 1, 0], on_beam, 'the tip', &
          monomial_t(place=[of_length, 0, 0]), &
-         help='its place, where the motion is observed', item=nth(i)), i=1, most_sensors), &
+         help='position of the sensor, where the motion is observed', item=nth(i)), &
+      i=1, most_sensors), &
       (parameter_t(x_P_at(i), 'x_P', 'support', [0, 1, 0], on_beam, '', &
-         monomial_t(place=[of_length, 0, 0]), help='its place', item=nth(i)), &
+         monomial_t(place=[of_length, 0, 0]), help='position of the support', item=nth(i)), &
       parameter_t(kappa_P_at(i), 'k_P', 'support', [1, 0, -2], not_negative, 'rigid', &
          monomial_t(0.1_wp, [the_stiffness, 0, 0], [-1, 1, 1]), needs=kappa_P_at(i), &
-         is_reciprocal=.true., help='its stiffness; 0: no spring, a damper alone', item=nth(i)), &
+         is_reciprocal=.true., help='stiffness of the support; 0: a damper alone', item=nth(i)), &
       parameter_t(c_P_at(i), 'c_P', 'support', [1, 0, -1], not_negative, '0', &
          monomial_t(0.2_wp, [the_stiffness, the_omega, 0], [1, -1, 1]), needs=kappa_P_at(i), &
-         help='its damping, beside k_P', item=nth(i)), i=1, most_supports), &
+         help='damping coefficient of the support, beside k_P', item=nth(i)), i=1, most_supports), &
       parameter_t(amplitude, 'amplitude', 'excitation', [1, 1, -2], any_value, '', monomial_t(), &
-         help='of the force'), &
+         help='amplitude of a pulse or a release; factor of a table or of a base motion'), &
       parameter_t(offset, 'offset', 'record', [0, 0, 0], any_value, '0', monomial_t(), &
-         help='of the sensor, in the unit of the record'), &
+         help='offset of the sensor, in the unit of the record'), &
       (parameter_t(E_at(i), 'E', 'E(x)', [1, -1, -2], positive, '', &
          monomial_t(place=[of_E, 0, 0]), help='coefficient of E(x)', item=nth(i)), &
       i=1, most_coefficients), &
@@ -133,17 +145,17 @@ module beamid_parameters
          monomial_t(place=[of_c_D, 0, 0]), needs=of_c_D, help='coefficient of c_D(x)', &
          item=nth(i)), i=1, most_coefficients)]
 
-   !> Every row is where its place says: otherwise this divides by zero.
+   !> Checks at compile time that every row stands at its number: otherwise this divides by zero.
    integer, parameter :: in_order = 1/merge(1, 0, all(parameters%place == &
       [(i, i=1, size(parameters))]))
 
-   !> Keys of all rows. flang 19 does not evaluate `parameters%name`, the array of a text component.
+   !> Names of all rows. flang 19 does not evaluate `parameters%name`, an array of a text component.
    character(len=*), parameter :: free_names(size(parameters)) = &
       [(parameters(i)%name, i=1, size(parameters))]
 
 contains
 
-   !> How the case file calls parameter k.
+   !> Returns the key of parameter k in the case file.
    pure function key_of(k) result(key)
       integer, intent(in) :: k
       character(len=:), allocatable :: key
@@ -152,7 +164,8 @@ contains
       if (parameters(k)%key /= '') key = trim(parameters(k)%key)
    end function key_of
 
-   !> Place of the first row with a key.
+   !> Returns the number of the first parameter of a name (in any case) that a fit may estimate, or
+   !> 0.
    pure integer function free_index(key)
       character(len=*), intent(in) :: key
 
@@ -163,8 +176,8 @@ contains
       free_index = 0
    end function free_index
 
-   !> Whether a row means something in a structure: there are as many sensors, one at least, and
-   !> supports.
+   !> Returns whether parameter k exists in a structure: its sensor (there is always one), support,
+   !> dip or coefficient must exist.
    elemental logical function is_there(structure, k)
       type(structure_t), intent(in) :: structure
       integer, intent(in) :: k
@@ -178,8 +191,8 @@ contains
          structure%variations%along(function_of(k))%coefficients
    end function is_there
 
-   !> Name of parameter k as it is printed: of one of several sensors or supports 'm_S.a', where
-   !> that one has a name.
+   !> Returns the printed name of parameter k. If there are several sensors or supports, the name of
+   !> the sensor or support follows ('m_S.a'); a coefficient is followed by its number ('E.3').
    elemental function name_of_parameter(structure, k) result(name)
       type(structure_t), intent(in) :: structure
       integer, intent(in) :: k
@@ -192,8 +205,9 @@ contains
       if (is_coefficient(k)) name = trim(name)//'.'//to_text(parameters(k)%item)
    end function name_of_parameter
 
-   !> Place of what a fit may free, by its name in any case, with that of the sensor or support
-   !> behind a point where there is more than one; 0 when there is none.
+   !> Returns the number of the parameter with a given printed name that a fit may estimate, or 0.
+   !> Upper and lower case are equal. The suffix of a sensor or support ('m_S.a') is required if
+   !> there are several, and allowed if there is one.
    elemental integer function place_of_name(structure, name) result(place)
       type(structure_t), intent(in) :: structure
       character(len=*), intent(in) :: name
@@ -201,13 +215,13 @@ contains
       do place = size(parameters), 1, -1
          if (.not. (parameters(place)%is_free .and. is_there(structure, place))) cycle
          if (lower(trim(name_of_parameter(structure, place))) == lower(trim(name))) return
-         ! The only one of its kind may be called by its name all the same.
+         ! The suffix is allowed for the only sensor or support, too.
          if (index(name, '.') < len_trim(name) .and. &
             lower(trim(name)) == lower(trim(labelled(structure, place)))) return
       end do
    end function place_of_name
 
-   !> A name with that of its sensor or support, whether there are others or not.
+   !> Returns the name of parameter k with the name of its sensor or support as a suffix.
    pure function labelled(structure, k) result(name)
       type(structure_t), intent(in) :: structure
       integer, intent(in) :: k
@@ -220,7 +234,7 @@ contains
       end associate
    end function labelled
 
-   !> Value of parameter k.
+   !> Returns the value of parameter k, which may be the amplitude; the offset is returned as 0.
    pure real(wp) function get_free(structure, excitation, k) result(value)
       type(structure_t), intent(in) :: structure
       type(excitation_t), intent(in) :: excitation
@@ -235,7 +249,7 @@ contains
       end if
    end function get_free
 
-   !> Gives parameter k a value.
+   !> Sets parameter k, which may be the amplitude, to a value; the offset is ignored.
    pure subroutine set_free(structure, excitation, k, value)
       type(structure_t), intent(inout) :: structure
       type(excitation_t), intent(inout) :: excitation
@@ -249,8 +263,9 @@ contains
       end if
    end subroutine set_free
 
-   !> The value of parameter k that its name means from the one that a structure holds, or the other
-   !> way round: a stiffness and its reciprocal, 0 and infinity.
+   !> Converts a value of parameter k between the quantity that the user names (a stiffness) and the
+   !> quantity that the structure holds (its compliance), in either direction. 0 becomes infinity,
+   !> and infinity or `huge` becomes 0. Values of all other parameters are returned unchanged.
    elemental real(wp) function as_named(k, value)
       integer, intent(in) :: k
       real(wp), intent(in) :: value
@@ -266,7 +281,7 @@ contains
       end if
    end function as_named
 
-   !> What a moderate value of parameter k is.
+   !> Returns a moderate value of parameter k, which may be the amplitude: then its own modulus.
    pure real(wp) function free_magnitude(structure, excitation, k) result(value)
       type(structure_t), intent(in) :: structure
       type(excitation_t), intent(in) :: excitation
@@ -276,7 +291,7 @@ contains
       if (k == amplitude .and. abs(excitation%amplitude) > 0) value = abs(excitation%amplitude)
    end function free_magnitude
 
-   !> What one would call a moderate value of a parameter in this structure.
+   !> Returns the moderate value of parameter k in a structure, as the table defines it.
    pure real(wp) function magnitude(structure, k)
       type(structure_t), intent(in) :: structure
       integer, intent(in) :: k
@@ -287,14 +302,14 @@ contains
       end associate
    end function magnitude
 
-   !> Masses, damping and stiffness cannot be negative, a force can.
+   !> Returns whether parameter k may be negative (a force or an offset).
    elemental logical function may_be_negative(k)
       integer, intent(in) :: k
 
       may_be_negative = parameters(k)%range == any_value
    end function may_be_negative
 
-   !> m_H, c_H and k_H mean nothing without a hose.
+   !> Returns whether parameter k has no effect without a hose (m_H, c_H and k_H).
    elemental logical function belongs_to_hose(k)
       integer, intent(in) :: k
 

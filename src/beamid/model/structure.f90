@@ -1,10 +1,13 @@
-!> The structure of Figure 2.3: a clamped beam with Kelvin-Voigt damping, a tip mass, and a hose
-!> that acts as a mass on a dashpot and a spring at the tip; q = (m_T, E, c_D, m_H, c_H, k_H) of
-!> Section 2. What a beam on a bench has besides: air damping, rotary inertia of the tip mass, a
-!> clamp that gives way, sensors with a mass anywhere, supports, its own weight, an axial force.
+!> The structure: a beam with everything attached to it, described by the values of its parameters.
 !>
-!> A structure is its parameters and little else. What is known of each of them is in
-!> `beamid_parameters`, what they do to the beam in `beamid_terms`.
+!> The structure of Figure 2.3 is a clamped beam with Kelvin-Voigt damping, a tip mass, and a hose
+!> modelled as a mass on a dashpot and a spring at the tip; its parameters are
+!> q = (m_T, E, c_D, m_H, c_H, k_H) of Section 2. A beam on a test bench may also have air damping,
+!> rotary inertia at the tip, a compliant clamp, sensors with mass at any position, supports, its
+!> own weight, and an axial force.
+!>
+!> `beamid_parameters` describes each parameter (name, unit, range, help), and `beamid_terms` states
+!> how the parameters enter M, C, K and F. This module also computes static deflections.
 module beamid_structure
    use beamid_columns, only: column_buckles, column_deflection, column_t, new_column
    use beamid_kinds, only: wp
@@ -15,64 +18,72 @@ module beamid_structure
 
    public :: structure_t, same_structure, values_of, is_coefficient, function_of
 
-   !> A place that nobody has chosen: the tip.
+   !> Value of a position that the user has not given; the position is then the tip.
    real(wp), parameter, public :: at_tip = -1
 
    !> Compliance of a support without a spring.
    real(wp), parameter, public :: no_spring = huge(1.0_wp)
-   !> Sensors and supports at most.
+   !> Largest number of sensors and of supports.
    integer, parameter, public :: most_sensors = 8, most_supports = 8
-   !> Of the name of a sensor or a support.
+   !> Length of the name of a sensor or a support.
    integer, parameter, public :: item_name_length = 12
 
+   !> A sensor (accelerometer) on the beam.
    type, public :: sensor_t
-      real(wp) :: m_S = 0            !< mass
-      real(wp) :: J_S = 0            !< rotary inertia
-      real(wp) :: x_S = at_tip       !< where it sits and observes
+      real(wp) :: m_S = 0            !< mass [mass]
+      real(wp) :: J_S = 0            !< rotary inertia [mass length**2]
+      real(wp) :: x_S = at_tip       !< position, where the motion is observed [length]
    end type sensor_t
 
-   !> A spring and a dashpot to the ground.
+   !> A support: a spring and a dashpot between the beam and the ground.
    type, public :: support_t
-      real(wp) :: x_P = 0            !< its place
-      real(wp) :: kappa_P = 0        !< compliance, 1/k_P; 0: rigid; `no_spring`: none
-      real(wp) :: c_P = 0            !< damping
+      real(wp) :: x_P = 0            !< position [length]
+      !> compliance 1/k_P [length/force]; 0: rigid; `no_spring`: no spring, a dashpot alone
+      real(wp) :: kappa_P = 0
+      real(wp) :: c_P = 0            !< damping coefficient [mass/time]
    end type support_t
 
-   !> The parameters in any consistent set of units: each component is a real(wp), and in this order
-   !> they have their places: `values_of` counts on it.
+   !> The values of all parameters, in any consistent set of units. Every component is of kind
+   !> real(wp); the order of the components defines the number of each parameter (see `values_of`).
    type :: values_t
-      real(wp) :: m_T = 0            !< tip mass
-      real(wp) :: E = 0              !< modulus of elasticity
-      real(wp) :: c_D = 0            !< Kelvin-Voigt viscosity
-      real(wp) :: m_H = 0            !< hose mass; 0 means that there is no hose
-      real(wp) :: c_H = 0            !< hose damping
-      real(wp) :: k_H = 0            !< hose stiffness
-      real(wp) :: rho = 0            !< mass per unit length
-      real(wp) :: gamma = 0          !< air damping, gamma u_t
-      real(wp) :: J_T = 0            !< rotary inertia at the tip
-      real(wp) :: kappa_R = 0        !< compliance of the clamp, 1/k_R; 0: rigid
-      real(wp) :: c_R = 0            !< viscous damper at the root
-      real(wp) :: length = 0         !< l
-      real(wp) :: I = 0              !< second moment of the cross section
-      real(wp) :: x_F = at_tip       !< where a force acts
-      real(wp) :: g = 0              !< gravity, along the beam
-      real(wp) :: T = 0              !< axial force, tension > 0
-      real(wp) :: x_D = 0            !< where the stiffness has a dip
-      real(wp) :: w_D = 0            !< its width, a standard deviation; 0: there is none
-      real(wp) :: d_D = 0            !< by what share of E it goes down
+      real(wp) :: m_T = 0            !< tip mass [mass]
+      real(wp) :: E = 0              !< modulus of elasticity [force/length**2]
+      real(wp) :: c_D = 0            !< Kelvin-Voigt viscosity [force time/length**2]
+      real(wp) :: m_H = 0            !< hose mass [mass]; 0: no hose
+      real(wp) :: c_H = 0            !< hose damping [mass/time]
+      real(wp) :: k_H = 0            !< hose stiffness [force/length]
+      real(wp) :: rho = 0            !< mass per unit length [mass/length]
+      real(wp) :: gamma = 0          !< air damping, a force gamma u_t per length [mass/length/time]
+      real(wp) :: J_T = 0            !< rotary inertia at the tip [mass length**2]
+      real(wp) :: kappa_R = 0        !< compliance of the clamp, 1/k_R [1/(force length)]; 0: rigid
+      real(wp) :: c_R = 0            !< rotational viscous damper at the root [force length time]
+      real(wp) :: length = 0         !< length l of the beam [length]
+      real(wp) :: I = 0              !< second moment of area of the cross section [length**4]
+      real(wp) :: x_F = at_tip       !< position where a force acts [length]
+      real(wp) :: g = 0              !< acceleration of gravity, along the beam [length/time**2]
+      real(wp) :: T = 0              !< axial force, tension > 0 [force]
+      real(wp) :: x_D = 0            !< centre of a local reduction (dip) of the stiffness [length]
+      real(wp) :: w_D = 0            !< width of the dip, a standard deviation [length]; 0: no dip
+      real(wp) :: d_D = 0            !< depth of the dip, as a share of E [1]
+      !> the sensors; `structure_t%sensors` exist
       type(sensor_t) :: sensor(most_sensors) = sensor_t()
+      !> the supports; `structure_t%supports` exist
       type(support_t) :: support(most_supports) = support_t()
    end type values_t
 
+   !> The values of the parameters together with the settings that are not parameters.
    type, extends(values_t) :: structure_t
-      integer :: sensors = 0         !< how many there are
-      integer :: supports = 0
-      integer :: observer = 1        !< the sensor whose motion is observed
-      logical :: stands = .false.    !< gravity presses, the root is below; else the beam hangs
-      logical :: root_is_free = .false.   !< a fit looks for the compliance of the clamp, 0 included
-      character(len=item_name_length) :: sensor_name(most_sensors) = '', &
-         support_name(most_supports) = ''
-      type(variations_t) :: variations = variations_t()   !< what varies along the beam
+      integer :: sensors = 0         !< number of sensors
+      integer :: supports = 0        !< number of supports
+      integer :: observer = 1        !< number of the sensor whose motion is observed
+      !> .true.: the beam stands on its root, so that its weight compresses it; .false.: it hangs
+      logical :: stands = .false.
+      !> a fit estimates the compliance of the clamp, which may become 0 in the search
+      logical :: root_is_free = .false.
+      character(len=item_name_length) :: sensor_name(most_sensors) = '', &   !< names of sensors
+         support_name(most_supports) = ''                                    !< names of supports
+      !> variation of the properties along the beam
+      type(variations_t) :: variations = variations_t()
    contains
       procedure :: has_hose
       procedure :: has_root_spring
@@ -97,12 +108,12 @@ module beamid_structure
       procedure :: factor_slopes
    end type structure_t
 
-   !> How many parameters there are, and how many of them do not repeat.
+   !> Number of all parameters, and number of parameters that belong to no sensor or support.
    integer, parameter, public :: n_parameters = storage_size(values_t())/storage_size(1.0_wp), &
       n_single = n_parameters - (storage_size(sensor_t())*most_sensors &
       + storage_size(support_t())*most_supports)/storage_size(1.0_wp)
 
-   !> Places of the parameters: every component of this holds its own.
+   !> Numbers of the parameters. Every component of `of` holds its own position in `values_t`.
    integer :: i
    type(values_t), parameter :: of = transfer([(real(i, wp), i=1, n_parameters)], values_t())
    integer, parameter, public :: of_m_T = nint(of%m_T), of_E = nint(of%E), &
@@ -112,25 +123,26 @@ module beamid_structure
       of_length = nint(of%length), of_I = nint(of%I), of_x_F = nint(of%x_F), &
       of_g = nint(of%g), of_T = nint(of%T), of_x_D = nint(of%x_D), of_w_D = nint(of%w_D), &
       of_d_D = nint(of%d_D)
-   !> Those of each sensor and of each support.
+   !> Numbers of the parameters of each sensor and of each support.
    integer, parameter, public :: &
       m_S_at(most_sensors) = [(n_single + 3*i - 2, i=1, most_sensors)], &
       J_S_at(most_sensors) = m_S_at + 1, x_S_at(most_sensors) = m_S_at + 2, &
       x_P_at(most_supports) = [(n_single + 3*(most_sensors + i) - 2, i=1, most_supports)], &
       kappa_P_at(most_supports) = x_P_at + 1, c_P_at(most_supports) = x_P_at + 2
-   !> Coefficients of E(x) and of c_D(x) at most, and their places: behind amplitude and offset.
+   !> Largest number of coefficients of E(x) and of c_D(x), and the numbers of these parameters,
+   !> which follow the amplitude and the offset of `beamid_parameters`.
    integer, parameter, public :: most_coefficients = 64, &
       E_at(most_coefficients) = [(n_parameters + 2 + i, i=1, most_coefficients)], &
       c_D_at(most_coefficients) = E_at + most_coefficients, &
       coefficient_at(most_coefficients, 2) = reshape([E_at, c_D_at], [most_coefficients, 2])
-   !> Of each function the parameter that all its coefficients are before a fit.
+   !> The parameter whose value all coefficients of E(x), or of c_D(x), have before a fit.
    integer, parameter :: common_of(2) = [of_E, of_c_D]
-   !> Of the first sensor, or the only one.
+   !> Numbers of the parameters of the first sensor.
    integer, parameter, public :: of_m_S = m_S_at(1), of_J_S = J_S_at(1), of_x_S = x_S_at(1)
 
 contains
 
-   !> The parameters by place.
+   !> Returns the values of all parameters, indexed by parameter number.
    pure function values_of(structure) result(q)
       type(structure_t), intent(in) :: structure
       real(wp) :: q(n_parameters)
@@ -138,14 +150,15 @@ contains
       q = transfer(structure%values_t, q, n_parameters)
    end function values_of
 
-   !> Whether a parameter is a coefficient of E(x) or c_D(x).
+   !> Returns whether parameter k is a coefficient of E(x) or c_D(x).
    elemental logical function is_coefficient(k)
       integer, intent(in) :: k
 
       is_coefficient = k >= E_at(1)
    end function is_coefficient
 
-   !> Of which function a parameter is a coefficient, of_E_x or of_c_D_x; 0: of none.
+   !> Returns the function of which parameter k is a coefficient: `of_E_x`, `of_c_D_x`, or 0 for any
+   !> other parameter.
    elemental integer function function_of(k)
       integer, intent(in) :: k
 
@@ -153,21 +166,21 @@ contains
       if (is_coefficient(k)) function_of = merge(of_c_D_x, of_E_x, k >= c_D_at(1))
    end function function_of
 
-   !> Without a hose the coordinate y is absent from the equations.
+   !> Returns whether there is a hose; without it the equations have no coordinate y.
    pure logical function has_hose(self)
       class(structure_t), intent(in) :: self
 
       has_hose = self%m_H > 0
    end function has_hose
 
-   !> Whether the clamp gives way, or may do so in a fit.
+   !> Returns whether the clamp is compliant, or may become so in a fit.
    pure logical function has_root_spring(self)
       class(structure_t), intent(in) :: self
 
       has_root_spring = self%kappa_R > 0 .or. self%root_is_free
    end function has_root_spring
 
-   !> Returns whether support p has a spring; it may have a damper alone.
+   !> Returns whether support p has a spring, rigid or not; a support may have a damper alone.
    pure logical function has_spring(self, p)
       class(structure_t), intent(in) :: self
       integer, intent(in) :: p
@@ -175,14 +188,14 @@ contains
       has_spring = self%support(p)%kappa_P < no_spring
    end function has_spring
 
-   !> How many supports do not give way.
+   !> Returns the number of rigid supports.
    pure integer function rigid_supports(self)
       class(structure_t), intent(in) :: self
 
       rigid_supports = count(.not. self%support(:self%supports)%kappa_P > 0)
    end function rigid_supports
 
-   !> Whether a parameter by its place has a value that does something.
+   !> Returns whether parameter k has a value above 0, so that it has an effect.
    pure logical function is_given(self, k)
       class(structure_t), intent(in) :: self
       integer, intent(in) :: k
@@ -190,7 +203,7 @@ contains
       is_given = self%get(k) > 0
    end function is_given
 
-   !> Where on the beam the parameter k puts something [length].
+   !> Returns the position on the beam that parameter k stands for [length].
    pure real(wp) function place(self, k)
       class(structure_t), intent(in) :: self
       integer, intent(in) :: k
@@ -200,7 +213,7 @@ contains
       place = merge(self%length, q(k), self%follows_tip(k))
    end function place
 
-   !> Whether nobody has chosen the place that the parameter k is: then it is the tip.
+   !> Returns whether the position that parameter k stands for is the tip because none was given.
    pure logical function follows_tip(self, k)
       class(structure_t), intent(in) :: self
       integer, intent(in) :: k
@@ -210,14 +223,15 @@ contains
       follows_tip = q(k) < 0
    end function follows_tip
 
-   !> Position of the sensor that observes [length].
+   !> Returns the position of the observing sensor [length].
    pure real(wp) function sensor_place(self)
       class(structure_t), intent(in) :: self
 
       sensor_place = self%place(x_S_at(self%observer))
    end function sensor_place
 
-   !> Value of a parameter by its place.
+   !> Returns the value of parameter k. A position that was not given is returned as the length, and
+   !> a coefficient that was not set as the value of E or c_D.
    pure real(wp) function get(self, k)
       class(structure_t), intent(in) :: self
       integer, intent(in) :: k
@@ -236,7 +250,7 @@ contains
       if (k == of_x_F .or. any(x_S_at == k)) get = self%place(k)
    end function get
 
-   !> Gives a parameter a value.
+   !> Sets parameter k to a value.
    pure subroutine set(self, k, value)
       class(structure_t), intent(inout) :: self
       integer, intent(in) :: k
@@ -256,7 +270,8 @@ contains
       end if
    end subroutine set
 
-   !> Coefficient j; the others keep theirs, or the value that all have had in common.
+   !> Sets coefficient j of a field. The other coefficients keep their values; if none was set
+   !> before, they become `common`, the value of the uniform property.
    pure subroutine set_coefficient(along, j, common, value)
       type(field_t), intent(inout) :: along
       integer, intent(in) :: j
@@ -266,7 +281,7 @@ contains
       along%value(j) = value
    end subroutine set_coefficient
 
-   !> Whether two structures are alike to the last digit, and observed at the same sensor.
+   !> Returns whether two structures have exactly equal parameters and the same observing sensor.
    pure logical function same_structure(a, b)
       type(structure_t), intent(in) :: a, b
 
@@ -276,6 +291,7 @@ contains
          all(same_values(a%variations%along, b%variations%along))
    end function same_structure
 
+   !> Returns whether two fields have exactly equal coefficients, or both have none.
    elemental logical function same_values(a, b)
       type(field_t), intent(in) :: a, b
 
@@ -284,14 +300,15 @@ contains
       if (same_values .and. allocated(a%value)) same_values = all(abs(a%value - b%value) <= 0)
    end function same_values
 
-   !> Whether the stiffness has a dip, or may have one in a fit.
+   !> Returns whether the stiffness has a dip, or may have one in a fit.
    pure logical function has_dip(self)
       class(structure_t), intent(in) :: self
 
       has_dip = self%w_D > 0
    end function has_dip
 
-   !> Whether parameters say how E or c_D vary, beyond what is known of it.
+   !> Returns whether E or c_D vary along the beam by estimated parameters (coefficients or a dip),
+   !> in addition to the known variation.
    pure logical function varies_further(self)
       class(structure_t), intent(in) :: self
 
@@ -299,9 +316,10 @@ contains
          allocated(self%variations%along(of_c_D_x)%value)
    end function varies_further
 
-   !> E(x) and c_D(x) over E and c_D, beyond what is known of them.
+   !> Returns E(x)/E and c_D(x)/c_D at one position, without the factors of the known variation.
    !>
-   !> xi  x/l, 0 .. 1
+   !> xi      position x/l, 0 .. 1
+   !> result  (2) factor of E, factor of c_D
    pure function factors(self, xi)
       class(structure_t), intent(in) :: self
       real(wp), intent(in) :: xi
@@ -318,7 +336,7 @@ contains
       if (self%has_dip()) factors(of_E_x) = factors(of_E_x)*(1 - self%d_D*dip_at(self, xi))
    end function factors
 
-   !> The dip by itself, 1 at its place.
+   !> Returns the shape of the dip, a Gaussian of height 1, at xi = x/l.
    pure real(wp) function dip_at(self, xi)
       type(structure_t), intent(in) :: self
       real(wp), intent(in) :: xi
@@ -326,10 +344,11 @@ contains
       dip_at = exp(-((xi*self%length - self%x_D)/self%w_D)**2/2)
    end function dip_at
 
-   !> Their derivatives with respect to parameters, the place xi on the beam being kept.
+   !> Returns the derivatives of `factors` with respect to parameters, at constant xi.
    !>
-   !> parameters  (n)
-   !> slopes      (2, n)
+   !> xi          position x/l, 0 .. 1
+   !> parameters  (n) numbers of the parameters
+   !> slopes      (2, n) derivatives of the factor of E and of the factor of c_D
    pure function factor_slopes(self, xi, parameters) result(slopes)
       class(structure_t), intent(in) :: self
       real(wp), intent(in) :: xi
@@ -347,7 +366,7 @@ contains
             along(a) = sum(share*self%variations%along(a)%value)/uniform(a)
          do p = 1, size(parameters)
             if (function_of(parameters(p)) == a) then
-               ! Also where all coefficients have one value in common.
+               ! This holds also if no coefficient is set and all equal E or c_D.
                slopes(a, p) = share(parameters(p) - coefficient_at(1, a) + 1)/uniform(a)
             else if (parameters(p) == common_of(a) .and. &
                allocated(self%variations%along(a)%value)) then
@@ -375,15 +394,15 @@ contains
       end do
    end function factor_slopes
 
-   !> Static stiffness where the force acts [force/length].
+   !> Returns the static stiffness at the position of the force, x_F [force/length].
    pure real(wp) function stiffness(self)
       class(structure_t), intent(in) :: self
 
       stiffness = 1/self%static_deflection(self%place(of_x_F))
    end function stiffness
 
-   !> Relative change of that stiffness per unit of a parameter, by a step so small and imaginary
-   !> that nothing cancels (Squire and Trapp, SIAM Review 40, 1998, 110).
+   !> Returns the derivative of log(`stiffness`) with respect to parameter k, computed by a complex
+   !> step, which has no cancellation (Squire and Trapp, SIAM Review 40, 1998, 110).
    pure real(wp) function stiffening(self, k)
       class(structure_t), intent(in) :: self
       integer, intent(in) :: k
@@ -403,7 +422,7 @@ contains
       if (moved > 0) stiffening = -aimag(deflection)/(real(deflection)*moved)
    end function stiffening
 
-   !> Deflection at x under a unit static force where the force acts [length/force].
+   !> Returns the deflection at x under a unit static force at x_F [length/force].
    pure real(wp) function static_deflection(self, x)
       class(structure_t), intent(in) :: self
       real(wp), intent(in) :: x
@@ -414,7 +433,8 @@ contains
          wp)))
    end function static_deflection
 
-   !> Static stiffness of the tip without supports, 3 E I/l**3 with a rigid root [force/length].
+   !> Returns the static stiffness of the tip without supports [force/length]; it is 3 E I/l**3 if
+   !> the clamp is rigid and the beam uniform.
    pure real(wp) function tip_stiffness(self)
       class(structure_t), intent(in) :: self
       complex(wp) :: q(n_parameters)
@@ -423,17 +443,20 @@ contains
       tip_stiffness = 1/real(bare_influence(self, q, q(of_length), q(of_length)))
    end function tip_stiffness
 
-   !> Deflection at x under a unit force at xi: that of the bare beam, minus what the force of each
-   !> support in turn takes back.
+   !> Returns the influence function: the deflection at x under a unit force at xi, supports
+   !> included [length/force]. The flexibility matrix of the positions x, xi and x_P is that of the
+   !> beam without supports, from which a rank-one update eliminates each support in turn.
    !>
-   !> q         parameters by place
-   !> k, moved  a parameter, and the imaginary part of its step
+   !> q         (n_parameters) values of the parameters, which may carry an imaginary step
+   !> x, xi     positions of the deflection and of the force [length]
+   !> k, moved  number of the parameter that carries the step, and the step's imaginary part
    pure complex(wp) function influence(self, q, x, xi, k, moved)
       type(structure_t), intent(in) :: self
       complex(wp), intent(in) :: q(:), x, xi
       integer, intent(in), optional :: k
       real(wp), intent(in), optional :: moved
-      complex(wp) :: places(self%supports + 2), a(self%supports + 2, self%supports + 2), held
+      complex(wp) :: places(self%supports + 2), a(self%supports + 2, self%supports + 2)
+      complex(wp) :: total_compliance
       integer :: i, j, p
 
       places = [x, xi, q(x_P_at(:self%supports))]
@@ -449,13 +472,14 @@ contains
       do p = 1, self%supports
          if (.not. self%has_spring(p)) cycle
          i = p + 2
-         held = a(i, i) + q(kappa_P_at(p))
-         a = a - spread(a(:, i), 2, size(places))*spread(a(i, :), 1, size(places))/held
+         total_compliance = a(i, i) + q(kappa_P_at(p))
+         a = a - spread(a(:, i), 2, size(places))*spread(a(i, :), 1, size(places))/total_compliance
       end do
       influence = a(1, 2)
    end function influence
 
-   !> Returns the beam under its axial force, in pieces that end at given places too.
+   !> Returns the beam under its axial force and weight as a `column_t`. Its pieces end at the
+   !> positions `places` and at every sensor.
    pure function column_of(self, q, places) result(column)
       type(structure_t), intent(in) :: self
       complex(wp), intent(in) :: q(:), places(:)
@@ -469,7 +493,7 @@ contains
       carried = q(m_S_at)
       ends = [(0.0_wp, 0.0_wp), places, at, q(of_length)]
       call sort_by_place(ends)
-      ! Complex places: which ends they are, not on which side of them.
+      ! The positions are complex: find the end that each equals, instead of comparing positions.
       last = [(minloc(abs(ends - at(i)), dim=1), i=1, most_sensors)]
       do i = 1, size(N)
          N(i) = q(of_T) + weight*(q(of_m_T) + q(of_rho)*(q(of_length) - ends(i)) &
@@ -479,7 +503,7 @@ contains
          spread(-weight*q(of_rho), 1, size(N)))
    end function column_of
 
-   !> Ascending, by insertion.
+   !> Sorts positions in ascending order of their real parts, by insertion.
    pure subroutine sort_by_place(x)
       complex(wp), intent(inout) :: x(:)
       complex(wp) :: next
@@ -507,12 +531,12 @@ contains
       load = load*self%length**2/(self%E*self%I)
    end function axial_load
 
-   !> Whether axial force and weight buckle the beam; supports are not counted.
+   !> Returns whether axial force and weight buckle the beam without its supports. The result is
+   !> .false. for a beam whose stiffness varies: its roots show whether it buckles.
    pure logical function buckles(self)
       class(structure_t), intent(in) :: self
       complex(wp) :: q(n_parameters)
 
-      ! That of a beam that varies is seen by its roots.
       buckles = .false.
       if (self%variations%are_known() .or. self%varies_further()) return
       if (.not. (self%T < 0 .or. self%stands .and. self%g > 0)) return
@@ -520,7 +544,7 @@ contains
       buckles = column_buckles(column_of(self, q, q(of_length:of_length)))
    end function buckles
 
-   !> The same without supports.
+   !> Returns the influence function without supports and axial force (arguments of `influence`).
    pure complex(wp) function bare_influence(self, q, x, xi, k, moved)
       type(structure_t), intent(in) :: self
       complex(wp), intent(in) :: q(:), x, xi
@@ -536,9 +560,10 @@ contains
       bare_influence = bent/(q(of_E)*q(of_I)) + near*far*q(of_kappa_R)
    end function bare_influence
 
-   !> Integral of (near - t)(far - t)/f from the root to `near`, f the factor of the stiffness, by
-   !> Gauss points between the places where it is not smooth. The integrand vanishes at its end:
-   !> what moves that counts for nothing.
+   !> Returns the integral of (near - t)(far - t)/f(t), t from the root to `near`; f is the factor
+   !> of the stiffness. Gauss-Legendre quadrature is applied between the positions where f is not
+   !> smooth. The integrand vanishes at t = near, so that the imaginary part of this end does not
+   !> contribute.
    pure complex(wp) function varied_bending(self, length, near, far, k, moved) result(bent)
       type(structure_t), intent(in) :: self
       complex(wp), intent(in) :: length, near, far
@@ -575,8 +600,8 @@ contains
       end do
    end function varied_bending
 
-   !> Rayleigh's estimate of the first angular frequency without supports [1/time]: the static tip
-   !> stiffness against the tip mass and 33/140 of the beam's.
+   !> Returns Rayleigh's estimate of the first natural angular frequency without supports [1/time],
+   !> from the static tip stiffness, the tip mass and 33/140 of the beam's mass.
    pure real(wp) function omega(self)
       class(structure_t), intent(in) :: self
 

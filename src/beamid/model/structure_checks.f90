@@ -1,4 +1,5 @@
-!> Refuses structures that are physically impossible or numerically out of proportion.
+!> Checks of a structure before it is used: refuses values that are physically impossible or
+!> numerically out of proportion, and loads that buckle the beam.
 module beamid_structure_checks
    use beamid_errors, only: bad_input, error_t, failure, locate, status_bad_input
    use beamid_kinds, only: wp
@@ -13,29 +14,30 @@ module beamid_structure_checks
 
    public :: check_structure, check_axial_load, add_unit_hint, furthest_parameter
 
-   !> Largest axial force, as a multiple of E I/length**2: 500 times the length over which the force
-   !> bends the beam. Beyond that a beam in tension is a string with two boundary layers, which no
-   !> practical mesh resolves; in compression it has buckled long before.
+   !> Largest axial force, as a multiple of E I/length**2. At this force the beam is 500 times as
+   !> long as sqrt(E I/N), the length over which the force bends it. Under a larger tension the beam
+   !> is a string with two boundary layers, which no practical mesh resolves; under compression it
+   !> has buckled at a much smaller force.
    real(wp), parameter :: greatest_load = 2.5e5_wp
-   !> An axial force that suggests inconsistent units.
+   !> Axial force, as a multiple of E I/length**2, that suggests inconsistent units.
    real(wp), parameter :: suspicious_load = 1e3_wp
-   !> Smallest and largest dimensions, mass and modulus in any units: their powers and products stay
-   !> far from overflow and underflow.
+   !> Smallest and largest values of length, I, rho and E in any units: their powers and products
+   !> stay far from overflow and underflow.
    real(wp), parameter :: smallest = 1e-40_wp, largest = 1e40_wp
    !> Range of the first natural frequency of the bare beam [1/time].
    real(wp), parameter :: slowest = 1e-20_wp, fastest = 1e20_wp
-   !> Largest ratio of a parameter to a moderate value. Round-off of the larger term hides the
-   !> smaller one beyond 1/epsilon, about 1e16.
+   !> Largest ratio of a parameter to its moderate value. At a ratio of 1/epsilon, about 1e16, the
+   !> round-off of the larger term would hide the smaller one.
    real(wp), parameter :: greatest_ratio = 1e14_wp
-   !> Smallest distance from the root, as a share of the length.
+   !> Smallest distance of a position from the root, as a share of the length.
    real(wp), parameter :: nearest = 1e-9_wp
 
 contains
 
-   !> Refuses values outside their physical ranges, values out of proportion, and buckling. The
-   !> message starts with the key of the parameter.
+   !> Refuses values outside their physical ranges, values out of proportion, and buckling.
    !>
-   !> place  of that parameter in the table
+   !> error  the message starts with the key of the offending parameter
+   !> place  number of that parameter
    subroutine check_structure(structure, error, place)
       type(structure_t), intent(in) :: structure
       type(error_t), allocatable, intent(out) :: error
@@ -46,7 +48,7 @@ contains
          if (present(place)) place = k
          if (.not. is_there(structure, k)) cycle
          call check_range(structure, k, error)
-         if (.not. allocated(error)) call check_company(structure, k, error)
+         if (.not. allocated(error)) call check_combination(structure, k, error)
          if (allocated(error)) return
       end do
       call check_frequency(structure, k, error)
@@ -58,6 +60,7 @@ contains
       if (present(place)) place = k
    end subroutine check_structure
 
+   !> Refuses a value of parameter k outside its range in the table of parameters.
    subroutine check_range(structure, k, error)
       type(structure_t), intent(in) :: structure
       integer, intent(in) :: k
@@ -81,8 +84,9 @@ contains
          to_text(value)//', expected '//expected)
    end subroutine check_range
 
-   !> Refuses a value that means nothing without another one, or beside another one.
-   subroutine check_company(structure, k, error)
+   !> Refuses a value of parameter k that has no effect without another parameter, and two supports
+   !> at one position.
+   subroutine check_combination(structure, k, error)
       type(structure_t), intent(in) :: structure
       integer, intent(in) :: k
       type(error_t), allocatable, intent(out) :: error
@@ -98,11 +102,12 @@ contains
             1e-6_wp*structure%length)) call bad_input(error, 'x_P: found two supports at '// &
             to_text(structure%support(item)%x_P)//', expected one in one place')
       end associate
-   end subroutine check_company
+   end subroutine check_combination
 
-   !> Refuses a bare beam whose first natural frequency is beyond any unit of time.
+   !> Refuses a bare beam whose dimensions, mass, modulus or first natural frequency are outside the
+   !> range of any system of units.
    !>
-   !> place  of the parameter that is furthest from 1
+   !> place  number of the parameter (E, I, length or rho) that is furthest from 1
    subroutine check_frequency(structure, place, error)
       type(structure_t), intent(in) :: structure
       integer, intent(out) :: place
@@ -131,15 +136,17 @@ contains
          ', expected '//to_text(slowest)//' to '//to_text(fastest)//': check the units')
    end subroutine check_frequency
 
-   !> Returns the clamped beam with nothing on it.
+   !> Returns the clamped beam without attachments and loads.
    type(structure_t) function bare_beam(structure) result(bare)
       type(structure_t), intent(in) :: structure
 
       bare = structure_t(length=structure%length, rho=structure%rho, E=structure%E, I=structure%I)
    end function bare_beam
 
-   !> Refuses masses, springs and dampers that are larger than those of the beam beyond proportion,
-   !> and places that are as good as at the root.
+   !> Refuses masses, springs and dampers that exceed `greatest_ratio` times the moderate value for
+   !> the bare beam, and positions closer than `nearest` to the root.
+   !>
+   !> place  number of the parameter that was checked last, at fault if there is an error
    subroutine check_proportions(structure, place, error)
       type(structure_t), intent(in) :: structure
       integer, intent(out) :: place
@@ -172,8 +179,8 @@ contains
       end do
    end subroutine check_proportions
 
-   !> Returns the place of the parameter that is furthest from a moderate value on the same beam, as
-   !> a ratio; 0: none is far from it.
+   !> Returns the number of the parameter with the largest or smallest ratio to its moderate value
+   !> on the same beam; 0: no ratio or its reciprocal exceeds 1e8.
    integer function furthest_parameter(structure) result(place)
       type(structure_t), intent(in) :: structure
       real(wp), parameter :: far = 1e8_wp
@@ -192,10 +199,10 @@ contains
       if (.not. ratios(place) > log(far)) place = 0
    end function furthest_parameter
 
-   !> Refuses an axial force or weight that buckles the beam, or beside which its stiffness has
-   !> no effect.
+   !> Refuses an axial force or weight that buckles the beam, or that is so large that the bending
+   !> stiffness has no effect. Buckling is not checked if the structure has supports with a spring.
    !>
-   !> place  of the force or of gravity in the table of parameters, whichever counts more
+   !> place  number of the larger of the two loads, `of_T` or `of_g`
    subroutine check_axial_load(structure, error, place)
       type(structure_t), intent(in) :: structure
       type(error_t), allocatable, intent(out) :: error
@@ -219,7 +226,7 @@ contains
       force = structure%T
       weight = structure%g*mass
       if (minval(load) < 0) then
-         ! Of the two, what presses.
+         ! Only the loads that compress the beam count.
          force = min(force, 0.0_wp)
          if (.not. structure%stands) weight = 0
       end if
@@ -239,10 +246,10 @@ contains
       call locate(error, trim(merge('force', 'g    ', k == of_T)))
    end subroutine check_axial_load
 
-   !> Adds E I/length**2 and the unit of E to an error that is about an axial force far beyond the
-   !> bending stiffness; does nothing to other errors.
+   !> Adds E I/length**2 and a hint at the unit of E to the message of an error, if the error is
+   !> about an axial force far beyond the bending stiffness; leaves other errors unchanged.
    !>
-   !> place  of the parameter that the error is about
+   !> place  number of the parameter that the error is about
    subroutine add_unit_hint(structure, place, units, error)
       type(structure_t), intent(in) :: structure
       integer, intent(in) :: place
@@ -253,7 +260,7 @@ contains
 
       if (.not. allocated(error) .or. .not. any(place == [of_g, of_T])) return
       if (.not. maxval(abs(structure%axial_load())) > suspicious_load) return
-      ! A string or a wire in SI: the modulus is plausible, and nothing is wrong with the units.
+      ! A string or a wire in SI units: the modulus is plausible, and the units need no check.
       if (structure%E >= 1e5_wp .and. structure%E <= 1e13_wp .and. &
          minval(structure%axial_load()) >= 0) return
       unit = units%of_parameter(of_E)

@@ -1,9 +1,8 @@
-!> The table of terms: M, C, K and F of (3.13) are sums of operators on the mesh that no parameter
-!> enters, each times a product of parameters.
+!> The table of terms: M, C, K and F of (3.13) are sums of terms. A term is an operator on the mesh,
+!> which contains no parameter, times a coefficient, which is a monomial in the parameters.
 !>
-!> The mesh has a length of its own. An operator on a beam of length l is that of the mesh times a
-!> power of l/mesh length, known for each of them: the length of the beam is a parameter as all
-!> others.
+!> The mesh has a length of its own. The operator on a beam of length l is the operator of the mesh
+!> times a power of (l/mesh length). The length of the beam is therefore a parameter like any other.
 module beamid_terms
    use beamid_kinds, only: wp
    use beamid_monomials, only: monomial_t, slope_of, value_of
@@ -20,34 +19,41 @@ module beamid_terms
    public :: inertia, bending, tip_value, tip_slope, root_slope, hose, stretch, load_shape, &
       force_value, tension, weight, sensor_value, sensor_slope, support_value, sensor_weight
 
-   !> Matrices, the vector of the load, and the reciprocal of what goes into the stiffness.
+   !> Targets of a term: M, C, K, F, and the compliance of a spring to the ground, whose reciprocal
+   !> enters K.
    integer, parameter :: of_mass = 1, of_damping = 2, of_stiffness = 3, of_load = 4, &
       of_compliance = 5
 
-   !> Operators: <b, b>; <b'', b''>; the square of value or slope at a place (for the load the
-   !> vector itself); the hose's coordinate y, and y - u(l); <theta, b> of a distributed load;
-   !> <b', b'> and <(l - x) b', b'>, l - x the beam that is beyond.
+   !> Operators along the beam: `inertia` <b, b>, `bending` <b'', b''>, `tension` <b', b'>, `weight`
+   !> <(l - x) b', b'> (l - x: the part of the beam beyond x), and `load_shape` <theta, b> of a
+   !> distributed load. Operators at a point, products of the value or slope there (in F the value
+   !> itself): `tip_value`, `tip_slope`, `root_slope`, `force_value`. Operators of the hose: `hose`
+   !> in its coordinate y, `stretch` in y - u(l).
    integer, parameter :: inertia = 1, bending = 2, tip_value = 3, tip_slope = 4, root_slope = 5, &
       hose = 6, stretch = 7, load_shape = 8, force_value = 9, tension = 10, weight = 11
-   !> Those of each sensor and each support; <b', b'> between the root and the sensor.
+   !> Operators of each sensor and each support: value and slope at the sensor, value at the
+   !> support, and `sensor_weight`, <b', b'> between the root and the sensor.
    integer :: i
    integer, parameter :: sensor_value(most_sensors) = [(11 + i, i=1, most_sensors)], &
       sensor_slope(most_sensors) = sensor_value + most_sensors, &
       support_value(most_supports) = [(11 + 2*most_sensors + i, i=1, most_supports)], &
       sensor_weight(most_sensors) = sensor_value + 2*most_sensors + most_supports
 
-   !> What is known of an operator.
+   !> Properties of an operator.
    type :: operator_t
-      integer :: growth = 0          !< power of the length by which it grows
-      !> -1: not at a point; else the derivative with respect to x that counts at the point
+      integer :: growth = 0          !< exponent of the beam's length in M, C, K or F
+      !> order of the derivative with respect to x taken at the point (0: value, 1: slope); -1: the
+      !> operator is not at a point
       integer :: derivative = -1
-      !> parameter that says where the point is, or where it ends; 0: root or tip
+      !> number of the parameter for the position of the point, or of the end of an integral; 0:
+      !> root or tip
       integer :: place = 0
-      !> whether a displacement of the whole structure acts on it: a mass, the air, whatever is
-      !> connected to the ground
+      !> whether it responds to a displacement of the whole structure: masses, air damping, and
+      !> supports, which are connected to the ground
       logical :: moves_with_base = .false.
    end type operator_t
 
+   !> The operators, in the order of their numbers.
    type(operator_t), parameter :: operators(*) = [ &
       operator_t(1, moves_with_base=.true.), operator_t(-3), &
       operator_t(0, 0, moves_with_base=.true.), operator_t(-2, 1), operator_t(-2, 1), &
@@ -58,12 +64,14 @@ module beamid_terms
       (operator_t(0, 0, x_P_at(i), .true.), i=1, most_supports), &
       (operator_t(-1, place=x_S_at(i)), i=1, most_sensors)]
 
+   !> A term of the equations of motion.
    type :: term_t
-      integer :: matrix
-      integer :: operator
-      type(monomial_t) :: factor = monomial_t()
+      integer :: matrix                           !< target, `of_mass` .. `of_compliance`
+      integer :: operator                         !< number of the operator
+      type(monomial_t) :: factor = monomial_t()   !< coefficient, without the power of the length
    end type term_t
 
+   !> The table of terms.
    type(term_t), parameter :: terms(*) = [ &
       term_t(of_mass, inertia, monomial_t(place=[of_rho, 0, 0])), &
       term_t(of_stiffness, bending, monomial_t(place=[of_E, of_I, 0])), &
@@ -92,10 +100,11 @@ module beamid_terms
 
 contains
 
-   !> How much of each operator there is.
+   !> Returns the coefficient of every operator in M, C, K and F.
    !>
-   !> mesh_length  of the beam that the integrals of the mesh are for [length]
-   !> s            (operators, 5) of M, C, K and F, and the compliance of springs to the ground
+   !> mesh_length  length of the beam for which the integrals of the mesh were computed [length]
+   !> s            (operators, 5) coefficients in M, C, K and F, and the compliance of springs to
+   !>              the ground
    pure function strengths(structure, mesh_length) result(s)
       type(structure_t), intent(in) :: structure
       real(wp), intent(in) :: mesh_length
@@ -104,9 +113,12 @@ contains
       call strengths_and_slopes(structure, mesh_length, [integer ::], s, none)
    end function strengths
 
-   !> The same, and their derivatives with respect to parameters.
+   !> Computes the coefficients of `strengths` and their derivatives with respect to parameters.
    !>
-   !> slopes  (operators, 5, parameters)
+   !> mesh_length  length of the beam for which the integrals of the mesh were computed [length]
+   !> parameters   (n) numbers of the parameters
+   !> s            (operators, 5) coefficients
+   !> slopes       (operators, 5, n) derivatives of s
    pure subroutine strengths_and_slopes(structure, mesh_length, parameters, s, slopes)
       type(structure_t), intent(in) :: structure
       real(wp), intent(in) :: mesh_length
@@ -122,7 +134,7 @@ contains
       do t = 1, size(terms)
          associate (k => terms(t)%operator, matrix => terms(t)%matrix, factor => terms(t)%factor)
             value = value_of(factor, q)
-            ! A compliance without limit: there is no spring.
+            ! An infinite compliance means that there is no spring.
             if (matrix == of_compliance .and. value >= huge(value)) cycle
             do p = 1, size(parameters)
                enters(p) = any(terms(t)%factor%place == parameters(p))
@@ -130,7 +142,7 @@ contains
             if (abs(value) <= 0 .and. .not. any(enters)) cycle
             if (.not. is_there(k, structure)) cycle
             power = growth(k, matrix)
-            scale = side(t, structure)
+            scale = weight_sign(t, structure)
             if (power /= 0) scale = scale*(structure%length/mesh_length)**power
             value = scale*value
             s(k, matrix) = s(k, matrix) + value
@@ -149,15 +161,15 @@ contains
       end do
    end subroutine strengths_and_slopes
 
-   !> -1: weight on a beam that stands.
-   pure integer function side(t, structure)
+   !> Returns the sign of term t: -1 for the weight on a standing beam, which compresses it, else 1.
+   pure integer function weight_sign(t, structure)
       integer, intent(in) :: t
       type(structure_t), intent(in) :: structure
 
-      side = merge(-1, 1, structure%stands .and. any(terms(t)%factor%place == of_g))
-   end function side
+      weight_sign = merge(-1, 1, structure%stands .and. any(terms(t)%factor%place == of_g))
+   end function weight_sign
 
-   !> The power of the length by which an operator in a matrix grows.
+   !> Returns the exponent of the beam's length in the coefficient of an operator in a matrix.
    pure integer function growth(operator, matrix)
       integer, intent(in) :: operator, matrix
 
@@ -165,7 +177,8 @@ contains
       if (matrix == of_compliance) growth = -growth
    end function growth
 
-   !> Where the point of an operator is on the beam of the mesh [length].
+   !> Returns the position of an operator's point, or of the end of its integral, on the mesh, whose
+   !> beam has the length `mesh_length` [length].
    pure real(wp) function place_on_mesh(operator, structure, mesh_length) result(x)
       integer, intent(in) :: operator
       type(structure_t), intent(in) :: structure
@@ -174,13 +187,13 @@ contains
       x = merge(0.0_wp, mesh_length, operator == root_slope)
       associate (place => operators(operator)%place)
          if (place == 0) return
-         ! Rounding must not take the tip off the mesh.
+         ! A point at the tip stays at mesh_length: round-off must not move it off the mesh.
          if (.not. structure%follows_tip(place)) x = structure%place(place) &
             *(mesh_length/structure%length)
       end associate
    end function place_on_mesh
 
-   !> Sensors and supports are as many as they are.
+   !> Returns whether the sensor (there is always one) or support of an operator exists.
    pure logical function is_there(operator, structure)
       integer, intent(in) :: operator
       type(structure_t), intent(in) :: structure
@@ -193,8 +206,8 @@ contains
          < max(1, structure%sensors)
    end function is_there
 
-   !> Returns whether an operator is a spring to the ground, which may be rigid: that of the clamp
-   !> or of a support.
+   !> Returns whether an operator is a spring to the ground, which may be rigid: the spring of the
+   !> clamp or of a support.
    pure logical function is_spring(operator, structure)
       integer, intent(in) :: operator
       type(structure_t), intent(in) :: structure
@@ -205,8 +218,9 @@ contains
       if (is_spring) is_spring = structure%has_spring(operator - support_value(1) + 1)
    end function is_spring
 
-   !> Returns whether an operator at a point is connected to the ground: it feels the base move, and
-   !> has a damper or a spring. Its row of V then holds the motion relative to the ground.
+   !> Returns whether an operator at a point is connected to the ground: it responds to a motion of
+   !> the base, and has a damper or a spring. Its row of V then holds the motion relative to the
+   !> ground.
    pure logical function is_grounded(operator)
       integer, intent(in) :: operator
 
@@ -216,15 +230,17 @@ contains
          terms%matrix == of_compliance))
    end function is_grounded
 
-   !> Whether an operator is a tension, along the whole beam or a part of it.
+   !> Returns whether an operator is an axial force, along the whole beam or a part of it.
    elemental logical function pulls(operator)
       integer, intent(in) :: operator
 
       pulls = operator == tension .or. operator == weight .or. operator >= sensor_weight(1)
    end function pulls
 
-   !> What a sensor reads per unit of its slope, whose axis turns into the direction of gravity: at
-   !> the end of a plain pendulum nothing is read, where the acceleration is -g times the slope.
+   !> Returns the reading of a sensor per unit of slope that is due to gravity [length/time**2]. The
+   !> slope turns the sensor's axis towards the direction of gravity: the reading is g times the
+   !> slope on a hanging beam and -g times the slope on a standing one. A sensor at the end of a
+   !> simple pendulum, where the acceleration is -g times the slope, therefore reads zero.
    pure real(wp) function tilting(structure)
       type(structure_t), intent(in) :: structure
 

@@ -1,5 +1,5 @@
-!> Labels of units. The program never converts: any consistent set is right, labels are for the
-!> reader.
+!> Labels of units for reports and messages. The program never converts units: any consistent set
+!> is allowed, and the labels come from the case file.
 module beamid_units
    use beamid_excitation, only: excitation_t
    use beamid_parameters, only: amplitude, parameters
@@ -9,11 +9,12 @@ module beamid_units
 
    public :: units_t, label_length
 
-   !> The longest label.
+   !> Length of the longest label.
    integer, parameter :: label_length = 16
 
+   !> The labels of the units.
    type :: units_t
-      !> Labels, blank where not given.
+      !> labels of the units of length, force, time and mass; blank if not given
       character(len=label_length) :: length = '', force = '', time = '', mass = ''
    contains
       procedure :: of_parameter
@@ -25,8 +26,8 @@ module beamid_units
 
 contains
 
-   !> Unit of a parameter by its place in the table. What has the time in it is written with the
-   !> unit of force, mass length/time**2; nothing when the first label is missing.
+   !> Returns the label of the unit of parameter k. If the unit contains the time, mass is expressed
+   !> by force (mass = force time**2/length). The result is empty if the first label is missing.
    pure function of_parameter(self, k) result(unit)
       class(units_t), intent(in) :: self
       integer, intent(in) :: k
@@ -55,8 +56,8 @@ contains
       end do
    end function of_parameter
 
-   !> Unit of what a fit estimates: a parameter (the amplitude may be a displacement, or of a
-   !> base that moves an acceleration), or for 0 an acceleration.
+   !> Returns the label of the unit of parameter k for a given excitation: the amplitude may be a
+   !> force, a displacement, or the acceleration of a moving base. k = 0 stands for an acceleration.
    pure function of_quantity(self, k, excitation) result(unit)
       class(units_t), intent(in) :: self
       integer, intent(in) :: k
@@ -72,6 +73,7 @@ contains
       end if
    end function of_quantity
 
+   !> Returns the label of the unit of velocity, or nothing if the length has no label.
    pure function velocity(self) result(unit)
       class(units_t), intent(in) :: self
       character(len=:), allocatable :: unit
@@ -79,6 +81,7 @@ contains
       unit = joined(self%length, '', self%time)
    end function velocity
 
+   !> Returns the label of the unit of acceleration, or nothing if the length has no label.
    pure function acceleration(self) result(unit)
       class(units_t), intent(in) :: self
       character(len=:), allocatable :: unit
@@ -86,7 +89,7 @@ contains
       unit = joined(self%length, '', power(self%time, 2))
    end function acceleration
 
-   !> Unit of J, the sum of squared accelerations.
+   !> Returns the label of the unit of the objective J, a sum of squared accelerations.
    pure function sum_of_squares(self) result(unit)
       class(units_t), intent(in) :: self
       character(len=:), allocatable :: unit
@@ -94,7 +97,7 @@ contains
       unit = joined(power(self%length, 2), '', power(self%time, 4))
    end function sum_of_squares
 
-   !> label**exponent, exponent >= 1; nothing without a label.
+   !> Returns the text label^exponent, exponent >= 1, or nothing if the label is blank.
    pure function power(label, exponent) result(unit)
       character(len=*), intent(in) :: label
       integer, intent(in) :: exponent
@@ -104,7 +107,7 @@ contains
       if (label /= '' .and. exponent > 1) unit = unit//'^'//to_text(exponent)
    end function power
 
-   !> first second/under; nothing when the first is missing.
+   !> Returns the text "first second/under", or nothing if `first` is blank.
    pure function joined(first, second, under) result(unit)
       character(len=*), intent(in) :: first, second, under
       character(len=:), allocatable :: unit

@@ -1,9 +1,9 @@
-!> Properties that vary along the beam: those that are known, by values at places, and those that a
-!> fit looks for, by the coefficients of B-splines.
+!> Properties that vary along the beam: known variation, given by values at positions, and fields
+!> that a fit estimates, given by the coefficients of B-splines.
 !>
-!> What is known multiplies: a property is its parameter times a factor of xi = x/l, 1 where nothing
-!> is said. Bending by a section of width b and height h goes with b h**3, and the mass per length,
-!> where that is density b h, with b h.
+!> Known variation is a factor: a property is its parameter times a function of xi = x/l, which is 1
+!> by default. For a cross section of width b and height h, the bending stiffness and the bending
+!> viscosity vary like b h**3, and the mass per length varies like b h if rho is density b h.
 module beamid_variations
    use beamid_b_splines, only: cardinal
    use beamid_kinds, only: wp
@@ -14,39 +14,46 @@ module beamid_variations
    public :: variation_t, new_variation, field_t, variations_t, constant, in_steps, in_lines, &
       as_spline, of_E_x, of_c_D_x
 
-   !> How a factor goes between its places: it keeps the value of the last one, or on straight
-   !> lines, or as the natural cubic spline.
+   !> Interpolation of a factor between its positions: constant 1; the value at the last position
+   !> before; piecewise linear; the natural cubic spline.
    integer, parameter :: constant = 0, in_steps = 1, in_lines = 2, as_spline = 3
 
-   !> The functions of x that a fit looks for, in the order of all that comes in pairs of them.
+   !> The functions of x that a fit may estimate. Arrays with an entry for each function use this
+   !> order.
    integer, parameter :: of_E_x = 1, of_c_D_x = 2
 
-   !> A factor that is known.
+   !> A known factor of a property, a function of xi = x/l.
    type :: variation_t
-      integer :: kind = constant
-      real(wp), allocatable :: xi(:)       !< places, ascending, from 0 on
-      real(wp), allocatable :: factor(:)   !< there
-      real(wp), allocatable, private :: bend(:)   !< second derivative of the spline there
+      integer :: kind = constant           !< interpolation, `constant` .. `as_spline`
+      real(wp), allocatable :: xi(:)       !< (n) positions x/l, ascending from 0
+      real(wp), allocatable :: factor(:)   !< (n) values of the factor at the positions
+      !> (n) second derivatives of the spline at the positions
+      real(wp), allocatable, private :: second_derivative(:)
    contains
       procedure :: at
    end type variation_t
 
-   !> A property as a sum over B-splines on a uniform mesh of its own; these add up to one.
+   !> A property to be estimated: a sum of B-splines on its own uniform mesh. The B-splines add up
+   !> to 1.
    type :: field_t
-      integer :: coefficients = 0            !< how many there are; 0: the property is its parameter
-      integer :: degree = 3                  !< 3, or 1: on straight lines
-      real(wp), allocatable :: value(:)      !< (coefficients); not allocated: all its parameter
+      !> number of coefficients; 0: the property is uniform, equal to its parameter
+      integer :: coefficients = 0
+      integer :: degree = 3                  !< degree of the B-splines: 3, or 1 (piecewise linear)
+      !> (coefficients) [unit of the property]; not allocated: all equal the parameter
+      real(wp), allocatable :: value(:)
    contains
       procedure :: shares
       procedure :: places
    end type field_t
 
+   !> All variation along the beam, known and estimated.
    type :: variations_t
+      !> known factors of these quantities
       type(variation_t) :: E = variation_t(), c_D = variation_t(), rho = variation_t(), &
          gamma = variation_t(), width = variation_t(), height = variation_t()
-      logical :: by_density = .false.        !< the mass goes with width and height
-      type(field_t) :: along(2) = field_t()   !< what a fit looks for: E(x) and c_D(x)
-      logical :: dips = .false.              !< the stiffness has a dip, or a fit looks for one
+      logical :: by_density = .false.        !< the mass per length varies with width and height
+      type(field_t) :: along(2) = field_t()  !< estimated fields: E(x), c_D(x)
+      logical :: dips = .false.              !< the stiffness has a dip, or may have one in a fit
    contains
       procedure :: bending
       procedure :: viscous
@@ -68,14 +75,16 @@ module beamid_variations
 
 contains
 
-   !> kind    in_steps, in_lines or as_spline
-   !> xi      (n) ascending, from 0; but for steps to 1
-   !> factor  (n)
+   !> Returns a known factor from its values at positions.
+   !>
+   !> kind    interpolation: in_steps, in_lines or as_spline
+   !> xi      (n) positions x/l, ascending from 0; to 1, except for steps
+   !> factor  (n) values at the positions
    function new_variation(kind, xi, factor) result(self)
       integer, intent(in) :: kind
       real(wp), intent(in) :: xi(:), factor(:)
       type(variation_t) :: self
-      real(wp), allocatable :: h(:), slope(:), diagonal(:), beside(:), b(:, :)
+      real(wp), allocatable :: h(:), slope(:), diagonal(:), off_diagonal(:), b(:, :)
       integer :: info, n
 
       self%kind = kind
@@ -83,18 +92,20 @@ contains
       self%factor = factor
       n = size(xi)
       if (kind /= as_spline) return
-      allocate (self%bend(n), source=0.0_wp)
+      allocate (self%second_derivative(n), source=0.0_wp)
       if (n < 3) return
       h = xi(2:) - xi(:n - 1)
       slope = (factor(2:) - factor(:n - 1))/h
       diagonal = 2*(h(:n - 2) + h(2:))
-      beside = [h(2:n - 2), 0.0_wp]
+      off_diagonal = [h(2:n - 2), 0.0_wp]
       b = reshape(6*(slope(2:) - slope(:n - 2)), [n - 2, 1])
-      call dptsv(n - 2, 1, diagonal, beside, b, n - 2, info)
-      self%bend(2:n - 1) = b(:, 1)
+      call dptsv(n - 2, 1, diagonal, off_diagonal, b, n - 2, info)
+      self%second_derivative(2:n - 1) = b(:, 1)
    end function new_variation
 
-   !> xi  x/l, 0 .. 1
+   !> Returns the factor at one position.
+   !>
+   !> xi  position x/l, 0 .. 1
    pure real(wp) function at(self, xi) result(factor)
       class(variation_t), intent(in) :: self
       real(wp), intent(in) :: xi
@@ -115,13 +126,14 @@ contains
       a = 1 - b
       factor = a*self%factor(k) + b*self%factor(k + 1)
       if (self%kind == as_spline) factor = factor &
-         + ((a**3 - a)*self%bend(k) + (b**3 - b)*self%bend(k + 1))*h**2/6
+         + ((a**3 - a)*self%second_derivative(k) &
+         + (b**3 - b)*self%second_derivative(k + 1))*h**2/6
    end function at
 
-   !> How much each coefficient counts at a place.
+   !> Returns the values of the B-splines at one position: the weights of the coefficients.
    !>
-   !> xi      x/l, 0 .. 1
-   !> shares  (coefficients), of sum 1; none where there are none
+   !> xi      position x/l, 0 .. 1
+   !> shares  (coefficients) weights, of sum 1
    pure function shares(self, xi)
       class(field_t), intent(in) :: self
       real(wp), intent(in) :: xi
@@ -136,8 +148,9 @@ contains
          xi*elements - element)/gamma(self%degree + 1.0_wp)
    end function shares
 
-   !> Where each coefficient sits: a straight line has its own values there as coefficients. Those
-   !> of the first and the last lie beyond the ends.
+   !> Returns the position x/l that belongs to each coefficient (the Greville abscissa): a linear
+   !> function has its values at these positions as coefficients. The first and the last position
+   !> may lie beyond the ends of the beam.
    pure function places(self)
       class(field_t), intent(in) :: self
       real(wp) :: places(self%coefficients)
@@ -147,7 +160,7 @@ contains
          j=1, self%coefficients)]
    end function places
 
-   !> Factor of the bending stiffness E I.
+   !> Returns the known factor of the bending stiffness E I at xi = x/l.
    pure real(wp) function bending(self, xi)
       class(variations_t), intent(in) :: self
       real(wp), intent(in) :: xi
@@ -155,7 +168,7 @@ contains
       bending = self%E%at(xi)*self%width%at(xi)*self%height%at(xi)**3
    end function bending
 
-   !> Of c_D I.
+   !> Returns the known factor of the bending viscosity c_D I at xi = x/l.
    pure real(wp) function viscous(self, xi)
       class(variations_t), intent(in) :: self
       real(wp), intent(in) :: xi
@@ -163,7 +176,7 @@ contains
       viscous = self%c_D%at(xi)*self%width%at(xi)*self%height%at(xi)**3
    end function viscous
 
-   !> Of the mass per length.
+   !> Returns the known factor of the mass per length at xi = x/l.
    pure real(wp) function mass(self, xi)
       class(variations_t), intent(in) :: self
       real(wp), intent(in) :: xi
@@ -172,7 +185,8 @@ contains
       if (self%by_density) mass = mass*self%width%at(xi)*self%height%at(xi)
    end function mass
 
-   !> Integral of that from a place to the tip, which is the weight that hangs there.
+   !> Returns the integral of `mass` from xi = x/l to the tip: the mass of the beam beyond this
+   !> position, divided by rho l. Its weight acts there as an axial force.
    pure real(wp) function mass_beyond(self, xi) result(integral)
       class(variations_t), intent(in) :: self
       real(wp), intent(in) :: xi
@@ -196,7 +210,7 @@ contains
       end do
    end function mass_beyond
 
-   !> Of the air damping.
+   !> Returns the known factor of the air damping at xi = x/l.
    pure real(wp) function air(self, xi)
       class(variations_t), intent(in) :: self
       real(wp), intent(in) :: xi
@@ -204,7 +218,7 @@ contains
       air = self%gamma%at(xi)
    end function air
 
-   !> Whether anything is known to vary.
+   !> Returns whether any property has known variation.
    pure logical function are_known(self)
       class(variations_t), intent(in) :: self
 
@@ -212,13 +226,17 @@ contains
          self%width%kind, self%height%kind] /= constant)
    end function are_known
 
-   !> Where integrals have to be split, and how many knots w asks for there. What bends may jump, m
-   !> = -1, have a kink, 0, or be smooth up to derivative m: so is w'' = M/(E I), and a spline of
-   !> degree p has to have p - 2 - m knots; by mass and air damping, which bend w'''', p - 4 - m.
+   !> Computes the positions at which integrals must be split, and the number of knots that the
+   !> splines need there.
    !>
-   !> degree  of the splines
-   !> xi      (breaks) ascending, within 0 .. 1
-   !> knots   (breaks) 0: none
+   !> Let a property have m continuous derivatives at a position (m = -1: a jump, m = 0: a kink). If
+   !> the property is E I or c_D I, then w'' = M/(E I) is smooth to the same order, and a spline of
+   !> degree p needs p - 2 - m knots. If the property is mass or air damping, which determine w'''',
+   !> the spline needs p - 4 - m knots.
+   !>
+   !> degree  degree p of the splines
+   !> xi      (breaks) positions x/l, ascending, strictly between 0 and 1
+   !> knots   (breaks) number of knots at each position, 0 or more
    pure subroutine breaks(self, degree, xi, knots)
       class(variations_t), intent(in) :: self
       integer, intent(in) :: degree
@@ -238,7 +256,10 @@ contains
       end do
    end subroutine breaks
 
-   !> order  of the derivative of w that it bends
+   !> Adds the positions of a known factor.
+   !>
+   !> order  order of the derivative of w that the property determines: 2 for bending, 4 for mass
+   !>        and air damping
    pure subroutine add_variation(variation, order, degree, xi, knots)
       type(variation_t), intent(in) :: variation
       integer, intent(in) :: order, degree
@@ -249,10 +270,11 @@ contains
 
       if (variation%kind == constant) return
       do k = 2, size(variation%xi)
-         call add(variation%xi(k), degree - order - smooth(variation%kind), xi, knots)
+         call add_break(variation%xi(k), degree - order - smooth(variation%kind), xi, knots)
       end do
    end subroutine add_variation
 
+   !> Adds the interior knots of an estimated field.
    pure subroutine add_field(field, degree, xi, knots)
       type(field_t), intent(in) :: field
       integer, intent(in) :: degree
@@ -262,12 +284,13 @@ contains
 
       elements = field%coefficients - field%degree
       do k = 1, elements - 1
-         call add(real(k, wp)/elements, degree - 1 - field%degree, xi, knots)
+         call add_break(real(k, wp)/elements, degree - 1 - field%degree, xi, knots)
       end do
    end subroutine add_field
 
-   !> One more place, or more knots at one that is there.
-   pure subroutine add(place, times, xi, knots)
+   !> Adds a position with a number of knots. If the position is in the list already, its number of
+   !> knots becomes the larger one. The ends of the beam are not added.
+   pure subroutine add_break(place, times, xi, knots)
       real(wp), intent(in) :: place
       integer, intent(in) :: times
       real(wp), allocatable, intent(inout) :: xi(:)
@@ -285,6 +308,6 @@ contains
       end if
       xi = [xi(:k), place, xi(k + 1:)]
       knots = [knots(:k), max(times, 0), knots(k + 1:)]
-   end subroutine add
+   end subroutine add_break
 
 end module beamid_variations

@@ -1,8 +1,8 @@
-!> What becomes of the errors of a computed motion in the tip acceleration, by each of the formulas
+!> How errors of a computed motion are amplified in the tip acceleration by each of the formulas
 !> (4.1), (4.2) and (3.13).
 !>
-!> A mode that the motion contains with an error of size a and frequency omega is in error by
-!> omega**2 a in (3.13). The differences measure instead, with x = omega Delta/2,
+!> An error of amplitude a in a mode of circular frequency omega causes an acceleration error of
+!> omega**2 a in (3.13). In the difference formulas it is, with x = omega Delta/2,
 !>
 !>     (4.1)  omega**2 (sin x/x)**2 a = 4 sin(x)**2/Delta**2 a,
 !>     (4.2)  omega**2 |sin x|/x a    = 2 omega |sin x|/Delta a.
@@ -19,24 +19,24 @@ module beamid_amplification
 
    public :: deviation_t, formula_times, measure, gains, mode_observers, equation_row
 
-   !> (4.1), (4.2), (3.13)
+   !> Number of formulas: (4.1), (4.2) and (3.13), in this order.
    integer, parameter :: formulas = 3
 
-   !> How far one response is from another at some samples, by each formula.
+   !> Deviation of a computed response from the exact one at the samples, by each formula.
    type :: deviation_t
-      real(wp) :: rms(formulas) = 0     !< [length/time**2]
-      real(wp) :: worst(formulas) = 0   !< the largest [length/time**2]
-      real(wp) :: exact(formulas) = 0   !< rms of the exact one [length/time**2]
-      real(wp) :: displacement = 0      !< rms [length]
-      real(wp) :: exact_displacement = 0   !< rms of the exact one [length]
+      real(wp) :: rms(formulas) = 0     !< rms of the acceleration error [length/time**2]
+      real(wp) :: worst(formulas) = 0   !< largest acceleration error [length/time**2]
+      real(wp) :: exact(formulas) = 0   !< rms of the exact acceleration [length/time**2]
+      real(wp) :: displacement = 0      !< rms of the displacement error [length]
+      real(wp) :: exact_displacement = 0   !< rms of the exact displacement [length]
    end type deviation_t
 
 contains
 
-   !> Times at which all three formulas can be computed from one response.
+   !> Returns the times that a response must have for all three formulas.
    !>
-   !> samples  ascending [time]
-   !> delta    Delta of (4.1) and (4.2) [time]
+   !> samples  (m) ascending sample times [time]
+   !> delta    time step Delta of (4.1) and (4.2) [time]
    pure function formula_times(samples, delta) result(times)
       real(wp), intent(in) :: samples(:), delta
       real(wp), allocatable :: times(:)
@@ -47,58 +47,64 @@ contains
       times = half%times
    end function formula_times
 
-   !> Compares two responses at `formula_times`.
+   !> Compares two responses by each formula.
+   !>
+   !> computed, exact  at the times that `formula_times` returns
+   !> samples          (m) ascending sample times [time]
+   !> delta            time step Delta of (4.1) and (4.2) [time]
    pure function measure(computed, exact, samples, delta) result(deviation)
       type(response_t), intent(in) :: computed, exact
       real(wp), intent(in) :: samples(:), delta
       type(deviation_t) :: deviation
       real(wp), dimension(size(samples)) :: a, b
       type(sampling_t) :: sampling
-      type(response_t) :: seen
+      type(response_t) :: sampled
       integer :: k
 
       do k = 1, formulas
          sampling = new_sampling(observation_t(k, delta), samples)
-         a = sampling%acceleration(picked(computed, sampling%times))
-         b = sampling%acceleration(picked(exact, sampling%times))
+         a = sampling%acceleration(at_times(computed, sampling%times))
+         b = sampling%acceleration(at_times(exact, sampling%times))
          deviation%rms(k) = rms(a - b)
          deviation%worst(k) = maxval(abs(a - b))
          deviation%exact(k) = rms(b)
       end do
-      seen = picked(computed, samples)
-      a = seen%displacement
-      seen = picked(exact, samples)
-      deviation%displacement = rms(a - seen%displacement)
-      deviation%exact_displacement = rms(seen%displacement)
+      sampled = at_times(computed, samples)
+      a = sampled%displacement
+      sampled = at_times(exact, samples)
+      deviation%displacement = rms(a - sampled%displacement)
+      deviation%exact_displacement = rms(sampled%displacement)
    end function measure
 
-   !> Root of the mean square.
+   !> Returns the root mean square.
    pure real(wp) function rms(values)
       real(wp), intent(in) :: values(:)
 
       rms = norm2(values)/sqrt(real(size(values), wp))
    end function rms
 
-   !> A response at some of its times; round-off apart, it has them all.
-   pure function picked(response, times) result(few)
+   !> Returns a response at some of its times.
+   !>
+   !> times  each of them, up to round-off, is a time of the response [time]
+   pure function at_times(response, times) result(part)
       type(response_t), intent(in) :: response
       real(wp), intent(in) :: times(:)
-      type(response_t) :: few
+      type(response_t) :: part
       integer :: place(size(times)), k
 
       do k = 1, size(times)
          place(k) = minloc(abs(response%t - times(k)), dim=1)
       end do
-      few%t = response%t(place)
-      few%displacement = response%displacement(place)
-      few%velocity = response%velocity(place)
-      few%acceleration = response%acceleration(place)
-   end function picked
+      part%t = response%t(place)
+      part%displacement = response%displacement(place)
+      part%velocity = response%velocity(place)
+      part%acceleration = response%acceleration(place)
+   end function at_times
 
-   !> Acceleration that each formula sees of a mode of unit displacement.
+   !> Returns the acceleration amplitude that each formula gives a mode of unit displacement.
    !>
-   !> omega  [1/time]
-   !> delta  [time]
+   !> omega  circular frequency of the mode [1/time]
+   !> delta  time step Delta of (4.1) and (4.2) [time]
    pure function gains(omega, delta) result(values)
       real(wp), intent(in) :: omega, delta
       real(wp) :: values(formulas)
@@ -106,11 +112,12 @@ contains
       values = [(2*sin(omega*delta/2)/delta)**2, 2*omega*abs(sin(omega*delta/2))/delta, omega**2]
    end function gains
 
-   !> For each undamped mode x of a structure the observer of its share in the motion of the tip,
-   !> (tip'x) M x: the shares add up to the tip's motion.
+   !> Computes for each undamped mode x of a structure the observer vector of its share in the
+   !> motion of the tip, (tip'x) M x. The shares of all modes add up to the motion of the tip.
    !>
-   !> omega      (n) ascending [1/time]
-   !> observers  (n, n), a column for each mode
+   !> omega      (n) circular frequencies, ascending [1/time]
+   !> observers  (n, n) one column for each mode
+   !> error      modes that cannot be found
    subroutine mode_observers(equations, omega, observers, error)
       type(equations_t), intent(in) :: equations
       real(wp), allocatable, intent(out) :: omega(:), observers(:, :)
@@ -127,10 +134,12 @@ contains
       end do
    end subroutine mode_observers
 
-   !> tip'M**-1 K, which (3.13) applies to the displacements, for unknowns in units of displacement:
-   !> the sum of its absolute values is what errors of one unit in every unknown can become.
+   !> Computes tip'M**-1 K, the row that (3.13) applies to the displacements, for unknowns in units
+   !> of displacement. The sum of its absolute values bounds the acceleration error that errors of
+   !> one unit in every unknown cause.
    !>
-   !> row  (n) [1/time**2]
+   !> row    (n) [1/time**2]
+   !> error  a mass matrix that is not positive definite
    subroutine equation_row(equations, row, error)
       type(equations_t), intent(in) :: equations
       real(wp), allocatable, intent(out) :: row(:)

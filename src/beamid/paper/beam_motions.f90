@@ -1,8 +1,9 @@
-!> Motion of the whole beam and of the hose, exact in time, and its size in the paper's norms.
+!> The motion of the whole beam and of the hose, exact in time, for the studies of the paper.
 !>
 !> With the vector x of a root s, as in `beamid_poles`, the unknowns of (3.13) move by
-!> w = Re(sum x (x'F)/A z), z' = s z + f, two times that for one of a pair; s and s**2 in front of z
-!> give w' and w'' - f M**-1 F. A cluster of roots moves them as it moves the sensor.
+!> w = Re(sum x (x'F)/A z) with z' = s z + f; one root stands for a conjugate pair, with a factor of
+!> 2. Factors of s and s**2 before z give w' and w'' - f M**-1 F. A cluster of roots moves the
+!> unknowns as it moves the sensor, by moments over its contour.
 module beamid_beam_motions
    use beamid_assembly, only: assembly_t
    use beamid_clusters, only: cluster_t
@@ -13,8 +14,8 @@ module beamid_beam_motions
    use beamid_kinds, only: wp
    use beamid_modal, only: assemble
    use beamid_modes, only: bare_beam_modes, beam_modes_t
-   use beamid_poles, only: find_poles, poles_t
-   use beamid_quadrature, only: gauss_legendre, rule_t
+   use beamid_pole_search, only: find_poles
+   use beamid_poles, only: poles_t
    use beamid_responses, only: response_t
    use beamid_splines, only: spline_space_t
    use beamid_synthesis, only: at_rest, states_t
@@ -23,14 +24,14 @@ module beamid_beam_motions
    implicit none
    private
 
-   public :: beam_motion_t, find_motion, norm_V, norm_H, motion_size, graded_times
+   public :: beam_motion_t, find_motion
 
    !> The solution of (3.13) at given times.
    type :: beam_motion_t
-      real(wp), allocatable :: t(:)              !< (times) [time]
-      !> (times, unknowns, 0:2) w, w' and w'': spline coefficients, then y where there is a hose
+      real(wp), allocatable :: t(:)              !< (times) ascending [time]
+      !> (times, unknowns, 0:2) w, w' and w'': spline coefficients, then y if there is a hose
       real(wp), allocatable :: w(:, :, :)
-      type(spline_space_t) :: space              !< of the splines
+      type(spline_space_t) :: space              !< spline space of the deflection
    contains
       procedure :: at
       procedure :: hose
@@ -39,22 +40,22 @@ module beamid_beam_motions
 
 contains
 
-   !> Motion of all unknowns from rest.
+   !> Computes the motion of all unknowns from rest.
    !>
-   !> equations  of a beam whose root does not turn
-   !> times      ascending [time]
-   !> error      the root turns, the base moves, a support is rigid
-   subroutine find_motion(equations, excitation, times, field, error)
+   !> equations  of a beam with a rigid clamp
+   !> times      (times) ascending [time]
+   !> error      a root spring, a moving base, a rigid support, or roots that cannot be found
+   subroutine find_motion(equations, excitation, times, motion, error)
       type(equations_t), intent(in) :: equations
       type(excitation_t), intent(in) :: excitation
       real(wp), intent(in) :: times(:)
-      type(beam_motion_t), intent(out) :: field
+      type(beam_motion_t), intent(out) :: motion
       type(error_t), allocatable, intent(out) :: error
       type(beam_modes_t) :: modes
       type(assembly_t) :: assembly
       type(poles_t) :: poles
       complex(wp), allocatable :: shapes(:, :, :), z(:, :)
-      real(wp), allocatable :: impulse(:)
+      real(wp), allocatable :: direct_term(:)   ! M**-1 F
       integer :: k, order, states
 
       if (equations%structure%has_root_spring() .or. excitation%is_base .or. &
@@ -68,40 +69,40 @@ contains
       call assemble(modes, equations, excitation, [integer ::], assembly)
       call find_poles(assembly, poles, error)
       if (allocated(error)) return
-      field%t = times
-      field%space = equations%galerkin%space
+      motion%t = times
+      motion%space = equations%galerkin%space
       states = size(poles%s) + sum(poles%cluster%m)
-      allocate (field%w(size(times), equations%n, 0:2), shapes(states, equations%n, 0:2), &
+      allocate (motion%w(size(times), equations%n, 0:2), shapes(states, equations%n, 0:2), &
          z(size(times), states))
       states = size(poles%s)
-      call unknowns_of_poles(assembly, modes, poles, shapes(:states, :, :), impulse)
+      call shapes_of_poles(assembly, modes, poles, shapes(:states, :, :), direct_term)
       do k = 1, size(poles%cluster)
          associate (cluster => poles%cluster(k))
-            call unknowns_of_cluster(assembly, modes, cluster, &
+            call shapes_of_cluster(assembly, modes, cluster, &
                shapes(states + 1:states + cluster%m, :, :))
             states = states + cluster%m
          end associate
       end do
-      call march(poles, excitation, times, z)
+      call compute_states(poles, excitation, times, z)
       do order = 0, 2
-         field%w(:, :, order) = matmul(real(z), real(shapes(:, :, order))) &
+         motion%w(:, :, order) = matmul(real(z), real(shapes(:, :, order))) &
             - matmul(aimag(z), aimag(shapes(:, :, order)))
       end do
       do k = 1, equations%n
-         field%w(:, k, 2) = field%w(:, k, 2) + excitation%force(times)*impulse(k)
+         motion%w(:, k, 2) = motion%w(:, k, 2) + excitation%force(times)*direct_term(k)
       end do
    end subroutine find_motion
 
-   !> What each pole moves, per unit of its state z, and M**-1 F, both in the unknowns of (3.13).
+   !> Computes the motion of the unknowns of (3.13) per unit state z of each pole, and M**-1 F.
    !>
-   !> shapes   (poles, unknowns, 0:2) of w, w' and w''
-   !> impulse  (unknowns)
-   subroutine unknowns_of_poles(assembly, modes, poles, shapes, impulse)
+   !> shapes       (poles, unknowns, 0:2) of w, w' and w''; 0 for poles that belong to a cluster
+   !> direct_term  (unknowns) M**-1 F
+   subroutine shapes_of_poles(assembly, modes, poles, shapes, direct_term)
       type(assembly_t), intent(in) :: assembly
       type(beam_modes_t), intent(in) :: modes
       type(poles_t), intent(in) :: poles
       complex(wp), intent(out) :: shapes(:, :, 0:)
-      real(wp), allocatable, intent(out) :: impulse(:)
+      real(wp), allocatable, intent(out) :: direct_term(:)
       real(wp) :: x(assembly%n, 1), y(size(assembly%v, 1), 1)
       complex(wp) :: factor
       integer :: k, n, unknowns
@@ -114,23 +115,24 @@ contains
          associate (vector => poles%vector(k))
             factor = sum(assembly%load(:, 1, vector%form)*vector%x)/vector%A
             if (abs(aimag(poles%s(k))) > 0) factor = 2*factor
-            shapes(k, :, 0) = factor*unknowns_of(assembly, modes, vector%form, vector%x, &
+            shapes(k, :, 0) = factor*to_unknowns(assembly, modes, vector%form, vector%x, &
                vector%y(assembly%tip), unknowns)
             shapes(k, :, 1) = poles%s(k)*shapes(k, :, 0)
             shapes(k, :, 2) = poles%s(k)*shapes(k, :, 1)
          end associate
       end do
-      allocate (impulse(unknowns), source=0.0_wp)
+      allocate (direct_term(unknowns), source=0.0_wp)
       x(:, 1) = assembly%load(:, 1, 1)
       call solve_mass(assembly, x, y)
-      impulse(:n) = matmul(modes%shapes, x(:n, 1))
-      if (assembly%hose > 0) impulse(unknowns) = x(n + 1, 1)
-   end subroutine unknowns_of_poles
+      direct_term(:n) = matmul(modes%shapes, x(:n, 1))
+      if (assembly%hose > 0) direct_term(unknowns) = x(n + 1, 1)
+   end subroutine shapes_of_poles
 
-   !> What the states of a cluster move: moments of the motion Q**-1 F over its contour.
+   !> Computes the motion of the unknowns of (3.13) per unit state of a cluster, from the moments of
+   !> Q**-1 F over its contour.
    !>
-   !> shapes  (m, unknowns, 3)
-   subroutine unknowns_of_cluster(assembly, modes, cluster, shapes)
+   !> shapes  (m, unknowns, 3) of w, w' and w'' for the m roots of the cluster
+   subroutine shapes_of_cluster(assembly, modes, cluster, shapes)
       type(assembly_t), intent(in) :: assembly
       type(beam_modes_t), intent(in) :: modes
       type(cluster_t), intent(in) :: cluster
@@ -146,7 +148,7 @@ contains
          call contour_point(cluster, i, z, point)
          call transfer_at(assembly, point, .false., value)
          do k = 1, size(mu, 1)
-            mu(k, :) = mu(k, :) + cluster%radius/cluster%points*z**k*unknowns_of(assembly, modes, &
+            mu(k, :) = mu(k, :) + cluster%radius/cluster%points*z**k*to_unknowns(assembly, modes, &
                value%form, value%q, value%u(assembly%tip), size(mu, 2))
          end do
       end do
@@ -156,12 +158,15 @@ contains
          call rows_of(cluster, mu(:, i), none, row, drow)
          shapes(:, i, :) = row
       end do
-   end subroutine unknowns_of_cluster
+   end subroutine shapes_of_cluster
 
-   !> Spline coefficients and the hose from the oscillators' motion x.
+   !> Returns the unknowns of (3.13), spline coefficients and hose, from the modal coordinates.
    !>
-   !> form  of the pencil: the second counts the hose from the tip
-   function unknowns_of(assembly, modes, form, x, tip, unknowns) result(w)
+   !> form      form of the pencil: in the second form the hose is relative to the tip
+   !> x         modal coordinates, then the hose if there is one
+   !> tip       displacement of the tip
+   !> unknowns  their number
+   function to_unknowns(assembly, modes, form, x, tip, unknowns) result(w)
       type(assembly_t), intent(in) :: assembly
       type(beam_modes_t), intent(in) :: modes
       integer, intent(in) :: form, unknowns
@@ -175,39 +180,40 @@ contains
       if (assembly%hose == 0) return
       w(unknowns) = x(n + 1)
       if (form == 2) w(unknowns) = w(unknowns) + tip
-   end function unknowns_of
+   end function to_unknowns
 
-   !> States of all poles, z' = s z + f from rest, then those of the clusters.
+   !> Computes the states z of all poles, z' = s z + f from rest, followed by those of the clusters.
    !>
    !> z  (times, states)
-   subroutine march(poles, excitation, times, z)
+   subroutine compute_states(poles, excitation, times, z)
       type(poles_t), intent(in) :: poles
       type(excitation_t), intent(in) :: excitation
       real(wp), intent(in) :: times(:)
       complex(wp), intent(out) :: z(:, :)
       type(states_t) :: states
-      real(wp), allocatable :: x(:, :)
-      integer :: at, from, i, m
+      real(wp), allocatable :: x(:, :)   ! real parts, then imaginary parts, of each group of states
+      integer :: column, i, m, state
 
       states = at_rest(poles, excitation, .false.)
       allocate (x(size(times), states%columns()))
       call states%through(poles, excitation, times, x)
-      at = 0
-      from = 0
+      state = 0
+      column = 0
       do i = 0, size(states%cluster)
          m = size(poles%s)
          if (i > 0) m = size(states%cluster(i)%x)
-         z(:, at + 1:at + m) = cmplx(x(:, from + 1:from + m), x(:, from + m + 1:from + 2*m), wp)
-         at = at + m
-         from = from + 2*m
+         z(:, state + 1:state + m) = cmplx(x(:, column + 1:column + m), &
+            x(:, column + m + 1:column + 2*m), wp)
+         state = state + m
+         column = column + 2*m
       end do
-   end subroutine march
+   end subroutine compute_states
 
-   !> The beam at one place, at all times.
+   !> Returns the deflection of the beam at one point, or a derivative of it, at all times.
    !>
-   !> x           0 .. l [length]
-   !> derivative  with respect to x
-   !> order       of the derivative with respect to time, 0 .. 2
+   !> x           position, 0 to l [length]
+   !> derivative  order of the derivative with respect to x
+   !> order       order of the derivative with respect to time, 0 to 2
    function at(self, x, derivative, order) result(values)
       class(beam_motion_t), intent(in) :: self
       real(wp), intent(in) :: x
@@ -222,9 +228,9 @@ contains
       end do
    end function at
 
-   !> The hose at all times; nothing where there is none.
+   !> Returns the displacement y of the hose, or a derivative of it, at all times; 0 without a hose.
    !>
-   !> order  of the derivative with respect to time, 0 .. 2
+   !> order  order of the derivative with respect to time, 0 to 2
    function hose(self, order) result(values)
       class(beam_motion_t), intent(in) :: self
       integer, intent(in) :: order
@@ -234,9 +240,9 @@ contains
       if (size(self%w, 2) > self%space%n) values = self%w(:, size(self%w, 2), order)
    end function hose
 
-   !> Motion of observer . w.
+   !> Returns the motion of an observer: the inner product of its vector with w.
    !>
-   !> observer  (unknowns)
+   !> observer  (unknowns) its vector
    function seen_by(self, observer) result(response)
       class(beam_motion_t), intent(in) :: self
       real(wp), intent(in) :: observer(:)
@@ -247,129 +253,5 @@ contains
       response%velocity = matmul(self%w(:, :, 1), observer)
       response%acceleration = matmul(self%w(:, :, 2), observer)
    end function seen_by
-
-   !> |(y, u(l), u)|_V of a field or of the difference between two, at all times: the root of
-   !> (y - u(l))**2 plus the integral of (u'')**2, as Section 3 defines it.
-   !>
-   !> order  of the derivative with respect to time, 0 .. 2
-   !> minus  a field at the same times whose number of elements divides, or is a multiple of,
-   !>        that of the other
-   function norm_V(field, order, minus) result(values)
-      type(beam_motion_t), intent(in) :: field
-      integer, intent(in) :: order
-      type(beam_motion_t), intent(in), optional :: minus
-      real(wp) :: values(size(field%t))
-      real(wp) :: tip(size(field%t)), hose(size(field%t))
-
-      tip = 0
-      hose = 0
-      if (size(field%w, 2) > field%space%n) call ends(field, order, minus, tip, hose)
-      values = sqrt((hose - tip)**2 + integral_of_square(field, 2, order, minus))
-   end function norm_V
-
-   !> |(y, u(l), u)|_H likewise: the root of y**2 + u(l)**2 plus the integral of u**2.
-   function norm_H(field, order, minus) result(values)
-      type(beam_motion_t), intent(in) :: field
-      integer, intent(in) :: order
-      type(beam_motion_t), intent(in), optional :: minus
-      real(wp) :: values(size(field%t))
-      real(wp) :: tip(size(field%t)), hose(size(field%t))
-
-      call ends(field, order, minus, tip, hose)
-      values = sqrt(hose**2 + tip**2 + integral_of_square(field, 0, order, minus))
-   end function norm_H
-
-   !> Tip and hose of a field, or of the difference between two.
-   subroutine ends(field, order, minus, tip, hose)
-      type(beam_motion_t), intent(in) :: field
-      integer, intent(in) :: order
-      type(beam_motion_t), intent(in), optional :: minus
-      real(wp), intent(out) :: tip(:), hose(:)
-
-      hose = field%hose(order)
-      tip = field%at(field%space%length, 0, order)
-      if (.not. present(minus)) return
-      hose = hose - minus%hose(order)
-      tip = tip - minus%at(field%space%length, 0, order)
-   end subroutine ends
-
-   !> Integral over the beam of the square of a derivative with respect to x, at all times, by
-   !> Gauss points on the finer mesh: exact where one mesh is part of the other.
-   function integral_of_square(field, derivative, order, minus) result(values)
-      type(beam_motion_t), intent(in) :: field
-      integer, intent(in) :: derivative, order
-      type(beam_motion_t), intent(in), optional :: minus
-      real(wp) :: values(size(field%t))
-      real(wp) :: difference(size(field%t)), x, h
-      type(rule_t) :: rule
-      integer :: elements, degree, e, q
-
-      elements = field%space%elements
-      degree = field%space%degree
-      if (present(minus)) then
-         elements = max(elements, minus%space%elements)
-         degree = max(degree, minus%space%degree)
-      end if
-      rule = gauss_legendre(degree - derivative + 1)
-      h = field%space%length/elements
-      values = 0
-      do e = 0, elements - 1
-         do q = 1, size(rule%points)
-            x = (e + rule%points(q))*h
-            difference = field%at(x, derivative, order)
-            if (present(minus)) difference = difference - minus%at(x, derivative, order)
-            values = values + rule%weights(q)*h*difference**2
-         end do
-      end do
-   end function integral_of_square
-
-   !> Size of a motion, or of the difference between two, in the norms of Lemma 3.1, (3.23) and
-   !> (3.24): the largest |.|_V of displacement and of velocity, and the root of the integral of
-   !> |.|_H**2 of the acceleration, (3.16).
-   !>
-   !> weights  of the times, as `graded_times` gives them [time]
-   function motion_size(field, weights, minus) result(values)
-      type(beam_motion_t), intent(in) :: field
-      real(wp), intent(in) :: weights(:)
-      type(beam_motion_t), intent(in), optional :: minus
-      real(wp) :: values(3)
-
-      values(1) = maxval(norm_V(field, 0, minus))
-      values(2) = maxval(norm_V(field, 1, minus))
-      values(3) = sqrt(sum(weights*norm_H(field, 2, minus)**2))
-   end function motion_size
-
-   !> Times and weights for integrals over [first node of the force, finish] of what a corner of the
-   !> force sets going: behind each node of the force panels that grow with the distance tau from
-   !> it, like tau**(2/3), four Gauss points in each. The high modes, which need the short ones, are
-   !> what c_D damps away first.
-   !>
-   !> finish   behind the last node of the force [time]
-   !> panels   behind the last node; fewer behind the others, so that all are graded alike
-   !> times, weights  ascending; allocated on return [time]
-   subroutine graded_times(excitation, finish, panels, times, weights)
-      type(excitation_t), intent(in) :: excitation
-      real(wp), intent(in) :: finish
-      integer, intent(in) :: panels
-      real(wp), allocatable, intent(out) :: times(:), weights(:)
-      type(rule_t) :: rule
-      real(wp), allocatable :: corners(:)
-      real(wp) :: first, last, length
-      integer :: k, j, m
-
-      rule = gauss_legendre(4)
-      corners = [excitation%t, finish]
-      allocate (times(0), weights(0))
-      length = finish - excitation%t(size(excitation%t))
-      do k = 1, size(corners) - 1
-         m = ceiling(panels*min(1.0_wp, (corners(k + 1) - corners(k))/length)**(1/3.0_wp))
-         do j = 1, m
-            first = corners(k) + (corners(k + 1) - corners(k))*(real(j - 1, wp)/m)**3
-            last = corners(k) + (corners(k + 1) - corners(k))*(real(j, wp)/m)**3
-            times = [times, first + (last - first)*rule%points]
-            weights = [weights, (last - first)*rule%weights]
-         end do
-      end do
-   end subroutine graded_times
 
 end module beamid_beam_motions

@@ -1,5 +1,5 @@
-!> How the sum of squares lies around a fit: at given parameters, and along one of them with others
-!> fitted again; and how far two models' sums can differ.
+!> The sum of squares J around a fit, for the studies of the paper: at given parameters, and along
+!> one parameter with others fitted again; and a bound on the difference of two models' sums.
 module beamid_profiles
    use beamid_errors, only: error_t
    use beamid_galerkin, only: mesh_t
@@ -14,9 +14,12 @@ module beamid_profiles
 
 contains
 
-   !> Squared residuals of a model as it is, nothing fitted.
+   !> Computes the sum of squared residuals of a model without fitting it.
    !>
-   !> samples, measured  (m) ascending [time], record there [length/time**2]
+   !> samples   (m) ascending sample times [time]
+   !> measured  (m) the record [length/time**2]
+   !> J         sum of squared residuals; -1 if the response cannot be computed
+   !> error     a response that cannot be computed
    subroutine sum_of_squares(model, mesh, samples, measured, J, error)
       type(model_t), intent(in) :: model
       type(mesh_t), intent(in) :: mesh
@@ -30,14 +33,16 @@ contains
       if (.not. allocated(error)) J = squared_distance(simulation%acceleration, measured)
    end subroutine sum_of_squares
 
-   !> The least sum of squares along one parameter: at each of its values the parameters of the
-   !> stage are fitted, each time from where they ended before, at first from those of the model.
+   !> Computes the least sum of squares along one parameter: at each of its values the parameters of
+   !> a stage are fitted, starting from the previous fit, at first from the values of the model.
    !>
-   !> parameter          place in the `parameters`, not one of the stage's
-   !> values             (k) that it takes
-   !> stage              what is fitted; a start in it is not used
-   !> samples, measured  (m) as in `identify`
-   !> fits               (k) allocated on success
+   !> parameter  index in `parameters` of a parameter that is not free in the stage
+   !> values     (k) values of this parameter
+   !> stage      with the free parameters; its start values are not used
+   !> samples    (m) ascending sample times [time]
+   !> measured   (m) the record [length/time**2]
+   !> fits       (k) fits; allocated on success
+   !> error      a fit that fails, with the value of the parameter
    subroutine profile(model, mesh, parameter, values, stage, samples, measured, fits, error)
       type(model_t), intent(in) :: model
       type(mesh_t), intent(in) :: mesh
@@ -70,7 +75,7 @@ contains
       end do
    end subroutine profile
 
-   !> Places of values that are lower than both of their neighbours; the ends do not count.
+   !> Returns the indices of the local minima: values lower than both neighbours, the ends excluded.
    pure function lowest_places(values) result(places)
       real(wp), intent(in) :: values(:)
       integer, allocatable :: places(:)
@@ -80,15 +85,19 @@ contains
          values(k) < values(k + 1), k=2, size(values) - 1)])
    end function lowest_places
 
-   !> |a - b|**2.
+   !> Returns |a - b|**2.
    pure real(wp) function squared_distance(a, b)
       real(wp), intent(in) :: a(:), b(:)
 
       squared_distance = sum((a - b)**2)
    end function squared_distance
 
-   !> With responses Y_1, Y_2 and a record Z, |Y_1 - Z|**2 - |Y_2 - Z|**2 is |Y_1 - Y_2|**2 plus
-   !> 2 (Y_1 - Y_2)'(Y_2 - Z), which by Schwarz's inequality is no larger than this.
+   !> Returns a bound on the part of the difference of two sums of squares that depends on the
+   !> record.
+   !>
+   !> For responses Y_1 and Y_2 and a record Z, |Y_1 - Z|**2 - |Y_2 - Z|**2 equals |Y_1 - Y_2|**2
+   !> plus 2 (Y_1 - Y_2)'(Y_2 - Z). By Schwarz's inequality the last term is no larger than this
+   !> bound.
    !>
    !> J          |Y_2 - Z|**2
    !> distance2  |Y_1 - Y_2|**2

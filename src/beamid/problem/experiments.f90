@@ -1,7 +1,8 @@
-!> One record and the motion that the model has for it.
+!> Experiments: a record, and the model of the motion that was recorded.
 !>
-!> The model's acceleration is f(p) + Phi(p) c: what a known force causes, and what enters linearly,
-!> the motion of some modes from an unknown start and the offset of the sensor.
+!> The acceleration of the model is f(p) + Phi(p) c. The response f to a known force depends on the
+!> parameters p. The linear unknowns c are the free modes of a motion with an unknown initial state,
+!> and the offset of the sensor. `beamid_residuals` evaluates the experiments of a fit.
 module beamid_experiments
    use beamid_equations, only: equations_t, new_equations, unknowns_of
    use beamid_errors, only: error_t, bad_input, failure
@@ -9,6 +10,7 @@ module beamid_experiments
    use beamid_free_motion, only: free_mode_t
    use beamid_galerkin, only: galerkin_of, galerkin_t, mesh_t
    use beamid_kinds, only: wp
+   use beamid_linear_unknowns, only: linear_t
    use beamid_observation, only: observation_t, sampling_t, new_sampling
    use beamid_parameters, only: amplitude
    use beamid_responses, only: exact_solver_t, is_exact, of_tilt, prepare_for, response_t, &
@@ -18,56 +20,48 @@ module beamid_experiments
    implicit none
    private
 
-   public :: experiment_t, prepared_experiment_t, linear_t, seen_modes_t, prepare_experiment, &
-      is_first
+   public :: experiment_t, prepared_experiment_t, seen_modes_t, prepare_experiment, is_first
 
-   !> A record and how it came about.
+   !> A record and the conditions under which it was taken.
    type :: experiment_t
-      real(wp), allocatable :: samples(:)    !< (m) ascending [time]
-      real(wp), allocatable :: measured(:)   !< (m) [length/time**2]
+      real(wp), allocatable :: samples(:)    !< (m) sample times, ascending [time]
+      real(wp), allocatable :: measured(:)   !< (m) recorded acceleration [length/time**2]
       type(excitation_t) :: excitation
-      !> Of the beam, of the sensor and of the support [length]; not allocated: the structure's
+      !> length of the beam, place of the sensor, place of the first support in this experiment
+      !> [length]; not allocated: as in the structure
       real(wp), allocatable :: length, x_S, x_P
-      integer :: sensor = 1                  !< the record comes from
-      !> Records of equal numbers are channels of one motion; 0: a motion of its own
+      integer :: sensor = 1                  !< number of the sensor that recorded
+      !> number of the motion; records with the same number are channels of one motion; 0: the
+      !> motion has this record only
       integer :: motion = 0
-      !> Of the noise [length/time**2]; not allocated: not known
+      !> standard deviation of the noise [length/time**2]; not allocated: unknown
       real(wp), allocatable :: sd
-      !> acceleration = scale*(value - offset), the offset in the record's own unit
+      !> acceleration = scale*(value - offset); the offset is in the unit of the file
       real(wp) :: scale = 1, offset = 0
    contains
       procedure :: structure_of
    end type experiment_t
 
-   !> What one mesh makes of an experiment: computed once, used by every evaluation.
+   !> An experiment with all that is computed once for a mesh and used by every evaluation.
    type :: prepared_experiment_t
       type(experiment_t) :: experiment
-      type(galerkin_t) :: galerkin
-      class(solver_t), allocatable :: solver
-      type(sampling_t) :: sampling
+      type(galerkin_t) :: galerkin             !< integrals of the mesh
+      class(solver_t), allocatable :: solver   !< prepared for the mesh
+      type(sampling_t) :: sampling             !< response times of the observation formula
    contains
       procedure :: evaluate
       procedure, private :: free_motion
    end type prepared_experiment_t
 
-   !> Free modes as the first channel of a motion sees them.
+   !> The free modes of a motion as the sensor of its first channel measures them.
    type :: seen_modes_t
-      real(wp) :: begin = 0                       !< of that channel [time]
-      type(free_mode_t), allocatable :: modes(:)
+      real(wp) :: begin = 0                       !< first sample of that channel [time]
+      type(free_mode_t), allocatable :: modes(:)  !< (modes)
    end type seen_modes_t
-
-   !> What enters linearly: Phi = basis*weights(:, :, 0), and its derivatives in the same basis.
-   type :: linear_t
-      real(wp), allocatable :: basis(:, :)        !< (m, b)
-      real(wp), allocatable :: weights(:, :, :)   !< (b, k, 0:parameters)
-   contains
-      procedure :: columns
-      procedure :: add_change
-   end type linear_t
 
 contains
 
-   !> The structure as it was in this experiment.
+   !> Returns the structure as it was in this experiment: with its own length, places and sensor.
    pure type(structure_t) function structure_of(self, structure)
       class(experiment_t), intent(in) :: self
       type(structure_t), intent(in) :: structure
@@ -80,9 +74,9 @@ contains
       if (allocated(self%excitation%x_F)) structure_of%x_F = self%excitation%x_F
    end function structure_of
 
-   !> Whether a record is the first channel of its motion.
+   !> Tells for each record (records) whether it is the first channel of its motion.
    !>
-   !> motions  (records) as of `experiment_t`
+   !> motions  (records) number of the motion of each record, as in `experiment_t`
    pure function is_first(motions)
       integer, intent(in) :: motions(:)
       logical :: is_first(size(motions))
@@ -92,8 +86,13 @@ contains
          k=1, size(motions))]
    end function is_first
 
-   !> structure  of this experiment
-   !> solver     not prepared yet
+   !> Prepares an experiment for a mesh: integrals, solver and response times.
+   !>
+   !> structure    structure as it was in this experiment
+   !> observation  observation formula
+   !> solver       solver that is not yet prepared
+   !> error        the solver cannot compute a motion with an unknown initial state; the mesh has
+   !>              fewer modes than the motion; the solver cannot be prepared
    subroutine prepare_experiment(experiment, structure, mesh, observation, solver, prepared, error)
       type(experiment_t), intent(in) :: experiment
       type(structure_t), intent(in) :: structure
@@ -122,16 +121,21 @@ contains
       call prepare_for(prepared%galerkin, prepared%solver, error)
    end subroutine prepare_experiment
 
-   !> The model and its derivatives.
+   !> Computes the model of an experiment, its derivatives and its linear unknowns.
    !>
-   !> offset      whether the sensor's offset is unknown
-   !> parameters  by which it is differentiated, places among the `parameters`; none: by any method
-   !> y           (m) f - measured
-   !> dy          (m, parameters)
-   !> linear      k columns: cosine and sine of each mode, then the offset
+   !> structure   structure with trial values of the parameters, as in this experiment
+   !> excitation  excitation with trial values
+   !> offset      whether the offset of the sensor is unknown
+   !> parameters  (p) numbers in `parameters` to differentiate by; must be empty if the solver has
+   !>             no exact derivatives
+   !> y           (m) f minus the record [length/time**2]
+   !> dy          (m, p) derivatives of y
+   !> linear      linear unknowns: cosine and sine of each mode, which are accelerations at the
+   !>             first sample [length/time**2], then the offset [unit of the file]
    !> work        counters to which this call adds
-   !> first       of the same motion where this is a further channel: the modes as its sensor sees
-   !>             them; not allocated where this is the first, and then set
+   !> error       the response cannot be computed, or has no exact derivatives
+   !> first       modes as the first channel measures them: allocated if this is a further channel
+   !>             of the same motion; otherwise set by this call
    subroutine evaluate(self, structure, excitation, offset, parameters, y, dy, linear, work, &
       error, first)
       class(prepared_experiment_t), intent(inout), target :: self
@@ -160,7 +164,7 @@ contains
          if (allocated(error)) return
          p = findloc(parameters, amplitude, dim=1)
          if (p > 0) then
-            ! Linear in the amplitude: the derivative is the response to a unit one.
+            ! f is linear in the amplitude: its derivative is the response to a unit amplitude.
             call applied%set_amplitude(1.0_wp)
             if (applied%by_displacement) call applied%fit_to(structure%stiffness())
             call driven(applied, [integer ::], dy(:, p), none)
@@ -173,30 +177,30 @@ contains
 
    contains
 
-      !> What the force causes, and its derivatives.
+      !> Computes the observed response to a force (m), and its derivatives (m, p).
       subroutine driven(force, parameters, y, dy)
          type(excitation_t), intent(in) :: force
          integer, intent(in) :: parameters(:)
          real(wp), intent(out) :: y(:), dy(:, :)
          type(response_t) :: response
          real(wp), allocatable :: motion(:, :, :)
-         integer, allocatable :: which(:)
+         integer, allocatable :: rows(:)
          integer :: p
 
-         which = [self%sampling%observation%formula]
-         if (structure%g > 0 .or. any(parameters == of_g)) which = [which, of_tilt]
+         rows = [self%sampling%observation%formula]
+         if (structure%g > 0 .or. any(parameters == of_g)) rows = [rows, of_tilt]
          associate (sampling => self%sampling)
             select type (solver => self%solver)
             class is (exact_solver_t)
-               allocate (motion(size(sampling%times), 0:size(parameters), size(which)))
-               call solver%motions(equations, force, sampling%times, which, parameters, motion, &
+               allocate (motion(size(sampling%times), 0:size(parameters), size(rows)))
+               call solver%motions(equations, force, sampling%times, rows, parameters, motion, &
                   work, error)
                if (allocated(error)) return
                y = sampling%of_motion(motion(:, 0, 1)) + sampling%of_base(force)
-               if (size(which) > 1) y = y + motion(sampling%middle(), 0, 2)
+               if (size(rows) > 1) y = y + motion(sampling%middle(), 0, 2)
                do p = 1, size(parameters)
                   dy(:, p) = sampling%of_motion(motion(:, p, 1))
-                  if (size(which) > 1) dy(:, p) = dy(:, p) + motion(sampling%middle(), p, 2)
+                  if (size(rows) > 1) dy(:, p) = dy(:, p) + motion(sampling%middle(), p, 2)
                   if (force%by_displacement) dy(:, p) = dy(:, p) &
                      + structure%stiffening(parameters(p))*y
                end do
@@ -211,8 +215,10 @@ contains
 
    end subroutine evaluate
 
-   !> What enters linearly: the two motions of each mode, of which the unknowns are accelerations at
-   !> the first sample, and the offset.
+   !> Computes the linear unknowns: the two motions of each free mode, and the offset. Arguments as
+   !> of `evaluate`.
+   !>
+   !> count  number of modes
    subroutine free_motion(self, equations, count, parameters, offset, first, linear, work, error)
       class(prepared_experiment_t), intent(inout) :: self
       type(equations_t), intent(in), target :: equations
@@ -272,8 +278,12 @@ contains
       linear%weights(b + 1, 2*count + 1, 0) = 1
    end subroutine free_motion
 
-   !> The real part of row*states, and minus its imaginary part, by real and imaginary parts of the
-   !> states.
+   !> Returns the weights of Re(row*states) and of -Im(row*states) in the basis of the real and the
+   !> imaginary parts of the states.
+   !>
+   !> row      (states)
+   !> weights  (2*states, 2) first the real parts, then the imaginary parts; one column for each
+   !>          motion
    pure function pair(row) result(weights)
       complex(wp), intent(in) :: row(:)
       real(wp) :: weights(2*size(row), 2)
@@ -281,34 +291,5 @@ contains
       weights(:, 1) = [real(row), -aimag(row)]
       weights(:, 2) = [-aimag(row), -real(row)]
    end function pair
-
-   !> (m, k) Phi, or with a place among the parameters its derivative.
-   pure function columns(self, p)
-      class(linear_t), intent(in) :: self
-      integer, intent(in) :: p
-      real(wp), allocatable :: columns(:, :)
-
-      columns = matmul(self%basis, self%weights(:, :, p))
-   end function columns
-
-   !> Adds to each column of dy what changes with its parameter at coefficients c, (dPhi/dp) c.
-   !>
-   !> r      (m)
-   !> along  (k, parameters) (dPhi/dp)'r
-   pure subroutine add_change(self, c, r, dy, along)
-      class(linear_t), intent(in) :: self
-      real(wp), intent(in) :: c(:), r(:)
-      real(wp), intent(inout) :: dy(:, :)
-      real(wp), intent(out) :: along(:, :)
-      real(wp) :: seen(size(self%basis, 2)), change(size(self%basis, 2), size(dy, 2))
-      integer :: p
-
-      seen = matmul(r, self%basis)
-      do p = 1, size(dy, 2)
-         change(:, p) = matmul(self%weights(:, :, p), c)
-         along(:, p) = matmul(seen, self%weights(:, :, p))
-      end do
-      dy = dy + matmul(self%basis, change)
-   end subroutine add_change
 
 end module beamid_experiments

@@ -1,9 +1,12 @@
-!> The lowest roots of the model of a record, and where start values may lie.
+!> Roots of the model and expected parameter values, for the search for start values.
+!>
+!> The search compares the roots of the model with the spectral lines of a record. It keeps each
+!> parameter near the value that is expected before the record is seen.
 module beamid_model_roots
    use beamid_equations, only: equations_t, new_equations
    use beamid_errors, only: error_t, failure
    use beamid_kinds, only: wp
-   use beamid_parameters, only: free_magnitude, on_beam, parameters
+   use beamid_parameters, only: on_beam, parameters
    use beamid_priors, only: prior_t, priors_of
    use beamid_residuals, only: residual_t
    use beamid_responses, only: exact_solver_t
@@ -14,13 +17,18 @@ module beamid_model_roots
 
    public :: model_roots, damps, belief_t, beliefs_about
 
-   !> What is thought of a parameter before its record is seen: x has a standard deviation about the
-   !> x of the start, the logarithm of the parameter where that has one and is no place.
+   !> The expectation of a parameter before its record is seen, in the form of a normal
+   !> distribution.
+   !>
+   !> The distribution is that of x: the logarithm of the parameter if `logarithmic`, else the
+   !> parameter itself.
    type :: belief_t
+      !> x is the logarithm; .false. for places along the beam, reciprocals and a `centre` of 0
       logical :: logarithmic = .false.
-      real(wp) :: centre = 0      !< the start
+      real(wp) :: centre = 0      !< expected value of the parameter: the prior mean, or the start
       real(wp) :: width = 1       !< standard deviation of x
-      logical :: stated = .false. !< by the user, who holds it as determined by that
+      !> the user states it by a prior, which therefore counts as determining the parameter
+      logical :: stated = .false.
    contains
       procedure :: x_of
       procedure :: value_of
@@ -29,11 +37,15 @@ module beamid_model_roots
 
 contains
 
-   !> The lowest oscillating roots of the model of record r in a scenario, and their derivatives by
-   !> what is free, 0 by what belongs to another record.
+   !> Computes the lowest oscillating roots of the model of one record, and their derivatives.
    !>
-   !> s   (modes) [1/time]
-   !> ds  (modes, free)
+   !> problem   fit whose parameters are free; supplies mesh and solver of the record
+   !> scenario  structures and excitations at which the roots are computed
+   !> r         number of the record
+   !> s         (modes) roots, in ascending order [1/time]
+   !> ds        (modes, free) derivatives with respect to the free parameters; 0 for parameters of
+   !>           other records
+   !> error     the solver has no modes, or there are fewer modes than asked for
    subroutine model_roots(problem, scenario, r, s, ds, error)
       type(residual_t), intent(inout), target :: problem
       type(scenario_t), intent(in) :: scenario
@@ -57,18 +69,24 @@ contains
       end do
    end subroutine model_roots
 
-   !> Whether a parameter moves roots along the real axis.
+   !> Tells whether a parameter moves roots mainly along the real axis, so that it acts as damping.
+   !>
+   !> ds  derivatives of roots with respect to the parameter
    pure logical function damps(ds)
       complex(wp), intent(in) :: ds(:)
 
       damps = all(abs(real(ds)) >= abs(aimag(ds))) .and. any(abs(ds) > 0)
    end function damps
 
-   !> What is believed of parameters that have some values, where it is not stated: a modulus to
-   !> 30 %, a mass per length to 10 %, lengths and places to some per cent of the beam, everything
-   !> else to a factor e.
+   !> Returns the expectation of each parameter.
    !>
-   !> free, records, starts  (n) parameters, the record of each, or 0, and values
+   !> A prior of the user counts first. Otherwise the standard deviation is 30 % for a modulus and
+   !> 10 % for a mass per length. It is 2 % for the length of the beam, 10 % of the length for the
+   !> place of a support and 3 % for other places. All other parameters are expected to within a
+   !> factor e, or, if they start from 0 or are reciprocals, to within a moderate value.
+   !>
+   !> free, records  (n) numbers of the parameters, and the record of each (0: all)
+   !> starts         (n) their start values
    pure function beliefs_about(scenario, free, records, starts, priors) result(beliefs)
       type(scenario_t), intent(in) :: scenario
       integer, intent(in) :: free(:), records(:)
@@ -98,15 +116,16 @@ contains
             else if (p == of_length) then
                b%width = 0.02_wp
             else if (parameters(p)%range == on_beam) then
-               ! A support is moved about, a sensor is mounted once.
+               ! Supports are moved between records; a sensor is mounted once.
                b%width = merge(0.1_wp, 0.03_wp, parameters(p)%group == 'support')*s%length
             else if (.not. b%logarithmic) then
-               b%width = max(b%centre, free_magnitude(s, scenario%excitations(r), p))
+               b%width = max(b%centre, scenario%magnitude_of(p, r))
             end if
          end associate
       end do
    end function beliefs_about
 
+   !> Returns the coordinate x of a parameter value.
    elemental real(wp) function x_of(self, value)
       class(belief_t), intent(in) :: self
       real(wp), intent(in) :: value
@@ -115,6 +134,7 @@ contains
       if (self%logarithmic) x_of = log(max(value, 1e-30_wp*self%centre))
    end function x_of
 
+   !> Returns the parameter value at the coordinate x.
    elemental real(wp) function value_of(self, x)
       class(belief_t), intent(in) :: self
       real(wp), intent(in) :: x
@@ -123,7 +143,7 @@ contains
       if (self%logarithmic) value_of = exp(x)
    end function value_of
 
-   !> d value/d x
+   !> Returns the derivative d value/d x.
    elemental real(wp) function slope(self, value)
       class(belief_t), intent(in) :: self
       real(wp), intent(in) :: value

@@ -1,4 +1,7 @@
-!> Tip acceleration as the accelerometer's model sees it: the three formulas of Section 4.
+!> Observation formulas: the acceleration that the model predicts for the accelerometer.
+!>
+!> Section 4 has three formulas. Each one turns the computed motion of the sensor into accelerations
+!> at the sample times.
 module beamid_observation
    use beamid_excitation, only: excitation_t
    use beamid_kinds, only: wp
@@ -8,22 +11,29 @@ module beamid_observation
 
    public :: observation_t, sampling_t, new_sampling
 
-   !> The formulas: second differences of displacements (4.1), first differences of velocities
-   !> (4.2), accelerations (3.13). The number is that of the motion that the formula uses.
+   !> The observation formulas: second differences of displacements (4.1), first differences of
+   !> velocities (4.2), and the acceleration itself (3.13). The number of a formula is also the
+   !> number of the motion that it uses: 1 displacement, 2 velocity, 3 acceleration.
    integer, parameter, public :: from_displacement = 1, from_velocity = 2, from_acceleration = 3
 
+   !> An observation formula and its settings.
    type :: observation_t
-      integer :: formula = from_acceleration
-      real(wp) :: delta = 0           !< Delta of (4.1) and (4.2) [time], > 0 there
-      logical :: relative = .false.   !< to a base that moves
+      integer :: formula = from_acceleration   !< one of the three formulas above
+      !> time step Delta of (4.1) and (4.2) [time]; > 0 with these formulas, unused with (3.13)
+      real(wp) :: delta = 0
+      !> .true.: the sensor measures motion relative to a moving base; .false.: absolute motion
+      logical :: relative = .false.
    end type observation_t
 
-   !> Sample times together with the response times that the formula needs for them.
+   !> The sample times of a record, and the response times that the observation formula needs for
+   !> them.
    type :: sampling_t
       real(wp), allocatable :: samples(:)            !< (m) ascending [time]
-      real(wp), allocatable :: times(:)              !< ascending, no two alike [time]
+      real(wp), allocatable :: times(:)              !< (n) response times, ascending [time]
       type(observation_t) :: observation
-      integer, allocatable, private :: place(:, :)   !< (points, m) where in `times` each point lies
+      !> (points, m) index in `times` of each point of the formula, for each sample; points is 3 for
+      !> the difference formulas, else 1
+      integer, allocatable, private :: place(:, :)
    contains
       procedure :: acceleration
       procedure :: seen
@@ -35,8 +45,10 @@ module beamid_observation
 
 contains
 
-   !> Merges the shifted copies of the sample times into one ascending list. Times that differ only
-   !> by round-off, as t + Delta of one sample and t - Delta of another do, become one.
+   !> Returns the response times that an observation formula needs for given sample times.
+   !>
+   !> Merges the shifted copies of the sample times into one ascending list. Two times that differ
+   !> only by round-off, such as t + Delta of one sample and t - Delta of another, become one time.
    !>
    !> samples  (m) ascending [time]
    pure function new_sampling(observation, samples) result(self)
@@ -44,11 +56,11 @@ contains
       real(wp), intent(in) :: samples(:)
       type(sampling_t) :: self
       real(wp), allocatable :: offsets(:), times(:)
-      integer, allocatable :: next(:)
-      real(wp) :: t, same
+      integer, allocatable :: next_sample(:)
+      real(wp) :: time, round_off
       integer :: m, points, k, total
 
-      ! From each sample; the sample itself is always in the middle.
+      ! Points of the formula relative to the sample; the middle point is the sample itself.
       select case (observation%formula)
       case (from_displacement)
          offsets = observation%delta*[-1.0_wp, 0.0_wp, 1.0_wp]
@@ -61,30 +73,34 @@ contains
       points = size(offsets)
       self%observation = observation
       self%samples = samples
-      allocate (self%place(points, m), times(points*m), next(points))
-      same = 0
-      if (m > 0) same = 64*epsilon(same)*maxval(abs(samples))
-      next = 1
+      allocate (self%place(points, m), times(points*m), next_sample(points))
+      round_off = 0
+      if (m > 0) round_off = 64*epsilon(round_off)*maxval(abs(samples))
+      next_sample = 1
       total = 0
-      do while (any(next <= m))
-         t = minval(samples(min(next, m)) + offsets, mask=next <= m)
+      do while (any(next_sample <= m))
+         time = minval(samples(min(next_sample, m)) + offsets, mask=next_sample <= m)
          total = total + 1
-         times(total) = t
+         times(total) = time
          do k = 1, points
-            do while (next(k) <= m)
-               if (samples(next(k)) + offsets(k) > t + same) exit
-               self%place(k, next(k)) = total
-               next(k) = next(k) + 1
+            do while (next_sample(k) <= m)
+               if (samples(next_sample(k)) + offsets(k) > time + round_off) exit
+               self%place(k, next_sample(k)) = total
+               next_sample(k) = next_sample(k) + 1
             end do
          end do
       end do
       self%times = times(:total)
    end function new_sampling
 
-   !> Acceleration at the samples (m) from the response at `times` [length/time**2]; whatever the
-   !> formula, a sensor that turns reads a share of gravity.
+   !> Returns the observed acceleration at the samples [length/time**2].
    !>
-   !> excitation  of a base whose motion is seen too; left out: of the response alone
+   !> With every formula, a sensor that is tilted by the slope of the beam also reads a component of
+   !> gravity (`response%tilt`).
+   !>
+   !> response    motion of the sensor at `times`
+   !> excitation  excitation whose base motion is added; if it is absent, the result is that of the
+   !>             response alone
    pure function acceleration(self, response, excitation) result(a)
       class(sampling_t), intent(in) :: self
       type(response_t), intent(in) :: response
@@ -103,7 +119,8 @@ contains
       if (present(excitation)) a = a + self%of_base(excitation)
    end function acceleration
 
-   !> What a base that moves adds at the samples (m); nothing to a motion relative to it.
+   !> Returns the acceleration that a moving base adds at the samples (m) [length/time**2]; 0 if the
+   !> sensor measures relative motion.
    pure function of_base(self, excitation) result(a)
       class(sampling_t), intent(in) :: self
       type(excitation_t), intent(in) :: excitation
@@ -115,7 +132,7 @@ contains
       a = self%of_motion(base(:, self%observation%formula))
    end function of_base
 
-   !> The response as the sensor sees it, with the motion of the base where it is absolute.
+   !> Returns the response, plus the motion of the base if the sensor measures absolute motion.
    pure function seen(self, response, excitation) result(absolute)
       class(sampling_t), intent(in) :: self
       type(response_t), intent(in) :: response
@@ -131,7 +148,10 @@ contains
       absolute%acceleration = response%acceleration + base(:, 3)
    end function seen
 
-   !> Acceleration at the samples from the motion that the formula uses.
+   !> Applies the observation formula, without gravity and base motion.
+   !>
+   !> motion  (n) displacement, velocity or acceleration at `times`, as the formula needs
+   !> a       (m) acceleration at the samples [length/time**2]
    pure function of_motion(self, motion) result(a)
       class(sampling_t), intent(in) :: self
       real(wp), intent(in) :: motion(:)
@@ -149,7 +169,7 @@ contains
       end associate
    end function of_motion
 
-   !> Where in `times` the samples themselves are.
+   !> Returns the index in `times` of each sample (m).
    pure function middle(self)
       class(sampling_t), intent(in) :: self
       integer :: middle(size(self%samples))
@@ -157,17 +177,17 @@ contains
       middle = self%place((size(self%place, 1) + 1)/2, :)
    end function middle
 
-   !> The response at the samples alone.
-   pure function at_samples(self, response) result(narrow)
+   !> Returns the response at the samples alone, without its tilt.
+   pure function at_samples(self, response) result(reduced)
       class(sampling_t), intent(in) :: self
       type(response_t), intent(in) :: response
-      type(response_t) :: narrow
+      type(response_t) :: reduced
 
       associate (middle => self%middle())
-         narrow%t = self%samples
-         narrow%displacement = response%displacement(middle)
-         narrow%velocity = response%velocity(middle)
-         narrow%acceleration = response%acceleration(middle)
+         reduced%t = self%samples
+         reduced%displacement = response%displacement(middle)
+         reduced%velocity = response%velocity(middle)
+         reduced%acceleration = response%acceleration(middle)
       end associate
    end function at_samples
 

@@ -1,24 +1,31 @@
-!> What is known of parameters beside the records: values with standard deviations. One of a free
-!> parameter is one more residual, one of a held parameter a source of error.
+!> Prior information: parameter values with standard deviations that the user knows apart from the
+!> records.
+!>
+!> A prior of a free parameter adds one residual to the fit. A prior of a fixed parameter is a
+!> source of error of the estimates (module `beamid_held_errors`).
 module beamid_priors
    use beamid_kinds, only: wp
-   use beamid_parameters, only: as_named, get_free, name_length, parameters
+   use beamid_parameters, only: as_named, name_length, parameters
    use beamid_unknowns, only: scenario_t
    implicit none
    private
 
    public :: prior_t, priors_of
 
+   !> The prior of one quantity of the case file.
    type :: prior_t
       character(len=name_length) :: name = ''
-      !> Places of the parameters that go with it, and by how much each changes for a unit: one by
-      !> 1, or of a height I and rho.
+      !> (k) numbers in `parameters` of the parameters that the quantity changes: one parameter, or
+      !> I and rho if the quantity is the height of the beam
       integer, allocatable :: parameter(:)
+      !> (k) derivative of each of these parameters with respect to the quantity; 1 for a parameter
       real(wp), allocatable :: slope(:)
-      integer :: record = 0                !< that it is about; 0: all, with one error in common
-      real(wp), allocatable :: value       !< not allocated: the one that the case has
-      real(wp) :: sd = 0                   !< standard deviation, in the unit of the parameter
-      real(wp), allocatable :: centre(:)   !< (records) of what a search looks for, by `refer_to`
+      integer :: record = 0           !< record the prior applies to; 0: all, with one common error
+      real(wp), allocatable :: value  !< prior mean; not allocated: the value in the case file
+      real(wp) :: sd = 0              !< standard deviation, in the unit of the quantity
+      !> (records) prior mean of the variable that the search uses, which may be the reciprocal of
+      !> the parameter; set by `refer_to`
+      real(wp), allocatable :: centre(:)
    contains
       procedure :: is_about
       procedure :: refer_to
@@ -28,9 +35,10 @@ module beamid_priors
 
 contains
 
-   !> The priors of free parameters: for each of them the place of its prior, 0: none.
+   !> Returns the number of the prior of each free parameter; 0 if it has none.
    !>
-   !> free, records  (n) parameters and the record of each, or 0
+   !> priors         all priors of the fit
+   !> free, records  (n) numbers of the free parameters, and the record each belongs to (0: all)
    pure function priors_of(priors, free, records) result(which)
       type(prior_t), intent(in) :: priors(:)
       integer, intent(in) :: free(:), records(:)
@@ -44,7 +52,7 @@ contains
       end do
    end function priors_of
 
-   !> Whether it is about a parameter by itself, of one record or of all (0).
+   !> Tells whether the prior applies to one parameter alone, in a given record (0: in all records).
    pure logical function is_about(self, parameter, record)
       class(prior_t), intent(in) :: self
       integer, intent(in) :: parameter, record
@@ -55,10 +63,9 @@ contains
          (self%record == 0 .or. record == 0 .or. self%record == record)
    end function is_about
 
-   !> Notes where the parameter is believed to be in each record: what a search looks for, which may
-   !> be the reciprocal.
+   !> Sets `centre`: the prior mean of the searched variable in each record.
    !>
-   !> scenario  with the values that the case has
+   !> scenario  structures and excitations with the values of the case file
    pure subroutine refer_to(self, scenario)
       class(prior_t), intent(inout) :: self
       type(scenario_t), intent(in) :: scenario
@@ -68,13 +75,14 @@ contains
       allocate (self%centre(size(scenario%structures)))
       associate (p => self%parameter(1))
          do r = 1, size(self%centre)
-            self%centre(r) = get_free(scenario%structures(r), scenario%excitations(r), p)
+            self%centre(r) = scenario%get(p, r)
          end do
          if (allocated(self%value)) self%centre = as_named(p, self%value)
       end associate
    end subroutine refer_to
 
-   !> Where the parameter of a record (0: of all) is believed to be, once `refer_to` was called.
+   !> Returns the prior mean of the searched variable in one record (0: in all). Requires
+   !> `refer_to`.
    pure real(wp) function centre_in(self, record)
       class(prior_t), intent(in) :: self
       integer, intent(in) :: record
@@ -82,7 +90,10 @@ contains
       centre_in = self%centre(max(1, record, self%record))
    end function centre_in
 
-   !> The standard deviation of what a search looks for, that of 1/k being sd/k**2.
+   !> Returns the standard deviation of the searched variable, which is sd/k**2 for the reciprocal
+   !> 1/k.
+   !>
+   !> centre  mean of the searched variable
    pure real(wp) function width(self, centre)
       class(prior_t), intent(in) :: self
       real(wp), intent(in) :: centre

@@ -1,4 +1,4 @@
-!> The model of an experiment with a known start, and what it computes.
+!> Simulation: the response of a model with known parameters and a known initial state.
 module beamid_simulation
    use beamid_equations, only: equations_t, new_equations
    use beamid_errors, only: error_t
@@ -14,28 +14,30 @@ module beamid_simulation
 
    public :: model_t, simulation_t, simulate
 
-   !> What turns parameters into accelerations, mesh apart.
+   !> A model without its mesh: everything that turns parameters into accelerations.
    type :: model_t
       type(structure_t) :: structure
       type(excitation_t) :: excitation
       type(observation_t) :: observation
       class(solver_t), allocatable :: solver
-      type(prior_t), allocatable :: priors(:)    !< what else is known; not allocated: nothing
+      type(prior_t), allocatable :: priors(:)   !< prior information; not allocated: none
    end type model_t
 
-   !> A computed experiment.
+   !> The result of a simulation with m samples.
    type :: simulation_t
       type(response_t) :: response               !< at the sample times
-      real(wp), allocatable :: acceleration(:)   !< by the formula of the observation
-      real(wp), allocatable :: force(:)          !< on the tip, at the sample times [force]
-      type(work_t) :: work
+      !> (m) acceleration by the observation formula [length/time**2]
+      real(wp), allocatable :: acceleration(:)
+      real(wp), allocatable :: force(:)         !< (m) force on the tip [force]
+      type(work_t) :: work                      !< what the solver did
    end type simulation_t
 
 contains
 
-   !> Response and observed acceleration at given times.
+   !> Computes the response and the observed acceleration at given times.
    !>
-   !> samples  ascending [time]
+   !> samples  (m) ascending [time]
+   !> error    the solver cannot compute the response
    subroutine simulate(model, mesh, samples, simulation, error)
       type(model_t), intent(in) :: model
       type(mesh_t), intent(in) :: mesh
@@ -47,7 +49,7 @@ contains
       type(excitation_t) :: excitation
       type(structure_t) :: structure
       type(sampling_t) :: sampling
-      type(response_t) :: wide
+      type(response_t) :: at_points
       class(solver_t), allocatable :: solver
 
       galerkin = galerkin_of(mesh, model%structure)
@@ -60,13 +62,13 @@ contains
       call excitation%fit_to(structure%stiffness())
       equations = new_equations(galerkin, structure, excitation)
       sampling = new_sampling(model%observation, samples)
-      call solver%respond(equations, excitation, sampling%times, wide, simulation%work, error)
+      call solver%respond(equations, excitation, sampling%times, at_points, simulation%work, error)
       if (allocated(error)) return
-      simulation%acceleration = sampling%acceleration(wide, excitation)
-      simulation%response = sampling%at_samples(sampling%seen(wide, excitation))
+      simulation%acceleration = sampling%acceleration(at_points, excitation)
+      simulation%response = sampling%at_samples(sampling%seen(at_points, excitation))
       simulation%force = excitation%force(samples)
       if (excitation%is_release) then
-         ! The motion is counted from the deflection before.
+         ! A release is reported relative to the static deflection before it.
          simulation%force = simulation%force - excitation%f(1)
          simulation%response%displacement = simulation%response%displacement - excitation%f(1) &
             *structure%static_deflection(structure%sensor_place())

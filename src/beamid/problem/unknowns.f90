@@ -1,5 +1,7 @@
-!> What a fit searches for, and where the values go: parameters that several records share, and
-!> parameters of one record alone.
+!> Unknown parameters: which parameters a stage estimates, and where their values go.
+!>
+!> A parameter may be common to all records or belong to one record. The stages of a fit turn their
+!> free parameters into the variables of a search and into the quantities of the result.
 module beamid_unknowns
    use beamid_errors, only: bad_input, error_t
    use beamid_excitation, only: excitation_t
@@ -15,23 +17,28 @@ module beamid_unknowns
 
    public :: stage_t, scenario_t, quantity_t, name_of, variables_of, name_length
 
-   !> Of the name of a quantity.
+   !> Length of the name of a quantity.
    integer, parameter :: name_length = parameter_name_length + 8
 
-   !> One search: which parameters are free and from where. Each array has one entry per parameter.
+   !> One stage of a fit: its free parameters, their start values and their bounds.
+   !>
+   !> Each array has one entry for each of the n free parameters. Start values and bounds are those
+   !> of the named parameter. For a stiffness they are values of the stiffness, although the search
+   !> uses its reciprocal.
    type :: stage_t
-      integer, allocatable :: free(:)     !< places among the `parameters`
-      !> the record that a parameter belongs to, 0: all of them; not allocated: all shared
+      integer, allocatable :: free(:)     !< (n) numbers in `parameters`
+      !> (n) record a parameter belongs to; 0: all records; not allocated: all are common
       integer, allocatable :: record(:)
-      !> not allocated: where the stage before ended. Starts and bounds are those of what a
-      !> parameter is named for: of a stiffness, also where the search looks for its reciprocal.
+      !> (n) start values; not allocated: the values at the end of the previous stage
       real(wp), allocatable :: start(:)
-      !> not allocated: 0, and no bound of what may be negative
+      !> (n) lower bounds; not allocated: 0, or none for parameters that may be negative
       real(wp), allocatable :: lower(:)
-      real(wp), allocatable :: upper(:)   !< not allocated: no bounds
-      logical :: offset = .false.         !< the sensor's offset is unknown, in each record
-      logical :: automatic = .false.      !< start values come from the record
-      logical :: declared = .false.       !< they are those of the case, whatever the default is
+      !> (n) upper bounds; not allocated: .99 for a share of 1, none for other parameters
+      real(wp), allocatable :: upper(:)
+      logical :: offset = .false.         !< whether the offset of each record is unknown
+      logical :: automatic = .false.      !< start values are found from the record
+      !> start values are those of the case file, even where the default is `automatic`
+      logical :: declared = .false.
    contains
       procedure :: without
       procedure :: owners
@@ -39,24 +46,27 @@ module beamid_unknowns
       procedure :: distribute
    end type stage_t
 
-   !> Structure and excitation in each record.
+   !> The structure and the excitation of each record.
    type :: scenario_t
-      type(structure_t), allocatable :: structures(:)
-      type(excitation_t), allocatable :: excitations(:)
+      type(structure_t), allocatable :: structures(:)     !< (records)
+      type(excitation_t), allocatable :: excitations(:)   !< (records)
    contains
+      procedure :: get
       procedure :: set
+      procedure :: magnitude_of
       procedure :: range_on_beam
    end type scenario_t
 
-   !> Something that was estimated.
+   !> An estimated quantity: a parameter, or a linear unknown.
    type :: quantity_t
       character(len=name_length) :: name = ''
-      integer :: parameter = 0            !< place among the `parameters`; 0: motion of a mode
-      integer :: record = 0               !< 0: all of them
-      real(wp) :: start = 0, value = 0, lower = 0, upper = 0
-      !> Of what was searched for, which may be the reciprocal; statistics are about it.
+      integer :: parameter = 0   !< number in `parameters`; 0: amplitude of a mode
+      integer :: record = 0      !< record it belongs to; 0: all records
+      real(wp) :: start = 0, value = 0, lower = 0, upper = 0   !< [unit of the parameter]
+      !> value of the searched variable, which is the reciprocal of `value` for a stiffness; all
+      !> statistics refer to this variable
       real(wp) :: searched = 0
-      real(wp) :: scale = 1               !< what relative changes of it are relative to, > 0
+      real(wp) :: scale = 1      !< reference of relative changes of `searched`, > 0
    contains
       procedure :: limits
       procedure :: ends
@@ -67,7 +77,7 @@ module beamid_unknowns
 
 contains
 
-   !> Bounds that were not given.
+   !> Sets the bounds that were not given to their defaults.
    pure subroutine set_bounds(self)
       class(stage_t), intent(inout) :: self
 
@@ -77,11 +87,11 @@ contains
          parameters(self%free)%range == share)
    end subroutine set_bounds
 
-   !> Gives a parameter that is not shared a place for each record, and takes the offset, which
-   !> enters linearly, from the list.
+   !> Gives each parameter that is not common an entry for each record, and removes the offset from
+   !> the list, because it is a linear unknown.
    !>
-   !> shared   places of the parameters that all records have in common
-   !> records  their number
+   !> shared   numbers of the parameters that all records have in common
+   !> records  number of records
    pure subroutine distribute(self, shared, records)
       class(stage_t), intent(inout) :: self
       integer, intent(in) :: shared(:), records
@@ -107,7 +117,9 @@ contains
       if (allocated(self%start)) self%start = self%start(from)
    end subroutine distribute
 
-   !> A stage that leaves some of its parameters alone.
+   !> Returns the stage without some of its parameters.
+   !>
+   !> lost  (n) whether to leave out a parameter
    pure type(stage_t) function without(self, lost) result(rest)
       class(stage_t), intent(in) :: self
       logical, intent(in) :: lost(:)
@@ -121,7 +133,7 @@ contains
       rest%upper = pack(rest%upper, .not. lost)
    end function without
 
-   !> The record of each parameter.
+   !> Returns the record that each parameter belongs to (n); 0: all records.
    pure function owners(self)
       class(stage_t), intent(in) :: self
       integer :: owners(size(self%free))
@@ -130,7 +142,27 @@ contains
       if (allocated(self%record)) owners = self%record
    end function owners
 
-   !> Gives a parameter a value, in one record or in all.
+   !> Returns the searched variable of a parameter in one record; record 0 counts as the first.
+   pure real(wp) function get(self, parameter, record)
+      class(scenario_t), intent(in) :: self
+      integer, intent(in) :: parameter, record
+
+      associate (r => max(record, 1))
+         get = get_free(self%structures(r), self%excitations(r), parameter)
+      end associate
+   end function get
+
+   !> Returns a moderate value of the searched variable, as a scale for changes; arguments as `get`.
+   pure real(wp) function magnitude_of(self, parameter, record)
+      class(scenario_t), intent(in) :: self
+      integer, intent(in) :: parameter, record
+
+      associate (r => max(record, 1))
+         magnitude_of = free_magnitude(self%structures(r), self%excitations(r), parameter)
+      end associate
+   end function magnitude_of
+
+   !> Sets a parameter, in one record or in all (record = 0).
    pure subroutine set(self, parameter, record, value)
       class(scenario_t), intent(inout) :: self
       integer, intent(in) :: parameter, record
@@ -143,11 +175,15 @@ contains
       end do
    end subroutine set
 
-   !> The range in which everything stays on every beam of a record, or of all: of a place up to the
-   !> end, of the length down to the outermost place. Where both move they meet halfway between the
-   !> values that they have. A dip that is wider than the beam is none.
+   !> Returns the range of a parameter for which every attachment stays on the beam.
    !>
-   !> free  parameters that move
+   !> A place extends up to the end of the beam, and the length extends down to the outermost place.
+   !> If both are free, their ranges meet halfway between the current values. A dip is at most as
+   !> wide as the beam is long.
+   !>
+   !> record  record to consider; 0: all records
+   !> free    numbers of the free parameters
+   !> range   lower and upper end; `unbounded` if there is none
    pure function range_on_beam(self, parameter, record, free) result(range)
       class(scenario_t), intent(in) :: self
       integer, intent(in) :: parameter, record, free(:)
@@ -172,14 +208,14 @@ contains
             else if (parameters(parameter)%range == on_beam) then
                range(2) = min(range(2), merge((s%get(parameter) + s%length)/2, s%length, &
                   any(free == of_length)))
-               ! At the clamp a rigid support holds nothing, and what it does cannot be computed.
+               ! A rigid support at the clamp would make the equations singular.
                if (any(x_P_at == parameter)) range(1) = max(range(1), 1e-3_wp*s%length)
             end if
          end associate
       end do
    end function range_on_beam
 
-   !> A name with the number of its record, where it belongs to one.
+   !> Returns a name, followed by the number of the record in parentheses if record > 0.
    pure function name_of(text, record) result(name)
       character(len=*), intent(in) :: text
       integer, intent(in) :: record
@@ -189,7 +225,7 @@ contains
       if (record > 0) name = trim(text)//'('//to_text(record)//')'
    end function name_of
 
-   !> Whether the search looks for the reciprocal.
+   !> Tells whether the search uses the reciprocal of the parameter.
    elemental logical function is_reciprocal(self)
       class(quantity_t), intent(in) :: self
 
@@ -197,7 +233,7 @@ contains
       if (self%parameter > 0) is_reciprocal = parameters(self%parameter)%is_reciprocal
    end function is_reciprocal
 
-   !> The name of what the search looks for.
+   !> Returns the name of the searched variable.
    elemental function searched_name(self) result(name)
       class(quantity_t), intent(in) :: self
       character(len=name_length) :: name
@@ -206,10 +242,10 @@ contains
       if (self%is_reciprocal()) name = '1/'//self%name
    end function searched_name
 
-   !> Standard error and both ends of an interval, the ends within the bounds of the search. Of a
-   !> reciprocal they follow from those of what was searched for, and may be infinite.
+   !> Returns the standard error and both ends of an interval of the parameter, within the bounds of
+   !> the search. The upper end may be infinite for the reciprocal of the searched variable.
    !>
-   !> std_error, half_width  of what was searched for
+   !> std_error, half_width  those of the searched variable
    pure function limits(self, std_error, half_width)
       class(quantity_t), intent(in) :: self
       real(wp), intent(in) :: std_error, half_width
@@ -219,9 +255,10 @@ contains
       if (self%is_reciprocal()) limits(1) = std_error*self%value**2
    end function limits
 
-   !> Both ends of an interval within the bounds of the search.
+   !> Returns both ends of an interval of the parameter, within the bounds of the search.
    !>
-   !> distance  of the lower and the upper end of what was searched for
+   !> distance  (2) distance of the lower and of the upper end from the estimate of the searched
+   !>           variable
    pure function ends(self, distance)
       class(quantity_t), intent(in) :: self
       real(wp), intent(in) :: distance(2)
@@ -234,7 +271,7 @@ contains
       if (self%upper < unbounded) ends(2) = min(ends(2), self%upper)
    end function ends
 
-   !> By how much a step of what was searched for moves the value.
+   !> Returns the change of the parameter for a step of the searched variable.
    pure real(wp) function moved(self, step)
       class(quantity_t), intent(in) :: self
       real(wp), intent(in) :: step
@@ -243,7 +280,7 @@ contains
       if (self%is_reciprocal()) moved = as_named(self%parameter, self%searched + step) - self%value
    end function moved
 
-   !> The range of the reciprocals of positive values.
+   !> Returns the range of the reciprocals of a range of positive values.
    pure function reciprocals(range)
       real(wp), intent(in) :: range(2)
       real(wp) :: reciprocals(2)
@@ -253,39 +290,28 @@ contains
       if (range(1) > 0) reciprocals(2) = 1/range(1)
    end function reciprocals
 
-   !> Starts, bounds and scales of a stage's parameters, and the quantities they are.
+   !> Returns the variables of a search, and the quantities that it estimates.
    !>
-   !> error  the bounds of a parameter leave it nothing that keeps everything on the beam
+   !> scenario    current values of the parameters
+   !> variables   (n) start, bounds and scale of each free parameter
+   !> quantities  (n) name, record, start and bounds of each free parameter
+   !> error       a stiffness would start from 0; the bounds of a parameter leave no value for which
+   !>             everything stays on the beam
    subroutine variables_of(stage, scenario, variables, quantities, error)
       type(stage_t), intent(in) :: stage
       type(scenario_t), intent(in) :: scenario
       type(variable_t), allocatable, intent(out) :: variables(:)
       type(quantity_t), allocatable, intent(out) :: quantities(:)
       type(error_t), allocatable, intent(out) :: error
-      type(stage_t) :: bounded
+      type(stage_t) :: searched
       type(scenario_t) :: placed
       real(wp) :: start(size(stage%free)), range(2), moderate
-      integer :: owners(size(stage%free)), k, r
+      integer :: owners(size(stage%free)), k
 
-      bounded = stage
-      call bounded%set_bounds()
+      call place_starts(stage, scenario, searched, placed, error)
+      if (allocated(error)) return
+      start = searched%start
       owners = stage%owners()
-      placed = scenario
-      do k = 1, size(start)
-         r = max(owners(k), 1)
-         start(k) = get_free(scenario%structures(r), scenario%excitations(r), stage%free(k))
-         if (allocated(stage%start)) start(k) = as_named(stage%free(k), stage%start(k))
-         if (parameters(stage%free(k))%is_reciprocal) then
-            if (.not. start(k) <= unbounded) call bad_input(error, trim(parameters( &
-               stage%free(k))%name)//': found a start of 0, expected a value above 0')
-            if (allocated(error)) return
-            range = reciprocals([bounded%lower(k), bounded%upper(k)])
-            bounded%lower(k) = range(1)
-            bounded%upper(k) = range(2)
-         end if
-         start(k) = min(max(start(k), bounded%lower(k)), bounded%upper(k))
-         call placed%set(stage%free(k), owners(k), start(k))
-      end do
       allocate (variables(size(start)), quantities(size(start)))
       do k = 1, size(start)
          associate (q => quantities(k))
@@ -293,22 +319,21 @@ contains
             q%parameter = stage%free(k)
             q%record = owners(k)
             range = placed%range_on_beam(stage%free(k), owners(k), stage%free)
-            q%lower = max(bounded%lower(k), range(1))
-            q%upper = min(bounded%upper(k), range(2))
+            q%lower = max(searched%lower(k), range(1))
+            q%upper = min(searched%upper(k), range(2))
             if (.not. q%lower < q%upper) then
                call bad_input(error, trim(q%name)//': found nothing between its lower bound '// &
                   to_text(q%lower)//' and its upper bound '//to_text(q%upper)// &
                   ', expected bounds and starts with every place on the beam')
                return
             end if
-            r = max(owners(k), 1)
-            moderate = free_magnitude(scenario%structures(r), scenario%excitations(r), &
-               stage%free(k))
-            ! A search does not start from a bound, but near it where that is a rigid spring.
+            moderate = scenario%magnitude_of(stage%free(k), owners(k))
+            ! A rigid spring (reciprocal 0) starts near its bound, because a search cannot start
+            ! from a bound.
             if (q%is_reciprocal()) start(k) = max(start(k), 1e-3_wp*moderate)
             variables(k) = new_variable(min(max(start(k), q%lower), q%upper), q%lower, q%upper, &
                moderate)
-            ! Differences of logarithms keep E(x) and c_D(x) smooth.
+            ! The penalties on E(x) and c_D(x) are differences of logarithms.
             variables(k)%is_logarithmic = is_coefficient(stage%free(k)) .and. &
                .not. q%lower > 0 .and. .not. q%upper < unbounded
             q%start = as_named(stage%free(k), variables(k)%start)
@@ -319,5 +344,40 @@ contains
          end associate
       end do
    end subroutine variables_of
+
+   !> Determines start and bounds of the searched variables, and the scenario with the starts.
+   !>
+   !> searched  the stage with start, lower and upper of the searched variables
+   !> placed    the scenario with these starts
+   !> error     a stiffness would start from 0
+   subroutine place_starts(stage, scenario, searched, placed, error)
+      type(stage_t), intent(in) :: stage
+      type(scenario_t), intent(in) :: scenario
+      type(stage_t), intent(out) :: searched
+      type(scenario_t), intent(out) :: placed
+      type(error_t), allocatable, intent(out) :: error
+      real(wp) :: range(2), start(size(stage%free))
+      integer :: owners(size(stage%free)), k
+
+      searched = stage
+      call searched%set_bounds()
+      owners = stage%owners()
+      placed = scenario
+      do k = 1, size(start)
+         start(k) = scenario%get(stage%free(k), owners(k))
+         if (allocated(stage%start)) start(k) = as_named(stage%free(k), stage%start(k))
+         if (parameters(stage%free(k))%is_reciprocal) then
+            if (.not. start(k) <= unbounded) call bad_input(error, trim(parameters( &
+               stage%free(k))%name)//': found a start of 0, expected a value above 0')
+            if (allocated(error)) return
+            range = reciprocals([searched%lower(k), searched%upper(k)])
+            searched%lower(k) = range(1)
+            searched%upper(k) = range(2)
+         end if
+         start(k) = min(max(start(k), searched%lower(k)), searched%upper(k))
+         call placed%set(stage%free(k), owners(k), start(k))
+      end do
+      searched%start = start
+   end subroutine place_starts
 
 end module beamid_unknowns

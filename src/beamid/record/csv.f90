@@ -1,4 +1,5 @@
-!> Columns of numbers from text whose fields are separated by commas, semicolons or tabs.
+!> Reads columns of numbers from text whose fields are separated by commas, semicolons or tabs.
+!> Tells the user the place of a mistake.
 module beamid_csv
    use beamid_errors, only: error_t, bad_input
    use beamid_files, only: read_text
@@ -13,34 +14,34 @@ module beamid_csv
 
    public :: read_columns, open_table, read_rows, part_t, extent_t, column_length
 
-   !> Which rows are kept: those whose first number lies in first .. last, and some on either side.
+   !> The rows to keep: those whose first number is in first .. last, and some rows on either side.
    type :: part_t
-      real(wp) :: first = -huge(1.0_wp), last = huge(1.0_wp)
-      integer :: margin = 0               !< rows that are kept on either side, at least
+      real(wp) :: first = -huge(1.0_wp), last = huge(1.0_wp)   !< range of these numbers
+      integer :: margin = 0                           !< smallest number of rows kept on either side
    end type part_t
 
-   !> What is known of all rows: the first number of the first and of the last, and how many.
+   !> The extent of a table.
    type :: extent_t
-      real(wp) :: first = 0, last = 0
-      integer(ip) :: rows = 0
+      real(wp) :: first = 0, last = 0     !< first numbers of the first and the last row
+      integer(ip) :: rows = 0             !< number of rows
    end type extent_t
 
 contains
 
-   !> Reads the first columns of a text file whose fields are separated by commas (or by semicolons
-   !> or tabs, throughout). A header and a line of names may come first; blank lines and lines that
+   !> Reads the first columns of a text file whose fields are separated throughout by commas,
+   !> semicolons or tabs. A header and a line of names may come first. Blank lines and lines that
    !> begin with '#' are skipped.
    subroutine read_columns(path, n_columns, values, header, error, increasing)
       character(len=*), intent(in) :: path
-      !> How many columns are wanted; the columns behind them are ignored.
+      !> Number of columns to read; columns behind them are ignored.
       integer, intent(in) :: n_columns
       !> The numbers, shape (n_columns, rows of the file).
       real(wp), allocatable, intent(out) :: values(:, :)
-      !> The names of all columns of the first line; size 0 when the file has no names.
+      !> Names of all columns; size 0 if the file has no line of names.
       character(len=column_length), allocatable, intent(out) :: header(:)
-      !> Allocated when the file is not such a table: file, line, column, found, expected.
+      !> The file is not such a table: file, line, column, found, expected.
       type(error_t), allocatable, intent(out) :: error
-      !> Whether the first column must grow from row to row; default .false.
+      !> Whether the first column must increase from row to row; default .false.
       logical, intent(in), optional :: increasing
       type(reader_t) :: reader
       type(extent_t) :: extent
@@ -58,7 +59,10 @@ contains
 
    !> Reads a file and the names of its columns, and goes to the first row of numbers.
    !>
-   !> error  no such file, no text, no rows in it, names of fewer than `n_columns` columns
+   !> path       of the file
+   !> n_columns  smallest number of columns
+   !> reader     on return at the first row
+   !> error      no such file, no text, no rows, or names for fewer than `n_columns` columns
    subroutine open_table(path, n_columns, reader, error)
       character(len=*), intent(in) :: path
       integer, intent(in) :: n_columns
@@ -72,7 +76,7 @@ contains
       if (.not. allocated(error)) call find_rows(reader, n_columns, error)
    end subroutine open_table
 
-   !> Refuses a file that is not text.
+   !> Refuses a file with control characters, which is not text.
    subroutine refuse_binary(reader, error)
       type(reader_t), intent(inout) :: reader
       type(error_t), allocatable, intent(out) :: error
@@ -89,11 +93,14 @@ contains
       end do
    end subroutine refuse_binary
 
-   !> Reads the rows from the current one on, and keeps a part of them; all are checked.
+   !> Reads and checks all rows from the current row on, and keeps a part of them.
    !>
-   !> columns  places of the wanted ones, in any order; the first may be 0: times that the reader's
-   !>          rate gives, from 0 on
+   !> columns  numbers of the columns to read, in any order; the first may be 0: times from the
+   !>          reader's rate, starting at 0
+   !> part     rows to keep
    !> values   (columns, rows kept); no rows after an error
+   !> extent   of all rows
+   !> error    `path:line: ...` of the first mistake, or an interrupt
    subroutine read_rows(reader, columns, part, values, extent, error)
       type(reader_t), intent(inout) :: reader
       integer, intent(in) :: columns(:)
@@ -102,11 +109,11 @@ contains
       type(extent_t), intent(out) :: extent
       type(error_t), allocatable, intent(out) :: error
       real(wp) :: row(size(columns))
-      integer :: kept, behind
+      integer :: kept, rows_after
 
       allocate (values(size(columns), 1024))
       kept = 0
-      behind = 0
+      rows_after = 0
       do
          call read_row(reader, columns, row, error)
          call check_interrupt(error)
@@ -117,8 +124,8 @@ contains
          if (extent%rows == 0) extent%first = row(1)
          extent%last = row(1)
          extent%rows = extent%rows + 1
-         if (row(1) > part%last) behind = behind + 1
-         if (behind <= part%margin) then
+         if (row(1) > part%last) rows_after = rows_after + 1
+         if (rows_after <= part%margin) then
             if (row(1) < part%first .and. kept >= 2*part%margin + 1024) then
                values(:, :part%margin) = values(:, kept - part%margin + 1:kept)
                kept = part%margin
@@ -133,14 +140,15 @@ contains
       values = values(:, :kept)
    end subroutine read_rows
 
-   !> Reads numbers of the current line.
+   !> Reads some numbers of the current line.
    subroutine read_row(reader, columns, values, error)
       type(reader_t), intent(inout) :: reader
-      !> Which columns are wanted, in any order; 0: the time of the row.
+      !> Columns to read, in any order; 0: the time of the row.
       integer, intent(in) :: columns(:)
       !> The numbers, in the order of `columns`.
       real(wp), intent(out) :: values(:)
-      !> `path:line: ...`: a short row, a field that is no finite number, one that does not grow.
+      !> `path:line: ...`: a row with too few fields, a field that is no finite number, or a time
+      !> that does not increase.
       type(error_t), allocatable, intent(out) :: error
       integer :: column, k
       logical :: ok
@@ -165,15 +173,15 @@ contains
             if (columns(k) /= column) cycle
             call parse_field(reader, reader%text(reader%left:reader%right), values(k), ok)
             if (.not. ok) then
-               call explain(reader, reader%text(reader%left:reader%right), column, error)
+               call report_number(reader, reader%text(reader%left:reader%right), column, error)
                return
             end if
             if (k > 1 .or. .not. reader%ordered) cycle
-            if (reader%mark(2) > 0 .and. values(1) <= reader%previous) then
-               call explain_order(reader, column, error)
+            if (reader%previous_field(2) > 0 .and. values(1) <= reader%previous) then
+               call report_order(reader, column, error)
                return
             end if
-            reader%mark = [reader%left, reader%right]
+            reader%previous_field = [reader%left, reader%right]
             reader%previous = values(1)
          end do
       end do
@@ -183,8 +191,8 @@ contains
          'decimal comma)')
    end subroutine read_row
 
-   !> Reads a number, whose decimal sign must be that of the numbers before. A comma can be one only
-   !> where it does not separate fields.
+   !> Reads a number. Its decimal sign must be that of the numbers before; it can be a comma only if
+   !> commas do not separate fields.
    subroutine parse_field(reader, field, value, ok)
       type(reader_t), intent(inout) :: reader
       character(len=*), intent(in) :: field
@@ -207,8 +215,8 @@ contains
       if (ok) reader%decimal = sign
    end subroutine parse_field
 
-   !> Says that the current field does not grow.
-   subroutine explain_order(reader, column, error)
+   !> Makes the error of a field that is not larger than the field of the row before.
+   subroutine report_order(reader, column, error)
       type(reader_t), intent(in) :: reader
       integer, intent(in) :: column
       type(error_t), allocatable, intent(out) :: error
@@ -218,43 +226,44 @@ contains
       if (reader%has_decimal_comma()) expected = expected//' (or a decimal point in '// &
          shown(trim_blanks(reader%row()))//' in place of the decimal comma)'
       call reader%problem(error, 'found '//shown(reader%text(reader%left:reader%right))// &
-         ' after '//shown(reader%text(reader%mark(1):reader%mark(2)))//expected, column)
-   end subroutine explain_order
+         ' after '//shown(reader%text(reader%previous_field(1):reader%previous_field(2)))// &
+         expected, column)
+   end subroutine report_order
 
-   !> Says why a field is not a number.
-   subroutine explain(reader, field, k, error)
+   !> Makes the error of a field that is no number, with the reason.
+   subroutine report_number(reader, field, k, error)
       type(reader_t), intent(in) :: reader
-      !> The field as it stands in the file, and its column.
+      !> The field as in the file, and the number of its column.
       character(len=*), intent(in) :: field
       integer, intent(in) :: k
       type(error_t), allocatable, intent(out) :: error
       character(len=*), parameter :: one = ', expected one separator', &
          point = ' (a decimal point is ''.'')'
-      character(len=:), allocatable :: bare, separator, expected
+      character(len=:), allocatable :: trimmed, separator, expected
 
-      bare = trim_blanks(field)
+      trimmed = trim_blanks(field)
       separator = ''''//reader%separator//''''
       if (reader%separator == tab) separator = 'a tab'
-      if (index(bare, ';') > 0 .and. reader%count_of(',') > 0) then
+      if (index(trimmed, ';') > 0 .and. reader%count_of(',') > 0) then
          call reader%problem(error, 'found both '';'' and '','''//one//point)
-      else if (index(bare, ';') > 0) then
+      else if (index(trimmed, ';') > 0) then
          call reader%problem(error, 'fields are separated by '';'', expected '//separator// &
             ' as in the lines above')
-      else if (index(bare, tab) > 0) then
+      else if (index(trimmed, tab) > 0) then
          call reader%problem(error, 'found both tabs and '//separator//one//point)
-      else if (bare == '') then
+      else if (trimmed == '') then
          call reader%problem(error, 'found an empty field, expected a number', k)
       else
          expected = ', expected a number'
          if (reader%decimal == ',') then
             expected = expected//' (a decimal sign is '','' as in the lines above)'
-         else if (index(bare, ',') > 0) then
+         else if (index(trimmed, ',') > 0) then
             expected = expected//point
-         else if (is_decimal(bare)) then
+         else if (is_decimal(trimmed)) then
             expected = expected//' of at most 1.79e308'
          end if
-         call reader%problem(error, 'found '//shown(bare)//expected, k)
+         call reader%problem(error, 'found '//shown(trimmed)//expected, k)
       end if
-   end subroutine explain
+   end subroutine report_number
 
 end module beamid_csv

@@ -1,8 +1,9 @@
-!> Where the rows of a text table begin, and what its columns are called.
+!> Finds the first row of numbers and the names of the columns of a text table.
 !>
-!> The first row is the first line of numbers. Lines before it are a header, which is skipped; the
-!> last of them with as many fields as the row names the columns. A line between these two that
-!> begins like a number, or has as many fields, is no header but a row with a mistake in it.
+!> The first row is the first line of numbers. The lines before it are a header, which is skipped;
+!> the last header line with as many fields as the row contains the names of the columns. A line
+!> between these two that begins like a number, or has as many fields, is not part of the header but
+!> a row with a mistake.
 module beamid_headers
    use beamid_errors, only: error_t, bad_input
    use beamid_kinds, only: ip
@@ -14,22 +15,22 @@ module beamid_headers
 
    public :: find_rows
 
-   !> What is known of the lines down to the first row of numbers.
+   !> The lines down to the first row of numbers.
    type :: header_t
-      character(len=1) :: separator = ' '
-      integer(ip) :: row = 0              !< number of that line; 0: there is none
-      integer :: fields = 0               !< of that row
-      integer :: filled = 0               !< of that row, up to the last that is not blank
-      integer :: lines = 0                !< above it, without blank ones and comments
-      integer(ip) :: names = 0            !< number of the line of names; 0: there is none
+      character(len=1) :: separator = ' '   !< of the fields of the first row
+      integer(ip) :: row = 0         !< line number of the first row; 0: none
+      integer :: fields = 0          !< number of its fields
+      integer :: filled = 0          !< number of its fields up to the last that is not blank
+      integer :: lines = 0           !< number of lines above it that are neither blank nor comments
+      integer(ip) :: names = 0       !< number of the line of names; 0: there is none
    end type header_t
 
 contains
 
    !> Reads the names above the rows of numbers, and goes to the first row.
    !>
-   !> n_columns  how many columns the rows must have at least
-   !> error      no line at all, or no row of numbers: what is wrong with the first lines
+   !> n_columns  smallest number of columns of a row
+   !> error      no line at all, or no row of numbers: the mistake in the first lines
    subroutine find_rows(reader, n_columns, error)
       type(reader_t), intent(inout) :: reader
       integer, intent(in) :: n_columns
@@ -59,37 +60,39 @@ contains
          ': found names of columns only, expected numbers below')
    end subroutine find_rows
 
-   !> Finds the first line of numbers.
+   !> Finds the first line of numbers, and counts the lines above it.
    subroutine find_numbers(reader, n_columns, header)
       type(reader_t), intent(inout) :: reader
       integer, intent(in) :: n_columns
       type(header_t), intent(out) :: header
-      !> Fields of the line above where it is one of words, by each separator; else 0.
-      integer :: above(len(separators))
+      !> Number of fields of the line above, split at each separator, if that line contains words
+      !> only; otherwise 0.
+      integer :: fields_above(len(separators))
       integer :: k
 
-      above = 0
+      fields_above = 0
       call reader%rewind()
       do while (reader%next_row())
-         if (is_row(reader, n_columns, above)) then
+         if (is_row(reader, n_columns, fields_above)) then
             header = header_t(reader%separator, reader%line, reader%count_fields(), &
                reader%count_filled(), header%lines)
             return
          end if
          do k = 1, len(separators)
             call reader%split_at(separators(k:k))
-            above(k) = merge(reader%count_fields(), 0, is_header(reader, n_columns))
+            fields_above(k) = merge(reader%count_fields(), 0, is_header(reader, n_columns))
          end do
          header%lines = header%lines + 1
       end do
    end subroutine find_numbers
 
-   !> Whether the current line is one of numbers; it is split at the separator with which it is:
-   !> with decimal points rather than with commas. Below a line of words with as many fields it may
-   !> hold stamps and remarks, if it begins like a number and one of its fields is one.
-   logical function is_row(reader, n_columns, above) result(yes)
+   !> Returns whether the current line is a row of numbers, and splits it at the separator for which
+   !> it is one. Numbers with decimal points are tried before those with decimal commas. A line with
+   !> as many fields as the line of words above it may contain time stamps and remarks, if it begins
+   !> like a number and at least one field is a number.
+   logical function is_row(reader, n_columns, fields_above) result(yes)
       type(reader_t), intent(inout) :: reader
-      integer, intent(in) :: n_columns, above(:)
+      integer, intent(in) :: n_columns, fields_above(:)
       integer :: k, pass
 
       do pass = 1, 3
@@ -97,21 +100,21 @@ contains
             call reader%split_at(separators(k:k))
             yes = reader%count_fields() >= max(2, n_columns) .or. n_columns == 1 .and. k == 1
             if (yes .and. pass < 3) then
-               yes = holds_numbers(reader, n_columns, comma=pass == 2)
+               yes = begins_with_numbers(reader, n_columns, comma=pass == 2)
             else if (yes) then
-               yes = above(k) == reader%count_fields() .and. above(k) > 1 .and. &
-                  begins_like_number(reader) .and. holds_a_number(reader)
+               yes = fields_above(k) == reader%count_fields() .and. fields_above(k) > 1 .and. &
+                  begins_like_number(reader) .and. contains_number(reader)
             end if
             if (yes) return
          end do
       end do
    end function is_row
 
-   !> Whether the first fields of the current line that are not blank are numbers: as many as are
-   !> wanted, and two where there are two.
+   !> Returns whether the first fields of the current line that are not blank are numbers: at least
+   !> `n_columns`, and two if there are two.
    !>
-   !> comma  whether a decimal sign is a comma
-   logical function holds_numbers(reader, n_columns, comma) result(yes)
+   !> comma  whether the decimal sign is a comma
+   logical function begins_with_numbers(reader, n_columns, comma) result(yes)
       type(reader_t), intent(inout) :: reader
       integer, intent(in) :: n_columns
       logical, intent(in) :: comma
@@ -130,10 +133,10 @@ contains
       end do
       yes = yes .and. found >= n_columns
       call reader%restart_row()
-   end function holds_numbers
+   end function begins_with_numbers
 
-   !> Whether a field of the current line is a number, with either decimal sign.
-   logical function holds_a_number(reader) result(yes)
+   !> Returns whether any field of the current line is a number, with either decimal sign.
+   logical function contains_number(reader) result(yes)
       type(reader_t), intent(inout) :: reader
 
       yes = .false.
@@ -142,45 +145,47 @@ contains
          yes = is_decimal(with_point(trim_blanks(reader%text(reader%left:reader%right))))
       end do
       call reader%restart_row()
-   end function holds_a_number
+   end function contains_number
 
-   !> Finds the line of names, and a row with a mistake in it above that of numbers.
+   !> Finds the line of names, and a row with a mistake above the first row of numbers.
    subroutine find_names(reader, n_columns, header)
       type(reader_t), intent(inout) :: reader
       integer, intent(in) :: n_columns
       type(header_t), intent(inout) :: header
-      integer(ip) :: row, wrong
-      integer :: above, lines
-      logical :: names, wide
+      integer(ip) :: row, mistaken_row
+      integer :: lines_above, lines
+      logical :: may_be_names, is_wide
 
       row = header%row
-      wrong = 0
-      above = 0
+      mistaken_row = 0
+      lines_above = 0
       lines = 0
       call reader%rewind()
       do while (reader%next_row())
          if (reader%line == row) exit
          call reader%split_at(header%separator)
-         wide = is_as_wide(reader, header)
-         ! A single line of words are names, and those above a row of twice as many fields: decimal
-         ! commas between commas, which are refused with the row.
-         names = wide .or. header%lines == 1 .or. lines + 1 == header%lines .and. &
+         is_wide = is_as_wide(reader, header)
+         ! A single line of words contains the names. So does the last line above a row of twice as
+         ! many fields: its numbers have decimal commas and are separated by commas; they are
+         ! refused with the row.
+         may_be_names = is_wide .or. header%lines == 1 .or. lines + 1 == header%lines .and. &
             header%separator == ',' .and. header%fields == 2*reader%count_fields()
-         if (names .and. is_header(reader, n_columns) .and. reader%count_fields() >= n_columns) then
+         if (may_be_names .and. is_header(reader, n_columns) .and. &
+            reader%count_fields() >= n_columns) then
             header%names = reader%line
-            wrong = 0
-         else if (wrong == 0 .and. (begins_like_number(reader) .and. (header%names > 0 .or. wide) &
-            .or. header%names > 0 .and. wide)) then
-            wrong = reader%line
-            above = lines
+            mistaken_row = 0
+         else if (mistaken_row == 0 .and. (begins_like_number(reader) .and. &
+            (header%names > 0 .or. is_wide) .or. header%names > 0 .and. is_wide)) then
+            mistaken_row = reader%line
+            lines_above = lines
          end if
          lines = lines + 1
       end do
-      if (wrong > 0) then
-         header%row = wrong
-         header%lines = above
+      if (mistaken_row > 0) then
+         header%row = mistaken_row
+         header%lines = lines_above
       else if (header%lines == 1 .and. header%names == 0) then
-         ! A line of names with another separator than the rows is a mistake, not a header.
+         ! A line of names with another separator than that of the rows is a mistake, not a header.
          call reader%rewind()
          if (.not. reader%next_row()) return
          if (is_header(reader, n_columns) .and. reader%count_fields() == header%fields .and. &
@@ -188,8 +193,8 @@ contains
       end if
    end subroutine find_names
 
-   !> Whether the current line has as many fields as the first row, in which the last may be left
-   !> out when it is blank.
+   !> Returns whether the current line has as many fields as the first row; the last field may be
+   !> missing if it is blank in that row.
    logical function is_as_wide(reader, header) result(yes)
       type(reader_t), intent(inout) :: reader
       type(header_t), intent(in) :: header
@@ -199,7 +204,7 @@ contains
       yes = any(n == [header%filled, header%filled + 1, header%fields])
    end function is_as_wide
 
-   !> Whether the first field of the current line begins like a number.
+   !> Returns whether the first field of the current line begins like a number.
    logical function begins_like_number(reader) result(yes)
       type(reader_t), intent(inout) :: reader
 
@@ -208,7 +213,7 @@ contains
       call reader%restart_row()
    end function begins_like_number
 
-   !> Whether a field begins like a number.
+   !> Returns whether a field begins like a number.
    pure logical function is_number_like(field) result(yes)
       character(len=*), intent(in) :: field
       character(len=2) :: start
@@ -218,7 +223,8 @@ contains
       yes = verify(start(:1), '0123456789') == 0
    end function is_number_like
 
-   !> Whether the current line holds names: none of its first fields begins like a number.
+   !> Returns whether the current line contains names: none of its first fields begins like a
+   !> number.
    logical function is_header(reader, n_columns) result(yes)
       type(reader_t), intent(inout) :: reader
       integer, intent(in) :: n_columns
@@ -236,7 +242,7 @@ contains
       call reader%restart_row()
    end function is_header
 
-   !> Reads the names of all columns, without blanks and quotes around them.
+   !> Reads the names of all columns, without surrounding blanks and quotation marks.
    subroutine read_header(reader, n_columns, error)
       type(reader_t), intent(inout) :: reader
       integer, intent(in) :: n_columns

@@ -1,4 +1,6 @@
-!> An accelerometer's record: reading it, and taking the samples of a fit from it.
+!> Reads an accelerometer's record and takes the samples of a fit from it: window, clipping,
+!> thinning and calibration. `case/` describes records as `recording_t`; experiments get their
+!> samples here.
 module beamid_records
    use beamid_clipping, only: find_limit
    use beamid_errors, only: error_t, bad_input
@@ -12,42 +14,45 @@ module beamid_records
    private
 
    public :: window_t, recording_t, read_record, load_recording, grid
-   public :: append_recording, note_length, column_length
+   public :: add_note, append_recording, note_length, column_length
 
-   !> Of a sentence about what was done to a record.
+   !> Length of a note about a record.
    integer, parameter :: note_length = 200
-   !> A record on file, or in memory, and how to read it.
+   !> A record, in a file or in memory, and how to read it.
    type :: recording_t
-      character(len=:), allocatable :: path   !< not allocated: no file
-      !> (rows) samples that are in memory; `path` is what messages call them
+      character(len=:), allocatable :: path   !< of the file; not allocated: no file
+      !> (rows) times [time] and values of a record in memory; messages then refer to it by `path`
       real(wp), allocatable :: t(:), z(:)
-      type(window_t) :: window                !< samples of the fit
-      !> acceleration = scale*(value - offset), the offset in the record's own unit
-      real(wp) :: scale = 1
-      real(wp) :: offset = 0
+      type(window_t) :: window                !< samples that the fit uses
+      !> Calibration: acceleration = scale*(value - offset), with the offset in the unit of the
+      !> record.
+      real(wp) :: scale = 1, offset = 0
       !> names in the header, or numbers from '1'; '': the first and the second column
       character(len=column_length) :: time_column = '', value_column = ''
-      real(wp), allocatable :: rate           !< samples per unit of time; no time column then
-      !> Samples at or beyond these are left out, in the record's own unit; not allocated:
-      !> limits are looked for.
+      real(wp), allocatable :: rate   !< samples per unit of time, if there is no time column
+      !> Samples at or beyond these limits are left out, in the unit of the record; not allocated:
+      !> the limits are detected.
       real(wp), allocatable :: clip_low, clip_high
-      integer :: thin = 1                     !< every thin-th sample, behind a low-pass filter
-      character(len=20) :: time_unit = ''     !< for the notes
-      real(wp), allocatable :: length         !< of the beam then [length], where it has its own
-      real(wp), allocatable :: sd             !< of the noise [acceleration]
-      real(wp), allocatable :: x_S, x_P       !< places of sensor and support then [length]
-      character(len=:), allocatable :: sensor   !< its name
-      integer :: experiment = 0               !< of which motion it is a channel; 0: of its own
-      integer :: line = 0                     !< of its group in the case file; 0: there is none
+      integer :: thin = 1              !< takes every thin-th sample of the low-pass filtered record
+      character(len=20) :: time_unit = ''   !< for the notes
+      !> length of the beam during this record [length]; not allocated: as in the case
+      real(wp), allocatable :: length
+      real(wp), allocatable :: sd             !< standard deviation of the noise [acceleration]
+      !> positions of sensor and support during this record [length]
+      real(wp), allocatable :: x_S, x_P
+      character(len=:), allocatable :: sensor   !< name of its sensor
+      !> number of the motion of which it is a channel; 0: a motion of its own
+      integer :: experiment = 0
+      integer :: line = 0                     !< of its group in the case file; 0: none
    end type recording_t
 
 contains
 
-   !> Times and calibrated accelerations, all of them.
+   !> Reads all times and calibrated accelerations of a record.
    !>
    !> t      (rows) strictly increasing [time]
-   !> z      (rows) [length/time**2]
-   !> error  `file:line: ...` of the first thing that is not a record
+   !> z      (rows) accelerations [length/time**2]
+   !> error  `file:line: ...` of the first mistake
    subroutine read_record(recording, t, z, error)
       type(recording_t), intent(in) :: recording
       real(wp), allocatable, intent(out) :: t(:), z(:)
@@ -60,16 +65,17 @@ contains
       z = recording%scale*(series%z - recording%offset)
    end subroutine read_record
 
-   !> The samples of a fit: reads the record, takes those of the window, leaves out those at the
-   !> sensor's limit, thins the rest where that is wanted, calibrates.
+   !> Takes the samples of a fit from a record: reads it, chooses the window, leaves out samples at
+   !> the sensor's limit, thins the rest if requested, and calibrates.
    !>
-   !> `thin` is for windows without t_step; with t_step samples are taken as they were recorded, and
-   !> those of its times that are at the limit are left out.
+   !> `thin` applies to windows without t_step. With t_step, samples are taken as recorded, and
+   !> times whose samples are at the limit are left out.
    !>
-   !> samples, measured  (m) [time], [length/time**2]
-   !> notes              what was done and what is unusual, a sentence each
-   !> error              `file:line: ...` of what is not a record, or `file: ...` behind `place`
-   !> place              where the window was asked for, before messages about it; default ''
+   !> samples   (m) times [time]
+   !> measured  (m) accelerations [length/time**2]
+   !> notes     sentences about the processing and about anything unusual in the record
+   !> error     `file:line: ...` of a mistake in the file, or `place` and `file: ...`
+   !> place     text before messages about the window: where the window was requested; default ''
    subroutine load_recording(recording, samples, measured, notes, error, place)
       type(recording_t), intent(in) :: recording
       real(wp), allocatable, intent(out) :: samples(:), measured(:)
@@ -82,10 +88,10 @@ contains
       integer, allocatable :: rows(:)
 
       allocate (notes(0))
-      ! Some rows more than the window has: its ends are not exact, and a flat shows by what is
-      ! beside it.
+      ! Some rows beyond the window: its ends are not exact, and clipping is detected from
+      ! neighbouring samples.
       part%margin = 100
-      if (thins(recording)) part%margin = part%margin + margin_of(recording%thin)
+      if (is_thinned(recording)) part%margin = part%margin + margin_of(recording%thin)
       associate (window => recording%window)
          if (allocated(window%t_first)) part%first = window%t_first
          if (allocated(window%t_last)) part%last = window%t_last
@@ -95,13 +101,13 @@ contains
             trim(merge('s', ' ', series%skipped > 1))//' of a header skipped')
          call choose_rows(window, series, rows, error)
          if (.not. allocated(error)) call refuse_constant(series%z(rows), error)
-         if (.not. allocated(error)) call leave_out_clipped(recording, series%z, rows, clipped, &
+         if (.not. allocated(error)) call find_clipped(recording, series%z, rows, clipped, &
             notes, error)
       end associate
       if (.not. allocated(error)) then
          if (.not. allocated(recording%window%t_step)) &
             call note_gaps(series%t(rows(1):rows(size(rows))), notes)
-         call take_rows(recording, series, rows, clipped, samples, measured, notes, error)
+         call calibrate_samples(recording, series, rows, clipped, samples, measured, notes, error)
       end if
       if (allocated(error)) then
          error%message = recording%path//': '//error%message
@@ -109,7 +115,7 @@ contains
       end if
    end subroutine load_recording
 
-   !> One recording more. (An array constructor would not do for texts of their own length.)
+   !> Appends a recording. (An array constructor would not do for components of deferred length.)
    subroutine append_recording(list, item)
       type(recording_t), allocatable, intent(inout) :: list(:)
       type(recording_t), intent(in) :: item
@@ -121,14 +127,14 @@ contains
       call move_alloc(longer, list)
    end subroutine append_recording
 
-   !> Whether a low-pass filter stands before the samples.
-   pure logical function thins(recording)
+   !> Returns whether samples are thinned, behind a low-pass filter.
+   pure logical function is_thinned(recording)
       type(recording_t), intent(in) :: recording
 
-      thins = recording%thin > 1 .and. .not. allocated(recording%window%t_step)
-   end function thins
+      is_thinned = recording%thin > 1 .and. .not. allocated(recording%window%t_step)
+   end function is_thinned
 
-   !> The record's own numbers.
+   !> Reads a part of a record, in the record's own unit, from the file or from memory.
    subroutine read_part(recording, part, series, error)
       type(recording_t), intent(in) :: recording
       type(part_t), intent(in) :: part
@@ -144,6 +150,7 @@ contains
          series, error, recording%rate)
    end subroutine read_part
 
+   !> Refuses a constant signal, z (m).
    subroutine refuse_constant(z, error)
       real(wp), intent(in) :: z(:)
       type(error_t), allocatable, intent(inout) :: error
@@ -155,12 +162,13 @@ contains
          to_text(size(z))//' samples of the window), expected one that moves')
    end subroutine refuse_constant
 
-   !> Which rows are at the sensor's limit; refuses a window that holds no other.
+   !> Finds the samples at the sensor's limit, and refuses a window without other samples.
    !>
-   !> z        (rows kept) in the record's own unit
-   !> rows     places in z of the window's samples
-   !> clipped  (rows kept)
-   subroutine leave_out_clipped(recording, z, rows, clipped, notes, error)
+   !> z        (rows kept) values in the record's unit
+   !> rows     (m) indices in z of the samples in the window
+   !> clipped  (rows kept) whether a sample is at the limit
+   !> notes    on return with a note on samples that are left out
+   subroutine find_clipped(recording, z, rows, clipped, notes, error)
       type(recording_t), intent(in) :: recording
       real(wp), intent(in) :: z(:)
       integer, intent(in) :: rows(:)
@@ -189,9 +197,11 @@ contains
       end if
       call add_note(notes, to_text(n)//' of '//to_text(size(rows))// &
          ' samples left out: at the sensor''s limit ('//limits//')')
-   end subroutine leave_out_clipped
+   end subroutine find_clipped
 
-   !> Says where the record has gaps.
+   !> Adds a note on the gaps of a record.
+   !>
+   !> t  (m) times of the samples in the window
    subroutine note_gaps(t, notes)
       !> The stamps of the window.
       real(wp), intent(in) :: t(:)
@@ -209,8 +219,12 @@ contains
          to_text(t(longest + 1))//': more than 20 times the usual step')
    end subroutine note_gaps
 
-   !> The samples at some rows, thinned where that is wanted, and calibrated.
-   subroutine take_rows(recording, series, rows, clipped, samples, measured, notes, error)
+   !> Takes the samples of some rows, thins them if requested, and calibrates them.
+   !>
+   !> rows               (m) indices in the series
+   !> clipped            (rows kept) whether a sample is at the sensor's limit
+   !> samples, measured  as in `load_recording`
+   subroutine calibrate_samples(recording, series, rows, clipped, samples, measured, notes, error)
       type(recording_t), intent(in) :: recording
       type(series_t), intent(in) :: series
       integer, intent(in) :: rows(:)
@@ -221,7 +235,7 @@ contains
       type(thinned_t) :: thinned
       integer, allocatable :: good(:)
 
-      if (thins(recording)) then
+      if (is_thinned(recording)) then
          call thin_out(series%t, series%z, clipped, rows, recording%thin, thinned)
          if (size(thinned%t) == 0) then
             call bad_input(error, 'found no sample for which the filter of thin = '// &
@@ -239,9 +253,9 @@ contains
          measured = series%z(good)
       end if
       measured = recording%scale*(measured - recording%offset)
-   end subroutine take_rows
+   end subroutine calibrate_samples
 
-   !> Says what the filter does, so that the modes can be seen to lie inside.
+   !> Adds a note on the band of the filter, so that the user can see whether it contains the modes.
    subroutine note_thinning(recording, thinned, notes)
       type(recording_t), intent(in) :: recording
       type(thinned_t), intent(in) :: thinned
@@ -259,6 +273,7 @@ contains
          'the filter meets the record''s end, a gap or the sensor''s limit')
    end subroutine note_thinning
 
+   !> Appends a note.
    subroutine add_note(notes, text)
       character(len=note_length), allocatable, intent(inout) :: notes(:)
       character(len=*), intent(in) :: text

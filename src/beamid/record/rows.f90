@@ -1,4 +1,5 @@
-!> The rows and fields of a text table, one after the other.
+!> Goes through the rows and fields of a text table, one after the other. `beamid_headers` and
+!> `beamid_csv` read tables with it.
 module beamid_rows
    use beamid_errors, only: error_t, bad_input
    use beamid_kinds, only: ip, wp
@@ -11,38 +12,40 @@ module beamid_rows
 
    character(len=*), parameter :: tab = achar(9), line_feed = achar(10), &
       carriage_return = achar(13), byte_order_mark = char(239)//char(187)//char(191)
-   !> What may separate fields: the first of these that a line holds, a comma where it holds none.
+   !> Possible separators of fields: a table uses the first of them that its first line contains, or
+   !> else a comma.
    character(len=*), parameter :: separators = ',;'//tab
-   !> Names of columns are cut to this length.
+   !> Longest name of a column; longer names are cut.
    integer, parameter :: column_length = 100
 
-   !> A text table, with a current row and a current field.
+   !> A text table with a current row and a current field.
    type :: reader_t
+      !> Path of the file, and its content.
       character(len=:), allocatable :: path, text
-      !> Names of the columns, or size 0.
+      !> Names of the columns; size 0: none.
       character(len=column_length), allocatable :: header(:)
       !> Number of the current line in the file.
       integer(ip) :: line = 0
-      !> How many lines before the rows neither name the columns nor are blank or comments.
+      !> Number of lines before the rows that are neither names of columns, nor blank, nor comments.
       integer :: skipped = 0
-      !> First and last byte of the current field.
+      !> Positions in `text` of the first and last byte of the current field.
       integer(ip) :: left = 1, right = 0
-      !> Whether the first of the columns that are read must grow from row to row; its last value,
-      !> and first and last byte of that.
+      !> Whether the first of the columns that are read must increase from row to row.
       logical :: ordered = .false.
-      real(wp) :: previous = 0
-      integer(ip) :: mark(2) = 0
-      !> What separates the fields: set by the first line that is neither blank nor a comment.
+      real(wp) :: previous = 0               !< number in this column in the row before
+      integer(ip) :: previous_field(2) = 0   !< positions of its first and last byte; 0: no row yet
+      !> Separator of the fields; set by the first line that is neither blank nor a comment.
       character(len=1) :: separator = ' '
-      !> '.' or ',' once a number showed it; a comma only between semicolons or tabs.
+      !> Decimal sign, '.' or ',', as soon as a number shows it; a comma only if commas do not
+      !> separate fields.
       character(len=1) :: decimal = ' '
-      !> > 0: rows per unit of time of a table without times; how many rows were read, and the line
-      !> of the last.
-      real(wp) :: rate = 0
-      integer(ip) :: rows = 0, row_line = 0
-      !> First and last byte of the current line without its end, and where the next one begins.
+      real(wp) :: rate = 0            !< > 0: rows per unit of time of a table without times
+      integer(ip) :: rows = 0         !< with a rate: number of rows read
+      integer(ip) :: row_line = 0     !< with a rate: line of the last row
+      !> Positions of the first and last byte of the current line without its end, and of the next
+      !> line.
       integer(ip), private :: first = 1, last = 0, next = 1
-      !> How often the current line holds each of the separators.
+      !> Number of each of the separators in the current line.
       integer, private :: counts(len(separators)) = 0
    contains
       procedure :: rewind => go_to_start
@@ -61,7 +64,7 @@ module beamid_rows
 
 contains
 
-   !> Goes before the first line, behind a byte order mark.
+   !> Goes before the first line, after a byte order mark.
    subroutine go_to_start(self)
       class(reader_t), intent(inout) :: self
 
@@ -72,7 +75,9 @@ contains
       if (self%text(:3) == byte_order_mark) self%next = 4
    end subroutine go_to_start
 
-   !> Goes to a line that is neither blank nor a comment, with this separator.
+   !> Goes to a line that is neither blank nor a comment, and splits it at a separator.
+   !>
+   !> line  its number in the file
    subroutine go_to(self, line, separator)
       class(reader_t), intent(inout) :: self
       integer(ip), intent(in) :: line
@@ -85,7 +90,7 @@ contains
       end do
    end subroutine go_to
 
-   !> Goes to the next line that is neither blank nor a comment; .false. at the end.
+   !> Goes to the next line that is neither blank nor a comment; .false. at the end of the text.
    logical function next_row(self) result(found)
       class(reader_t), intent(inout) :: self
 
@@ -101,14 +106,14 @@ contains
       call self%restart_row()
    end function next_row
 
-   !> One pass over the bytes of a line.
+   !> Finds the end of a line and its separators in one pass over its bytes.
    pure subroutine scan_line(text, first, last, next, counts, is_data)
       character(len=*), intent(in) :: text
       !> First byte of the line.
       integer(ip), intent(in) :: first
       !> Last byte of the line without its end, and first byte of the next line.
       integer(ip), intent(out) :: last, next
-      !> How many commas, semicolons and tabs there are.
+      !> Numbers of commas, semicolons and tabs.
       integer, intent(out) :: counts(:)
       !> Whether the line is neither blank nor a comment.
       logical, intent(out) :: is_data
@@ -144,7 +149,7 @@ contains
       is_data = .not. (blank .or. comment)
    end subroutine scan_line
 
-   !> The current line.
+   !> Returns the current line.
    pure function row(self)
       class(reader_t), intent(in) :: self
       character(len=:), allocatable :: row
@@ -152,14 +157,14 @@ contains
       row = self%text(self%first:self%last)
    end function row
 
-   !> Goes before the first field of the line.
+   !> Goes before the first field of the current line.
    subroutine restart_row(self)
       class(reader_t), intent(inout) :: self
 
       self%right = self%first - 2
    end subroutine restart_row
 
-   !> Goes to the next field of the line; .false. behind the last.
+   !> Goes to the next field of the current line; .false. after the last field.
    logical function next_field(self) result(found)
       class(reader_t), intent(inout) :: self
       integer(ip) :: at
@@ -173,14 +178,14 @@ contains
       self%right = at - 1
    end function next_field
 
-   !> How many fields the current line has.
+   !> Returns the number of fields of the current line.
    pure integer function count_fields(self) result(n)
       class(reader_t), intent(in) :: self
 
       n = 1 + self%count_of(self%separator)
    end function count_fields
 
-   !> How many fields the current line has up to the last that is not blank.
+   !> Returns the number of fields of the current line up to the last that is not blank.
    integer function count_filled(self) result(n)
       class(reader_t), intent(inout) :: self
       integer :: k
@@ -194,7 +199,7 @@ contains
       call self%restart_row()
    end function count_filled
 
-   !> Takes another separator, and goes before the first field of the line.
+   !> Changes the separator, and goes before the first field of the current line.
    subroutine split_at(self, separator)
       class(reader_t), intent(inout) :: self
       character(len=1), intent(in) :: separator
@@ -203,7 +208,7 @@ contains
       call self%restart_row()
    end subroutine split_at
 
-   !> How often a separator stands in the current line.
+   !> Returns the number of times that a separator occurs in the current line.
    pure integer function count_of(self, separator) result(n)
       class(reader_t), intent(in) :: self
       !> ',', ';' or a tab.
@@ -222,13 +227,13 @@ contains
       if (has_decimal_comma) has_decimal_comma = is_decimal(with_point(trim_blanks(self%row())))
    end function has_decimal_comma
 
-   !> An error at the current line: "path:line: column k ('name'): message".
+   !> Makes an error at the current line: "path:line: column k ('name'): message".
    subroutine problem(self, error, message, k)
       class(reader_t), intent(in) :: self
       type(error_t), allocatable, intent(out) :: error
-      !> What was found and what was expected.
+      !> States the mistake found, and the correct input expected.
       character(len=*), intent(in) :: message
-      !> The column, when the message is about one.
+      !> Number of the column that the message is about, if any.
       integer, intent(in), optional :: k
       character(len=:), allocatable :: place
 

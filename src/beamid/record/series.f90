@@ -1,4 +1,5 @@
-!> Two columns of a table as a series in time; of a long one only the part that is wanted is kept.
+!> Reads two columns of a table, times and values, as a time series. Of a long series only the
+!> requested part is kept.
 module beamid_series
    use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
    use beamid_csv, only: extent_t, open_table, part_t, read_rows
@@ -12,22 +13,25 @@ module beamid_series
 
    public :: series_t, part_t, read_series, series_of
 
-   !> The rows kept, and what is known of all rows of the file.
+   !> The rows kept of a time series, and the extent of the whole series.
    type, extends(extent_t) :: series_t
       real(wp), allocatable :: t(:)       !< (rows) strictly increasing [time]
-      real(wp), allocatable :: z(:)       !< (rows) as in the file
-      integer :: skipped = 0              !< lines of a header, without that of the names
+      real(wp), allocatable :: z(:)       !< (rows) values, as in the file
+      integer :: skipped = 0              !< lines of the header, without the line of names
    end type series_t
 
 contains
 
-   !> Reads the series. Every row of the file is checked, whether it is kept or not.
+   !> Reads a time series. Every row of the file is checked, whether it is kept or not.
    !>
-   !> names  time and value column: a name of the header in any case, a number from '1', or '' for
-   !>        the first and the second column
-   !> rate   > 0: rows per unit of time, the first at 0; there is no time column then, and a file of
-   !>        more columns than one needs the other's name
-   !> error  `path:line: ...`
+   !> path    of the file
+   !> names   time column and value column: a name in the header in upper or lower case, a number
+   !>         from '1', or '' for the first and the second column
+   !> part    rows to keep
+   !> series  on return the rows kept and the extent of the file
+   !> error   `path:line: ...` of the first mistake
+   !> rate    > 0: rows per unit of time, the first at 0. The file then has no time column; if it
+   !>         has more than one column, the value column must be named
    subroutine read_series(path, names, part, series, error, rate)
       character(len=*), intent(in) :: path, names(2)
       type(part_t), intent(in) :: part
@@ -46,13 +50,14 @@ contains
          series%extent_t, error)
       if (allocated(error)) return
       series%skipped = reader%skipped
-      call take_part(values(1, :), values(2, :), part, series)
+      call keep_part(values(1, :), values(2, :), part, series)
    end subroutine read_series
 
-   !> The series of samples that are in memory: the same rows are kept of them.
+   !> Makes a time series of samples in memory; the same rows are kept as from a file.
    !>
-   !> t, z   (rows) as many of one as of the other
-   !> error  `sample k: ...`: no sample, one that is not finite, a time that does not grow
+   !> t, z   (rows) times and values, equally many
+   !> error  `sample k: ...`: no sample, a number that is not finite, or a time that does not
+   !>        increase
    subroutine series_of(t, z, part, series, error)
       real(wp), intent(in) :: t(:), z(:)
       type(part_t), intent(in) :: part
@@ -78,11 +83,11 @@ contains
       series%first = t(1)
       series%last = t(size(t))
       series%rows = size(t, kind=ip)
-      call take_part(t, z, part, series)
+      call keep_part(t, z, part, series)
    end subroutine series_of
 
-   !> The rows that are kept.
-   pure subroutine take_part(t, z, part, series)
+   !> Keeps the rows of a part, and its margin.
+   pure subroutine keep_part(t, z, part, series)
       real(wp), intent(in) :: t(:), z(:)
       type(part_t), intent(in) :: part
       type(series_t), intent(inout) :: series
@@ -92,15 +97,18 @@ contains
       last = min(size(t), count(t <= part%last) + part%margin)
       series%t = t(first:last)
       series%z = z(first:last)
-   end subroutine take_part
+   end subroutine keep_part
 
-   !> The places of the two columns.
+   !> Finds the two columns of a series.
+   !>
+   !> columns  numbers of the time column (0 with a rate) and of the value column
+   !> error    no such column, or ambiguous names
    subroutine find_columns(reader, names, columns, error)
       type(reader_t), intent(inout) :: reader
       character(len=*), intent(in) :: names(2)
       integer, intent(out) :: columns(2)
       type(error_t), allocatable, intent(out) :: error
-      !> What the case file calls the two.
+      !> Their keys in the case file, for messages.
       character(len=*), parameter :: keys(2) = [character(len=12) :: 'time_column', 'value_column']
       integer :: k, n
 
@@ -129,7 +137,12 @@ contains
          ', expected two columns')
    end subroutine find_columns
 
-   !> The place of a column. A name of the header goes before a number.
+   !> Finds the number of a column. A name in the header takes precedence over a number.
+   !>
+   !> name    of the column, or its number
+   !> key     of the case file, for messages
+   !> column  its number
+   !> error   no such column, or several of this name
    subroutine find_column(reader, name, key, column, error)
       type(reader_t), intent(in) :: reader
       character(len=*), intent(in) :: name, key
@@ -158,7 +171,7 @@ contains
          call bad_input(error, reader%path//': found no names of columns, expected '//key// &
             ' = '//shown(name)//' to be one; a number counts the columns')
       else if (found == 0) then
-         call bad_input(error, reader%path//': found the columns '//listed(reader%header)// &
+         call bad_input(error, reader%path//': found the columns '//name_list(reader%header)// &
             ', expected '//key//' = '//shown(name)//' to be one of them')
       else if (found > 1) then
          call bad_input(error, reader%path//': found '//to_text(found)//' columns called '// &
@@ -166,8 +179,8 @@ contains
       end if
    end subroutine find_column
 
-   !> The names of columns for a message; of very many the first ones.
-   pure function listed(header) result(text)
+   !> Returns the names of columns, at most twelve, for a message.
+   pure function name_list(header) result(text)
       character(len=*), intent(in) :: header(:)
       character(len=:), allocatable :: text
       integer, parameter :: most = 12
@@ -178,6 +191,6 @@ contains
          text = text//', '//shown(header(k))
       end do
       if (size(header) > most) text = text//', ...'
-   end function listed
+   end function name_list
 
 end module beamid_series

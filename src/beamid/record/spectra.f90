@@ -1,4 +1,5 @@
-!> Lines in the spectrum of a record: where a decaying oscillation stands out of what is around it.
+!> Finds lines in the spectrum of a record, decaying oscillations that exceed their surroundings.
+!> The search for start values assigns them to modes.
 module beamid_spectra
    use beamid_kinds, only: wp
    use beamid_sorting, only: median
@@ -8,13 +9,15 @@ module beamid_spectra
    public :: line_t, condense, strongest_line, strongest_peak, too_near, noise_near, &
       near_mains
 
-   !> A decaying oscillation that a record holds.
+   !> A spectral line of a record, which is a decaying oscillation.
    type :: line_t
       real(wp) :: frequency = 0    !< [1/time]
-      real(wp) :: decay = 0        !< rate at which it dies out [1/time]
+      real(wp) :: decay = 0        !< rate of exponential decay [1/time]
       real(wp) :: energy = 0       !< share of the variance of the record
-      integer :: harmonic = 0      !< so many times the frequency of a stronger line; 0: of none
-      logical :: mains = .false.   !< a multiple of 50 or 60 that does not die out
+      !> multiple of the frequency of a stronger line; 0: no such multiple
+      integer :: harmonic = 0
+      !> whether it does not decay and is a multiple of 50 or 60 (mains hum, in Hz)
+      logical :: mains = .false.
    end type line_t
 
    real(wp), parameter :: two_pi = 2*acos(-1.0_wp)
@@ -22,16 +25,18 @@ module beamid_spectra
    !> Rates of decay that are tried, times the length of the record.
    real(wp), parameter :: decays(4) = [0.0_wp, 3.0_wp, 12.0_wp, 40.0_wp]
 
-   !> How far above the median of its surroundings the power of a line lies.
+   !> Smallest ratio of the power of a line to the median power around it.
    real(wp), parameter, public :: standing_out = 25
 
 contains
 
-   !> A record shortened for scans, which cost samples times frequencies: means over equal spans of
-   !> time, none of which reaches over a gap, and the beginning of what is left.
+   !> Shortens a record for scans, whose cost is proportional to samples times frequencies: means
+   !> over equal spans of time, none across a gap, and only the beginning of a long record.
    !>
-   !> t, z     (m) ascending [time] and any unit
-   !> highest  frequency of interest [1/time]; its samples are left six to a period at least
+   !> t, z           (m) ascending times [time], and values in any unit
+   !> highest        highest frequency of interest [1/time]; each of its periods keeps at least six
+   !>                samples
+   !> times, values  the shortened record
    pure subroutine condense(t, z, highest, times, values)
       real(wp), intent(in) :: t(:), z(:), highest
       real(wp), allocatable, intent(out) :: times(:), values(:)
@@ -41,7 +46,7 @@ contains
 
       allocate (times(size(t)), values(size(t)))
       width = 1/(6*highest)
-      ! No frequency above half the mean rate is seen.
+      ! Frequencies above half the mean sampling rate cannot be seen.
       last = t(1) + longest*max(1/highest, 2*(t(size(t)) - t(1))/size(t))
       n = 0
       count = 0
@@ -64,40 +69,44 @@ contains
       values = values(:n)
    end subroutine condense
 
-   !> The decaying oscillation that explains most of a record, of those that stand out: a filter
-   !> matched to each frequency of a grid and to some rates of decay.
+   !> Finds the decaying oscillation that explains most of a record, among those that exceed their
+   !> surroundings: with a filter matched to each frequency of a grid and each of some rates of
+   !> decay.
    !>
-   !> t, z      (m) ascending [time], without the lines that are known and without a mean
-   !> range     (2) of the frequencies that are looked at [1/time]
-   !> known     lines near which none is looked for
-   !> line      frequency 0: none stands out
+   !> t, z   (m) ascending times [time], and values without mean and without the known lines
+   !> range  (2) lowest and highest frequency [1/time]
+   !> known  lines; frequencies near them are excluded
+   !> line   on return the strongest line; its frequency is 0 if there is none
    subroutine strongest_line(t, z, range, known, line)
       real(wp), intent(in) :: t(:), z(:), range(2)
       type(line_t), intent(in) :: known(:)
       type(line_t), intent(out) :: line
-      real(wp), allocatable :: power(:), floor(:)
-      real(wp) :: span, step, most
+      real(wp), allocatable :: power(:), background(:)
+      real(wp) :: span, step, highest_power
       integer :: d, k
 
       span = t(size(t)) - t(1)
-      most = 0
+      highest_power = 0
       do d = 1, size(decays)
          step = 1/(2*span*max(1.0_wp, decays(d)/12))
-         power = matched(t, z, decays(d)/span, range, step)
-         ! So wide that the line itself, (decay/pi)^2 of its power at that distance, is below.
-         floor = surroundings(power, nint((25 + 4*decays(d))/span/step))
+         power = matched_filter(t, z, decays(d)/span, range, step)
+         ! The median reaches so far that the line itself does not raise it: there the line has some
+         ! (decay/pi/reach)^2 of its power, with decay and reach in units of 1/span.
+         background = running_median(power, nint((25 + 4*decays(d))/span/step))
          do k = 2, size(power) - 1
-            if (power(k) <= max(most, standing_out*floor(k), power(k - 1), power(k + 1))) cycle
+            if (power(k) <= max(highest_power, standing_out*background(k), power(k - 1), &
+               power(k + 1))) cycle
             if (any(too_near(range(1) + (k - 1)*step, known, span))) cycle
-            most = power(k)
+            highest_power = power(k)
             line = line_t(range(1) + (k - 1)*step, decays(d)/span)
          end do
       end do
    end subroutine strongest_line
 
-   !> Whether a frequency is within 3/T, half a rate of decay or one per cent of a line's.
+   !> Returns whether a frequency is closer to a line than 3/T, half the rate of decay or 1 % of the
+   !> line's frequency.
    !>
-   !> span  T, of the record [time]
+   !> span  T, length of the record [time]
    elemental logical function too_near(frequency, line, span)
       real(wp), intent(in) :: frequency, span
       type(line_t), intent(in) :: line
@@ -106,10 +115,11 @@ contains
          1e-2_wp*line%frequency)
    end function too_near
 
-   !> Variance of white noise that would be as strong as a record is around a frequency.
+   !> Returns the variance of white noise that would be as strong as the record around a frequency.
    !>
-   !> t, z   (m) ascending [time], a record without its lines
-   !> decay  of the line that would be seen there [1/time]
+   !> t, z       (m) ascending times [time], and values without the lines
+   !> frequency  [1/time]
+   !> decay      of a line that would be detected there [1/time]
    function noise_near(t, z, frequency, decay) result(variance)
       real(wp), intent(in) :: t(:), z(:), frequency, decay
       real(wp) :: variance
@@ -121,15 +131,19 @@ contains
       variance = sum(z**2)/size(z)
       if (.not. span > 0) return       ! too few samples for anything else
       reach = 60/span + 3*decay
-      ! Of a variable that is distributed exponentially the median is ln 2 times the mean; means of
-      ! so many samples have as much less variance.
-      variance = median(matched(times, values, decay, [max(0.2_wp*frequency, frequency - reach), &
-         frequency + reach], 1/(2*span)))/log(2.0_wp)*count(t <= times(size(times)))/size(times)
+      ! The median of an exponential distribution is ln 2 times its mean. Means of several samples
+      ! have a variance that is smaller in the same ratio.
+      variance = median(matched_filter(times, values, decay, [max(0.2_wp*frequency, &
+         frequency - reach), frequency + reach], 1/(2*span)))/log(2.0_wp) &
+         *count(t <= times(size(times)))/size(times)
    end function noise_near
 
-   !> Whether a frequency is a multiple of 50 or 60, to a tenth or a third of a width.
+   !> Returns whether a frequency is a multiple of 50 or 60, to within the larger of 0.1 and
+   !> 0.3/span.
    !>
-   !> error  by which the frequency may be off
+   !> frequency  [1/time]
+   !> span       length of the record [time]
+   !> error      by which the frequency may be wrong [1/time]
    pure logical function near_mains(frequency, span, error)
       real(wp), intent(in) :: frequency, span, error
       real(wp) :: distance(2)
@@ -138,9 +152,16 @@ contains
       near_mains = any(abs(distance) < max(0.1_wp, 0.3_wp/span) + error)
    end function near_mains
 
-   !> What an oscillation with each frequency of a grid explains of the sum of squares, about half
-   !> of it: a phasor x + i y for each sample, turned on from one frequency to the next.
-   function matched(t, z, decay, range, step) result(power)
+   !> Returns approximately half the sum of squares that an oscillation with each frequency of a
+   !> grid explains. Each sample has a phasor x + i y, which is rotated from one frequency to the
+   !> next.
+   !>
+   !> t, z   (m) times [time] and values
+   !> decay  rate of decay of the oscillation [1/time]
+   !> range  (2) lowest and highest frequency [1/time]
+   !> step   of the frequencies [1/time]
+   !> power  (frequencies)
+   function matched_filter(t, z, decay, range, step) result(power)
       real(wp), intent(in) :: t(:), z(:), decay, range(2), step
       real(wp), allocatable :: power(:)
       integer, parameter :: lanes = 8     ! sums side by side, which a processor adds at once
@@ -150,10 +171,10 @@ contains
 
       envelope = exp(-decay*(t - t(1)))
       phase = two_pi*(t - t(1))
-      x = spread_out(z*envelope*cos(range(1)*phase))
-      y = spread_out(z*envelope*sin(range(1)*phase))
-      c = spread_out(cos(step*phase))
-      s = spread_out(sin(step*phase))
+      x = in_lanes(z*envelope*cos(range(1)*phase))
+      y = in_lanes(z*envelope*sin(range(1)*phase))
+      c = in_lanes(cos(step*phase))
+      s = in_lanes(sin(step*phase))
       allocate (power(max(0, int((range(2) - range(1))/step) + 1)))
       do k = 1, size(power)
          total = 0
@@ -169,37 +190,42 @@ contains
 
    contains
 
-      !> In lanes, filled up with zeros.
-      pure function spread_out(values) result(table)
+      !> Arranges values in lanes, padded with zeros.
+      pure function in_lanes(values) result(table)
          real(wp), intent(in) :: values(:)
          real(wp) :: table(lanes, size(t)/lanes + 1)
 
          table = reshape(values, shape(table), pad=[0.0_wp])
-      end function spread_out
+      end function in_lanes
 
-   end function matched
+   end function matched_filter
 
-   !> The median of so many neighbours on either side, at every quarter of that distance.
-   function surroundings(power, reach) result(floor)
+   !> Returns the median of each value's neighbours, computed at every quarter of the reach.
+   !>
+   !> power  (frequencies)
+   !> reach  number of neighbours on either side
+   function running_median(power, reach) result(background)
       real(wp), intent(in) :: power(:)
       integer, intent(in) :: reach
-      real(wp) :: floor(size(power))
-      integer :: first, last, middle, n, pace
+      real(wp) :: background(size(power))
+      integer :: first, last, middle, n, stride
 
       n = size(power)
-      pace = max(1, reach/4)
-      do first = 1, n, pace
-         last = min(n, first + pace - 1)
+      stride = max(1, reach/4)
+      do first = 1, n, stride
+         last = min(n, first + stride - 1)
          middle = (first + last)/2
-         floor(first:last) = median(power(max(1, middle - reach):min(n, middle + reach)))
+         background(first:last) = median(power(max(1, middle - reach):min(n, middle + reach)))
       end do
-   end function surroundings
+   end function running_median
 
-   !> The strongest peak under Hann's window, and the share of the variance below a frequency.
+   !> Finds the strongest peak of the spectrum with Hann's window, and the share of the variance
+   !> below a frequency.
    !>
-   !> t, z       (m) as they were recorded
-   !> frequency  0: the record is shorter than one period of the highest
-   !> share      0 .. 1
+   !> t, z       (m) times [time] and values as recorded
+   !> highest    highest frequency of interest [1/time]
+   !> frequency  of the peak [1/time]; 0 if the record is shorter than a period of `highest`
+   !> share      of the variance below `highest`, 0 .. 1
    subroutine strongest_peak(t, z, highest, frequency, share)
       real(wp), intent(in) :: t(:), z(:), highest
       real(wp), intent(out) :: frequency, share
@@ -217,10 +243,10 @@ contains
       step = 1/(4*span)
       w(:m) = sin(two_pi/2*(times - times(1))/span)**2
       values = w(:m)*(values - sum(w(:m)*values)/sum(w(:m)))
-      power = matched(times, values, 0.0_wp, [0.0_wp, min(highest, (m - 1)/(2*span))], step)
-      ! The first points are those of the window and of a trend of the record, not of a motion.
+      power = matched_filter(times, values, 0.0_wp, [0.0_wp, min(highest, (m - 1)/(2*span))], step)
+      ! The first points belong to the window and to a trend of the record, not to a motion.
       if (size(power) > 8) frequency = (maxloc(power(6:), dim=1) + 4)*step
-      ! Parseval: four steps are one independent frequency.
+      ! Parseval's theorem: four steps of the grid make one independent frequency.
       share = min(1.0_wp, sum(power)/2/max(sum(values**2), tiny(share)))
    end subroutine strongest_peak
 

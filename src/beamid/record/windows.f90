@@ -1,4 +1,4 @@
-!> Which samples of a record are wanted.
+!> Chooses the samples of a record that a fit uses.
 module beamid_windows
    use beamid_errors, only: error_t, bad_input
    use beamid_kinds, only: wp, ip
@@ -9,27 +9,29 @@ module beamid_windows
 
    public :: window_t, grid, choose_rows
 
-   !> More sample times than this are refused: t_step or t_last must be wrong.
+   !> Largest number of sample times; more indicate a mistake in t_step or t_last.
    integer, parameter :: max_samples = 1000000
 
-   !> Largest time in any unit: its powers stay far from overflow.
-   real(wp), parameter :: latest = 1e40_wp
+   !> Largest time in any unit; its powers do not overflow.
+   real(wp), parameter :: largest_time = 1e40_wp
 
-   !> How far off a time may be, in steps.
-   real(wp), parameter :: near = 1e-3_wp
+   !> Largest deviation of a time, in time steps.
+   real(wp), parameter :: tolerance = 1e-3_wp
 
-   !> Which samples are wanted; left out, the whole record.
+   !> The window of a fit; by default the whole record.
    type :: window_t
-      real(wp), allocatable :: t_first, t_last   !< [time]
-      !> [time]; not allocated: every sample between t_first and t_last
+      real(wp), allocatable :: t_first, t_last   !< [time]; default: those of the record
+      !> time step [time]; not allocated: every sample between t_first and t_last
       real(wp), allocatable :: t_step
    end type window_t
 
 contains
 
-   !> t_first, t_first + t_step, ..., t_last, all three of which must be there.
+   !> Computes the times t_first, t_first + t_step, ..., t_last of a window in which all three are
+   !> given.
    !>
-   !> error  a message without file and key: too many of them
+   !> times  (m) [time]
+   !> error  too many times; a message without file and key
    subroutine grid(window, times, error)
       type(window_t), intent(in) :: window
       real(wp), allocatable, intent(out) :: times(:)
@@ -43,20 +45,20 @@ contains
             to_text(max_samples)//' samples from '//to_text(window%t_first)//' to '// &
             to_text(window%t_last)//', expected a larger step')
          return
-      else if (.not. max(abs(window%t_first), abs(window%t_last)) <= latest) then
+      else if (.not. max(abs(window%t_first), abs(window%t_last)) <= largest_time) then
          call bad_input(error, 'found sample times from '//to_text(window%t_first)//' to '// &
-            to_text(window%t_last)//', expected times within '//to_text(latest))
+            to_text(window%t_last)//', expected times within '//to_text(largest_time))
          return
       end if
       times = [(window%t_first + k*window%t_step, k=0, int(steps*(1 + 1e-12_wp) + 1e-6_wp))]
    end subroutine grid
 
-   !> Which of the rows kept are in the window. With t_step the record must hold a sample at each of
-   !> its times, to within 1/1000 of the step; nothing is interpolated, and the record's own time
-   !> stamps are kept.
+   !> Chooses the rows of a series that are in the window. With t_step, the series must contain a
+   !> sample within 1/1000 of the step of each time; values are not interpolated, and the samples
+   !> keep their own times.
    !>
-   !> rows   places in series%t, ascending
-   !> error  a message without file: a time outside the record or between its samples
+   !> rows   (m) indices in series%t, ascending
+   !> error  a time outside the record or between its samples; a message without file
    subroutine choose_rows(window, series, rows, error)
       type(window_t), intent(in) :: window
       type(series_t), intent(in) :: series
@@ -71,7 +73,7 @@ contains
       if (allocated(window%t_first)) first = window%t_first
       if (allocated(window%t_last)) last = window%t_last
       if (allocated(window%t_step)) step = window%t_step
-      if (first < series%first - near*step .or. last > series%last + near*step) then
+      if (first < series%first - tolerance*step .or. last > series%last + tolerance*step) then
          call bad_input(error, 'found samples from '//to_text(series%first)//' to '// &
             to_text(series%last)//', expected the window from '//to_text(first)//' to '// &
             to_text(last)//' to lie inside')
@@ -80,14 +82,15 @@ contains
             series%t, rows, error)
       else
          associate (t => series%t)
-            rows = pack([(k, k=1, size(t))], t >= first - near*step .and. t <= last + near*step)
+            rows = pack([(k, k=1, size(t))], t >= first - tolerance*step .and. &
+               t <= last + tolerance*step)
          end associate
          if (size(rows) == 0) call bad_input(error, &
             'found no sample in the window, expected one or more')
       end if
    end subroutine choose_rows
 
-   !> The rows at t_first, t_first + t_step, ..., each to within `near` of a step.
+   !> Chooses the rows at t_first, t_first + t_step, ..., each to within `tolerance` steps.
    subroutine choose_steps(window, t, rows, error)
       type(window_t), intent(in) :: window
       real(wp), intent(in) :: t(:)
@@ -102,10 +105,10 @@ contains
       row = 1
       do k = 1, size(times)
          do while (row < size(t))
-            if (t(row) >= times(k) - near*window%t_step) exit
+            if (t(row) >= times(k) - tolerance*window%t_step) exit
             row = row + 1
          end do
-         if (abs(t(row) - times(k)) > near*window%t_step) then
+         if (abs(t(row) - times(k)) > tolerance*window%t_step) then
             call bad_input(error, 'found no sample at t = '//to_text(times(k))// &
                ', expected one at every step of '//to_text(window%t_step))
             return

@@ -1,31 +1,34 @@
-!> E(x) and c_D(x) of a fit, for other programs and for the reader.
+!> Reports of the fields E(x) and c_D(x) that a fit has estimated: the table along.csv for other
+!> programs, and a short table with remarks in the summary.
 module beamid_along_reports
    use beamid_case_files, only: case_t
+   use beamid_field_bands, only: band, band_t, varies
+   use beamid_field_penalties, only: fields
    use beamid_identification, only: stage_fit_t
    use beamid_kinds, only: wp
-   use beamid_lines, only: columns, csv_row
+   use beamid_lines, only: columns, csv_row, unit_suffix
    use beamid_outputs, only: output_t
-   use beamid_field_bands, only: band, band_t, varies
-   use beamid_residuals, only: fields
    use beamid_statistics, only: unlimited
    use beamid_strings, only: full, to_text
    use beamid_structure, only: most_coefficients, of_c_D, of_E
-   use beamid_texts, only: left, right, text_t
+   use beamid_texts, only: right, text_t
    use beamid_units, only: units_t
    implicit none
    private
 
    public :: add_along_table, add_along, add_smoothing
 
+   !> (fields) names and parameters of the fields, in the order of `beamid_residuals`.
    character(len=3), parameter :: names(fields) = [character(len=3) :: 'E', 'c_D']
    integer, parameter :: parameters(fields) = [of_E, of_c_D]
-   integer, parameter :: points = 101, shown = 11   !< of a table, of the summary
+   !> Numbers of places along the beam in the table, and in the summary.
+   integer, parameter :: points = 101, shown = 11
 
 contains
 
-   !> along.csv of the last stage on every mesh, where anything varies.
+   !> Adds along.csv, with the last stage on every mesh, if any property varies along the beam.
    !>
-   !> fits  (meshes)
+   !> fits  (meshes) fits of the last stage
    subroutine add_along_table(output, units, fits)
       type(output_t), intent(inout) :: output
       type(units_t), intent(in) :: units
@@ -44,7 +47,8 @@ contains
             found = band(fits(mesh), a, points)
             do k = 1, points
                call table%line(csv_row(to_text(fits(mesh)%elements)//','//trim(names(a)), &
-                  [found%x(k), found%value(k)])//limits(found, k)//further(found, k)//','// &
+                  [found%x(k), found%value(k)])//band_ends(found, k)// &
+                  start_and_resolution(found, k)//','// &
                   units%of_quantity(parameters(a), fits(mesh)%scenario%excitations(1)))
             end do
          end do
@@ -52,8 +56,8 @@ contains
       if (any_rows) call output%add('along.csv', table%content())
    end subroutine add_along_table
 
-   !> Both ends of the band as fields, empty where there is none.
-   function limits(found, k) result(fields)
+   !> Returns both ends of the 95 % band at place k as fields; empty if the band is not known.
+   function band_ends(found, k) result(fields)
       type(band_t), intent(in) :: found
       integer, intent(in) :: k
       character(len=:), allocatable :: fields
@@ -62,10 +66,10 @@ contains
       if (.not. found%is_estimate .or. .not. allocated(found%half_width)) return
       fields = csv_row('', [found%lower(k)])//',inf'
       if (found%upper(k) < unlimited) fields = csv_row('', [found%lower(k), found%upper(k)])
-   end function limits
+   end function band_ends
 
-   !> Start and resolution as fields.
-   function further(found, k) result(fields)
+   !> Returns the start value and the resolution [length] at place k as fields; empty if not known.
+   function start_and_resolution(found, k) result(fields)
       type(band_t), intent(in) :: found
       integer, intent(in) :: k
       character(len=:), allocatable :: fields
@@ -74,9 +78,9 @@ contains
       if (found%is_estimate) fields = csv_row('', [found%start(k)])
       fields = fields//','
       if (allocated(found%resolution)) fields = fields//full(found%resolution(k))
-   end function further
+   end function start_and_resolution
 
-   !> A short table of each function that a stage has searched for, and what it leaves open.
+   !> Adds a short table of each field that a stage has estimated, and remarks on its limits.
    subroutine add_along(text, case, fit)
       type(text_t), intent(inout) :: text
       type(case_t), intent(in) :: case
@@ -95,6 +99,7 @@ contains
       end do
    end subroutine add_along
 
+   !> Adds the remark that field a has too few coefficients to follow the record.
    subroutine add_coarseness(text, fit, a)
       type(text_t), intent(inout) :: text
       type(stage_fit_t), intent(in) :: fit
@@ -111,6 +116,7 @@ contains
       call text%line(line)
    end subroutine add_coarseness
 
+   !> Adds the short table of field a: place, value, 95 % band and resolution.
    subroutine add_band(text, case, fit, found, a)
       type(text_t), intent(inout) :: text
       type(case_t), intent(in) :: case
@@ -138,78 +144,87 @@ contains
          else
             line = line//right('unlimited')//right('-')
          end if
-         if (resolves) line = line//right(short(found%resolution(k)), 16)
+         if (resolves) line = line//right(three_digits(found%resolution(k)), 16)
          call text%line(line)
       end do
    end subroutine add_band
 
-   !> Where a record resolves nothing short, and where it does not determine a function.
+   !> Adds remarks on the parts of the beam where the fit resolves no short variation of a field, or
+   !> where the field is not determined to within 50 %.
+   !>
+   !> name  of the field, 'E(x)' or 'c_D(x)'
    subroutine add_limits_of_record(text, case, found, name)
       type(text_t), intent(inout) :: text
       type(case_t), intent(in) :: case
       type(band_t), intent(in) :: found
       character(len=*), intent(in) :: name
+      !> The resolution is poor above so many times the spacing of the coefficients; the field is
+      !> not determined if the half width of the band of its logarithm is larger than this.
       real(wp), parameter :: coarse = 3, wide = log(1.5_wp)
       logical :: poor(size(found%x))
       character(len=:), allocatable :: unit
       integer :: first, last
 
-      unit = ''
-      if (case%units%length /= '') unit = ' '//trim(case%units%length)
+      unit = unit_suffix(case%units%length)
       if (allocated(found%resolution)) then
          poor = found%resolution > coarse*found%spacing
          last = 0
          do while (next_range(poor, last, first))
             call text%line('the fit resolves nothing of '//name//' that is shorter than '// &
-               short(minval(found%resolution(first:last)))//unit//' '//where_it_is(first, last))
+               three_digits(minval(found%resolution(first:last)))//unit//' '// &
+               range_in_words(first, last))
          end do
       end if
       poor = found%half_width > wide
       last = 0
       do while (next_range(poor, last, first))
-         call text%line(name//' is not determined to within 50 % '//where_it_is( &
-            first, last))
+         call text%line(name//' is not determined to within 50 % '//range_in_words(first, last))
       end do
 
    contains
 
-      !> The places from one row to another, in words.
-      function where_it_is(first, last) result(words)
+      !> Returns the range between two places, given by their rows, in words.
+      function range_in_words(first, last) result(words)
          integer, intent(in) :: first, last
          character(len=:), allocatable :: words
 
          if (first == 1 .and. last == size(found%x)) then
             words = 'anywhere along the beam'
          else if (last == size(found%x)) then
-            words = 'beyond x = '//short(found%x(first))//unit
+            words = 'beyond x = '//three_digits(found%x(first))//unit
          else
-            words = 'between x = '//short(found%x(first))//' and '//short(found%x(last))//unit
+            words = 'between x = '//three_digits(found%x(first))//' and '// &
+               three_digits(found%x(last))//unit
          end if
-      end function where_it_is
+      end function range_in_words
 
    end subroutine add_limits_of_record
 
-   !> The next range of places behind `last` where something is so.
-   logical function next_range(is_so, last, first) result(there)
-      logical, intent(in) :: is_so(:)
+   !> Finds the next range of marked places.
+   !>
+   !> last   on entry the end of the range before, 0 for the first call; on return that of this
+   !>        range
+   !> there  whether there is another range
+   logical function next_range(marked, last, first) result(there)
+      logical, intent(in) :: marked(:)
       integer, intent(inout) :: last
       integer, intent(out) :: first
 
       first = last + 1
-      do while (first <= size(is_so))
-         if (is_so(first)) exit
+      do while (first <= size(marked))
+         if (marked(first)) exit
          first = first + 1
       end do
-      there = first <= size(is_so)
+      there = first <= size(marked)
       last = first
-      do while (last < size(is_so))
-         if (.not. is_so(last + 1)) exit
+      do while (last < size(marked))
+         if (.not. marked(last + 1)) exit
          last = last + 1
       end do
    end function next_range
 
-   !> A length as short as it can be read.
-   function short(value) result(text)
+   !> Returns a number rounded to three significant digits, as short as possible.
+   function three_digits(value) result(text)
       real(wp), intent(in) :: value
       character(len=:), allocatable :: text
       real(wp) :: unit
@@ -218,13 +233,15 @@ contains
       if (.not. abs(value) > 0) return
       unit = 10.0_wp**(floor(log10(abs(value))) - 2)
       text = to_text(anint(value/unit)*unit)
-   end function short
+   end function three_digits
 
-   !> How smooth E(x) and c_D(x) are, and what other strengths would do.
+   !> Adds the smoothing of each estimated field, and the results that other smoothing strengths
+   !> would give.
    subroutine add_smoothing(text, fit)
       type(text_t), intent(inout) :: text
       type(stage_fit_t), intent(in) :: fit
       character(len=:), allocatable :: name, line
+      !> Every second point of the curve is shown.
       integer, parameter :: every = 2
       integer :: a, k, middle
 
@@ -236,7 +253,7 @@ contains
             line = ' by restricted marginal likelihood; '
             if (found%bounded) line = ', the least that is allowed; '
             call text%line(name//': strength of the smoothing '//to_text(found%strength)// &
-               line//short(found%freedom)//' effective degrees of freedom of '// &
+               line//three_digits(found%freedom)//' effective degrees of freedom of '// &
                to_text(size(fit%fields(a)%place))//' coefficients')
             if (found%at_end > 0) call text%line('the record asks for no variation of '// &
                trim(names(a))//' along the beam')

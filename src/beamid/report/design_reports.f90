@@ -1,87 +1,36 @@
-!> Experiments to choose from: a table of all, and for the reader the best of them.
+!> The summary of `design`: the present experiment and the best candidate experiments, with the
+!> standard errors that they would give. `beamid_design_tables` writes the table of all candidates.
 module beamid_design_reports
    use beamid_boxes, only: is_pulse
    use beamid_case_files, only: case_t
    use beamid_designs, only: design_t, designs_t, needed
    use beamid_kinds, only: wp
-   use beamid_lines, only: columns, csv_row
+   use beamid_lines, only: columns
    use beamid_statistics, only: unlimited
-   use beamid_strings, only: fixed, full, rounded, to_text
+   use beamid_strings, only: fixed, rounded, to_text
    use beamid_texts, only: left, right, text_t
    use beamid_unknowns, only: name_length
    use beamid_values, only: listed
    implicit none
    private
 
-   public :: design_table, design_summary
+   public :: design_summary
 
+   !> Settings of a candidate experiment, each of which may be chosen from a list.
    character(len=*), parameter :: list_names(6) = [character(len=8) :: 'x_S', 'x_F', 'duration', &
       't_first', 't_last', 't_step']
 
-   !> A design that is best in some respect.
+   !> A candidate experiment that is best by at least one criterion.
    type :: winner_t
-      integer :: place = 0
-      character(len=:), allocatable :: why
+      integer :: place = 0                      !< number of the candidate in the list
+      character(len=:), allocatable :: why      !< criteria by which it is best, in words
    end type winner_t
 
 contains
 
-   !> design.csv: a row for each, 0 the present one. `sd` are standard errors, `relative` those of
-   !> relative changes; empty: nothing is known.
-   function design_table(designs) result(table)
-      type(designs_t), intent(in) :: designs
-      character(len=:), allocatable :: table
-      character(len=name_length), allocatable :: names(:)
-      type(text_t) :: text
-      integer :: k
-
-      names = designs%quantities%name
-      call text%line('design,x_S,x_S_2,x_F,duration,t_first,t_last,t_step,samples,'// &
-         'determined,D,A,E,'//listed('sd_'//names, ',')//','//listed('relative_'//names, ','))
-      call add_row(text, designs, 0, designs%present)
-      do k = 1, size(designs%list)
-         call add_row(text, designs, k, designs%list(k))
-      end do
-      table = text%content()
-   end function design_table
-
-   subroutine add_row(text, designs, number, design)
-      type(text_t), intent(inout) :: text
-      type(designs_t), intent(in) :: designs
-      integer, intent(in) :: number
-      type(design_t), intent(in) :: design
-      character(len=:), allocatable :: row
-      real(wp) :: limits(3)
-      integer :: k
-
-      row = to_text(number)//','//full(design%x_S(1))//','
-      if (design%x_S(2) > 0) row = row//full(design%x_S(2))
-      row = row//','//full(design%x_F)//','
-      if (design%duration > 0) row = row//full(design%duration)
-      associate (p => design%prediction)
-         row = csv_row(row, [design%t_first, design%t_last, design%t_step])//','// &
-            to_text(design%samples)//','//trim(merge('yes', 'no ', p%determined))
-         if (p%finite) then
-            row = csv_row(row, [p%D, p%A, p%E])
-         else
-            row = row//',,,'
-         end if
-         do k = 1, size(p%sd)
-            limits = unlimited
-            if (p%sd(k) < unlimited) limits = designs%quantities(k)%limits( &
-               p%sd(k)*designs%quantities(k)%scale, 0.0_wp)
-            row = row//','
-            if (limits(1) < unlimited) row = row//full(limits(1))
-         end do
-         do k = 1, size(p%sd)
-            row = row//','
-            if (p%sd(k) < unlimited) row = row//full(p%sd(k))
-         end do
-      end associate
-      call text%line(row)
-   end subroutine add_row
-
-   !> elements  of the mesh
+   !> Returns the summary of all candidate experiments.
+   !>
+   !> elements  of the mesh with which they were computed
    function design_summary(case, elements, designs) result(summary)
       type(case_t), intent(in) :: case
       integer, intent(in) :: elements
@@ -116,7 +65,8 @@ contains
       summary = text%content()
    end function design_summary
 
-   !> The best by each criterion and for each parameter of interest, each design once.
+   !> Finds the best candidates by the criteria D, A and E and for each parameter of interest. A
+   !> candidate that is best by several criteria is listed once.
    subroutine find_winners(designs, winners)
       type(designs_t), intent(in) :: designs
       type(winner_t), allocatable, intent(out) :: winners(:)
@@ -137,7 +87,9 @@ contains
 
    contains
 
-      !> The largest value wins; not one at `worst`.
+      !> Adds the candidate with the largest value, unless this value is not above `worst`.
+      !>
+      !> worst  default: -unlimited, the value of candidates that leave the parameter undetermined
       subroutine add(values, why, worst)
          real(wp), intent(in) :: values(:)
          character(len=*), intent(in) :: why
@@ -162,7 +114,7 @@ contains
 
    end subroutine find_winners
 
-   !> What the present experiment and the best ones are.
+   !> Adds the settings of the present experiment and of the best candidates.
    subroutine add_settings(text, designs, winners)
       type(text_t), intent(inout) :: text
       type(designs_t), intent(in) :: designs
@@ -187,6 +139,7 @@ contains
 
    contains
 
+      !> Adds the settings of one experiment.
       subroutine add(label, design)
          character(len=*), intent(in) :: label
          type(design_t), intent(in) :: design
@@ -203,11 +156,12 @@ contains
 
    end subroutine add_settings
 
-   !> Standard errors relative to the values, and the criteria.
+   !> Adds the standard errors relative to the values, for the present and the best experiments.
    subroutine add_errors(text, designs, winners)
       type(text_t), intent(inout) :: text
       type(designs_t), intent(in) :: designs
       type(winner_t), intent(in) :: winners(:)
+      !> Number of parameters side by side.
       integer, parameter :: most = 6
       character(len=:), allocatable :: line
       integer :: first, j, k, last
@@ -231,6 +185,7 @@ contains
 
    contains
 
+      !> Adds the errors of one experiment.
       subroutine add(label, design)
          character(len=*), intent(in) :: label
          type(design_t), intent(in) :: design
@@ -247,7 +202,8 @@ contains
 
    end subroutine add_errors
 
-   !> Eigenvalues of the information, and the combination of parameters that is known least.
+   !> Adds the criteria D, A and E, the eigenvalues of the information matrix of the parameters of
+   !> interest, and the combination of them that is determined worst.
    subroutine add_eigenvalues(text, designs, winners)
       type(text_t), intent(inout) :: text
       type(designs_t), intent(in) :: designs
@@ -265,6 +221,7 @@ contains
 
    contains
 
+      !> Adds the criteria of one experiment.
       subroutine add(label, design)
          character(len=*), intent(in) :: label
          type(design_t), intent(in) :: design
@@ -301,7 +258,8 @@ contains
 
    end subroutine add_eigenvalues
 
-   !> Where the best lie at an end of a list that could be longer.
+   !> Adds a remark for each of the best candidates that lies at the end of a list of settings,
+   !> where an extension of the list might contain a better one.
    subroutine add_edges(text, case, designs, winners)
       type(text_t), intent(inout) :: text
       type(case_t), intent(in) :: case
@@ -316,13 +274,13 @@ contains
          lists = ''
          associate (box => designs%box, design => designs%list(winners(k)%place), &
             length => case%model%structure%length)
-            call look('x_S', box%x_S, design%x_S(1), length)
-            if (lists == '') call look('x_S', box%x_S, design%x_S(box%sensors), length)
-            call look('x_F', box%x_F, design%x_F, length)
-            call look('duration', box%duration, design%duration, unlimited)
-            call look('t_first', box%t_first, design%t_first, unlimited)
-            call look('t_last', box%t_last, design%t_last, unlimited)
-            call look('t_step', box%t_step, design%t_step, unlimited)
+            call check_end('x_S', box%x_S, design%x_S(1), length)
+            if (lists == '') call check_end('x_S', box%x_S, design%x_S(box%sensors), length)
+            call check_end('x_F', box%x_F, design%x_F, length)
+            call check_end('duration', box%duration, design%duration, unlimited)
+            call check_end('t_first', box%t_first, design%t_first, unlimited)
+            call check_end('t_last', box%t_last, design%t_last, unlimited)
+            call check_end('t_step', box%t_step, design%t_step, unlimited)
          end associate
          if (lists /= '') call text%line('design '//to_text(winners(k)%place)// &
             ' is at the end of '//lists//': beyond it there may be better ones')
@@ -330,8 +288,10 @@ contains
 
    contains
 
-      !> highest  no value can be more
-      subroutine look(name, list, value, highest)
+      !> Appends the name of a list to `lists` if the value is at an end of the list.
+      !>
+      !> highest  largest possible value, beyond which the list cannot be extended
+      subroutine check_end(name, list, value, highest)
          character(len=*), intent(in) :: name
          real(wp), intent(in) :: list(:), value, highest
 
@@ -339,11 +299,12 @@ contains
          if (value > list(1) .and. value < list(size(list)) .or. value >= highest) return
          if (lists /= '') lists = lists//', '
          lists = lists//name
-      end subroutine look
+      end subroutine check_end
 
    end subroutine add_edges
 
-   !> Whether any experiment is good enough, and what would make the best one so.
+   !> Adds whether any candidate reaches the wanted standard error; if none does, how often the
+   !> record would have to be repeated, or how strong the excitation would have to be.
    subroutine add_target(text, case, designs)
       type(text_t), intent(inout) :: text
       type(case_t), intent(in) :: case
@@ -358,7 +319,7 @@ contains
          what = 'a standard error of '//percent(box%target)
          if (count(designs%interest) > 1) what = what//' of each parameter of interest'
          if (enough > 0) then
-            ! The one with the fewest samples, and of these the best.
+            ! Of the candidates with the fewest samples take the most accurate.
             best = minval(list%samples, mask=worst <= box%target)
             best = minloc(worst, dim=1, mask=list%samples == best)
             call text%line(what//': '//to_text(enough)//' experiments reach it; with the '// &
@@ -372,7 +333,7 @@ contains
          times = needed(designs, list(best), box%target)
          if (times < 0) return
          what = 'the nearest, design '//to_text(best)//' ('//percent(worst(best))// &
-            '), would with its record repeated '//whole(times)//' times'
+            '), would with its record repeated '//rounded_up(times)//' times'
          if (is_pulse(case%excitations(1)) .or. case%excitations(1)%is_release) then
             what = what//', or with an amplitude of '//trim(to_text(sqrt(times) &
                *case%excitations(1)%amplitude)//' '//merge(case%units%length, case%units%force, &
@@ -385,16 +346,16 @@ contains
       end associate
    end subroutine add_target
 
-   !> The next whole number, all its digits as far as they are shown.
-   function whole(value) result(text)
+   !> Returns a number rounded up to an integer; numbers above 1e9 are not rounded.
+   function rounded_up(value) result(text)
       real(wp), intent(in) :: value
       character(len=:), allocatable :: text
 
       text = to_text(real(ceiling(min(value, 1e9_wp)), wp))
       if (value > 1e9_wp) text = to_text(value)
-   end function whole
+   end function rounded_up
 
-   !> Three digits.
+   !> Returns a ratio in per cent with three significant digits.
    function percent(ratio) result(text)
       real(wp), intent(in) :: ratio
       character(len=:), allocatable :: text

@@ -1,11 +1,12 @@
-!> The table of an ensemble's members, row by row, and what it says of each parameter, added up as
-!> the rows pass: memory does not grow with the number of members.
+!> The results of an ensemble: merges the shards of members.csv and computes statistics of each
+!> parameter over all members, for ensemble.csv and the summary. The rows are processed one by one,
+!> so that the memory needed does not grow with the number of members.
 module beamid_ensemble_reports
    use, intrinsic :: iso_c_binding, only: c_int, c_null_char
-   use beamid_ensembles, only: row_t
+   use beamid_ensemble_rows, only: row_t
    use beamid_errors, only: error_t, failure
    use beamid_kinds, only: ip, wp
-   use beamid_lines, only: csv_row
+   use beamid_lines, only: known
    use beamid_member_rows, only: members_header, read_row, whole_number
    use beamid_posix, only: c_close, c_creat, c_fsync, c_unlink, errno_of, last_errno, reason, &
       write_bytes
@@ -19,23 +20,29 @@ module beamid_ensemble_reports
 
    public :: tally_t, merge_shards
 
-   character(len=*), parameter, public :: ensemble_header = 'elements,parameter,members,mean,'// &
+   !> Header of ensemble.csv.
+   character(len=*), parameter :: ensemble_header = 'elements,parameter,members,mean,'// &
       'sd,mean_std_error,bias,bias_error,covered,covered_error'
    character(len=*), parameter :: line_feed = achar(10)
 
-   !> One parameter over all members so far.
+   !> Statistics of one parameter on one mesh over the members so far.
    type :: sums_t
-      integer :: elements = 0
-      character(len=name_length) :: parameter = ''
-      integer :: members = 0, finite = 0, errors = 0, compared = 0, judged = 0, inside = 0
-      !> Means, and sums of squares about them (Welford)
+      integer :: elements = 0                   !< elements of the mesh
+      character(len=name_length) :: parameter = ''     !< name of the parameter
+      integer :: members = 0                    !< members that have a row
+      integer :: finite = 0, errors = 0         !< rows with a finite estimate, a standard error
+      integer :: compared = 0                   !< rows with an estimate and a true value
+      integer :: judged = 0, inside = 0         !< intervals; intervals with the true value inside
+      !> Means, and sums of squares about the means (Welford's recurrence).
       real(wp) :: mean = 0, squares = 0, std_error = 0, bias = 0, bias_squares = 0
    end type sums_t
 
+   !> Statistics of all parameters over the members so far.
    type :: tally_t
-      integer :: members = 0, failures = 0
-      character(len=:), allocatable :: first_failure
-      type(sums_t), allocatable :: sums(:)
+      integer :: members = 0, failures = 0             !< members; those that failed
+      character(len=:), allocatable :: first_failure   !< member and message; not allocated: none
+      type(sums_t), allocatable :: sums(:)             !< one for each parameter and mesh
+      !> Member of the row before, and place in `sums` that the next row most likely belongs to.
       integer, private :: last = 0, next = 1
    contains
       procedure :: take
@@ -45,7 +52,7 @@ module beamid_ensemble_reports
 
 contains
 
-   !> Adds up one row.
+   !> Adds one row of members.csv to the statistics.
    subroutine take(self, line)
       class(tally_t), intent(inout) :: self
       character(len=*), intent(in) :: line
@@ -65,13 +72,13 @@ contains
             to_text(member)//': '//line(index(line, '"') + 1:index(line, '"', back=.true.) - 1)
          return
       end if
-      call find()
+      call find_sums()
       associate (sums => self%sums(self%next))
          self%next = self%next + 1
          sums%members = sums%members + 1
          if (row%estimate < unlimited) then
             sums%finite = sums%finite + 1
-            call average(row%estimate, sums%finite, sums%mean, sums%squares)
+            call add_to_mean(row%estimate, sums%finite, sums%mean, sums%squares)
          end if
          if (row%std_error < unlimited) then
             sums%errors = sums%errors + 1
@@ -80,9 +87,10 @@ contains
          if (.not. row%truth < unlimited) return
          if (row%estimate < unlimited) then
             sums%compared = sums%compared + 1
-            call average(row%estimate - row%truth, sums%compared, sums%bias, sums%bias_squares)
+            call add_to_mean(row%estimate - row%truth, sums%compared, sums%bias, sums%bias_squares)
          end if
-         ! An end at infinity holds all that is above; without an interval nothing is held.
+         ! An infinite upper end includes all larger values. Without an interval there is nothing to
+         ! judge.
          if (abs(row%interval(1)) >= unlimited) return
          sums%judged = sums%judged + 1
          if (row%interval(1) <= row%truth .and. row%truth <= row%interval(2)) sums%inside = &
@@ -91,32 +99,33 @@ contains
 
    contains
 
-      !> Sets `next` to the sums of the row's parameter, which usually is the next one.
-      subroutine find()
+      !> Sets `self%next` to the sums of the row's parameter; usually it is right already.
+      subroutine find_sums()
          integer :: k
 
          if (.not. allocated(self%sums)) allocate (self%sums(0))
          if (self%next <= size(self%sums)) then
-            if (is_it(self%sums(self%next))) return
+            if (matches(self%sums(self%next))) return
          end if
          do k = 1, size(self%sums)
             self%next = k
-            if (is_it(self%sums(k))) return
+            if (matches(self%sums(k))) return
          end do
          self%sums = [self%sums, sums_t(row%elements, row%parameter)]
          self%next = size(self%sums)
-      end subroutine find
+      end subroutine find_sums
 
-      pure logical function is_it(sums)
+      !> Returns whether the row belongs to these sums.
+      pure logical function matches(sums)
          type(sums_t), intent(in) :: sums
 
-         is_it = sums%elements == row%elements .and. sums%parameter == row%parameter
-      end function is_it
+         matches = sums%elements == row%elements .and. sums%parameter == row%parameter
+      end function matches
 
    end subroutine take
 
-   !> The n-th value in a mean and in the sum of squares about it.
-   pure subroutine average(value, n, mean, squares)
+   !> Adds the n-th value to a mean and to the sum of squares about it (Welford's recurrence).
+   pure subroutine add_to_mean(value, n, mean, squares)
       real(wp), intent(in) :: value
       integer, intent(in) :: n
       real(wp), intent(inout) :: mean, squares
@@ -125,9 +134,11 @@ contains
       step = value - mean
       mean = mean + step/n
       squares = squares + step*(value - mean)
-   end subroutine average
+   end subroutine add_to_mean
 
-   !> Standard deviation; `unlimited` of less than two.
+   !> Returns the standard deviation of n values; `unlimited` if n < 2.
+   !>
+   !> squares  sum of squares about the mean
    pure real(wp) function deviation(squares, n)
       real(wp), intent(in) :: squares
       integer, intent(in) :: n
@@ -136,8 +147,8 @@ contains
       if (n > 1) deviation = sqrt(squares/(n - 1))
    end function deviation
 
-   !> Share of intervals that hold the truth, and its standard error, at the ends that of one
-   !> member more.
+   !> Returns the share of intervals that contain the true value, and its standard error. If all or
+   !> none do, the standard error is that of a share one interval away from the end.
    pure function covered(sums) result(share)
       type(sums_t), intent(in) :: sums
       real(wp) :: share(2), p
@@ -149,7 +160,8 @@ contains
       share(2) = sqrt(p*(1 - p)/sums%judged)
    end function covered
 
-   !> All that is known of one parameter, in the order of `ensemble_header`.
+   !> Returns the statistics of one parameter in the order of `ensemble_header`: mean, standard
+   !> deviation, mean standard error, bias, its error, coverage, its error; `unlimited`: not known.
    pure function results(sums)
       type(sums_t), intent(in) :: sums
       real(wp) :: results(7)
@@ -163,7 +175,7 @@ contains
       results(6:7) = covered(sums)
    end function results
 
-   !> ensemble.csv
+   !> Returns the table ensemble.csv.
    function table(self) result(content)
       class(tally_t), intent(in) :: self
       character(len=:), allocatable :: content, row
@@ -177,11 +189,7 @@ contains
             row = to_text(sums%elements)//','//trim(sums%parameter)//','//to_text(sums%members)
             values = results(sums)
             do j = 1, size(values)
-               if (values(j) < unlimited) then
-                  row = csv_row(row, values(j:j))
-               else
-                  row = row//','
-               end if
+               row = row//','//known(values(j))
             end do
             call text%line(row)
          end associate
@@ -189,7 +197,7 @@ contains
       content = text%content()
    end function table
 
-   !> The summary.
+   !> Adds the statistics of all parameters to the summary.
    subroutine add_to(self, summary)
       class(tally_t), intent(in) :: self
       type(text_t), intent(inout) :: summary
@@ -229,10 +237,13 @@ contains
          'hold it')
    end subroutine add_to
 
-   !> Writes the rows of all members, each once, to a new file, and adds them up.
+   !> Merges shards to one file with the rows of each member once, and adds up the statistics.
    !>
-   !> shards  by their first members, which hold all
-   !> path    of the file, which is left only where there is no error
+   !> folder, fingerprint  of the shards
+   !> shards   in the order of their first members; together they contain all members
+   !> members  number of members
+   !> path     of the new file; it is removed if there is an error
+   !> tally    the statistics
    subroutine merge_shards(folder, fingerprint, shards, members, path, tally, error)
       character(len=*), intent(in) :: folder, fingerprint, path
       type(range_of_members_t), intent(in) :: shards(:)
@@ -256,7 +267,7 @@ contains
          if (.not. (sound .or. allocated(error))) call failure(error, shard_path(folder, &
             fingerprint, shards(k))//': has been damaged just now; run the ensemble again')
          if (allocated(error)) exit
-         call pass_on(rows)
+         call add_rows(rows)
          next = shards(k)%last + 1
       end do
       if (fd >= 0) then
@@ -268,8 +279,8 @@ contains
 
    contains
 
-      !> Those of the rows that come next.
-      subroutine pass_on(rows)
+      !> Writes and counts the rows of a shard from member `next` on; shards may overlap.
+      subroutine add_rows(rows)
          character(len=*), intent(in) :: rows
          integer(ip) :: begin, first, length
 
@@ -278,7 +289,6 @@ contains
          do while (first <= len(rows, ip))
             length = index(rows(first:), line_feed, kind=ip) - 1
             if (begin > len(rows, ip)) then
-               ! Shards may overlap.
                if (whole_number(rows(first:first + index(rows(first:), ',') - 2)) >= next) &
                   begin = first
             end if
@@ -286,7 +296,7 @@ contains
             first = first + length + 1
          end do
          code = write_bytes(fd, rows(begin:))
-      end subroutine pass_on
+      end subroutine add_rows
 
    end subroutine merge_shards
 

@@ -1,4 +1,5 @@
-!> What the mesh and errors of held parameters do to the estimates, for the reader.
+!> The parts of the summary about errors other than noise: errors of the mesh and of parameters held
+!> fixed.
 module beamid_error_sources
    use beamid_identification, only: stage_fit_t
    use beamid_kinds, only: wp
@@ -14,13 +15,13 @@ module beamid_error_sources
 
 contains
 
-   !> A table of the intervals with every source of error, and a line for each held parameter of
-   !> which the error is known.
+   !> Adds a table of the intervals that include every source of error, and a line for each fixed
+   !> parameter whose error is known.
    subroutine add_error_sources(text, fit)
       type(text_t), intent(inout) :: text
       type(stage_fit_t), intent(in) :: fit
       character(len=:), allocatable :: line
-      real(wp) :: held(3)
+      real(wp) :: from_fixed(3)
       integer :: k
 
       if (fit%statistics%samples == 0) return
@@ -32,13 +33,14 @@ contains
             associate (q => fit%quantities(k))
                line = left(trim(q%name), 10)
                if (allocated(fit%mesh_shift)) then
-                  line = line//finite(q%moved(fit%mesh_shift(k)))
+                  line = line//number_or_dash(q%moved(fit%mesh_shift(k)))
                else
                   line = line//right('unknown')
                end if
                if (fit%half_width(k) < unlimited) then
-                  held = q%limits(fit%from_held(k), 0.0_wp)
-                  call text%line(line//finite(held(1))//columns(q%ends(fit%total(k)), 15))
+                  from_fixed = q%limits(fit%from_held(k), 0.0_wp)
+                  call text%line(line//number_or_dash(from_fixed(1))// &
+                     columns(q%ends(fit%total(k)), 15))
                else
                   call text%line(line//right('unlimited'))
                end if
@@ -47,22 +49,22 @@ contains
       end if
       if (.not. allocated(fit%held)) return
       do k = 1, size(fit%held)
-         call text%line(effects(fit, k))
+         call text%line(effect_line(fit, k))
       end do
    end subroutine add_error_sources
 
-   !> A number in its column; of what is infinite there is no error.
-   function finite(value) result(text)
+   !> Returns a number in its column; '-' if it is not finite.
+   function number_or_dash(value) result(text)
       real(wp), intent(in) :: value
       character(len=:), allocatable :: text
 
       text = right('-')
       if (abs(value) < unlimited) text = columns([value], 14)
-   end function finite
+   end function number_or_dash
 
-   !> By how much an error of held parameter j, one standard deviation, moves every estimate; of
-   !> the coefficients of a function the one that it moves most.
-   function effects(fit, j) result(line)
+   !> Returns a line that says how much an error of one standard deviation in the fixed parameter j
+   !> moves each estimate. Of the coefficients of a field only the one that moves most is named.
+   function effect_line(fit, j) result(line)
       type(stage_fit_t), intent(in) :: fit
       integer, intent(in) :: j
       character(len=:), allocatable :: line
@@ -88,9 +90,12 @@ contains
             end associate
          end do
       end associate
-   end function effects
+   end function effect_line
 
-   !> The coefficient of the same function as the k-th which relative to its value moves most.
+   !> Returns the coefficient that moves most, relative to its scale, among those of the field of
+   !> coefficient k.
+   !>
+   !> step  (free parameters) changes of the searched quantities
    pure integer function most_moved(fit, step, k)
       type(stage_fit_t), intent(in) :: fit
       real(wp), intent(in) :: step(:)
@@ -102,7 +107,8 @@ contains
          function_of(fit%free) == function_of(fit%free(k)))
    end function most_moved
 
-   !> Which mesh shows in which estimate, of the coefficients of a function in which most.
+   !> Adds a warning if the mesh shifts an estimate by too much of its interval, or if the fit on a
+   !> finer mesh failed. Of the coefficients of a field only the one that moves most is named.
    subroutine add_mesh_warning(text, fit)
       type(text_t), intent(inout) :: text
       type(stage_fit_t), intent(in) :: fit
@@ -122,7 +128,7 @@ contains
             shift = fit%mesh_shift(k)
             if (q%is_reciprocal()) shift = -shift
             line = line//', '//trim(q%name)
-            ! Of a record without noise no interval is left to compare with.
+            ! A record without noise has intervals of width zero, with which no shift compares.
             if (fit%half_width(k) > epsilon(shift)*abs(shift)) line = line//' by '// &
                to_text(shift/fit%half_width(k))
          end associate

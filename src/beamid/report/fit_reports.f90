@@ -1,4 +1,5 @@
-!> All that there is to say of the fit of a case: its tables and its summary.
+!> The complete report of a case's fit: all its tables and its summary. The command line and the
+!> interface for C print the same report.
 module beamid_fit_reports
    use beamid_along_reports, only: add_along_table
    use beamid_case_files, only: case_t
@@ -8,6 +9,7 @@ module beamid_fit_reports
    use beamid_identification, only: stage_fit_t
    use beamid_mode_summaries, only: fitted_modes_summary, minima_summary
    use beamid_outputs, only: output_t
+   use beamid_score_reports, only: add_score_lines, add_score_table
    use beamid_shape_tables, only: add_shapes
    use beamid_summaries, only: fit_summary
    use beamid_tables, only: add_fit_tables, add_fitted_modes, add_minima, fitted_modes_header, &
@@ -22,10 +24,12 @@ module beamid_fit_reports
 
 contains
 
-   !> output   takes the tables
-   !> summary  for the reader
-   !> error    modes that cannot be found
-   !> modes    of the fitted structure on the finest mesh
+   !> Reports the fit of a case.
+   !>
+   !> output   gets the tables
+   !> summary  text for the reader
+   !> error    the modes of the fitted structure cannot be computed
+   !> modes    modes of the fitted structure on the finest mesh
    subroutine report_fit(case, found, output, summary, error, modes)
       type(case_t), intent(in) :: case
       type(case_fit_t), intent(in) :: found
@@ -37,6 +41,10 @@ contains
       type(text_t) :: text, table, minima
       integer :: k
 
+      associate (last => found%fits(size(found%fits, 1), size(found%fits, 2)))
+         if (found%verdict%no_fit == '') call add_score_lines(text, case, last, found%tests)
+         call add_score_table(output, last, found%tests)
+      end associate
       call text%add(fit_summary(case, found%experiments, found%fits, found%notes, found%verdict))
       if (size(found%minima) > 0) then
          call minima%line(minima_header)
@@ -63,10 +71,12 @@ contains
       summary = text%content()
    end subroutine report_fit
 
-   !> Modes of the structure that the last stage has found, with their intervals.
+   !> Adds the modes of the structure that the last stage has estimated, with their intervals.
    !>
-   !> modes   on the finest mesh
-   !> output  takes the shapes of those of the first record
+   !> fits            (stages, meshes)
+   !> summary, table  get the modes
+   !> modes           on the finest mesh
+   !> output          gets the mode shapes for the first record
    subroutine add_modes_of_fits(case, fits, summary, table, modes, error, output)
       type(case_t), intent(in) :: case
       type(stage_fit_t), intent(in) :: fits(:, :)
@@ -74,6 +84,7 @@ contains
       type(fitted_mode_t), allocatable, intent(out) :: modes(:)
       type(error_t), allocatable, intent(out) :: error
       type(output_t), intent(inout), optional :: output
+      !> Number of modes.
       integer, parameter :: most = 5
       integer :: k
 

@@ -1,4 +1,5 @@
-!> The tables of a fleet: `cases.csv` and `changed.csv`, and the results of an earlier run.
+!> The tables of a fleet (an ensemble given as a list of cases): cases.csv and changed.csv, and the
+!> results of an earlier run for comparison.
 module beamid_fleet_reports
    use beamid_ensembles, only: member_t
    use beamid_errors, only: error_t
@@ -20,11 +21,11 @@ module beamid_fleet_reports
 
 contains
 
-   !> Gives each case the estimates of an earlier run, by its name in the list.
+   !> Gives each case the estimates of an earlier run, found by the case's name in the list.
    !>
-   !> folder  of the outputs
-   !> tables  both tables of the earlier run, on which the new results depend; '': there are none
-   !> error   one of the tables is damaged; then no case gets an earlier result
+   !> folder  output folder
+   !> tables  text of both tables of the earlier run, on which the new results depend; '': none
+   !> error   one of the tables is damaged; in this case no case gets earlier estimates
    subroutine recall_fleet(folder, fleet, tables, error)
       character(len=*), intent(in) :: folder
       type(fleet_case_t), intent(inout) :: fleet(:)
@@ -48,7 +49,7 @@ contains
          line = cases(first:first + length - 1)
          first = first + length + 1
          comma = index(line, ',')
-         ! member,fingerprint,case
+         ! The fields of the line are member, fingerprint and case.
          line = line(comma + 1:)
          comma = index(line, ',')
          do k = 1, size(fleet)
@@ -61,10 +62,11 @@ contains
       tables = text//cases
    end subroutine recall_fleet
 
-   !> Adds `cases.csv`, and `changed.csv` with the parameters that have moved since an earlier run.
+   !> Adds cases.csv and, if there may be an earlier run, changed.csv with all parameters that have
+   !> moved since then.
    !>
-   !> path      of the table of all members
-   !> only_new  .true.: there may be results of an earlier run
+   !> path      of members.csv
+   !> only_new  whether the run fits only cases without earlier results
    subroutine add_fleet(fleet, path, only_new, output, summary, error)
       type(fleet_case_t), intent(in) :: fleet(:)
       character(len=*), intent(in) :: path

@@ -1,5 +1,5 @@
-!> All that there is to say of profiles, draws and resampled records: their tables, one of all
-!> intervals that are known of the fit, and what is printed.
+!> The complete report of profile, sample and bootstrap: their tables, the table intervals.csv of
+!> all methods, and the summary. The command line and the interface for C print the same report.
 module beamid_inference_outputs
    use beamid_case_files, only: case_t
    use beamid_case_fits, only: case_fit_t
@@ -19,10 +19,14 @@ module beamid_inference_outputs
 
 contains
 
-   !> command  as of `infer`
-   !> earlier  text of intervals.csv by another command, whose rows stay where they are of this fit
-   !> output   takes the tables
-   !> summary  for the reader
+   !> Reports inferences about the last stage of a fit.
+   !>
+   !> command     'profile', 'sample' or 'bootstrap', as of `infer`
+   !> inferences  (meshes)
+   !> earlier     text of intervals.csv from an earlier command, or ''; its rows are kept if they
+   !>             belong to the same fit
+   !> output      gets the tables
+   !> summary     text for the reader
    subroutine report_inferences(command, case, found, inferences, earlier, output, summary, error)
       character(len=*), intent(in) :: command, earlier
       type(case_t), intent(in) :: case
@@ -30,7 +34,7 @@ contains
       type(case_inference_t), intent(in) :: inferences(:)
       type(output_t), intent(inout) :: output
       character(len=:), allocatable, intent(out) :: summary
-      !> An interruption: tables and summary are not complete.
+      !> The computation was interrupted: tables and summary are incomplete.
       type(error_t), allocatable, intent(out) :: error
       type(interval_t), allocatable :: intervals(:)
       type(text_t) :: text, profiles, draws, motion, modes, estimates
@@ -72,7 +76,7 @@ contains
 
    contains
 
-      !> A file, unless nothing was written to it.
+      !> Adds a file to the output unless it is empty.
       subroutine add(name, content)
          character(len=*), intent(in) :: name
          type(text_t), intent(in) :: content

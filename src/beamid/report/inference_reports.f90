@@ -1,6 +1,7 @@
-!> Profiles, draws from the posterior and fits of resampled records: for other programs, and for the
-!> reader.
+!> Tables and summaries of profile likelihoods, posterior draws and bootstrap estimates.
+!> `beamid_inference_outputs` combines them.
 module beamid_inference_reports
+   use beamid_bootstraps, only: blocks, bootstrap_t
    use beamid_case_files, only: case_t
    use beamid_chains, only: mean_and_deviation, quantile
    use beamid_errors, only: error_t
@@ -8,7 +9,7 @@ module beamid_inference_reports
    use beamid_fitted_modes, only: fitted_mode_t, fitted_modes
    use beamid_galerkin, only: mesh_t
    use beamid_identification, only: stage_fit_t
-   use beamid_inference, only: blocks, bootstrap_t, posterior_draws_t
+   use beamid_inference, only: posterior_draws_t
    use beamid_intervals, only: append_interval, end_words, interval_t
    use beamid_kinds, only: wp
    use beamid_lines, only: columns, csv_row
@@ -26,7 +27,13 @@ module beamid_inference_reports
 
 contains
 
-   !> profiles  takes rows of profiles.csv: J and its distance on the way, all parameters there
+   !> Adds the profile likelihoods of all parameters of a fit.
+   !>
+   !> sides      (2, parameters) the lower and the upper side of each profile
+   !> profiles   gets the rows of profiles.csv: J, its signed distance from the minimum, and all
+   !>            parameters along the profile
+   !> intervals  gets the profile intervals
+   !> text       gets remarks
    subroutine add_profiles(case, fit, sides, profiles, intervals, text)
       type(case_t), intent(in) :: case
       type(stage_fit_t), intent(in) :: fit
@@ -65,6 +72,7 @@ contains
 
    contains
 
+      !> Adds point i of one side of the profile of parameter k; sign is -1 for the lower side.
       subroutine add_point(s, i, sign)
          type(side_t), intent(in) :: s
          integer, intent(in) :: i, sign
@@ -77,7 +85,7 @@ contains
 
    end subroutine add_profiles
 
-   !> Names of what was searched for, each behind a comma.
+   !> Returns the names of the searched quantities, each preceded by a comma.
    function names(fit)
       type(stage_fit_t), intent(in) :: fit
       character(len=:), allocatable :: names
@@ -89,9 +97,13 @@ contains
       end do
    end function names
 
-   !> draws   takes posterior.csv: chain, draw, log density, parameters
-   !> motion  takes posterior_motion.csv: 95 % of the model's accelerations
-   !> modes   takes posterior_modes.csv: those of some draws
+   !> Adds the posterior draws of a fit.
+   !>
+   !> draws      gets the rows of posterior.csv: chain, draw, log density, parameters
+   !> motion     gets posterior_motion.csv: 95 % intervals of the model's accelerations
+   !> modes      gets posterior_modes.csv: natural modes for some of the draws
+   !> intervals  gets the posterior intervals
+   !> text       gets the summary
    subroutine add_posterior(case, mesh, experiments, fit, posterior, draws, motion, modes, &
       intervals, text)
       type(case_t), intent(in) :: case
@@ -142,6 +154,7 @@ contains
 
    contains
 
+      !> Adds median and 95 % interval of the model's acceleration at each sample.
       subroutine add_motion()
          real(wp), allocatable :: values(:)
          integer :: i, j, row
@@ -160,7 +173,8 @@ contains
          end do
       end subroutine add_motion
 
-      !> The lowest modes with some of the draws; those that cannot be found are left out.
+      !> Adds the lowest modes for some of the draws; draws whose modes cannot be computed are left
+      !> out.
       subroutine add_modes()
          integer, parameter :: most = 5
          type(stage_fit_t) :: moved
@@ -189,7 +203,11 @@ contains
 
    end subroutine add_posterior
 
-   !> table  takes bootstrap.csv: the estimates of each resampled record
+   !> Adds the bootstrap estimates of a fit.
+   !>
+   !> table      gets the rows of bootstrap.csv: the estimates from each resampled record
+   !> intervals  gets the percentile and the BCa intervals
+   !> text       gets the summary
    subroutine add_bootstrap(case, fit, bootstrap, table, intervals, text)
       type(case_t), intent(in) :: case
       type(stage_fit_t), intent(in) :: fit

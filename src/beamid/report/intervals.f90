@@ -1,7 +1,6 @@
-!> Intervals of the same parameters by several methods, side by side: in intervals.csv, which each
-!> of the commands completes, and in words where they disagree.
+!> 95 % intervals of the same parameters by several methods: the table intervals.csv, which each of
+!> the commands profile, sample and bootstrap completes, and a comparison in words.
 module beamid_intervals
-   use beamid_distributions, only: student_quantile
    use beamid_identification, only: stage_fit_t
    use beamid_kinds, only: wp
    use beamid_lines, only: limit
@@ -17,30 +16,36 @@ module beamid_intervals
    public :: interval_t, append_interval, linear_intervals, read_intervals, interval_table, &
       interval_summary, end_words
 
-   !> What an end may be, beside a number, by the states of a profile.
+   !> States of an end of an interval in words, in the order of the states of a profile.
    character(len=*), parameter :: end_words(4) = [character(len=9) :: 'closed', 'bound', &
       'unbounded', 'unknown']
 
-   !> A method's 95 % interval of one parameter on one mesh.
+   !> The 95 % interval of one parameter on one mesh by one method.
    type :: interval_t
-      character(len=12) :: method = ''
-      integer :: elements = 0
-      character(len=name_length) :: parameter = ''
-      character(len=40) :: unit = ''
-      real(wp) :: estimate = 0, lower = 0, upper = 0
-      integer :: ends(2) = is_closed
+      character(len=12) :: method = ''                !< 'linear', 'profile', 'posterior', ...
+      integer :: elements = 0                         !< elements of the mesh
+      character(len=name_length) :: parameter = ''    !< name of the parameter
+      character(len=40) :: unit = ''                  !< unit of the three numbers below
+      real(wp) :: estimate = 0, lower = 0, upper = 0  !< as named in the case file
+      integer :: ends(2) = is_closed                  !< state of the lower and of the upper end
    end type interval_t
 
-   !> The columns of the table, and over them.
+   !> Methods that the summary shows, and the headings of their columns.
    character(len=*), parameter :: methods(4) = [character(len=12) :: 'linear', 'profile', &
       'posterior', 'bca'], headings(4) = [character(len=16) :: 'linear theory', 'profile', &
       'posterior', 'bootstrap (BCa)']
+   !> Header of intervals.csv.
    character(len=*), parameter :: header = &
       'method,elements,parameter,unit,estimate,lower95,upper95,lower_end,upper_end'
 
 contains
 
-   !> One more, of quantity q; both ends are of what was searched for.
+   !> Appends the interval of one parameter to a list.
+   !>
+   !> q         the quantity that was searched
+   !> estimate  estimate by this method, of the searched quantity (of a stiffness: its reciprocal)
+   !> ends      lower and upper end, of the searched quantity
+   !> states    states of the ends; default: closed
    subroutine append_interval(list, method, fit, q, units, estimate, ends, states)
       type(interval_t), allocatable, intent(inout) :: list(:)
       character(len=*), intent(in) :: method
@@ -50,23 +55,20 @@ contains
       real(wp), intent(in) :: estimate, ends(2)
       integer, intent(in), optional :: states(2)
       type(interval_t) :: new
-      type(quantity_t) :: at
       real(wp) :: limits(2)
 
       new%method = method
       new%elements = fit%elements
       new%parameter = q%name
       new%unit = units%of_quantity(q%parameter, fit%scenario%excitations(1))
-      at = q
-      at%searched = estimate
-      new%estimate = at%searched
+      new%estimate = estimate
       limits = ends
       if (present(states)) new%ends = states
       if (q%is_reciprocal()) then
          new%estimate = reciprocal(estimate)
          limits = [reciprocal(ends(2)), reciprocal(ends(1))]
          new%ends = new%ends(2:1:-1)
-         ! A compliance of 0 is a bound of the search and no end of the stiffness.
+         ! A compliance of 0 is a bound of the search, but not a bound of the stiffness.
          if (limits(2) > huge(limits)) new%ends(2) = is_open
       end if
       new%lower = limits(1)
@@ -76,6 +78,7 @@ contains
 
    contains
 
+      !> Returns 1/x; twice `unlimited` for 0.
       pure real(wp) function reciprocal(x)
          real(wp), intent(in) :: x
 
@@ -85,7 +88,7 @@ contains
 
    end subroutine append_interval
 
-   !> Those of linear theory, of noise as correlated as the residuals are.
+   !> Appends the intervals of linear theory, corrected for the autocorrelation of the residuals.
    subroutine linear_intervals(fit, units, list)
       type(stage_fit_t), intent(in) :: fit
       type(units_t), intent(in) :: units
@@ -99,7 +102,7 @@ contains
             states = is_closed
             if (half < unlimited) then
                ends = q%searched + [-half, half]
-               ! Within the bounds, as of all intervals.
+               ! All methods give intervals within the bounds of the search.
                if (q%is_reciprocal()) then
                   ends(1) = max(ends(1), 0.0_wp)
                else
@@ -116,11 +119,11 @@ contains
       end do
    end subroutine linear_intervals
 
-   !> What an earlier command has found for the same fits: rows of other methods, where the linear
-   !> rows are the same to the last digit.
+   !> Appends the intervals of other methods that an earlier command has written, provided that they
+   !> belong to the same fit: the rows of linear theory must agree to the last digit.
    !>
-   !> text  of intervals.csv, or nothing
-   !> list  in: of this command, the linear ones among them
+   !> text  of intervals.csv; '': none
+   !> list  on entry the intervals of this command, with those of linear theory
    subroutine read_intervals(text, list)
       character(len=*), intent(in) :: text
       type(interval_t), allocatable, intent(inout) :: list(:)
@@ -149,7 +152,7 @@ contains
 
    contains
 
-      !> Adds a row that is one.
+      !> Appends the interval in a line to `old`; ignores lines that are not rows of the table.
       subroutine parse(line)
          character(len=*), intent(in) :: line
          type(interval_t) :: new
@@ -178,7 +181,7 @@ contains
 
    end subroutine read_intervals
 
-   !> intervals.csv
+   !> Returns the table intervals.csv.
    function interval_table(list) result(content)
       type(interval_t), intent(in) :: list(:)
       character(len=:), allocatable :: content
@@ -192,6 +195,7 @@ contains
       content = text%content()
    end function interval_table
 
+   !> Returns one row of intervals.csv.
    function row(interval) result(line)
       type(interval_t), intent(in) :: interval
       character(len=:), allocatable :: line
@@ -204,6 +208,7 @@ contains
 
    contains
 
+      !> Returns the lower end, which may be -infinity.
       function low(value) result(text)
          real(wp), intent(in) :: value
          character(len=:), allocatable :: text
@@ -214,11 +219,12 @@ contains
 
    end function row
 
-   !> The table for the reader, and where methods disagree.
+   !> Adds a table with the intervals of all methods side by side, and remarks where they disagree.
    subroutine interval_summary(list, fit, text)
       type(interval_t), intent(in) :: list(:)
       type(stage_fit_t), intent(in) :: fit
       type(text_t), intent(inout) :: text
+      !> Smallest width of a column, and width available for all columns [characters].
       integer, parameter :: least = 22, room = 90
       character(len=:), allocatable :: line
       integer, allocatable :: used(:)
@@ -232,7 +238,7 @@ contains
             width = max(width, 2 + len(ends_of(place(list, fit, k, trim(methods(used(m)))))))
          end do
       end do
-      ! What a line has no room for goes into another table.
+      ! Methods for which a line has no room are shown in another table.
       block = max(1, min(size(used), room/width))
       do first = 1, size(used), block
          call text%line()
@@ -258,7 +264,9 @@ contains
 
    contains
 
-      !> "lower to upper"; of a method that was not used for it nothing.
+      !> Returns "lower to upper" of one interval; '' if the method was not used.
+      !>
+      !> at  place in the list; 0: not used
       function ends_of(at) result(field)
          integer, intent(in) :: at
          character(len=:), allocatable :: field
@@ -275,6 +283,7 @@ contains
          end associate
       end function ends_of
 
+      !> Returns an end of an interval in words.
       function shown(value, state, digits) result(word)
          real(wp), intent(in) :: value
          integer, intent(in) :: state, digits
@@ -288,7 +297,7 @@ contains
 
    end subroutine interval_summary
 
-   !> Place of a method's interval of parameter k; 0: none.
+   !> Returns the place in the list of a method's interval of parameter k; 0: none.
    pure integer function place(list, fit, k, method)
       type(interval_t), intent(in) :: list(:)
       type(stage_fit_t), intent(in) :: fit
@@ -299,8 +308,8 @@ contains
          list%parameter == fit%quantities(k)%name, .true., dim=1)
    end function place
 
-   !> A line where an end of an interval lies elsewhere than linear theory's by a quarter of its
-   !> half width, and why.
+   !> Adds a remark for each method whose interval of parameter k has an end that differs from that
+   !> of linear theory (or of the profile) by more than a quarter of linear theory's half width.
    subroutine compare_methods(list, fit, k, text)
       type(interval_t), intent(in) :: list(:)
       type(stage_fit_t), intent(in) :: fit
@@ -352,6 +361,7 @@ contains
 
    contains
 
+      !> Returns whether an end differs by more than `shows` half widths.
       pure logical function differ(a, b)
          type(interval_t), intent(in) :: a, b
 

@@ -1,16 +1,20 @@
-!> Lines of reports and of tables: text with numbers in it, columns, comma-separated values.
+!> Building blocks of reports and tables: text with numbers in it, columns, comma-separated values.
 module beamid_lines
    use beamid_kinds, only: wp
+   use beamid_statistics, only: unlimited
    use beamid_strings, only: fixed, full, to_text
    use beamid_texts, only: right, text_t
    implicit none
    private
 
-   public :: add_lines, columns, csv_row, filled, limit
+   public :: add_lines, columns, csv_row, filled, known, limit, unit_suffix
 
 contains
 
-   !> Appends lines, with a value in place of each `#` as `filled` has it, in the order of the text.
+   !> Appends lines with the values in place of the marks `#`, in their order, formatted by
+   !> `filled`.
+   !>
+   !> values  as many as there are marks in all lines
    subroutine add_lines(text, lines, values)
       type(text_t), intent(inout) :: text
       character(len=*), intent(in) :: lines(:)
@@ -29,8 +33,8 @@ contains
       end do
    end subroutine add_lines
 
-   !> A line with a value in place of each `#`: `#` alone as short as it can be read, `#.2` with two
-   !> decimals, `#%` a ratio in per cent.
+   !> Returns a line with a value in place of each mark: `#` is a number as short as possible, `#.2`
+   !> a number with two decimals, `#%` a ratio in per cent.
    pure function filled(line, values) result(text)
       character(len=*), intent(in) :: line
       real(wp), intent(in) :: values(:)
@@ -58,8 +62,7 @@ contains
       text = text//line(first:)
    end function filled
 
-   !> Returns a value with so many decimals, or where it is too large for that as short as it can be
-   !> read.
+   !> Returns a value with a number of decimals; if it is too large for that, as short as possible.
    pure function decimals(value, digits) result(text)
       real(wp), intent(in) :: value
       integer, intent(in) :: digits
@@ -69,9 +72,10 @@ contains
       if (index(text, '*') > 0) text = to_text(value)
    end function decimals
 
-   !> Values side by side, each at the right end of a column.
+   !> Returns values side by side, each at the right end of a column.
    !>
-   !> form  of each, as in `filled`; left out: `#`
+   !> width  of a column [characters]
+   !> form   mark of `filled` that formats each value; default `#`
    pure function columns(values, width, form) result(line)
       real(wp), intent(in) :: values(:)
       integer, intent(in) :: width
@@ -89,7 +93,9 @@ contains
       end do
    end function columns
 
-   !> A row of a table for other programs: what names it, and numbers to full precision.
+   !> Returns a row of a table for other programs: labels, then numbers to full precision.
+   !>
+   !> labels  first fields of the row, separated by commas
    pure function csv_row(labels, values) result(row)
       character(len=*), intent(in) :: labels
       real(wp), intent(in) :: values(:)
@@ -102,7 +108,7 @@ contains
       end do
    end function csv_row
 
-   !> A number for other programs that may be infinite.
+   !> Returns a field of a table for other programs: a number, or `inf`.
    pure function limit(value) result(text)
       real(wp), intent(in) :: value
       character(len=:), allocatable :: text
@@ -110,5 +116,23 @@ contains
       text = full(value)
       if (value > huge(value)) text = 'inf'
    end function limit
+
+   !> Returns a field of a table for other programs: a number, or nothing if it is `unlimited`.
+   pure function known(value) result(text)
+      real(wp), intent(in) :: value
+      character(len=:), allocatable :: text
+
+      text = ''
+      if (value < unlimited) text = full(value)
+   end function known
+
+   !> Returns a unit with a blank before it, to follow a number; '' if there is no unit.
+   pure function unit_suffix(unit) result(text)
+      character(len=*), intent(in) :: unit
+      character(len=:), allocatable :: text
+
+      text = ''
+      if (unit /= '') text = ' '//trim(unit)
+   end function unit_suffix
 
 end module beamid_lines

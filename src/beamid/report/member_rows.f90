@@ -1,7 +1,8 @@
-!> The rows of `members.csv`, the table of all members of an ensemble: written and read.
+!> Writes and reads the rows of members.csv, the table of all members of an ensemble.
 module beamid_member_rows
    use, intrinsic :: ieee_arithmetic, only: ieee_positive_inf, ieee_value
-   use beamid_ensembles, only: member_t, row_t
+   use beamid_ensemble_rows, only: row_t
+   use beamid_ensembles, only: member_t
    use beamid_errors, only: bad_input, error_t
    use beamid_kinds, only: ip, wp
    use beamid_numbers, only: parse_number, shown
@@ -12,14 +13,20 @@ module beamid_member_rows
 
    public :: add_member, read_members, read_row, whole_number
 
+   !> Header of members.csv.
    character(len=*), parameter, public :: members_header = 'member,status,message,elements,'// &
       'parameter,estimate,std_error,lower95,upper95,total_lower95,total_upper95,truth'
    character(len=*), parameter :: line_feed = achar(10)
+   !> Number of columns, and number of them before the numbers.
    integer, parameter :: fields_before = 5, columns = 12
 
 contains
 
-   !> The rows of one member. In threads, which is why no text comes out of a function.
+   !> Appends the rows of one member. It is called in threads, in which no function may return text
+   !> of deferred length.
+   !>
+   !> text  rows of the table
+   !> k     number of the member
    subroutine add_member(text, k, member)
       character(len=:), allocatable, intent(inout) :: text
       integer, intent(in) :: k
@@ -30,7 +37,7 @@ contains
       if (allocated(member%message)) then
          text = text//to_text(k)//',failed,"'
          do i = 1, len(member%message)
-            ! A quote inside of quotes is doubled; a line ends a row.
+            ! A quote inside quotes is doubled. A line feed would end the row.
             if (member%message(i:i) == '"') text = text//'"'
             if (member%message(i:i) == line_feed) then
                text = text//'; '
@@ -45,23 +52,23 @@ contains
          associate (row => member%rows(i))
             write (line, '(i0,a,i0,2a)') k, ',ok,,', row%elements, ',', row%parameter
             n = len_trim(line)
-            call put(row%estimate)
-            call put(row%std_error)
+            call add_field(row%estimate)
+            call add_field(row%std_error)
             do j = 1, 2
-               call put(row%interval(j))
+               call add_field(row%interval(j))
             end do
             do j = 1, 2
-               call put(row%total(j))
+               call add_field(row%total(j))
             end do
-            call put(row%truth)
+            call add_field(row%truth)
             text = text//line(:n)//line_feed
          end associate
       end do
 
    contains
 
-      !> A field; empty where nothing is known.
-      subroutine put(value)
+      !> Adds a field to the line; the field is empty if the value is `unlimited`.
+      subroutine add_field(value)
          real(wp), intent(in) :: value
          character(len=24) :: digits
          integer :: first
@@ -77,15 +84,15 @@ contains
             line(n + 1:n + 25 - first) = digits(first:)
             n = n + 25 - first
          end if
-      end subroutine put
+      end subroutine add_field
 
    end subroutine add_member
 
-   !> Reads a row.
+   !> Reads one row.
    !>
-   !> member  its number; 0: there is none
-   !> failed  .true.: it is the row of a member that failed, and `row` is empty
-   !> sound   .false.: it is no row that `add_member` writes
+   !> member  number of the member; 0: the row has none
+   !> failed  .true.: the member failed, and `row` is empty
+   !> sound   .false.: `add_member` cannot have written the row
    subroutine read_row(line, member, row, failed, sound)
       character(len=*), intent(in) :: line
       integer, intent(out) :: member
@@ -121,7 +128,7 @@ contains
       row%truth = values(7)
    end subroutine read_row
 
-   !> A number of digits; 0 where it is none.
+   !> Returns the integer in a field of at most nine digits; 0 if the field is not such a number.
    pure integer function whole_number(field) result(n)
       character(len=*), intent(in) :: field
       integer :: k
@@ -133,9 +140,9 @@ contains
       end do
    end function whole_number
 
-   !> Reads a number; `unlimited` where the field is empty or no number.
+   !> Reads a number; `unlimited` if the field is empty or not a number.
    !>
-   !> ok  .true.: the field is a number, or empty
+   !> ok  whether the field is a number or empty
    subroutine read_number(field, value, ok)
       character(len=*), intent(in) :: field
       real(wp), intent(out) :: value
@@ -153,12 +160,13 @@ contains
       if (.not. ok) value = unlimited
    end subroutine read_number
 
-   !> Reads the members of a table.
+   !> Reads all members of a table.
    !>
    !> text     of the table
    !> path     of its file, for messages
-   !> members  (n) by their numbers; those without an estimate have no rows
-   !> error    the first row that belongs to none of `n` members in ascending order
+   !> n        number of members
+   !> members  (n) the members; a member without estimates has no rows
+   !> error    the first row that does not belong to a member from 1 to n, in ascending order
    subroutine read_members(text, path, n, members, error)
       character(len=*), intent(in) :: text, path
       integer, intent(in) :: n

@@ -1,4 +1,4 @@
-!> Modes, and minima found from several starts, for the reader.
+!> The parts of the summary about natural modes, and about the minima found from several starts.
 module beamid_mode_summaries
    use beamid_case_files, only: case_t
    use beamid_fitted_modes, only: fitted_mode_t
@@ -15,10 +15,11 @@ module beamid_mode_summaries
 
 contains
 
-   !> The lowest modes on one mesh: undamped angular frequencies and damped roots.
+   !> Adds the lowest modes on one mesh: undamped frequencies and damped roots.
    !>
-   !> omega  ascending [1/time]
-   !> roots  ascending modulus [1/time]
+   !> elements  of the mesh
+   !> omega     undamped angular frequencies, ascending [1/time]
+   !> roots     roots of the characteristic equation in the order of their moduli [1/time]
    subroutine modes_summary(text, case, elements, omega, roots)
       type(text_t), intent(inout) :: text
       type(case_t), intent(in) :: case
@@ -45,7 +46,9 @@ contains
       end do
    end subroutine modes_summary
 
-   !> Modes of a fitted structure with 95 % intervals.
+   !> Adds the modes of a fitted structure with 95 % intervals.
+   !>
+   !> modes  of all records
    subroutine fitted_modes_summary(text, case, elements, modes)
       type(text_t), intent(inout) :: text
       type(case_t), intent(in) :: case
@@ -83,12 +86,15 @@ contains
          'which none by itself depends smoothly on the parameters')
    end subroutine fitted_modes_summary
 
-   !> The distinct minima, the lowest first.
+   !> Adds the distinct minima, the lowest first.
+   !>
+   !> failures  number of starts whose fit failed
    subroutine minima_summary(text, case, elements, minima, failures)
       type(text_t), intent(inout) :: text
       type(case_t), intent(in) :: case
       integer, intent(in) :: elements, failures
       type(minimum_t), intent(in) :: minima(:)
+      !> Number of parameters side by side.
       integer, parameter :: most = 5
       character(len=:), allocatable :: line
       integer :: first, j, k, last, n
@@ -115,7 +121,7 @@ contains
       end do
    end subroutine minima_summary
 
-   !> Six decimals where they show at least four digits.
+   !> Returns a frequency with six decimals if these show at least four digits.
    pure function frequency(value) result(text)
       real(wp), intent(in) :: value
       character(len=14) :: text
@@ -124,7 +130,7 @@ contains
       if (value >= 1e-3_wp .and. value < 1e6_wp) text = fixed(value, 14, 6)
    end function frequency
 
-   !> Hz only where the time is in seconds.
+   !> Returns the unit of frequencies: Hz if the time is in seconds or has no label.
    function frequency_unit(case) result(unit)
       type(case_t), intent(in) :: case
       character(len=:), allocatable :: unit

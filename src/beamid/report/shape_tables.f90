@@ -1,4 +1,4 @@
-!> Mode shapes and what sits on the beam, for pictures.
+!> Tables for the plots of mode shapes: shapes.csv and attachments.csv.
 module beamid_shape_tables
    use beamid_equations, only: equations_t, new_equations
    use beamid_errors, only: error_t
@@ -16,15 +16,16 @@ module beamid_shape_tables
 
    public :: add_shapes
 
-   !> Modes at most, points along the beam, and elements that show all that a picture can.
+   !> Largest number of modes, number of places along the beam, and number of elements above which a
+   !> plot shows no difference.
    integer, parameter :: most = 8, points = 101, finest = 64
 
 contains
 
-   !> shapes.csv and attachments.csv.
+   !> Adds shapes.csv and attachments.csv.
    !>
-   !> roots    [1/time]; of those that oscillate the first ones count
-   !> summary  is told where there are no shapes, and why
+   !> roots    [1/time]; the shapes are those of the first oscillating roots
+   !> summary  gets the reason if the shapes cannot be computed
    subroutine add_shapes(output, structure, mesh, roots, summary)
       type(output_t), intent(inout) :: output
       type(structure_t), intent(in) :: structure
@@ -67,7 +68,7 @@ contains
       call output%add('attachments.csv', attachments(structure))
    end subroutine add_shapes
 
-   !> What sits on the beam, and where.
+   !> Returns a table of what is attached to the beam, with the places [length].
    function attachments(structure) result(content)
       type(structure_t), intent(in) :: structure
       character(len=:), allocatable :: content

@@ -1,4 +1,5 @@
-!> Results for the reader: what is printed on standard output and kept in summary.txt.
+!> The summaries of a fit and of a simulation, which are printed on standard output and written to
+!> summary.txt.
 module beamid_summaries
    use beamid_along_reports, only: add_along, add_smoothing
    use beamid_case_files, only: case_t
@@ -6,16 +7,15 @@ module beamid_summaries
    use beamid_experiments, only: experiment_t
    use beamid_identification, only: simulation_t, stage_fit_t
    use beamid_kinds, only: wp
-   use beamid_lines, only: columns
+   use beamid_lines, only: columns, unit_suffix
    use beamid_method_groups, only: formula_names
    use beamid_responses, only: work_t
-   use beamid_statistics, only: undetermined, unlimited
+   use beamid_statistics, only: unlimited
+   use beamid_statistics_reports, only: add_statistics, scalar_parameters
    use beamid_strings, only: rounded, to_text
    use beamid_structure, only: is_coefficient
    use beamid_texts, only: left, right, text_t
-   use beamid_unknowns, only: name_length
-   use beamid_values, only: listed
-   use beamid_verdict_reports, only: determination, verdict_summary
+   use beamid_verdict_reports, only: verdict_summary
    use beamid_verdicts, only: verdict_t
    implicit none
    private
@@ -24,15 +24,18 @@ module beamid_summaries
 
 contains
 
-   !> The estimates, a table for each stage with a row for each mesh.
+   !> Returns the summary of a fit: the verdict, warnings, estimates, then a table for each stage
+   !> with a row for each mesh.
    !>
-   !> fits  (stages, meshes)
+   !> fits     (stages, meshes)
+   !> notes    remarks on the records
+   !> verdict  on the last stage on the finest mesh
    function fit_summary(case, experiments, fits, notes, verdict) result(content)
       type(case_t), intent(in) :: case
       type(experiment_t), intent(in) :: experiments(:)
       type(stage_fit_t), intent(in) :: fits(:, :)
-      character(len=*), intent(in) :: notes(:)   !< on the records
-      type(verdict_t), intent(in) :: verdict     !< on the last stage on the finest mesh
+      character(len=*), intent(in) :: notes(:)
+      type(verdict_t), intent(in) :: verdict
       character(len=:), allocatable :: content
       type(text_t) :: text, warnings
       integer :: k
@@ -45,7 +48,8 @@ contains
       do k = 1, size(experiments)
          associate (t => experiments(k)%samples)
             call text%line(case%name//': identification from '//to_text(size(t))// &
-               ' samples, t = '//to_text(t(1))//' to '//to_text(t(size(t)))//label(case%units%time))
+               ' samples, t = '//to_text(t(1))//' to '//to_text(t(size(t)))// &
+               unit_suffix(case%units%time))
          end associate
       end do
       do k = 1, size(notes)
@@ -66,7 +70,8 @@ contains
          warnings%content()//text%content()
    end function fit_summary
 
-   !> The estimates with every source of error, as many digits as the interval leaves.
+   !> Adds the estimates with their total intervals, which include every source of error, with as
+   !> many digits as the intervals justify.
    subroutine add_estimates(text, case, fit)
       type(text_t), intent(inout) :: text
       type(case_t), intent(in) :: case
@@ -97,7 +102,7 @@ contains
       end do
    end subroutine add_estimates
 
-   !> As many significant digits as show two of an interval's width.
+   !> Returns the number of significant digits that shows two digits of an interval's width.
    pure integer function needed_digits(ends) result(digits)
       real(wp), intent(in) :: ends(2)
       integer, parameter :: least = 3, most = 6
@@ -109,17 +114,18 @@ contains
          /(ends(2) - ends(1))))))
    end function needed_digits
 
-   !> One stage: starts, then estimates, J and effort for each mesh; many parameters in several
-   !> blocks, coefficients of E(x) and c_D(x) left out.
+   !> Adds one stage: start values, then estimates, J and effort for each mesh. Many parameters are
+   !> shown in several blocks; coefficients of E(x) and c_D(x) are left out.
    subroutine add_stage(text, case, fits)
       type(text_t), intent(inout) :: text
       type(case_t), intent(in) :: case
       type(stage_fit_t), intent(in) :: fits(:)
+      !> Number of columns of a block.
       integer, parameter :: most = 6
       integer :: first, k, n
       integer, allocatable :: list(:)
 
-      list = scalars(fits(1), size(fits(1)%free))
+      list = scalar_parameters(fits(1))
       n = size(list)
       call text%line('Stage '//to_text(fits(1)%stage))
       do first = 1, n + 1, most
@@ -142,7 +148,7 @@ contains
 
    contains
 
-      !> Columns first to last: parameters, and behind the last of them J.
+      !> Adds the columns first to last: parameters, and J after the last of them.
       subroutine add_block(first, last)
          integer, intent(in) :: first, last
          character(len=:), allocatable :: names, units, start, line
@@ -176,152 +182,7 @@ contains
 
    end subroutine add_stage
 
-   !> Errors, correlations, what is not determined and what the residuals say, on one mesh.
-   subroutine add_statistics(text, case, fit, verdict)
-      type(text_t), intent(inout) :: text
-      type(case_t), intent(in) :: case
-      type(stage_fit_t), intent(in) :: fit
-      type(verdict_t), intent(in) :: verdict
-      character(len=:), allocatable :: condition, line
-      character(len=name_length) :: names(size(fit%quantities))
-      character(len=512), allocatable :: sentences(:)
-      logical :: corrects
-      integer :: k
-
-      if (fit%statistics%samples == 0) then
-         call text%line('No degree of freedom is left for standard errors.')
-         return
-      end if
-      names = fit%quantities%name
-      call text%line()
-      line = label(case%units%acceleration())
-      if (fit%weighted) line = ' of that of each record'
-      call text%line('Statistics for N = '//to_text(fit%elements)//': noise sd '// &
-         to_text(sqrt(fit%statistics%variance))//line//', '// &
-         to_text(fit%statistics%freedom)//' degrees of freedom')
-      line = '              estimate   std error      lower95      upper95'
-      corrects = .not. fit%check%white
-      if (allocated(fit%statistics%disputed)) corrects = corrects .or. &
-         any(fit%statistics%disputed)
-      if (corrects) line = line//'   corrected      lower95      upper95'
-      call text%line(line)
-      associate (s => fit%statistics, p => fit%quantities%value)
-         do k = 1, size(p)
-            if (is_coefficient(fit%quantities(k)%parameter)) cycle
-            line = left(trim(names(k)), 10)//right(to_text(p(k)), 12)//interval(fit, k, &
-               s%std_error(k), s%half_width(k))
-            if (corrects) line = line//interval(fit, k, &
-               s%corrected_error(k), s%corrected_half_width(k))
-            call text%line(line)
-         end do
-         call add_correlations(text, fit, names)
-         condition = 'unlimited'
-         if (s%condition < unlimited) condition = to_text(s%condition)
-         call text%line('singular values of the Jacobian per relative change:'// &
-            columns(s%singular, 1)//'; condition number '//condition)
-         sentences = undetermined(s, [fit%quantities%searched_name()], &
-            [fit%quantities%scale], fit%jacobian)
-         do k = 1, size(sentences)
-            call text%line(sentences(k))
-         end do
-         if (all(s%determined)) then
-            line = determination(fit, verdict)
-            if (line /= '') call text%line(line)
-         else if (size(sentences) == 0) then
-            call text%line('the interval is wider than the value of: '// &
-               listed(pack(names, .not. s%determined), ' '))
-         end if
-      end associate
-      if (allocated(fit%fit%derivative_check)) call text%line( &
-         'derivatives, exact against central differences: '// &
-         to_text(fit%fit%derivative_check(1))//' at the start, '// &
-         to_text(fit%fit%derivative_check(2))//' at the end')
-      if (corrects .and. any(fit%statistics%disputed)) call text%line('the records disagree '// &
-         'by more than their residuals explain about: '//listed(pack(names, &
-         fit%statistics%disputed), ' ')//'; the corrected errors are from that')
-      call add_residual_check(text, fit)
-   end subroutine add_statistics
-
-   !> The lower triangle of what was searched for, under headings; coefficients of E(x) and c_D(x),
-   !> amplitudes of a start and offsets are in correlations.csv.
-   subroutine add_correlations(text, fit, names)
-      type(text_t), intent(inout) :: text
-      type(stage_fit_t), intent(in) :: fit
-      character(len=*), intent(in) :: names(:)
-      integer, parameter :: most = 8
-      character(len=:), allocatable :: line
-      integer, allocatable :: list(:)
-      integer :: first, j, k, n
-
-      list = scalars(fit, size(fit%free))
-      n = size(list)
-      if (n < 2) return
-      call text%line('correlations')
-      do first = 1, n - 1, most
-         line = repeat(' ', 10)
-         do j = first, min(first + most - 1, n - 1)
-            line = line//right(trim(names(list(j))), 11)
-         end do
-         call text%line(line)
-         do k = first + 1, n
-            call text%line(left(trim(names(list(k))), 10)//columns([(fit%correlation( &
-               list(k), list(j)), j=first, min(first + most - 1, k - 1))], 11, '#.4'))
-         end do
-      end do
-   end subroutine add_correlations
-
-   !> Which of the first n quantities are no coefficients of E(x) or c_D(x).
-   pure function scalars(fit, n) result(list)
-      type(stage_fit_t), intent(in) :: fit
-      integer, intent(in) :: n
-      integer, allocatable :: list(:)
-      integer :: k
-
-      list = pack([(k, k=1, n)], .not. is_coefficient(fit%quantities(:n)%parameter))
-   end function scalars
-
-   !> Whiteness of the residuals.
-   subroutine add_residual_check(text, fit)
-      type(text_t), intent(inout) :: text
-      type(stage_fit_t), intent(in) :: fit
-
-      associate (check => fit%check)
-         call text%line('residuals: autocorrelation at lag 1 '// &
-            to_text(check%autocorrelation(1))//' (white: within '//to_text(check%band)// &
-            '), Ljung-Box '//to_text(check%ljung_box)//' over '//to_text(check%lags)// &
-            ' lags, probability '//to_text(check%probability))
-         if (check%white) then
-            call text%line('residuals pass for white noise')
-         else if (any(fit%statistics%std_error >= unlimited)) then
-            call text%line('residuals are NOT white; errors without limits cannot be corrected')
-         else
-            call text%line('residuals are NOT white: as good as '// &
-               to_text(fit%statistics%effective)// &
-               ' independent samples; the corrected errors allow for that')
-         end if
-      end associate
-   end subroutine add_residual_check
-
-   !> Standard error and interval in columns, within the bounds of the search.
-   function interval(fit, k, std_error, half_width) result(line)
-      type(stage_fit_t), intent(in) :: fit
-      integer, intent(in) :: k
-      real(wp), intent(in) :: std_error, half_width
-      character(len=:), allocatable :: line
-      real(wp) :: ends(3)
-
-      associate (q => fit%quantities(k))
-         line = right('unlimited', 12)//right('-', 13)//right('-', 13)
-         if (.not. (std_error < unlimited .and. half_width < unlimited)) return
-         if (fit%statistics%is_withdrawn(k)) return
-         ends = q%limits(std_error, half_width)
-         line = right('-', 12)
-         if (abs(ends(1)) <= unlimited) line = columns(ends(:1), 12)
-         line = line//columns(ends(2:), 13)
-      end associate
-   end function interval
-
-   !> What a solver did.
+   !> Returns the work of a solver in words.
    function effort(work) result(line)
       type(work_t), intent(in) :: work
       character(len=:), allocatable :: line
@@ -332,7 +193,7 @@ contains
             ' factorizations'
    end function effort
 
-   !> Which formula turns the response into accelerations.
+   !> Returns the formula that converts responses to accelerations in words.
    function observed(case) result(line)
       type(case_t), intent(in) :: case
       character(len=:), allocatable :: line
@@ -340,11 +201,13 @@ contains
       associate (observation => case%model%observation)
          line = 'acceleration by '//trim(formula_names(observation%formula))
          if (observation%delta > 0) line = line//', Delta = '//to_text(observation%delta)// &
-            label(case%units%time)
+            unit_suffix(case%units%time)
       end associate
    end function observed
 
-   !> Extremes of a computed response on each mesh.
+   !> Returns the summary of a simulation: the extremes of the response on each mesh.
+   !>
+   !> simulations  (meshes)
    function response_summary(case, simulations) result(content)
       type(case_t), intent(in) :: case
       type(simulation_t), intent(in) :: simulations(:)
@@ -354,7 +217,7 @@ contains
 
       associate (t => simulations(1)%response%t)
          call text%line(case%name//': response at '//to_text(size(t))//' times, t = '// &
-            to_text(t(1))//' to '//to_text(t(size(t)))//label(case%units%time))
+            to_text(t(1))//' to '//to_text(t(size(t)))//unit_suffix(case%units%time))
       end associate
       call text%line('observed: '//observed(case))
       call text%line()
@@ -371,14 +234,5 @@ contains
       end do
       content = text%content()
    end function response_summary
-
-   !> A unit behind a number, or nothing.
-   pure function label(unit) result(text)
-      character(len=*), intent(in) :: unit
-      character(len=:), allocatable :: text
-
-      text = ''
-      if (unit /= '') text = ' '//trim(unit)
-   end function label
 
 end module beamid_summaries

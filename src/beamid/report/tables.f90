@@ -1,4 +1,5 @@
-!> Tables for other programs: comma-separated, one header line, numbers to full precision.
+!> Tables of fits, modes, responses and records for other programs: comma-separated fields, one
+!> header line, numbers to full precision.
 module beamid_tables
    use beamid_experiments, only: experiment_t
    use beamid_fitted_modes, only: fitted_mode_t
@@ -17,6 +18,7 @@ module beamid_tables
    public :: add_fit_tables, add_fitted_modes, add_minima, add_modes
    public :: response_table, record_table, labels_table
 
+   !> Headers of modes.csv (of `modes` and of fits) and minima.csv.
    character(len=*), parameter, public :: &
       modes_header = 'elements,mode,frequency_hz,damping_ratio,real,imag', &
       fitted_modes_header = modes_header//',record,'// &
@@ -25,7 +27,7 @@ module beamid_tables
 
 contains
 
-   !> estimates.csv, fit.csv, correlations.csv, autocorrelation.csv and labels.csv.
+   !> Adds estimates.csv, fit.csv, correlations.csv, autocorrelation.csv and labels.csv.
    !>
    !> fits  (stages, meshes)
    subroutine add_fit_tables(output, units, fits, experiments)
@@ -71,7 +73,7 @@ contains
       call output%add('labels.csv', labels_table(units))
    end subroutine add_fit_tables
 
-   !> One row per free parameter, and one for J.
+   !> Adds a row of estimates.csv for each free parameter, and a row for J.
    subroutine add_estimates(text, fit, units)
       type(text_t), intent(inout) :: text
       type(stage_fit_t), intent(in) :: fit
@@ -85,7 +87,7 @@ contains
          associate (q => fit%quantities(k), s => fit%statistics)
             if (s%samples > 0) errors = ','//interval(fit, k, s%std_error(k), s%half_width(k))// &
                ','//trim(merge('yes', 'no ', s%determined(k)))//','//interval(fit, k, &
-               s%corrected_error(k), s%corrected_half_width(k))//sources(fit, k)
+               s%corrected_error(k), s%corrected_half_width(k))//error_sources(fit, k)
             call text%line(first//trim(q%name)//','//units%of_quantity(q%parameter, &
                fit%scenario%excitations(1))//','//limit(q%start)//','//limit(q%value)//errors)
          end associate
@@ -97,7 +99,8 @@ contains
          full(fit%score)//repeat(',', 11))
    end subroutine add_estimates
 
-   !> Standard error, lower and upper end of an interval, the ends within the bounds of the search.
+   !> Returns standard error and interval as three fields; the interval lies within the bounds of
+   !> the search. The fields are empty if the parameter is not determined.
    function interval(fit, k, std_error, half_width) result(fields)
       type(stage_fit_t), intent(in) :: fit
       integer, intent(in) :: k
@@ -116,33 +119,34 @@ contains
       end associate
    end function interval
 
-   !> What the mesh and what is held do to a quantity, and the interval with every source of error.
-   function sources(fit, k) result(fields)
+   !> Returns, as four fields, the shift of an estimate by the mesh, its error from fixed
+   !> parameters, and the interval with every source of error.
+   function error_sources(fit, k) result(fields)
       type(stage_fit_t), intent(in) :: fit
       integer, intent(in) :: k
       character(len=:), allocatable :: fields
-      real(wp) :: moved, held(3), ends(2)
-
+      real(wp) :: shift, from_fixed(3), ends(2)
       fields = ','
       associate (q => fit%quantities(k))
          if (allocated(fit%mesh_shift) .and. k <= size(fit%free)) then
-            moved = q%moved(fit%mesh_shift(k))
-            if (abs(moved) <= unlimited) fields = ','//full(moved)
+            shift = q%moved(fit%mesh_shift(k))
+            if (abs(shift) <= unlimited) fields = ','//full(shift)
          end if
          if (.not. fit%half_width(k) < unlimited) then
             fields = fields//',,,'
             return
          end if
-         held = q%limits(fit%from_held(k), 0.0_wp)
+         from_fixed = q%limits(fit%from_held(k), 0.0_wp)
          fields = fields//','
-         if (held(1) <= unlimited) fields = fields//full(held(1))
+         if (from_fixed(1) <= unlimited) fields = fields//full(from_fixed(1))
          ends = q%ends(fit%total(k))
          fields = fields//','//limit(ends(1))//','//limit(ends(2))
       end associate
-   end function sources
+   end function error_sources
 
-   !> residual = measured - model, as in the paper; and the standard deviation of the model's curve
-   !> by those of what was estimated, empty where the record leaves something undetermined.
+   !> Adds the rows of fit.csv. The residual is measured - model, as in the paper. model_sd is the
+   !> standard deviation of the model's curve due to the errors of the estimates; it is empty if a
+   !> parameter is not determined.
    subroutine add_fit(text, fit, experiments)
       type(text_t), intent(inout) :: text
       type(stage_fit_t), intent(in) :: fit
@@ -171,7 +175,8 @@ contains
 
    contains
 
-      !> Of what was estimated, for the noise as it is; of size 0 where there is none.
+      !> Computes the covariance of the estimates, corrected for the autocorrelation of the noise;
+      !> size 0 if it is not known.
       subroutine get_covariance()
          integer :: j
 
@@ -189,7 +194,9 @@ contains
 
    end subroutine add_fit
 
-   !> response.csv: what each mesh has computed.
+   !> Returns the table response.csv.
+   !>
+   !> elements, simulations  (meshes)
    function response_table(elements, simulations) result(content)
       integer, intent(in) :: elements(:)
       type(simulation_t), intent(in) :: simulations(:)
@@ -209,7 +216,10 @@ contains
       content = text%content()
    end function response_table
 
-   !> roots  [1/time]; frequency_hz is |s|/(2 pi), damping_ratio -Re(s)/|s|
+   !> Adds rows of modes.csv: frequency_hz is |s|/(2 pi), damping_ratio is -Re(s)/|s|.
+   !>
+   !> elements  of the mesh
+   !> roots     [1/time]
    subroutine add_modes(text, elements, roots)
       type(text_t), intent(inout) :: text
       integer, intent(in) :: elements
@@ -225,7 +235,7 @@ contains
       end do
    end subroutine add_modes
 
-   !> Modes of a fitted structure with their intervals.
+   !> Adds rows of modes.csv for a fitted structure, with 95 % intervals.
    subroutine add_fitted_modes(text, elements, modes)
       type(text_t), intent(inout) :: text
       integer, intent(in) :: elements
@@ -244,7 +254,8 @@ contains
 
    contains
 
-      !> Of an interval, or two empty fields. Neither a frequency nor a damping ratio is negative.
+      !> Returns the ends of an interval as fields; empty if it is unlimited. Neither a frequency
+      !> nor a damping ratio is negative.
       function ends(value, half_width) result(fields)
          real(wp), intent(in) :: value, half_width
          character(len=:), allocatable :: fields
@@ -256,7 +267,7 @@ contains
 
    end subroutine add_fitted_modes
 
-   !> The minima that several starts have found.
+   !> Adds rows of minima.csv: the distinct minima found from several starts.
    subroutine add_minima(text, elements, minima)
       type(text_t), intent(inout) :: text
       integer, intent(in) :: elements
@@ -274,7 +285,9 @@ contains
       end do
    end subroutine add_minima
 
-   !> A record as `identify` reads it.
+   !> Returns a record as a table that `identify` can read.
+   !>
+   !> t, acceleration  (samples) [time], [length/time**2]
    function record_table(t, acceleration) result(content)
       real(wp), intent(in) :: t(:), acceleration(:)
       character(len=:), allocatable :: content
@@ -288,7 +301,7 @@ contains
       content = text%content()
    end function record_table
 
-   !> Units of the columns, for the plots.
+   !> Returns the table labels.csv with the units, for the plots.
    function labels_table(units) result(content)
       type(units_t), intent(in) :: units
       character(len=:), allocatable :: content

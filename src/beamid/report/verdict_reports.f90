@@ -1,9 +1,10 @@
-!> The verdict on a fit, for the reader and for other programs.
+!> The verdict on a fit: the beginning of the summary, and the tables quality.csv and
+!> modes_seen.csv.
 module beamid_verdict_reports
    use beamid_case_files, only: case_t
    use beamid_identification, only: stage_fit_t
    use beamid_kinds, only: wp
-   use beamid_lines, only: csv_row, filled
+   use beamid_lines, only: csv_row, filled, unit_suffix
    use beamid_outputs, only: output_t
    use beamid_strings, only: full, to_text
    use beamid_structure, only: is_coefficient
@@ -14,14 +15,14 @@ module beamid_verdict_reports
 
    public :: verdict_summary, add_verdict_tables, determination
 
-   !> Correlations above this say that two parameters cannot be told apart, and a fit that explains
-   !> less of a record than so many per cent, with residuals that are not white, is a poor one.
+   !> Two parameters whose correlation exceeds `too_close` cannot be told apart. A fit that explains
+   !> less than `good_percent` of a record, with residuals that are not white, is a poor fit.
    real(wp), parameter :: too_close = 0.999_wp, good_percent = 90
 
 contains
 
-   !> What comes first: that there is no fit, or what is held; how much of each record is explained;
-   !> which modes are there.
+   !> Returns the beginning of the summary: that there is no fit, or which parameter is held fixed;
+   !> the share of each record that the fit explains; the modes that are seen in the records.
    function verdict_summary(case, fit, verdict) result(content)
       type(case_t), intent(in) :: case
       type(stage_fit_t), intent(in) :: fit
@@ -32,8 +33,7 @@ contains
 
       if (verdict%no_fit /= '') call text%line('no fit: '//verdict%no_fit)
       if (fit%note /= '') call text%line(fit%note)
-      unit = case%units%acceleration()
-      if (unit /= '') unit = ' '//unit
+      unit = unit_suffix(case%units%acceleration())
       do k = 1, size(verdict%qualities)
          associate (q => verdict%qualities(k))
             call text%line('record '//to_text(k)//': '//to_text(q%samples)//' samples, signal '// &
@@ -55,7 +55,7 @@ contains
       content = text%content()
    end function verdict_summary
 
-   !> quality.csv and modes_seen.csv
+   !> Adds quality.csv and modes_seen.csv.
    subroutine add_verdict_tables(output, verdict)
       type(output_t), intent(inout) :: output
       type(verdict_t), intent(in) :: verdict
@@ -84,7 +84,8 @@ contains
       call output%add('modes_seen.csv', seen%content())
    end subroutine add_verdict_tables
 
-   !> What a fit may say of its parameters all together; '' where it can say nothing.
+   !> Returns a sentence on how well the record determines all parameters together; '' if none
+   !> holds.
    function determination(fit, verdict) result(line)
       type(stage_fit_t), intent(in) :: fit
       type(verdict_t), intent(in) :: verdict
@@ -96,7 +97,7 @@ contains
       if (verdict%no_fit /= '') return
       do j = 1, n
          do k = j + 1, n
-            ! Coefficients of a function are held together by its smoothness.
+            ! Correlated coefficients of a field are no problem, as its smoothing determines them.
             if (is_coefficient(fit%free(j)) .and. is_coefficient(fit%free(k))) cycle
             if (abs(fit%statistics%correlation(j, k)) > too_close) line = &
                trim(fit%quantities(j)%name)//' and '//trim(fit%quantities(k)%name)// &

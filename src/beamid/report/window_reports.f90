@@ -1,11 +1,10 @@
-!> Fits in consecutive windows, for the reader and for other programs.
+!> Fits in consecutive windows of the records: a part of the summary, and the table windows.csv.
 module beamid_window_reports
    use beamid_identification, only: stage_fit_t
    use beamid_kinds, only: wp
-   use beamid_lines, only: columns, limit
+   use beamid_lines, only: columns, known, limit
    use beamid_outputs, only: output_t
    use beamid_parameters, only: as_named
-   use beamid_statistics, only: unlimited
    use beamid_strings, only: full, to_text
    use beamid_texts, only: left, right, text_t
    use beamid_unknowns, only: quantity_t
@@ -15,16 +14,20 @@ module beamid_window_reports
 
    public :: window_summary, add_window_table
 
-   !> Estimates that lie so far apart by chance alone are that improbable.
+   !> Estimates drift if chance alone would scatter them so much with less than this probability.
    real(wp), parameter :: improbable = 0.05_wp
 
 contains
 
-   !> Every parameter in every window, how far the estimates lie apart, and what their errors say.
+   !> Returns the estimates in every window, their scatter beside the scatter expected from their
+   !> standard errors, and which parameters drift.
+   !>
+   !> fit  of the last stage to the whole records
    function window_summary(fit, windows) result(content)
       type(stage_fit_t), intent(in) :: fit
       type(window_fit_t), intent(in) :: windows(:)
       character(len=:), allocatable :: content, drifting
+      !> Number of windows side by side.
       integer, parameter :: most = 6
       type(text_t) :: text
       real(wp) :: spread, expected, probability
@@ -57,7 +60,7 @@ contains
 
    contains
 
-      !> Windows first to last.
+      !> Adds the windows first to last.
       subroutine add_block(first, last)
          integer, intent(in) :: first, last
          character(len=:), allocatable :: line
@@ -89,7 +92,8 @@ contains
 
    end function window_summary
 
-   !> windows.csv; what records share stands beside the times of each.
+   !> Adds windows.csv. A parameter that the records share has a row for each record, with the
+   !> record's times.
    subroutine add_window_table(output, fit, windows)
       type(output_t), intent(inout) :: output
       type(stage_fit_t), intent(in) :: fit
@@ -97,7 +101,6 @@ contains
       type(text_t) :: table
       type(quantity_t) :: q
       real(wp) :: limits(3)
-      character(len=:), allocatable :: std_error
       integer :: i, k, r
 
       call table%line('record,window,t_first,t_last,parameter,estimate,std_error')
@@ -111,11 +114,9 @@ contains
                   q%searched = w%estimate(k)
                   q%value = as_named(q%parameter, w%estimate(k))
                   limits = q%limits(w%std_error(k), 0.0_wp)
-                  ! Of what is infinite there is no error.
-                  std_error = ''
-                  if (limits(1) < unlimited) std_error = full(limits(1))
                   call table%line(to_text(r)//','//to_text(i)//','//full(w%first(r))//','// &
-                     full(w%last(r))//','//trim(q%name)//','//limit(q%value)//','//std_error)
+                     full(w%last(r))//','//trim(q%name)//','//limit(q%value)//','// &
+                     known(limits(1)))
                end associate
             end do
          end do

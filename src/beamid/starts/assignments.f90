@@ -1,4 +1,5 @@
-!> Which line of a record belongs to which mode of the model. A mode may stay unseen.
+!> Assignment of the spectral lines of a record to the modes of the model. A mode may be without a
+!> line.
 module beamid_assignments
    use beamid_errors, only: error_t
    use beamid_kinds, only: wp
@@ -12,36 +13,42 @@ module beamid_assignments
 
    public :: assignment_t, lines_t, best_assignments
 
-   !> The lines of one record.
+   !> The spectral lines of one record.
    type :: lines_t
       type(line_t), allocatable :: line(:)
    end type lines_t
 
-   !> One way to assign, and what it makes of the parameters.
+   !> One assignment, and the parameter values that suit it.
    type :: assignment_t
-      integer, allocatable :: place(:, :)   !< (modes, records) the line of each mode, 0: unseen
-      real(wp), allocatable :: value(:)     !< (free) start values
-      real(wp) :: price = 0                 !< of the lines and of the modes that have none
-      real(wp) :: cost = 0                  !< with what the parameters and frequencies add
+      !> (modes, records) number of the line of each mode; 0: the mode has no line
+      integer, allocatable :: place(:, :)
+      real(wp), allocatable :: value(:)     !< (free) start values of the searched variables
+      real(wp) :: price = 0   !< penalty for the choice of lines and for modes without a line
+      real(wp) :: cost = 0    !< price plus the misfit of frequencies and parameters
    end type assignment_t
 
-   !> What speaks against an assignment, in squares of standard deviations: a frequency that the
-   !> model does not meet, a mode without a line, a line that is a multiple of another.
+   !> Terms of the cost of an assignment, which is in squares of standard deviations: relative
+   !> standard deviation of the frequencies of the model, penalty for a mode without a line, and
+   !> penalty for a line that is a multiple of another one.
    real(wp), parameter :: frequency_error = 4e-3_wp, unseen = 9, multiple = 6
 
-   !> Assignments that are kept while records are added, and modes that are looked for.
+   !> Number of assignments that are kept while records are added, and largest number of modes that
+   !> are assigned.
    integer, parameter :: kept = 6, most_modes = 4
 
    real(wp), parameter :: two_pi = 2*acos(-1.0_wp)
 
 contains
 
-   !> The best ways to assign, the best one first; at least one, which may be that of no line.
+   !> Returns the best assignments, the best one first. There is at least one, perhaps without any
+   !> line.
    !>
-   !> problem  with what is free in place
-   !> beliefs  (free)
-   !> lines    (records)
-   !> modes    of the model that are looked for, at most
+   !> problem  the fit with its free parameters
+   !> beliefs  (free) expected values
+   !> lines    (records) spectral lines
+   !> modes    number of modes of the model
+   !> most     largest number of assignments to return
+   !> error    the roots of the model cannot be computed
    subroutine best_assignments(problem, beliefs, lines, modes, most, best, error)
       type(residual_t), intent(inout) :: problem
       type(belief_t), intent(in) :: beliefs(:)
@@ -61,7 +68,7 @@ contains
       do r = 1, size(lines)
          call model_roots(problem, problem%scenario, r, s, ds, error)
          if (allocated(error)) return
-         options = ways(lines(r)%line, aimag(s)/two_pi)
+         options = assignments_of(lines(r)%line, aimag(s)/two_pi)
          call move_alloc(best, before)
          allocate (best(0))
          do j = 1, size(before)
@@ -72,7 +79,7 @@ contains
                if (size(best) == kept) then
                   if (tried%price > best(kept)%cost) cycle
                end if
-               call meet(problem, beliefs, lines(:r), tried, error)
+               call fit_frequencies(problem, beliefs, lines(:r), tried, error)
                if (.not. allocated(error)) call insert(best, tried)
             end do
          end do
@@ -86,7 +93,7 @@ contains
       end do
    end subroutine best_assignments
 
-   !> Keeps the best assignments in order.
+   !> Inserts an assignment into the list of the best ones, in ascending order of cost.
    subroutine insert(best, new)
       type(assignment_t), allocatable, intent(inout) :: best(:)
       type(assignment_t), intent(in) :: new
@@ -97,23 +104,23 @@ contains
       best = best(:min(kept, size(best)))
    end subroutine insert
 
-   !> Every way to give lines to modes in ascending order, each within a factor 2 of the model's
-   !> frequency; of many modes only the strongest lines count.
+   !> Returns every assignment of lines to modes in ascending order, each line within a factor 2 of
+   !> the frequency of its mode. If the modes are many, only the strongest lines are used.
    !>
-   !> lines        the strongest first
-   !> frequencies  of the model, ascending
-   !> options      (modes, ways)
-   pure function ways(lines, frequencies) result(options)
+   !> lines        spectral lines, the strongest first
+   !> frequencies  (modes) frequencies of the model, ascending [1/time]
+   !> options      (modes, assignments) number of the line of each mode; 0: none
+   pure function assignments_of(lines, frequencies) result(options)
       type(line_t), intent(in) :: lines(:)
       real(wp), intent(in) :: frequencies(:)
       integer, allocatable :: options(:, :), longer(:, :)
       real(wp) :: highest
-      integer :: j, k, m, n, w
+      integer :: j, k, m, n, found
 
       allocate (options(size(frequencies), 1), source=0)
       do m = 1, size(frequencies)
          allocate (longer(size(frequencies), size(options, 2)*(1 + size(lines))))
-         w = 0
+         found = 0
          do j = 1, size(options, 2)
             highest = 0
             do k = 1, m - 1
@@ -124,17 +131,17 @@ contains
                   if (lines(n)%frequency <= highest .or. &
                      abs(log(lines(n)%frequency/frequencies(m))) > log(2.0_wp)) cycle
                end if
-               w = w + 1
-               longer(:, w) = options(:, j)
-               longer(m, w) = n
+               found = found + 1
+               longer(:, found) = options(:, j)
+               longer(m, found) = n
             end do
          end do
-         options = longer(:, :w)
+         options = longer(:, :found)
          deallocate (longer)
       end do
-   end function ways
+   end function assignments_of
 
-   !> What an assignment costs before the model is asked.
+   !> Returns the part of the cost that does not depend on the model.
    pure real(wp) function price_of(lines, place) result(price)
       type(line_t), intent(in) :: lines(:)
       integer, intent(in) :: place(:)
@@ -150,9 +157,12 @@ contains
       end do
    end function price_of
 
-   !> The parameters but for damping that bring the model's frequencies nearest to the lines while
-   !> they stay near what is believed, by Gauss-Newton steps.
-   subroutine meet(problem, beliefs, lines, found, error)
+   !> Fits the parameters, except damping, to the frequencies of the assigned lines and to their
+   !> expected values, by Gauss-Newton steps.
+   !>
+   !> found  the assignment; on return with value and cost
+   !> error  the roots cannot be computed
+   subroutine fit_frequencies(problem, beliefs, lines, found, error)
       type(residual_t), intent(inout) :: problem
       type(belief_t), intent(in) :: beliefs(:)
       type(lines_t), intent(in) :: lines(:)
@@ -166,7 +176,7 @@ contains
 
       u = (beliefs%x_of(found%value) - beliefs%x_of(beliefs%centre))/beliefs%width
       do k = 1, most
-         call compare(problem, beliefs, lines, found, u, r, jac, error)
+         call frequency_residuals(problem, beliefs, lines, found, u, r, jac, error)
          if (allocated(error)) return
          found%cost = found%price + sum(r**2)
          call new_projection(jac, projection, error)
@@ -176,14 +186,15 @@ contains
          found%value = max(beliefs%value_of(beliefs%x_of(beliefs%centre) + beliefs%width*u), 0.0_wp)
          if (maxval(abs(step)) < 1e-4_wp) exit
       end do
-   end subroutine meet
+   end subroutine fit_frequencies
 
-   !> Differences of the logarithms of frequencies, then of the parameters from what is believed.
+   !> Computes the residuals of an assignment: differences of the logarithms of frequencies, then
+   !> distances of the parameters from their expected values.
    !>
-   !> u    (free) in standard deviations
-   !> r    (n)
-   !> jac  (n, free) by u
-   subroutine compare(problem, beliefs, lines, found, u, r, jac, error)
+   !> u    (free) distances from the expected values [standard deviations]
+   !> r    (n) residuals [standard deviations]
+   !> jac  (n, free) derivatives with respect to u
+   subroutine frequency_residuals(problem, beliefs, lines, found, u, r, jac, error)
       type(residual_t), intent(inout) :: problem
       type(belief_t), intent(in) :: beliefs(:)
       type(lines_t), intent(in) :: lines(:)
@@ -217,10 +228,12 @@ contains
          r(n + k) = u(k)
          jac(n + k, k) = 1
       end do
-   end subroutine compare
+   end subroutine frequency_residuals
 
-   !> Parameters that move roots along the real axis take values that are not negative and bring the
-   !> rates of decay nearest to those of the lines.
+   !> Sets the damping parameters to non-negative values that fit the decay rates of the assigned
+   !> lines.
+   !>
+   !> found  the assignment; on return with the values of damping
    subroutine set_damping(problem, beliefs, lines, found, error)
       type(residual_t), intent(inout) :: problem
       type(belief_t), intent(in) :: beliefs(:)
@@ -228,15 +241,15 @@ contains
       type(assignment_t), intent(inout) :: found
       type(error_t), allocatable, intent(out) :: error
       complex(wp) :: s(size(found%place, 1)), ds(size(s), size(beliefs))
-      real(wp), dimension(size(s)*size(lines) + size(beliefs), size(beliefs)) :: a
-      real(wp) :: b(size(a, 1)), width(size(beliefs)), sd
+      real(wp), dimension(size(s)*size(lines) + size(beliefs), size(beliefs)) :: matrix
+      real(wp) :: rhs(size(matrix, 1)), width(size(beliefs)), sd
       complex(wp) :: roots(size(s), size(lines), size(beliefs))
-      logical :: free(size(beliefs))
+      logical :: is_damping(size(beliefs))
       type(scenario_t) :: scenario
       integer :: i, k, row
 
-      a = 0
-      b = 0
+      matrix = 0
+      rhs = 0
       scenario = problem%with(found%value)
       do i = 1, size(lines)
          call model_roots(problem, scenario, i, s, ds, error)
@@ -247,24 +260,25 @@ contains
             row = (i - 1)*size(s) + k
             associate (line => lines(i)%line(found%place(k, i)))
                sd = 0.3_wp*line%decay + 3e-4_wp*aimag(s(k))
-               a(row, :) = -real(ds(k, :))/sd
-               b(row) = (line%decay + real(s(k)))/sd + dot_product(a(row, :), found%value)
+               matrix(row, :) = -real(ds(k, :))/sd
+               rhs(row) = (line%decay + real(s(k)))/sd + dot_product(matrix(row, :), found%value)
             end associate
          end do
       end do
       width = 3*merge(beliefs%centre, beliefs%width, beliefs%logarithmic)
       do k = 1, size(beliefs)
-         a(size(s)*size(lines) + k, k) = 1/width(k)
-         b(size(s)*size(lines) + k) = found%value(k)/width(k)
+         matrix(size(s)*size(lines) + k, k) = 1/width(k)
+         rhs(size(s)*size(lines) + k) = found%value(k)/width(k)
       end do
       do k = 1, size(beliefs)
-         free(k) = damps(reshape(roots(:, :, k), [size(s)*size(lines)]))
+         is_damping(k) = damps(reshape(roots(:, :, k), [size(s)*size(lines)]))
       end do
-      call not_negative_least_squares(a, b, free, found%value)
+      call non_negative_least_squares(matrix, rhs, is_damping, found%value)
    end subroutine set_damping
 
-   !> Minimises |a x - b| over those x that are free, none of them negative, one at a time.
-   pure subroutine not_negative_least_squares(a, b, free, x)
+   !> Minimises |a x - b| over the components of x that are free, under the condition x >= 0, by
+   !> coordinate descent.
+   pure subroutine non_negative_least_squares(a, b, free, x)
       real(wp), intent(in) :: a(:, :), b(:)
       logical, intent(in) :: free(:)
       real(wp), intent(inout) :: x(:)
@@ -281,6 +295,6 @@ contains
             x(k) = next
          end do
       end do
-   end subroutine not_negative_least_squares
+   end subroutine non_negative_least_squares
 
 end module beamid_assignments

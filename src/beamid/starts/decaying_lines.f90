@@ -1,5 +1,7 @@
-!> The decaying oscillations that a record consists of: found one after the other by a matched
-!> filter on its own stamps, and refined all at once after each.
+!> Spectral lines of a record, each a decaying oscillation.
+!>
+!> A matched filter, evaluated at the sample times themselves, finds one line after the other. After
+!> each one, all lines are refined together.
 module beamid_decaying_lines
    use beamid_errors, only: error_t
    use beamid_kinds, only: wp
@@ -14,22 +16,23 @@ module beamid_decaying_lines
 
 contains
 
-   !> The lines of a record, the strongest first in energy; what they are multiples of is said.
+   !> Returns the spectral lines of a record, in descending order of energy, and marks multiples.
    !>
-   !> t, z     (m) ascending [time] and any unit
-   !> highest  frequency up to which lines are looked for [1/time]; half the mean rate at most
-   !> most     how many lines at most
+   !> t        (m) sample times, ascending [time]
+   !> z        (m) values in any unit
+   !> highest  highest frequency to search, limited to half the mean sampling rate [1/time]
+   !> most     largest number of lines
    subroutine find_lines(t, z, highest, most, lines)
       real(wp), intent(in) :: t(:), z(:), highest
       integer, intent(in) :: most
       type(line_t), allocatable, intent(out) :: lines(:)
       real(wp), allocatable :: times(:), values(:), rest(:)
-      type(line_t), allocatable :: barred(:), tried(:)
+      type(line_t), allocatable :: rejected(:), tried(:)
       type(line_t) :: line
       real(wp) :: range(2), span
       integer :: k
 
-      allocate (lines(0), barred(0))
+      allocate (lines(0), rejected(0))
       if (size(t) < 8) return
       call condense(t, z, highest, times, values)
       if (size(times) < 8) return
@@ -40,12 +43,12 @@ contains
       values = values - sum(values)/size(values)
       rest = values
       do k = 1, 2*most
-         call strongest_line(times, rest, range, [lines, barred], line)
+         call strongest_line(times, rest, range, [lines, rejected], line)
          if (.not. line%frequency > 0 .or. size(lines) == most) exit
          tried = [lines, line]
          call refine(times, values, range, tried, rest)
          if (.not. apart(tried, span)) then
-            barred = [barred, line]
+            rejected = [rejected, line]
             call refine(times, values, range, lines, rest)
             cycle
          end if
@@ -55,7 +58,10 @@ contains
       call name_multiples(lines, span)
    end subroutine find_lines
 
-   !> Whether the last line is none of the others once they are refined.
+   !> Tells whether the last line still has energy after the refinement, and is distinct from the
+   !> others.
+   !>
+   !> span  length of the record [time]
    pure logical function apart(lines, span)
       type(line_t), intent(in) :: lines(:)
       real(wp), intent(in) :: span
@@ -66,10 +72,12 @@ contains
          lines(n)%energy > 0
    end function apart
 
-   !> Gauss-Newton steps for all frequencies and rates of decay, amplitudes and a mean eliminated; a
-   !> step that does not pay is halved.
+   !> Refines all frequencies and decay rates by Gauss-Newton steps, with amplitudes and a mean
+   !> eliminated. A step that does not reduce the sum of squares is shortened.
    !>
-   !> z      (m) its sum is 0
+   !> t      (m) sample times, starting at 0 [time]
+   !> z      (m) values with sum 0
+   !> range  (2) range of the frequencies [1/time]
    !> lines  on return with their energies
    !> rest   (m) z without the lines
    subroutine refine(t, z, range, lines, rest)
@@ -78,28 +86,29 @@ contains
       real(wp), intent(out) :: rest(:)
       integer, parameter :: steps = 6
       type(line_t) :: moved(size(lines))
-      real(wp) :: ahead(2*size(lines)), J, span, share
+      real(wp) :: step(2*size(lines)), J, span, share
       integer :: k
 
       span = t(size(t))
       share = 1
-      call separate(t, z, lines, rest, ahead)
+      call separate(t, z, lines, rest, step)
       J = sum(rest**2)
       do k = 1, steps
          moved = lines
          associate (n => size(lines), limit => 1/span)
             moved%frequency = min(max(lines%frequency + share*max(-limit, min(limit, &
-               ahead(:n)/two_pi)), range(1)), range(2))
+               step(:n)/two_pi)), range(1)), range(2))
             moved%decay = max(0.0_wp, lines%decay + share*max(-10*limit - lines%decay/2, &
-               min(10*limit + lines%decay, ahead(n + 1:))))
+               min(10*limit + lines%decay, step(n + 1:))))
          end associate
          call try()
       end do
 
    contains
 
+      !> Evaluates the lines that were moved, and accepts them if the sum of squares is smaller.
       subroutine try()
-         real(wp) :: next(size(ahead)), left(size(rest))
+         real(wp) :: next(size(step)), left(size(rest))
 
          call separate(t, z, moved, left, next)
          if (.not. sum(left**2) < J) then
@@ -108,21 +117,21 @@ contains
          end if
          lines = moved
          rest = left
-         ahead = next
+         step = next
          share = min(1.0_wp, 2*share)
          J = sum(rest**2)
       end subroutine try
 
    end subroutine refine
 
-   !> Amplitudes of lines by least squares, and the step that linear theory proposes from there.
+   !> Computes the amplitudes of the lines by least squares, and the next Gauss-Newton step.
    !>
-   !> rest   (m) z without the lines and a mean
-   !> ahead  (2n) changes of the angular frequencies, then of the rates of decay
-   subroutine separate(t, z, lines, rest, ahead)
+   !> rest   (m) z without the lines and without a mean
+   !> step   (2n) step of the angular frequencies, then of the decay rates [1/time]
+   subroutine separate(t, z, lines, rest, step)
       real(wp), intent(in) :: t(:), z(:)
       type(line_t), intent(inout) :: lines(:)
-      real(wp), intent(out) :: rest(:), ahead(:)
+      real(wp), intent(out) :: rest(:), step(:)
       complex(wp) :: motion(size(t), size(lines))
       real(wp) :: phi(size(t), 2*size(lines) + 1), slope(size(t), 2*size(lines))
       real(wp) :: c(2*size(lines) + 1), y(size(t)), length(2*size(lines))
@@ -131,7 +140,7 @@ contains
       integer :: k, n
 
       n = size(lines)
-      ahead = 0
+      step = 0
       do k = 1, n
          motion(:, k) = exp(cmplx(-lines(k)%decay, two_pi*lines(k)%frequency, wp)*t)
       end do
@@ -146,7 +155,7 @@ contains
       end if
       call projection%coefficients(rest, c)
       do k = 1, n
-         ! Of -z + Phi c, as the coefficients minimise |z + Phi c|.
+         ! The signs are those of -z + Phi c, because the coefficients minimise |z + Phi c|.
          motion(:, k) = motion(:, k)*cmplx(-c(k), c(n + k), wp)
          lines(k)%energy = sum(real(motion(:, k))**2)/max(sum(z**2), tiny(1.0_wp))
          slope(:, k) = t*aimag(motion(:, k))
@@ -159,10 +168,11 @@ contains
       call new_projection(slope, projection, error)
       if (allocated(error)) return
       y = rest
-      call projection%coefficients(y, ahead)
-      ahead = ahead/length
+      call projection%coefficients(y, step)
+      step = step/length
    end subroutine separate
 
+   !> Sorts lines in descending order of energy.
    pure subroutine sort_by_energy(lines)
       type(line_t), intent(inout) :: lines(:)
       integer :: k, strongest
@@ -173,11 +183,13 @@ contains
       end do
    end subroutine sort_by_energy
 
-   !> Multiples of a stronger line with less than a fiftieth of its energy, and of 50 and 60 where
-   !> they do not die out.
+   !> Marks multiples of stronger lines, and lines of the mains.
    !>
-   !> lines  the strongest first
-   !> span   of the record [time]
+   !> A multiple has less than a fiftieth of the energy of the stronger line. A line of the mains is
+   !> a multiple of 50 or 60 that does not decay.
+   !>
+   !> lines  in descending order of energy
+   !> span   length of the record [time]
    pure subroutine name_multiples(lines, span)
       type(line_t), intent(inout) :: lines(:)
       real(wp), intent(in) :: span

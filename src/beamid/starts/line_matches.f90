@@ -1,16 +1,19 @@
-!> Start values where a property varies along the beam: each mode of the model is to have the
-!> frequency and the rate of decay of the line that is nearest to it, from the lowest mode on. How
-!> E or c_D varies is smooth, and everything else stays near its start as far as the lines let it.
+!> Start values if a property varies along the beam.
+!>
+!> From the lowest mode on, each mode is given the frequency and the decay rate of the nearest
+!> spectral line. E(x) and c_D(x) are kept smooth, and all other parameters are kept near their
+!> start.
 module beamid_line_matches
    use beamid_assignments, only: lines_t
    use beamid_decaying_lines, only: find_lines
    use beamid_errors, only: error_t, failure
+   use beamid_field_penalties, only: fields, penalty_count, penalty_order
    use beamid_kinds, only: wp
    use beamid_least_squares, only: fit, fit_t, options_t
    use beamid_model_roots, only: belief_t, beliefs_about, model_roots
    use beamid_parameters, only: free_names
    use beamid_problems, only: smooth_problem_t
-   use beamid_residuals, only: fields, penalty_order, residual_t
+   use beamid_residuals, only: residual_t
    use beamid_smoothing, only: difference_rows
    use beamid_strings, only: to_text
    use beamid_structure, only: is_coefficient, of_x_D
@@ -20,29 +23,30 @@ module beamid_line_matches
 
    public :: match_lines, starts_along
 
-   !> Where along the beam a dip is looked for.
+   !> Number of places along the beam at which the search for a dip starts.
    integer, parameter, public :: dip_places = 11
 
    real(wp), parameter :: two_pi = 2*acos(-1.0_wp)
-   !> Modes that are looked for at most.
+   !> Largest number of modes that are matched.
    integer, parameter :: most_modes = 8
 
-   !> How far off a line may be: the relative error of a frequency and of a rate of decay by the
-   !> model, not by noise; and by how much the logarithms of neighbouring coefficients may differ.
-   !> Starts need no better ones.
+   !> Relative standard deviations of frequencies and decay rates, which come from the errors of the
+   !> model and not from noise; and standard deviation of the differences of the logarithms of
+   !> neighbouring coefficients. Start values need no better ones.
    real(wp), parameter :: frequency_error = 1e-3_wp, rate_error = 0.3_wp, unlike = 0.1_wp
 
-   !> A line of a record that a mode is to have.
+   !> A mode and its spectral line in one record.
    type :: match_t
       integer :: record = 0, mode = 0
-      real(wp) :: frequency = 0, rate = 0    !< [1/time]
+      real(wp) :: frequency = 0, rate = 0    !< frequency and decay rate of the line [1/time]
    end type match_t
 
+   !> The least-squares problem that fits the modes of the model to their lines.
    type, extends(smooth_problem_t) :: matching_t
-      type(residual_t) :: problem
+      type(residual_t) :: problem                 !< supplies the model
       type(match_t), allocatable :: matches(:)
-      type(belief_t), allocatable :: beliefs(:)
-      integer :: modes = 0
+      type(belief_t), allocatable :: beliefs(:)   !< (n) expected parameter values
+      integer :: modes = 0                        !< number of modes to compute
    contains
       procedure :: residuals
       procedure :: jacobian
@@ -51,11 +55,13 @@ module beamid_line_matches
 
 contains
 
-   !> Starts that suit the lines, the best first. Where the place of a dip is free it is looked for
-   !> all along the beam: what is near in frequencies may be far away.
+   !> Returns start values that suit the spectral lines, the best first.
    !>
-   !> variables  (n) with the start of the case
-   !> starts     (n, candidates); none: the records have no lines that are the model's
+   !> If the place of a dip is free, the search starts all along the beam, because dips at distant
+   !> places may give similar frequencies.
+   !>
+   !> variables  (n) variables with the start values of the case
+   !> starts     (n, candidates); no candidates if no lines of the records match the model
    subroutine match_lines(problem, variables, starts)
       type(residual_t), intent(in) :: problem
       type(variable_t), intent(in) :: variables(:)
@@ -81,7 +87,7 @@ contains
          best = minloc(cost, dim=1)
          if (.not. cost(best) < huge(cost)) return
          starts = reshape([starts, tried(:, best)], [size(variables), k])
-         ! Of those that end in one place one is enough.
+         ! Of several candidates with the dip at the same place, the best one is enough.
          if (dip == 0) return
          where (abs(tried(dip, :)%start - tried(dip, best)%start) < 0.01_wp*length .and. &
             abs(cost - cost(best)) <= 0.1_wp*cost(best)) cost = huge(cost)
@@ -89,10 +95,11 @@ contains
       end do
    end subroutine match_lines
 
-   !> The start of a case, and where the place of a dip is free the same with it here and there
-   !> along the beam.
+   !> Returns the start values of the case, and if the place of a dip is free, copies of them with
+   !> the dip at several places along the beam.
    !>
-   !> starts  (n, 1 or more)
+   !> variables  (n) variables with the start values of the case
+   !> starts     (n, 1 or 1 + dip_places)
    pure function starts_along(problem, variables) result(starts)
       type(residual_t), intent(in) :: problem
       type(variable_t), intent(in) :: variables(:)
@@ -111,9 +118,9 @@ contains
       end do
    end function starts_along
 
-   !> The lines of each record, up to the highest mode that is looked for.
+   !> Finds the spectral lines of each record, up to the highest mode that is matched.
    !>
-   !> lines  not allocated: the model has no modes, or a record no lines
+   !> lines  (records); not allocated if the model has no modes, or a record has no lines
    subroutine lines_of_problem(problem, variables, lines)
       type(residual_t), intent(in) :: problem
       type(variable_t), intent(in) :: variables(:)
@@ -140,8 +147,11 @@ contains
       lines = found
    end subroutine lines_of_problem
 
-   !> variables  on return with the start that suits the lines
-   !> cost       its sum of squares; huge: there are no lines that suit
+   !> Matches lines to modes from one start, the lowest mode first.
+   !>
+   !> lines      (records) spectral lines
+   !> variables  (n) on return with the start values that suit the lines
+   !> cost       sum of squares; huge if no lines match
    subroutine match_from(problem, lines, variables, cost)
       type(residual_t), intent(in) :: problem
       type(lines_t), intent(in) :: lines(:)
@@ -153,7 +163,7 @@ contains
       type(options_t) :: options
       complex(wp), allocatable :: s(:), ds(:, :)
       integer :: before, k, nearest, r
-      real(wp) :: far, near
+      real(wp) :: limit, distance
 
       cost = huge(cost)
       matching%problem = problem
@@ -179,10 +189,10 @@ contains
             associate (line => lines(r)%line, f => aimag(s(k))/two_pi)
                if (.not. f > 0) cycle
                nearest = minloc(abs(log(line%frequency/f)), dim=1)
-               ! Lower modes tell where the next one is.
-               far = merge(0.3_wp, 0.1_wp, before == 0)
-               near = abs(log(line(nearest)%frequency/f))
-               if (near > far) cycle
+               ! Modes that have been matched predict the next one more closely.
+               limit = merge(0.3_wp, 0.1_wp, before == 0)
+               distance = abs(log(line(nearest)%frequency/f))
+               if (distance > limit) cycle
                matching%matches = [matching%matches, match_t(r, k, line(nearest)%frequency, &
                   max(line(nearest)%decay, 1e-6_wp*f))]
             end associate
@@ -196,16 +206,19 @@ contains
       if (size(matching%matches) > 0) cost = found%J
    end subroutine match_from
 
+   !> Returns the number of residuals: two for each match, one for each parameter, and those of the
+   !> smoothness penalties.
    pure integer function rows(self)
       class(matching_t), intent(in) :: self
       integer :: a
 
       rows = 2*size(self%matches) + size(self%beliefs)
       do a = 1, fields
-         rows = rows + max(0, size(self%problem%field_columns(a)) - penalty_order)
+         rows = rows + penalty_count(size(self%problem%field_columns(a)))
       end do
    end function rows
 
+   !> Computes the residuals (rows) at trial values of the parameters (n).
    subroutine residuals(self, parameters, r, error)
       class(matching_t), intent(inout) :: self
       real(wp), intent(in) :: parameters(:)
@@ -216,6 +229,8 @@ contains
       call self%jacobian(parameters, r, jac, error)
    end subroutine residuals
 
+   !> Computes the residuals (rows) and their derivatives (rows, n) at trial values of the
+   !> parameters.
    subroutine jacobian(self, parameters, r, jac, error)
       class(matching_t), intent(inout) :: self
       real(wp), intent(in) :: parameters(:)

@@ -1,4 +1,4 @@
-!> Fits from several starts, and what speaks against each of them.
+!> Trial fits from given start values, and the objections to their results.
 module beamid_trials
    use beamid_errors, only: error_t
    use beamid_kinds, only: wp
@@ -16,28 +16,29 @@ module beamid_trials
 
    !> A fit from one start.
    type :: trial_t
-      type(scenario_t) :: start
+      type(scenario_t) :: start                  !< scenario with the start values
       type(fit_t) :: fit
-      complex(wp), allocatable :: s(:, :)        !< (modes, records) roots of what was found
-      complex(wp), allocatable :: ds(:, :, :)    !< (modes, records, free)
-      !> what speaks against it; '': nothing
+      complex(wp), allocatable :: s(:, :)        !< (modes, records) roots at the estimate [1/time]
+      complex(wp), allocatable :: ds(:, :, :)    !< (modes, records, free) their derivatives
+      !> objection to the result; '': none
       character(len=:), allocatable :: objection
    end type trial_t
 
-   !> A mode gains what J falls by with it over the variance of the noise around its frequency; as
-   !> much as a line that stands out, of whose power the median is ln 2 times half of that variance.
+   !> Smallest gain with which a mode is accepted: that of a spectral line that stands out. The gain
+   !> of a mode is the decrease of J that it causes, divided by the variance of the noise around its
+   !> frequency. The median of the power of a line of noise is ln 2 times half of that variance.
    real(wp), parameter, public :: least_gain = 2*log(2.0_wp)*standing_out
 
    real(wp), parameter :: two_pi = 2*acos(-1.0_wp)
 
 contains
 
-   !> Fits from start values.
+   !> Runs a fit from start values, and computes the roots of the model at its end.
    !>
-   !> problem  with what is free in place; its scenario is left as it was
-   !> values   (free)
-   !> modes    whose roots are wanted
-   !> error    the fit does not converge
+   !> problem  the fit with its free parameters; its scenario is not changed
+   !> values   (free) start values of the searched variables
+   !> modes    number of roots to compute
+   !> error    the fit does not converge, or the roots cannot be computed
    subroutine try_start(problem, stage, values, modes, options, trial, error)
       type(residual_t), intent(inout) :: problem
       type(stage_t), intent(in) :: stage
@@ -73,9 +74,9 @@ contains
       end associate
    end subroutine try_start
 
-   !> What mode k gains, beside a fit without it, in record r.
+   !> Returns the gain of mode k in record r, compared with a fit without this mode.
    !>
-   !> without  (m) the residuals of that fit
+   !> without  (m) residuals of the fit without the mode
    function gain_of_mode(problem, trial, k, r, without) result(gain)
       type(residual_t), intent(in) :: problem
       type(trial_t), intent(in) :: trial
@@ -95,11 +96,12 @@ contains
       end associate
    end function gain_of_mode
 
-   !> Sets what speaks against a fit: a large J, much damping, or parameters far from what was
-   !> believed.
+   !> Sets the objection to a trial: a large J, too much damping, or parameters far from their
+   !> expected values.
    !>
+   !> names     (free) names of the parameters
    !> variance  sum of squares of the records about their means
-   !> needed    modes without which a parameter would not be determined
+   !> needed    number of modes without which a parameter would not be determined
    pure subroutine object(trial, beliefs, names, variance, needed)
       type(trial_t), intent(inout) :: trial
       type(belief_t), intent(in) :: beliefs(:)
@@ -107,7 +109,7 @@ contains
       real(wp), intent(in) :: variance
       integer, intent(in) :: needed
       real(wp), parameter :: most_damping(2) = [0.1_wp, 0.3_wp], far = 2.5_wp
-      ! What is stated has pulled already, and there may be many of it.
+      ! Stated priors are part of the fit already, and there may be many of them.
       real(wp), parameter :: far_from_stated = 4
       real(wp) :: ratio, deviation
       integer :: k
@@ -134,13 +136,17 @@ contains
       end do
    end subroutine object
 
-   !> Whether a mode sits on a multiple of the lowest one, or on the mains, as nearly as its
-   !> frequency can be told, where there is no line that is neither.
+   !> Tells whether a mode sits on a multiple of the lowest mode or of the mains frequency.
+   !>
+   !> A strong spectral line near the frequency of the mode decides by itself: the mode is a
+   !> multiple if the line is marked as a multiple. Without such a line, the frequency of the mode
+   !> decides, to within its accuracy.
    !>
    !> s      (modes) roots [1/time]
-   !> k      which mode
-   !> gain   of it
-   !> lines  of the record, span its length
+   !> k      number of the mode
+   !> gain   its gain
+   !> lines  spectral lines of the record
+   !> span   length of the record [time]
    pure logical function is_multiple(s, k, gain, lines, span)
       complex(wp), intent(in) :: s(:)
       integer, intent(in) :: k
@@ -159,7 +165,7 @@ contains
          is_multiple = is_multiple .or. lines(n)%mains .or. lines(n)%harmonic > 0
          if (lines(n)%energy > weak*maxval(lines%energy)) return
       end do
-      ! Three standard deviations of the frequency of a decaying oscillation in white noise.
+      ! Three standard deviations of the angular frequency of a decaying oscillation in white noise.
       error = 3*hypot(2*real(s(k)), sqrt(12.0_wp)/span)/sqrt(max(gain, 1.0_wp))
       ratio = aimag(s(k))/aimag(s(1))
       is_multiple = is_multiple .or. near_mains(frequency, span, error/two_pi) .or. &
@@ -167,44 +173,51 @@ contains
          abs(ratio - nint(ratio)) < tolerance*ratio + error/aimag(s(1))
    end function is_multiple
 
-   !> The parameters that neither modes nor what is stated determine: each in turn, that with the
-   !> largest effect on frequencies and damping first, and what is left of an effect beside those of
-   !> the others.
+   !> Tells which parameters neither the modes nor the priors determine.
    !>
-   !> s, ds    (modes, records), (modes, records, free) [1/time]
-   !> visible  (modes, records) whether a mode is in the record
-   pure function resting(s, ds, visible, beliefs, values) result(lost)
+   !> The effects of the parameters on frequencies and damping are orthogonalised one after the
+   !> other, the largest remaining effect first. A parameter whose remaining effect is below the
+   !> accuracy of the modes is not determined.
+   !>
+   !> s             (modes, records) roots [1/time]
+   !> ds            (modes, records, free) their derivatives
+   !> visible       (modes, records) whether a mode is in the record
+   !> beliefs       (free) expected values
+   !> values        (free) values at which the roots were computed
+   !> undetermined  (free) whether the parameter is not determined
+   pure function resting(s, ds, visible, beliefs, values) result(undetermined)
       complex(wp), intent(in) :: s(:, :), ds(:, :, :)
       logical, intent(in) :: visible(:, :)
       type(belief_t), intent(in) :: beliefs(:)
       real(wp), intent(in) :: values(:)
-      logical :: lost(size(values))
-      real(wp), parameter :: frequency_error = 4e-3_wp, damping_error = 0.3_wp, less = 3
-      real(wp) :: a(2*size(s), size(values)), length(size(values))
+      logical :: undetermined(size(values))
+      real(wp), parameter :: frequency_error = 4e-3_wp, damping_error = 0.3_wp, damping_factor = 3
+      real(wp) :: effect(2*size(s), size(values)), norm(size(values))
       integer :: j, k, n
 
       do k = 1, size(values)
-         a(:size(s), k) = reshape(merge(aimag(ds(:, :, k))/aimag(s)/frequency_error, 0.0_wp, &
+         effect(:size(s), k) = reshape(merge(aimag(ds(:, :, k))/aimag(s)/frequency_error, 0.0_wp, &
             visible), [size(s)])
-         a(size(s) + 1:, k) = reshape(merge(real(ds(:, :, k))/(damping_error*abs(real(s)) &
+         effect(size(s) + 1:, k) = reshape(merge(real(ds(:, :, k))/(damping_error*abs(real(s)) &
             + 1e-4_wp*abs(s)), 0.0_wp, visible), [size(s)])
-         a(:, k) = a(:, k)*beliefs(k)%width*beliefs(k)%slope(max(values(k), &
+         effect(:, k) = effect(:, k)*beliefs(k)%width*beliefs(k)%slope(max(values(k), &
             0.1_wp*beliefs(k)%centre))
-         ! Damping is hardly known before.
-         if (damps(reshape(ds(:, :, k), [size(s)]))) a(:, k) = less*a(:, k)
+         ! The expected damping is hardly known: it may be wrong by more than a factor e.
+         if (damps(reshape(ds(:, :, k), [size(s)]))) effect(:, k) = damping_factor*effect(:, k)
       end do
-      lost = .true.
+      undetermined = .true.
       do n = 1, size(values)
-         length = norm2(a, dim=1)
-         k = maxloc(length, dim=1, mask=lost)
-         if (.not. length(k) > 1) exit
-         lost(k) = .false.
-         a(:, k) = a(:, k)/length(k)
+         norm = norm2(effect, dim=1)
+         k = maxloc(norm, dim=1, mask=undetermined)
+         if (.not. norm(k) > 1) exit
+         undetermined(k) = .false.
+         effect(:, k) = effect(:, k)/norm(k)
          do j = 1, size(values)
-            if (lost(j)) a(:, j) = a(:, j) - a(:, k)*dot_product(a(:, k), a(:, j))
+            if (undetermined(j)) effect(:, j) = effect(:, j) &
+               - effect(:, k)*dot_product(effect(:, k), effect(:, j))
          end do
       end do
-      lost = lost .and. .not. beliefs%stated
+      undetermined = undetermined .and. .not. beliefs%stated
    end function resting
 
 end module beamid_trials

@@ -1,4 +1,5 @@
-!> B-splines on any knots, and their derivatives.
+!> B-splines and their derivatives on arbitrary knots. The spline spaces and the fields along the
+!> beam are built from them.
 module beamid_b_splines
    use beamid_kinds, only: wp
    implicit none
@@ -8,8 +9,12 @@ module beamid_b_splines
 
 contains
 
-   !> The cardinal B-splines, of unit spacing, that are nonzero on one interval, from left to right,
-   !> at s in [0, 1].
+   !> Returns the cardinal B-splines, on knots of unit spacing, that are nonzero on one interval,
+   !> from left to right.
+   !>
+   !> degree      of the splines
+   !> derivative  order of the derivative; 0: the values
+   !> s           place in the interval, 0 to 1
    pure function cardinal(degree, derivative, s) result(values)
       integer, intent(in) :: degree, derivative
       real(wp), intent(in) :: s
@@ -19,12 +24,14 @@ contains
       values = b_splines([(real(i, wp), i=1 - degree, degree)], s, derivative)
    end function cardinal
 
-   !> The degree + 1 B-splines, scaled by degree!, that are nonzero between two knots, from left to
-   !> right: de Boor's recurrence for the splines of degree degree - derivative, then differences of
-   !> those over the spans of knots they live on.
+   !> Returns the degree + 1 B-splines, multiplied by degree!, that are nonzero between two knots,
+   !> from left to right, or a derivative of them. De Boor's recurrence gives the splines of degree
+   !> degree - derivative; repeated differences, divided by the lengths of their supports, are the
+   !> derivatives.
    !>
-   !> t  (2 degree) the knots around, relative to number `degree`, at 0
-   !> u  between 0 and t(degree + 1)
+   !> t           (2 degree) knots around the interval; the interval begins at t(degree) = 0
+   !> u           place in the interval, 0 to t(degree + 1)
+   !> derivative  order of the derivative; 0: the values
    pure function b_splines(t, u, derivative) result(values)
       real(wp), intent(in) :: t(:), u
       integer, intent(in) :: derivative

@@ -1,20 +1,21 @@
-!> The one error type of the library. An allocated error is the signal:
-!> the caller writes `if (allocated(error)) return`.
+!> The error type of the whole library. An allocated error is the signal of a failure: the caller
+!> writes `if (allocated(error)) return`.
 module beamid_errors
    implicit none
    private
 
    public :: error_t, bad_input, failure, locate
 
-   !> Exit status of a computation that could not be finished.
+   !> Exit status of a computation that failed.
    integer, parameter, public :: status_failed = 1
-   !> Exit status of an input that cannot be accepted.
+   !> Exit status of input that cannot be accepted.
    integer, parameter, public :: status_bad_input = 2
-   !> A signal or the caller has stopped the computation (`beamid_interrupts`).
+   !> Exit status of a computation that a signal or the caller has stopped (`beamid_interrupts`).
    integer, parameter, public :: status_interrupted = 3
 
+   !> An error: its message and the exit status of the program.
    type :: error_t
-      !> What happened: where (file, group, key or line), what was found, what was expected.
+      !> Where the error is (file, group, key or line), what was found and what was expected.
       character(len=:), allocatable :: message
       !> `status_failed`, `status_bad_input` or `status_interrupted`.
       integer :: status = status_failed
@@ -22,7 +23,7 @@ module beamid_errors
 
 contains
 
-   !> The user's input cannot be accepted.
+   !> Makes an error of the user's input, with status 2.
    pure subroutine bad_input(error, message)
       type(error_t), allocatable, intent(out) :: error
       character(len=*), intent(in) :: message
@@ -32,7 +33,7 @@ contains
       error%status = status_bad_input
    end subroutine bad_input
 
-   !> The input was sound, the computation could not be finished.
+   !> Makes an error of a computation whose input is sound, with status 1.
    pure subroutine failure(error, message)
       type(error_t), allocatable, intent(out) :: error
       character(len=*), intent(in) :: message
@@ -42,7 +43,9 @@ contains
       error%status = status_failed
    end subroutine failure
 
-   !> Says before the message what it belongs to; nothing happens without an error.
+   !> Prepends the place to an error's message; does nothing if there is no error.
+   !>
+   !> what  file, group, mesh or other place that the error belongs to
    pure subroutine locate(error, what)
       type(error_t), allocatable, intent(inout) :: error
       character(len=*), intent(in) :: what

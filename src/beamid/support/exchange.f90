@@ -1,15 +1,17 @@
-!> The files of an earlier run exchanged for those of a new one: all or none, whatever happens.
+!> Replaces the files of an earlier run by those of a new run, all of them or none. `beamid_outputs`
+!> calls it.
 !>
-!> The new files are written to a temporary folder inside the output folder, as `new-<name>`, the
-!> new manifest last. Then the older manifest goes there, as `old-<name>`, and each older file while
-!> the new one takes its name, and those that only the earlier run of the same command has written.
-!> The new manifest takes its name last: a folder without one does not hold whole runs. While it is
-!> in the temporary folder an exchange was begun and not ended: `take_back` undoes it, at once when
-!> a step fails, else at the beginning of the next run that writes to the folder.
+!> The new files are written to a temporary folder inside the output folder, as `new-<name>`; the
+!> new manifest is the last of them. Then the old manifest is moved there, as `old-<name>`, and each
+!> old file when the new file takes its name; so are old files that only an earlier run of the same
+!> command has written. The new manifest takes its name last, so a folder without a manifest does
+!> not hold a complete run. While the new manifest is in the temporary folder, an exchange has begun
+!> and not ended: `take_back` undoes it, at once if a step fails, or else at the beginning of the
+!> next run that writes to the folder.
 !>
-!> Runs on one machine wait for one another (`lock_folder`), so a temporary folder of this machine
-!> is one of a program that has died. Those of other machines, which may share the folder, are left;
-!> so are all where the file system knows no locks.
+!> Runs on one machine wait for one another (`lock_folder`). A temporary folder of this machine is
+!> therefore left from a program that has died. Temporary folders of other machines, which may share
+!> the folder, are not touched; nor are any if the file system has no locks.
 module beamid_exchange
    use, intrinsic :: iso_c_binding, only: c_int, c_null_char, c_ptr
    use beamid_errors, only: error_t
@@ -29,26 +31,28 @@ module beamid_exchange
 
    public :: named_text_t, exchange
 
+   !> A new file: its name, and its text or a path to it.
    type :: named_text_t
       character(len=:), allocatable :: name, text
-      !> Of a file that has the text, in the same file system: it is moved. Not allocated: there is
-      !> none.
+      !> Path of a file with the text, in the same file system; it is moved. Not allocated: `text`
+      !> holds the text.
       character(len=:), allocatable :: path
    end type named_text_t
 
+   !> Prefixes of names in the temporary folder.
    character(len=*), parameter :: new = '/new-', old = '/old-'
 
 contains
 
-   !> Puts the files of one run in a folder, which is there.
+   !> Puts the files of one run into an existing folder.
    subroutine exchange(directory, files, command, code, left)
       character(len=*), intent(in) :: directory
       type(named_text_t), intent(in) :: files(:)
-      !> The command that is run, a word.
+      !> Command that is run, one word.
       character(len=*), intent(in) :: command
-      !> 0 or an errno.
+      !> 0, or the errno of a failure.
       integer(c_int), intent(out) :: code
-      !> A temporary folder with older files that could not be put back; else ''.
+      !> Temporary folder with old files that could not be put back; '': none.
       character(len=:), allocatable, intent(out) :: left
       character(len=entry_length), allocatable :: kept(:), outdated(:)
       character(len=:), allocatable :: temporary
@@ -76,7 +80,7 @@ contains
       call release_signals()
    end subroutine exchange
 
-   !> What the names of temporary folders begin with; a number follows.
+   !> Returns the beginning of the names of temporary folders; the number of the process follows.
    function prefix()
       character(len=:), allocatable :: prefix
       integer :: i
@@ -87,7 +91,7 @@ contains
       end do
    end function prefix
 
-   !> Undoes and removes what runs that died have left.
+   !> Undoes the exchanges of runs that have died, and removes their temporary folders.
    subroutine take_back_all(directory, code, left)
       character(len=*), intent(in) :: directory
       integer(c_int), intent(out) :: code
@@ -107,12 +111,13 @@ contains
       left = ''
    end subroutine take_back_all
 
-   !> What earlier runs have written to the folder and this one will not, as they left it. What
-   !> was changed since, or cannot be read, belongs to neither list.
+   !> Sorts the files that earlier runs have written and this run will not write. Files that have
+   !> been changed since, or that cannot be read, belong to neither list.
    subroutine sort_older(directory, files, command, kept, outdated)
       character(len=*), intent(in) :: directory, command
       type(named_text_t), intent(in) :: files(:)
-      !> Lines of the older manifest: of runs of other commands, and of an earlier run of this one.
+      !> Lines of the old manifest: files of other commands; files of an earlier run of this
+      !> command.
       character(len=entry_length), allocatable, intent(out) :: kept(:), outdated(:)
       character(len=entry_length), allocatable :: entries(:)
       character(len=:), allocatable :: manifest
@@ -133,7 +138,7 @@ contains
       outdated = pack(entries, same .and. ours)
    end subroutine sort_older
 
-   !> Writes the new files and, last, the manifest to a temporary folder.
+   !> Writes the new files, and then the new manifest, to a temporary folder.
    integer(c_int) function prepare(temporary, files, command, kept) result(code)
       character(len=*), intent(in) :: temporary, command, kept(:)
       type(named_text_t), intent(in) :: files(:)
@@ -161,7 +166,7 @@ contains
       if (code == 0) code = sync_folder(temporary)
    end function prepare
 
-   !> Gives the new files their names, and keeps the older ones in the temporary folder.
+   !> Moves the old files to the temporary folder and gives the new files their names.
    integer(c_int) function give_names(directory, temporary, files, outdated) result(code)
       character(len=*), intent(in) :: directory, temporary, outdated(:)
       type(named_text_t), intent(in) :: files(:)
@@ -186,10 +191,10 @@ contains
          temporary//new//manifest_name)
    end function give_names
 
-   !> Keeps an older file, if there is one.
+   !> Moves an old file, if there is one, to the temporary folder.
    integer(c_int) function set_aside(directory, temporary, name, links) result(code)
       character(len=*), intent(in) :: directory, temporary, name
-      !> As a second name of it, so that the first is there all the time, where links are to be had.
+      !> .true.: try a second link to the file first, so that its name exists at all times.
       logical, intent(in) :: links
       character(len=:), allocatable :: path
 
@@ -208,8 +213,8 @@ contains
       code = renamed(path, temporary//old//name)
    end function set_aside
 
-   !> Removes a temporary folder; of an exchange that was begun and not ended, puts back the older
-   !> files first. It may be interrupted, and called again.
+   !> Removes a temporary folder. If an exchange has begun and not ended, puts back the old files
+   !> first. The procedure may be interrupted and called again.
    integer(c_int) function take_back(directory, temporary) result(code)
       character(len=*), intent(in) :: directory, temporary
       character(len=max_name), allocatable :: names(:)
@@ -231,7 +236,7 @@ contains
       if (code == 0) code = remove_folder(temporary)
    end function take_back
 
-   !> Takes their names from the new files that have got them already.
+   !> Moves new files that have their names already back to the temporary folder.
    integer(c_int) function take_names(directory, temporary) result(code)
       character(len=*), intent(in) :: directory, temporary
       character(len=entry_length), allocatable :: entries(:)
@@ -247,7 +252,7 @@ contains
       entries = entries_in(manifest)
       do i = 1, size(entries)
          name = name_in(entries(i))
-         ! Behind the new files stand those of other commands.
+         ! The entries of other commands follow those of the new files.
          if (command_in(entries(i)) /= command_in(entries(1))) exit
          if (kind_there(temporary//new//name) /= 0) cycle
          call compare(directory, entries(i), same, code)
@@ -256,7 +261,7 @@ contains
       end do
    end function take_names
 
-   !> Gives an older file its name again, unless there is a file of that name.
+   !> Gives an old file its name back, unless a file of this name exists.
    integer(c_int) function put_back(directory, temporary, name) result(code)
       character(len=*), intent(in) :: directory, temporary, name
 
@@ -266,6 +271,7 @@ contains
       code = renamed(temporary//old//name, join_path(directory, name))
    end function put_back
 
+   !> Renames a file; returns 0 or an errno.
    integer(c_int) function renamed(from, to)
       character(len=*), intent(in) :: from, to
 

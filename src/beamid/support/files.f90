@@ -1,5 +1,5 @@
-!> Whole files in and out, through the C library: gfortran's own runtime does not report a full
-!> disk, and waits for ever on a pipe.
+!> Reading and writing of whole files through the C library, because gfortran's runtime does not
+!> report a full disk and waits for ever on a pipe.
 module beamid_files
    use, intrinsic :: iso_c_binding, only: c_associated, c_int, c_null_char, c_ptr, c_size_t
    use beamid_errors, only: error_t, bad_input
@@ -12,12 +12,15 @@ module beamid_files
 
    public :: read_text, write_new
 
-   !> The largest file that is read: 1 GiB.
+   !> Largest file that is read: 1 GiB [bytes].
    integer(ip), parameter :: max_bytes = 2_ip**30
 
 contains
 
    !> Reads a whole regular file, byte for byte.
+   !>
+   !> text   '' if there is an error
+   !> error  the file does not exist, is not a regular file, is too large or cannot be read
    subroutine read_text(path, text, error)
       character(len=*), intent(in) :: path
       character(len=:), allocatable, intent(out) :: text
@@ -46,12 +49,12 @@ contains
       if (trouble /= '') call bad_input(error, path//': '//trouble)
    end subroutine read_text
 
-   !> Reads a file to its end: it may hold more bytes than its status said.
+   !> Reads a file to its end; the file may have more bytes than its status says.
    subroutine read_stream(path, expected_bytes, text, code)
       character(len=*), intent(in) :: path
       integer(ip), intent(in) :: expected_bytes
       character(len=:), allocatable, intent(inout) :: text
-      !> 0 or an errno.
+      !> 0, or the errno of a failure.
       integer(c_int), intent(out) :: code
       type(c_ptr) :: stream
       character(len=:), allocatable :: buffer, larger
@@ -79,7 +82,7 @@ contains
       ignored = c_fclose(stream)
    end subroutine read_stream
 
-   !> Writes one new file and waits until the disk has it; returns 0 or an errno.
+   !> Writes a new file and waits until it is on the disk; returns 0 or an errno.
    integer(c_int) function write_new(path, text) result(code)
       character(len=*), intent(in) :: path, text
       integer(c_int) :: fd, closing

@@ -1,4 +1,5 @@
-!> Fingerprints: 64 bits that tell whether the inputs of a result are those of an earlier run.
+!> Fingerprints of the inputs of a computation: 64 bits that tell whether stored results belong to
+!> the same inputs.
 !>
 !> The checksum is CRC-64/XZ (ECMA-182, reflected). Two different inputs share it with a probability
 !> of 5e-20; with 32 bits it would be 2e-10, so that 10,000 cases compared daily for a year would
@@ -18,8 +19,8 @@ module beamid_fingerprints
    !> Number of hexadecimal digits of a fingerprint.
    integer, parameter, public :: fingerprint_length = 16
 
-   !> A checksum over all texts and files that were added, in their order. Each has its length in
-   !> front, so that bytes that move from one to the next change the fingerprint.
+   !> Checksum over all texts and files that were added, in their order. The length of each is added
+   !> before its bytes, so that moving bytes from one text to the next changes the fingerprint.
    type :: fingerprint_t
       integer(int64), private :: checksum = 0
    contains
@@ -39,8 +40,8 @@ contains
       self%checksum = crc64(text, self%checksum)
    end subroutine add
 
-   !> Adds the bytes of a file, but not its path: a folder may be moved, and another machine may
-   !> know it by another name. A file that cannot be read differs from every file that can.
+   !> Adds the bytes of a file, but not its path, so that a folder may be moved or have another name
+   !> on another machine. A file that cannot be read differs from every file that can be read.
    subroutine add_file(self, path)
       class(fingerprint_t), intent(inout) :: self
       character(len=*), intent(in) :: path
@@ -55,7 +56,7 @@ contains
       end if
    end subroutine add_file
 
-   !> Returns the fingerprint of all that was added, in hexadecimal digits.
+   !> Returns the fingerprint in hexadecimal digits.
    pure function digits(self)
       class(fingerprint_t), intent(in) :: self
       character(len=fingerprint_length) :: digits

@@ -1,4 +1,4 @@
-!> Folders: made with their parents, listed, locked, and written to the disk.
+!> Folders: creation with parents, lists, locks, and writing to the disk.
 module beamid_folders
    use, intrinsic :: iso_c_binding, only: c_associated, c_int, c_null_char, c_ptr
    use beamid_kinds, only: ip
@@ -17,9 +17,9 @@ contains
    !> Creates a folder and its missing parents.
    subroutine make_folders(path, created, code)
       character(len=*), intent(in) :: path
-      !> Lengths of those leading parts of the path that were created, outermost first.
+      !> Lengths of the leading parts of the path that were created, outermost first.
       integer, allocatable, intent(out) :: created(:)
-      !> 0 or an errno.
+      !> 0, or the errno of a failure.
       integer(c_int), intent(out) :: code
       integer :: i
 
@@ -34,13 +34,14 @@ contains
          if (code == 0) then
             created = [created, i]
          else if (code == eexist) then
-            ! Another run may have made it just now; what else has this name is in the way.
+            ! Another run may have created it just now. Anything else of this name is in the way.
             code = merge(0_c_int, enotdir, is_folder(path(:i)))
          end if
          if (code /= 0) return
       end do
    end subroutine make_folders
 
+   !> Returns whether a path leads to a folder.
    logical function is_folder(path)
       character(len=*), intent(in) :: path
       integer :: kind
@@ -51,14 +52,15 @@ contains
       is_folder = kind == kind_directory
    end function is_folder
 
-   !> Returns 0 or an errno, as all functions below.
+   !> Creates a folder; returns 0 or an errno, as all functions below do.
    integer(c_int) function make_folder(path) result(code)
       character(len=*), intent(in) :: path
 
       code = errno_of(c_mkdir(path//c_null_char, int(o'777', c_int)))
    end function make_folder
 
-   !> Removes a folder and the files in it; what else is there stays, with the folder.
+   !> Removes a folder and the files in it. If it contains folders, they and the folder itself
+   !> remain.
    integer(c_int) function remove_folder(path) result(code)
       character(len=*), intent(in) :: path
       character(len=max_name), allocatable :: names(:)
@@ -72,7 +74,7 @@ contains
       if (c_rmdir(path//c_null_char) /= 0) code = last_errno()
    end function remove_folder
 
-   !> Opens a folder; `c_closedir` closes it.
+   !> Opens a folder, which `c_closedir` closes.
    integer(c_int) function open_folder(path, folder) result(code)
       character(len=*), intent(in) :: path
       type(c_ptr), intent(out) :: folder
@@ -82,7 +84,7 @@ contains
       if (.not. c_associated(folder)) code = last_errno()
    end function open_folder
 
-   !> The names in a folder that begin with `prefix`.
+   !> Lists the names in a folder that begin with `prefix`.
    integer(c_int) function list_folder(path, prefix, names) result(code)
       character(len=*), intent(in) :: path, prefix
       character(len=max_name), allocatable, intent(out) :: names(:)
@@ -98,7 +100,7 @@ contains
          name = entry_name(folder)
          if (name == '') exit
          if (name == '.' .or. name == '..' .or. index(name, prefix) /= 1) cycle
-         ! Twice as long each time: there may be thousands.
+         ! The list doubles each time, because there may be thousands of names.
          if (n == size(names)) names = [character(len=max_name) :: names, names, name]
          n = n + 1
          names(n) = name
@@ -107,10 +109,11 @@ contains
       code = c_closedir(folder)
    end function list_folder
 
-   !> Waits until no other run changes an open folder, half a minute at most: a run that was stopped
-   !> must not hold up this one for ever. .false. as well where a file system knows no locks.
+   !> Locks an open folder against other runs; waits half a minute at most, because a run that was
+   !> stopped must not block this run for ever. Returns .false. also if the file system has no
+   !> locks.
    logical function lock_folder(folder) result(locked)
-      !> From `open_folder`; the lock ends when it is closed, or with the program.
+      !> Folder from `open_folder`; the lock ends when it is closed, or with the program.
       type(c_ptr), intent(in) :: folder
       integer, parameter :: attempts = 3000
       integer(c_int), parameter :: microseconds = 10000
@@ -125,7 +128,8 @@ contains
       end do
    end function lock_folder
 
-   !> Waits until the disk has the names in a folder; a file system may not know how to (EINVAL).
+   !> Waits until the names in a folder are on the disk; a file system that cannot do this (EINVAL)
+   !> is no error.
    integer(c_int) function sync_folder(path) result(code)
       character(len=*), intent(in) :: path
       type(c_ptr) :: folder

@@ -1,16 +1,16 @@
-!> Interrupts: Ctrl-C, `kill`, and a caller who no longer wants the result.
+!> Interrupts: Ctrl-C, `kill`, and callers that no longer want the result.
 !>
-!> A signal only sets a flag. Every loop that may take long asks for the flag (`interrupted`) and
-!> ends early; every procedure that returns an error reports the flag as an error of the status
+!> A signal only sets a flag. Every loop that may take long tests the flag (`interrupted`) and ends
+!> early. Every procedure that returns an error reports the flag as an error with the status
 !> `status_interrupted` (`check_interrupt`). The flag stays set until the caller clears it. A loop
-!> that treats an error as "try the next one" therefore fails again at once, and whatever it
-!> returns is replaced by the error of the next `check_interrupt` further out.
+!> that responds to an error by trying the next candidate therefore fails again at once, and the
+!> next `check_interrupt` further out replaces whatever it returns.
 !>
-!> `stop_flag` points to the flag of the call in hand. Each thread has its own pointer. The threads
-!> of a parallel region take over the pointer of the thread that starts the region: each parallel
-!> region says `copyin(stop_flag)`. Signals set the flag of the process. The program uses that flag,
-!> and so does a call by C that asks for signals (`begin_call`); every other call by C has the flag
-!> of its thread, so that a signal does not stop fits in other threads.
+!> `stop_flag` points to the flag of the current call. Each thread has its own pointer; the threads
+!> of a parallel region take over the pointer of the thread that starts the region, for which every
+!> parallel region has `copyin(stop_flag)`. Signals set the flag of the process. The program uses
+!> this flag, and so does a call from C that asks for signals (`begin_call`). Every other call from
+!> C uses the flag of its thread, so that a signal does not stop fits in other threads.
 module beamid_interrupts
    use, intrinsic :: iso_c_binding, only: c_funloc, c_int, c_intptr_t, c_loc, c_null_ptr
    use beamid_errors, only: error_t, failure, status_interrupted
@@ -24,7 +24,7 @@ module beamid_interrupts
    public :: interrupt_at_check, checks_until_interrupt
    public :: hold_signals, release_signals
 
-   !> Flags are 0, the number of a signal, or this: the caller has stopped the call.
+   !> Value of a flag that the caller has set. Other values are 0 and the number of a signal.
    integer(c_int), parameter, public :: stopped_by_caller = -1
    character(len=*), parameter, public :: interruption = 'interrupted'
 
@@ -33,28 +33,28 @@ module beamid_interrupts
    integer(c_int), pointer, save, volatile :: stop_flag => flag_of_process
    !$omp threadprivate(flag_of_thread, stop_flag)
 
-   !> Checks left before the flag is set by itself; 0: never (tests).
+   !> Number of checks after which the flag sets itself, for tests; 0: never.
    integer, save, volatile :: countdown = 0
 
-   !> Whether a call by C has replaced the action of `sigint`, and the action before that.
+   !> Whether a call from C has replaced the action of `sigint`, and the action before.
    logical, save, volatile :: catches = .false.
    type(signal_action_t), target, save :: action_before
 
-   integer(c_int), parameter :: numbers(*) = [sighup, sigint, sigterm, sigxfsz, sigalrm]
-   !> What the program does at each of them otherwise.
-   integer(c_intptr_t) :: actions(size(numbers))
-   !> The last one that came, or 0.
+   !> Signals that wait during an exchange of files, and their actions before.
+   integer(c_int), parameter :: held_signals(*) = [sighup, sigint, sigterm, sigxfsz, sigalrm]
+   integer(c_intptr_t) :: actions(size(held_signals))
+   !> Last signal that came during the exchange; 0: none.
    integer(c_int), volatile :: waiting = 0
 
 contains
 
-   !> Returns whether the call in hand is to stop.
+   !> Returns whether the current call has to stop.
    logical function interrupted()
       if (countdown > 0) call count_down()
       interrupted = stop_flag /= 0
    end function interrupted
 
-   !> Replaces an error, or none, by an interruption if the call in hand is to stop.
+   !> Replaces an error, or no error, by an interruption if the current call has to stop.
    subroutine check_interrupt(error)
       type(error_t), allocatable, intent(inout) :: error
 
@@ -63,7 +63,7 @@ contains
       error%status = status_interrupted
    end subroutine check_interrupt
 
-   !> Sets the flag at the n-th check from now, for tests; 0: never. Clears the flag.
+   !> Clears the flag and makes it set itself at the n-th check from now, for tests; 0: never.
    subroutine interrupt_at_check(n)
       integer, intent(in) :: n
 
@@ -71,11 +71,12 @@ contains
       countdown = n
    end subroutine interrupt_at_check
 
-   !> Returns how many checks are left before the flag is set.
+   !> Returns the number of checks that are left before the flag sets itself.
    integer function checks_until_interrupt()
       checks_until_interrupt = countdown
    end function checks_until_interrupt
 
+   !> Counts one check and sets the flag at the last one.
    subroutine count_down()
       !$omp critical (interrupt_countdown)
       if (countdown == 1) stop_flag = sigint
@@ -83,17 +84,17 @@ contains
       !$omp end critical (interrupt_countdown)
    end subroutine count_down
 
-   !> Handler of signals: sets the flag of the process.
+   !> Handles a signal: sets the flag of the process.
    subroutine set_flag(number) bind(c)
       integer(c_int), value :: number
 
       flag_of_process = number
    end subroutine set_flag
 
-   !> Begins a call by C; to be ended by `end_call` in the same thread.
+   !> Begins a call from C, which `end_call` ends in the same thread.
    !>
-   !> catch  whether `sigint` is to stop the call: its action is replaced until the call ends. Only
-   !>        one call at a time catches it; to another one the answer is no.
+   !> catch  whether `sigint` stops the call. The action of `sigint` is then replaced until the call
+   !>        ends. Only one call at a time can catch it; for any further call `catch` has no effect.
    subroutine begin_call(catch)
       logical, intent(in) :: catch
       integer(c_intptr_t) :: ignored
@@ -111,9 +112,9 @@ contains
       catches = .true.
    end subroutine begin_call
 
-   !> Ends a call by C, and restores the action of `sigint`.
+   !> Ends a call from C, and restores the action of `sigint`.
    !>
-   !> flag  0; a signal that has come since the call began; or `stopped_by_caller`
+   !> flag  0, the number of a signal that has come since the call began, or `stopped_by_caller`
    subroutine end_call(flag)
       integer(c_int), intent(out) :: flag
 
@@ -122,8 +123,8 @@ contains
       stop_flag = 0
    end subroutine end_call
 
-   !> Restores the action of `sigint`, if a call by C has replaced it: at its end, or in a forked
-   !> child, where nobody is in the call.
+   !> Restores the action of `sigint` if a call from C has replaced it: at the end of the call, or
+   !> in a forked child, in which no thread is in the call.
    subroutine forget_call()
       integer(c_int) :: failed
 
@@ -132,38 +133,40 @@ contains
       catches = .false.
    end subroutine forget_call
 
-   !> Stops the call in hand of this thread.
+   !> Stops the current call of this thread.
    subroutine stop_call()
       if (stop_flag == 0) stop_flag = stopped_by_caller
    end subroutine stop_call
 
-   !> From here on the signals of a terminal, of `kill` and of a closed terminal wait; those that
-   !> the program ignores it goes on ignoring. The limit of a file's size is an error code, not the
-   !> end of the program. Handlers serve all threads, a signal mask does not.
+   !> Makes the signals of Ctrl-C, `kill` and a closed terminal wait until `release_signals`;
+   !> signals that the program ignores stay ignored. Exceeding the limit of a file's size becomes an
+   !> error code instead of ending the program. Handlers are used because they act in all threads,
+   !> which a signal mask does not.
    subroutine hold_signals()
       integer(c_intptr_t) :: ignored
       integer :: k
 
       waiting = 0
-      do k = 1, size(numbers)
-         actions(k) = c_signal(numbers(k), transfer(c_funloc(remember), 0_c_intptr_t))
-         if (actions(k) == sig_ign .or. numbers(k) == sigxfsz) &
-            ignored = c_signal(numbers(k), sig_ign)
+      do k = 1, size(held_signals)
+         actions(k) = c_signal(held_signals(k), transfer(c_funloc(remember), 0_c_intptr_t))
+         if (actions(k) == sig_ign .or. held_signals(k) == sigxfsz) &
+            ignored = c_signal(held_signals(k), sig_ign)
       end do
    end subroutine hold_signals
 
-   !> The signals act as before; one that came meanwhile does so now.
+   !> Restores the actions of the signals, and raises a signal that has come in the meantime.
    subroutine release_signals()
       integer(c_intptr_t) :: ignored
       integer(c_int) :: failed
       integer :: k
 
-      do k = 1, size(numbers)
-         ignored = c_signal(numbers(k), actions(k))
+      do k = 1, size(held_signals)
+         ignored = c_signal(held_signals(k), actions(k))
       end do
       if (waiting /= 0) failed = c_raise(waiting)
    end subroutine release_signals
 
+   !> Handles a signal during an exchange: remembers it.
    subroutine remember(number) bind(c)
       integer(c_int), value :: number
 

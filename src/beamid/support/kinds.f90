@@ -4,9 +4,9 @@ module beamid_kinds
    implicit none
    private
 
-   !> Working precision: IEEE double, the precision of LAPACK's `d` routines and of CVODE.
+   !> Working precision: IEEE double, as in LAPACK's routines d... and in CVODE.
    integer, parameter, public :: wp = real64
-   !> 64-bit integers for byte counts and step counts.
+   !> 64-bit integers for numbers of bytes and of steps.
    integer, parameter, public :: ip = int64
 
 end module beamid_kinds

@@ -1,5 +1,5 @@
-!> Explicit interfaces of LAPACK's procedures for full matrices. One that a single module calls may
-!> stand there.
+!> Explicit interfaces of LAPACK's procedures for full matrices. A procedure that only one module
+!> calls may have its interface there.
 module beamid_lapack
    use beamid_kinds, only: wp
    implicit none

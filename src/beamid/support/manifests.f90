@@ -1,8 +1,9 @@
-!> The manifest of an output folder: of each file its name, size and checksum, and the command whose
-!> run wrote it to its end.
+!> The manifest of an output folder: name, size and checksum of each file, and the command whose
+!> complete run has written the file.
 !>
-!> The checksum is CRC-32 as gzip, zip and PNG have it (ISO 3309; Python: `zlib.crc32`, coreutils
-!> 9.6 and newer: `cksum -a crc32b`): it tells a cut file or one of another run, not a forged one.
+!> The checksum is CRC-32 as in gzip, zip and PNG (ISO 3309; Python: `zlib.crc32`, coreutils 9.6 and
+!> newer: `cksum -a crc32b`). It detects a truncated file or a file of another run, not a forged
+!> one.
 module beamid_manifests
    use, intrinsic :: iso_c_binding, only: c_associated, c_int, c_null_char, c_ptr, c_size_t
    use, intrinsic :: iso_fortran_env, only: int32
@@ -21,27 +22,27 @@ module beamid_manifests
 
    character(len=*), parameter, public :: manifest_name = 'manifest.txt'
    character(len=*), parameter, public :: manifest_header = 'name bytes crc32 command'
-   !> A name of up to 255 characters, and the rest.
+   !> Length of a line [characters]: a name has at most 255.
    integer, parameter, public :: entry_length = 320
 
    character(len=*), parameter :: line_feed = achar(10)
 
 contains
 
-   !> The line of a file: `estimates.csv 1234 0a1b2c3d identify`.
+   !> Returns the line of a file: `estimates.csv 1234 0a1b2c3d identify`.
    pure function entry_of(name, text, command) result(entry)
-      !> The file's name, its whole text, and a word.
+      !> Name of the file, its whole text, and the command (one word).
       character(len=*), intent(in) :: name, text, command
       character(len=:), allocatable :: entry
 
       entry = line(name, len(text, ip), crc32(text, 0_int32), command)
    end function entry_of
 
-   !> The same of a file that may be too large to be held in memory.
+   !> Computes the line of a file that may be too large to be held in memory.
    subroutine entry_of_file(path, name, command, entry, code)
       character(len=*), intent(in) :: path, name, command
       character(len=:), allocatable, intent(out) :: entry
-      !> 0 or an errno.
+      !> 0, or the errno of a failure.
       integer(c_int), intent(out) :: code
       type(c_ptr) :: stream
       integer(ip) :: bytes
@@ -62,7 +63,7 @@ contains
       ignored = c_fclose(stream)
    end subroutine entry_of_file
 
-   !> The whole lines below the header of a manifest; size 0 when the text is none.
+   !> Returns the complete lines below the header of a manifest; size 0 if the text is no manifest.
    pure function entries_in(text) result(entries)
       character(len=*), intent(in) :: text
       character(len=entry_length), allocatable :: entries(:)
@@ -79,7 +80,8 @@ contains
       end do
    end function entries_in
 
-   !> The name in a line, which is all but its last three words. '' where that leads elsewhere.
+   !> Returns the name in a line: everything but the last three words. '' if it has a '/', and might
+   !> lead to another folder.
    pure function name_in(entry) result(name)
       character(len=*), intent(in) :: entry
       character(len=:), allocatable :: name
@@ -92,7 +94,7 @@ contains
       if (index(name, '/') > 0) name = ''
    end function name_in
 
-   !> The last word of a line.
+   !> Returns the last word of a line: the command.
    pure function command_in(entry) result(command)
       character(len=*), intent(in) :: entry
       character(len=:), allocatable :: command
@@ -100,11 +102,13 @@ contains
       command = trim(entry(index(trim(entry), ' ', back=.true.) + 1:))
    end function command_in
 
-   !> Whether a folder holds the file of a line, byte for byte.
+   !> Compares a file in a folder with a line of the manifest.
+   !>
+   !> same  whether the folder holds the file of the line, byte for byte
    subroutine compare(directory, entry, same, code)
       character(len=*), intent(in) :: directory, entry
       logical, intent(out) :: same
-      !> 0, or an errno where the file is there and cannot be read.
+      !> 0, or the errno if the file exists and cannot be read.
       integer(c_int), intent(out) :: code
       character(len=:), allocatable :: path, there
       integer(ip) :: bytes
@@ -114,7 +118,7 @@ contains
       code = 0
       path = join_path(directory, name_in(entry))
       if (kind_there(path) /= kind_regular) return
-      ! Of another size it need not be read.
+      ! A file of another size need not be read.
       call file_status(path, kind, bytes, code)
       if (code /= 0) return
       if (index(entry, name_in(entry)//' '//to_text(bytes)//' ') /= 1) return
@@ -122,10 +126,10 @@ contains
       same = entry == there
    end subroutine compare
 
-   !> Reads a file of an output folder, which must have the bytes that the manifest lists.
+   !> Reads a file of an output folder and checks it against the manifest.
    !>
    !> text   of the file; empty: there is no such file
-   !> error  the file or the manifest cannot be read, or the file has other bytes
+   !> error  the file or the manifest cannot be read, or the file has not the bytes that it lists
    subroutine read_listed(directory, name, text, error)
       character(len=*), intent(in) :: directory, name
       character(len=:), allocatable, intent(out) :: text
@@ -150,11 +154,12 @@ contains
          ', expected the file as a run has written it')
    end subroutine read_listed
 
-   !> The checksum of an open stream, piece by piece: outputs may be larger than what is read whole.
+   !> Computes the checksum of an open stream piece by piece, because the file may be too large for
+   !> the memory.
    subroutine read_checksum(stream, checksum, code)
       type(c_ptr), intent(in) :: stream
       integer(int32), intent(out) :: checksum
-      !> 0 or an errno.
+      !> 0, or the errno of a failure.
       integer(c_int), intent(out) :: code
       character(len=:), allocatable :: piece
       integer(ip) :: got
@@ -169,6 +174,7 @@ contains
       end do
    end subroutine read_checksum
 
+   !> Returns a line of the manifest.
    pure function line(name, bytes, checksum, command)
       character(len=*), intent(in) :: name, command
       integer(ip), intent(in) :: bytes
@@ -178,7 +184,7 @@ contains
       line = name//' '//to_text(bytes)//' '//hexadecimal(checksum)//' '//command
    end function line
 
-   !> A checksum in eight digits.
+   !> Returns a checksum as eight hexadecimal digits.
    pure function hexadecimal(checksum) result(digits)
       integer(int32), intent(in) :: checksum
       character(len=8) :: digits

@@ -1,8 +1,8 @@
-!> The strict reading of one number, and what is quoted of a user's text in messages.
+!> Strict reading of one number, and quotation of a user's text in messages.
 !>
-!> gfortran's list-directed `read` takes "1/2", "2*3" and "nan" for good numbers, so the characters
-!> are checked here before the C library converts them. Short numbers, which is what records are
-!> made of, are converted here, to the same last bit.
+!> gfortran's list-directed `read` accepts "1/2", "2*3" and "nan" as numbers. The characters are
+!> therefore checked here before the C library converts them. Short numbers, of which records
+!> consist, are converted here, with the same result to the last bit.
 module beamid_numbers
    use, intrinsic :: ieee_exceptions, only: ieee_get_status, ieee_overflow, &
       ieee_set_halting_mode, ieee_set_status, ieee_status_type, ieee_underflow
@@ -25,12 +25,12 @@ module beamid_numbers
 
 contains
 
-   !> Reads one decimal number: blanks around, sign, digits, point, exponent by e, E, d or D.
+   !> Reads one decimal number: blanks, sign, digits, point, exponent by e, E, d or D, blanks.
    subroutine parse_number(token, value, ok)
       character(len=*), intent(in) :: token
-      !> The number; 0 when there is none.
+      !> The number; 0 if there is none.
       real(wp), intent(out) :: value
-      !> Whether the token is a number and finite.
+      !> Whether the token is a finite number.
       logical, intent(out) :: ok
       character(len=:), allocatable :: text
       integer :: letter
@@ -47,17 +47,17 @@ contains
       if (.not. ok) value = 0
    end subroutine parse_number
 
-   !> A number of up to 18 digits and a moderate exponent, where it is certain which double is
-   !> nearest; `ok` is .false. for all others and for what is no number.
+   !> Reads a number of up to 18 digits and a moderate exponent, if it is certain which double is
+   !> nearest. `ok` is .false. for all other numbers, and for text that is no number.
    pure subroutine parse_short(token, value, ok)
       character(len=*), intent(in) :: token
-      !> The number; 0 when there is none.
+      !> The number; 0 if `ok` is .false.
       real(wp), intent(out) :: value
       logical, intent(out) :: ok
-      integer(ip), parameter :: full = (huge(1_ip) - 9)/10
-      integer(ip) :: whole
-      integer :: at, last, digit, passed, power
-      logical :: negative, below
+      integer(ip), parameter :: largest = (huge(1_ip) - 9)/10
+      integer(ip) :: mantissa
+      integer :: at, last, digit, n_digits, power
+      logical :: negative, after_point
 
       value = 0
       ok = .false.
@@ -67,31 +67,31 @@ contains
       negative = token(at:at) == '-'
       if (negative .or. token(at:at) == '+') at = at + 1
 
-      whole = 0
-      passed = 0
+      mantissa = 0
+      n_digits = 0
       power = 0
-      below = .false.
+      after_point = .false.
       do at = at, last
          digit = iachar(token(at:at)) - 48
          if (digit >= 0 .and. digit <= 9) then
-            if (whole > full) return
-            whole = 10*whole + digit
-            passed = passed + 1
-            if (below) power = power - 1
-         else if (token(at:at) == '.' .and. .not. below) then
-            below = .true.
+            if (mantissa > largest) return
+            mantissa = 10*mantissa + digit
+            n_digits = n_digits + 1
+            if (after_point) power = power - 1
+         else if (token(at:at) == '.' .and. .not. after_point) then
+            after_point = .true.
          else
             exit
          end if
       end do
-      if (passed == 0) return
+      if (n_digits == 0) return
       ok = at > last
       if (.not. ok) call add_exponent(token(at:last), power, ok)
-      if (ok) call scale_exactly(whole, power, value, ok)
+      if (ok) call scale_exactly(mantissa, power, value, ok)
       if (negative) value = -value
    end subroutine parse_short
 
-   !> Adds the exponent in 'e+12' to a power of ten; not `ok` with more than three digits, or none.
+   !> Adds the exponent in 'e+12' to a power of ten; `ok` is .false. unless it has 1 to 3 digits.
    pure subroutine add_exponent(text, power, ok)
       character(len=*), intent(in) :: text
       integer, intent(inout) :: power
@@ -99,7 +99,7 @@ contains
       integer :: at, first, exponent
 
       first = 2
-      call pass_sign(text, first)
+      call skip_sign(text, first)
       ok = scan(text(1:1), 'eEdD') > 0 .and. first <= len(text) .and. len(text) - first <= 2 &
          .and. verify(text(first:), '0123456789') == 0
       if (.not. ok) return
@@ -111,13 +111,14 @@ contains
       power = power + exponent
    end subroutine add_exponent
 
-   !> whole*10**power to the nearest double. An integer below 2**53 and an exact power of ten need
-   !> one rounding only (Clinger, 1990). Others are computed with 64 bits or more, where the
-   !> compiler has them, and taken when all numbers within the error round to the same double.
-   pure subroutine scale_exactly(whole, power, value, ok)
-      integer(ip), intent(in) :: whole
+   !> Returns mantissa*10**power, rounded to the nearest double. An integer below 2**53 with an
+   !> exact power of ten needs one rounding only (Clinger, 1990). Other numbers are computed with 64
+   !> bits or more, if the compiler has them, and accepted if all numbers within the error bound
+   !> round to the same double.
+   pure subroutine scale_exactly(mantissa, power, value, ok)
+      integer(ip), intent(in) :: mantissa
       integer, intent(in) :: power
-      !> The number; 0 when it is not certain.
+      !> The number; 0 if it is not certain.
       real(wp), intent(out) :: value
       logical, intent(out) :: ok
       integer, parameter :: long = max(wp, selected_real_kind(18)), most = 22, most_long = 27
@@ -127,13 +128,13 @@ contains
       real(long) :: product, error
 
       value = 0
-      ok = whole <= 2_ip**53 .and. abs(power) <= most
+      ok = mantissa <= 2_ip**53 .and. abs(power) <= most
       if (ok) then
-         value = real(whole, wp)
+         value = real(mantissa, wp)
          if (power < 0) value = value/ten(-power)
          if (power > 0) value = value*ten(power)
       else if (abs(power) <= most_long .and. digits(product) >= 64) then
-         product = real(whole, long)
+         product = real(mantissa, long)
          if (power < 0) product = product/long_ten(-power)
          if (power > 0) product = product*long_ten(power)
          error = product*epsilon(product)
@@ -142,9 +143,9 @@ contains
       end if
    end subroutine scale_exactly
 
-   !> The number in a text; that it may over- or underflow is no cause to halt.
+   !> Converts text to a number; an overflow or underflow does not halt the program.
    real(wp) function convert(c_text) result(value)
-      !> The characters, ending in a null character.
+      !> The characters, followed by a null character.
       character(len=*), intent(in) :: c_text
       type(ieee_status_type) :: before
 
@@ -154,18 +155,18 @@ contains
       call ieee_set_status(before)
    end function convert
 
-   !> Whether a text is a decimal number and nothing else: [sign] digits [. digits] [exponent].
+   !> Returns whether a text is exactly one decimal number: [sign] digits [. digits] [exponent].
    pure logical function is_decimal(text) result(yes)
       character(len=*), intent(in) :: text
       integer :: next, digits, more
 
       next = 1
-      call pass_sign(text, next)
-      call pass_digits(text, next, digits)
+      call skip_sign(text, next)
+      call skip_digits(text, next, digits)
       if (next <= len(text)) then
          if (text(next:next) == '.') then
             next = next + 1
-            call pass_digits(text, next, more)
+            call skip_digits(text, next, more)
             digits = digits + more
          end if
       end if
@@ -173,12 +174,12 @@ contains
       if (next > len(text) .or. .not. yes) return
       yes = scan(text(next:next), 'eEdD') > 0
       next = next + 1
-      call pass_sign(text, next)
-      call pass_digits(text, next, digits)
+      call skip_sign(text, next)
+      call skip_digits(text, next, digits)
       yes = yes .and. digits > 0 .and. next > len(text)
    end function is_decimal
 
-   !> A text with a point in the place of its first comma.
+   !> Returns a text with its first comma replaced by a point.
    pure function with_point(text) result(changed)
       character(len=*), intent(in) :: text
       character(len=len(text)) :: changed
@@ -189,27 +190,27 @@ contains
       if (comma > 0) changed(comma:comma) = '.'
    end function with_point
 
-   !> Moves `next` past a sign.
-   pure subroutine pass_sign(text, next)
+   !> Moves a position past a sign, if there is one.
+   pure subroutine skip_sign(text, next)
       character(len=*), intent(in) :: text
       integer, intent(inout) :: next
 
       if (next > len(text)) return
       if (scan(text(next:next), '+-') > 0) next = next + 1
-   end subroutine pass_sign
+   end subroutine skip_sign
 
-   !> Moves `next` past digits, `passed` of them.
-   pure subroutine pass_digits(text, next, passed)
+   !> Moves a position past a sequence of digits, and counts them.
+   pure subroutine skip_digits(text, next, n_digits)
       character(len=*), intent(in) :: text
       integer, intent(inout) :: next
-      integer, intent(out) :: passed
+      integer, intent(out) :: n_digits
 
-      passed = verify(text(next:), '0123456789') - 1
-      if (passed < 0) passed = len(text) - next + 1
-      next = next + passed
-   end subroutine pass_digits
+      n_digits = verify(text(next:), '0123456789') - 1
+      if (n_digits < 0) n_digits = len(text) - next + 1
+      next = next + n_digits
+   end subroutine skip_digits
 
-   !> A text without the blanks and tabs around it.
+   !> Returns a text without the blanks and tabs around it.
    pure function trim_blanks(text) result(trimmed)
       character(len=*), intent(in) :: text
       character(len=:), allocatable :: trimmed
@@ -217,7 +218,7 @@ contains
       trimmed = text(max(verify(text, blanks), 1):verify(text, blanks, back=.true.))
    end function trim_blanks
 
-   !> A text in quotes for a message.
+   !> Returns a text in quotes for a message.
    pure function shown(text)
       character(len=*), intent(in) :: text
       character(len=:), allocatable :: shown
@@ -225,7 +226,7 @@ contains
       shown = "'"//shortened(text)//"'"
    end function shown
 
-   !> A text for a message: at most 40 characters, none of them a control character.
+   !> Returns a text for a message: at most 40 characters, without control characters.
    pure function shortened(text) result(short)
       character(len=*), intent(in) :: text
       character(len=:), allocatable :: short
@@ -235,7 +236,7 @@ contains
       n = len(short)
       if (n > 40) then
          n = 37
-         ! Never cut inside a UTF-8 character: its later bytes are 10xxxxxx.
+         ! Do not cut inside a UTF-8 character, whose later bytes are 10xxxxxx.
          do while (n > 1 .and. iand(iachar(short(n + 1:n + 1)), 192) == 128)
             n = n - 1
          end do

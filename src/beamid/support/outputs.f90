@@ -1,4 +1,4 @@
-!> The outputs of one run: built in memory, and written together, all of them or none.
+!> The outputs of one run: collected in memory, and written together, all of them or none.
 module beamid_outputs
    use, intrinsic :: iso_c_binding, only: c_int, c_null_char
    use beamid_errors, only: error_t, bad_input, failure
@@ -15,9 +15,11 @@ module beamid_outputs
 
    public :: output_t
 
+   !> The files that a run will write.
    type :: output_t
+      !> Files, in the order in which they were added; not allocated: none.
       type(named_text_t), allocatable, private :: files(:)
-      !> Paths of inputs.
+      !> Paths of inputs, which must not be overwritten; not allocated: none.
       type(named_text_t), allocatable, private :: inputs(:)
    contains
       procedure :: add
@@ -31,10 +33,10 @@ module beamid_outputs
 
 contains
 
-   !> Adds a file to the list; a name given before gets the new text.
+   !> Adds a file; if the name was added before, replaces its text.
    subroutine add(self, name, text)
       class(output_t), intent(inout) :: self
-      !> The file's name inside the output folder, and its whole text.
+      !> Name of the file inside the output folder, and its whole text.
       character(len=*), intent(in) :: name, text
       integer :: i
 
@@ -48,7 +50,7 @@ contains
 
    !> Adds a file that may be too large to be held in memory.
    !>
-   !> path  of the file, which `commit` moves; in the file system of the output folder
+   !> path  of the file, in the file system of the output folder; `commit` moves it
    subroutine add_file(self, name, path)
       class(output_t), intent(inout) :: self
       character(len=*), intent(in) :: name, path
@@ -57,7 +59,7 @@ contains
       self%files(size(self%files))%path = path
    end subroutine add_file
 
-   !> The names of the files, each in a line.
+   !> Returns the names of the files, one in each line.
    function names(self)
       class(output_t), intent(in) :: self
       character(len=:), allocatable :: names
@@ -70,7 +72,7 @@ contains
       end do
    end function names
 
-   !> The text of a file; empty where there is none of the name.
+   !> Returns the text of a file; '' if there is no file of this name.
    function text_of(self, name) result(text)
       class(output_t), intent(in) :: self
       character(len=*), intent(in) :: name
@@ -84,7 +86,7 @@ contains
       end do
    end function text_of
 
-   !> A list with one name more.
+   !> Appends an element with a name to a list.
    subroutine append(list, name)
       type(named_text_t), allocatable, intent(inout) :: list(:)
       character(len=*), intent(in) :: name
@@ -98,8 +100,8 @@ contains
       call move_alloc(more, list)
    end subroutine append
 
-   !> Names an input, a file of the user: `commit` does not overwrite it, unless the manifest of
-   !> the output folder says that an earlier run wrote it.
+   !> Protects an input, a file of the user: `commit` does not overwrite it, unless the manifest of
+   !> the output folder says that an earlier run has written it.
    subroutine spare(self, path)
       class(output_t), intent(inout) :: self
       character(len=*), intent(in) :: path
@@ -108,18 +110,18 @@ contains
       call append(self%inputs, path)
    end subroutine spare
 
-   !> Refuses to overwrite an input.
+   !> Refuses files that would overwrite an input.
    subroutine check_inputs(self, directory, error)
       class(output_t), intent(in) :: self
       character(len=*), intent(in) :: directory
       type(error_t), allocatable, intent(out) :: error
       character(len=entry_length), allocatable :: entries(:)
       character(len=:), allocatable :: manifest, path
-      type(error_t), allocatable :: none
+      type(error_t), allocatable :: ignored
       integer :: i, j, k
 
       if (.not. (allocated(self%inputs) .and. allocated(self%files))) return
-      call read_text(join_path(directory, manifest_name), manifest, none)
+      call read_text(join_path(directory, manifest_name), manifest, ignored)
       entries = entries_in(manifest)
       do i = 1, size(self%files)
          path = join_path(directory, self%files(i)%name)
@@ -133,8 +135,7 @@ contains
       end do
    end subroutine check_inputs
 
-   !> Refuses tables with a field that is no finite number: whatever the way by which it came there,
-   !> it is no result.
+   !> Refuses tables with a number that is not finite, wherever it came from.
    subroutine check_finite(self, error)
       class(output_t), intent(in) :: self
       type(error_t), allocatable, intent(out) :: error
@@ -153,7 +154,7 @@ contains
       end do
    end subroutine check_finite
 
-   !> Whether a word fills a field of a table.
+   !> Returns whether a word is a complete field of a table.
    pure logical function has_field(text, word)
       character(len=*), intent(in) :: text, word
       integer(ip) :: at, next
@@ -168,7 +169,7 @@ contains
       end do
    end function has_field
 
-   !> Whether no field of a table goes on at this place.
+   !> Returns whether the character at a position does not belong to a field of a table.
    pure logical function ends_field(text, at)
       character(len=*), intent(in) :: text
       integer(ip), intent(in) :: at
@@ -180,13 +181,13 @@ contains
    !> Writes all files and their manifest, or changes nothing (`beamid_exchange`).
    subroutine commit(self, directory, error, command)
       class(output_t), intent(in) :: self
-      !> The output folder; it and its parents are created when missing.
+      !> Output folder; it and its parents are created if they are missing.
       character(len=*), intent(in) :: directory
-      !> Status 1 for a full or broken disk, 2 for a folder that cannot be written or holds an
+      !> Status 1: the disk is full or broken; status 2: the folder cannot be written or holds an
       !> input.
       type(error_t), allocatable, intent(out) :: error
-      !> A word for the kind of run, default `run`: what the last run of this kind has written there
-      !> and this one has not is removed, unless somebody has changed it.
+      !> Word for the kind of run, default `run`. Files that the last run of this kind has written
+      !> and this run has not are removed, unless they have been changed since.
       character(len=*), intent(in), optional :: command
       character(len=:), allocatable :: left, message, kind
       integer(c_int) :: code, ignored

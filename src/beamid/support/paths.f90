@@ -1,4 +1,4 @@
-!> Paths of files, taken apart and put together.
+!> Operations on paths of files.
 module beamid_paths
    implicit none
    private
@@ -12,7 +12,7 @@ module beamid_paths
 
 contains
 
-   !> Appends a path to a list. (An array constructor would not do for texts of their own length.)
+   !> Appends a path to a list. (An array constructor does not work for texts of different lengths.)
    pure subroutine append_path(list, path)
       type(path_t), allocatable, intent(inout) :: list(:)
       character(len=*), intent(in) :: path
@@ -25,7 +25,7 @@ contains
       call move_alloc(longer, list)
    end subroutine append_path
 
-   !> The folder part of a path, without the last '/'; '.' when there is none.
+   !> Returns the folder of a path without a '/' at its end; '.' if there is none.
    pure function directory_of(path) result(directory)
       character(len=*), intent(in) :: path
       character(len=:), allocatable :: directory
@@ -39,7 +39,8 @@ contains
       end if
    end function directory_of
 
-   !> A name inside a folder (empty: the current one); an absolute name stays as it is.
+   !> Returns the path of a name inside a folder (empty: the current folder); an absolute name is
+   !> returned unchanged.
    pure function join_path(directory, name) result(path)
       character(len=*), intent(in) :: directory, name
       character(len=:), allocatable :: path

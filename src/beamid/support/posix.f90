@@ -1,5 +1,5 @@
-!> Calls of the C library that reading, writing and printing are made of, with their constants for
-!> Linux (glibc): the same values and layouts on x86-64 and aarch64.
+!> Interfaces of the C library's calls for files, folders and signals, with their constants for
+!> Linux (glibc); values and layouts are the same on x86-64 and aarch64.
 module beamid_posix
    use, intrinsic :: iso_c_binding, only: c_associated, c_char, c_f_pointer, c_int, c_int8_t, &
       c_int16_t, c_int32_t, c_int64_t, c_intptr_t, c_long, c_null_char, c_ptr, c_size_t
@@ -13,27 +13,28 @@ module beamid_posix
    public :: file_status, same_file, kind_there, entry_name, host_name, write_bytes, last_errno
    public :: errno_of, reason
 
+   !> Error numbers (errno), signals and their standard actions.
    integer(c_int), parameter, public :: enoent = 2, eintr = 4, eio = 5, eagain = 11, eexist = 17, &
       enotdir = 20, eisdir = 21, einval = 22, efbig = 27, enospc = 28, edquot = 122
    integer(c_int), parameter, public :: sighup = 1, sigint = 2, sigpipe = 13, sigalrm = 14, &
       sigterm = 15, sigxfsz = 25
    integer(c_intptr_t), parameter, public :: sig_dfl = 0, sig_ign = 1
-   !> Operations of `c_flock`: take for oneself, and fail instead of waiting.
+   !> Operations of `c_flock`: exclusive lock; fail instead of waiting.
    integer(c_int), parameter, public :: lock_exclusive = 2, lock_nonblocking = 4
-   !> What a path leads to, as `file_status` says it.
+   !> Kinds of files, as `file_status` returns them.
    integer, parameter, public :: kind_directory = int(o'040000'), kind_regular = int(o'100000')
    integer(c_int), parameter :: at_fdcwd = -100, at_symlink_nofollow = 256, &
       basic_fields = int(z'7ff', c_int)
    integer, parameter :: kind_mask = int(o'170000')
-   !> The longest name of a file inside a folder.
+   !> Longest name of a file in a folder [characters].
    integer, parameter, public :: max_name = 255
 
-   !> Room for `struct sigaction`, which is only kept and given back.
+   !> `struct sigaction`, which is only stored and restored.
    type, bind(c), public :: signal_action_t
       integer(c_int64_t) :: bytes(32) = 0
    end type signal_action_t
 
-   !> The head of `struct statx`, and room for the rest of its 256 bytes.
+   !> The first fields of `struct statx`, and the rest of its 256 bytes.
    type, bind(c) :: statx_t
       integer(c_int32_t) :: mask, block_size
       integer(c_int64_t) :: attributes
@@ -188,14 +189,14 @@ module beamid_posix
 
 contains
 
-   !> What a path leads to, links followed.
+   !> Returns kind and size of the file that a path leads to; links are followed.
    subroutine file_status(path, kind, bytes, code)
       character(len=*), intent(in) :: path
-      !> `kind_directory`, `kind_regular` or another; 0 after an error.
+      !> `kind_directory`, `kind_regular` or another kind; 0 after an error.
       integer, intent(out) :: kind
-      !> The size that the file system gives; 0 for files made on the fly.
+      !> Size according to the file system [bytes]; 0 for files whose content is made when read.
       integer(ip), intent(out) :: bytes
-      !> 0 or an errno.
+      !> 0, or the errno of a failure.
       integer(c_int), intent(out) :: code
       type(statx_t) :: status
 
@@ -207,19 +208,20 @@ contains
       bytes = status%bytes
    end subroutine file_status
 
-   !> Whether two paths lead to one file that is there.
+   !> Returns whether two paths lead to the same existing file.
    logical function same_file(a, b) result(same)
       character(len=*), intent(in) :: a, b
-      type(statx_t) :: one, other
-      !> Where `rest` has the device.
+      type(statx_t) :: status_a, status_b
+      !> Place of the device's number in `rest`.
       integer, parameter :: device = 12
 
-      same = get_status(a, 0_c_int, one) == 0
-      if (same) same = get_status(b, 0_c_int, other) == 0
-      if (same) same = one%inode == other%inode .and. one%rest(device) == other%rest(device)
+      same = get_status(a, 0_c_int, status_a) == 0
+      if (same) same = get_status(b, 0_c_int, status_b) == 0
+      if (same) same = status_a%inode == status_b%inode .and. &
+         status_a%rest(device) == status_b%rest(device)
    end function same_file
 
-   !> What stands at a path, a link itself and not what it leads to; 0: nothing.
+   !> Returns the kind of the file at a path, where a link is not followed; 0: there is none.
    integer function kind_there(path)
       character(len=*), intent(in) :: path
       type(statx_t) :: status
@@ -229,6 +231,7 @@ contains
          kind_there = iand(int(status%mode), kind_mask)
    end function kind_there
 
+   !> Calls `statx` for a path.
    integer(c_int) function get_status(path, flags, status)
       character(len=*), intent(in) :: path
       integer(c_int), intent(in) :: flags
@@ -237,9 +240,9 @@ contains
       get_status = c_statx(at_fdcwd, path//c_null_char, flags, basic_fields, status)
    end function get_status
 
-   !> The name of the next entry of an open folder; '' behind the last.
+   !> Returns the name of the next entry of an open folder; '' after the last one.
    function entry_name(folder) result(name)
-      !> From `c_opendir`.
+      !> Folder from `c_opendir`.
       type(c_ptr), intent(in) :: folder
       character(len=:), allocatable :: name
       type(dirent_t), pointer :: entry
@@ -252,7 +255,7 @@ contains
       name = up_to_null(entry%name)
    end function entry_name
 
-   !> The name of this machine; '' when it has none.
+   !> Returns the name of this machine; '' if it has none.
    function host_name() result(name)
       character(len=:), allocatable :: name
       character(kind=c_char) :: letters(max_name + 1)
@@ -262,7 +265,7 @@ contains
       name = up_to_null(letters)
    end function host_name
 
-   !> Text from C, which ends before a null character.
+   !> Returns the text before the null character in characters from C.
    pure function up_to_null(letters) result(text)
       character(kind=c_char), intent(in) :: letters(:)
       character(len=:), allocatable :: text
@@ -288,14 +291,14 @@ contains
          n = c_write(fd, text(done + 1:), len(text, c_size_t) - done)
          if (n < 0) code = last_errno()
          if (n == 0) code = enospc
-         ! Another program may have set the terminal to non-blocking.
+         ! EAGAIN: another program may have made the terminal non-blocking.
          if (code == eagain) ignored = c_usleep(1000_c_int)
          if (code == eintr .or. code == eagain) code = 0
          done = done + max(n, 0_ip)
       end do
    end function write_bytes
 
-   !> 0, or the errno of a call that has just returned another number.
+   !> Returns 0, or the errno of a C call that has just returned a number other than 0.
    integer(c_int) function errno_of(returned) result(code)
       integer(c_int), intent(in) :: returned
 
@@ -303,7 +306,7 @@ contains
       if (returned /= 0) code = last_errno()
    end function errno_of
 
-   !> The C library's `errno`.
+   !> Returns the C library's `errno`.
    integer(c_int) function last_errno() result(code)
       integer(c_int), pointer :: location
 
@@ -311,9 +314,9 @@ contains
       code = location
    end function last_errno
 
-   !> What an errno means, in words.
+   !> Returns the meaning of an errno in words.
    function reason(code) result(text)
-      !> The errno.
+      !> Error number.
       integer(c_int), intent(in) :: code
       character(len=:), allocatable :: text
       character(kind=c_char), pointer :: letters(:)

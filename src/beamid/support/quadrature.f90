@@ -6,7 +6,7 @@ module beamid_quadrature
 
    public :: rule_t, gauss_legendre, composite
 
-   !> A rule: integral over [0, 1] of f = sum(weights * f(points)), nodes ascending.
+   !> A quadrature rule: the integral of f over [0, 1] is sum(weights*f(points)). The points ascend.
    type :: rule_t
       real(wp), allocatable :: points(:)
       real(wp), allocatable :: weights(:)
@@ -16,8 +16,8 @@ module beamid_quadrature
 
 contains
 
-   !> The n-point Gauss-Legendre rule on [0, 1], exact for polynomials of degree 2n - 1.
-   !> Newton's method on the Legendre polynomial from Tricomi's first estimate of its zeros.
+   !> Returns the n-point Gauss-Legendre rule on [0, 1], which is exact for polynomials of degree
+   !> 2n - 1. Newton's method finds the zeros of the Legendre polynomial from Tricomi's estimates.
    !>
    !> n  number of points, >= 1
    pure function gauss_legendre(n) result(rule)
@@ -41,7 +41,7 @@ contains
       end do
    end function gauss_legendre
 
-   !> The n-point rule applied on each of `panels` equal parts of [0, 1].
+   !> Returns the composite rule: the n-point rule on each of `panels` equal parts of [0, 1].
    pure function composite(n, panels) result(rule)
       integer, intent(in) :: n, panels
       type(rule_t) :: rule, single
@@ -52,8 +52,8 @@ contains
       rule%weights = [(single%weights/panels, k=1, panels)]
    end function composite
 
-   !> Legendre polynomial of degree n and its derivative at x, |x| < 1, by the three-term
-   !> recurrence.
+   !> Computes the Legendre polynomial of degree n and its derivative at x, |x| < 1, by the
+   !> three-term recurrence.
    pure subroutine legendre(n, x, value, derivative)
       integer, intent(in) :: n
       real(wp), intent(in) :: x

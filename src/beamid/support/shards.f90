@@ -1,7 +1,7 @@
-!> A long table in pieces: each shard holds the rows of some consecutive members. Its name and its
-!> first line say which members these are and, by a fingerprint, of which ensemble; its last line
-!> has the checksum of everything above. A shard is written to a temporary name and then renamed, so
-!> that several programs on several machines may add to one folder.
+!> A long table in pieces (shards), each with the rows of consecutive ensemble members. The name and
+!> the first line of a shard state the members and, by a fingerprint, the ensemble; the last line
+!> has the checksum of everything above. A shard is written under a temporary name and then renamed,
+!> so that several programs on several machines may add shards to one folder.
 module beamid_shards
    use, intrinsic :: iso_c_binding, only: c_int, c_null_char
    use beamid_errors, only: bad_input, error_t
@@ -19,17 +19,18 @@ module beamid_shards
    public :: range_of_members_t, gaps, list_shards, read_shard, remove_damaged, remove_shards, &
       shard_path, temporary_path, write_shard
 
-   !> Consecutive members.
+   !> Consecutive members, from `first` to `last`; by default none.
    type :: range_of_members_t
       integer :: first = 1, last = 0
    end type range_of_members_t
 
+   !> Parts of the names of shards and of temporary files, and the beginning of a shard's last line.
    character(len=*), parameter :: prefix = 'members-', ending = '.csv', part = '.part-', &
       closing = '# whole ', line_feed = achar(10)
 
 contains
 
-   !> Where the rows of these members are, or would be.
+   !> Returns the path of the shard of these members, whether or not it exists.
    function shard_path(folder, fingerprint, range) result(path)
       character(len=*), intent(in) :: folder, fingerprint
       type(range_of_members_t), intent(in) :: range
@@ -39,7 +40,7 @@ contains
          to_text(range%last)//ending)
    end function shard_path
 
-   !> A name that no other program writes to.
+   !> Returns a temporary path, to which no other program writes.
    function temporary_path(path) result(temporary)
       character(len=*), intent(in) :: path
       character(len=:), allocatable :: temporary
@@ -47,10 +48,10 @@ contains
       temporary = path//part//host_name()//'-'//to_text(int(c_getpid()))
    end function temporary_path
 
-   !> Lists the shards of a fingerprint, by their first members.
+   !> Lists the shards of a fingerprint in the order of their first members.
    !>
-   !> others  how many there are of other fingerprints
-   !> error   the folder cannot be read, or something else than a file has the name of a shard
+   !> others  number of shards with other fingerprints
+   !> error   the folder cannot be read, or something that is not a file has the name of a shard
    subroutine list_shards(folder, fingerprint, shards, others, error)
       character(len=*), intent(in) :: folder, fingerprint
       type(range_of_members_t), allocatable, intent(out) :: shards(:)
@@ -92,7 +93,7 @@ contains
       if (code /= 0) call bad_input(error, folder//': the folder cannot be read: '//reason(code))
    end subroutine list_shards
 
-   !> Returns the range of `1-100.csv`; one without members where there is none.
+   !> Returns the range in a name like `1-100.csv`; an empty range if there is none.
    type(range_of_members_t) function range_in(name) result(range)
       character(len=*), intent(in) :: name
       integer :: dash, dot, status
@@ -106,7 +107,7 @@ contains
       if (status /= 0) range = range_of_members_t()
    end function range_in
 
-   !> Ascending first members, by merging: there may be thousands.
+   !> Sorts shards by their first members. Merge sort is used because there may be thousands.
    recursive subroutine sort(shards)
       type(range_of_members_t), intent(inout) :: shards(:)
       type(range_of_members_t) :: half(size(shards)/2)
@@ -130,7 +131,9 @@ contains
       end do
    end subroutine sort
 
-   !> What no shard holds of a range.
+   !> Returns the members of a range that no shard holds.
+   !>
+   !> shards  in the order of their first members
    pure function gaps(shards, range) result(missing)
       type(range_of_members_t), intent(in) :: shards(:), range
       type(range_of_members_t), allocatable :: missing(:)
@@ -147,7 +150,7 @@ contains
       if (next <= range%last) missing = [missing, range_of_members_t(next, range%last)]
    end function gaps
 
-   !> Writes a shard; returns 0 or an errno, and then there is none.
+   !> Writes a shard; returns 0, or the errno of a failure, after which the shard does not exist.
    integer(c_int) function write_shard(folder, fingerprint, range, rows) result(code)
       character(len=*), intent(in) :: folder, fingerprint, rows
       type(range_of_members_t), intent(in) :: range
@@ -164,7 +167,7 @@ contains
 
    !> Reads the rows of a shard.
    !>
-   !> sound  .true.: its checksum is right, and it belongs to this fingerprint and range
+   !> sound  whether the checksum is right and the shard belongs to this fingerprint and range
    !> error  the file cannot be read
    subroutine read_shard(folder, fingerprint, range, rows, sound, error)
       character(len=*), intent(in) :: folder, fingerprint
@@ -187,13 +190,13 @@ contains
       if (sound) rows = text(len(first_line) + 1:n)
    end subroutine read_shard
 
-   !> Reads the shards that hold members of a range, and removes the damaged ones, from the folder
-   !> and from the list: those whose checksum is wrong, and those that are not what their names say.
+   !> Reads all shards that hold members of a range, and removes damaged shards from the folder and
+   !> from the list: those with a wrong checksum, and those that do not hold what their names say.
    !>
-   !> range    on return it holds the members of the removed shards as well
-   !> removed  how many there were
+   !> range    on return it includes the members of the removed shards
+   !> removed  number of removed shards
    !> first    path of the first one; '': there was none
-   !> error    a shard cannot be read, and stays
+   !> error    a shard cannot be read; it is not removed
    subroutine remove_damaged(folder, fingerprint, range, shards, removed, first, error)
       character(len=*), intent(in) :: folder, fingerprint
       type(range_of_members_t), intent(inout) :: range
@@ -240,7 +243,7 @@ contains
          fingerprint//line_feed
    end function opening
 
-   !> Returns the checksum of all that is above the last line of a shard.
+   !> Returns the checksum of everything above the last line of a shard.
    pure function checksum(text) result(digits)
       character(len=*), intent(in) :: text
       character(len=fingerprint_length) :: digits
@@ -250,10 +253,10 @@ contains
       digits = fingerprint%digits()
    end function checksum
 
-   !> Removes what programs that have died left behind, and shards.
+   !> Removes temporary files of programs that have died, and shards.
    subroutine remove_shards(folder, but_of)
       character(len=*), intent(in) :: folder
-      !> The fingerprint of shards that stay, '': none; left out: all stay.
+      !> Fingerprint of shards that are kept; '': none is kept; absent: all are kept.
       character(len=*), intent(in), optional :: but_of
       character(len=max_name), allocatable :: names(:)
       character(len=:), allocatable :: mark
@@ -266,7 +269,7 @@ contains
          at = index(names(k), part)
          if (at > 0) then
             if (index(names(k), mark) /= at) cycle
-            ! Its writer is on this machine and alive.
+            ! The program that writes the file is on this machine and still runs.
             if (kind_there('/proc/'//trim(names(k)(at + len(mark):))) /= 0) cycle
          else
             if (.not. present(but_of)) cycle

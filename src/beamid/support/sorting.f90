@@ -1,4 +1,4 @@
-!> Order statistics of samples.
+!> Sorting of numbers, and their median.
 module beamid_sorting
    use beamid_kinds, only: wp
    implicit none
@@ -27,17 +27,18 @@ contains
       call dlasrt('I', size(values), values, info)
    end subroutine sort
 
-   !> The median, of very many numbers that of 100000 of them in even steps; 0 when there is none.
+   !> Returns the median (of an even number of values the lower one); 0 if there are no values. Of
+   !> more than 100000 values, every k-th value is used, so that at most 100000 remain.
    real(wp) function median(values)
       real(wp), intent(in) :: values(:)
       integer, parameter :: most = 100000
-      real(wp), allocatable :: some(:)
+      real(wp), allocatable :: sample(:)
 
       median = 0
       if (size(values) == 0) return
-      some = values(::1 + (size(values) - 1)/most)
-      call sort(some)
-      median = some((size(some) + 1)/2)
+      sample = values(::1 + (size(values) - 1)/most)
+      call sort(sample)
+      median = sample((size(sample) + 1)/2)
    end function median
 
 end module beamid_sorting

@@ -1,4 +1,4 @@
-!> Which of some words a misspelt one may have meant.
+!> Suggestions for misspelt words: the known word that a user may have meant.
 module beamid_spelling
    use beamid_strings, only: lower
    implicit none
@@ -8,8 +8,9 @@ module beamid_spelling
 
 contains
 
-   !> The place of the word that takes the fewest letters changed, added, left out or exchanged with
-   !> their neighbour; 0 where that is more than a third of them. In any case.
+   !> Returns the place of the word with the smallest distance from the misspelt one: the number of
+   !> letters that are changed, added, left out or exchanged with their neighbour, in upper or lower
+   !> case. 0: the distance is more than a third of the letters for every word.
    pure integer function nearest(word, words)
       character(len=*), intent(in) :: word, words(:)
       integer :: d, least, k
@@ -24,7 +25,7 @@ contains
       end do
    end function nearest
 
-   !> `, perhaps length` behind a list of what was expected, or nothing.
+   !> Returns `, perhaps length`, to follow a list of the expected words; '' if no word is similar.
    pure subroutine or_nearest(word, words, text)
       character(len=*), intent(in) :: word, words(:)
       character(len=:), allocatable, intent(out) :: text
@@ -35,7 +36,8 @@ contains
       if (k > 0) text = ', perhaps '//trim(words(k))
    end subroutine or_nearest
 
-   !> Damerau's distance, of neighbours exchanged once (optimal string alignment).
+   !> Returns Damerau's distance with each pair of neighbours exchanged at most once (optimal string
+   !> alignment).
    pure integer function distance(a, b)
       character(len=*), intent(in) :: a, b
       integer :: d(0:len(a), 0:len(b)), i, j

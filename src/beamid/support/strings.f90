@@ -1,4 +1,4 @@
-!> Numbers as text, and text in lower case.
+!> Conversion of numbers to text, and of text to lower case.
 module beamid_strings
    use beamid_kinds, only: wp, ip
    implicit none
@@ -6,8 +6,9 @@ module beamid_strings
 
    public :: lower, to_text, full, fixed, rounded
 
-   !> A number as short as it can be read: `0.04`, `1.5E+09`, `12`. Its length is explicit, because
-   !> gfortran keeps that of a deferred-length result in static memory, which threads share.
+   !> Returns a number as short as possible: `0.04`, `1.5E+09`, `12`. The results have explicit
+   !> lengths, because gfortran keeps the length of a deferred-length result in static memory, which
+   !> threads share.
    interface to_text
       module procedure :: integer_to_text
       module procedure :: long_to_text
@@ -16,7 +17,7 @@ module beamid_strings
 
 contains
 
-   !> ASCII letters in lower case.
+   !> Returns text with its ASCII letters in lower case.
    pure function lower(text)
       character(len=*), intent(in) :: text
       character(len=len(text)) :: lower
@@ -28,7 +29,7 @@ contains
       end do
    end function lower
 
-   !> How many places an integer takes.
+   !> Returns the number of characters that an integer takes.
    pure integer function digits_of(value)
       integer(ip), intent(in) :: value
       character(len=24) :: buffer
@@ -37,7 +38,7 @@ contains
       digits_of = len_trim(buffer)
    end function digits_of
 
-   !> Returns the value, with 0 in place of -0, which no reader tells from 0.
+   !> Returns the value, with 0 in place of -0.
    elemental real(wp) function unsigned_zero(value)
       real(wp), intent(in) :: value
 
@@ -45,6 +46,8 @@ contains
       if (abs(value) <= 0) unsigned_zero = 0
    end function unsigned_zero
 
+   !> Returns a number with at most six significant digits as short as possible, with an exponent if
+   !> it is below 1e-4 or from 1e6 on.
    pure function short_form(value) result(text)
       real(wp), intent(in) :: value
       character(len=40) :: text
@@ -62,13 +65,13 @@ contains
          write (text, form) unsigned_zero(value)
          text = text(verify(text, ' '):shortest(text, len(text)))
       else
-         ! Three digits of exponent only where they are needed.
+         ! The exponent has three digits only if two are not enough.
          text = text(:shortest(text, mark - 1))//text(mark:mark + 1)// &
             text(mark + merge(3, 2, abs(exponent) < 100):)
       end if
    end function short_form
 
-   !> Where decimals end without zeros behind them, and without the point where none is left.
+   !> Returns the length of a decimal number without trailing zeros, and without a trailing point.
    pure integer function shortest(text, last)
       character(len=*), intent(in) :: text
       integer, intent(in) :: last
@@ -77,6 +80,7 @@ contains
       shortest = verify(text(:shortest), '.', back=.true.)
    end function shortest
 
+   !> Returns an integer as text.
    pure function integer_to_text(value) result(text)
       integer, intent(in) :: value
       character(len=digits_of(int(value, ip))) :: text
@@ -84,6 +88,7 @@ contains
       write (text, '(i0)') value
    end function integer_to_text
 
+   !> Returns a 64-bit integer as text.
    pure function long_to_text(value) result(text)
       integer(ip), intent(in) :: value
       character(len=digits_of(value)) :: text
@@ -91,7 +96,7 @@ contains
       write (text, '(i0)') value
    end function long_to_text
 
-   !> Six significant digits at most, without zeros at their end, fixed between 1e-4 and 1e6.
+   !> Returns a real number as text, in the form of `short_form`.
    pure function real_to_text(value) result(text)
       real(wp), intent(in) :: value
       character(len=len_trim(short_form(value))) :: text
@@ -99,7 +104,7 @@ contains
       text = short_form(value)
    end function real_to_text
 
-   !> So many significant digits at most, as short as they can be read.
+   !> Returns a number rounded to at most `digits` significant digits, as short as possible.
    pure function rounded(value, digits) result(text)
       real(wp), intent(in) :: value
       integer, intent(in) :: digits
@@ -115,7 +120,7 @@ contains
       text = to_text(near)
    end function rounded
 
-   !> Full precision: the decimal form reads back as the same number.
+   !> Returns a number with full precision: its text reads back as the same number.
    pure function full(value) result(text)
       real(wp), intent(in) :: value
       character(len=:), allocatable :: text
@@ -125,7 +130,7 @@ contains
       text = trim(adjustl(buffer))
    end function full
 
-   !> `digits` decimals, right-adjusted in `width` places.
+   !> Returns a number with `digits` decimals, right-adjusted in `width` characters.
    pure function fixed(value, width, digits) result(text)
       real(wp), intent(in) :: value
       integer, intent(in) :: width, digits
@@ -134,7 +139,7 @@ contains
 
       write (form, '(a,i0,a,i0,a)') '(f', width, '.', digits, ')'
       write (text, form) value
-      ! What rounds to zero has no sign either.
+      ! A number that is rounded to zero has no sign.
       if (verify(text, ' -.0') == 0) write (text, form) 0.0_wp
    end function fixed
 

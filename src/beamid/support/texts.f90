@@ -1,4 +1,5 @@
-!> Text that grows line by line, in memory, until it is printed or written as a whole.
+!> Text that grows in memory line by line until it is printed or written as a whole, and the layout
+!> of columns and long lines.
 module beamid_texts
    use beamid_kinds, only: ip
    implicit none
@@ -6,9 +7,10 @@ module beamid_texts
 
    public :: text_t, left, right, wrapped
 
-   !> Of a column by default.
+   !> Default width of a column [characters].
    integer, parameter :: width = 14
 
+   !> A growing text; its buffer doubles when it is full.
    type :: text_t
       character(len=:), allocatable, private :: buffer
       integer(ip), private :: length = 0
@@ -21,14 +23,14 @@ module beamid_texts
 
 contains
 
-   !> Appends `piece` as it is.
+   !> Appends a piece unchanged.
    pure subroutine add(self, piece)
       class(text_t), intent(inout) :: self
       character(len=*), intent(in) :: piece
       character(len=:), allocatable :: larger
       integer(ip) :: length
 
-      ! Of 64 bits, as a text of more than 2**30 characters doubles to more than 2**31.
+      ! 64 bits are needed: a text of more than 2**30 characters doubles to more than 2**31.
       length = self%length + len(piece, ip)
       if (.not. allocated(self%buffer)) allocate (character(len=4096) :: self%buffer)
       if (length > len(self%buffer, ip)) then
@@ -40,7 +42,7 @@ contains
       self%length = length
    end subroutine add
 
-   !> Appends a line, blanks at its end left out.
+   !> Appends a line without its trailing blanks; without `piece`, an empty line.
    pure subroutine line(self, piece)
       class(text_t), intent(inout) :: self
       character(len=*), intent(in), optional :: piece
@@ -49,7 +51,7 @@ contains
       call self%add(new_line('a'))
    end subroutine line
 
-   !> All that was added.
+   !> Returns the whole text.
    pure function content(self)
       class(text_t), intent(in) :: self
       character(len=:), allocatable :: content
@@ -58,16 +60,16 @@ contains
       if (allocated(self%buffer)) content = self%buffer(:self%length)
    end function content
 
+   !> Returns whether nothing has been appended.
    pure logical function is_empty(self)
       class(text_t), intent(in) :: self
 
       is_empty = self%length == 0
    end function is_empty
 
-   !> Text whose lines longer than a terminal is wide go on, some columns in, in the next line; a
-   !> word is not cut.
+   !> Returns text in which lines of more than 100 characters are broken between words.
    !>
-   !> indent  of what goes on; default 4
+   !> indent  indentation of the continuation lines; default 4
    pure function wrapped(content, indent)
       character(len=*), intent(in) :: content
       integer, intent(in), optional :: indent
@@ -97,7 +99,7 @@ contains
       wrapped = text%content()
    end function wrapped
 
-   !> Text at the right end of a column.
+   !> Returns text at the right end of a column, with at least one blank before it.
    pure function right(text, columns)
       character(len=*), intent(in) :: text
       integer, intent(in), optional :: columns
@@ -109,7 +111,7 @@ contains
       right = repeat(' ', max(1, wide - len_trim(adjustl(text))))//trim(adjustl(text))
    end function right
 
-   !> Text at the left end of a column.
+   !> Returns text at the left end of a column.
    pure function left(text, columns)
       character(len=*), intent(in) :: text
       integer, intent(in) :: columns

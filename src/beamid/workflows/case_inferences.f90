@@ -1,13 +1,13 @@
-!> What profile, sample and bootstrap find out about the fit of a case, on each of its meshes.
+!> Runs the commands profile, sample and bootstrap on the fit of a case, on each of its meshes.
 module beamid_case_inferences
+   use beamid_bootstraps, only: bootstrap_fit, bootstrap_t
    use beamid_case_files, only: case_t
    use beamid_case_fits, only: case_fit_t
    use beamid_errors, only: error_t, failure, locate
    use beamid_experiments, only: experiment_t
    use beamid_galerkin, only: mesh_t
    use beamid_identification, only: stage_fit_t
-   use beamid_inference, only: bootstrap_fit, bootstrap_t, posterior_draws_t, profile_fit, &
-      sample_fit
+   use beamid_inference, only: posterior_draws_t, profile_fit, sample_fit
    use beamid_least_squares, only: monitor_t
    use beamid_profile_likelihood, only: side_t
    use beamid_strings, only: to_text
@@ -16,19 +16,21 @@ module beamid_case_inferences
 
    public :: case_inference_t, infer, infer_on_mesh
 
-   !> On one mesh; what the command does not ask for is not allocated.
+   !> Results on one mesh; those of other commands are not allocated.
    type :: case_inference_t
-      type(side_t), allocatable :: sides(:, :)          !< (2, free) of profiles
-      type(posterior_draws_t), allocatable :: posterior
-      type(bootstrap_t), allocatable :: resampled
+      type(side_t), allocatable :: sides(:, :)    !< (2, free) profile below and above the estimate
+      type(posterior_draws_t), allocatable :: posterior   !< draws of `sample`
+      type(bootstrap_t), allocatable :: resampled         !< estimates and intervals of `bootstrap`
    end type case_inference_t
 
 contains
 
-   !> command     'profile', 'sample', which needs profiles, or 'bootstrap'
-   !> found       fitted and judged; the last stage counts
+   !> Runs a command on the last stage of a fit, on every mesh.
+   !>
+   !> command     'profile', 'sample' (which computes profiles first) or 'bootstrap'
+   !> found       as `judge_case` returns it
    !> inferences  (meshes)
-   !> error       also where there is no fit
+   !> error       a fit that the verdict has rejected, or the failure of the command
    subroutine infer(command, case, found, inferences, error, monitor)
       character(len=*), intent(in) :: command
       type(case_t), intent(in) :: case
@@ -53,9 +55,12 @@ contains
       end do
    end subroutine infer
 
-   !> The same on one mesh.
+   !> Runs a command on a fit on one mesh.
    !>
-   !> fit  on the mesh, of the experiments
+   !> command      as in `infer`
+   !> experiments  (records) that were fitted
+   !> fit          their fit on the mesh
+   !> error        the failure of the command
    subroutine infer_on_mesh(command, case, mesh, experiments, fit, here, error, monitor)
       character(len=*), intent(in) :: command
       type(case_t), intent(in) :: case

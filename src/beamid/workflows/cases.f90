@@ -1,4 +1,5 @@
-!> A case and its records: from a case file to sample times, samples, experiments.
+!> A case and its records: reads case files and turns their `&record` groups into sample times,
+!> samples and experiments, which fits and designs start from.
 module beamid_cases
    use beamid_blocks, only: block_t
    use beamid_boxes, only: box_t
@@ -7,15 +8,15 @@ module beamid_cases
       settle_variations
    use beamid_case_files, only: case_t, groups, new_case, read_group
    use beamid_errors, only: error_t, locate
+   use beamid_experiment_checks, only: check_channels, check_free_places
    use beamid_experiments, only: experiment_t, is_first
    use beamid_files, only: read_text
+   use beamid_input_checks, only: leave_out_lead_in
    use beamid_kinds, only: wp
    use beamid_namelist, only: scan_namelist
-   use beamid_parameters, only: is_there, name_of_parameter, on_beam, parameters
    use beamid_records, only: grid, load_recording, note_length, recording_t
    use beamid_refusals, only: refusals_t, refuse
    use beamid_strings, only: to_text
-   use beamid_structure, only: n_parameters, of_length, same_structure, structure_t
    use beamid_unknowns, only: stage_t
    implicit none
    private
@@ -28,9 +29,10 @@ contains
 
    !> Reads and checks a case file.
    !>
-   !> path   of the case file; paths inside it are relative to it
-   !> needs  needs_nothing, needs_modes, needs_response or needs_fit
-   !> error  one line per problem: file, line, group, key, what was found, what was expected
+   !> path   of the case file; paths inside the file are relative to its folder
+   !> needs  what the command requires of the case: needs_nothing, needs_modes, needs_response,
+   !>        needs_fit or needs_design
+   !> error  one line per problem: file, line, group, key, the value found, the values expected
    subroutine read_case(path, needs, case, error)
       character(len=*), intent(in) :: path
       integer, intent(in) :: needs
@@ -42,7 +44,12 @@ contains
       if (.not. allocated(error)) call parse_case(path, text, needs, case, error)
    end subroutine read_case
 
-   !> The same of the text of a case file.
+   !> Parses and checks the text of a case file.
+   !>
+   !> path   name of the case in messages, and the file whose folder relative paths start from
+   !> text   content of the case file
+   !> needs  as in `read_case`
+   !> error  as in `read_case`
    subroutine parse_case(path, text, needs, case, error)
       character(len=*), intent(in) :: path, text
       integer, intent(in) :: needs
@@ -58,23 +65,26 @@ contains
       call read_groups(blocks, refusals, case, error)
       if (.not. allocated(error)) call check_needs(case, needs, error)
       if (allocated(error) .or. needs /= needs_response) return
-      ! The one experiment whose response is wanted: the beam as its record has it.
+      ! A response is computed for the first record: the model takes over the length and positions
+      ! that the record states.
       call place_experiment(case, 1, experiment, error)
       if (.not. allocated(error)) case%model%structure = experiment%structure_of( &
          case%model%structure)
    end subroutine parse_case
 
-   !> Every group in turn, those last that are checked against the others.
+   !> Reads every group into the case: &along first, and last the groups that are checked against
+   !> the others.
    !>
-   !> refusals  problems outside of the groups
+   !> refusals  problems found outside the groups
+   !> error     all problems, one line each
    subroutine read_groups(blocks, refusals, case, error)
       type(block_t), intent(inout) :: blocks(:)
       type(refusals_t), intent(in) :: refusals
       type(case_t), intent(inout) :: case
       type(error_t), allocatable, intent(out) :: error
-      character(len=*), parameter :: last(5) = [character(len=8) :: 'stage', 'prior', 'design', &
-         'ensemble', 'draw']
-      type(refusals_t) :: all_of_them
+      character(len=*), parameter :: checked_last(5) = [character(len=8) :: 'stage', 'prior', &
+         'design', 'ensemble', 'draw']
+      type(refusals_t) :: all_refusals
       integer :: k
       logical :: sound
 
@@ -84,8 +94,8 @@ contains
          sound = sound .and. .not. blocks(k)%failed()
       end do
       do k = 1, size(blocks)
-         if (.not. any(blocks(k)%name == [last, 'along   '])) call read_group(blocks(k), sound, &
-            case, error)
+         if (.not. any(blocks(k)%name == [checked_last, 'along   '])) &
+            call read_group(blocks(k), sound, case, error)
          sound = sound .and. .not. blocks(k)%failed()
       end do
       if (sound .and. .not. allocated(error)) call settle_variations(blocks, case)
@@ -93,11 +103,11 @@ contains
       if (sound) call check_whole(blocks, case)
       sound = sound .and. .not. any([(blocks(k)%failed(), k=1, size(blocks))])
       do k = 1, size(blocks)
-         if (any(blocks(k)%name == last)) call read_group(blocks(k), sound, case, error)
-         call all_of_them%join(blocks(k)%refusals)
+         if (any(blocks(k)%name == checked_last)) call read_group(blocks(k), sound, case, error)
+         call all_refusals%join(blocks(k)%refusals)
       end do
-      call all_of_them%join(refusals)
-      call all_of_them%tell(case%path, error)
+      call all_refusals%join(refusals)
+      call all_refusals%tell(case%path, error)
       if (allocated(error)) return
       if (size(case%excitations) > 0) case%model%excitation = case%excitations(1)
       if (size(case%stages) > 0) call set_default_start(case%stages(1))
@@ -108,7 +118,8 @@ contains
 
    contains
 
-      !> Of a motion from an unknown start the record itself tells where to begin.
+      !> Takes the start values of the first stage from the records if the case gives none and every
+      !> motion has an unknown start.
       subroutine set_default_start(first)
          type(stage_t), intent(inout) :: first
 
@@ -119,7 +130,10 @@ contains
 
    end subroutine read_groups
 
-   !> The grid of sample times of &record, for a response without a record.
+   !> Returns the grid of sample times of the first &record, for a response without a recording.
+   !>
+   !> times  (m) ascending [time]
+   !> error  an invalid grid, or a time step of the difference formulas that it cannot resolve
    subroutine sample_times(case, times, error)
       type(case_t), intent(in) :: case
       real(wp), allocatable, intent(out) :: times(:)
@@ -129,7 +143,10 @@ contains
       if (.not. allocated(error)) call check_delta(case, times, error)
    end subroutine sample_times
 
-   !> The sample times of a record's grid.
+   !> Returns the sample times of a record's grid.
+   !>
+   !> times  (m) ascending [time]
+   !> error  t_first, t_last and t_step that make no grid
    subroutine grid_times(case, recording, times, error)
       type(case_t), intent(in) :: case
       type(recording_t), intent(in) :: recording
@@ -140,7 +157,8 @@ contains
       call locate(error, case%path//':'//to_text(recording%line)//': &record t_step')
    end subroutine grid_times
 
-   !> A Delta that the sample times cannot resolve would leave differences of round-off.
+   !> Refuses a time step Delta of the difference formulas (4.1) and (4.2) below a millionth of the
+   !> last sample time: the differences would consist of round-off.
    subroutine check_delta(case, times, error)
       type(case_t), intent(in) :: case
       real(wp), intent(in) :: times(:)
@@ -154,9 +172,12 @@ contains
       end associate
    end subroutine check_delta
 
-   !> The records and how each came about; refuses fewer samples than parameters.
+   !> Loads the records and describes the experiment that each of them comes from.
    !>
-   !> notes  what was done to the records, a sentence each
+   !> experiments  (records)
+   !> notes        one sentence for each change made to the records, such as clipped samples removed
+   !> error        a record that cannot be read, records that contradict one another, or a stage
+   !>              with more unknowns than samples
    subroutine load_experiments(case, experiments, notes, error)
       type(case_t), intent(in) :: case
       type(experiment_t), allocatable, intent(out) :: experiments(:)
@@ -169,18 +190,20 @@ contains
       allocate (experiments(size(case%recordings)), notes(0))
       do k = 1, size(experiments)
          associate (experiment => experiments(k), recording => case%recordings(k))
-            call samples_of(case, recording, 'record', recording%line, experiment%samples, &
+            call load_samples(case, recording, 'record', recording%line, experiment%samples, &
                experiment%measured, sentences, error)
             if (allocated(error)) return
             if (size(experiments) > 1 .and. size(sentences) > 0) &
                sentences = 'record '//to_text(k)//': '//sentences
             notes = [character(len=note_length) :: notes, sentences]
-            experiment%scale = recording%scale
             experiment%offset = recording%offset
-            if (allocated(recording%sd)) experiment%sd = recording%sd
-            experiment%motion = recording%experiment
-            call place_experiment(case, k, experiment, error)
+            call describe_experiment(case, k, experiment, error)
             if (allocated(error)) return
+            associate (window => recording%window)
+               if (experiment%excitation%modes > 0 .and. .not. allocated(window%t_step)) &
+                  call leave_out_lead_in(allocated(window%t_first), experiment%samples, &
+                  experiment%measured, notes)
+            end associate
          end associate
       end do
       total = sum([(size(experiments(k)%samples), k=1, size(experiments))])
@@ -198,8 +221,12 @@ contains
       if (.not. allocated(error)) call check_free_places(case, experiments, error)
    end subroutine load_experiments
 
-   !> What there is to choose from, and the experiments as they are planned or were done: sample
-   !> times and noise, nothing measured.
+   !> Returns the settings that a design chooses from and the experiments as planned or done, with
+   !> sample times and noise but without measured values.
+   !>
+   !> box          lists of settings of &design, with the defaults of the case
+   !> experiments  (records); `measured` is 0
+   !> error        as in `load_experiments`, or an invalid grid of sample times
    subroutine plan_experiments(case, box, experiments, error)
       type(case_t), intent(in) :: case
       type(box_t), intent(out) :: box
@@ -213,7 +240,7 @@ contains
       do k = 1, size(experiments)
          associate (experiment => experiments(k), recording => case%recordings(k))
             if (allocated(recording%path)) then
-               call samples_of(case, recording, 'record', recording%line, experiment%samples, &
+               call load_samples(case, recording, 'record', recording%line, experiment%samples, &
                   experiment%measured, notes, error)
             else
                call grid_times(case, recording, experiment%samples, error)
@@ -221,11 +248,8 @@ contains
             end if
             if (allocated(error)) return
             experiment%measured = 0*experiment%samples
-            experiment%scale = recording%scale
-            experiment%motion = recording%experiment
             experiment%sd = box%noise_sd
-            if (allocated(recording%sd)) experiment%sd = recording%sd
-            call place_experiment(case, k, experiment, error)
+            call describe_experiment(case, k, experiment, error)
             if (allocated(error)) return
          end associate
       end do
@@ -233,136 +257,29 @@ contains
       if (.not. allocated(error)) call check_free_places(case, experiments, error)
    end subroutine plan_experiments
 
-   !> Channels of one motion stand one behind the other and are of the same beam, with the same
-   !> start and the same parameters.
-   subroutine check_channels(case, experiments, error)
-      type(case_t), intent(in) :: case
-      type(experiment_t), intent(in) :: experiments(:)
-      type(error_t), allocatable, intent(out) :: error
-      type(structure_t) :: first, other
-      integer :: j, k, p
-
-      do k = 2, size(experiments)
-         associate (number => experiments(k)%motion, line => case%recordings(k)%line)
-            j = findloc(experiments(:k - 1)%motion, number, dim=1)
-            if (number == 0 .or. j == 0) cycle
-            first = experiments(j)%structure_of(case%model%structure)
-            other = experiments(k)%structure_of(case%model%structure)
-            other%observer = first%observer
-            if (experiments(k - 1)%motion /= number) then
-               call refuse(case%path, line, 'record experiment', to_text(number)//' again', &
-                  'records of one experiment one behind the other', error)
-            else if (.not. same_structure(first, other)) then
-               call refuse(case%path, line, 'record experiment', to_text(number)// &
-                  ' with another beam than record '//to_text(j), 'the same beam', error)
-            else if (experiments(k)%excitation%modes /= experiments(j)%excitation%modes) then
-               call refuse(case%path, line, 'record experiment', to_text(number)// &
-                  ' with another start than record '//to_text(j), 'the same', error)
-            end if
-         end associate
-         do p = 1, size(case%stages)
-            if (allocated(error)) return
-            if (any(case%stages(p)%owners() > 0)) call refuse(case%path, case%stage_lines(p), &
-               'stage shared', 'parameters that are not shared, beside channels of one '// &
-               'experiment', 'all of them', error)
-         end do
-         if (allocated(error)) return
-      end do
-   end subroutine check_channels
-
-   !> What has a free place must find one on every beam, and a beam must reach what sits on it.
-   subroutine check_free_places(case, experiments, error)
-      type(case_t), intent(in) :: case
-      type(experiment_t), intent(in) :: experiments(:)
-      type(error_t), allocatable, intent(out) :: error
-      logical :: stretches
-      integer :: i, k, p
-
-      stretches = .false.
-      do k = 1, size(case%stages)
-         associate (stage => case%stages(k))
-            stretches = stretches .or. any(stage%free == of_length)
-            do p = 1, size(stage%free)
-               do i = 1, size(experiments)
-                  if (any(stage%record(p) == [0, i])) call check_place(stage%free(p))
-                  if (allocated(error)) return
-               end do
-            end do
-         end associate
-      end do
-
-   contains
-
-      !> Parameter p of stage k, the place q among the parameters, in record i.
-      subroutine check_place(q)
-         integer, intent(in) :: q
-         type(structure_t) :: structure
-         real(wp) :: least
-
-         structure = experiments(i)%structure_of(case%model%structure)
-         associate (stage => case%stages(k))
-            if (stage%record(p) == 0 .and. differs(q, structure)) then
-               call refuse(case%path, case%stage_lines(k), 'stage free', trim(name_of_parameter( &
-                  structure, q))//' shared by records that give it different values', &
-                  'it left out of shared, or one value', error)
-            else if (q == of_length) then
-               least = outermost(structure, stage%free)
-               if (stage%upper(p) <= least) call refuse_value('upper', stage%upper, &
-                  'more than '//to_text(least)//', where the outermost of what it carries is')
-               if (.not. allocated(stage%start)) return
-               if (stage%start(p) < least) call refuse_value('start', stage%start, &
-                  'at least '//to_text(least)//', where the outermost of what it carries is')
-            else if (parameters(q)%range == on_beam) then
-               if (stage%lower(p) >= structure%length) call refuse_value('lower', stage%lower, &
-                  'less than the length '//to_text(structure%length)//' of the beam')
-               if (stretches .or. .not. allocated(stage%start)) return
-               if (stage%start(p) > structure%length) call refuse_value('start', stage%start, &
-                  'at most the length '//to_text(structure%length)//' of the beam')
-            end if
-         end associate
-      end subroutine check_place
-
-      subroutine refuse_value(key, values, expected)
-         character(len=*), intent(in) :: key, expected
-         real(wp), intent(in) :: values(:)
-
-         call refuse(case%path, case%stage_lines(k), 'stage '//key, to_text(values(p))//' for '// &
-            trim(name_of_parameter(case%model%structure, case%stages(k)%free(p))), expected, error)
-      end subroutine refuse_value
-
-      !> Whether parameter q has another value in record i than in the first.
-      logical function differs(q, structure)
-         integer, intent(in) :: q
-         type(structure_t), intent(in) :: structure
-         type(structure_t) :: first
-
-         differs = .false.
-         if (q > n_parameters) return
-         if (parameters(q)%group == 'sensor' .and. parameters(q)%item /= experiments(i)%sensor) &
-            return
-         first = experiments(1)%structure_of(case%model%structure)
-         differs = abs(structure%get(q) - first%get(q)) > 0
-      end function differs
-
-   end subroutine check_free_places
-
-   !> The outermost place that does not move along the beam.
-   pure real(wp) function outermost(structure, free)
-      type(structure_t), intent(in) :: structure
-      integer, intent(in) :: free(:)
-      integer :: k
-
-      outermost = 0
-      do k = 1, n_parameters
-         if (parameters(k)%range /= on_beam .or. .not. is_there(structure, k)) cycle
-         if (.not. (structure%follows_tip(k) .or. any(free == k))) &
-            outermost = max(outermost, structure%get(k))
-      end do
-   end function outermost
-
-   !> The samples of the first record.
+   !> Sets scale, noise level, number of the motion and positions of experiment k from its &record.
    !>
-   !> samples, measured  (m) [time], [length/time**2]
+   !> experiment  with its samples; `sd` remains as it is if the record states none
+   !> error       a length or a position that does not fit the beam
+   subroutine describe_experiment(case, k, experiment, error)
+      type(case_t), intent(in) :: case
+      integer, intent(in) :: k
+      type(experiment_t), intent(inout) :: experiment
+      type(error_t), allocatable, intent(out) :: error
+
+      associate (recording => case%recordings(k))
+         experiment%scale = recording%scale
+         if (allocated(recording%sd)) experiment%sd = recording%sd
+         experiment%motion = recording%experiment
+      end associate
+      call place_experiment(case, k, experiment, error)
+   end subroutine describe_experiment
+
+   !> Loads the samples of the first record.
+   !>
+   !> samples   (m) sample times, ascending [time]
+   !> measured  (m) acceleration [length/time**2]
+   !> error     as in `load_experiments`
    subroutine measured_samples(case, samples, measured, error)
       type(case_t), intent(in) :: case
       real(wp), allocatable, intent(out) :: samples(:), measured(:)
@@ -376,7 +293,12 @@ contains
       measured = experiments(1)%measured
    end subroutine measured_samples
 
-   !> The samples of the window of &score; none without such a group.
+   !> Loads the samples of the first record in the window of &score; returns empty arrays without
+   !> this group.
+   !>
+   !> samples   (m) sample times, ascending [time]
+   !> measured  (m) acceleration [length/time**2]
+   !> error     a window that cannot be read
    subroutine scored_samples(case, samples, measured, error)
       type(case_t), intent(in) :: case
       real(wp), allocatable, intent(out) :: samples(:), measured(:)
@@ -390,11 +312,18 @@ contains
       end if
       recording = case%recordings(1)
       recording%window = case%score
-      call samples_of(case, recording, 'score', case%score_line, samples, measured, notes, error)
+      call load_samples(case, recording, 'score', case%score_line, samples, measured, notes, error)
    end subroutine scored_samples
 
-   !> The samples of one window of a record.
-   subroutine samples_of(case, recording, group, line, samples, measured, notes, error)
+   !> Loads the samples of a record in its window.
+   !>
+   !> group     name of the group that the window comes from, for messages
+   !> line      line of that group in the case file
+   !> samples   (m) sample times, ascending [time]
+   !> measured  (m) acceleration [length/time**2]
+   !> notes     one sentence for each change made to the record
+   !> error     a record that cannot be read, or an unresolved time step (`check_delta`)
+   subroutine load_samples(case, recording, group, line, samples, measured, notes, error)
       type(case_t), intent(in) :: case
       type(recording_t), intent(in) :: recording
       character(len=*), intent(in) :: group
@@ -409,6 +338,6 @@ contains
       call load_recording(labelled, samples, measured, notes, error, &
          place=case%path//':'//to_text(line)//': &'//group//': ')
       if (.not. allocated(error)) call check_delta(case, samples, error)
-   end subroutine samples_of
+   end subroutine load_samples
 
 end module beamid_cases

@@ -1,10 +1,12 @@
-!> A fleet: a list of case files, each of which is a member of an ensemble. A case that was fitted
-!> before may start from where it ended, and one that is as it was need not be fitted again.
+!> Fleets: lists of case files, each of which is a member of an ensemble. A case that was fitted
+!> before starts from its earlier estimates (a warm start). A case whose fingerprint has not changed
+!> need not be fitted again.
 module beamid_fleets
    use beamid_case_files, only: add_case, case_t
    use beamid_case_fits, only: add_mesh_shifts, case_fit_t, fit_case, judge_case, load_case
    use beamid_cases, only: needs_fit, read_case
-   use beamid_ensembles, only: add_fit_rows, member_t, row_t
+   use beamid_ensemble_rows, only: add_fit_rows, row_t
+   use beamid_ensembles, only: member_t
    use beamid_errors, only: bad_input, error_t, failure
    use beamid_files, only: read_text
    use beamid_fingerprints, only: fingerprint_length, fingerprint_t
@@ -21,28 +23,32 @@ module beamid_fleets
 
    !> One case of the list.
    type :: fleet_case_t
-      character(len=:), allocatable :: name    !< as in the list
-      character(len=:), allocatable :: path
-      !> of the program, the case's text and every file that the case names
+      character(len=:), allocatable :: name    !< path as written in the list
+      character(len=:), allocatable :: path    !< path of the case file
+      !> of the program's version, the case's text and every file that the case names
       character(len=fingerprint_length) :: fingerprint = ''
-      type(row_t), allocatable :: before(:)    !< what an earlier run has found; none
-      logical :: is_as_before = .false.        !< that is of the same fingerprint
-      type(member_t) :: member                 !< what this run finds
-      character(len=:), allocatable, private :: program  !< its version
-      type(case_t), allocatable, private :: case         !< between `open` and `close`
-      type(case_fit_t), allocatable, private :: found
-      type(error_t), allocatable, private :: error
-      logical, private :: is_warm = .false.
+      type(row_t), allocatable :: before(:)    !< results of an earlier run; of size 0: none
+      logical :: is_as_before = .false.        !< `before` belongs to the present fingerprint
+      type(member_t) :: member                 !< result of this run
+      character(len=:), allocatable, private :: program   !< version of the program
+      ! The rest is in use from `open_fleet_case` to `close_fleet_case`.
+      type(case_t), allocatable, private :: case
+      type(case_fit_t), allocatable, private :: found      !< records and fit
+      type(error_t), allocatable, private :: error         !< first error of this case
+      logical, private :: is_warm = .false.                !< start values are the estimates before
    end type fleet_case_t
 
    character(len=*), parameter :: line_feed = achar(10)
 
 contains
 
-   !> Reads the list, and the cases on it for their fingerprints.
+   !> Reads a list of case files, and each case for its fingerprint.
    !>
-   !> list     paths, relative to its folder, a line each; behind ! or # a comment
-   !> program  the version of the program, on which results depend too
+   !> list     path of the list: one path of a case file in each line, relative to the folder of the
+   !>          list; ! or # begins a comment
+   !> program  version of the program, on which results depend as well
+   !> fleet    the cases in the order of the list
+   !> error    a list that cannot be read or is empty; errors of a case remain with the case
    subroutine read_fleet(list, program, fleet, error)
       character(len=*), intent(in) :: list, program
       type(fleet_case_t), allocatable, intent(out) :: fleet(:)
@@ -79,11 +85,12 @@ contains
       end do
    end subroutine read_fleet
 
-   !> Reads a case and its records; where there are estimates from before it starts from them. The
-   !> fingerprint is taken once all files have been read: if it is still that of the list, no file
-   !> has changed since.
+   !> Reads a case and its records, and sets its start values to the estimates before, if any.
    !>
-   !> declared  .true.: from the declared start all the same
+   !> The fingerprint is computed after all files have been read: if it still equals that of the
+   !> list, no file has changed in between.
+   !>
+   !> declared  .true.: use the start values of the case all the same; default .false.
    subroutine open_fleet_case(one, declared)
       type(fleet_case_t), intent(inout) :: one
       logical, intent(in), optional :: declared
@@ -102,7 +109,7 @@ contains
       call start_from(one%before, one%case, one%is_warm)
    end subroutine open_fleet_case
 
-   !> What it was fitted from is not needed any more.
+   !> Frees the case, its records, its fit and its error.
    subroutine close_fleet_case(one)
       type(fleet_case_t), intent(inout) :: one
 
@@ -121,7 +128,11 @@ contains
       one%fingerprint = fingerprint%digits()
    end subroutine set_fingerprint
 
-   !> Gives each stage whose parameters all have estimates these as its start.
+   !> Sets the start values of each stage whose parameters all have estimates to these estimates.
+   !>
+   !> rows     results of an earlier run; of several meshes the last one counts
+   !> case     on return without multiple starts if any stage has got such start values
+   !> is_warm  whether any stage has got such start values
    subroutine start_from(rows, case, is_warm)
       type(row_t), intent(in) :: rows(:)
       type(case_t), intent(inout) :: case
@@ -136,7 +147,6 @@ contains
             if (.not. allocated(stage%record)) stage%record = stage%owners()
             start = [(unlimited, k=1, size(stage%free))]
             do k = 1, size(start)
-               ! Of several meshes the last one counts.
                do j = 1, size(rows)
                   if (rows(j)%parameter == name_of(name_of_parameter(case%model%structure, &
                      stage%free(k)), stage%record(k))) start(k) = rows(j)%estimate
@@ -148,22 +158,20 @@ contains
             is_warm = .true.
          end associate
       end do
-      ! One start, that of the estimates.
       if (is_warm) case%multistart%n = 0
    end subroutine start_from
 
-   !> Fits what was opened. In threads.
+   !> Fits a case after `open_fleet_case` has read it. May run beside other threads.
    subroutine fit_fleet_case(one)
       type(fleet_case_t), intent(inout) :: one
 
       if (allocated(one%error)) return
       call fit_case(one%case, one%found, one%error, check=.false.)
-      if (.not. allocated(one%error)) call add_mesh_shifts(one%case, one%found, &
-         one%error)
+      if (.not. allocated(one%error)) call add_mesh_shifts(one%case, one%found, one%error)
    end subroutine fit_fleet_case
 
-   !> Judges the fit and keeps what it has found. Where there is none from the estimates before, the
-   !> declared start is tried.
+   !> Judges the fit of a case and stores the result in `member`. If a warm start has led to no
+   !> valid fit, fits again from the start values of the case. Frees everything else.
    subroutine judge_fleet_case(one)
       type(fleet_case_t), intent(inout) :: one
       integer :: k
@@ -188,6 +196,7 @@ contains
 
    contains
 
+      !> Sets the error of the case if the verdict rejects the fit.
       subroutine judge()
          if (.not. allocated(one%error)) call judge_case(one%case, one%found, one%error)
          if (allocated(one%error)) return
@@ -197,7 +206,10 @@ contains
 
    end subroutine judge_fleet_case
 
-   !> Whether a parameter is further from where it was than both intervals together explain.
+   !> Returns whether a parameter has moved by more than the root of the sum of squares of the two
+   !> half widths that face each other.
+   !>
+   !> before, now  rows of the same parameter, of two runs; .false. if either interval is unlimited
    pure logical function moved(before, now)
       type(row_t), intent(in) :: before, now
       type(row_t) :: lower, upper

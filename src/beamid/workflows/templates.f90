@@ -1,4 +1,5 @@
-!> First cases: a case file with comments, and a record that the library makes for it.
+!> Templates for `beamid new`: for each kind of experiment a case file with comments and a simulated
+!> record that it fits.
 module beamid_templates
    use beamid_cases, only: case_t, needs_nothing, parse_case, sample_times
    use beamid_errors, only: bad_input, error_t
@@ -13,12 +14,16 @@ module beamid_templates
 
    public :: new_template
 
+   !> Kinds of experiment that have a template.
    character(len=10), parameter, public :: template_kinds(4) = [character(len=10) :: &
       'free-decay', 'impulse', 'base', 'paper']
 
+   !> Longest line of a template.
    integer, parameter :: width = 90
    character(len=*), parameter :: line_feed = new_line('a')
 
+   ! Parts that several case files share. `strip` holds guesses, `strip_truth` the values that the
+   ! records are simulated with.
    character(len=width), parameter :: begin(*) = [character(len=width) :: &
       '!', &
       '!    beamid identify case.nml', &
@@ -48,17 +53,90 @@ module beamid_templates
       '&sensor m_S=0.005, x_S=0.44 /', &
       '&discretization degree=5, elements=16 /']
 
-   character(len=width), parameter :: known(*) = [character(len=width) :: &
+   character(len=width), parameter :: prior_knowledge(*) = [character(len=width) :: &
       '', &
       '! How well the rest is known, as standard deviations: it counts in the total intervals.', &
       '&prior  parameter=''length'', sd=0.001 /', &
       '&prior  parameter=''height'', sd=0.00002 /']
 
+   ! Lines of the case file of each kind, and of the case that its record is simulated with.
+   character(len=width), parameter :: free_decay_case(*) = [character(len=width) :: &
+      '! A strip was pulled aside and let go; an accelerometer recorded how it swings.', &
+      begin, strip, '', &
+      '! Nothing is known of how it was set in motion: amplitudes and phases of three', &
+      '! modes are found with the rest, start values come from the lines of the record.', &
+      '&excitation  kind=''free'', modes=3 /', &
+      '&record      file=''record.csv'' /', &
+      '&stage       free=''E'',''m_S'',''c_D'',''gamma'' /', &
+      prior_knowledge]
+
+   character(len=width), parameter :: free_decay_truth(*) = [character(len=width) :: &
+      strip_truth, &
+      '&excitation kind=''release'', displacement=0.02 /', &
+      '&record t_first=0.2, t_last=4.198, t_step=0.002 /', &
+      '&noise sd=0.05, seed=1 /']
+
+   character(len=width), parameter :: impulse_case(*) = [character(len=width) :: &
+      '! A strip was struck 200 mm from its clamp: 1 N for 10 ms, from t = 0 on.', &
+      begin, strip, '', &
+      '! A force that was measured: kind=''table'', file=''...'', columns time and force.', &
+      '&excitation  kind=''pulse'', amplitude=1, duration=0.01, x_F=0.2 /', &
+      '&record      file=''record.csv'' /', &
+      '! Starts come from the lines of the record.', &
+      '&stage       free=''E'',''m_S'',''c_D'',''gamma'', start=''auto'' /', &
+      prior_knowledge]
+
+   character(len=width), parameter :: impulse_truth(*) = [character(len=width) :: &
+      strip_truth, &
+      '&excitation kind=''pulse'', amplitude=1, duration=0.01, x_F=0.2 /', &
+      '&record t_first=0, t_last=1.999, t_step=0.001 /', &
+      '&noise sd=0.1, seed=2 /']
+
+   character(len=width), parameter :: base_case(*) = [character(len=width) :: &
+      '! A strip on a shaker; one accelerometer on the strip, one on the base.', &
+      begin, strip, '', &
+      '! The column ''base'' of the same file is the acceleration of the base.', &
+      '&excitation  kind=''base'', file=''record.csv'', value_column=''base'' /', &
+      '&discretization degree=5 /', &
+      '&record      file=''record.csv'', value_column=''acceleration'' /', &
+      '&stage       free=''E'',''m_S'',''c_D'',''gamma'', start=''auto'' /', &
+      prior_knowledge]
+
+   character(len=width), parameter :: base_truth(*) = [character(len=width) :: &
+      strip_truth, &
+      '&record t_first=0, t_last=1.999, t_step=0.001 /', &
+      '&noise sd=0.1, seed=3 /']
+
+   character(len=width), parameter :: paper_case(*) = [character(len=width) :: &
+      '! The structure of NASA CR-178199, Table 4.1: a thruster at the tip fires for', &
+      '! .05 s, a hose hangs there, an accelerometer records it; with 2 % of noise.', &
+      begin, '', &
+      '&units  length=''ft'', force=''lb'', time=''s'', mass=''slug'' /', &
+      '&beam   length=4.0, rho=0.03, E=80.0, I=1.0, c_D=0.0035 /', &
+      '&tip    m_T=0.15 /', &
+      '&hose   m_H=0.035, c_H=0.0035, k_H=0.4 /', &
+      '&excitation  kind=''pulse'', amplitude=1.0, duration=0.05 /', &
+      '&discretization degree=5 /', &
+      '&record      file=''record.csv'' /', &
+      '&stage       free=''c_D'',''m_H'',''c_H'',''k_H'' /']
+
+   character(len=width), parameter :: paper_truth(*) = [character(len=width) :: &
+      '&beam length=4.0, rho=0.03, E=80.0, I=1.0, c_D=0.005 /', &
+      '&tip m_T=0.15 /', &
+      '&hose m_H=0.04, c_H=0.004, k_H=0.3 /', &
+      '&discretization degree=5, elements=16 /', &
+      '&excitation kind=''pulse'', amplitude=1.0, duration=0.05 /', &
+      '&record t_first=0.02, t_last=5.0, t_step=0.02 /', &
+      '&noise sd=0.02, seed=4 /']
+
 contains
 
-   !> kind       one of `template_kinds`, in any case
-   !> case_text  text of the case file, whose record is record.csv beside it
-   !> record     text of record.csv
+   !> Returns a first case file of the given kind and the record that goes with it.
+   !>
+   !> kind       one of `template_kinds`
+   !> case_text  content of the case file, which expects the record in record.csv beside it
+   !> record     content of record.csv: a simulated response with noise
+   !> error      an unknown kind
    subroutine new_template(kind, case_text, record, error)
       character(len=*), intent(in) :: kind
       character(len=:), allocatable, intent(out) :: case_text, record
@@ -66,91 +144,45 @@ contains
 
       select case (kind)
       case ('free-decay')
-         case_text = lines([character(len=width) :: &
-            '! A strip was pulled aside and let go; an accelerometer recorded how it swings.', &
-            begin, strip, '', &
-            '! Nothing is known of how it was set in motion: amplitudes and phases of three', &
-            '! modes are found with the rest, start values come from the lines of the record.', &
-            '&excitation  kind=''free'', modes=3 /', &
-            '&record      file=''record.csv'' /', &
-            '&stage       free=''E'',''m_S'',''c_D'',''gamma'' /', &
-            known])
-         call make_record([character(len=width) :: strip_truth, &
-            '&excitation kind=''release'', displacement=0.02 /', &
-            '&record t_first=0.2, t_last=4.198, t_step=0.002 /', &
-            '&noise sd=0.05, seed=1 /'], record, error)
+         case_text = joined(free_decay_case)
+         call make_record(free_decay_truth, .false., record, error)
       case ('impulse')
-         case_text = lines([character(len=width) :: &
-            '! A strip was struck 200 mm from its clamp: 1 N for 10 ms, from t = 0 on.', &
-            begin, strip, '', &
-            '! A force that was measured: kind=''table'', file=''...'', columns time and force.', &
-            '&excitation  kind=''pulse'', amplitude=1, duration=0.01, x_F=0.2 /', &
-            '&record      file=''record.csv'' /', &
-            '! Starts come from the lines of the record.', &
-            '&stage       free=''E'',''m_S'',''c_D'',''gamma'', start=''auto'' /', &
-            known])
-         call make_record([character(len=width) :: strip_truth, &
-            '&excitation kind=''pulse'', amplitude=1, duration=0.01, x_F=0.2 /', &
-            '&record t_first=0, t_last=1.999, t_step=0.001 /', &
-            '&noise sd=0.1, seed=2 /'], record, error)
+         case_text = joined(impulse_case)
+         call make_record(impulse_truth, .false., record, error)
       case ('base')
-         case_text = lines([character(len=width) :: &
-            '! A strip on a shaker; one accelerometer on the strip, one on the base.', &
-            begin, strip, '', &
-            '! The column ''base'' of the same file is the acceleration of the base.', &
-            '&excitation  kind=''base'', file=''record.csv'', value_column=''base'' /', &
-            '&discretization degree=5 /', &
-            '&record      file=''record.csv'', value_column=''acceleration'' /', &
-            '&stage       free=''E'',''m_S'',''c_D'',''gamma'', start=''auto'' /', &
-            known])
-         call make_record([character(len=width) :: strip_truth, &
-            '&record t_first=0, t_last=1.999, t_step=0.001 /', &
-            '&noise sd=0.1, seed=3 /'], record, error, shaken=.true.)
+         case_text = joined(base_case)
+         call make_record(base_truth, .true., record, error)
       case ('paper')
-         case_text = lines([character(len=width) :: &
-            '! The structure of NASA CR-178199, Table 4.1: a thruster at the tip fires for', &
-            '! .05 s, a hose hangs there, an accelerometer records it; with 2 % of noise.', &
-            begin, '', &
-            '&units  length=''ft'', force=''lb'', time=''s'', mass=''slug'' /', &
-            '&beam   length=4.0, rho=0.03, E=80.0, I=1.0, c_D=0.0035 /', &
-            '&tip    m_T=0.15 /', &
-            '&hose   m_H=0.035, c_H=0.0035, k_H=0.4 /', &
-            '&excitation  kind=''pulse'', amplitude=1.0, duration=0.05 /', &
-            '&discretization degree=5 /', &
-            '&record      file=''record.csv'' /', &
-            '&stage       free=''c_D'',''m_H'',''c_H'',''k_H'' /'])
-         call make_record([character(len=width) :: &
-            '&beam length=4.0, rho=0.03, E=80.0, I=1.0, c_D=0.005 /', &
-            '&tip m_T=0.15 /', &
-            '&hose m_H=0.04, c_H=0.004, k_H=0.3 /', &
-            '&discretization degree=5, elements=16 /', &
-            '&excitation kind=''pulse'', amplitude=1.0, duration=0.05 /', &
-            '&record t_first=0.02, t_last=5.0, t_step=0.02 /', &
-            '&noise sd=0.02, seed=4 /'], record, error)
+         case_text = joined(paper_case)
+         call make_record(paper_truth, .false., record, error)
       case default
          call bad_input(error, 'no such kind of case')
       end select
    end subroutine new_template
 
-   pure function lines(text)
-      character(len=*), intent(in) :: text(:)
-      character(len=:), allocatable :: lines
+   !> Joins lines of text, without their trailing blanks, into the content of a file.
+   pure function joined(lines) result(text)
+      character(len=*), intent(in) :: lines(:)
+      character(len=:), allocatable :: text
       integer :: k
 
-      lines = ''
-      do k = 1, size(text)
-         lines = lines//trim(text(k))//line_feed
+      text = ''
+      do k = 1, size(lines)
+         text = text//trim(lines(k))//line_feed
       end do
-   end function lines
+   end function joined
 
-   !> What a sensor would have recorded of a structure, with noise.
+   !> Simulates the record of a structure and adds noise.
    !>
-   !> shaken  its base moves, and the record has a column of that
-   subroutine make_record(truth, record, error, shaken)
+   !> truth       lines of the case file with the true values
+   !> base_moves  whether the base is shaken; its acceleration is then the record's third column
+   !> record      content of a CSV file with the columns t, acceleration and, if any, base
+   !> error       a response that cannot be computed
+   subroutine make_record(truth, base_moves, record, error)
       character(len=*), intent(in) :: truth(:)
+      logical, intent(in) :: base_moves
       character(len=:), allocatable, intent(out) :: record
       type(error_t), allocatable, intent(out) :: error
-      logical, intent(in), optional :: shaken
       type(case_t) :: case
       type(simulation_t) :: simulation
       type(text_t) :: table
@@ -158,12 +190,12 @@ contains
       character(len=:), allocatable :: row
       integer :: k
 
-      call parse_case('template', lines(truth), needs_nothing, case, error)
+      call parse_case('template', joined(truth), needs_nothing, case, error)
       if (.not. allocated(error)) call sample_times(case, times, error)
       if (allocated(error)) return
       allocate (base(0))
-      if (present(shaken)) then
-         base = knock(times)
+      if (base_moves) then
+         base = base_pulse(times)
          call new_base_motion(times, base, case%model%excitation, error)
          if (allocated(error)) return
       end if
@@ -179,13 +211,14 @@ contains
       record = table%content()
    end subroutine make_record
 
-   !> A base that is pushed to and fro once within 20 ms.
-   elemental real(wp) function knock(t)
+   !> Returns the acceleration [m/s**2] of a base that moves to and fro once within 20 ms: a period
+   !> of a sine.
+   elemental real(wp) function base_pulse(t)
       real(wp), intent(in) :: t
       real(wp), parameter :: two_pi = 2*acos(-1.0_wp), length = 0.02_wp
 
-      knock = 0
-      if (t < length) knock = 30*sin(two_pi*t/length)
-   end function knock
+      base_pulse = 0
+      if (t < length) base_pulse = 30*sin(two_pi*t/length)
+   end function base_pulse
 
 end module beamid_templates

@@ -1,0 +1,112 @@
+!> The characteristic equation W(s) = det(s**2 M + s C + K) = 0 of an assembly, as the search for
+!> its roots needs it: by the logarithmic derivative W'/W.
+!>
+!> With an oscillator j and the quantities of `beamid_vectors`, up to a constant factor,
+!>
+!>     W(s) = det(A + G H) (D_j + v_j'f) times the product of D_i over all i /= j.
+module beamid_characteristic
+   use beamid_assembly, only: assembly_t, pencil_t
+   use beamid_kinds, only: wp
+   use beamid_vectors, only: couplings, eliminate, most, root_t
+   implicit none
+   private
+
+   public :: logarithmic_derivative
+
+contains
+
+   !> Returns W'/W at a point [time]. The result is 0 if it cannot be computed because the structure
+   !> without oscillator j has a root at this very point, and `huge` at a root.
+   !>
+   !> A search calls this procedure hundreds of times; therefore it allocates no array.
+   pure complex(wp) function logarithmic_derivative(self, root) result(value)
+      type(assembly_t), intent(in) :: self
+      type(root_t), intent(in) :: root
+      complex(wp), dimension(most, most) :: G, dG, H, dH, a
+      complex(wp) :: b(most, most + 1), y(most), D_j, dD_j, w, dw
+      logical :: regular
+      integer :: k, l, r
+
+      r = size(self%v, 1)
+      associate (pencil => self%pencil(self%form_at(root%s)))
+         call sum_oscillators(self, pencil, root, G, dG, D_j, dD_j, value)
+         call couplings(pencil, root%s, H(:r, :r), dH(:r, :r))
+      end associate
+      ! a = A + G H; the columns of b are v_j and the derivative of G H.
+      do l = 1, r
+         do k = 1, r
+            a(k, l) = sum(G(k, :r)*H(:r, l))
+            b(k, l + 1) = sum(dG(k, :r)*H(:r, l) + G(k, :r)*dH(:r, l))
+         end do
+         a(l, l) = a(l, l) + self%compliance(l)
+         b(l, 1) = self%v(l, root%j)
+      end do
+      call eliminate(r, r + 1, a, b, regular)
+      ! w = D_j + v_j'f and dw = w'; value collects the trace of (A + G H)**-1 (G H)'.
+      w = D_j
+      dw = dD_j
+      do k = 1, r
+         y(k) = sum(H(k, :r)*b(:r, 1))
+         w = w + self%v(k, root%j)*y(k)
+         y(k) = sum(b(k, 2:r + 1)*b(:r, 1))
+      end do
+      do k = 1, r
+         dw = dw + self%v(k, root%j)*sum(dH(k, :r)*b(:r, 1) - H(k, :r)*y(:r))
+         value = value + b(k, k + 1)
+      end do
+      if (.not. regular) then
+         value = 0
+      else if (.not. abs(w) > 0) then
+         value = huge(1.0_wp)
+      else
+         value = value + dw/w
+      end if
+   end function logarithmic_derivative
+
+   !> Computes the sums over all oscillators but j at a point s.
+   !>
+   !> pencil     the form of D(s) that serves at s
+   !> G, dG      (most, most) G(s) and G'(s), of which the first (r, r) entries are set
+   !> D_j, dD_j  D_j(s) and D_j'(s)
+   !> value      sum of D_i'/D_i over i /= j
+   pure subroutine sum_oscillators(self, pencil, root, G, dG, D_j, dD_j, value)
+      type(assembly_t), intent(in) :: self
+      type(pencil_t), intent(in) :: pencil
+      type(root_t), intent(in) :: root
+      complex(wp), intent(out) :: G(most, most), dG(most, most), D_j, dD_j, value
+      complex(wp) :: origin, left, right, D, dD
+      integer :: i, k, l, r
+
+      r = size(self%v, 1)
+      origin = self%pole(root%origin, root%side)
+      G(:r, :r) = 0
+      dG(:r, :r) = 0
+      value = 0
+      do i = 1, self%n
+         left = (origin - self%pole(i, 1)) + root%offset
+         right = (origin - self%pole(i, 2)) + root%offset
+         D = pencil%m(i)*left*right
+         dD = pencil%m(i)*(left + right)
+         if (i == root%j) then
+            D_j = D
+            dD_j = dD
+            cycle
+         end if
+         D = 1/D
+         dD = dD*D
+         value = value + dD
+         dD = -dD*D
+         do l = 1, r
+            do k = 1, l
+               G(k, l) = G(k, l) + self%v(k, i)*self%v(l, i)*D
+               dG(k, l) = dG(k, l) + self%v(k, i)*self%v(l, i)*dD
+            end do
+         end do
+      end do
+      do l = 1, r
+         G(l, :l - 1) = G(:l - 1, l)
+         dG(l, :l - 1) = dG(:l - 1, l)
+      end do
+   end subroutine sum_oscillators
+
+end module beamid_characteristic

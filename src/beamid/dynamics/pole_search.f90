@@ -1,0 +1,166 @@
+!> Search for the poles of a structure: continuation from a similar structure if there is one,
+!> otherwise the roots of the characteristic equation or the eigenvalues of the matrices.
+module beamid_pole_search
+   use beamid_assembly, only: assembly_t
+   use beamid_continuation, only: all_of, follow_roots
+   use beamid_errors, only: error_t, status_failed
+   use beamid_kinds, only: wp
+   use beamid_parameters, only: as_named, parameters
+   use beamid_poles, only: find_residues, parameter_values, poles_t
+   use beamid_roots, only: find_others, find_roots
+   use beamid_strings, only: to_text
+   use beamid_structure, only: structure_t
+   use beamid_structure_checks, only: furthest_parameter
+   use beamid_systems, only: find_whole_vector
+   use beamid_vectors, only: find_vector, root_t
+   implicit none
+   private
+
+   public :: find_poles
+
+contains
+
+   !> Finds the roots of a structure, their eigenvectors and residues.
+   !>
+   !> assembly  the structure and its load
+   !> poles     in: those of a similar structure, from which the roots are continued, or a new
+   !>           variable; out: `root`, `all`, `vector` and the results of `find_residues`
+   !> error     the iteration does not converge, or a root was missed
+   subroutine find_poles(assembly, poles, error)
+      type(assembly_t), intent(in) :: assembly
+      type(poles_t), intent(inout) :: poles
+      type(error_t), allocatable, intent(out) :: error
+      logical :: found
+      integer :: way
+
+      if (allocated(poles%all)) then
+         call continue_roots(assembly, poles, found)
+         if (found) then
+            call find_residues(assembly, poles, error)
+            if (.not. allocated(error)) return
+            deallocate (error)
+         end if
+      end if
+      ! First the characteristic equation, then the eigenvalues of the matrices.
+      do way = 1, 2
+         call find_roots(assembly, poles%all, poles%root, error, from_matrix=way == 2)
+         if (.not. allocated(error)) call find_eigenvectors(assembly, poles)
+         if (.not. allocated(error)) call find_residues(assembly, poles, error)
+         if (.not. allocated(error)) return
+         if (allocated(poles%all)) deallocate (poles%all)
+      end do
+      call append_suspect(assembly%structure, error)
+   end subroutine find_poles
+
+   !> Follows the roots of a similar structure to those of this one.
+   !>
+   !> poles  in: of the similar structure; out: if found, `root`, `all` and `vector` of this one
+   !> found  whether all roots have been found
+   subroutine continue_roots(assembly, poles, found)
+      type(assembly_t), intent(in) :: assembly
+      type(poles_t), intent(inout) :: poles
+      logical, intent(out) :: found
+      type(root_t), allocatable :: moved(:)
+      logical, allocatable :: followed(:)
+
+      moved = poles%root
+      moved%s = predicted_roots(assembly, poles)
+      ! From here on, the derivatives belong to other roots.
+      if (allocated(poles%values)) deallocate (poles%values)
+      allocate (followed(size(moved)))
+      call follow_roots(assembly, moved, poles%vector, followed)
+      found = all(followed)
+      if (found) then
+         poles%root = moved
+         poles%all = all_of(assembly, moved)
+      else if (4*count(.not. followed) <= size(moved) .and. .not. assembly%is_dense()) then
+         ! If more than a quarter is lost, a new search is faster.
+         call find_others(assembly, moved, followed, poles%all, poles%root, found)
+         if (found) call find_eigenvectors(assembly, poles)
+      end if
+   end subroutine continue_roots
+
+   !> Returns the roots that the derivatives of the last structure's roots predict [1/time].
+   !>
+   !> Each quantity is extrapolated as a product of powers of the parameters, because this is nearly
+   !> exact for the real roots of overdamped modes and, in a complex pair, for the real part and the
+   !> squared modulus. A parameter that is not positive enters linearly.
+   pure function predicted_roots(assembly, poles) result(s)
+      type(assembly_t), intent(in) :: assembly
+      type(poles_t), intent(in) :: poles   !< of the last structure
+      complex(wp), dimension(size(poles%root)) :: s, change, linear_change
+      real(wp) :: new(size(assembly%parameters)), square, half
+      integer :: k, p
+
+      s = poles%root%s
+      if (.not. allocated(poles%values)) return
+      if (size(poles%values) /= size(assembly%parameters)) return
+      if (any(poles%parameters /= assembly%parameters)) return
+      new = parameter_values(assembly)
+      change = 0
+      linear_change = 0
+      do p = 1, size(new)
+         associate (old => poles%values(p))
+            if (min(new(p), old) > 0) then
+               change = change + poles%ds(:, p)*(old*log(new(p)/old))
+            else
+               linear_change = linear_change + poles%ds(:, p)*(new(p) - old)
+            end if
+         end associate
+      end do
+      do k = 1, size(s)
+         if (abs(aimag(s(k))) > 0) then
+            square = real(s(k))**2 + aimag(s(k))**2
+            square = abs(scaled(square, 2*real(conjg(s(k))*change(k))) &
+               + 2*real(conjg(s(k))*linear_change(k)))
+            half = scaled(real(s(k)), real(change(k))) + real(linear_change(k))
+            ! A pair that becomes overdamped is placed near the real axis, a little above it.
+            s(k) = cmplx(half, sqrt(max(square - half**2, 1e-4_wp*square)), wp)
+         else
+            s(k) = scaled(real(s(k)), real(change(k))) + real(linear_change(k))
+         end if
+      end do
+   end function predicted_roots
+
+   !> Returns x e**(change/x), which equals x + change to first order; by a factor between e**-3 and
+   !> e**3 (about 20). For x = 0 the result is `change`.
+   pure real(wp) function scaled(x, change)
+      real(wp), intent(in) :: x, change
+
+      scaled = x + change
+      if (abs(x) > 0) scaled = x*exp(max(-3.0_wp, min(change/x, 3.0_wp)))
+   end function scaled
+
+   !> Computes the eigenvectors of all roots.
+   subroutine find_eigenvectors(assembly, poles)
+      type(assembly_t), intent(in) :: assembly
+      type(poles_t), intent(inout) :: poles   !< in: `root`; out: `vector`
+      integer :: k
+
+      if (allocated(poles%vector)) then
+         if (size(poles%vector) /= size(poles%root)) deallocate (poles%vector)
+      end if
+      if (.not. allocated(poles%vector)) allocate (poles%vector(size(poles%root)))
+      do k = 1, size(poles%root)
+         if (assembly%is_dense()) then
+            call find_whole_vector(assembly, poles%root(k), poles%vector(k))
+         else
+            call find_vector(assembly, poles%root(k), poles%vector(k))
+         end if
+      end do
+   end subroutine find_eigenvectors
+
+   !> Appends to the message of a failed computation the parameter that is furthest out of
+   !> proportion to the beam, if there is one.
+   subroutine append_suspect(structure, error)
+      type(structure_t), intent(in) :: structure
+      type(error_t), intent(inout) :: error
+      integer :: k
+
+      k = furthest_parameter(structure)
+      if (k > 0 .and. error%status == status_failed) error%message = error%message//'; '// &
+         trim(parameters(k)%name)//' = '//to_text(as_named(k, structure%get(k)))// &
+         ' is out of proportion to the beam'
+   end subroutine append_suspect
+
+end module beamid_pole_search

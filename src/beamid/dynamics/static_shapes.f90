@@ -1,0 +1,60 @@
+!> Static shapes of a structure whose points have prescribed displacements, as when its rigid
+!> supports are displaced.
+module beamid_static_shapes
+   use beamid_bands, only: band_t
+   use beamid_kinds, only: wp
+   use beamid_structure, only: structure_t
+   implicit none
+   private
+
+   public :: find_static_shape, hold_hose
+
+contains
+
+   !> Computes the static shape that has prescribed values at given points.
+   !>
+   !> stiffness  K of n unknowns; out: a Cholesky factor
+   !> springs    (points) stiffness to add at each point. It has no effect on the shape, but makes K
+   !>            regular for a beam that only these points hold.
+   !> rows       (n, points) displacement or slope at a point = row . shape
+   !> values     (points) prescribed displacement or slope
+   !> shape      (n) 0 if the stiffness is not positive definite
+   subroutine find_static_shape(stiffness, springs, rows, values, shape)
+      type(band_t), intent(inout) :: stiffness
+      real(wp), intent(in) :: springs(:), rows(:, :), values(:)
+      real(wp), intent(out) :: shape(:)
+      real(wp) :: answers(size(rows, 1), size(rows, 2))
+      logical :: positive
+      integer :: i, k
+
+      shape = 0
+      do k = 1, size(values)
+         call stiffness%add_rank_one(springs(k), rows(:, k))
+      end do
+      call stiffness%factor(positive)
+      if (.not. positive) return
+      ! Column k of the answers displaces point k by one and the points before it not at all.
+      answers = rows
+      do k = 1, size(values)
+         call stiffness%solve(answers(:, k))
+         do i = 1, k - 1
+            answers(:, k) = answers(:, k) - answers(:, i)*dot_product(rows(:, i), answers(:, k))
+         end do
+         answers(:, k) = answers(:, k)/dot_product(rows(:, k), answers(:, k))
+      end do
+      do k = 1, size(values)
+         shape = shape - answers(:, k)*(dot_product(rows(:, k), shape) - values(k))
+      end do
+   end subroutine find_static_shape
+
+   !> Adds a spring to a hose that has none: its mass takes no part in static shapes and does not
+   !> buckle, but without stiffness K would be singular.
+   subroutine hold_hose(structure, stiffness)
+      type(structure_t), intent(in) :: structure
+      type(band_t), intent(inout) :: stiffness   !< K
+
+      if (structure%has_hose() .and. .not. structure%k_H > 0) &
+         call stiffness%add(stiffness%n, stiffness%n, structure%tip_stiffness())
+   end subroutine hold_hose
+
+end module beamid_static_shapes

@@ -1,0 +1,276 @@
+!> Score tests: does the record ask for a parameter that the model leaves out?
+!>
+!> If the residuals of the fit are white, the model lacks little. One derivative of the residuals
+!> for each candidate then tells; nothing is fitted again. With r the residuals of the fit, J their
+!> derivatives with respect to the estimated quantities and d those with respect to the candidate,
+!> d' = d - J (J'J)**-1 J'd is the part of d that no estimate can imitate. The score d''r has mean
+!> 0 if the candidate has the value of the model. One Gauss-Newton step with the candidate free
+!> changes it by -d''r/|d'|**2, and the estimates by (J'J)**-1 J'd times that with the opposite sign
+!> (Rao's score test; Cox and Hinkley, Theoretical Statistics, 1974, section 9.3).
+!>
+!> If the residuals are not white, a mode's frequency may be off by many cycles over the record, and
+!> a derivative says nothing about such a distance. The stage is then fitted again with the
+!> candidate free, from start values that the record gives, and the ratio of the sums of squares
+!> tells.
+module beamid_score_tests
+   use beamid_distributions, only: chi_square_tail
+   use beamid_errors, only: error_t
+   use beamid_experiments, only: experiment_t
+   use beamid_fit_setups, only: set_free
+   use beamid_galerkin, only: mesh_t
+   use beamid_gauss_newton, only: least_squares_step
+   use beamid_identification, only: identify
+   use beamid_kinds, only: wp
+   use beamid_parameters, only: name_length, name_of_parameter, parameters
+   use beamid_residuals, only: residual_t
+   use beamid_simulation, only: model_t
+   use beamid_stage_fits, only: stage_fit_t
+   use beamid_structure, only: J_S_at, of_gamma, of_kappa_R, structure_t, x_S_at
+   use beamid_unknowns, only: stage_t
+   use beamid_verification, only: exact_counterpart
+   use beamid_whiteness, only: effective_samples
+   implicit none
+   private
+
+   public :: score_test_t, test_candidates
+
+   !> The test of one candidate.
+   type :: score_test_t
+      character(len=name_length) :: name = ''
+      integer :: parameter = 0             !< index in the table of parameters; 0: the offset
+      integer :: record = 0                !< of the offset; 0: all records
+      real(wp) :: p_value = 1              !< of so large a score if the model is right
+      real(wp) :: value = 0                !< of the candidate after one Gauss-Newton step
+      real(wp), allocatable :: shift(:)    !< (n) of each estimate in that step
+      !> The largest shift in units of the estimate's half width, and the index of this estimate; 0:
+      !> no estimate has an interval.
+      real(wp) :: moves = 0
+      integer :: by = 0
+      real(wp) :: decrease = 0             !< of the sum of squares, relatively
+      !> The record asks for the candidate: the test is significant, and the candidate would move an
+      !> estimate by more than half its half width or removes a tenth of the sum of squares.
+      logical :: matters = .false.
+   end type score_test_t
+
+   !> Chance that any of the candidates matters where the model is right, at most.
+   real(wp), parameter :: chance = 0.01_wp
+   !> A shift that matters, in half widths, and a decrease of J that matters, relatively.
+   real(wp), parameter :: large_shift = 0.5_wp, large_decrease = 0.1_wp
+
+contains
+
+   !> Tests the spring of the clamp, the rotary inertia and the place of the sensor, the air damping
+   !> and the offset of each record, as far as the fit has not estimated them.
+   !>
+   !> fit    of one stage, with statistics
+   !> tests  in this order; of size 0 if the fit has no degrees of freedom
+   !> error  the response cannot be computed
+   subroutine test_candidates(model, mesh, experiments, fit, tests, error)
+      type(model_t), intent(in) :: model
+      type(mesh_t), intent(in) :: mesh
+      type(experiment_t), intent(in) :: experiments(:)
+      type(stage_fit_t), intent(in) :: fit
+      type(score_test_t), allocatable, intent(out) :: tests(:)
+      type(error_t), allocatable, intent(out) :: error
+      type(residual_t) :: problem
+      real(wp), allocatable :: d(:)
+      integer, allocatable :: candidates(:)
+      integer :: first, k, last, tested
+
+      allocate (tests(0))
+      if (fit%statistics%samples == 0 .or. size(fit%free) == 0) return
+      call exact_counterpart(model, mesh, experiments, .true., problem)
+      if (.not. allocated(problem%parts)) return
+      call set_free(problem, fit%again())
+      problem%scenario = fit%scenario
+      problem%scenario%structures%root_is_free = .true.
+      problem%weight = fit%weight
+      problem%noise = fit%noise
+      problem%strength = fit%strength
+      call choose_candidates(fit, fit%scenario%structures(1), candidates)
+      deallocate (tests)
+      allocate (tests(size(candidates) + merge(0, size(experiments), problem%offset)))
+      do k = 1, size(candidates)
+         call differentiate(problem, fit, candidates(k), d, error)
+         if (allocated(error)) return
+         associate (s => fit%scenario%structures(1), p => candidates(k))
+            tests(k)%name = name_of_parameter(s, p)
+            tests(k)%parameter = p
+            call test(fit, d, s%get(p), is_positive=p == of_kappa_R .or. p == of_gamma .or. &
+               any(J_S_at == p), one=tests(k))
+            if (.not. fit%check%white) call refit(model, mesh, experiments, fit, p, tests(k))
+            ! The search works with the compliance of a spring.
+            if (parameters(p)%is_reciprocal .and. tests(k)%value > 0) &
+               tests(k)%value = 1/tests(k)%value
+         end associate
+      end do
+      tested = size(candidates)
+      first = 1
+      do k = 1, size(tests) - tested
+         last = first + size(experiments(k)%samples) - 1
+         d = spread(0.0_wp, 1, size(fit%jacobian, 1))
+         ! The offset belongs to the record: residuals are model minus record.
+         d(first:last) = experiments(k)%scale*fit%weight(k)
+         tests(tested + k)%name = 'offset'
+         tests(tested + k)%record = k
+         call test(fit, d, experiments(k)%offset, is_positive=.false., one=tests(tested + k))
+         first = last + 1
+      end do
+      call decide(tests)
+   end subroutine test_candidates
+
+   !> Lists the parameters to test: those that the structure has and the fit has not estimated.
+   subroutine choose_candidates(fit, structure, candidates)
+      type(stage_fit_t), intent(in) :: fit
+      type(structure_t), intent(in) :: structure
+      integer, allocatable, intent(out) :: candidates(:)
+      integer :: k
+
+      associate (all_of_them => [of_kappa_R, J_S_at(structure%observer), of_gamma, &
+         x_S_at(structure%observer)])
+         candidates = pack(all_of_them, [(all(fit%free /= all_of_them(k)), &
+            k=1, size(all_of_them))])
+      end associate
+      ! A sensor at the tip, as it is without x_S, is there.
+      if (structure%follows_tip(x_S_at(structure%observer))) candidates = pack(candidates, &
+         candidates /= x_S_at(structure%observer))
+   end subroutine choose_candidates
+
+   !> Differentiates the residuals of the fit with respect to a parameter that it has not estimated.
+   !>
+   !> d  (rows) 0 in the rows of the priors
+   subroutine differentiate(problem, fit, parameter, d, error)
+      type(residual_t), intent(inout) :: problem
+      type(stage_fit_t), intent(in) :: fit
+      integer, intent(in) :: parameter
+      real(wp), allocatable, intent(out) :: d(:)
+      type(error_t), allocatable, intent(out) :: error
+      real(wp) :: r(problem%samples())
+      real(wp), allocatable :: c(:), jac(:, :), values(:)
+      integer :: n
+
+      n = size(fit%free)
+      call set_free(problem, fit%again())
+      problem%free = [problem%free, parameter]
+      problem%record = [problem%record, 0]
+      values = [fit%fit%estimate, problem%scenario%structures(1)%get(parameter)]
+      allocate (c(problem%linear_unknowns()))
+      allocate (jac(size(r), n + 1 + size(c)))
+      call problem%evaluate(values, r, jac, error, c)
+      if (allocated(error)) return
+      allocate (d(size(fit%jacobian, 1)), source=0.0_wp)
+      d(:size(r)) = jac(:, n + 1)
+   end subroutine differentiate
+
+   !> Computes the score of a candidate, its p-value and the step that it asks for.
+   !>
+   !> d            (rows) derivatives of the residuals with respect to the candidate
+   !> value        of the candidate in the model
+   !> is_positive  the candidate must not be negative
+   subroutine test(fit, d, value, is_positive, one)
+      type(stage_fit_t), intent(in) :: fit
+      real(wp), intent(in) :: d(:), value
+      logical, intent(in) :: is_positive
+      type(score_test_t), intent(inout) :: one
+      real(wp), dimension(size(fit%quantities)) :: slopes, scales
+      real(wp) :: left(size(d)), products(size(d)), change, deviation, length
+      integer :: rank
+
+      one%value = value
+      allocate (one%shift(size(fit%quantities)), source=0.0_wp)
+      if (size(fit%jacobian, 2) /= size(slopes)) return
+      scales = fit%quantities%scale
+      call least_squares_step(fit%jacobian, d, scales, spread(.true., 1, size(scales)), &
+         epsilon(1.0_wp)*size(d), slopes, rank)
+      left = d + matmul(fit%jacobian, slopes)
+      length = sum(left**2)
+      ! Of what the estimates imitate to round-off nothing can be said.
+      if (.not. length > 1e-12_wp*sum(d**2)) return
+      products = left*fit%fit%residual
+      change = -sum(products)/length
+      if (is_positive) then
+         if (value + change < 0) return
+      end if
+      one%value = value + change
+      one%shift = slopes*change
+      ! The variance of the sum, from the residuals after the step: before it, those that the
+      ! candidate explains would count as noise. The sum of these products is 0.
+      products = left*(fit%fit%residual + left*change)
+      deviation = sqrt(sum(products**2)*size(products)/effective_samples(products))
+      if (.not. deviation > 0) return
+      one%p_value = erfc(abs(change)*length/(deviation*sqrt(2.0_wp)))
+      one%decrease = change**2*length/fit%fit%J
+      call find_largest_shift(fit, one)
+   end subroutine test
+
+   !> Fits again with a candidate free. Does nothing if that fit fails or holds a parameter.
+   subroutine refit(model, mesh, experiments, fit, parameter, one)
+      type(model_t), intent(in) :: model
+      type(mesh_t), intent(in) :: mesh
+      type(experiment_t), intent(in) :: experiments(:)
+      type(stage_fit_t), intent(in) :: fit
+      integer, intent(in) :: parameter
+      type(score_test_t), intent(inout) :: one
+      type(stage_t) :: stage, alone
+      type(stage_fit_t), allocatable :: fits(:)
+      type(error_t), allocatable :: error
+      real(wp) :: ratio
+      integer :: first, last, n, r
+
+      n = size(fit%free)
+      stage = fit%again()
+      alone%free = [parameter]
+      call alone%set_bounds()
+      stage%record = [stage%owners(), 0]
+      stage%free = [stage%free, parameter]
+      stage%lower = [stage%lower, alone%lower]
+      stage%upper = [stage%upper, alone%upper]
+      stage%automatic = .true.
+      call identify(model, mesh, [stage], experiments, fits, error, check=.false.)
+      if (allocated(error)) return
+      if (size(fits(1)%free) /= n + 1) return
+      ratio = 0
+      first = 1
+      do r = 1, size(experiments)
+         last = first + size(experiments(r)%samples) - 1
+         associate (before => fit%residual(first:last), after => fits(1)%residual(first:last))
+            ratio = ratio + effective_samples(after)*log(sum(before**2)/sum(after**2))
+         end associate
+         first = last + 1
+      end do
+      one%value = fits(1)%fit%estimate(n + 1)
+      one%shift(:n) = fits(1)%fit%estimate(:n) - fit%fit%estimate
+      one%p_value = chi_square_tail(max(0.0_wp, ratio), 1.0_wp)
+      one%decrease = 1 - sum(fits(1)%residual**2)/sum(fit%residual**2)
+      call find_largest_shift(fit, one)
+   end subroutine refit
+
+   !> Notes which estimate the candidate moves most, in units of the estimate's half width.
+   subroutine find_largest_shift(fit, one)
+      type(stage_fit_t), intent(in) :: fit
+      type(score_test_t), intent(inout) :: one
+      real(wp) :: half
+      integer :: k
+
+      one%moves = 0
+      one%by = 0
+      do k = 1, size(fit%free)
+         half = fit%half_width(k)
+         if (.not. half > 0) cycle
+         if (abs(one%shift(k)) <= one%moves*half) cycle
+         one%moves = abs(one%shift(k))/half
+         one%by = k
+      end do
+   end subroutine find_largest_shift
+
+   !> Decides which tests matter: they are significant, by Bonferroni's correction for their number.
+   subroutine decide(tests)
+      type(score_test_t), intent(inout) :: tests(:)
+
+      tests%matters = tests%p_value < chance/max(1, size(tests)) .and. &
+         (tests%moves > large_shift .or. tests%decrease > large_decrease)
+      ! A clamp without any stiffness is no clamp.
+      where (tests%parameter == of_kappa_R) tests%matters = tests%matters .and. tests%value > 0
+   end subroutine decide
+
+end module beamid_score_tests

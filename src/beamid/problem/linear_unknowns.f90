@@ -1,0 +1,97 @@
+!> Linear unknowns of a motion: amplitudes of free modes and offsets of sensors.
+!>
+!> The acceleration of a model is f(p) + Phi(p) c. The columns of Phi are combinations of fixed
+!> functions of time, the basis, with weights that depend on the parameters p. `beamid_projection`
+!> eliminates c.
+module beamid_linear_unknowns
+   use beamid_kinds, only: wp
+   implicit none
+   private
+
+   public :: linear_t, stack_channels
+
+   !> The matrix Phi = basis*weights(:, :, 0) of k linear unknowns, and its derivatives with respect
+   !> to the parameters in the same basis.
+   type :: linear_t
+      real(wp), allocatable :: basis(:, :)        !< (m, b) basis functions at the samples
+      real(wp), allocatable :: weights(:, :, :)   !< (b, k, 0:parameters) 0: Phi; p: dPhi/dp
+   contains
+      procedure :: columns
+      procedure :: add_change
+   end type linear_t
+
+contains
+
+   !> Returns Phi (m, k), or its derivative with respect to parameter p if p > 0.
+   pure function columns(self, p)
+      class(linear_t), intent(in) :: self
+      integer, intent(in) :: p
+      real(wp), allocatable :: columns(:, :)
+
+      columns = matmul(self%basis, self%weights(:, :, p))
+   end function columns
+
+   !> Adds (dPhi/dp) c to column p of dy, for every parameter p.
+   !>
+   !> c      (k) values of the linear unknowns
+   !> r      (m) residuals
+   !> dy     (m, parameters) derivatives of the residuals
+   !> along  (k, parameters) products (dPhi/dp)'r, which variable projection needs
+   pure subroutine add_change(self, c, r, dy, along)
+      class(linear_t), intent(in) :: self
+      real(wp), intent(in) :: c(:), r(:)
+      real(wp), intent(inout) :: dy(:, :)
+      real(wp), intent(out) :: along(:, :)
+      real(wp) :: products(size(self%basis, 2)), change(size(self%basis, 2), size(dy, 2))
+      integer :: p
+
+      products = matmul(r, self%basis)
+      do p = 1, size(dy, 2)
+         change(:, p) = matmul(self%weights(:, :, p), c)
+         along(:, p) = matmul(products, self%weights(:, :, p))
+      end do
+      dy = dy + matmul(self%basis, change)
+   end subroutine add_change
+
+   !> Combines the linear unknowns of several channels of one motion.
+   !>
+   !> The rows of the channels follow one another. All channels share the unknowns of the modes;
+   !> each channel has an offset of its own.
+   !>
+   !> channels  linear unknowns of each channel; on return empty if there is only one
+   !> modes     number of unknowns of the modes
+   !> offset    whether the last unknown of each channel is its offset
+   pure subroutine stack_channels(channels, modes, offset, linear)
+      type(linear_t), intent(inout) :: channels(:)
+      integer, intent(in) :: modes
+      logical, intent(in) :: offset
+      type(linear_t), intent(out) :: linear
+      integer :: functions, i, m, place, row
+
+      if (size(channels) == 1) then
+         call move_alloc(channels(1)%basis, linear%basis)
+         call move_alloc(channels(1)%weights, linear%weights)
+         return
+      end if
+      m = sum([(size(channels(i)%basis, 1), i=1, size(channels))])
+      functions = sum([(size(channels(i)%basis, 2), i=1, size(channels))])
+      allocate (linear%basis(m, functions), source=0.0_wp)
+      allocate (linear%weights(functions, modes + merge(size(channels), 0, offset), &
+         0:ubound(channels(1)%weights, 3)), source=0.0_wp)
+      row = 0
+      place = 0
+      do i = 1, size(channels)
+         associate (basis => channels(i)%basis, weights => channels(i)%weights)
+            m = size(basis, 1)
+            functions = size(basis, 2)
+            linear%basis(row + 1:row + m, place + 1:place + functions) = basis
+            linear%weights(place + 1:place + functions, :modes, :) = weights(:, :modes, :)
+            if (offset) linear%weights(place + 1:place + functions, modes + i, :) = &
+               weights(:, modes + 1, :)
+            row = row + m
+            place = place + functions
+         end associate
+      end do
+   end subroutine stack_channels
+
+end module beamid_linear_unknowns

@@ -1,0 +1,221 @@
+!> Trial fits with a given number of modes, and the choice of the best one.
+!>
+!> `beamid_starts` compares the choice with all modes that the parameters need with the choice with
+!> one mode fewer.
+module beamid_start_choices
+   use beamid_assignments, only: assignment_t, best_assignments, lines_t
+   use beamid_errors, only: error_t
+   use beamid_fit_setups, only: set_free
+   use beamid_kinds, only: wp
+   use beamid_least_squares, only: options_t
+   use beamid_model_roots, only: belief_t, beliefs_about, damps, model_roots
+   use beamid_parameters, only: as_named
+   use beamid_residuals, only: residual_t
+   use beamid_strings, only: to_text
+   use beamid_trials, only: gain_of_mode, is_multiple, least_gain, object, trial_t, try_start
+   use beamid_unknowns, only: quantity_t, stage_t, variables_of
+   use beamid_variables, only: variable_t
+   implicit none
+   private
+
+   public :: choice_t, choose, choose_with_fewer, compare, find_rival, new_choice
+
+   !> Number of assignments from which fits start.
+   integer, parameter :: most_starts = 3
+
+   !> Relative difference of J up to which two fits have found the same minimum.
+   real(wp), parameter :: same_sum = 1e-6_wp
+
+   !> The trial fits with one number of modes.
+   type :: choice_t
+      type(stage_t) :: stage
+      integer :: modes = 0                             !< number of modes
+      type(quantity_t), allocatable :: quantities(:)   !< (free) free parameters
+      type(belief_t), allocatable :: beliefs(:)        !< (free) their expected values
+      type(trial_t), allocatable :: trials(:)
+      integer :: best = 0   !< index of the best trial without an objection; 0: there is none
+   end type choice_t
+
+contains
+
+   !> Returns a choice without trials, for the free parameters of a fit.
+   subroutine new_choice(problem, stage, modes, choice, error)
+      type(residual_t), intent(in) :: problem
+      type(stage_t), intent(in) :: stage
+      integer, intent(in) :: modes
+      type(choice_t), intent(out) :: choice
+      type(error_t), allocatable, intent(out) :: error
+      type(variable_t), allocatable :: variables(:)
+
+      choice%stage = stage
+      choice%modes = modes
+      allocate (choice%trials(0))
+      call variables_of(stage, problem%scenario, variables, choice%quantities, error)
+      if (.not. allocated(error)) choice%beliefs = beliefs_about(problem%scenario, &
+         problem%free, problem%record, [variables%start], problem%priors)
+   end subroutine new_choice
+
+   !> Runs trial fits from the best assignments and from the expected values, and picks the best
+   !> trial.
+   !>
+   !> lines   (records) spectral lines
+   !> needed  number of modes without which a parameter would not be determined
+   !> error   no trial converges
+   subroutine choose(problem, choice, lines, needed, options, error)
+      type(residual_t), intent(inout) :: problem
+      type(choice_t), intent(inout) :: choice
+      type(lines_t), intent(in) :: lines(:)
+      integer, intent(in) :: needed
+      type(options_t), intent(in) :: options
+      type(error_t), allocatable, intent(out) :: error
+      type(assignment_t), allocatable :: found(:)
+      type(error_t), allocatable :: reason
+      type(trial_t) :: trial
+      real(wp) :: values(size(choice%beliefs))
+      integer :: k
+
+      call best_assignments(problem, choice%beliefs, lines, choice%modes, most_starts, found, error)
+      if (allocated(error)) return
+      do k = 1, size(found) + 1
+         values = choice%beliefs%centre
+         if (k <= size(found)) values = found(k)%value
+         call try_start(problem, choice%stage, values, choice%modes, options, trial, reason)
+         if (allocated(reason)) cycle
+         call object(trial, choice%beliefs, [choice%quantities%name], variation(problem), needed)
+         choice%trials = [choice%trials, trial]
+      end do
+      if (size(choice%trials) == 0) call move_alloc(reason, error)
+      call pick(choice)
+   end subroutine choose
+
+   !> Picks the trial with the lowest J among those without an objection.
+   subroutine pick(choice)
+      type(choice_t), intent(inout) :: choice
+      integer :: k
+
+      choice%best = 0
+      do k = 1, size(choice%trials)
+         if (choice%trials(k)%objection /= '') cycle
+         if (choice%best > 0) then
+            if (choice%trials(k)%fit%J > choice%trials(choice%best)%fit%J*(1 - same_sum)) cycle
+         end if
+         choice%best = k
+      end do
+   end subroutine pick
+
+   !> Returns the weighted sum of squares of the records about their means.
+   pure real(wp) function variation(problem)
+      type(residual_t), intent(in) :: problem
+      integer :: r
+
+      variation = 0
+      do r = 1, size(problem%parts)
+         associate (z => problem%parts(r)%experiment%measured)
+            variation = variation + (problem%weight(r)*norm2(z - sum(z)/size(z)))**2
+         end associate
+      end do
+   end function variation
+
+   !> Runs trial fits with one mode fewer than needed.
+   !>
+   !> The parameters that this leaves undetermined are fixed: damping at the value that suits the
+   !> spectral lines, all others at their current values.
+   !>
+   !> full          choice with all needed modes
+   !> needed        number of modes that are needed
+   !> undetermined  (free) parameters that are undetermined without the last of these modes
+   !> fewer         choice with one mode fewer; without trials if there is no such choice
+   subroutine choose_with_fewer(problem, full, lines, needed, undetermined, options, fewer)
+      type(residual_t), intent(in) :: problem
+      type(choice_t), intent(in) :: full
+      type(lines_t), intent(in) :: lines(:)
+      integer, intent(in) :: needed
+      logical, intent(in) :: undetermined(:)
+      type(options_t), intent(in) :: options
+      type(choice_t), intent(out) :: fewer
+      type(error_t), allocatable :: error
+      type(assignment_t), allocatable :: found(:)
+      type(residual_t) :: smaller
+      complex(wp) :: s(needed - 1), ds(needed - 1, size(undetermined))
+      integer :: k
+
+      allocate (fewer%trials(0))
+      if (needed == 1) return
+      smaller = problem
+      smaller%scenario%excitations%modes = needed - 1
+      call best_assignments(smaller, full%beliefs, lines, needed - 1, 1, found, error)
+      if (.not. allocated(error)) call model_roots(smaller, smaller%scenario, 1, s, ds, error)
+      if (allocated(error)) return
+      do k = 1, size(undetermined)
+         if (undetermined(k) .and. damps(ds(:, k))) call smaller%scenario%set(smaller%free(k), &
+            smaller%record(k), found(1)%value(k))
+      end do
+      fewer%stage = full%stage%without(undetermined)
+      call set_free(smaller, fewer%stage)
+      call new_choice(smaller, full%stage%without(undetermined), needed - 1, fewer, error)
+      if (.not. allocated(error)) call choose(smaller, fewer, lines, needed - 1, options, error)
+   end subroutine choose_with_fewer
+
+   !> Objects to trials in which the last needed mode is not real: it hardly reduces J beside the
+   !> best fit without it, or it sits on a multiple of another line.
+   subroutine compare(problem, full, fewer, lines, needed)
+      type(residual_t), intent(in) :: problem
+      type(choice_t), intent(inout) :: full
+      type(choice_t), intent(in) :: fewer
+      type(lines_t), intent(in) :: lines(:)
+      integer, intent(in) :: needed
+      real(wp) :: gain(size(lines))
+      logical :: multiple(size(lines))
+      integer :: k, best, r
+
+      if (size(fewer%trials) == 0) return
+      best = minloc([(fewer%trials(k)%fit%J, k=1, size(fewer%trials))], dim=1)
+      do k = 1, size(full%trials)
+         associate (trial => full%trials(k))
+            if (trial%objection /= '') cycle
+            do r = 1, size(lines)
+               gain(r) = gain_of_mode(problem, trial, needed, r, fewer%trials(best)%fit%residual)
+               associate (t => problem%parts(r)%experiment%samples)
+                  multiple(r) = is_multiple(trial%s(:, r), needed, gain(r), lines(r)%line, &
+                     t(size(t)) - t(1))
+               end associate
+            end do
+            if (.not. sum(gain) > least_gain) then
+               trial%objection = 'mode '//to_text(needed)//' gains nothing'
+            else if (sum(gain, mask=multiple) > sum(gain)/2) then
+               trial%objection = 'mode '//to_text(needed)//' sits on a multiple of another line'
+            end if
+         end associate
+      end do
+      call pick(full)
+   end subroutine compare
+
+   !> Describes another trial without an objection that has nearly the same J but other parameters.
+   !>
+   !> best  index of the trial that was picked
+   !> text  '': there is none
+   subroutine find_rival(choice, best, text)
+      type(choice_t), intent(in) :: choice
+      integer, intent(in) :: best
+      character(len=:), allocatable, intent(out) :: text
+      real(wp), parameter :: nearly = 1.02_wp, apart = 0.01_wp
+      integer :: j, k
+
+      text = ''
+      associate (picked => choice%trials(best)%fit)
+         do k = 1, size(choice%trials)
+            associate (other => choice%trials(k)%fit)
+               if (choice%trials(k)%objection /= '' .or. other%J > nearly*picked%J) cycle
+               j = maxloc(abs(other%estimate - picked%estimate)/max(abs(picked%estimate), &
+                  tiny(1.0_wp)), dim=1)
+               if (abs(other%estimate(j) - picked%estimate(j)) <= apart &
+                  *abs(picked%estimate(j))) cycle
+               text = 'another minimum: J = '//to_text(other%J)//' with '// &
+                  trim(choice%quantities(j)%name)//' = '//to_text(as_named( &
+                  choice%quantities(j)%parameter, other%estimate(j)))
+            end associate
+         end do
+      end associate
+   end subroutine find_rival
+
+end module beamid_start_choices

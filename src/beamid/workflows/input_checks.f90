@@ -1,0 +1,283 @@
+!> Checks of a case against its records before the fit: a quiet lead-in, sampling that is too slow
+!> for the model, and values that look like another unit.
+!>
+!> Only records of a free decay are checked. The spectrum of a forced record is also that of the
+!> force.
+module beamid_input_checks
+   use beamid_case_files, only: case_t
+   use beamid_equations, only: equations_t, new_equations
+   use beamid_errors, only: bad_input, error_t
+   use beamid_excitation, only: new_pulse
+   use beamid_experiments, only: experiment_t
+   use beamid_galerkin, only: galerkin_of, galerkin_t, mesh_t
+   use beamid_kinds, only: wp
+   use beamid_modes, only: undamped_modes
+   use beamid_onsets, only: onset
+   use beamid_records, only: add_note, note_length
+   use beamid_sorting, only: median
+   use beamid_spectra, only: strongest_peak
+   use beamid_strings, only: rounded, to_text
+   use beamid_structure, only: structure_t
+   implicit none
+   private
+
+   public :: leave_out_lead_in, check_input
+
+   real(wp), parameter :: two_pi = 2*acos(-1.0_wp)
+
+   !> A suspicion: the value of a key looks like another unit.
+   type :: suspicion_t
+      character(len=12) :: group = '', key = '', unit = ''
+      real(wp) :: value = 0, corrected = 0
+      type(structure_t) :: structure   !< with the corrected value
+   end type suspicion_t
+
+contains
+
+   !> Leaves out what comes before the motion, if the case gives no t_first; else says where the
+   !> motion begins.
+   !>
+   !> starts  the case gives t_first
+   !> t, z    (m) samples of the window [time], [length/time**2]
+   !> notes   a sentence is added
+   subroutine leave_out_lead_in(starts, t, z, notes)
+      logical, intent(in) :: starts
+      real(wp), allocatable, intent(inout) :: t(:), z(:)
+      character(len=note_length), allocatable, intent(inout) :: notes(:)
+      integer :: first
+
+      first = onset(z)
+      if (first == 1) return
+      if (starts) then
+         call add_note(notes, 'warning: the motion begins at '//to_text(t(first))// &
+            '; expected t_first at or after that')
+      else
+         call add_note(notes, 'the motion begins at '//to_text(t(first))//': '// &
+            to_text(first - 1)//' samples before it are left out')
+         t = t(first:)
+         z = z(first:)
+      end if
+   end subroutine leave_out_lead_in
+
+   !> Compares the natural frequencies of the model with the sampling rate and with the strongest
+   !> spectral line of each record of a free decay.
+   !>
+   !> error  a value that looks like another unit; every frequency that the fit uses lies above the
+   !>        Nyquist frequency
+   !> notes  modes above the Nyquist frequency
+   subroutine check_input(case, experiments, notes, error)
+      type(case_t), intent(in) :: case
+      type(experiment_t), intent(in) :: experiments(:)
+      character(len=note_length), allocatable, intent(inout) :: notes(:)
+      type(error_t), allocatable, intent(out) :: error
+      real(wp), allocatable :: frequencies(:)
+      real(wp) :: line, nyquist, share
+      integer :: modes, r
+
+      do r = 1, size(experiments)
+         associate (experiment => experiments(r))
+            modes = experiment%excitation%modes
+            if (modes == 0 .or. size(experiment%samples) < 50) cycle
+            call find_frequencies(experiment%structure_of(case%model%structure), modes, &
+               frequencies)
+            if (.not. allocated(frequencies)) cycle
+            associate (t => experiment%samples)
+               nyquist = 0.5_wp/median(t(2:) - t(:size(t) - 1))
+            end associate
+            call strongest_peak(experiment%samples, experiment%measured, nyquist, line, share)
+            if (line > 0) call check_units(case, experiment, modes, frequencies, line, error)
+            if (allocated(error)) return
+            if (frequencies(1) > nyquist) then
+               call bad_input(error, case%path//': record '//to_text(r)// &
+                  ': found a Nyquist frequency of '//rounded(nyquist, 4)// &
+                  ', expected more than the first natural frequency of the model, '// &
+                  rounded(frequencies(1), 4)//cause(experiment%samples, frequencies(1)/nyquist))
+               return
+            end if
+            if (frequencies(modes) > nyquist) call add_note(notes, 'record '//to_text(r)// &
+               ': the model''s mode '//to_text(findloc(frequencies > nyquist, .true., dim=1))// &
+               ' lies above the Nyquist frequency '//rounded(nyquist, 4))
+         end associate
+      end do
+   end subroutine check_input
+
+   !> Returns what the time stamps look like, if the sampling seems too slow.
+   !>
+   !> factor  of the first natural frequency above the Nyquist frequency
+   function cause(t, factor)
+      real(wp), intent(in) :: t(:), factor
+      character(len=:), allocatable :: cause
+      logical :: are_whole, count_samples
+
+      are_whole = all(abs(t - nint(t)) <= 1e-9_wp*max(1.0_wp, abs(t)))
+      count_samples = are_whole .and. all(abs(t(2:) - t(:size(t) - 1) - 1) <= 0)
+      cause = ''
+      if (count_samples) then
+         cause = '; the time stamps look like sample numbers'
+      else if (factor < 1e3_wp) then
+         cause = '; the time stamps look like milliseconds'
+      else if (factor < 1e6_wp) then
+         cause = '; the time stamps look like microseconds'
+      end if
+   end function cause
+
+   !> Looks for a value that has a typical size in another unit and makes the first modes of the
+   !> model agree with the strongest line of the record.
+   !>
+   !> frequencies  (modes) natural frequencies of the model [1/time]
+   !> line         strongest spectral line of the record [1/time]
+   !> error        says which value, and what it looks like
+   subroutine check_units(case, experiment, modes, frequencies, line, error)
+      type(case_t), intent(in) :: case
+      type(experiment_t), intent(in) :: experiment
+      integer, intent(in) :: modes
+      real(wp), intent(in) :: frequencies(:), line
+      type(error_t), allocatable, intent(out) :: error
+      !> The model may be wrong by this factor, as guesses of E and of a mass are; a correction must
+      !> lead closer than the other factor.
+      real(wp), parameter :: usual = 1.3_wp, close = 2
+      type(suspicion_t), allocatable :: suspicions(:)
+      real(wp), allocatable :: corrected(:)
+      real(wp) :: distance, least
+      integer :: best, k
+
+      least = min(log(close), distance_to(frequencies, line)/2)
+      if (distance_to(frequencies, line) < log(usual)) return
+      call list_suspicions(case, experiment, suspicions)
+      best = 0
+      do k = 1, size(suspicions)
+         call find_frequencies(suspicions(k)%structure, modes, corrected)
+         if (.not. allocated(corrected)) cycle
+         distance = distance_to(corrected, line)
+         if (distance >= least) cycle
+         least = distance
+         best = k
+      end do
+      if (best == 0) return
+      associate (s => suspicions(best))
+         call bad_input(error, case%path//': &'//trim(s%group)//' '//trim(s%key)//': found '// &
+            rounded(s%value, 4)//', which looks like '//trim(s%unit)//': the first natural '// &
+            'frequency of the model is '//rounded(frequencies(1), 4)// &
+            ', but the strongest line of the record is at '//rounded(line, 4)//'; expected '// &
+            rounded(s%corrected, 4)//' in the units of the case')
+      end associate
+   end subroutine check_units
+
+   !> Lists the values that would be typical in another unit. Only cases with labels of the SI are
+   !> examined: without labels a value has no typical size.
+   subroutine list_suspicions(case, experiment, suspicions)
+      type(case_t), intent(in) :: case
+      type(experiment_t), intent(in) :: experiment
+      type(suspicion_t), allocatable, intent(out) :: suspicions(:)
+      type(structure_t) :: s
+      real(wp) :: mass
+      integer :: i
+
+      allocate (suspicions(0))
+      if (case%units%length /= 'm' .or. case%units%time /= 's' .or. &
+         (case%units%mass /= 'kg' .and. case%units%force /= 'N')) return
+      s = experiment%structure_of(case%model%structure)
+      mass = s%rho*s%length
+      if (s%E < 2e3_wp) call add(scaled(E=1e9_wp), 'beam', 'E', 'GPa', s%E, 1e9_wp)
+      if (s%E < 2e6_wp) call add(scaled(E=1e6_wp), 'beam', 'E', 'MPa', s%E, 1e6_wp)
+      if (s%length >= 5) then
+         call add(scaled(length=1e-3_wp), 'beam', 'length', 'mm', s%length, 1e-3_wp)
+         call add(scaled(length=1e-3_wp, section=1e-3_wp), 'beam', 'length', 'mm', s%length, &
+            1e-3_wp)
+      end if
+      associate (section => case%section)
+         if (section%height > 0) then
+            if (section%height >= s%length .or. section%height >= 0.5_wp) &
+               call add(scaled(section=1e-3_wp), 'beam', 'height', 'mm', section%height, 1e-3_wp)
+            if (section%density >= 0.3_wp .and. section%density <= 25) &
+               call add(scaled(rho=1e3_wp), 'beam', 'density', 'g/cm^3', section%density, 1e3_wp)
+         end if
+      end associate
+      do i = 1, s%sensors
+         if (s%sensor(i)%m_S > mass .and. s%sensor(i)%m_S >= 0.2_wp) &
+            call add(scaled(m_S=1e-3_wp), 'sensor', 'm_S', 'g', s%sensor(i)%m_S, 1e-3_wp)
+      end do
+      if (s%m_T > mass .and. s%m_T >= 0.2_wp) &
+         call add(scaled(m_T=1e-3_wp), 'tip', 'm_T', 'g', s%m_T, 1e-3_wp)
+
+   contains
+
+      !> Returns the structure with some of its values multiplied by factors. A section that is
+      !> scaled scales I and the mass per length.
+      function scaled(E, length, section, rho, m_S, m_T) result(other)
+         real(wp), intent(in), optional :: E, length, section, rho, m_S, m_T
+         type(structure_t) :: other
+
+         other = s
+         if (present(E)) other%E = s%E*E
+         if (present(rho)) other%rho = s%rho*rho
+         if (present(m_T)) other%m_T = s%m_T*m_T
+         if (present(m_S)) other%sensor%m_S = s%sensor%m_S*m_S
+         if (present(length)) then
+            other%length = s%length*length
+            ! A place in the unit of a length that is right stays.
+            where (s%sensor%x_S > other%length) other%sensor%x_S = s%sensor%x_S*length
+            where (s%support%x_P > other%length) other%support%x_P = s%support%x_P*length
+         end if
+         if (present(section)) then
+            other%I = s%I*section**4
+            other%rho = s%rho*section**2
+         end if
+      end function scaled
+
+      subroutine add(structure, group, key, unit, value, factor)
+         type(structure_t), intent(in) :: structure
+         character(len=*), intent(in) :: group, key, unit
+         real(wp), intent(in) :: value, factor
+         type(suspicion_t) :: new
+
+         new%group = group
+         new%key = key
+         new%unit = unit
+         new%value = value
+         new%corrected = value*factor
+         new%structure = structure
+         call append(suspicions, new)
+      end subroutine add
+
+   end subroutine list_suspicions
+
+   subroutine append(list, item)
+      type(suspicion_t), allocatable, intent(inout) :: list(:)
+      type(suspicion_t), intent(in) :: item
+      type(suspicion_t), allocatable :: longer(:)
+
+      allocate (longer(size(list) + 1))
+      longer(:size(list)) = list
+      longer(size(longer)) = item
+      call move_alloc(longer, list)
+   end subroutine append
+
+   !> Computes the undamped natural frequencies of a structure on a coarse mesh.
+   !>
+   !> frequencies  (modes) [1/time]; not allocated if they cannot be computed
+   subroutine find_frequencies(structure, modes, frequencies)
+      type(structure_t), intent(in) :: structure
+      integer, intent(in) :: modes
+      real(wp), allocatable, intent(out) :: frequencies(:)
+      type(galerkin_t), target :: galerkin
+      type(equations_t), target :: equations
+      type(error_t), allocatable :: error
+      real(wp), allocatable :: omega(:), shapes(:, :)
+
+      galerkin = galerkin_of(mesh_t(elements=max(8, 2*modes)), structure)
+      equations = new_equations(galerkin, structure, new_pulse(0.0_wp, 1.0_wp))
+      call undamped_modes(equations, omega, shapes, error)
+      if (allocated(error)) return
+      if (size(omega) < modes) return
+      frequencies = omega(:modes)/two_pi
+   end subroutine find_frequencies
+
+   !> Returns how far the strongest line is from the nearest natural frequency, as a logarithm.
+   pure real(wp) function distance_to(frequencies, line)
+      real(wp), intent(in) :: frequencies(:), line
+
+      distance_to = minval(abs(log(max(frequencies, tiny(line))/line)))
+   end function distance_to
+
+end module beamid_input_checks
