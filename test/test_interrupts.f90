@@ -1,14 +1,17 @@
 !> Interrupts: every command of the library ends with the status of an interruption wherever the
 !> flag is set, and afterwards finds what it found before; the program ends by the signal and writes
-!> nothing.
+!> nothing; a call by C catches Ctrl-C while it lasts, and can be stopped by the caller.
 program test_interrupts
+   use, intrinsic :: iso_c_binding, only: c_int, c_intptr_t
    use beamid_case_files, only: case_t
    use beamid_case_fits, only: case_fit_t, fit_case, judge_case, load_case
    use beamid_case_inferences, only: case_inference_t, infer
    use beamid_cases, only: needs_fit, read_case
    use beamid_errors, only: error_t, status_interrupted
-   use beamid_interrupts, only: check_interrupt, checks_until_interrupt, interrupt_at_check
+   use beamid_interrupts, only: begin_call, check_interrupt, checks_until_interrupt, end_call, &
+      interrupt_at_check, interrupted, stop_call, stop_flag, stopped_by_caller
    use beamid_kinds, only: wp
+   use beamid_posix, only: c_raise, c_signal, sig_ign, sigint
    use beamid_strings, only: to_text
    use checks, only: check, finish
    use random_numbers, only: between, start_random
@@ -20,6 +23,7 @@ program test_interrupts
    character(len=*), parameter :: nl = new_line('a')
    character(len=:), allocatable :: reason
 
+   call test_calls()
    call open_shell(reason)
    call check('program', reason == '', reason)
    if (reason == '') then
@@ -38,6 +42,52 @@ program test_interrupts
    call finish('interrupts')
 
 contains
+
+   !> Calls by C, as c_calls.f90 encloses a computation. Before and after them SIGINT is ignored, so
+   !> that the action that a call restores can be told from that of the call.
+   subroutine test_calls()
+      integer(c_intptr_t) :: before, ignored
+      integer(c_int) :: failed, flag
+      type(error_t), allocatable :: error
+      logical :: stops(2)
+      integer :: k
+
+      before = c_signal(sigint, sig_ign)
+      call begin_call(catch=.true.)
+      call check('a call: no interrupt at its beginning', .not. interrupted())
+      ! A second call, in another thread, leaves SIGINT to the first.
+      stops = .true.
+      !$omp parallel do num_threads(2) schedule(static, 1) private(failed, flag) copyin(stop_flag)
+      do k = 1, 2
+         if (k == 2) then
+            call begin_call(catch=.true.)
+            failed = c_raise(sigint)
+            stops(k) = interrupted()
+            call end_call(flag)
+         end if
+      end do
+      !$omp end parallel do
+      call check('a second call is not stopped by SIGINT', .not. stops(2))
+      call check('the first call is stopped by SIGINT', interrupted())
+      call end_call(flag)
+      call check('end of the call: number of the signal', flag == sigint, to_text(int(flag)))
+      call check('after the call: no interrupt', .not. interrupted())
+      failed = c_raise(sigint)
+      call check('after the call: SIGINT is ignored again', .not. interrupted() .and. failed == 0)
+      ignored = c_signal(sigint, before)
+      call check('after the call: the action before', ignored == sig_ign)
+
+      call begin_call(catch=.false.)
+      call stop_call()
+      call check_interrupt(error)
+      call check('a call that its caller stops', is_interruption(error))
+      call end_call(flag)
+      call check('end of this call', flag == stopped_by_caller, to_text(int(flag)))
+      call begin_call(catch=.false.)
+      call check('the next call is not stopped', .not. interrupted())
+      call end_call(flag)
+      call check('end of the next call', flag == 0)
+   end subroutine test_calls
 
    !> Returns the case of Table 4.1 with noise.
    !>

@@ -38,7 +38,6 @@ contains
       !> Problems outside the groups.
       type(refusals_t), intent(out) :: refusals
       type(scanner_t) :: scanner
-      type(block_t) :: ignored
       integer :: g, i, n, first_line(size(groups))
 
       ! The number of '&' is an upper bound of the number of groups.
@@ -59,8 +58,7 @@ contains
                blocks(n)%name = trim(groups(g)%name)
                call scan_group(scanner, blocks(n))
             else
-               ignored = block_t(name='')
-               call scan_group(scanner, ignored)
+               call pass_group(scanner)
             end if
          case (token_broken)
             call refusals%add(scanner%token%line, scanner%token%text)
@@ -143,6 +141,14 @@ contains
          first_line(g) = token%line
       end if
    end subroutine find_group
+
+   !> Skips a group that is unknown or repeated; problems inside it are not reported.
+   subroutine pass_group(scanner)
+      type(scanner_t), intent(inout) :: scanner
+      type(block_t) :: ignored
+
+      call scan_group(scanner, ignored)
+   end subroutine pass_group
 
    !> Scans one group into a block; the scanner moves from the group's name to the token behind it.
    subroutine scan_group(scanner, block)

@@ -31,10 +31,10 @@ module beamid_modal
    type, extends(exact_solver_t) :: modal_t
       type(beam_modes_t), allocatable, private :: modes   !< modes of the bare beam
       !> the mesh for which the solver is prepared
-      type(mesh_t), private :: mesh
-      type(poles_t), private :: poles                     !< poles of the last structure
+      type(mesh_t), private :: mesh = mesh_t()
+      type(poles_t), private :: poles = poles_t()         !< poles of the last structure
       !> the same poles, observed at the slope of the sensor; only if there is gravity
-      type(poles_t), private :: slope_poles
+      type(poles_t), private :: slope_poles = poles_t()
       !> the last structure; not allocated: `poles` is not valid
       type(structure_t), allocatable, private :: structure
       !> kind of load of `poles`: a distributed force, a base that moves

@@ -149,8 +149,9 @@ module beamid_parameters
    integer, parameter :: in_order = 1/merge(1, 0, all(parameters%place == &
       [(i, i=1, size(parameters))]))
 
-   !> Names of all rows.
-   character(len=*), parameter :: free_names(size(parameters)) = parameters%name
+   !> Names of all rows. flang 19 does not evaluate `parameters%name`, an array of a text component.
+   character(len=*), parameter :: free_names(size(parameters)) = &
+      [(parameters(i)%name, i=1, size(parameters))]
 
 contains
 

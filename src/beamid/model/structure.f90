@@ -65,8 +65,10 @@ module beamid_structure
       real(wp) :: x_D = 0            !< centre of a local reduction (dip) of the stiffness [length]
       real(wp) :: w_D = 0            !< width of the dip, a standard deviation [length]; 0: no dip
       real(wp) :: d_D = 0            !< depth of the dip, as a share of E [1]
-      type(sensor_t) :: sensor(most_sensors)       !< the sensors; `structure_t%sensors` exist
-      type(support_t) :: support(most_supports)    !< the supports; `structure_t%supports` exist
+      !> the sensors; `structure_t%sensors` exist
+      type(sensor_t) :: sensor(most_sensors) = sensor_t()
+      !> the supports; `structure_t%supports` exist
+      type(support_t) :: support(most_supports) = support_t()
    end type values_t
 
    !> The values of the parameters together with the settings that are not parameters.
@@ -80,7 +82,8 @@ module beamid_structure
       logical :: root_is_free = .false.
       character(len=item_name_length) :: sensor_name(most_sensors) = '', &   !< names of sensors
          support_name(most_supports) = ''                                    !< names of supports
-      type(variations_t) :: variations   !< variation of the properties along the beam
+      !> variation of the properties along the beam
+      type(variations_t) :: variations = variations_t()
    contains
       procedure :: has_hose
       procedure :: has_root_spring

@@ -48,9 +48,11 @@ module beamid_variations
 
    !> All variation along the beam, known and estimated.
    type :: variations_t
-      type(variation_t) :: E, c_D, rho, gamma, width, height   !< known factors of these quantities
+      !> known factors of these quantities
+      type(variation_t) :: E = variation_t(), c_D = variation_t(), rho = variation_t(), &
+         gamma = variation_t(), width = variation_t(), height = variation_t()
       logical :: by_density = .false.        !< the mass per length varies with width and height
-      type(field_t) :: along(2)              !< estimated fields: E(x), c_D(x)
+      type(field_t) :: along(2) = field_t()  !< estimated fields: E(x), c_D(x)
       logical :: dips = .false.              !< the stiffness has a dip, or may have one in a fit
    contains
       procedure :: bending
