@@ -63,15 +63,25 @@ show_progress() {
    [[ ! -t 2 || $shown -lt 0 ]] || printf '\r\033[K' >&2
 }
 
+# fpm's options for a profile. Its release profile compiles with -O3 -funroll-loops, which it puts
+# behind all other flags. With -O2 a free decay is fitted in three quarters of the time, and the
+# program is built in two thirds of the time and is smaller by a third.
+options_of() {
+   profile_options=(--profile "$1")
+   [[ $1 != release ]] ||
+      profile_options=(--flag '-O2 -Wimplicit-interface -fPIC -fmax-errors=1 -fcoarray=single')
+}
+
 # build PROFILE [FLAG...]: compiles the sources that are out of date and shows the progress. fpm's own
 # output appears only if the build fails.
 build() {
-   local profile=$1 log
+   local profile=$1 log profile_options
    shift
+   options_of "$profile"
    log=$(mktemp)
    forget_moved_sources
    resolve_dependencies || return 1
-   if (cd "$checkout" && "$fpm" build --profile "$profile" "$@" </dev/null 2>&1) | tee "$log" |
+   if (cd "$checkout" && "$fpm" build "${profile_options[@]}" "$@" </dev/null 2>&1) | tee "$log" |
       show_progress "$profile"; then
       rm "$log"
       return
@@ -81,7 +91,11 @@ build() {
    return 1
 }
 
-# Path of the program, or of all tests, of a profile: the runner `echo` prints it.
+# paths PROFILE run|test [OPTION...]: path of the program, or of all tests; the runner `echo` prints it.
 paths() {
-   (cd "$checkout" && "$fpm" "$@" --runner echo </dev/null 2>/dev/null) | grep '^build/' || true
+   local profile_options
+   options_of "$1"
+   shift
+   (cd "$checkout" && "$fpm" "$@" "${profile_options[@]}" --runner echo </dev/null 2>/dev/null) |
+      grep '^build/' || true
 }

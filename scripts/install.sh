@@ -19,7 +19,8 @@ find_fpm
 build release
 log=$(mktemp)
 trap 'rm -f "$log"' EXIT
-(cd "$checkout" && "$fpm" install --profile release --prefix "$prefix" --no-rebuild </dev/null \
+options_of release
+(cd "$checkout" && "$fpm" install "${profile_options[@]}" --prefix "$prefix" --no-rebuild </dev/null \
    >"$log" 2>&1) || { cat "$log" >&2 && exit 1; }
 
 share=$prefix/share

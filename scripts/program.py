@@ -77,7 +77,7 @@ def release(target="beamid"):
     if not IN_CHECKOUT:
         return PROGRAM
     listed = output_of("bash", "-c", "checkout=$PWD; . scripts/fpm.sh && find_fpm && "
-                       f"paths run {target} --profile release")
+                       f"paths release run {target}")
     return CHECKOUT / listed.splitlines()[-1]
 
 

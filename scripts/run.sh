@@ -11,4 +11,4 @@ find_fpm
 build release
 
 [[ $# -gt 0 ]] || set -- reproduce table-4.1
-exec "$checkout/$(paths run beamid --profile release | tail -n 1)" "$@"
+exec "$checkout/$(paths release run beamid | tail -n 1)" "$@"

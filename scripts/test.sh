@@ -82,9 +82,9 @@ if [[ -n $sanitized ]]; then
    program=(debug --flag "$sanitizers") chosen='/test_(bad_.*|mutations|csv|namelist|records)$'
 fi
 if build "$profile" "${flags[@]}" --tests && { [[ -z $sanitized ]] || build "${program[@]}"; }; then
-   BEAMID_PROGRAM=$checkout/$(paths run beamid --profile "${program[@]}" | tail -n 1)
+   BEAMID_PROGRAM=$checkout/$(paths "${program[0]}" run beamid "${program[@]:1}" | tail -n 1)
    export BEAMID_PROGRAM
-   for test in $(paths test --profile "$profile" "${flags[@]}" | grep -E "$chosen"); do
+   for test in $(paths "$profile" test "${flags[@]}" | grep -E "$chosen"); do
       run_suite "$test"
    done
    [[ $((passed + failed)) -gt 0 ]] || { failed=1 && echo "FAIL  no check ran"; }

@@ -49,7 +49,8 @@ contains
             half = fit%half_width(1)
             if (abs(E - truth%E) <= half) held = held + 1
             if (abs(E - truth%E) <= s%corrected_half_width(1)) by_noise = by_noise + 1
-            call check('one mode: the interval of E is finite', half < truth%E, to_text(half/truth%E))
+            call check('one mode: the interval of E is finite', half < truth%E, &
+               to_text(half/truth%E))
          end associate
       end do
       call check('one mode: the interval of E holds the truth', held >= 18, to_text(held)//' of 20')

@@ -2,9 +2,9 @@
 !> record does not show the modes that would determine them.
 !>
 !> Such a parameter is known as well as the start search assumes: E to 30 %, rho to 20 %, any other
-!> parameter to a factor of 3 either way, as 95 % ranges. These ranges are too wide for linear theory.
-!> Therefore the other parameters are fitted again with the parameter at either end of its range,
-!> and the larger change counts as the half width of a 95 % interval.
+!> parameter to a factor of 3 either way, as 95 % ranges. These ranges are too wide for linear
+!> theory. Therefore the other parameters are fitted again with the parameter at either end of its
+!> range, and the larger change counts as the half width of a 95 % interval.
 module beamid_fixed_parameters
    use beamid_distributions, only: normal_quantile
    use beamid_errors, only: error_t
