@@ -47,12 +47,17 @@ contains
    !> draws  (length, chains) of one parameter
    real(wp) function scale_reduction(draws) result(r)
       real(wp), intent(in) :: draws(:, :)
-      real(wp) :: sorted(size(draws)), middle
+      real(wp) :: sorted(size(draws)), folded(size(draws, 1), size(draws, 2))
 
       sorted = reshape(draws, [size(draws)])
       call sort(sorted)
-      middle = quantile(sorted, 0.5_wp)
-      r = max(reduction_of_scores(draws), reduction_of_scores(abs(draws - middle)))
+      folded = abs(draws - quantile(sorted, 0.5_wp))
+      associate (lower => sorted((size(sorted) + 1)/2), upper => sorted(size(sorted)/2 + 1))
+         ! The two draws beside the median of an even number are equally far from it; round-off
+         ! must not give them different ranks.
+         where (draws >= lower .and. draws <= upper) folded = (upper - lower)/2
+      end associate
+      r = max(reduction_of_scores(draws), reduction_of_scores(folded))
 
    contains
 
