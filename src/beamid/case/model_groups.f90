@@ -255,26 +255,31 @@ contains
       call block%close()
       if (block%failed()) return
       call exclude_keys_of_other_kinds(block, kind)
-      select case (kind)
-      case ('pulse')
-         call block%require('amplitude')
-         call block%require('duration')
-         if (block%failed()) return
-         found = new_pulse(amplitude, duration)
-      case ('table', 'base')
-         call block%require('file')
-         if (block%failed() .or. allocated(error)) return
-         call read_series(file, columns, part_t(), series, error, rate)
-         if (allocated(error)) return
-         call use_table()
-      case ('release')
-         call set_release(block, force, displacement, time, found)
-      case ('free')
-         found = new_free(modes)
-      end select
-      call set_load()
+      call make_excitation()
 
    contains
+
+      !> Makes the excitation of its kind from the values of the keys.
+      subroutine make_excitation()
+         select case (kind)
+         case ('pulse')
+            call block%require('amplitude')
+            call block%require('duration')
+            if (block%failed()) return
+            found = new_pulse(amplitude, duration)
+         case ('table', 'base')
+            call block%require('file')
+            if (block%failed() .or. allocated(error)) return
+            call read_series(file, columns, part_t(), series, error, rate)
+            if (allocated(error)) return
+            call use_table()
+         case ('release')
+            call set_release(block, force, displacement, time, found)
+         case ('free')
+            found = new_free(modes)
+         end select
+         call set_load()
+      end subroutine make_excitation
 
       !> Makes a base motion or a force of the table that was read.
       subroutine use_table()
