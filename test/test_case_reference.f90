@@ -2,6 +2,7 @@
 !> one row in its section, the rows of a table have as many columns as its header, and no cell is
 !> too long to be read.
 program test_case_reference
+   use bad_cases, only: refused_command
    use beamid_blocks, only: block_t
    use beamid_case_files, only: groups, list_keys
    use beamid_case_reference, only: as_cell
@@ -9,7 +10,7 @@ program test_case_reference
    use beamid_structure, only: is_coefficient
    use beamid_values, only: key_t, kind_real
    use checks, only: check, finish, skip
-   use shell, only: beamid, close_shell, has_all, line_count, open_shell, outcome_t, replaced
+   use shell, only: beamid, close_shell, line_count, open_shell, outcome_t, replaced
    use tables, only: line
    implicit none
 
@@ -137,19 +138,10 @@ contains
 
    !> Other words beside the option are refused.
    subroutine test_arguments()
-      call refused('help --markdown xyz', 'found xyz|expected nothing more')
-      call refused('help beam --markdown', 'found beam|expected nothing more')
-      call refused('modes case.nml --markdown', 'found --markdown|expected it behind help')
+      call refused_command('help --markdown xyz', 'found xyz|expected nothing more')
+      call refused_command('help beam --markdown', 'found beam|expected nothing more')
+      call refused_command('modes case.nml --markdown', 'found --markdown|expected it behind help')
    end subroutine test_arguments
-
-   !> Status 2, one line, nothing on standard output.
-   subroutine refused(arguments, words)
-      character(len=*), intent(in) :: arguments, words
-
-      outcome = beamid(arguments)
-      call check(arguments//': refused', outcome%status == 2 .and. outcome%out == '' .and. &
-         line_count(outcome%err) == 1 .and. has_all(outcome%err, words), outcome%err)
-   end subroutine refused
 
    pure function heading(group)
       character(len=*), intent(in) :: group

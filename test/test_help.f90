@@ -3,13 +3,14 @@
 !> among the rules for groups in docs/; a misspelt word gets the
 !> nearest one. And what `new` writes runs as it is and finds what its record was made from.
 program test_help
+   use bad_cases, only: refused_command
    use beamid_blocks, only: block_t
    use beamid_case_files, only: list_keys
    use beamid_kinds, only: wp
    use beamid_parameters, only: parameters
    use checks, only: check, finish, skip
-   use shell, only: beamid, close_shell, exists, has_all, line_count, open_shell, outcome_t, &
-      read_file, run, write_file
+   use shell, only: beamid, close_shell, exists, line_count, open_shell, outcome_t, read_file, &
+      run, write_file
    use tables, only: field, longest, number
    implicit none
 
@@ -104,17 +105,17 @@ contains
          call check(trim(commands(k))//' --help', same_as(trim(commands(k))//' --help', &
             outcome%out))
       end do
-      call refused('help lenght', 'found lenght|perhaps length')
-      call refused('help xyzzy', 'found xyzzy|expected a command')
+      call refused_command('help lenght', 'found lenght|perhaps length')
+      call refused_command('help xyzzy', 'found xyzzy|expected a command', outcome)
       call check('far from all', index(outcome%err, 'perhaps') == 0)
-      call refused('identfy case.nml', 'found identfy|perhaps identify')
+      call refused_command('identfy case.nml', 'found identfy|perhaps identify')
       call write_file('key.nml', '&beam lenght=1 /'//nl)
-      call refused('modes key.nml', 'key.nml:1: &beam lenght|perhaps length')
+      call refused_command('modes key.nml', 'key.nml:1: &beam lenght|perhaps length')
       call write_file('group.nml', '&baem length=1 /'//nl)
-      call refused('modes group.nml', 'group.nml:1: found unknown group|perhaps beam')
+      call refused_command('modes group.nml', 'group.nml:1: found unknown group|perhaps beam')
       call write_file('free.nml', '&beam length=1, rho=1, E=1, I=1 /'//nl//'&excitation kind='// &
          '''free'' /'//nl//'&record file=''r.csv'' /'//nl//'&stage free=''E'',''cD'' /'//nl)
-      call refused('identify free.nml', '&stage free|''cD''|perhaps c_D')
+      call refused_command('identify free.nml', '&stage free|''cD''|perhaps c_D')
    end subroutine test_nearest
 
    logical function same_as(arguments, expected)
@@ -151,7 +152,7 @@ contains
          outcome = beamid('new '//kind//' trial-'//kind)
          call check('new '//kind, outcome%status == 0 .and. outcome%out == 'trial-'//kind// &
             '/case.nml'//nl//'trial-'//kind//'/record.csv'//nl, outcome%err)
-         call refused('new '//kind//' trial-'//kind, 'trial-'//kind//'/case.nml: found')
+         call refused_command('new '//kind//' trial-'//kind, 'trial-'//kind//'/case.nml: found')
          outcome = beamid('identify trial-'//kind//'/case.nml --quiet --out fit-'//kind)
          call check('new '//kind//': runs', outcome%status == 0, outcome%err)
          if (outcome%status /= 0) cycle
@@ -166,11 +167,11 @@ contains
       outcome = beamid('new')
       call check('new without words', outcome%status == 0 .and. &
          exists('free-decay/case.nml') .and. exists('free-decay/record.csv'))
-      call refused('new bese', 'new: found bese|perhaps base')
-      call refused('new base a b', 'found 3 words')
-      call refused('new base --out a', 'found --out')
+      call refused_command('new bese', 'new: found bese|perhaps base')
+      call refused_command('new base a b', 'found 3 words')
+      call refused_command('new base --out a', 'found --out')
       call write_file('file', 'x')
-      call refused('new base file/below', 'file/below: cannot be written')
+      call refused_command('new base file/below', 'file/below: cannot be written')
    end subroutine test_new
 
    !> The interval with every source of error holds the value that the record was made with, and is
@@ -193,14 +194,5 @@ contains
       end do
       call check('new '//kind//': '//name, .false., 'no row')
    end subroutine check_inside
-
-   !> Status 2, one line, nothing on standard output.
-   subroutine refused(arguments, words)
-      character(len=*), intent(in) :: arguments, words
-
-      outcome = beamid(arguments)
-      call check(arguments//': refused', outcome%status == 2 .and. outcome%out == '' .and. &
-         line_count(outcome%err) == 1 .and. has_all(outcome%err, words), outcome%err)
-   end subroutine refused
 
 end program test_help

@@ -10,8 +10,8 @@ module bad_cases
 
    public :: nl, cr, tab, mark, folder, case_text, pulse, table, record_text, force_text
    public :: carrying, group, named, freeing
-   public :: refused, refused_case, refused_record, refused_force, refused_now, judge, accepted, &
-      write_good_files
+   public :: refused, refused_case, refused_record, refused_force, refused_now, refused_command, &
+      judge, accepted, write_good_files
 
    character(len=*), parameter :: nl = achar(10), cr = achar(13), tab = achar(9), &
       mark = char(239)//char(187)//char(191), folder = 'bad/'
@@ -200,5 +200,20 @@ contains
       call write_file(folder//'record.csv', record_text)
       call write_file(folder//'force.csv', force_text)
    end subroutine write_good_files
+
+   !> Checks that a command line is refused: status 2, one line, nothing on standard output.
+   !>
+   !> words    that the line holds, separated by '|'
+   !> outcome  of the command
+   subroutine refused_command(arguments, words, outcome)
+      character(len=*), intent(in) :: arguments, words
+      type(outcome_t), intent(out), optional :: outcome
+      type(outcome_t) :: found
+
+      found = beamid(arguments)
+      call check(arguments//': refused', found%status == 2 .and. found%out == '' .and. &
+         line_count(found%err) == 1 .and. has_all(found%err, words), found%err)
+      if (present(outcome)) outcome = found
+   end subroutine refused_command
 
 end module bad_cases

@@ -140,8 +140,8 @@ contains
       call find_residues(assembly, poles, error)
    end subroutine observe_also
 
-   !> Returns whether a root is one of the slow roots of overdamped modes that lie at -E/c_D to
-   !> within round-off: its residue is 1e-10 of the mode's residue without damping.
+   !> Returns whether a root is the slow root of an overdamped mode and equals -E/c_D to round-off.
+   !> The residue of such a root is 1e-10 of the residue that the mode has without damping.
    pure logical function is_unresolved(assembly, vector, s)
       type(assembly_t), intent(in) :: assembly
       type(vector_t), intent(in) :: vector

@@ -1,7 +1,8 @@
 !> Tests of properties that vary along the beam: whether a dip exists, and whether a field has
 !> enough coefficients.
 !>
-!> Linear theory overstates what is known of both. `beamid_stages` calls these tests after each fit.
+!> In both cases the intervals of linear theory are too narrow. `beamid_stages` calls these tests
+!> after each fit.
 module beamid_field_judgements
    use beamid_distributions, only: chi_square_tail, normal_quantile
    use beamid_field_penalties, only: fields

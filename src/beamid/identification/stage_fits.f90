@@ -3,6 +3,7 @@
 !> `beamid_stages` fills it; the judgement, the inferences and the reports read it.
 module beamid_stage_fits
    use beamid_field_penalties, only: fields
+   use beamid_fit_setups, only: fit_setup_t, set_free
    use beamid_held_errors, only: held_t
    use beamid_kinds, only: wp
    use beamid_least_squares, only: fit_t
@@ -56,6 +57,7 @@ module beamid_stage_fits
    contains
       procedure :: correlation
       procedure :: again
+      procedure :: restore
       procedure :: from_held
       procedure :: half_width
       procedure :: total
@@ -92,6 +94,21 @@ contains
          again%offset = any(q(n + 1:)%parameter == offset)
       end associate
    end function again
+
+   !> Makes a problem that of this fit: the same free parameters, the estimates in the scenario, the
+   !> same weights, noise and penalties.
+   !>
+   !> problem  of the same records, perhaps on another mesh or with another solver
+   subroutine restore(self, problem)
+      class(stage_fit_t), intent(in) :: self
+      class(fit_setup_t), intent(inout) :: problem
+
+      call set_free(problem, self%again())
+      problem%scenario = self%scenario
+      problem%weight = self%weight
+      problem%noise = self%noise
+      problem%strength = self%strength
+   end subroutine restore
 
    !> Returns the standard deviation of quantity k that the errors of fixed parameters cause.
    pure real(wp) function from_held(self, k)

@@ -5,7 +5,6 @@ module beamid_inference
    use beamid_distributions, only: student_quantile
    use beamid_errors, only: error_t, failure
    use beamid_experiments, only: experiment_t
-   use beamid_fit_setups, only: set_free
    use beamid_galerkin, only: mesh_t
    use beamid_interrupts, only: check_interrupt, interrupted, stop_flag
    use beamid_kinds, only: wp
@@ -65,11 +64,7 @@ contains
       end if
       call new_residuals(model, mesh, experiments, problem, error, any(found%free == of_kappa_R))
       if (allocated(error)) return
-      problem%scenario = found%scenario
-      problem%weight = found%weight
-      problem%noise = found%noise
-      problem%strength = found%strength
-      call set_free(problem, found%again())
+      call found%restore(problem)
       call variables_of(found%again(), problem%scenario, variables, quantities, error)
    end subroutine problem_of_fit
 

@@ -56,7 +56,8 @@ contains
             one%name = name_of_parameter(fit%scenario%structures(1), p)
             one%record = r
             call vary(model, mesh, experiments, fit, p, r, one)
-            call append(fit%held, one)
+            if (.not. allocated(fit%held)) allocate (fit%held(0))
+            fit%held = [fit%held, one]
          end associate
       end do
    end subroutine add_fixed_parameters
@@ -112,20 +113,5 @@ contains
       end do
       where (one%effect < unlimited) one%effect = one%effect/normal_quantile(0.975_wp)
    end subroutine vary
-
-   !> Appends an entry to a list, which may not be allocated yet.
-   subroutine append(list, item)
-      type(held_t), allocatable, intent(inout) :: list(:)
-      type(held_t), intent(in) :: item
-      type(held_t), allocatable :: longer(:)
-      integer :: n
-
-      n = 0
-      if (allocated(list)) n = size(list)
-      allocate (longer(n + 1))
-      if (n > 0) longer(:n) = list
-      longer(n + 1) = item
-      call move_alloc(longer, list)
-   end subroutine append
 
 end module beamid_fixed_parameters

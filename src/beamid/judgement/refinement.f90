@@ -3,7 +3,6 @@
 module beamid_refinement
    use beamid_errors, only: error_t
    use beamid_experiments, only: experiment_t
-   use beamid_fit_setups, only: set_free
    use beamid_galerkin, only: mesh_t
    use beamid_identification, only: identify_meshes, model_t, stage_fit_t, stage_t
    use beamid_kinds, only: wp
@@ -92,7 +91,6 @@ contains
          type(residual_t) :: problem
          type(variable_t), allocatable :: variables(:)
          type(quantity_t), allocatable :: quantities(:)
-         type(stage_t) :: stage
          type(fit_t) :: refined
          type(error_t), allocatable :: error
          character(len=name_length), allocatable :: names(:)
@@ -101,13 +99,8 @@ contains
          call exact_counterpart(model, finer, experiments, any(found%free == of_kappa_R), problem)
          failed = .not. allocated(problem%parts)
          if (failed) return
-         stage = found%again()
-         call set_free(problem, stage)
-         problem%scenario = found%scenario
-         problem%weight = found%weight
-         problem%noise = found%noise
-         problem%strength = found%strength
-         call variables_of(stage, found%scenario, variables, quantities, error)
+         call found%restore(problem)
+         call variables_of(found%again(), found%scenario, variables, quantities, error)
          if (.not. allocated(error)) then
             allocate (names(size(quantities)))
             names = quantities%name

@@ -83,12 +83,8 @@ contains
       if (fit%note /= '') return
       call exact_counterpart(model, mesh, experiments, .true., problem)
       if (.not. allocated(problem%parts)) return
-      call set_free(problem, fit%again())
-      problem%scenario = fit%scenario
+      call fit%restore(problem)
       problem%scenario%structures%root_is_free = .true.
-      problem%weight = fit%weight
-      problem%noise = fit%noise
-      problem%strength = fit%strength
       call choose_candidates(fit, fit%scenario%structures(1), candidates)
       deallocate (tests)
       allocate (tests(size(candidates) + merge(0, size(experiments), problem%offset)))

@@ -237,21 +237,10 @@ contains
          new%value = value
          new%corrected = value*factor
          new%structure = structure
-         call append(suspicions, new)
+         suspicions = [suspicions, new]
       end subroutine add
 
    end subroutine list_suspicions
-
-   subroutine append(list, item)
-      type(suspicion_t), allocatable, intent(inout) :: list(:)
-      type(suspicion_t), intent(in) :: item
-      type(suspicion_t), allocatable :: longer(:)
-
-      allocate (longer(size(list) + 1))
-      longer(:size(list)) = list
-      longer(size(longer)) = item
-      call move_alloc(longer, list)
-   end subroutine append
 
    !> Computes the undamped natural frequencies of a structure on a coarse mesh.
    !>
