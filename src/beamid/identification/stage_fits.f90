@@ -95,10 +95,10 @@ contains
       end associate
    end function again
 
-   !> Makes a problem that of this fit: the same free parameters, the estimates in the scenario, the
-   !> same weights, noise and penalties.
+   !> Gives a problem the set-up of this fit: free parameters, offset, scenario with the estimates,
+   !> weights, noise and penalties. Priors and whitening are left unchanged.
    !>
-   !> problem  of the same records, perhaps on another mesh or with another solver
+   !> problem  prepared for the same records; mesh and solver may differ
    subroutine restore(self, problem)
       class(stage_fit_t), intent(in) :: self
       class(fit_setup_t), intent(inout) :: problem

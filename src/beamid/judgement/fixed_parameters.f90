@@ -1,10 +1,10 @@
 !> Adds the error of parameters that the user asked for and the program keeps fixed, because the
 !> record does not show the modes that would determine them.
 !>
-!> Such a parameter is known as well as the start search assumes: E to 30 %, rho to 20 %, any other
-!> parameter to a factor of 3 either way, as 95 % ranges. These ranges are too wide for linear
-!> theory. Therefore the other parameters are fitted again with the parameter at either end of its
-!> range, and the larger change counts as the half width of a 95 % interval.
+!> The 95 % range of such a parameter is assumed to be value/3 to 3 value, of E 0.7 to 1.3 value,
+!> and of rho value/1.2 to 1.2 value. These ranges are too wide for linear theory. Therefore the
+!> other parameters are fitted again with the parameter at either end of its range, and the larger
+!> change counts as the half width of a 95 % interval.
 module beamid_fixed_parameters
    use beamid_distributions, only: normal_quantile
    use beamid_errors, only: error_t
@@ -30,7 +30,7 @@ contains
    !> Adds the errors of the fixed parameters to a fit, whose parameters then no longer count as
    !> determined. Does nothing if the fit has estimated every parameter of its stage.
    !>
-   !> stage  as the user asked for it
+   !> stage  as in the case file, before the start search fixed parameters
    !> fit    of this stage; on return with further entries of `held`
    subroutine add_fixed_parameters(model, mesh, experiments, stage, fit)
       type(model_t), intent(in) :: model
@@ -49,7 +49,7 @@ contains
          associate (p => stage%free(k), r => owners(k))
             if (any(fit%free == p .and. (r == 0 .or. &
                fit%quantities(:size(fit%free))%record == r))) cycle
-            ! Places along the beam are known, and a field has no single value.
+            ! Positions are taken as exact, and a field has no single value.
             if (is_coefficient(p) .or. parameters(p)%range == on_beam) cycle
             fit%statistics%determined = .false.
             if (stated(k) > 0) cycle
@@ -62,11 +62,10 @@ contains
       end do
    end subroutine add_fixed_parameters
 
-   !> Fits again with a parameter at either end of its range.
+   !> Computes the effect of one fixed parameter on the estimates by fits at both ends of its range.
    !>
-   !> record  the parameter belongs to; 0: all
-   !> one     on return with the effect of the parameter's error as a standard deviation; unlimited
-   !>         where a fit fails
+   !> record  number of the record that the parameter belongs to; 0: all records
+   !> one     on return with the effect as a standard deviation; unlimited if a fit fails
    subroutine vary(model, mesh, experiments, fit, parameter, record, one)
       type(model_t), intent(in) :: model
       type(mesh_t), intent(in) :: mesh
@@ -90,7 +89,7 @@ contains
       if (parameter == of_rho) one%factor = 1.2_wp
       ends = [value/one%factor, value*one%factor]
       if (parameter == of_E) ends(1) = 0.7_wp*value
-      ! Of a parameter that is 0 the range ends at a moderate value.
+      ! The range of a parameter that is 0 extends to a moderate value.
       if (.not. abs(value) > 0) ends = [0.0_wp, fit%scenario%magnitude_of(parameter, record)]
       one%sd = (ends(2) - ends(1))/(2*normal_quantile(0.975_wp))
       if (allocated(one%effect)) deallocate (one%effect)

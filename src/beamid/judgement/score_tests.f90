@@ -1,17 +1,17 @@
-!> Score tests: does the record ask for a parameter that the model leaves out?
+!> Score tests: would another parameter, which the model leaves out, improve the fit significantly?
 !>
 !> If the residuals of the fit are white, the model lacks little. One derivative of the residuals
-!> for each candidate then tells; nothing is fitted again. With r the residuals of the fit, J their
-!> derivatives with respect to the estimated quantities and d those with respect to the candidate,
-!> d' = d - J (J'J)**-1 J'd is the part of d that no estimate can imitate. The score d''r has mean
-!> 0 if the candidate has the value of the model. One Gauss-Newton step with the candidate free
-!> changes it by -d''r/|d'|**2, and the estimates by (J'J)**-1 J'd times that with the opposite sign
-!> (Rao's score test; Cox and Hinkley, Theoretical Statistics, 1974, section 9.3).
+!> for each candidate then suffices; nothing is fitted again. Let r be the residuals of the fit, J
+!> their derivatives with respect to the estimated quantities, and d those with respect to the
+!> candidate. The score is g'r with g = d - J (J'J)**-1 J'd, the part of d that is orthogonal to the
+!> columns of J. Its mean is 0 if the candidate has the value of the model. One Gauss-Newton step
+!> with the candidate free changes the candidate by -g'r/|g|**2, and the estimates by
+!> (J'J)**-1 J'd g'r/|g|**2 (Rao's score test; Cox and Hinkley, Theoretical Statistics, 1974,
+!> section 9.3).
 !>
-!> If the residuals are not white, a mode's frequency may be off by many cycles over the record, and
-!> a derivative says nothing about such a distance. The stage is then fitted again with the
-!> candidate free, from start values that the record gives, and the ratio of the sums of squares
-!> tells.
+!> If the residuals are not white, model and record may drift apart by several periods of a mode. A
+!> derivative, being local, cannot predict so large a change. The stage is then fitted again with
+!> the candidate free, from start values that the record gives, and the likelihood ratio is tested.
 module beamid_score_tests
    use beamid_distributions, only: chi_square_tail
    use beamid_errors, only: error_t
@@ -39,31 +39,34 @@ module beamid_score_tests
       character(len=name_length) :: name = ''
       integer :: parameter = 0             !< index in the table of parameters; 0: the offset
       integer :: record = 0                !< of the offset; 0: all records
-      real(wp) :: p_value = 1              !< of so large a score if the model is right
-      real(wp) :: value = 0                !< of the candidate after one Gauss-Newton step
-      real(wp), allocatable :: shift(:)    !< (n) of each estimate in that step
+      !> Probability of a score at least this large if the candidate has the model's value.
+      real(wp) :: p_value = 1
+      !> Estimate of the candidate by one Gauss-Newton step or by the refit; a spring as stiffness.
+      real(wp) :: value = 0
+      real(wp), allocatable :: shift(:)    !< (n) change of each estimate with the candidate free
       !> The largest shift in units of the estimate's half width, and the index of this estimate; 0:
       !> no estimate has an interval.
       real(wp) :: moves = 0
       integer :: by = 0
-      real(wp) :: decrease = 0             !< of the sum of squares, relatively
-      !> The record asks for the candidate: the test is significant, and the candidate would move an
-      !> estimate by more than half its half width or removes a tenth of the sum of squares.
+      real(wp) :: decrease = 0             !< relative decrease of the sum of squares
+      !> Whether the test is significant and, in addition, the candidate shifts an estimate by more
+      !> than half of its half width or reduces the sum of squares by more than a tenth.
       logical :: matters = .false.
    end type score_test_t
 
-   !> Chance that any of the candidates matters where the model is right, at most.
+   !> Significance level of all tests together.
    real(wp), parameter :: chance = 0.01_wp
-   !> A shift that matters, in half widths, and a decrease of J that matters, relatively.
+   !> Least shift that matters, in half widths, and least relative decrease of J that matters.
    real(wp), parameter :: large_shift = 0.5_wp, large_decrease = 0.1_wp
 
 contains
 
-   !> Tests the spring of the clamp, the rotary inertia and the place of the sensor, the air damping
-   !> and the offset of each record, as far as the fit has not estimated them.
+   !> Tests k_R, J_S, gamma and x_S, and the offset of each record, as far as the fit has not
+   !> estimated them. J_S and x_S are those of the sensor of the first record.
    !>
-   !> fit    of one stage, with statistics
-   !> tests  in this order; of size 0 if the fit has no degrees of freedom
+   !> fit    result of one stage, with statistics
+   !> tests  in the order above; of size 0 if the fit has no degree of freedom or no free parameter,
+   !>        has fixed a parameter of its stage, or cannot be computed by the exact response
    !> error  the response cannot be computed
    subroutine test_candidates(model, mesh, experiments, fit, tests, error)
       type(model_t), intent(in) :: model
@@ -79,7 +82,7 @@ contains
 
       allocate (tests(0))
       if (fit%statistics%samples == 0 .or. size(fit%free) == 0) return
-      ! A fit that keeps fixed what was to be estimated lacks that first of all.
+      ! If the start search has fixed a parameter, the tests would only find this parameter.
       if (fit%note /= '') return
       call exact_counterpart(model, mesh, experiments, .true., problem)
       if (.not. allocated(problem%parts)) return
@@ -94,7 +97,7 @@ contains
          associate (s => fit%scenario%structures(1), p => candidates(k))
             tests(k)%name = name_of_parameter(s, p)
             tests(k)%parameter = p
-            call test(fit, d, s%get(p), is_positive=p == of_kappa_R .or. p == of_gamma .or. &
+            call test(fit, d, s%get(p), is_nonnegative=p == of_kappa_R .or. p == of_gamma .or. &
                any(J_S_at == p), one=tests(k))
             if (.not. fit%check%white) call refit(model, mesh, experiments, fit, p, tests(k))
             ! The search works with the compliance of a spring.
@@ -111,7 +114,7 @@ contains
          d(first:last) = experiments(k)%scale*fit%weight(k)
          tests(tested + k)%name = 'offset'
          tests(tested + k)%record = k
-         call test(fit, d, experiments(k)%offset, is_positive=.false., one=tests(tested + k))
+         call test(fit, d, experiments(k)%offset, is_nonnegative=.false., one=tests(tested + k))
          first = last + 1
       end do
       call decide(tests)
@@ -129,14 +132,14 @@ contains
          candidates = pack(all_of_them, [(all(fit%free /= all_of_them(k)), &
             k=1, size(all_of_them))])
       end associate
-      ! A sensor at the tip, as it is without x_S, is there.
+      ! Without x_S the sensor is at the tip by definition.
       if (structure%follows_tip(x_S_at(structure%observer))) candidates = pack(candidates, &
          candidates /= x_S_at(structure%observer))
    end subroutine choose_candidates
 
    !> Differentiates the residuals of the fit with respect to a parameter that it has not estimated.
    !>
-   !> d  (rows) 0 in the rows of the priors
+   !> d  (rows) derivatives; 0 in the rows of priors and penalties
    subroutine differentiate(problem, fit, parameter, d, error)
       type(residual_t), intent(inout) :: problem
       type(stage_fit_t), intent(in) :: fit
@@ -160,15 +163,15 @@ contains
       d(:size(r)) = jac(:, n + 1)
    end subroutine differentiate
 
-   !> Computes the score of a candidate, its p-value and the step that it asks for.
+   !> Computes the score of a candidate, its p-value and one Gauss-Newton step.
    !>
-   !> d            (rows) derivatives of the residuals with respect to the candidate
-   !> value        of the candidate in the model
-   !> is_positive  the candidate must not be negative
-   subroutine test(fit, d, value, is_positive, one)
+   !> d               (rows) derivatives of the residuals with respect to the candidate
+   !> value           value of the candidate in the model
+   !> is_nonnegative  whether the candidate must not be negative; a step below 0 is not significant
+   subroutine test(fit, d, value, is_nonnegative, one)
       type(stage_fit_t), intent(in) :: fit
       real(wp), intent(in) :: d(:), value
-      logical, intent(in) :: is_positive
+      logical, intent(in) :: is_nonnegative
       type(score_test_t), intent(inout) :: one
       real(wp), dimension(size(fit%quantities)) :: slopes, scales
       real(wp) :: left(size(d)), products(size(d)), change, deviation, length
@@ -182,17 +185,17 @@ contains
          epsilon(1.0_wp)*size(d), slopes, rank)
       left = d + matmul(fit%jacobian, slopes)
       length = sum(left**2)
-      ! Of what the estimates imitate to round-off nothing can be said.
+      ! If the estimates reproduce d to round-off, the candidate cannot be tested.
       if (.not. length > 1e-12_wp*sum(d**2)) return
       products = left*fit%fit%residual
       change = -sum(products)/length
-      if (is_positive) then
+      if (is_nonnegative) then
          if (value + change < 0) return
       end if
       one%value = value + change
       one%shift = slopes*change
-      ! The variance of the sum, from the residuals after the step: before it, those that the
-      ! candidate explains would count as noise. The sum of these products is 0.
+      ! The variance is computed from the residuals after the step. Before the step, residuals that
+      ! the candidate explains would count as noise.
       products = left*(fit%fit%residual + left*change)
       deviation = sqrt(sum(products**2)*size(products)/effective_samples(products))
       if (.not. deviation > 0) return
@@ -201,7 +204,8 @@ contains
       call find_largest_shift(fit, one)
    end subroutine test
 
-   !> Fits again with a candidate free. Does nothing if that fit fails or holds a parameter.
+   !> Fits again with a candidate free and replaces the result of the score test. Keeps that result
+   !> if the fit fails or fixes a parameter.
    subroutine refit(model, mesh, experiments, fit, parameter, one)
       type(model_t), intent(in) :: model
       type(mesh_t), intent(in) :: mesh
@@ -267,7 +271,7 @@ contains
 
       tests%matters = tests%p_value < chance/max(1, size(tests)) .and. &
          (tests%moves > large_shift .or. tests%decrease > large_decrease)
-      ! A clamp without any stiffness is no clamp.
+      ! A clamp whose stiffness vanishes is not a clamp.
       where (tests%parameter == of_kappa_R) tests%matters = tests%matters .and. tests%value > 0
    end subroutine decide
 

@@ -6,18 +6,19 @@ module beamid_onsets
 
    public :: onset
 
-   !> The record is divided into so many blocks. A block is quiet if its range is below `quiet`
-   !> times the largest range of a block, and loud if it is above `loud` times that.
+   !> Number of blocks into which the record is divided. A block is quiet if its range is below
+   !> `quiet` times the largest range of a block, and loud if it is above `loud` times that.
    integer, parameter :: blocks = 200
    real(wp), parameter :: quiet = 0.05_wp, loud = 0.25_wp
-   !> A lead-in has at least so many quiet blocks, and at most so many blocks lie between it and the
-   !> first loud block. A free decay that begins at a turning point leaves its first block quiet at
-   !> most, and its range rises gradually.
+   !> Least number of quiet blocks in a lead-in, and largest number of blocks between the lead-in
+   !> and the first loud block. In a free decay that starts at a turning point, at most the first
+   !> block is quiet, and the ranges of the next blocks grow gradually.
    integer, parameter :: least_quiet = 5, most_between = 2
 
 contains
 
-   !> Returns the index of the first sample of the motion, or 1 if the record has no lead-in.
+   !> Returns the index of the first sample of the motion, or 1 if the record has no
+   !> lead-in or fewer than five samples per block.
    !>
    !> z  (m) samples in any unit, with any offset
    pure integer function onset(z)

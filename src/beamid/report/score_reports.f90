@@ -14,7 +14,7 @@ module beamid_score_reports
 
 contains
 
-   !> Adds a sentence for each significant parameter, the largest decrease of J first.
+   !> Adds a sentence for each parameter that matters, the largest decrease of J first.
    !>
    !> fit  that was tested
    subroutine add_score_lines(text, case, fit, tests)

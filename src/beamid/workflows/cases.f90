@@ -193,17 +193,17 @@ contains
             call load_samples(case, recording, 'record', recording%line, experiment%samples, &
                experiment%measured, sentences, error)
             if (allocated(error)) return
-            if (size(experiments) > 1 .and. size(sentences) > 0) &
-               sentences = 'record '//to_text(k)//': '//sentences
-            notes = [character(len=note_length) :: notes, sentences]
             experiment%offset = recording%offset
             call describe_experiment(case, k, experiment, error)
             if (allocated(error)) return
             associate (window => recording%window)
                if (experiment%excitation%modes > 0 .and. .not. allocated(window%t_step)) &
                   call leave_out_lead_in(allocated(window%t_first), experiment%samples, &
-                  experiment%measured, notes)
+                  experiment%measured, sentences)
             end associate
+            if (size(experiments) > 1 .and. size(sentences) > 0) &
+               sentences = 'record '//to_text(k)//': '//sentences
+            notes = [character(len=note_length) :: notes, sentences]
          end associate
       end do
       total = sum([(size(experiments(k)%samples), k=1, size(experiments))])

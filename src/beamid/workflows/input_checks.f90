@@ -1,8 +1,8 @@
-!> Checks of a case against its records before the fit: a quiet lead-in, sampling that is too slow
-!> for the model, and values that look like another unit.
+!> Detects, before the fit, a quiet lead-in of a record, sampling that is too slow for the model,
+!> and values that look like another unit.
 !>
-!> Only records of a free decay are checked. The spectrum of a forced record is also that of the
-!> force.
+!> Only records of a free decay are checked, because the spectrum of a forced record contains that
+!> of the force.
 module beamid_input_checks
    use beamid_case_files, only: case_t
    use beamid_equations, only: equations_t, new_equations
@@ -34,21 +34,21 @@ module beamid_input_checks
 
 contains
 
-   !> Leaves out what comes before the motion, if the case gives no t_first; else says where the
-   !> motion begins.
+   !> Leaves out the samples before the motion, or, if the case gives t_first, only says where the
+   !> motion begins. Does nothing if the record has no lead-in.
    !>
-   !> starts  the case gives t_first
-   !> t, z    (m) samples of the window [time], [length/time**2]
-   !> notes   a sentence is added
-   subroutine leave_out_lead_in(starts, t, z, notes)
-      logical, intent(in) :: starts
+   !> has_t_first  whether the case gives t_first
+   !> t, z         (m) samples of the window [time], [length/time**2]
+   !> notes        on return with one more sentence
+   subroutine leave_out_lead_in(has_t_first, t, z, notes)
+      logical, intent(in) :: has_t_first
       real(wp), allocatable, intent(inout) :: t(:), z(:)
       character(len=note_length), allocatable, intent(inout) :: notes(:)
       integer :: first
 
       first = onset(z)
       if (first == 1) return
-      if (starts) then
+      if (has_t_first) then
          call add_note(notes, 'warning: the motion begins at '//to_text(t(first))// &
             '; expected t_first at or after that')
       else
@@ -62,8 +62,8 @@ contains
    !> Compares the natural frequencies of the model with the sampling rate and with the strongest
    !> spectral line of each record of a free decay.
    !>
-   !> error  a value that looks like another unit; every frequency that the fit uses lies above the
-   !>        Nyquist frequency
+   !> error  a value that looks like another unit; a first natural frequency above the Nyquist
+   !>        frequency
    !> notes  modes above the Nyquist frequency
    subroutine check_input(case, experiments, notes, error)
       type(case_t), intent(in) :: case
@@ -103,13 +103,13 @@ contains
 
    !> Returns what the time stamps look like, if the sampling seems too slow.
    !>
-   !> factor  of the first natural frequency above the Nyquist frequency
+   !> factor  ratio of the first natural frequency to the Nyquist frequency
    function cause(t, factor)
       real(wp), intent(in) :: t(:), factor
       character(len=:), allocatable :: cause
       logical :: are_whole, count_samples
 
-      are_whole = all(abs(t - nint(t)) <= 1e-9_wp*max(1.0_wp, abs(t)))
+      are_whole = all(abs(t - anint(t)) <= 1e-9_wp*max(1.0_wp, abs(t)))
       count_samples = are_whole .and. all(abs(t(2:) - t(:size(t) - 1) - 1) <= 0)
       cause = ''
       if (count_samples) then
@@ -133,8 +133,8 @@ contains
       integer, intent(in) :: modes
       real(wp), intent(in) :: frequencies(:), line
       type(error_t), allocatable, intent(out) :: error
-      !> The model may be wrong by this factor, as guesses of E and of a mass are; a correction must
-      !> lead closer than the other factor.
+      !> usual: ratio of frequencies that ordinary errors of E and masses explain. close: a
+      !> corrected value must lead within this ratio, and at least halve the logarithmic distance.
       real(wp), parameter :: usual = 1.3_wp, close = 2
       type(suspicion_t), allocatable :: suspicions(:)
       real(wp), allocatable :: corrected(:)
@@ -215,7 +215,7 @@ contains
          if (present(m_S)) other%sensor%m_S = s%sensor%m_S*m_S
          if (present(length)) then
             other%length = s%length*length
-            ! A place in the unit of a length that is right stays.
+            ! Positions within the corrected length are already in its unit.
             where (s%sensor%x_S > other%length) other%sensor%x_S = s%sensor%x_S*length
             where (s%support%x_P > other%length) other%support%x_P = s%support%x_P*length
          end if
@@ -262,7 +262,8 @@ contains
       frequencies = omega(:modes)/two_pi
    end subroutine find_frequencies
 
-   !> Returns how far the strongest line is from the nearest natural frequency, as a logarithm.
+   !> Returns how far the strongest line is from the nearest natural frequency, as the absolute
+   !> logarithm of their ratio.
    pure real(wp) function distance_to(frequencies, line)
       real(wp), intent(in) :: frequencies(:), line
 
