@@ -78,7 +78,7 @@ contains
       class(monitor_t), intent(inout), target, optional :: monitor
       character(len=*), intent(in), optional :: label, names(:)
       type(search_t), target :: search
-      character(len=:), allocatable :: objection
+      character(len=:), allocatable :: objection, note
       real(wp), allocatable :: at_start, at_end
       logical :: must_compare
       integer :: attempt, info, k
@@ -106,9 +106,10 @@ contains
          call minimise_with_bounds(search, options, result, info, error)
          if (allocated(error)) return
          objection = ''
+         note = ''
          if (info == 0 .or. info == 5) exit
          call check_minimum(search, options, result%start, result%estimate, result%residual, &
-            result%jacobian, objection, error)
+            result%jacobian, objection, note, error)
          if (allocated(error)) return
          if (objection == '') exit
       end do
@@ -118,6 +119,7 @@ contains
       result%shortened = search%shortened
       result%reason = trim(reasons(info))
       call name_variables_at_bounds(search, result%reason)
+      result%reason = result%reason//note
       if (info == 0 .or. info == 5 .or. objection /= '') then
          call failure(error, 'least squares: no convergence; '//result%reason//objection)
          return

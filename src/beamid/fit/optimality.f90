@@ -19,6 +19,10 @@ module beamid_optimality
    !> the effect of this error on an estimate.
    real(wp), parameter :: near = 1e-2_wp, near_by_integrator = 0.25_wp
 
+   !> Decrease of J that no longer matters, in units of the variance of the noise. It corresponds to
+   !> a distance of 3 % of a standard error.
+   real(wp), parameter :: negligible = 1e-3_wp
+
 contains
 
    !> Checks that linear theory predicts no lower minimum ahead of the estimate. Linear theory is
@@ -33,18 +37,21 @@ contains
    !> residual   (m) there
    !> jacobian   (m, n) there
    !> objection  the reason why the estimate is no minimum; '': none
+   !> note       how far the search has stopped short of its tolerance; '': it has not
    !> error      the derivatives at the start cannot be computed
-   subroutine check_minimum(search, options, start, estimate, residual, jacobian, objection, error)
+   subroutine check_minimum(search, options, start, estimate, residual, jacobian, objection, &
+      note, error)
       type(search_t), intent(inout) :: search
       type(options_t), intent(in) :: options
       real(wp), intent(in) :: start(:), estimate(:), residual(:), jacobian(:, :)
-      character(len=:), allocatable, intent(out) :: objection
+      character(len=:), allocatable, intent(out) :: objection, note
       type(error_t), allocatable, intent(out) :: error
       type(gauss_newton_t) :: ahead
-      real(wp) :: scales(size(estimate)), share, gain, J, visible
+      real(wp) :: scales(size(estimate)), share, gain, J, visible, variance
       integer :: k
 
       objection = ''
+      note = ''
       search%parameters = estimate
       if (size(search%moving) == 0) return
       associate (moving => search%moving)
@@ -60,10 +67,16 @@ contains
       visible = max(options%tolerance, 1000*options%relative_error) &
          *maxval([(norm2(jacobian(:, k))*scales(k), k=1, size(scales))])
       visible = max(visible**2, options%tolerance*J)
+      variance = J/max(1, size(residual) - size(estimate))
       if (search%failures_in_a_row > 0) then
          objection = ', but only for steps at which the model cannot be computed'
       else if (.not. (ahead%distance <= merge(near, near_by_integrator, &
          options%relative_error <= 0) .or. gain <= visible)) then
+         if (gain <= negligible*variance) then
+            note = '; the search stopped short of its tolerance, but J can fall by no more than '// &
+               to_text(gain/variance)//' times the variance of the noise'
+            return
+         end if
          objection = ', but the derivatives promise a J that is '//to_text(100*gain/J)//' % smaller'
          if (options%relative_error > 0) objection = objection// &
             ', as far as a relative error of '//to_text(options%relative_error)// &

@@ -54,6 +54,8 @@ module beamid_stage_fits
       !> doubt: why the fit is not to be trusted. other: another minimum of nearly the same J, or a
       !> dip that may not exist or may be elsewhere. Each is '' if there is nothing to report.
       character(len=:), allocatable :: note, doubt, other
+      !> one line for each start whose fit was rejected, with the reason
+      character(len=:), allocatable :: rejections
    contains
       procedure :: correlation
       procedure :: again

@@ -14,7 +14,7 @@ module beamid_stages
    use beamid_responses, only: work_t
    use beamid_smooth_fits, only: fit_smoothly, misfit_of, new_field_fit, trial_t
    use beamid_stage_fits, only: stage_fit_t
-   use beamid_starts, only: automatic_start
+   use beamid_starts, only: automatic_start, findings_t
    use beamid_statistics, only: new_statistics
    use beamid_strings, only: to_text
    use beamid_structure, only: is_coefficient
@@ -49,19 +49,22 @@ contains
       class(monitor_t), intent(inout), optional :: monitor
       type(variable_t), allocatable :: variables(:)
       character(len=name_length), allocatable :: names(:)
+      type(findings_t) :: findings
       type(stage_t) :: tried
       type(trial_t), allocatable :: trials(:)
 
-      found%note = ''
-      found%doubt = ''
-      found%other = ''
+      findings = findings_t('', '', '', '')
       tried = stage
       call set_free(problem, stage)
       problem%work = work_t()
       ! A field along the beam always starts from the spectral lines of the record (smooth_fits).
       if (stage%automatic .and. size(stage%free) > 0 .and. .not. any(is_coefficient(stage%free))) &
-         call automatic_start(problem, tried, options, found%note, found%doubt, found%other, error)
+         call automatic_start(problem, tried, options, findings, error)
       if (allocated(error)) return
+      found%note = findings%note
+      found%doubt = findings%doubt
+      found%other = findings%other
+      found%rejections = findings%rejections
       call variables_of(tried, problem%scenario, variables, found%quantities, error)
       if (allocated(error)) return
       names = found%quantities%searched_name()

@@ -1,22 +1,19 @@
 !> Judges a fit: the share of each record that it explains, which modes the records show, and
 !> whether a parameter is determined only by modes that no record shows.
 module beamid_verdicts
-   use beamid_decaying_lines, only: find_lines
    use beamid_equations, only: new_equations, equations_t
    use beamid_errors, only: error_t
    use beamid_excitation, only: new_pulse
    use beamid_experiments, only: experiment_t
    use beamid_galerkin, only: galerkin_of, galerkin_t, mesh_t
-   use beamid_gauss_newton, only: least_squares_step
    use beamid_kinds, only: wp
    use beamid_modal, only: modal_t
    use beamid_model_roots, only: belief_t, beliefs_about
    use beamid_responses, only: work_t
-   use beamid_spectra, only: line_t, near_mains, noise_near
    use beamid_stage_fits, only: stage_fit_t
+   use beamid_sightings, only: modes_in_record, sighting_t, unexplained_lines
    use beamid_strings, only: to_text
-   use beamid_trials, only: is_multiple, least_gain, resting
-   use beamid_unknowns, only: name_length, name_of
+   use beamid_trials, only: resting
    use beamid_whiteness, only: effective_samples
    implicit none
    private
@@ -33,29 +30,28 @@ module beamid_verdicts
       real(wp) :: effective = 0       !< effective number of samples, < samples if not white
    end type quality_t
 
-   !> One mode of the model in one record.
-   type :: sighting_t
-      integer :: record = 1, mode = 1
-      real(wp) :: model = 0           !< frequency of the model [1/time]
-      real(wp) :: peak = 0            !< frequency of the spectral line beside it [1/time]; 0: none
-      real(wp) :: share = 0           !< share of the record's variance
-      !> 'seen', 'unseen', 'harmonic' (a multiple of the first mode) or 'mains' (of 50 or 60 Hz)
-      character(len=8) :: verdict = 'unseen'
-   end type sighting_t
-
    !> The verdict on a fit.
    type :: verdict_t
       type(quality_t), allocatable :: qualities(:)    !< (records)
       type(sighting_t), allocatable :: sightings(:)   !< every mode in every record
       character(len=:), allocatable :: no_fit         !< why the fit is rejected; '': it is accepted
+      !> why no parameter counts as determined although the fit is accepted; '': no such reason
+      character(len=:), allocatable :: caution
+      !> (free) parameters that only modes determine which are not in the records
+      logical, allocatable :: lost(:)
+      !> lowest mode that is not in the records and without which parameters are lost; 0: none
+      integer :: missing_mode = 0
    end type verdict_t
 
    !> A fit that explains less of a record, in percent, is rejected if its residuals are not white.
    real(wp), parameter :: least_percent = 50
 
-   !> Largest number of spectral lines per record; number of modes to judge if fewer were fitted.
-   integer, parameter :: most_lines = 12, usual_modes = 2
-   real(wp), parameter :: two_pi = 2*acos(-1.0_wp)
+   !> Share of the variance of a record above which a spectral line that the model cannot explain
+   !> rejects the fit.
+   real(wp), parameter :: most_unexplained = 0.05_wp
+
+   !> Number of modes to judge if fewer were fitted.
+   integer, parameter :: usual_modes = 2
 
 contains
 
@@ -72,11 +68,13 @@ contains
       type(verdict_t), intent(out) :: verdict
       type(error_t), allocatable, intent(out) :: error
       complex(wp), allocatable :: s(:, :), ds(:, :, :)
-      integer :: first, r
+      integer :: first, fitted, r
 
       call roots_of_fit(mesh, fit, s, ds, error)
       if (allocated(error)) return
-      allocate (verdict%qualities(size(experiments)), verdict%sightings(0))
+      allocate (verdict%qualities(size(experiments)), verdict%sightings(0), &
+         verdict%lost(size(fit%free)))
+      verdict%lost = .false.
       first = 0
       do r = 1, size(experiments)
          associate (experiment => experiments(r), m => size(experiments(r)%samples))
@@ -84,15 +82,40 @@ contains
                verdict%qualities(r) = quality_of(experiment%measured, residual, fit)
                verdict%sightings = [verdict%sightings, modes_in_record(experiment, r, first, &
                   residual, fit, s(:, r))]
+               ! A forced motion shows every mode that the force excites.
+               fitted = size(s, 1)
+               if (experiment%excitation%modes > 0) fitted = fit%scenario%excitations(r)%modes
+               verdict%sightings = [verdict%sightings, unexplained_lines(experiment, r, residual, &
+                  s(:, r), fitted, rejected=fit%note /= '')]
             end associate
             first = first + m
          end associate
       end do
       verdict%no_fit = fit%doubt
+      verdict%caution = ''
+      if (fit%note /= '') verdict%caution = 'the program keeps a parameter fixed that was to be '// &
+         'estimated'
+      call judge_lines(verdict)
       if (verdict%no_fit == '') verdict%no_fit = describe_misfit(verdict%qualities, fit)
       if (verdict%no_fit == '' .and. all(experiments%excitation%modes > 0)) &
-         verdict%no_fit = describe_undetermined(verdict%sightings, fit, s, ds)
+         call find_lost_parameters(fit, s, ds, verdict)
    end subroutine new_verdict
+
+   !> Rejects a fit, or its claims, because of spectral lines that the model cannot explain.
+   subroutine judge_lines(verdict)
+      type(verdict_t), intent(inout) :: verdict
+      character(len=:), allocatable :: text
+      integer :: k
+
+      k = maxloc(verdict%sightings%share, dim=1, mask=verdict%sightings%verdict == 'unexplained')
+      if (k == 0) return
+      associate (line => verdict%sightings(k))
+         text = 'the model cannot explain a spectral line at '//to_text(line%peak)//' with '// &
+            to_text(100*line%share)//' % of the energy of record '//to_text(line%record)
+         if (line%share > most_unexplained .and. verdict%no_fit == '') verdict%no_fit = text
+      end associate
+      verdict%caution = text
+   end subroutine judge_lines
 
    !> Computes the lowest oscillating roots of the fitted structures, as many as modes were fitted
    !> but at least `usual_modes`, and their derivatives.
@@ -159,181 +182,6 @@ contains
       quality%effective = effective_samples(residual)
    end function quality_of
 
-   !> Returns what one record shows of each mode.
-   !>
-   !> A mode is seen if a spectral line stands beside it, or if it was fitted and reduces J by more
-   !> than noise would. A mode on a multiple of the first mode's frequency or of the mains may be
-   !> that multiple.
-   !>
-   !> r         number of the record
-   !> row       number of residuals of the records before it
-   !> residual  (m) residuals of this record [length/time**2]
-   !> s         (modes) roots of its structure [1/time]
-   function modes_in_record(experiment, r, row, residual, fit, s) result(found)
-      type(experiment_t), intent(in) :: experiment
-      integer, intent(in) :: r, row
-      real(wp), intent(in) :: residual(:)
-      type(stage_fit_t), intent(in) :: fit
-      complex(wp), intent(in) :: s(:)
-      type(sighting_t), allocatable :: found(:)
-      type(line_t), allocatable :: lines(:)
-      type(sighting_t) :: sighting
-      real(wp) :: gain, span
-      integer :: k
-
-      allocate (found(0))
-      associate (t => experiment%samples, z => experiment%measured)
-         span = t(size(t)) - t(1)
-         call find_lines(t, z, 2*maxval(aimag(s))/two_pi, most_lines, lines)
-         do k = 1, size(s)
-            if (.not. aimag(s(k)) > 0) cycle
-            sighting = sighting_t(record=r, mode=k, model=aimag(s(k))/two_pi)
-            associate (modes => fit%scenario%excitations(r)%modes)
-               if (k <= modes .or. fit%note == '') call find_nearest_line(lines, span, sighting)
-               gain = 0
-               if (k <= modes) call weigh_mode(fit, r, k, row, experiment, residual, s(k), &
-                  sighting%share, gain)
-            end associate
-            if (gain > least_gain .and. sighting%verdict == 'unseen') sighting%verdict = 'seen'
-            if (sighting%verdict == 'seen' .and. is_multiple(s, k, gain, lines, span)) &
-               sighting%verdict = merge('mains   ', 'harmonic', near_mains(sighting%model, span, &
-               0.0_wp))
-            if (sighting%verdict == 'seen' .and. k <= fit%scenario%excitations(r)%modes) then
-               if (merges_with_harmonic(fit, r, row, t, residual, s, k)) &
-                  sighting%verdict = 'harmonic'
-            end if
-            found = [found, sighting]
-         end do
-      end associate
-   end function modes_in_record
-
-   !> Returns whether a mode and a multiple of the first mode's frequency form one broad line.
-   !>
-   !> This is so if, with the multiple in the model as well, J would fall by more than noise
-   !> explains and an estimate would move by more than the width of its interval. The multiple
-   !> decays as the first mode does or as its power.
-   !>
-   !> r            number of the record
-   !> row          number of residuals of the records before it
-   !> t, residual  (m) sample times [time] and residuals of the record [length/time**2]
-   !> s            (modes) roots of its structure [1/time]
-   !> k            number of the mode
-   logical function merges_with_harmonic(fit, r, row, t, residual, s, k) result(merges)
-      type(stage_fit_t), intent(in) :: fit
-      integer, intent(in) :: r, row, k
-      real(wp), intent(in) :: t(:), residual(:)
-      complex(wp), intent(in) :: s(:)
-      real(wp), parameter :: independent = 1e-10_wp   ! of a column that counts as independent
-      integer, parameter :: highest = 12              ! order of a multiple
-      !> Jacobian, followed by cosine and sine of the multiple with either decay
-      real(wp) :: a(size(fit%jacobian, 1), size(fit%jacobian, 2) + 4), step(size(a, 2)), &
-         column_norm(size(a, 2)), gain
-      complex(wp) :: multiple(size(t))
-      integer :: j, m, n, order, rank
-
-      merges = .false.
-      if (k < 2 .or. fit%statistics%samples == 0 .or. size(a, 1) <= size(a, 2)) return
-      m = size(t)
-      n = size(fit%jacobian, 2)
-      order = nint(aimag(s(k))/aimag(s(1)))
-      ! The lines must be no further apart than the sum of their widths.
-      if (order < 2 .or. order > highest .or. abs(aimag(s(k)) - order*aimag(s(1))) > &
-         2*abs(real(s(k))) + 2*order*abs(real(s(1))) + 2*two_pi/(t(m) - t(1))) return
-      a(:, :n) = fit%jacobian
-      a(:, n + 1:) = 0
-      do j = 1, 2
-         multiple = exp(cmplx(merge(1, order, j == 1)*real(s(1)), order*aimag(s(1)), wp)*(t - t(1)))
-         a(row + 1:row + m, n + 2*j - 1) = real(multiple)
-         a(row + 1:row + m, n + 2*j) = aimag(multiple)
-      end do
-      column_norm = norm2(a, dim=1)
-      if (.not. all(column_norm > 0)) return
-      call least_squares_step(a, fit%fit%residual, 1/column_norm, spread(.true., 1, size(step)), &
-         independent, step, rank)
-      gain = (sum(fit%fit%residual**2) - sum((fit%fit%residual + matmul(a, step))**2))/ &
-         noise_near(t, residual, aimag(s(k))/two_pi, -real(s(k)))/fit%weight(r)**2
-      if (gain > least_gain) merges = any(abs(step(:size(fit%free))) > &
-         2*fit%statistics%corrected_half_width(:size(fit%free)))
-   end function merges_with_harmonic
-
-   !> Sets peak, share and verdict of a mode from the spectral line nearest to it, unless that is
-   !> further away than both the resolution 1/span and 1 % of the frequency.
-   !>
-   !> lines  spectral lines of the record
-   !> span   duration of the record [time]
-   pure subroutine find_nearest_line(lines, span, sighting)
-      type(line_t), intent(in) :: lines(:)
-      real(wp), intent(in) :: span
-      type(sighting_t), intent(inout) :: sighting
-      integer :: n
-
-      if (size(lines) == 0) return
-      n = minloc(abs(lines%frequency - sighting%model), dim=1)
-      if (abs(lines(n)%frequency - sighting%model) > max(1/span, 1e-2_wp*sighting%model)) return
-      sighting%peak = lines(n)%frequency
-      sighting%share = min(1.0_wp, lines(n)%energy)
-      sighting%verdict = 'seen'
-      if (lines(n)%harmonic > 0) sighting%verdict = 'harmonic'
-      if (lines(n)%mains) sighting%verdict = 'mains'
-   end subroutine find_nearest_line
-
-   !> Computes the weight of a fitted free mode in a record.
-   !>
-   !> r           number of the record
-   !> k           number of the mode
-   !> row         number of residuals of the records before it
-   !> experiment  the record
-   !> residual    (m) its residuals [length/time**2]
-   !> s           root of the mode [1/time]
-   !> share       share of the record's variance; unchanged if it cannot be computed
-   !> gain        by how much the mode reduces J, over the variance of the noise around its
-   !>             frequency
-   subroutine weigh_mode(fit, r, k, row, experiment, residual, s, share, gain)
-      type(stage_fit_t), intent(in) :: fit
-      integer, intent(in) :: r, k, row
-      type(experiment_t), intent(in) :: experiment
-      real(wp), intent(in) :: residual(:)
-      complex(wp), intent(in) :: s
-      real(wp), intent(inout) :: share
-      real(wp), intent(out) :: gain
-      real(wp) :: c(2), covariance(2, 2), determinant, total
-      integer :: first
-
-      gain = 0
-      if (fit%statistics%samples == 0) return
-      first = index_of_mode(fit, r, k)
-      c = fit%quantities(first:first + 1)%value
-      associate (z => experiment%measured, m => size(experiment%measured), &
-         cosine => fit%jacobian(row + 1:row + size(residual), first), &
-         sine => fit%jacobian(row + 1:row + size(residual), first + 1))
-         total = sum((z - sum(z)/m)**2)
-         if (total > 0) share = sum((c(1)*cosine + c(2)*sine)**2)/fit%weight(r)**2/total
-      end associate
-      covariance = fit%statistics%covariance(first:first + 1, first:first + 1)
-      determinant = covariance(1, 1)*covariance(2, 2) - covariance(1, 2)**2
-      if (.not. (determinant > 0 .and. determinant < huge(1.0_wp))) return
-      gain = fit%statistics%variance*(c(1)**2*covariance(2, 2) - 2*c(1)*c(2)*covariance(1, 2) &
-         + c(2)**2*covariance(1, 1))/determinant/fit%weight(r)**2/noise_near(experiment%samples, &
-         residual, aimag(s)/two_pi, -real(s))
-   end subroutine weigh_mode
-
-   !> Returns the index in `quantities` of the first of the two amplitudes of mode k in record r.
-   pure integer function index_of_mode(fit, r, k) result(first)
-      type(stage_fit_t), intent(in) :: fit
-      integer, intent(in) :: r, k
-      character(len=name_length) :: name
-      integer :: i
-
-      ! Further channels of a motion share the amplitudes of the first channel.
-      first = 0
-      do i = r, 1, -1
-         name = name_of('cos_'//to_text(k), merge(0, i, size(fit%scenario%structures) == 1))
-         do first = size(fit%quantities), 1, -1
-            if (fit%quantities(first)%name == name) return
-         end do
-      end do
-   end function index_of_mode
-
    !> Returns a sentence on the record that the fit explains least, if that is too little and the
    !> residuals are not white; else ''.
    function describe_misfit(qualities, fit) result(text)
@@ -349,43 +197,45 @@ contains
          ' % of record '//to_text(r)//', and what is left is not noise'
    end function describe_misfit
 
-   !> Returns a sentence on the parameters that all modes determine, but not the modes seen in the
-   !> records; else ''.
+   !> Finds the parameters that all modes determine, but not the modes seen in the records, and
+   !> rejects the fit because of them.
    !>
-   !> s   (modes, records) roots [1/time]
-   !> ds  (modes, records, free) their derivatives
-   function describe_undetermined(sightings, fit, s, ds) result(text)
-      type(sighting_t), intent(in) :: sightings(:)
+   !> s        (modes, records) roots [1/time]
+   !> ds       (modes, records, free) their derivatives
+   !> verdict  with sightings; on return with `lost`, `missing_mode` and `no_fit`
+   subroutine find_lost_parameters(fit, s, ds, verdict)
       type(stage_fit_t), intent(in) :: fit
       complex(wp), intent(in) :: s(:, :), ds(:, :, :)
+      type(verdict_t), intent(inout) :: verdict
       character(len=:), allocatable :: text
       type(belief_t) :: beliefs(size(fit%free))
       real(wp) :: values(size(fit%free))
       logical, dimension(size(s, 1), size(s, 2)) :: visible, there
-      logical :: lost(size(fit%free))
       integer :: owners(size(fit%free))
       integer :: k
 
-      text = ''
       there = .false.
       visible = .false.
-      do k = 1, size(sightings)
-         associate (mode => sightings(k)%mode, record => sightings(k)%record)
+      do k = 1, size(verdict%sightings)
+         associate (mode => verdict%sightings(k)%mode, record => verdict%sightings(k)%record)
+            if (mode == 0) cycle
             there(mode, record) = .true.
-            visible(mode, record) = sightings(k)%verdict == 'seen'
+            visible(mode, record) = verdict%sightings(k)%verdict == 'seen'
          end associate
       end do
       values = fit%fit%estimate
       owners = fit%quantities(:size(values))%record
       beliefs = beliefs_about(fit%scenario, fit%free, owners, values, fit%priors)
-      lost = resting(s, ds, visible, beliefs, values) .and. &
+      verdict%lost = resting(s, ds, visible, beliefs, values) .and. &
          .not. resting(s, ds, there, beliefs, values)
-      do k = 1, size(lost)
-         if (.not. lost(k)) cycle
+      if (.not. any(verdict%lost)) return
+      verdict%missing_mode = findloc(any(visible, dim=2), .false., dim=1)
+      text = ''
+      do k = 1, size(values)
+         if (.not. verdict%lost(k)) cycle
          text = text//trim(merge('  ', ', ', text == ''))//' '//trim(fit%quantities(k)%name)
       end do
-      if (text == '') return
-      text = text(2:)//': determined by modes alone that are not in the record'
-   end function describe_undetermined
+      verdict%no_fit = text(2:)//': determined by modes alone that are not in the record'
+   end subroutine find_lost_parameters
 
 end module beamid_verdicts

@@ -39,6 +39,9 @@ module beamid_unknowns
       logical :: automatic = .false.      !< start values are found from the record
       !> start values are those of the case file, even where the default is `automatic`
       logical :: declared = .false.
+      !> lowest mode that the search for start values must not use, because an earlier fit could not
+      !> tell it from another line; 0: none
+      integer :: rejected_mode = 0
    contains
       procedure :: without
       procedure :: owners

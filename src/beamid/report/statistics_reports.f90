@@ -95,7 +95,7 @@ contains
          if (all(s%determined)) then
             line = determination(fit, verdict)
             if (line /= '') call text%line(line)
-         else if (size(sentences) == 0) then
+         else if (size(sentences) == 0 .and. verdict%caution == '') then
             call text%line('the interval is wider than the value of: '// &
                listed(pack(names, .not. s%determined), ' '))
          end if

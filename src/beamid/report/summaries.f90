@@ -142,6 +142,7 @@ contains
          if (fits(k)%moved >= 0) call text%line('    the integrator''s error has moved the '// &
             'estimates by '//to_text(fits(k)%moved)//' of their standard errors at most, seen '// &
             'from '//fits(k)%reference)
+         if (fits(k)%rejections /= '') call text%add(fits(k)%rejections)
          if (fits(k)%score >= 0) call text%line('    sum of squares over the window of '// &
             '&score: '//to_text(fits(k)%score))
       end do

@@ -35,6 +35,8 @@ contains
       if (verdict%no_fit /= '') call text%line('no fit: '//verdict%no_fit)
       if (fit%note /= '') call text%line(fit%note)
       call add_assumptions(text, fit)
+      if (verdict%no_fit == '' .and. verdict%caution /= '') call text%line( &
+         'no parameter counts as determined: '//verdict%caution)
       unit = unit_suffix(case%units%acceleration())
       do k = 1, size(verdict%qualities)
          associate (q => verdict%qualities(k))
@@ -46,11 +48,16 @@ contains
       do k = 1, size(verdict%sightings)
          associate (s => verdict%sightings(k))
             line = '  mode '//to_text(s%mode)
+            if (s%mode == 0) line = '  line without a mode'
             if (size(verdict%qualities) > 1) line = line//' in record '//to_text(s%record)
-            line = line//filled(': model #.4, ', [s%model])
+            line = line//': '
+            if (s%mode > 0) line = line//filled('model #.4, ', [s%model])
             if (s%peak > 0) line = line//filled('peak #.4, ', [s%peak])
             if (.not. s%peak > 0) line = line//'no peak, '
-            call text%line(line//to_text(100*s%share)//' % of the energy: '//trim(s%verdict))
+            line = line//to_text(100*s%share)//' % of the energy: '//trim(s%verdict)
+            if (s%mode == 0 .and. s%verdict /= 'unexplained') line = line// &
+               ', unless it is a mode'
+            call text%line(line)
          end associate
       end do
       if (fit%other /= '') call text%line(fit%other)
@@ -96,7 +103,7 @@ contains
 
       n = size(fit%free)
       line = ''
-      if (verdict%no_fit /= '') return
+      if (verdict%no_fit /= '' .or. verdict%caution /= '') return
       do j = 1, n
          do k = j + 1, n
             ! Correlated coefficients of a field are no problem, as its smoothing determines them.

@@ -34,6 +34,10 @@ module beamid_start_choices
       type(belief_t), allocatable :: beliefs(:)        !< (free) their expected values
       type(trial_t), allocatable :: trials(:)
       integer :: best = 0   !< index of the best trial without an objection; 0: there is none
+      !> one line for each start from which no fit converges
+      character(len=:), allocatable :: failures
+   contains
+      procedure :: list_rejections
    end type choice_t
 
 contains
@@ -50,6 +54,7 @@ contains
       choice%stage = stage
       choice%modes = modes
       allocate (choice%trials(0))
+      choice%failures = ''
       call variables_of(stage, problem%scenario, variables, choice%quantities, error)
       if (.not. allocated(error)) choice%beliefs = beliefs_about(problem%scenario, &
          problem%free, problem%record, [variables%start], problem%priors)
@@ -71,6 +76,7 @@ contains
       type(assignment_t), allocatable :: found(:)
       type(error_t), allocatable :: reason
       type(trial_t) :: trial
+      character(len=:), allocatable :: origin
       real(wp) :: values(size(choice%beliefs))
       integer :: k
 
@@ -80,13 +86,57 @@ contains
          values = choice%beliefs%centre
          if (k <= size(found)) values = found(k)%value
          call try_start(problem, choice%stage, values, choice%modes, options, trial, reason)
-         if (allocated(reason)) cycle
+         call describe_origin(lines, found, k, origin)
+         if (allocated(reason)) then
+            choice%failures = choice%failures//origin//': '//reason%message//new_line('')
+            cycle
+         end if
+         trial%origin = origin
          call object(trial, choice%beliefs, [choice%quantities%name], variation(problem), needed)
          choice%trials = [choice%trials, trial]
       end do
       if (size(choice%trials) == 0) call move_alloc(reason, error)
       call pick(choice)
    end subroutine choose
+
+   !> Describes where the k-th trial starts: the frequencies that it assigns to the modes, or the
+   !> values of the case.
+   !>
+   !> lines        (records) spectral lines
+   !> assignments  the first trials start from these, the last one from the values of the case
+   subroutine describe_origin(lines, assignments, k, text)
+      type(lines_t), intent(in) :: lines(:)
+      type(assignment_t), intent(in) :: assignments(:)
+      integer, intent(in) :: k
+      character(len=:), allocatable, intent(out) :: text
+      integer :: mode, r
+
+      text = 'start from the values of the case'
+      if (k > size(assignments)) return
+      text = 'start from'
+      do r = 1, size(lines)
+         do mode = 1, size(assignments(k)%place, 1)
+            associate (place => assignments(k)%place(mode, r))
+               if (mode + r > 2) text = text//','
+               if (place > 0) text = text//' '//to_text(lines(r)%line(place)%frequency)
+               if (place == 0) text = text//' no line'
+            end associate
+         end do
+      end do
+   end subroutine describe_origin
+
+   !> Writes one line for each start whose fit is rejected, with the reason.
+   pure subroutine list_rejections(self, text)
+      class(choice_t), intent(in) :: self
+      character(len=:), allocatable, intent(out) :: text
+      integer :: k
+
+      text = self%failures
+      do k = 1, size(self%trials)
+         if (self%trials(k)%objection /= '') text = text//self%trials(k)%origin//': '// &
+            self%trials(k)%objection//new_line('')
+      end do
+   end subroutine list_rejections
 
    !> Picks the trial with the lowest J among those without an objection.
    subroutine pick(choice)
@@ -182,8 +232,10 @@ contains
             end do
             if (.not. sum(gain) > least_gain) then
                trial%objection = 'mode '//to_text(needed)//' gains nothing'
+               trial%is_absent = .true.
             else if (sum(gain, mask=multiple) > sum(gain)/2) then
-               trial%objection = 'mode '//to_text(needed)//' sits on a multiple of another line'
+               trial%objection = 'mode '//to_text(needed)// &
+                  ' lies on a multiple of another line or of the mains'
             end if
          end associate
       end do

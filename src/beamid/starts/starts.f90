@@ -18,12 +18,22 @@ module beamid_starts
    use beamid_start_choices, only: choice_t, choose, choose_with_fewer, compare, find_rival, &
       new_choice
    use beamid_strings, only: to_text
-   use beamid_trials, only: resting
-   use beamid_unknowns, only: stage_t
+   use beamid_trials, only: inseparable, resting
+   use beamid_unknowns, only: quantity_t, stage_t
    implicit none
    private
 
-   public :: automatic_start, check_frequencies
+   public :: automatic_start, check_frequencies, findings_t
+
+   !> What the search for start values has found out beside start values; '': nothing.
+   type :: findings_t
+      !> why a mode does not count, and which parameters are fixed for that reason
+      character(len=:), allocatable :: note
+      character(len=:), allocatable :: doubt   !< why none of the fits is to be trusted
+      character(len=:), allocatable :: other   !< another minimum of nearly the same J
+      !> one line for each start whose fit is rejected, with the reason
+      character(len=:), allocatable :: rejections
+   end type findings_t
 
    real(wp), parameter :: two_pi = 2*acos(-1.0_wp)
 
@@ -35,30 +45,28 @@ contains
 
    !> Finds start values for a stage, and puts them into the scenario of the fit.
    !>
-   !> problem  the fit, with the free parameters of the stage; on return perhaps with fewer modes
-   !> stage    on return without the parameters that have to be fixed
-   !> options  settings of the search
-   !> note     which parameters are fixed; '': none
-   !> doubt    why none of the fits is to be trusted; '': no objection
-   !> other    another minimum of nearly the same J; '': none
-   !> error    no spectral line stands out although the force is known; the model has too few modes;
-   !>          no fit converges
-   subroutine automatic_start(problem, stage, options, note, doubt, other, error)
+   !> A parameter that no mode determines beside the others, such as rho beside E, stays fixed.
+   !>
+   !> problem   the fit, with the free parameters of the stage; on return perhaps with fewer modes
+   !> stage     on return without the parameters that have to be fixed
+   !> options   settings of the search
+   !> findings  what the search has found out about modes and other minima
+   !> error     no spectral line stands out although the force is known; the model has too few
+   !>           modes; no fit converges
+   subroutine automatic_start(problem, stage, options, findings, error)
       type(residual_t), intent(inout) :: problem
       type(stage_t), intent(inout) :: stage
       type(options_t), intent(in) :: options
-      character(len=:), allocatable, intent(out) :: note, doubt, other
+      type(findings_t), intent(out) :: findings
       type(error_t), allocatable, intent(out) :: error
       type(choice_t) :: full, fewer
       type(lines_t), allocatable :: lines(:)
-      logical, allocatable :: undetermined(:)
-      character(len=:), allocatable :: fixed
+      type(stage_t) :: searched
+      type(quantity_t), allocatable :: asked(:)
+      logical, allocatable :: undetermined(:), unknowable(:)
       integer :: k, modes, needed
       logical :: is_free_motion
 
-      note = ''
-      doubt = ''
-      other = ''
       if (.not. problem%exact) then
          call failure(error, 'start values: from a record only the modal response finds them')
          return
@@ -68,12 +76,27 @@ contains
       if (is_free_motion) modes = minval(problem%scenario%excitations%modes)
       call lines_of_records(problem, modes, lines, error)
       if (.not. allocated(error)) call new_choice(problem, stage, modes, full, error)
-      if (.not. allocated(error)) call needed_modes(problem, full, needed, undetermined, error)
-      if (.not. allocated(error)) call choose(problem, full, lines, needed, options, error)
-      if (allocated(undetermined) .and. is_free_motion) then
+      if (.not. allocated(error)) call needed_modes(problem, full, stage%rejected_mode, needed, &
+         undetermined, unknowable, error)
+      if (allocated(error)) then
+         error%message = 'start values: '//error%message
+         return
+      end if
+      asked = full%quantities
+      searched = stage
+      if (is_free_motion .and. any(unknowable) .and. .not. all(unknowable)) then
+         searched = stage%without(unknowable)
+         undetermined = pack(undetermined, .not. unknowable)
+         call set_free(problem, searched)
+         call new_choice(problem, searched, modes, full, error)
+      end if
+      if (stage%rejected_mode == 0 .and. .not. allocated(error)) &
+         call choose(problem, full, lines, needed, options, error)
+      if (is_free_motion) then
          call choose_with_fewer(problem, full, lines, needed, undetermined, options, fewer)
          call compare(problem, full, fewer, lines, needed)
       end if
+      call full%list_rejections(findings%rejections)
       if (allocated(error) .and. .not. fewer%best > 0) then
          error%message = 'start values: '//error%message
          return
@@ -82,17 +105,21 @@ contains
       if (full%best == 0 .and. fewer%best > 0) then
          stage = fewer%stage
          problem%scenario = fewer%trials(fewer%best)%start
-         call describe_fixed(problem, full, undetermined, fixed)
-         note = 'mode '//to_text(needed)//' is not in '//trim(merge('this record  ', &
-            'these records', size(lines) == 1))//': '//fixed
+         call describe_fixed(problem, asked, full, fewer, needed, stage%rejected_mode, &
+            findings%note)
+      else if (size(full%trials) == 0) then
+         call failure(error, 'start values: no fit without mode '//to_text(needed)//' converges')
+         return
       else
          k = full%best
          if (k == 0) then
             k = minloc([(full%trials(k)%fit%J, k=1, size(full%trials))], dim=1)
-            if (is_free_motion) doubt = full%trials(k)%objection
+            if (is_free_motion) findings%doubt = full%trials(k)%objection
          end if
          problem%scenario = full%trials(k)%start
-         if (doubt == '') call find_rival(full, k, other)
+         stage = searched
+         call describe_unknowable(problem, asked, full, findings%note)
+         if (findings%doubt == '') call find_rival(full, k, findings%other)
       end if
       call set_free(problem, stage)
    end subroutine automatic_start
@@ -138,13 +165,16 @@ contains
    !> Returns how many modes determine all parameters that can be determined.
    !>
    !> choice        parameters and their expected values
-   !> needed        number of modes
+   !> rejected      mode that must not be used; 0: none
+   !> needed        number of modes; `rejected` if that is not 0
    !> undetermined  (free) parameters that one mode fewer leaves undetermined
-   subroutine needed_modes(problem, choice, needed, undetermined, error)
+   !> unknowable    (free) parameters that cannot be told from others by any of the modes
+   subroutine needed_modes(problem, choice, rejected, needed, undetermined, unknowable, error)
       type(residual_t), intent(inout) :: problem
       type(choice_t), intent(in) :: choice
+      integer, intent(in) :: rejected
       integer, intent(out) :: needed
-      logical, allocatable, intent(out) :: undetermined(:)
+      logical, allocatable, intent(out) :: undetermined(:), unknowable(:)
       type(error_t), allocatable, intent(out) :: error
       complex(wp) :: s(choice%modes, size(problem%parts))
       complex(wp) :: ds(choice%modes, size(problem%parts), size(choice%beliefs))
@@ -159,48 +189,100 @@ contains
          ds(:, r, :) = slopes
       end do
       needed = choice%modes
+      unknowable = inseparable(s, ds, choice%beliefs, values)
       do
          undetermined = undetermined_by(needed - 1)
          if (needed == 1 .or. count(undetermined) > count(undetermined_by(choice%modes))) exit
          needed = needed - 1
       end do
+      if (rejected > 0) needed = rejected
+      undetermined = undetermined_by(needed - 1, stated_are_known=.true.)
 
    contains
 
       !> Returns which parameters the lowest modes leave undetermined (free).
-      function undetermined_by(lowest)
+      function undetermined_by(lowest, stated_are_known)
          integer, intent(in) :: lowest
+         logical, intent(in), optional :: stated_are_known
          logical :: undetermined_by(size(choice%beliefs)), visible(size(s, 1), size(s, 2))
 
          visible = .false.
          visible(:lowest, :) = .true.
-         undetermined_by = resting(s, ds, visible, choice%beliefs, values)
+         undetermined_by = resting(s, ds, visible, choice%beliefs, values, stated_are_known)
       end function undetermined_by
 
    end subroutine needed_modes
 
-   !> Describes which parameters are fixed, and at which values.
-   subroutine describe_fixed(problem, choice, undetermined, text)
+   !> Describes why a mode does not count, which parameters are therefore fixed, and at which
+   !> values.
+   !>
+   !> asked     (free) parameters of the stage in the case
+   !> choice    trial fits with the mode
+   !> fewer     trial fits without it
+   !> needed    number of the mode
+   !> rejected  number of the mode that an earlier fit has rejected; 0: none
+   subroutine describe_fixed(problem, asked, choice, fewer, needed, rejected, text)
       type(residual_t), intent(in) :: problem
-      type(choice_t), intent(in) :: choice
-      logical, intent(in) :: undetermined(:)
+      type(quantity_t), intent(in) :: asked(:)
+      type(choice_t), intent(in) :: choice, fewer
+      integer, intent(in) :: needed, rejected
       character(len=:), allocatable, intent(out) :: text
       integer :: k
 
+      text = 'mode '//to_text(needed)//' is not in '//trim(merge('this record  ', &
+         'these records', size(problem%parts) == 1))
+      if (rejected > 0) then
+         text = 'mode '//to_text(needed)// &
+            ' cannot be told from a multiple of mode 1 or of the mains'
+      else if (size(choice%trials) > 0) then
+         k = minloc([(choice%trials(k)%fit%J, k=1, size(choice%trials))], dim=1)
+         if (.not. choice%trials(k)%is_absent) text = 'mode '//to_text(needed)// &
+            ' is uncertain ('//choice%trials(k)%objection//')'
+      end if
+      call add_fixed(problem, asked, fewer, text)
+   end subroutine describe_fixed
+
+   !> Describes which parameters are fixed because no mode determines them; '': none.
+   !>
+   !> asked   (free) parameters of the stage in the case
+   !> choice  trial fits without these parameters
+   subroutine describe_unknowable(problem, asked, choice, text)
+      type(residual_t), intent(in) :: problem
+      type(quantity_t), intent(in) :: asked(:)
+      type(choice_t), intent(in) :: choice
+      character(len=:), allocatable, intent(out) :: text
+
       text = ''
-      do k = 1, size(undetermined)
-         if (.not. undetermined(k)) cycle
-         associate (q => choice%quantities(k))
-            if (text == '') then
-               text = trim(q%name)//' is held at '
-            else
-               text = text//', '//trim(q%name)//' at '
-            end if
-            text = text//to_text(as_named(q%parameter, problem%scenario%get(q%parameter, &
-               q%record)))
+      if (size(choice%quantities) == size(asked)) return
+      text = 'the modes do not determine every parameter that is to be estimated'
+      call add_fixed(problem, asked, choice, text)
+   end subroutine describe_unknowable
+
+   !> Adds the fixed parameters and their values to a sentence.
+   !>
+   !> asked   (free) parameters of the stage in the case
+   !> choice  trial fits with the others
+   subroutine add_fixed(problem, asked, choice, text)
+      type(residual_t), intent(in) :: problem
+      type(quantity_t), intent(in) :: asked(:)
+      type(choice_t), intent(in) :: choice
+      character(len=:), allocatable, intent(inout) :: text
+      character(len=:), allocatable :: link
+      integer :: k
+
+      link = ' is held at '
+      text = text//':'
+      do k = 1, size(asked)
+         associate (q => asked(k))
+            if (any(choice%quantities%parameter == q%parameter .and. &
+               choice%quantities%record == q%record)) cycle
+            text = text//' '//trim(q%name)//link//to_text(as_named(q%parameter, &
+               problem%scenario%get(q%parameter, q%record)))//','
+            link = ' at '
          end associate
       end do
-   end subroutine describe_fixed
+      text = text(:len(text) - 1)
+   end subroutine add_fixed
 
    !> Refuses a model whose frequencies are far from those of its record, as after a slip in the
    !> units.

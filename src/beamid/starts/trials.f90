@@ -12,7 +12,7 @@ module beamid_trials
    implicit none
    private
 
-   public :: trial_t, try_start, object, is_multiple, resting, gain_of_mode
+   public :: trial_t, try_start, object, is_multiple, resting, inseparable, gain_of_mode
 
    !> A fit from one start.
    type :: trial_t
@@ -20,8 +20,10 @@ module beamid_trials
       type(fit_t) :: fit
       complex(wp), allocatable :: s(:, :)        !< (modes, records) roots at the estimate [1/time]
       complex(wp), allocatable :: ds(:, :, :)    !< (modes, records, free) their derivatives
+      character(len=:), allocatable :: origin    !< where the start values come from, in words
       !> objection to the result; '': none
       character(len=:), allocatable :: objection
+      logical :: is_absent = .false.             !< the objection is that a mode gains nothing
    end type trial_t
 
    !> Smallest gain with which a mode is accepted: that of a spectral line that stands out. The gain
@@ -116,7 +118,7 @@ contains
 
       trial%objection = ''
       if (trial%fit%J > variance/2) then
-         trial%objection = 'J is more than half of what the record varies'
+         trial%objection = 'the model explains less than half of the record''s variance'
          return
       end if
       do k = 1, min(needed, size(trial%s, 1))
@@ -131,7 +133,7 @@ contains
             beliefs(k)%centre))/beliefs(k)%width
          if (abs(deviation) <= merge(far_from_stated, far, beliefs(k)%stated)) cycle
          trial%objection = trim(names(k))//' = '//to_text(trial%fit%estimate(k))// &
-            ' is far from where it was to be, '//to_text(beliefs(k)%centre)
+            ' is far from the expected '//to_text(beliefs(k)%centre)
          return
       end do
    end subroutine object
@@ -184,16 +186,61 @@ contains
    !> visible       (modes, records) whether a mode is in the record
    !> beliefs       (free) expected values
    !> values        (free) values at which the roots were computed
+   !> stated_are_known  whether parameters with a stated prior leave the modes to the others;
+   !>                   default: all parameters compete for the modes
    !> undetermined  (free) whether the parameter is not determined
-   pure function resting(s, ds, visible, beliefs, values) result(undetermined)
+   pure function resting(s, ds, visible, beliefs, values, stated_are_known) result(undetermined)
       complex(wp), intent(in) :: s(:, :), ds(:, :, :)
       logical, intent(in) :: visible(:, :)
       type(belief_t), intent(in) :: beliefs(:)
       real(wp), intent(in) :: values(:)
+      logical, intent(in), optional :: stated_are_known
       logical :: undetermined(size(values))
+      real(wp) :: effect(2*size(s), size(values))
+      integer :: k
+
+      effect = effects(s, ds, visible, beliefs, values)
+      if (present(stated_are_known)) then
+         do k = 1, size(values)
+            if (stated_are_known .and. beliefs(k)%stated) effect(:, k) = 0
+         end do
+      end if
+      undetermined = is_below(effect, 1.0_wp) .and. .not. beliefs%stated
+   end function resting
+
+   !> Tells which parameters cannot be told from the others by any number of exact frequencies and
+   !> damping ratios of these modes (free), such as rho beside E.
+   !>
+   !> Arguments as of `resting`.
+   pure function inseparable(s, ds, beliefs, values)
+      complex(wp), intent(in) :: s(:, :), ds(:, :, :)
+      type(belief_t), intent(in) :: beliefs(:)
+      real(wp), intent(in) :: values(:)
+      logical :: inseparable(size(values))
+      !> Share of an effect that the effects of other parameters must leave.
+      real(wp), parameter :: least = 1e-3_wp
+      real(wp) :: effect(2*size(s), size(values))
+      integer :: k
+
+      effect = effects(s, ds, spread(spread(.true., 1, size(s, 1)), 2, size(s, 2)), beliefs, values)
+      do k = 1, size(values)
+         if (beliefs(k)%stated) effect(:, k) = 0
+         effect(:, k) = effect(:, k)/max(norm2(effect(:, k)), tiny(1.0_wp))
+      end do
+      inseparable = is_below(effect, least) .and. .not. beliefs%stated
+   end function inseparable
+
+   !> Returns the effects of one standard deviation of each parameter on the frequencies and damping
+   !> ratios of the visible modes, in units of their accuracy (2 modes*records, free). Arguments as
+   !> of `resting`.
+   pure function effects(s, ds, visible, beliefs, values) result(effect)
+      complex(wp), intent(in) :: s(:, :), ds(:, :, :)
+      logical, intent(in) :: visible(:, :)
+      type(belief_t), intent(in) :: beliefs(:)
+      real(wp), intent(in) :: values(:)
+      real(wp) :: effect(2*size(s), size(values))
       real(wp), parameter :: frequency_error = 4e-3_wp, damping_error = 0.3_wp, damping_factor = 3
-      real(wp) :: effect(2*size(s), size(values)), norm(size(values))
-      integer :: j, k, n
+      integer :: k
 
       do k = 1, size(values)
          effect(:size(s), k) = reshape(merge(aimag(ds(:, :, k))/aimag(s)/frequency_error, 0.0_wp, &
@@ -205,19 +252,28 @@ contains
          ! The expected damping is hardly known: it may be wrong by more than a factor e.
          if (damps(reshape(ds(:, :, k), [size(s)]))) effect(:, k) = damping_factor*effect(:, k)
       end do
-      undetermined = .true.
-      do n = 1, size(values)
-         norm = norm2(effect, dim=1)
-         k = maxloc(norm, dim=1, mask=undetermined)
-         if (.not. norm(k) > 1) exit
-         undetermined(k) = .false.
-         effect(:, k) = effect(:, k)/norm(k)
-         do j = 1, size(values)
-            if (undetermined(j)) effect(:, j) = effect(:, j) &
-               - effect(:, k)*dot_product(effect(:, k), effect(:, j))
+   end function effects
+
+   !> Tells for each column whether the other columns leave no more than a limit of it, if the
+   !> columns are orthogonalised in the order of what is left of them.
+   pure function is_below(columns, limit)
+      real(wp), intent(in) :: columns(:, :), limit
+      logical :: is_below(size(columns, 2))
+      real(wp) :: left(size(columns, 1), size(columns, 2)), norm(size(columns, 2))
+      integer :: j, k, n
+
+      left = columns
+      is_below = .true.
+      do n = 1, size(norm)
+         norm = norm2(left, dim=1)
+         k = maxloc(norm, dim=1, mask=is_below)
+         if (.not. norm(k) > limit) exit
+         is_below(k) = .false.
+         left(:, k) = left(:, k)/norm(k)
+         do j = 1, size(norm)
+            if (is_below(j)) left(:, j) = left(:, j) - left(:, k)*dot_product(left(:, k), left(:, j))
          end do
       end do
-      undetermined = undetermined .and. .not. beliefs%stated
-   end function resting
+   end function is_below
 
 end module beamid_trials

@@ -17,6 +17,7 @@ module beamid_case_fits
    use beamid_refinement, only: add_mesh_shift, identify_refining
    use beamid_responses, only: is_exact
    use beamid_score_tests, only: score_test_t, test_candidates
+   use beamid_unknowns, only: stage_t
    use beamid_verdicts, only: new_verdict, verdict_t
    use beamid_window_fits, only: fit_windows, window_fit_t
    implicit none
@@ -128,12 +129,41 @@ contains
    end subroutine find_fits
 
    !> Judges the last stage of a fit: adds the effect of the mesh on the estimates, the verdict, and
-   !> the fits in windows that the case asks for.
+   !> the fits in windows that the case asks for. If parameters rest on modes that are not in the
+   !> records, the case is fitted again without them.
    !>
+   !> case   on return with the stages that the fit has used
    !> found  as `fit_case` returns it; if the fit is rejected, `verdict%no_fit` says why on return
    !> error  a verdict that cannot be computed, or an interruption
    subroutine judge_case(case, found, error, monitor)
+      type(case_t), intent(inout) :: case
+      type(case_fit_t), intent(inout) :: found
+      type(error_t), allocatable, intent(out) :: error
+      class(monitor_t), intent(inout), optional :: monitor
+      type(stage_t) :: asked
+      logical :: again
+
+      asked = case%stages(size(case%stages))
+      call judge_fit(case, asked, found, error, monitor)
+      if (allocated(error)) return
+      if (any(found%verdict%lost) .and. case%multistart%n == 0) then
+         call fit_without_lost(case, found, again, monitor)
+         if (again) call judge_fit(case, asked, found, error, monitor)
+         if (allocated(error)) return
+      end if
+      if (case%windows == 0) return
+      deallocate (found%windows)
+      call fit_windows(case%model, case%meshes(size(case%meshes)), found%experiments, &
+         found%fits(size(found%fits, 1), size(found%fits, 2)), case%windows, found%windows)
+      call check_interrupt(error)
+   end subroutine judge_case
+
+   !> Adds the effect of the mesh, the errors of fixed parameters and the verdict to the last stage.
+   !>
+   !> asked  last stage of the case file
+   subroutine judge_fit(case, asked, found, error, monitor)
       type(case_t), intent(in) :: case
+      type(stage_t), intent(in) :: asked
       type(case_fit_t), intent(inout) :: found
       type(error_t), allocatable, intent(out) :: error
       class(monitor_t), intent(inout), optional :: monitor
@@ -142,17 +172,71 @@ contains
       if (allocated(error)) return
       associate (mesh => case%meshes(size(case%meshes)), &
          last => found%fits(size(found%fits, 1), size(found%fits, 2)))
-         call add_fixed_parameters(case%model, mesh, found%experiments, &
-            case%stages(size(case%stages)), last)
+         call add_fixed_parameters(case%model, mesh, found%experiments, asked, last)
          call new_verdict(found%experiments, mesh, last, found%verdict, error)
-         call locate(error, case%path)
-         call check_interrupt(error)
-         if (allocated(error) .or. case%windows == 0) return
-         deallocate (found%windows)
-         call fit_windows(case%model, mesh, found%experiments, last, case%windows, found%windows)
+         if (.not. allocated(error)) then
+            if (found%verdict%caution /= '') last%statistics%determined = .false.
+         end if
       end associate
+      call locate(error, case%path)
       call check_interrupt(error)
-   end subroutine judge_case
+   end subroutine judge_fit
+
+   !> Fits a case again without the parameters that rest on modes which are not in the records.
+   !>
+   !> If such a parameter belongs to all records, the search for start values rejects the mode, and
+   !> fixes what this mode alone determines. Parameters of one record are fixed at the values of the
+   !> case, while the other records still show the mode.
+   !>
+   !> case   on return with stages without these parameters, if `again`
+   !> found  with a verdict; on return with the new fits, if `again`
+   !> again  .false.: there is no such fit, and nothing has changed
+   subroutine fit_without_lost(case, found, again, monitor)
+      type(case_t), intent(inout) :: case
+      type(case_fit_t), intent(inout) :: found
+      logical, intent(out) :: again
+      class(monitor_t), intent(inout), optional :: monitor
+      type(stage_t), allocatable :: asked(:), stages(:)
+      type(stage_fit_t), allocatable :: fits(:, :)
+      type(minima_t), allocatable :: minima(:)
+      type(mesh_t), allocatable :: meshes(:)
+      type(error_t), allocatable :: error
+      integer, allocatable :: parameters(:), records(:), owners(:)
+      integer :: j, k
+
+      associate (last => found%fits(size(found%fits, 1), size(found%fits, 2)))
+         parameters = pack(last%free, found%verdict%lost)
+         records = pack(last%quantities(:size(last%free))%record, found%verdict%lost)
+      end associate
+      stages = case%stages
+      if (all(records > 0)) then
+         do k = 1, size(stages)
+            owners = case%stages(k)%owners()
+            stages(k) = case%stages(k)%without([(any(parameters == case%stages(k)%free(j) .and. &
+               records == owners(j)), j=1, size(owners))])
+         end do
+         again = size(stages(size(stages))%free) > 0
+      else
+         stages(1)%rejected_mode = found%verdict%missing_mode
+         again = stages(1)%automatic .and. .not. any(case%stages%rejected_mode > 0)
+      end if
+      if (.not. again) return
+      meshes = case%meshes
+      call move_alloc(case%stages, asked)
+      call move_alloc(stages, case%stages)
+      call find_fits(case, meshes, found%experiments, fits, minima, error, monitor)
+      again = .not. allocated(error)
+      if (again) again = fits(1, size(fits, 2))%doubt == ''
+      if (.not. again) then
+         call move_alloc(asked, case%stages)
+         return
+      end if
+      if (all(records > 0)) fits(size(fits, 1), size(fits, 2))%note = 'parameters that belong to '// &
+         'one record are held at the values of the case, because this record does not show the '// &
+         'mode that determines them: '//found%verdict%no_fit(:index(found%verdict%no_fit, ':') - 1)
+      case%meshes = meshes
+      call move_alloc(fits, found%fits)
+   end subroutine fit_without_lost
 
    !> Adds the shift of the last stage's estimates on finer meshes, unless it is already known. May
    !> run beside other threads.

@@ -1,0 +1,288 @@
+!> What a record shows of the modes of the fitted model, and which spectral lines of a record the
+!> model leaves unexplained.
+module beamid_sightings
+   use beamid_decaying_lines, only: find_lines
+   use beamid_experiments, only: experiment_t
+   use beamid_gauss_newton, only: least_squares_step
+   use beamid_kinds, only: wp
+   use beamid_spectra, only: line_t, near_mains, noise_near
+   use beamid_stage_fits, only: stage_fit_t
+   use beamid_strings, only: to_text
+   use beamid_trials, only: is_multiple, least_gain
+   use beamid_unknowns, only: name_length, name_of
+   implicit none
+   private
+
+   public :: sighting_t, modes_in_record, unexplained_lines
+
+   !> One mode of the model in one record, or a spectral line of the record that no mode explains.
+   type :: sighting_t
+      integer :: record = 1
+      integer :: mode = 1             !< 0: a spectral line without a mode
+      real(wp) :: model = 0           !< frequency of the model [1/time]; 0: a line without a mode
+      real(wp) :: peak = 0            !< frequency of the spectral line [1/time]; 0: none
+      real(wp) :: share = 0           !< share of the record's variance
+      !> of a mode: 'seen', 'unseen', 'harmonic' (a multiple of the first mode) or 'mains' (of 50 or
+      !> 60 Hz); of a line without a mode: 'harmonic', 'mains' or 'unexplained'
+      character(len=11) :: verdict = 'unseen'
+   end type sighting_t
+
+   !> Largest number of spectral lines per record.
+   integer, parameter :: most_lines = 12
+   real(wp), parameter :: two_pi = 2*acos(-1.0_wp)
+
+contains
+
+   !> Returns what one record shows of each mode.
+   !>
+   !> A mode is seen if a spectral line stands beside it, or if it was fitted and reduces J by more
+   !> than noise would. A mode on a multiple of the first mode's frequency or of the mains may be
+   !> that multiple.
+   !>
+   !> r         number of the record
+   !> row       number of residuals of the records before it
+   !> residual  (m) residuals of this record [length/time**2]
+   !> s         (modes) roots of its structure [1/time]
+   function modes_in_record(experiment, r, row, residual, fit, s) result(found)
+      type(experiment_t), intent(in) :: experiment
+      integer, intent(in) :: r, row
+      real(wp), intent(in) :: residual(:)
+      type(stage_fit_t), intent(in) :: fit
+      complex(wp), intent(in) :: s(:)
+      type(sighting_t), allocatable :: found(:)
+      type(line_t), allocatable :: lines(:)
+      type(sighting_t) :: sighting
+      real(wp) :: gain, span
+      integer :: k
+
+      allocate (found(0))
+      associate (t => experiment%samples, z => experiment%measured)
+         span = t(size(t)) - t(1)
+         call find_lines(t, z, 2*maxval(aimag(s))/two_pi, most_lines, lines)
+         do k = 1, size(s)
+            if (.not. aimag(s(k)) > 0) cycle
+            sighting = sighting_t(record=r, mode=k, model=aimag(s(k))/two_pi)
+            associate (modes => fit%scenario%excitations(r)%modes)
+               if (k <= modes .or. fit%note == '') call find_nearest_line(lines, span, sighting)
+               gain = 0
+               if (k <= modes) call weigh_mode(fit, r, k, row, experiment, residual, s(k), &
+                  sighting%share, gain)
+            end associate
+            if (gain > least_gain .and. sighting%verdict == 'unseen') sighting%verdict = 'seen'
+            if (sighting%verdict == 'seen' .and. is_multiple(s, k, gain, lines, span)) &
+               sighting%verdict = merge('mains   ', 'harmonic', near_mains(sighting%model, span, &
+               0.0_wp))
+            if (sighting%verdict == 'seen' .and. k <= fit%scenario%excitations(r)%modes) then
+               if (merges_with_harmonic(fit, r, row, t, residual, s, k)) &
+                  sighting%verdict = 'harmonic'
+            end if
+            found = [found, sighting]
+         end do
+      end associate
+   end function modes_in_record
+
+   !> Returns the spectral lines that a fit leaves in the residuals of one record and that do not
+   !> belong to a mode of the model.
+   !>
+   !> A line is reported if its amplitude is at least one per cent of that of the record. A line
+   !> near a mode belongs to this mode, whose amplitude or damping then changes with time. A weak
+   !> line at a multiple of the first mode's frequency, and a line at a multiple of 50 or 60 Hz, are
+   !> named as such, although each may still be a mode.
+   !>
+   !> r         number of the record
+   !> residual  (m) its residuals [length/time**2]
+   !> s         (modes) roots of its structure [1/time]
+   !> fitted    number of modes that the fit has used
+   !> rejected  whether the fit has rejected the modes beyond these
+   function unexplained_lines(experiment, r, residual, s, fitted, rejected) result(found)
+      type(experiment_t), intent(in) :: experiment
+      integer, intent(in) :: r, fitted
+      real(wp), intent(in) :: residual(:)
+      complex(wp), intent(in) :: s(:)
+      logical, intent(in) :: rejected
+      type(sighting_t), allocatable :: found(:)
+      real(wp), parameter :: least_share = 1e-4_wp
+      type(line_t), allocatable :: lines(:)
+      type(sighting_t) :: sighting
+      real(wp) :: share, span
+      integer :: k
+
+      allocate (found(0))
+      associate (t => experiment%samples, z => experiment%measured, m => size(residual))
+         share = sum(residual**2)/max(sum((z - sum(z)/m)**2), tiny(share))
+         if (share < least_share) return
+         span = t(m) - t(1)
+         call find_lines(t, residual, 2*maxval(aimag(s))/two_pi, most_lines, lines)
+      end associate
+      do k = 1, size(lines)
+         associate (line => lines(k))
+            if (.not. line%energy*share >= least_share) cycle
+            if (belongs_to_mode(line, s(:fitted), 0.05_wp, span)) cycle
+            if (belongs_to_mode(line, s(fitted + 1:), 0.01_wp, span) .and. .not. rejected) cycle
+            sighting = sighting_t(r, 0, 0.0_wp, line%frequency, min(1.0_wp, line%energy*share), &
+               'unexplained')
+            if (is_harmonic_of(aimag(s(1))/two_pi)) sighting%verdict = 'harmonic'
+            if (near_mains(line%frequency, span, 0.0_wp)) sighting%verdict = 'mains'
+            found = [found, sighting]
+         end associate
+      end do
+
+   contains
+
+      !> Tells whether the line is a weak multiple of a frequency.
+      pure logical function is_harmonic_of(first)
+         real(wp), intent(in) :: first
+         real(wp), parameter :: tolerance = 1.3e-3_wp, weak = 0.02_wp
+         integer, parameter :: highest = 12
+         real(wp) :: ratio
+
+         ratio = lines(k)%frequency/first
+         is_harmonic_of = nint(ratio) >= 2 .and. nint(ratio) <= highest .and. &
+            abs(ratio - nint(ratio)) < tolerance*ratio + 1/(span*first) .and. &
+            lines(k)%energy*share < weak
+      end function is_harmonic_of
+
+   end function unexplained_lines
+
+   !> Tells whether a spectral line is so close to one of some modes that it belongs to it.
+   !>
+   !> s          (k) roots of the modes [1/time]
+   !> tolerance  relative difference of the frequencies that is allowed
+   !> span       length of the record [time]
+   pure logical function belongs_to_mode(line, s, tolerance, span)
+      type(line_t), intent(in) :: line
+      complex(wp), intent(in) :: s(:)
+      real(wp), intent(in) :: tolerance, span
+
+      belongs_to_mode = any(abs(line%frequency - aimag(s)/two_pi) < max(3/span, line%decay/2, &
+         tolerance*aimag(s)/two_pi))
+   end function belongs_to_mode
+
+   !> Returns whether a mode and a multiple of the first mode's frequency form one broad line.
+   !>
+   !> This is so if, with the multiple in the model as well, J would fall by more than noise
+   !> explains and an estimate would move by more than the width of its interval. The multiple
+   !> decays as the first mode does or as its power.
+   !>
+   !> r            number of the record
+   !> row          number of residuals of the records before it
+   !> t, residual  (m) sample times [time] and residuals of the record [length/time**2]
+   !> s            (modes) roots of its structure [1/time]
+   !> k            number of the mode
+   logical function merges_with_harmonic(fit, r, row, t, residual, s, k) result(merges)
+      type(stage_fit_t), intent(in) :: fit
+      integer, intent(in) :: r, row, k
+      real(wp), intent(in) :: t(:), residual(:)
+      complex(wp), intent(in) :: s(:)
+      real(wp), parameter :: independent = 1e-10_wp   ! of a column that counts as independent
+      integer, parameter :: highest = 12              ! order of a multiple
+      !> Jacobian, followed by cosine and sine of the multiple with either decay
+      real(wp) :: a(size(fit%jacobian, 1), size(fit%jacobian, 2) + 4), step(size(a, 2)), &
+         column_norm(size(a, 2)), gain
+      complex(wp) :: multiple(size(t))
+      integer :: j, m, n, order, rank
+
+      merges = .false.
+      if (k < 2 .or. fit%statistics%samples == 0 .or. size(a, 1) <= size(a, 2)) return
+      m = size(t)
+      n = size(fit%jacobian, 2)
+      order = nint(aimag(s(k))/aimag(s(1)))
+      ! The lines must be no further apart than the sum of their widths.
+      if (order < 2 .or. order > highest .or. abs(aimag(s(k)) - order*aimag(s(1))) > &
+         2*abs(real(s(k))) + 2*order*abs(real(s(1))) + 2*two_pi/(t(m) - t(1))) return
+      a(:, :n) = fit%jacobian
+      a(:, n + 1:) = 0
+      do j = 1, 2
+         multiple = exp(cmplx(merge(1, order, j == 1)*real(s(1)), order*aimag(s(1)), wp)*(t - t(1)))
+         a(row + 1:row + m, n + 2*j - 1) = real(multiple)
+         a(row + 1:row + m, n + 2*j) = aimag(multiple)
+      end do
+      column_norm = norm2(a, dim=1)
+      if (.not. all(column_norm > 0)) return
+      call least_squares_step(a, fit%fit%residual, 1/column_norm, spread(.true., 1, size(step)), &
+         independent, step, rank)
+      gain = (sum(fit%fit%residual**2) - sum((fit%fit%residual + matmul(a, step))**2))/ &
+         noise_near(t, residual, aimag(s(k))/two_pi, -real(s(k)))/fit%weight(r)**2
+      if (gain > least_gain) merges = any(abs(step(:size(fit%free))) > &
+         2*fit%statistics%corrected_half_width(:size(fit%free)))
+   end function merges_with_harmonic
+
+   !> Sets peak, share and verdict of a mode from the spectral line nearest to it, unless that is
+   !> further away than both the resolution 1/span and 1 % of the frequency.
+   !>
+   !> lines  spectral lines of the record
+   !> span   duration of the record [time]
+   pure subroutine find_nearest_line(lines, span, sighting)
+      type(line_t), intent(in) :: lines(:)
+      real(wp), intent(in) :: span
+      type(sighting_t), intent(inout) :: sighting
+      integer :: n
+
+      if (size(lines) == 0) return
+      n = minloc(abs(lines%frequency - sighting%model), dim=1)
+      if (abs(lines(n)%frequency - sighting%model) > max(1/span, 1e-2_wp*sighting%model)) return
+      sighting%peak = lines(n)%frequency
+      sighting%share = min(1.0_wp, lines(n)%energy)
+      sighting%verdict = 'seen'
+      if (lines(n)%harmonic > 0) sighting%verdict = 'harmonic'
+      if (lines(n)%mains) sighting%verdict = 'mains'
+   end subroutine find_nearest_line
+
+   !> Computes the weight of a fitted free mode in a record.
+   !>
+   !> r           number of the record
+   !> k           number of the mode
+   !> row         number of residuals of the records before it
+   !> experiment  the record
+   !> residual    (m) its residuals [length/time**2]
+   !> s           root of the mode [1/time]
+   !> share       share of the record's variance; unchanged if it cannot be computed
+   !> gain        by how much the mode reduces J, over the variance of the noise around its
+   !>             frequency
+   subroutine weigh_mode(fit, r, k, row, experiment, residual, s, share, gain)
+      type(stage_fit_t), intent(in) :: fit
+      integer, intent(in) :: r, k, row
+      type(experiment_t), intent(in) :: experiment
+      real(wp), intent(in) :: residual(:)
+      complex(wp), intent(in) :: s
+      real(wp), intent(inout) :: share
+      real(wp), intent(out) :: gain
+      real(wp) :: c(2), covariance(2, 2), determinant, total
+      integer :: first
+
+      gain = 0
+      if (fit%statistics%samples == 0) return
+      first = index_of_mode(fit, r, k)
+      c = fit%quantities(first:first + 1)%value
+      associate (z => experiment%measured, m => size(experiment%measured), &
+         cosine => fit%jacobian(row + 1:row + size(residual), first), &
+         sine => fit%jacobian(row + 1:row + size(residual), first + 1))
+         total = sum((z - sum(z)/m)**2)
+         if (total > 0) share = sum((c(1)*cosine + c(2)*sine)**2)/fit%weight(r)**2/total
+      end associate
+      covariance = fit%statistics%covariance(first:first + 1, first:first + 1)
+      determinant = covariance(1, 1)*covariance(2, 2) - covariance(1, 2)**2
+      if (.not. (determinant > 0 .and. determinant < huge(1.0_wp))) return
+      gain = fit%statistics%variance*(c(1)**2*covariance(2, 2) - 2*c(1)*c(2)*covariance(1, 2) &
+         + c(2)**2*covariance(1, 1))/determinant/fit%weight(r)**2/noise_near(experiment%samples, &
+         residual, aimag(s)/two_pi, -real(s))
+   end subroutine weigh_mode
+
+   !> Returns the index in `quantities` of the first of the two amplitudes of mode k in record r.
+   pure integer function index_of_mode(fit, r, k) result(first)
+      type(stage_fit_t), intent(in) :: fit
+      integer, intent(in) :: r, k
+      character(len=name_length) :: name
+      integer :: i
+
+      ! Further channels of a motion share the amplitudes of the first channel.
+      first = 0
+      do i = r, 1, -1
+         name = name_of('cos_'//to_text(k), merge(0, i, size(fit%scenario%structures) == 1))
+         do first = size(fit%quantities), 1, -1
+            if (fit%quantities(first)%name == name) return
+         end do
+      end do
+   end function index_of_mode
+
+end module beamid_sightings
