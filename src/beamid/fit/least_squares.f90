@@ -107,7 +107,7 @@ contains
          if (allocated(error)) return
          objection = ''
          note = ''
-         if (info == 0 .or. info == 5) exit
+         if (info == 0 .or. info == 5 .or. options%rough) exit
          call check_minimum(search, options, result%start, result%estimate, result%residual, &
             result%jacobian, objection, note, error)
          if (allocated(error)) return
@@ -120,7 +120,7 @@ contains
       result%reason = trim(reasons(info))
       call name_variables_at_bounds(search, result%reason)
       result%reason = result%reason//note
-      if (info == 0 .or. info == 5 .or. objection /= '') then
+      if (info == 0 .or. (info == 5 .and. .not. options%rough) .or. objection /= '') then
          call failure(error, 'least squares: no convergence; '//result%reason//objection)
          return
       end if

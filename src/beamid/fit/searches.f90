@@ -35,6 +35,9 @@ module beamid_searches
       !> if `max_evaluations` do not suffice and derivatives are exact, continue by Newton's method
       logical :: persistent = .false.
       logical :: check = .true.            !< compare exact derivatives with differences
+      !> .true.: the end of a search counts even if it is not a minimum; for searches whose ends are
+      !> compared and continued
+      logical :: rough = .false.
    end type options_t
 
    abstract interface

@@ -75,7 +75,10 @@ contains
    !>
    !> The noise of a record is the residual that is left, to first order, if the parameters could
    !> adapt to this record alone. A disagreement between records is not noise: if it counted as
-   !> noise, the search would follow one record and give up the others.
+   !> noise, the search would follow one record and give up the others. With priors, the
+   !> disagreement reduces the weight of all records against the priors: it counts as an error with
+   !> as many degrees of freedom as the records determine more parameters one by one than together
+   !> (the ratio of Birge, Physical Review 40, 1932, 207).
    !>
    !> variables  (n) variables of the fit
    !> found      result of the fit
@@ -87,10 +90,10 @@ contains
       real(wp), intent(out) :: change
       type(error_t), allocatable, intent(out) :: error
       type(statistics_t) :: statistics
-      real(wp) :: sd(size(problem%parts)), noise, freedom
+      real(wp) :: sd(size(problem%parts)), noise, freedom, disagreement
       real(wp), dimension(size(variables)) :: scale, step
       logical :: active(size(variables))
-      integer :: i, m, n, rank, row
+      integer :: excess, i, m, n, rank, row
 
       change = 0
       n = size(found%estimate)
@@ -100,6 +103,8 @@ contains
       freedom = real(problem%rows() - n - problem%linear_unknowns(), wp)/m
       if (.not. freedom > 0) return
       row = 0
+      disagreement = 0
+      excess = problem%prior_rows() - n
       scale = scales_of(variables, found%estimate)
       do i = 1, size(sd)
          associate (z => problem%parts(i)%experiment%measured, weight => problem%weight(i))
@@ -108,6 +113,8 @@ contains
                active = any(abs(jacobian) > 0, dim=1)
                call least_squares_step(jacobian, r, scale, active, epsilon(freedom)*size(z), step, &
                   rank)
+               disagreement = disagreement + sum(r**2) - sum((r + matmul(jacobian, step))**2)
+               excess = excess + rank
                sd(i) = norm2(r + matmul(jacobian, step))/weight/sqrt(real(max(1, size(z) - rank &
                   - problem%linear_unknowns()/size(sd)), wp))
             end associate
@@ -123,6 +130,8 @@ contains
             max(abs(found%estimate), tiny(freedom)), statistics, error, m)
          if (allocated(error)) return
          noise = noise*sqrt(m/max(statistics%effective, 1.0_wp))
+         ! If several records disagree by more than that, none of them may overrule a prior.
+         if (size(sd) > 1 .and. excess > 0) noise = max(noise, sqrt(disagreement/excess))
          change = abs(log(noise/problem%noise))
       end if
       if (problem%is_weighted()) change = max(change, maxval(abs(log(sd*problem%weight)), &

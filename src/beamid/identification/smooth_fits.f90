@@ -82,6 +82,7 @@ contains
       quick = options
       quick%check = .false.
       quick%tolerance = 1e-4_wp
+      quick%rough = .true.
       persistent = options
       persistent%persistent = .true.
       ! Without exact derivatives, each Jacobian takes n evaluations more.

@@ -42,6 +42,9 @@ module beamid_stage_fits
       !> (n) shift of the searched variables by mesh refinement, and the error of this shift; not
       !> allocated: not requested, or not found
       real(wp), allocatable :: mesh_shift(:), mesh_error(:)
+      !> (n) standard deviation by which each searched variable varies during the motion; not
+      !> allocated: not tested
+      real(wp), allocatable :: drift(:)
       type(statistics_t) :: statistics   !< `samples` is 0 if no degree of freedom is left
       type(residual_check_t) :: check    !< whether the residuals are white
       !> largest shift of an estimate by the error of the integrator [standard errors]; -1: the
@@ -125,18 +128,23 @@ contains
       end do
    end function from_held
 
-   !> Returns the half width of the 95 % interval of quantity k from noise and fixed parameters
-   !> together; `unlimited` if linear theory does not hold for it.
+   !> Returns the half width of the 95 % interval of quantity k from noise, fixed parameters and
+   !> drift together; `unlimited` if linear theory does not hold for it.
    pure real(wp) function half_width(self, k)
       class(stage_fit_t), intent(in) :: self
       integer, intent(in) :: k
+      real(wp) :: other
 
+      other = self%from_held(k)
+      if (allocated(self%drift)) then
+         if (k <= size(self%drift)) other = hypot(other, self%drift(k))
+      end if
       associate (s => self%statistics)
          half_width = unlimited
          if (s%is_withdrawn(k)) return
          half_width = s%corrected_half_width(k)
          if (s%corrected_error(k) > 0) half_width = half_width*hypot(1.0_wp, &
-            self%from_held(k)/s%corrected_error(k))
+            other/s%corrected_error(k))
       end associate
    end function half_width
 

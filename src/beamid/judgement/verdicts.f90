@@ -12,6 +12,7 @@ module beamid_verdicts
    use beamid_responses, only: work_t
    use beamid_stage_fits, only: stage_fit_t
    use beamid_sightings, only: modes_in_record, sighting_t, unexplained_lines
+   use beamid_spectra, only: noise_floor
    use beamid_strings, only: to_text
    use beamid_trials, only: resting
    use beamid_whiteness, only: effective_samples
@@ -28,6 +29,9 @@ module beamid_verdicts
       real(wp) :: fit_percent = 0     !< 100 (1 - rms_residual/rms_signal)
       real(wp) :: noise_sd = 0        !< noise level, corrected for the degrees of freedom
       real(wp) :: effective = 0       !< effective number of samples, < samples if not white
+      !> white noise that the spectrum of the residuals shows between the motions; equal to
+      !> `rms_residual` if the residuals are white or the samples are few
+      real(wp) :: floor = 0
    end type quality_t
 
    !> The verdict on a fit.
@@ -37,6 +41,8 @@ module beamid_verdicts
       character(len=:), allocatable :: no_fit         !< why the fit is rejected; '': it is accepted
       !> why no parameter counts as determined although the fit is accepted; '': no such reason
       character(len=:), allocatable :: caution
+      !> largest ratio of the residuals of a record to the white noise in it
+      real(wp) :: misfit = 1
       !> (free) parameters that only modes determine which are not in the records
       logical, allocatable :: lost(:)
       !> lowest mode that is not in the records and without which parameters are lost; 0: none
@@ -49,6 +55,11 @@ module beamid_verdicts
    !> Share of the variance of a record above which a spectral line that the model cannot explain
    !> rejects the fit.
    real(wp), parameter :: most_unexplained = 0.05_wp
+
+   !> Largest ratio of residuals to noise with which parameters may count as determined. A dip is
+   !> located by small differences, so that its limit is lower: perfect records reach 1.05, and cuts
+   !> that pass for a dip elsewhere leave 3 to 13.
+   real(wp), parameter, public :: gross = 10, gross_for_dip = 2
 
    !> Number of modes to judge if fewer were fitted.
    integer, parameter :: usual_modes = 2
@@ -79,7 +90,7 @@ contains
       do r = 1, size(experiments)
          associate (experiment => experiments(r), m => size(experiments(r)%samples))
             associate (residual => fit%residual(first + 1:first + m))
-               verdict%qualities(r) = quality_of(experiment%measured, residual, fit)
+               verdict%qualities(r) = quality_of(experiment, residual, fit)
                verdict%sightings = [verdict%sightings, modes_in_record(experiment, r, first, &
                   residual, fit, s(:, r))]
                ! A forced motion shows every mode that the force excites.
@@ -95,6 +106,10 @@ contains
       verdict%caution = ''
       if (fit%note /= '') verdict%caution = 'the program keeps a parameter fixed that was to be '// &
          'estimated'
+      verdict%misfit = maxval(verdict%qualities%rms_residual/max(verdict%qualities%floor, &
+         tiny(1.0_wp)), mask=verdict%qualities%rms_residual > 0)
+      if (verdict%misfit > gross) verdict%caution = 'the residuals are '// &
+         to_text(nint(verdict%misfit))//' times the noise of the record'
       call judge_lines(verdict)
       if (verdict%no_fit == '') verdict%no_fit = describe_misfit(verdict%qualities, fit)
       if (verdict%no_fit == '' .and. all(experiments%excitation%modes > 0)) &
@@ -160,17 +175,22 @@ contains
 
    !> Returns how well a fit explains one record.
    !>
-   !> measured  (m) the record [length/time**2]
-   !> residual  (m) its residuals [length/time**2]
-   function quality_of(measured, residual, fit) result(quality)
-      real(wp), intent(in) :: measured(:), residual(:)
+   !> experiment  the record
+   !> residual    (m) its residuals [length/time**2]
+   function quality_of(experiment, residual, fit) result(quality)
+      type(experiment_t), intent(in) :: experiment
+      real(wp), intent(in) :: residual(:)
       type(stage_fit_t), intent(in) :: fit
       type(quality_t) :: quality
+      !> Smallest number of samples whose spectrum shows a level of noise.
+      integer, parameter :: enough = 200
       integer :: m
 
-      m = size(measured)
+      m = size(residual)
       quality%samples = m
-      quality%rms_signal = sqrt(sum((measured - sum(measured)/m)**2)/m)
+      associate (measured => experiment%measured)
+         quality%rms_signal = sqrt(sum((measured - sum(measured)/m)**2)/m)
+      end associate
       quality%rms_residual = sqrt(sum(residual**2)/m)
       if (quality%rms_signal > 0) quality%fit_percent = 100*(1 - quality%rms_residual &
          /quality%rms_signal)
@@ -180,6 +200,9 @@ contains
             *sqrt(max(1.0_wp, statistics%samples/real(statistics%freedom, wp)))
       end associate
       quality%effective = effective_samples(residual)
+      quality%floor = quality%rms_residual
+      if (m >= enough .and. .not. fit%check%white) quality%floor = min(quality%floor, &
+         noise_floor(experiment%samples, residual))
    end function quality_of
 
    !> Returns a sentence on the record that the fit explains least, if that is too little and the

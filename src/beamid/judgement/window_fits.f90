@@ -1,7 +1,6 @@
-!> Repeats a fit in consecutive windows of the records. A parameter whose estimates differ between
-!> windows by more than their standard errors is not constant during the motion.
+!> Repeats a fit in consecutive windows of the records. `beamid_drifts` tests whether the parameters
+!> are constant.
 module beamid_window_fits
-   use beamid_distributions, only: chi_square_tail
    use beamid_errors, only: error_t, failure
    use beamid_experiments, only: experiment_t
    use beamid_galerkin, only: mesh_t
@@ -11,14 +10,13 @@ module beamid_window_fits
    use beamid_least_squares, only: options_t
    use beamid_residuals, only: new_residuals, residual_t
    use beamid_stages, only: run_stage
-   use beamid_statistics, only: unlimited
    use beamid_strings, only: to_text
    use beamid_structure, only: of_kappa_R
    use beamid_verification, only: exact_counterpart
    implicit none
    private
 
-   public :: window_fit_t, fit_windows, scatter
+   public :: window_fit_t, fit_windows
 
    !> The fit in one window.
    type :: window_fit_t
@@ -99,40 +97,5 @@ contains
       window%estimate = found%fit%estimate
       window%std_error = found%statistics%corrected_error(:size(found%free))
    end subroutine fit_one
-
-   !> Compares the spread of the estimates of parameter k over the windows with their standard
-   !> errors.
-   !>
-   !> Windows that failed or give no standard error do not count. With fewer than two others, spread
-   !> and expected are 0 and probability is 1.
-   !>
-   !> spread       standard deviation of the estimates over the windows
-   !> expected     root mean square of their standard errors
-   !> probability  that the errors alone cause at least this spread (chi-square test)
-   pure subroutine scatter(windows, k, spread, expected, probability)
-      type(window_fit_t), intent(in) :: windows(:)
-      integer, intent(in) :: k
-      real(wp), intent(out) :: spread, expected, probability
-      real(wp) :: x(size(windows)), sd(size(windows)), mean
-      integer :: i, n
-
-      n = 0
-      spread = 0
-      expected = 0
-      probability = 1
-      do i = 1, size(windows)
-         if (allocated(windows(i)%error)) cycle
-         if (.not. (windows(i)%std_error(k) > 0 .and. windows(i)%std_error(k) < sqrt(unlimited))) &
-            cycle
-         n = n + 1
-         x(n) = windows(i)%estimate(k)
-         sd(n) = windows(i)%std_error(k)
-      end do
-      if (n < 2) return
-      spread = sqrt(sum((x(:n) - sum(x(:n))/n)**2)/(n - 1))
-      expected = sqrt(sum(sd(:n)**2)/n)
-      mean = sum(x(:n)/sd(:n)**2)/sum(1/sd(:n)**2)
-      probability = chi_square_tail(sum(((x(:n) - mean)/sd(:n))**2), real(n - 1, wp))
-   end subroutine scatter
 
 end module beamid_window_fits

@@ -7,7 +7,7 @@ module beamid_spectra
    private
 
    public :: line_t, condense, strongest_line, strongest_peak, too_near, noise_near, &
-      near_mains
+      noise_floor, near_mains
 
    !> A spectral line of a record, which is a decaying oscillation.
    type :: line_t
@@ -137,6 +137,25 @@ contains
          frequency - reach), frequency + reach], 1/(2*span)))/log(2.0_wp) &
          *count(t <= times(size(times)))/size(times)
    end function noise_near
+
+   !> Returns the standard deviation of the white noise of a record: the lowest level of its spectrum
+   !> at some frequencies below half the mean sampling rate, where motions are weak.
+   !>
+   !> t, z  (m) ascending times [time], and residuals of a fit; only the first 20,000 are used
+   real(wp) function noise_floor(t, z) result(sd)
+      real(wp), intent(in) :: t(:), z(:)
+      integer, parameter :: most = 20000
+      real(wp), parameter :: places(6) = [0.15_wp, 0.3_wp, 0.45_wp, 0.6_wp, 0.75_wp, 0.9_wp]
+      real(wp) :: highest
+      integer :: k, m
+
+      m = min(size(t), most)
+      sd = norm2(z)/sqrt(real(max(1, size(z)), wp))
+      if (m < 3) return
+      highest = (m - 1)/(2*(t(m) - t(1)))
+      sd = sqrt(minval([(noise_near(t(:m), z(:m), places(k)*highest, 0.0_wp), &
+         k=1, size(places))]))
+   end function noise_floor
 
    !> Returns whether a frequency is a multiple of 50 or 60, to within the larger of 0.1 and
    !> 0.3/span.

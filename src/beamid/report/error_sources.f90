@@ -5,6 +5,8 @@ module beamid_error_sources
    use beamid_identification, only: stage_fit_t
    use beamid_kinds, only: wp
    use beamid_lines, only: columns, filled
+   use beamid_parameters, only: as_named
+   use beamid_priors, only: priors_of
    use beamid_statistics, only: unlimited
    use beamid_strings, only: to_text
    use beamid_structure, only: function_of, is_coefficient
@@ -12,7 +14,10 @@ module beamid_error_sources
    implicit none
    private
 
-   public :: add_assumptions, add_error_sources, add_mesh_warning
+   public :: add_assumptions, add_error_sources, add_mesh_warning, add_prior_conflicts
+
+   !> Distance from its prior beyond which an estimate is reported [standard deviations].
+   real(wp), parameter :: far_from_prior = 3
 
 contains
 
@@ -65,6 +70,29 @@ contains
          if (fit%held(k)%is_assumed) call text%line(effect_line(fit, k))
       end do
    end subroutine add_assumptions
+
+   !> Adds a line for each estimate that lies far from its prior.
+   subroutine add_prior_conflicts(text, fit)
+      type(text_t), intent(inout) :: text
+      type(stage_fit_t), intent(in) :: fit
+      integer :: which(size(fit%free)), k
+      real(wp) :: centre, distance
+
+      if (.not. allocated(fit%priors)) return
+      which = priors_of(fit%priors, fit%free, fit%quantities(:size(which))%record)
+      do k = 1, size(which)
+         if (which(k) == 0) cycle
+         associate (prior => fit%priors(which(k)), q => fit%quantities(k))
+            centre = prior%centre_in(q%record)
+            distance = abs(q%searched - centre)/prior%width(centre)
+            if (.not. distance > far_from_prior) cycle
+            call text%line(trim(q%name)//' = '//to_text(q%value)//' lies '// &
+               to_text(nint(distance))//' prior standard deviations from its prior, '// &
+               to_text(as_named(q%parameter, centre))//' with sd = '//to_text(prior%sd)// &
+               '; the model or the prior is wrong')
+         end associate
+      end do
+   end subroutine add_prior_conflicts
 
    !> Returns a number in its column; '-' if it is not finite.
    function number_or_dash(value) result(text)

@@ -16,7 +16,7 @@ module beamid_fit_reports
       minima_header
    use beamid_texts, only: text_t
    use beamid_verdict_reports, only: add_verdict_tables
-   use beamid_window_reports, only: add_window_table, window_summary
+   use beamid_window_reports, only: add_drifts, add_window_table, window_summary
    implicit none
    private
 
@@ -42,6 +42,7 @@ contains
       integer :: k
 
       associate (last => found%fits(size(found%fits, 1), size(found%fits, 2)))
+         if (found%verdict%no_fit == '') call add_drifts(text, last, found%drift)
          if (found%verdict%no_fit == '') call add_score_lines(text, case, last, found%tests)
          call add_score_table(output, last, found%tests)
       end associate
@@ -65,7 +66,8 @@ contains
       call output%add('case.txt', case%text)
       call output%add('modes.csv', table%content())
       associate (last => found%fits(size(found%fits, 1), size(found%fits, 2)))
-         if (size(found%windows) > 0) call text%add(window_summary(last, found%windows))
+         if (size(found%windows) > 0) call text%add(window_summary(last, found%windows, &
+            found%drift))
          if (size(found%windows) > 0) call add_window_table(output, last, found%windows)
       end associate
       summary = text%content()

@@ -1,5 +1,6 @@
 !> Fits in consecutive windows of the records: a part of the summary, and the table windows.csv.
 module beamid_window_reports
+   use beamid_drifts, only: drift_t
    use beamid_identification, only: stage_fit_t
    use beamid_kinds, only: wp
    use beamid_lines, only: columns, known, limit
@@ -8,54 +9,65 @@ module beamid_window_reports
    use beamid_strings, only: full, to_text
    use beamid_texts, only: left, right, text_t
    use beamid_unknowns, only: quantity_t
-   use beamid_window_fits, only: scatter, window_fit_t
+   use beamid_window_fits, only: window_fit_t
    implicit none
    private
 
-   public :: window_summary, add_window_table
-
-   !> Estimates drift if chance alone would scatter them so much with less than this probability.
-   real(wp), parameter :: improbable = 0.05_wp
+   public :: window_summary, add_window_table, add_drifts
 
 contains
 
-   !> Returns the estimates in every window, their scatter beside the scatter expected from their
-   !> standard errors, and which parameters drift.
+   !> Adds a sentence on the parameters that are not constant during the motion, if there are any.
    !>
    !> fit  of the last stage to the whole records
-   function window_summary(fit, windows) result(content)
+   subroutine add_drifts(text, fit, drift)
+      type(text_t), intent(inout) :: text
+      type(stage_fit_t), intent(in) :: fit
+      type(drift_t), intent(in) :: drift
+      character(len=:), allocatable :: names
+      integer :: k
+
+      if (drift%windows == 0) return
+      names = ''
+      do k = 1, size(drift%is_significant)
+         if (.not. drift%is_significant(k)) cycle
+         names = names//', '//trim(fit%quantities(k)%name)
+         if (drift%expected(k) > 0) names = names//' (scatter '//to_text(anint(10*drift%spread(k) &
+            /drift%expected(k))/10)//' times its errors)'
+      end do
+      if (names /= '') call text%line('not constant during the motion, by a test in '// &
+         to_text(drift%windows)//' windows: '//names(3:)//'; the intervals allow for that')
+   end subroutine add_drifts
+
+   !> Returns the estimates in every window, and the scatter beside the scatter expected from the
+   !> standard errors.
+   !>
+   !> fit  of the last stage to the whole records
+   function window_summary(fit, windows, drift) result(content)
       type(stage_fit_t), intent(in) :: fit
       type(window_fit_t), intent(in) :: windows(:)
-      character(len=:), allocatable :: content, drifting
+      type(drift_t), intent(in) :: drift
+      character(len=:), allocatable :: content
       !> Number of windows side by side.
       integer, parameter :: most = 6
       type(text_t) :: text
-      real(wp) :: spread, expected, probability
       integer :: first, i, k, last
 
-      drifting = ''
       do first = 1, size(windows), most
          last = min(first + most - 1, size(windows))
          call add_block(first, last)
       end do
       call text%line(left('of all', 10)//right('scatter')//right('expected'))
       do k = 1, size(fit%free)
-         associate (q => fit%quantities(k))
-            call scatter(windows, k, spread, expected, probability)
-            call text%line(left(trim(q%searched_name()), 10)//columns([spread, expected], 14))
-            if (probability < improbable) drifting = drifting//', '//trim(q%name)
-         end associate
+         call text%line(left(trim(fit%quantities(k)%searched_name()), 10)// &
+            columns([drift%spread(k), drift%expected(k)], 14))
       end do
       do i = 1, size(windows)
          if (allocated(windows(i)%error)) call text%line('no fit in window '//to_text(i)//': '// &
             windows(i)%error%message)
       end do
-      if (drifting == '') then
-         call text%line('nothing drifts from window to window beyond its errors')
-      else
-         call text%line('the scatter is more than the errors explain of: '//drifting(3:)// &
-            '; they are no constants of this motion, and their intervals are too narrow')
-      end if
+      if (.not. any(drift%is_significant)) call text%line( &
+         'nothing drifts from window to window beyond its errors')
       content = text%content()
 
    contains

@@ -3,6 +3,8 @@
 module beamid_case_fits
    use beamid_case_files, only: case_t
    use beamid_cases, only: load_experiments, scored_samples
+   use beamid_damage_regions, only: find_soft_region
+   use beamid_drifts, only: default_windows, drift_t, find_drifts
    use beamid_errors, only: error_t, locate
    use beamid_experiments, only: experiment_t
    use beamid_fixed_parameters, only: add_fixed_parameters
@@ -17,8 +19,10 @@ module beamid_case_fits
    use beamid_refinement, only: add_mesh_shift, identify_refining
    use beamid_responses, only: is_exact
    use beamid_score_tests, only: score_test_t, test_candidates
+   use beamid_strings, only: to_text
+   use beamid_structure, only: of_d_D, of_w_D, of_x_D
    use beamid_unknowns, only: stage_t
-   use beamid_verdicts, only: new_verdict, verdict_t
+   use beamid_verdicts, only: gross_for_dip, new_verdict, verdict_t
    use beamid_window_fits, only: fit_windows, window_fit_t
    implicit none
    private
@@ -43,6 +47,7 @@ module beamid_case_fits
       type(minima_t), allocatable :: minima(:)                 !< (meshes); of size 0: one start
       type(verdict_t) :: verdict                               !< on the last stage, finest mesh
       type(window_fit_t), allocatable :: windows(:)            !< of size 0: no &windows
+      type(drift_t) :: drift                                   !< whether parameters are constant
       type(score_test_t), allocatable :: tests(:)  !< of size 0: not asked for, or impossible
    end type case_fit_t
 
@@ -141,6 +146,7 @@ contains
       type(error_t), allocatable, intent(out) :: error
       class(monitor_t), intent(inout), optional :: monitor
       type(stage_t) :: asked
+      integer :: windows
       logical :: again
 
       asked = case%stages(size(case%stages))
@@ -151,6 +157,13 @@ contains
          if (again) call judge_fit(case, asked, found, error, monitor)
          if (allocated(error)) return
       end if
+      associate (last => found%fits(size(found%fits, 1), size(found%fits, 2)))
+         windows = case%windows
+         if (windows == 0 .and. size(found%verdict%sightings) > 0) windows = default_windows( &
+            found%experiments, last, found%verdict%sightings(1)%model)
+         if (windows > 0 .and. last%statistics%samples > 0) call find_drifts(found%experiments, &
+            windows, last, found%drift)
+      end associate
       if (case%windows == 0) return
       deallocate (found%windows)
       call fit_windows(case%model, case%meshes(size(case%meshes)), found%experiments, &
@@ -176,11 +189,42 @@ contains
          call new_verdict(found%experiments, mesh, last, found%verdict, error)
          if (.not. allocated(error)) then
             if (found%verdict%caution /= '') last%statistics%determined = .false.
+            if (found%verdict%misfit > gross_for_dip .and. any(last%free == of_x_D)) &
+               call withdraw_dip(case, mesh, found%experiments, found%verdict%misfit, last)
          end if
       end associate
       call locate(error, case%path)
       call check_interrupt(error)
    end subroutine judge_fit
+
+   !> Withdraws the estimates of a dip that leaves residuals far above the noise, and tells where
+   !> E(x) is low instead.
+   !>
+   !> misfit  ratio of residuals to noise
+   !> fit     on return without intervals of the dip, and with the reason in `other`
+   subroutine withdraw_dip(case, mesh, experiments, misfit, fit)
+      type(case_t), intent(in) :: case
+      type(mesh_t), intent(in) :: mesh
+      type(experiment_t), intent(in) :: experiments(:)
+      real(wp), intent(in) :: misfit
+      type(stage_fit_t), intent(inout) :: fit
+      real(wp), allocatable :: region(:)
+      integer :: k
+
+      call find_soft_region(case%model, mesh, experiments, fit, gross_for_dip/misfit, region)
+      fit%other = 'something is there, but not a dip of this shape: the residuals are '// &
+         to_text(anint(10*misfit)/10)//' times the noise'
+      if (size(region) == 2) then
+         fit%other = fit%other//'; E(x) is low from '//to_text(region(1))//' to '// &
+            to_text(region(2))
+      else
+         fit%other = fit%other//', and E(x) does not explain the record either'
+      end if
+      fit%statistics%determined = .false.
+      do k = 1, size(fit%free)
+         if (any(fit%free(k) == [of_x_D, of_w_D, of_d_D])) call fit%statistics%withdraw(k)
+      end do
+   end subroutine withdraw_dip
 
    !> Fits a case again without the parameters that rest on modes which are not in the records.
    !>

@@ -1,0 +1,171 @@
+!> Tests whether the parameters of a fit are constant during the motion.
+!>
+!> The records are cut into consecutive windows of equal duration. In each window, one linear
+!> least-squares step from the estimates of the whole record gives the changes of the parameters and
+!> of the amplitudes that this window prefers. If the parameters are constant, these changes are
+!> normal with known errors, even for a mode that has decayed, so that the test has the level it
+!> claims. A window in which a parameter has no effect does not count. The test is corrected for the
+!> number of parameters by Holm's method (Scandinavian Journal of Statistics 6, 1979, 65).
+module beamid_drifts
+   use beamid_distributions, only: chi_square_tail
+   use beamid_errors, only: error_t
+   use beamid_experiments, only: experiment_t
+   use beamid_gauss_newton, only: least_squares_step
+   use beamid_kinds, only: wp
+   use beamid_stage_fits, only: stage_fit_t
+   use beamid_statistics, only: new_statistics, statistics_t, unlimited
+   use beamid_structure, only: is_coefficient, of_x_D
+   implicit none
+   private
+
+   public :: drift_t, find_drifts, default_windows
+
+   !> The scatter of n free parameters over windows.
+   type :: drift_t
+      integer :: windows = 0                      !< number of windows
+      real(wp), allocatable :: spread(:)          !< (n) standard deviation over the windows
+      real(wp), allocatable :: expected(:)        !< (n) root mean square of the standard errors
+      real(wp), allocatable :: probability(:)     !< (n) of at least this scatter by chance
+      logical, allocatable :: is_significant(:)   !< (n) whether the parameter drifts
+   end type drift_t
+
+   !> Probability of at least one false alarm if every parameter is constant.
+   real(wp), parameter :: level = 0.05_wp
+
+contains
+
+   !> Returns the number of windows of a test that the user has not asked for: 4 if each window of
+   !> each record then has at least ten periods of the first mode and ten samples for each unknown,
+   !> otherwise 0. Fits of fields and dips are not tested, because their search chooses among
+   !> several minima.
+   !>
+   !> frequency  of the lowest mode [1/time]
+   pure integer function default_windows(experiments, fit, frequency) result(n)
+      type(experiment_t), intent(in) :: experiments(:)
+      type(stage_fit_t), intent(in) :: fit
+      real(wp), intent(in) :: frequency
+      integer, parameter :: usual = 4, least = 10
+      integer :: r
+
+      n = 0
+      if (any(is_coefficient(fit%free) .or. fit%free == of_x_D) .or. size(fit%free) == 0) return
+      do r = 1, size(experiments)
+         associate (t => experiments(r)%samples, m => size(experiments(r)%samples))
+            if (experiments(r)%excitation%modes == 0 .or. m < usual*least*size(fit%quantities)) &
+               return
+            if (.not. (t(m) - t(1))*frequency >= usual*least) return
+         end associate
+      end do
+      n = usual
+   end function default_windows
+
+   !> Tests the free parameters of a fit.
+   !>
+   !> experiments  (records) that were fitted
+   !> windows      number of windows
+   !> fit          on return with `drift`, the standard deviation by which each drifting parameter
+   !>              varies
+   subroutine find_drifts(experiments, windows, fit, drift)
+      type(experiment_t), intent(in) :: experiments(:)
+      integer, intent(in) :: windows
+      type(stage_fit_t), intent(inout) :: fit
+      type(drift_t), intent(out) :: drift
+      real(wp) :: change(size(fit%free), windows), sd(size(fit%free), windows)
+      integer :: k, n
+
+      n = size(fit%free)
+      drift%windows = windows
+      allocate (drift%spread(n), drift%expected(n), drift%probability(n))
+      sd = unlimited
+      do k = 1, windows
+         call step_in_window(experiments, fit, k, windows, change(:, k), sd(:, k))
+      end do
+      do k = 1, n
+         call compare(pack(change(k, :), sd(k, :) < unlimited), &
+            pack(sd(k, :), sd(k, :) < unlimited), drift%spread(k), drift%expected(k), &
+            drift%probability(k))
+      end do
+      drift%is_significant = significant_by_holm(drift%probability)
+      fit%drift = merge(sqrt(max(0.0_wp, drift%spread**2 - drift%expected**2)), 0.0_wp, &
+         drift%is_significant)
+   end subroutine find_drifts
+
+   !> Computes the changes of the parameters that one window prefers, and their standard errors.
+   !>
+   !> k, windows  number of the window, and of all windows
+   !> change      (n)
+   !> sd          (n) `unlimited` for parameters without an effect in the window
+   subroutine step_in_window(experiments, fit, k, windows, change, sd)
+      type(experiment_t), intent(in) :: experiments(:)
+      type(stage_fit_t), intent(in) :: fit
+      integer, intent(in) :: k, windows
+      real(wp), intent(out) :: change(:), sd(:)
+      real(wp), allocatable :: a(:, :), residual(:), step(:), scales(:)
+      integer, allocatable :: rows(:), columns(:)
+      type(statistics_t) :: statistics
+      type(error_t), allocatable :: error
+      integer :: first, i, n, r, rank
+
+      change = 0
+      sd = unlimited
+      allocate (rows(0))
+      first = 0
+      do r = 1, size(experiments)
+         associate (t => experiments(r)%samples, m => size(experiments(r)%samples))
+            rows = [rows, pack([(first + i, i=1, m)], t >= t(1) + (t(m) - t(1))*(k - 1)/windows &
+               .and. (t < t(1) + (t(m) - t(1))*k/windows .or. k == windows))]
+            first = first + m
+         end associate
+      end do
+      columns = pack([(i, i=1, size(fit%quantities))], &
+         [(any(abs(fit%jacobian(rows, i)) > 0), i=1, size(fit%quantities))])
+      if (size(rows) <= size(columns)) return
+      a = fit%jacobian(rows, columns)
+      residual = fit%fit%residual(rows)
+      scales = fit%quantities(columns)%scale
+      allocate (step(size(columns)))
+      call least_squares_step(a, residual, scales, spread(.true., 1, size(step)), &
+         epsilon(1.0_wp)*size(rows), step, rank)
+      call new_statistics(a, residual + matmul(a, step), scales, scales, statistics, error)
+      if (allocated(error)) return
+      n = count(columns <= size(change))
+      change(columns(:n)) = step(:n)
+      sd(columns(:n)) = merge(statistics%corrected_error(:n), unlimited, &
+         statistics%std_error(:n) > 0 .and. statistics%corrected_error(:n) < sqrt(unlimited))
+   end subroutine step_in_window
+
+   !> Compares the scatter of estimates with their standard errors. With fewer than two estimates,
+   !> spread and expected are 0 and the probability is 1.
+   pure subroutine compare(x, sd, spread, expected, probability)
+      real(wp), intent(in) :: x(:), sd(:)
+      real(wp), intent(out) :: spread, expected, probability
+      real(wp) :: mean
+      integer :: n
+
+      n = size(x)
+      spread = 0
+      expected = 0
+      probability = 1
+      if (n < 2) return
+      mean = sum(x/sd**2)/sum(1/sd**2)
+      spread = sqrt(sum((x - sum(x)/n)**2)/(n - 1))
+      expected = sqrt(sum(sd**2)/n)
+      probability = chi_square_tail(sum(((x - mean)/sd)**2), real(n - 1, wp))
+   end subroutine compare
+
+   !> Tells which of several tests are significant together, by Holm's method: the smallest
+   !> probability is compared with level/n, the next with level/(n - 1), and so on until one fails.
+   pure function significant_by_holm(probability) result(significant)
+      real(wp), intent(in) :: probability(:)
+      logical :: significant(size(probability))
+      integer :: k, tests
+
+      significant = .false.
+      do tests = size(probability), 1, -1
+         k = minloc(probability, dim=1, mask=.not. significant)
+         if (.not. probability(k) <= level/tests) return
+         significant(k) = .true.
+      end do
+   end function significant_by_holm
+
+end module beamid_drifts
