@@ -5,8 +5,7 @@ program test_release
    use beamid_cvode, only: cvode_t
    use beamid_errors, only: error_t
    use beamid_excitation, only: excitation_t, new_force_table, new_release
-   use beamid_experiments, only: prepared_experiment_t, experiment_t, prepare_experiment, &
-      seen_modes_t
+   use beamid_experiments, only: prepared_experiment_t, experiment_t, prepare_experiment
    use beamid_galerkin, only: mesh_t
    use beamid_identification, only: identify, model_t, simulate, simulation_t, stage_fit_t, stage_t
    use beamid_kinds, only: wp
@@ -14,6 +13,7 @@ program test_release
    use beamid_modal, only: modal_t
    use beamid_noise, only: gaussian_noise
    use beamid_observation, only: observation_t
+   use beamid_observed_data, only: seen_modes_t
    use beamid_parameters, only: amplitude, free_index, free_names, get_free, &
       set_free
    use beamid_responses, only: response_t, solver_t, work_t

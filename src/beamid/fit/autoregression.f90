@@ -33,7 +33,8 @@ contains
    !> Fits an autoregressive process to residuals.
    !>
    !> residual  (m) in order of time, not all zero
-   !> t         (m) their times, ascending [time]; a step of more than 1.5 median steps is a gap
+   !> t         (m) their times, ascending [time]; a step of more than 1.5 median steps is a gap.
+   !>           Empty: residuals without an order in time, whose noise is white
    !> white     .true.: assumes white noise, of order 0
    function new_autoregression(residual, t, white) result(self)
       real(wp), intent(in) :: residual(:), t(:)
@@ -44,12 +45,12 @@ contains
       integer :: k, m, max_order
 
       m = size(residual)
-      max_order = merge(0, min(max_lags, m/4), white)
+      max_order = merge(0, min(max_lags, m/4), white .or. size(t) == 0)
       allocate (self%before(m), covariance(0:max_order), a(max_order, 0:max_order), &
          variance(0:max_order), criterion(0:max_order))
       self%before = 0
-      median_step = median(t(2:) - t(:m - 1))
-      do k = 2, m
+      median_step = median(t(2:) - t(:size(t) - 1))
+      do k = 2, size(t)
          if (t(k) - t(k - 1) <= 1.5_wp*median_step) self%before(k) = self%before(k - 1) + 1
       end do
       do k = 0, max_order

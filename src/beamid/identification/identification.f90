@@ -121,7 +121,7 @@ contains
       left = sum(residual**2)
       varied = 0
       do i = 1, size(problem%parts)
-         associate (z => problem%parts(i)%experiment%measured)
+         associate (z => problem%parts(i)%observed%measured)
             varied = varied + sum((z - sum(z)/size(z))**2)
          end associate
       end do

@@ -107,7 +107,7 @@ contains
       excess = problem%prior_rows() - n
       scale = scales_of(variables, found%estimate)
       do i = 1, size(sd)
-         associate (z => problem%parts(i)%experiment%measured, weight => problem%weight(i))
+         associate (z => problem%parts(i)%observed%measured, weight => problem%weight(i))
             associate (r => found%residual(row + 1:row + size(z)), &
                jacobian => found%jacobian(row + 1:row + size(z), :))
                active = any(abs(jacobian) > 0, dim=1)

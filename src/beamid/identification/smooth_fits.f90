@@ -169,7 +169,7 @@ contains
       misfit = found%J
       if (size(problem%parts) == 1 .or. .not. any(problem%is_estimated())) return
       misfit = misfit_of_records(problem%without_weights(found%residual), &
-         [(size(problem%parts(i)%experiment%samples), i=1, size(problem%parts))])
+         [(size(problem%parts(i)%observed%measured), i=1, size(problem%parts))])
    end function misfit_of
 
    !> Moves a start by fitting longer and longer parts of the record.

@@ -174,7 +174,7 @@ contains
             call add('sin_'//to_text(k), 0)
          end do
          do i = first, problem%last_channel(first)
-            if (problem%offset) call add('offset', offset)
+            if (problem%offset_is_unknown(i)) call add('offset', offset)
          end do
          first = i
       end do
@@ -196,13 +196,13 @@ contains
          q%lower = -unbounded
          q%upper = unbounded
          q%value = c(n)
-         associate (experiment => problem%parts(i)%experiment)
-            q%scale = max(norm2(experiment%measured)/sqrt(real(size(experiment%measured), wp)), &
+         associate (observed => problem%parts(i)%observed)
+            q%scale = max(norm2(observed%measured)/sqrt(real(size(observed%measured), wp)), &
                tiny(1.0_wp))
             if (parameter == offset) then
-               q%start = experiment%offset
-               q%value = experiment%offset + c(n)
-               q%scale = q%scale/abs(experiment%scale)
+               q%start = observed%offset
+               q%value = observed%offset + c(n)
+               q%scale = q%scale/abs(observed%scale)
             end if
          end associate
          found%quantities = [found%quantities, q]

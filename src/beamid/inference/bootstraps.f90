@@ -145,7 +145,7 @@ contains
       if (bootstrap%kind /= blocks) return
       bootstrap%block = plan%block
       if (plan%block == 0) bootstrap%block = usual_block(found%residual)
-      bootstrap%block = min(bootstrap%block, minval([(size(experiments(k)%samples), &
+      bootstrap%block = min(bootstrap%block, minval([(size(experiments(k)%measured), &
          k=1, size(experiments))]))
    end subroutine choose_kind
 
@@ -167,17 +167,17 @@ contains
       inflation = sqrt(real(found%statistics%samples, wp)/found%statistics%freedom)
       row = 0
       do i = 1, size(problem%parts)
-         associate (experiment => problem%parts(i)%experiment)
-            m = size(experiment%samples)
+         associate (observed => problem%parts(i)%observed)
+            m = size(observed%measured)
             associate (r => found%residual(row + 1:row + m))
                if (bootstrap%kind == blocks) then
                   noise = inflation*(r(block_places(m, bootstrap%block, seed + 101*i)) - sum(r)/m)
-               else if (allocated(experiment%sd)) then
-                  noise = gaussian_noise(m, experiment%sd, seed + 101*i)
+               else if (allocated(observed%sd)) then
+                  noise = gaussian_noise(m, observed%sd, seed + 101*i)
                else
                   noise = gaussian_noise(m, inflation*norm2(r)/sqrt(real(m, wp)), seed + 101*i)
                end if
-               experiment%measured = experiment%measured + r + noise
+               observed%measured = observed%measured + r + noise
             end associate
          end associate
          row = row + m

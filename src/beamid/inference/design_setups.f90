@@ -107,8 +107,8 @@ contains
             r = setup%cause%without_weights(r)
             row = 0
             do k = 1, size(problem%parts)
-               m = size(problem%parts(k)%experiment%measured)
-               problem%parts(k)%experiment%measured = r(row + 1:row + m)
+               m = size(problem%parts(k)%observed%measured)
+               problem%parts(k)%observed%measured = r(row + 1:row + m)
                row = row + m
             end do
          end if

@@ -207,8 +207,8 @@ contains
 
    end subroutine sample_fit
 
-   !> Computes the model's response [length/time**2] for the draws in `shown`; draws whose response
-   !> cannot be computed are left out.
+   !> Computes the model's prediction [unit of the data] for the draws in `shown`; draws whose
+   !> response cannot be computed are left out.
    subroutine predict(problem, posterior)
       type(residual_t), intent(inout) :: problem
       type(posterior_draws_t), intent(inout) :: posterior
@@ -218,7 +218,7 @@ contains
       logical :: computed(size(posterior%shown))
       integer :: i, k
 
-      measured = [(problem%parts(i)%experiment%measured, i=1, size(problem%parts))]
+      measured = [(problem%parts(i)%observed%measured, i=1, size(problem%parts))]
       allocate (posterior%motion(size(measured), size(posterior%shown)))
       do k = 1, size(posterior%shown)
          call problem%residuals(posterior%draws%q(:, posterior%shown(k)), r, error)

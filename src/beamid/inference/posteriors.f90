@@ -69,7 +69,7 @@ contains
          last = posterior%last(i)
          found = check_residuals(residual(first:last), jacobian(first:last, :))
          posterior%problem%colour(i) = new_autoregression(residual(first:last), &
-            problem%parts(i)%experiment%samples, white=found%probability >= improbable)
+            problem%parts(i)%observed%times(), white=found%probability >= improbable)
          posterior%order(i) = posterior%problem%colour(i)%order
       end do
       if (all(posterior%order == 0)) deallocate (posterior%problem%colour)

@@ -110,7 +110,7 @@ contains
       J = self%fit%fit%J
       if (size(self%experiments) == 1 .or. &
          all([(allocated(self%experiments(k)%sd), k=1, size(self%experiments))])) return
-      J = misfit_of_records(self%fit%residual, [(size(self%experiments(k)%samples), &
+      J = misfit_of_records(self%fit%residual, [(size(self%experiments(k)%measured), &
          k=1, size(self%experiments))])
    end function sum_of_squares
 

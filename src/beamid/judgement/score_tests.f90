@@ -108,7 +108,7 @@ contains
       tested = size(candidates)
       first = 1
       do k = 1, size(tests) - tested
-         last = first + size(experiments(k)%samples) - 1
+         last = first + size(experiments(k)%measured) - 1
          d = spread(0.0_wp, 1, size(fit%jacobian, 1))
          ! The offset belongs to the record: residuals are model minus record.
          d(first:last) = experiments(k)%scale*fit%weight(k)
@@ -234,7 +234,7 @@ contains
       ratio = 0
       first = 1
       do r = 1, size(experiments)
-         last = first + size(experiments(r)%samples) - 1
+         last = first + size(experiments(r)%measured) - 1
          associate (before => fit%residual(first:last), after => fits(1)%residual(first:last))
             ratio = ratio + effective_samples(after)*log(sum(before**2)/sum(after**2))
          end associate

@@ -88,7 +88,7 @@ contains
       verdict%lost = .false.
       first = 0
       do r = 1, size(experiments)
-         associate (experiment => experiments(r), m => size(experiments(r)%samples))
+         associate (experiment => experiments(r), m => size(experiments(r)%measured))
             associate (residual => fit%residual(first + 1:first + m))
                verdict%qualities(r) = quality_of(experiment, residual, fit)
                verdict%sightings = [verdict%sightings, modes_in_record(experiment, r, first, &

@@ -30,7 +30,7 @@ module beamid_fit_setups
       type(scenario_t) :: scenario         !< values of all parameters before the search
       integer, allocatable :: free(:)      !< (n) numbers of the free parameters in `parameters`
       integer, allocatable :: record(:)    !< (n) record each of them belongs to; 0: all records
-      logical :: offset = .false.          !< whether the offset of each record is unknown
+      logical :: offset = .false.          !< whether the offset of each sensor is unknown
    contains
       procedure :: samples
       procedure :: first_rows
@@ -39,6 +39,7 @@ module beamid_fit_setups
       procedure :: penalty_rows
       procedure :: field_columns
       procedure :: linear_unknowns
+      procedure :: offset_is_unknown
       procedure :: is_weighted
       procedure :: is_estimated
       procedure :: guess_noise
@@ -59,12 +60,12 @@ contains
       problem%offset = stage%offset
    end subroutine set_free
 
-   !> Returns the number of samples of all records together.
+   !> Returns the number of measured values of all records together.
    pure integer function samples(self)
       class(fit_setup_t), intent(in) :: self
       integer :: i
 
-      samples = sum([(size(self%parts(i)%experiment%samples), i=1, size(self%parts))])
+      samples = sum([(size(self%parts(i)%observed%measured), i=1, size(self%parts))])
    end function samples
 
    !> Returns the row of the first sample of each record (records).
@@ -74,7 +75,7 @@ contains
 
       first_rows(1) = 1
       do i = 2, size(first_rows)
-         first_rows(i) = first_rows(i - 1) + size(self%parts(i - 1)%experiment%samples)
+         first_rows(i) = first_rows(i - 1) + size(self%parts(i - 1)%observed%measured)
       end do
    end function first_rows
 
@@ -138,10 +139,18 @@ contains
       class(fit_setup_t), intent(in) :: self
       integer :: i
 
-      linear_unknowns = merge(size(self%parts), 0, self%offset) + 2*sum( &
-         self%scenario%excitations%modes, mask=is_first([(self%parts(i)%experiment%motion, &
+      linear_unknowns = count([(self%offset_is_unknown(i), i=1, size(self%parts))]) + 2*sum( &
+         self%scenario%excitations%modes, mask=is_first([(self%parts(i)%observed%motion, &
          i=1, size(self%parts))]))
    end function linear_unknowns
+
+   !> Tells whether the offset of record i is a linear unknown.
+   pure logical function offset_is_unknown(self, i)
+      class(fit_setup_t), intent(in) :: self
+      integer, intent(in) :: i
+
+      offset_is_unknown = self%offset .and. self%parts(i)%observed%has_offset
+   end function offset_is_unknown
 
    !> Returns the last record of the motion whose first channel is record i.
    pure integer function last_channel(self, i) result(last)
@@ -149,9 +158,9 @@ contains
       integer, intent(in) :: i
 
       last = i
-      if (self%parts(i)%experiment%motion == 0) return
+      if (self%parts(i)%observed%motion == 0) return
       do while (last < size(self%parts))
-         if (self%parts(last + 1)%experiment%motion /= self%parts(i)%experiment%motion) exit
+         if (self%parts(last + 1)%observed%motion /= self%parts(i)%observed%motion) exit
          last = last + 1
       end do
    end function last_channel
@@ -171,7 +180,7 @@ contains
       logical :: is_estimated(size(self%parts))
       integer :: i
 
-      is_estimated = [(.not. allocated(self%parts(i)%experiment%sd), i=1, size(self%parts))]
+      is_estimated = [(.not. allocated(self%parts(i)%observed%sd), i=1, size(self%parts))]
    end function is_estimated
 
    !> Sets weights and noise before the first search: the stated noise, or else a twentieth of the
@@ -184,9 +193,9 @@ contains
       self%weight = spread(1.0_wp, 1, size(self%parts))
       self%noise = 1
       do i = 1, size(self%parts)
-         associate (experiment => self%parts(i)%experiment, z => self%parts(i)%experiment%measured)
-            if (allocated(experiment%sd)) then
-               self%weight(i) = 1/experiment%sd
+         associate (observed => self%parts(i)%observed, z => self%parts(i)%observed%measured)
+            if (allocated(observed%sd)) then
+               self%weight(i) = 1/observed%sd
                cycle
             end if
             sd = 0.05_wp*norm2(z - sum(z)/size(z))/sqrt(real(size(z), wp))
@@ -197,7 +206,7 @@ contains
       end do
    end subroutine guess_noise
 
-   !> Returns the residuals of the samples as accelerations (samples) [length/time**2].
+   !> Returns the residuals in the unit of the data of each record (samples).
    !>
    !> r  (rows) weighted residuals
    pure function without_weights(self, r) result(plain)
@@ -209,7 +218,7 @@ contains
       plain = r(:self%samples())
       row = 0
       do i = 1, size(self%parts)
-         m = size(self%parts(i)%experiment%samples)
+         m = size(self%parts(i)%observed%measured)
          plain(row + 1:row + m) = plain(row + 1:row + m)/self%weight(i)
          row = row + m
       end do

@@ -1,7 +1,7 @@
 !> Linear unknowns of a motion: amplitudes of free modes and offsets of sensors.
 !>
-!> The acceleration of a model is f(p) + Phi(p) c. The columns of Phi are combinations of fixed
-!> functions of time, the basis, with weights that depend on the parameters p. `beamid_projection`
+!> The prediction of a model is f(p) + Phi(p) c. The columns of Phi are combinations of fixed
+!> functions, the basis, with weights that depend on the parameters p. `beamid_projection`
 !> eliminates c.
 module beamid_linear_unknowns
    use beamid_kinds, only: wp
@@ -13,7 +13,7 @@ module beamid_linear_unknowns
    !> The matrix Phi = basis*weights(:, :, 0) of k linear unknowns, and its derivatives with respect
    !> to the parameters in the same basis.
    type :: linear_t
-      real(wp), allocatable :: basis(:, :)        !< (m, b) basis functions at the samples
+      real(wp), allocatable :: basis(:, :)        !< (m, b) basis functions at the data
       real(wp), allocatable :: weights(:, :, :)   !< (b, k, 0:parameters) 0: Phi; p: dPhi/dp
    contains
       procedure :: columns
@@ -55,18 +55,16 @@ contains
 
    !> Combines the linear unknowns of several channels of one motion.
    !>
-   !> The rows of the channels follow one another. All channels share the unknowns of the modes;
-   !> each channel has an offset of its own.
+   !> The rows of the channels follow one another. All channels share the unknowns of the modes; the
+   !> other unknowns of a channel, its offset, are its own.
    !>
    !> channels  linear unknowns of each channel; on return empty if there is only one
    !> modes     number of unknowns of the modes
-   !> offset    whether the last unknown of each channel is its offset
-   pure subroutine stack_channels(channels, modes, offset, linear)
+   pure subroutine stack_channels(channels, modes, linear)
       type(linear_t), intent(inout) :: channels(:)
       integer, intent(in) :: modes
-      logical, intent(in) :: offset
       type(linear_t), intent(out) :: linear
-      integer :: functions, i, m, place, row
+      integer :: functions, i, m, own, place, row
 
       if (size(channels) == 1) then
          call move_alloc(channels(1)%basis, linear%basis)
@@ -76,9 +74,11 @@ contains
       m = sum([(size(channels(i)%basis, 1), i=1, size(channels))])
       functions = sum([(size(channels(i)%basis, 2), i=1, size(channels))])
       allocate (linear%basis(m, functions), source=0.0_wp)
-      allocate (linear%weights(functions, modes + merge(size(channels), 0, offset), &
-         0:ubound(channels(1)%weights, 3)), source=0.0_wp)
+      own = sum([(size(channels(i)%weights, 2) - modes, i=1, size(channels))])
+      allocate (linear%weights(functions, modes + own, 0:ubound(channels(1)%weights, 3)), &
+         source=0.0_wp)
       row = 0
+      own = modes
       place = 0
       do i = 1, size(channels)
          associate (basis => channels(i)%basis, weights => channels(i)%weights)
@@ -86,8 +86,9 @@ contains
             functions = size(basis, 2)
             linear%basis(row + 1:row + m, place + 1:place + functions) = basis
             linear%weights(place + 1:place + functions, :modes, :) = weights(:, :modes, :)
-            if (offset) linear%weights(place + 1:place + functions, modes + i, :) = &
-               weights(:, modes + 1, :)
+            linear%weights(place + 1:place + functions, own + 1:own + size(weights, 2) - modes, &
+               :) = weights(:, modes + 1:, :)
+            own = own + size(weights, 2) - modes
             row = row + m
             place = place + functions
          end associate

@@ -28,8 +28,8 @@ module beamid_observation
    !> The sample times of a record, and the response times that the observation formula needs for
    !> them.
    type :: sampling_t
-      real(wp), allocatable :: samples(:)            !< (m) ascending [time]
-      real(wp), allocatable :: times(:)              !< (n) response times, ascending [time]
+      real(wp), allocatable :: sample_times(:)   !< (m) ascending [time]
+      real(wp), allocatable :: times(:)          !< (n) response times, ascending [time]
       type(observation_t) :: observation
       !> (points, m) index in `times` of each point of the formula, for each sample; points is 3 for
       !> the difference formulas, else 1
@@ -50,10 +50,10 @@ contains
    !> Merges the shifted copies of the sample times into one ascending list. Two times that differ
    !> only by round-off, such as t + Delta of one sample and t - Delta of another, become one time.
    !>
-   !> samples  (m) ascending [time]
-   pure function new_sampling(observation, samples) result(self)
+   !> sample_times  (m) ascending [time]
+   pure function new_sampling(observation, sample_times) result(self)
       type(observation_t), intent(in) :: observation
-      real(wp), intent(in) :: samples(:)
+      real(wp), intent(in) :: sample_times(:)
       type(sampling_t) :: self
       real(wp), allocatable :: offsets(:), times(:)
       integer, allocatable :: next_sample(:)
@@ -69,22 +69,22 @@ contains
       case default
          offsets = [0.0_wp]
       end select
-      m = size(samples)
+      m = size(sample_times)
       points = size(offsets)
       self%observation = observation
-      self%samples = samples
+      self%sample_times = sample_times
       allocate (self%place(points, m), times(points*m), next_sample(points))
       round_off = 0
-      if (m > 0) round_off = 64*epsilon(round_off)*maxval(abs(samples))
+      if (m > 0) round_off = 64*epsilon(round_off)*maxval(abs(sample_times))
       next_sample = 1
       total = 0
       do while (any(next_sample <= m))
-         time = minval(samples(min(next_sample, m)) + offsets, mask=next_sample <= m)
+         time = minval(sample_times(min(next_sample, m)) + offsets, mask=next_sample <= m)
          total = total + 1
          times(total) = time
          do k = 1, points
             do while (next_sample(k) <= m)
-               if (samples(next_sample(k)) + offsets(k) > time + round_off) exit
+               if (sample_times(next_sample(k)) + offsets(k) > time + round_off) exit
                self%place(k, next_sample(k)) = total
                next_sample(k) = next_sample(k) + 1
             end do
@@ -105,7 +105,7 @@ contains
       class(sampling_t), intent(in) :: self
       type(response_t), intent(in) :: response
       type(excitation_t), intent(in), optional :: excitation
-      real(wp) :: a(size(self%samples))
+      real(wp) :: a(size(self%sample_times))
 
       select case (self%observation%formula)
       case (from_displacement)
@@ -124,7 +124,7 @@ contains
    pure function of_base(self, excitation) result(a)
       class(sampling_t), intent(in) :: self
       type(excitation_t), intent(in) :: excitation
-      real(wp) :: a(size(self%samples)), base(size(self%times), 3)
+      real(wp) :: a(size(self%sample_times)), base(size(self%times), 3)
 
       a = 0
       if (self%observation%relative .or. .not. excitation%is_base) return
@@ -155,7 +155,7 @@ contains
    pure function of_motion(self, motion) result(a)
       class(sampling_t), intent(in) :: self
       real(wp), intent(in) :: motion(:)
-      real(wp) :: a(size(self%samples))
+      real(wp) :: a(size(self%sample_times))
 
       associate (place => self%place, delta => self%observation%delta)
          select case (self%observation%formula)
@@ -172,7 +172,7 @@ contains
    !> Returns the index in `times` of each sample (m).
    pure function middle(self)
       class(sampling_t), intent(in) :: self
-      integer :: middle(size(self%samples))
+      integer :: middle(size(self%sample_times))
 
       middle = self%place((size(self%place, 1) + 1)/2, :)
    end function middle
@@ -184,7 +184,7 @@ contains
       type(response_t) :: reduced
 
       associate (middle => self%middle())
-         reduced%t = self%samples
+         reduced%t = self%sample_times
          reduced%displacement = response%displacement(middle)
          reduced%velocity = response%velocity(middle)
          reduced%acceleration = response%acceleration(middle)

@@ -1,18 +1,18 @@
-!> Residuals of a fit, model minus record, and their derivatives with respect to the free
+!> Residuals of a fit, model minus observed data, and their derivatives with respect to the free
 !> parameters.
 !>
 !> The least-squares search calls this module. Each evaluation computes the model of every record
 !> and eliminates the linear unknowns (variable projection).
 module beamid_residuals
    use beamid_errors, only: error_t
-   use beamid_experiments, only: experiment_t, prepare_experiment, seen_modes_t
+   use beamid_experiments, only: experiment_t, prepare_experiment
    use beamid_field_penalties, only: fields, penalty_order
    use beamid_fit_setups, only: fit_setup_t
    use beamid_galerkin, only: mesh_t
    use beamid_interrupts, only: check_interrupt
    use beamid_kinds, only: wp
    use beamid_linear_unknowns, only: linear_t, stack_channels
-   use beamid_observation, only: new_sampling
+   use beamid_observed_data, only: seen_modes_t
    use beamid_priors, only: priors_of
    use beamid_projection, only: new_projection, projection_t
    use beamid_responses, only: is_exact, work_t
@@ -24,10 +24,9 @@ module beamid_residuals
 
    public :: residual_t, new_residuals
 
-
    !> The residuals of a fit as a function of its free parameters.
    !>
-   !> The rows are, in this order: the samples of each record times the weight of the record; one
+   !> The rows are, in this order: the data of each record times the weight of the record; one
    !> row for each free parameter that has a prior, namely its distance from the prior mean in
    !> standard deviations, times `noise`; and for E(x) and c_D(x) the differences of the logarithms
    !> of neighbouring coefficients, times the square root of the strength of the penalty.
@@ -84,23 +83,18 @@ contains
       call problem%guess_noise()
    end subroutine new_residuals
 
-   !> Returns the fit of the first part of each record.
+   !> Returns the fit of the first part of each time record, and of all other data.
    !>
    !> share  length of the part, as a share of the time from the first sample to the last
    function beginning(self, share) result(part)
       class(residual_t), intent(in) :: self
       real(wp), intent(in) :: share
       type(residual_t) :: part
-      integer :: i, m
+      integer :: i
 
       part = self
       do i = 1, size(part%parts)
-         associate (prepared => part%parts(i), t => self%parts(i)%experiment%samples)
-            m = count(t <= t(1) + share*(t(size(t)) - t(1)))
-            prepared%experiment%samples = t(:m)
-            prepared%experiment%measured = self%parts(i)%experiment%measured(:m)
-            prepared%sampling = new_sampling(prepared%sampling%observation, t(:m))
-         end associate
+         call part%parts(i)%observed%keep_beginning(share)
       end do
    end function beginning
 
@@ -163,7 +157,7 @@ contains
       i = 1
       do while (i <= size(self%parts))
          last = self%last_channel(i)
-         m = sum([(size(self%parts(k)%experiment%samples), k=i, last)])
+         m = sum([(size(self%parts(k)%observed%measured), k=i, last)])
          active = pack([(k, k=1, n)], size(jac, 2) > 0 .and. &
             (self%record == 0 .or. self%record == i))
          if (allocated(dy)) deallocate (dy)
@@ -218,15 +212,15 @@ contains
 
       row = 0
       do i = first, last
-         m = size(self%parts(i)%experiment%samples)
-         call self%parts(i)%evaluate(scenario%structures(i), scenario%excitations(i), self%offset, &
-            parameters, y(row + 1:row + m), dy(row + 1:row + m, :), channel(i), self%work, error, &
-            seen)
+         m = size(self%parts(i)%observed%measured)
+         call self%parts(i)%evaluate(scenario%structures(i), scenario%excitations(i), &
+            self%offset_is_unknown(i), parameters, y(row + 1:row + m), dy(row + 1:row + m, :), &
+            channel(i), self%work, error, seen)
          if (allocated(error)) return
          call self%weight_channel(i, y(row + 1:row + m), dy(row + 1:row + m, :), channel(i)%basis)
          row = row + m
       end do
-      call stack_channels(channel, 2*scenario%excitations(first)%modes, self%offset, linear)
+      call stack_channels(channel, 2*scenario%excitations(first)%modes, linear)
    end subroutine evaluate_motion
 
    !> Multiplies the rows of record i by its weight and whitens them.

@@ -138,10 +138,8 @@ contains
       do r = 1, size(found)
          call model_roots(trial, problem%with([variables%start]), r, s, ds, error)
          if (allocated(error)) return
-         associate (experiment => problem%parts(r)%experiment)
-            call find_lines(experiment%samples, experiment%measured, &
-               1.3_wp*maxval(aimag(s))/two_pi, most_modes + 4, found(r)%line)
-         end associate
+         call find_lines(problem%parts(r)%observed%times(), problem%parts(r)%observed%measured, &
+            1.3_wp*maxval(aimag(s))/two_pi, most_modes + 4, found(r)%line)
          if (size(found(r)%line) == 0) return
       end do
       lines = found

@@ -160,7 +160,7 @@ contains
 
       variation = 0
       do r = 1, size(problem%parts)
-         associate (z => problem%parts(r)%experiment%measured)
+         associate (z => problem%parts(r)%observed%measured)
             variation = variation + (problem%weight(r)*norm2(z - sum(z)/size(z)))**2
          end associate
       end do
@@ -215,6 +215,7 @@ contains
       type(lines_t), intent(in) :: lines(:)
       integer, intent(in) :: needed
       real(wp) :: gain(size(lines))
+      real(wp), allocatable :: t(:)
       logical :: multiple(size(lines))
       integer :: k, best, r
 
@@ -225,10 +226,9 @@ contains
             if (trial%objection /= '') cycle
             do r = 1, size(lines)
                gain(r) = gain_of_mode(problem, trial, needed, r, fewer%trials(best)%fit%residual)
-               associate (t => problem%parts(r)%experiment%samples)
-                  multiple(r) = is_multiple(trial%s(:, r), needed, gain(r), lines(r)%line, &
-                     t(size(t)) - t(1))
-               end associate
+               t = problem%parts(r)%observed%times()
+               multiple(r) = is_multiple(trial%s(:, r), needed, gain(r), lines(r)%line, &
+                  t(size(t)) - t(1))
             end do
             if (.not. sum(gain) > least_gain) then
                trial%objection = 'mode '//to_text(needed)//' gains nothing'

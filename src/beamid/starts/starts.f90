@@ -136,6 +136,7 @@ contains
       type(lines_t), allocatable, intent(out) :: lines(:)
       type(error_t), allocatable, intent(out) :: error
       complex(wp) :: s(modes), ds(modes, size(problem%free))
+      real(wp), allocatable :: t(:)
       real(wp) :: highest
       integer :: r
 
@@ -144,20 +145,18 @@ contains
          call model_roots(problem, problem%scenario, r, s, ds, error)
          if (allocated(error)) return
          highest = 2*aimag(s(modes))/two_pi
-         associate (t => problem%parts(r)%experiment%samples)
-            call find_lines(t, problem%parts(r)%experiment%measured, highest, most_lines, &
-               lines(r)%line)
-            if (all(problem%scenario%excitations%modes > 0)) then
-               cycle   ! A fit of a free motion is judged by itself, with or without lines.
-            else if (.not. (t(size(t)) - t(1))*highest > 1) then
-               call failure(error, 'record '//to_text(r)//' holds no period of '// &
-                  to_text(highest)//', twice the frequency of the model''s mode '// &
-                  to_text(modes)//': it lasts '//to_text(t(size(t)) - t(1))// &
-                  '; expected a longer one, or units that go together')
-            else if (size(lines(r)%line) == 0) then
-               call failure(error, 'found no line in the spectrum of record '//to_text(r))
-            end if
-         end associate
+         t = problem%parts(r)%observed%times()
+         call find_lines(t, problem%parts(r)%observed%measured, highest, most_lines, lines(r)%line)
+         if (size(t) == 0 .or. all(problem%scenario%excitations%modes > 0)) then
+            cycle   ! A fit of a free motion is judged by itself, with or without lines.
+         else if (.not. (t(size(t)) - t(1))*highest > 1) then
+            call failure(error, 'record '//to_text(r)//' holds no period of '// &
+               to_text(highest)//', twice the frequency of the model''s mode '// &
+               to_text(modes)//': it lasts '//to_text(t(size(t)) - t(1))// &
+               '; expected a longer one, or units that go together')
+         else if (size(lines(r)%line) == 0) then
+            call failure(error, 'found no line in the spectrum of record '//to_text(r))
+         end if
          if (allocated(error)) return
       end do
    end subroutine lines_of_records
@@ -291,23 +290,23 @@ contains
       type(error_t), allocatable, intent(out) :: error
       real(wp), parameter :: too_far = 20
       complex(wp), allocatable :: s(:), none(:, :)
+      real(wp), allocatable :: t(:)
       real(wp) :: share, strongest, low, high
       integer :: r
 
       problem%free = [integer ::]
       problem%record = [integer ::]
       do r = 1, size(problem%parts)
-         associate (experiment => problem%parts(r)%experiment)
-            if (experiment%excitation%modes == 0 .or. size(experiment%samples) < 50) cycle
-            s = spread((0.0_wp, 0.0_wp), 1, experiment%excitation%modes)
-            allocate (none(size(s), 0))
-            call model_roots(problem, problem%scenario, r, s, none, error)
-            if (allocated(error)) return
-            deallocate (none)
-            low = aimag(s(1))/two_pi
-            high = aimag(s(size(s)))/two_pi
-            call strongest_peak(experiment%samples, experiment%measured, 5*high, strongest, share)
-         end associate
+         t = problem%parts(r)%observed%times()
+         if (problem%scenario%excitations(r)%modes == 0 .or. size(t) < 50) cycle
+         s = spread((0.0_wp, 0.0_wp), 1, problem%scenario%excitations(r)%modes)
+         allocate (none(size(s), 0))
+         call model_roots(problem, problem%scenario, r, s, none, error)
+         if (allocated(error)) return
+         deallocate (none)
+         low = aimag(s(1))/two_pi
+         high = aimag(s(size(s)))/two_pi
+         call strongest_peak(t, problem%parts(r)%observed%measured, 5*high, strongest, share)
          if (share > 0.05_wp .and. strongest*too_far > low) cycle
          call bad_input(error, 'record '//to_text(r)//': found next to nothing of it '// &
             'near the model''s frequencies, '//to_text(low)//' to '//to_text(high)// &

@@ -87,13 +87,13 @@ contains
       real(wp) :: gain
       integer :: i, first, last
 
-      associate (m => [(size(problem%parts(i)%experiment%samples), i=1, r)])
+      associate (m => [(size(problem%parts(i)%observed%measured), i=1, r)])
          last = sum(m)
          first = last - m(r) + 1
       end associate
       associate (rest => trial%fit%residual(first:last))
          gain = (sum(without(first:last)**2) - sum(rest**2))/noise_near( &
-            problem%parts(r)%experiment%samples, rest, aimag(trial%s(k, r))/two_pi, &
+            problem%parts(r)%observed%times(), rest, aimag(trial%s(k, r))/two_pi, &
             -real(trial%s(k, r)))
       end associate
    end function gain_of_mode

@@ -9,14 +9,14 @@ module beamid_ensembles
    use beamid_ensemble_rows, only: add_fit_rows, add_mode_rows, replace_intervals, row_t
    use beamid_errors, only: error_t
    use beamid_excitation, only: new_pulse
-   use beamid_experiments, only: experiment_t, prepare_experiment, prepared_experiment_t, &
-      seen_modes_t
+   use beamid_experiments, only: experiment_t, prepare_experiment, prepared_experiment_t
    use beamid_galerkin, only: mesh_t
    use beamid_identification, only: stage_fit_t
    use beamid_kinds, only: ip, wp
    use beamid_linear_unknowns, only: linear_t
    use beamid_modal, only: modal_t
    use beamid_noise, only: gaussian_noise, uniform_noise
+   use beamid_observed_data, only: seen_modes_t
    use beamid_parameters, only: as_named
    use beamid_records, only: note_length
    use beamid_refusals, only: refuse
@@ -227,7 +227,7 @@ contains
          seed_of(self%case%ensemble%seed, 2_ip*k + 1))
       first = 0
       do i = 1, size(experiments)
-         m = size(experiments(i)%samples)
+         m = size(experiments(i)%measured)
          experiments(i)%measured = z(first + 1:first + m)
          first = first + m
       end do
@@ -250,11 +250,11 @@ contains
       integer, parameter :: none(0) = 0
 
       n = 0
-      allocate (z(sum([(size(self%experiments(i)%samples), i=1, size(self%experiments))])))
+      allocate (z(sum([(size(self%experiments(i)%measured), i=1, size(self%experiments))])))
       do i = 1, size(self%experiments)
          ! A copy for each beam: poles kept from another beam would change the last digits.
          fresh = self%prepared(i)
-         m = size(self%experiments(i)%samples)
+         m = size(self%experiments(i)%measured)
          call evaluate(z(n + 1:n + m))
          if (allocated(error)) return
          n = n + m

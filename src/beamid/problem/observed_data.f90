@@ -1,0 +1,106 @@
+!> Observed data: the values that were measured in an experiment, and their prediction by the model.
+!>
+!> A fit knows its data by `observed_data_t` alone: measured values with their noise, a prediction
+!> with derivatives, and linear unknowns. Each kind of data extends this type. The first kind is the
+!> record of accelerations at given times (`beamid_time_records`).
+module beamid_observed_data
+   use beamid_errors, only: error_t
+   use beamid_excitation, only: excitation_t
+   use beamid_free_motion, only: free_mode_t
+   use beamid_galerkin, only: galerkin_t
+   use beamid_kinds, only: wp
+   use beamid_linear_unknowns, only: linear_t
+   use beamid_responses, only: solver_t, work_t
+   use beamid_structure, only: structure_t
+   implicit none
+   private
+
+   public :: meshed_model_t, observed_data_t, seen_modes_t
+
+   !> The model of an experiment on a mesh: all that every evaluation uses again.
+   type :: meshed_model_t
+      type(galerkin_t) :: galerkin             !< integrals of the mesh
+      class(solver_t), allocatable :: solver   !< prepared for the mesh
+   end type meshed_model_t
+
+   !> The free modes of a motion as the sensor of its first channel measures them.
+   type :: seen_modes_t
+      real(wp) :: begin = 0                       !< first sample of that channel [time]
+      type(free_mode_t), allocatable :: modes(:)  !< (modes)
+   end type seen_modes_t
+
+   !> The measured values of an experiment. `prepare_experiment` sets all components except
+   !> `has_offset`.
+   type, abstract :: observed_data_t
+      real(wp), allocatable :: measured(:)   !< (m) measured values [unit of the data]
+      !> standard deviation of the noise, which is white [unit of the data]; not allocated: unknown
+      real(wp), allocatable :: sd
+      !> number of the motion, as in `experiment_t`
+      integer :: motion = 0
+      !> measured = scale*(value - offset), with the value in the file
+      real(wp) :: scale = 1, offset = 0
+      !> whether the sensor may have an unknown offset
+      logical :: has_offset = .false.
+   contains
+      procedure(evaluate_data), deferred :: evaluate
+      procedure :: times => no_times
+      procedure :: keep_beginning => keep_all
+   end type observed_data_t
+
+   abstract interface
+      !> Computes the prediction of the model minus the measured values, its derivatives and its
+      !> linear unknowns.
+      !>
+      !> model       mesh and solver of the experiment; the solver may keep intermediate results
+      !> structure   structure with trial values of the parameters, as in this experiment
+      !> excitation  excitation with trial values
+      !> offset      whether the offset of the sensor is unknown; .false. without `has_offset`
+      !> parameters  (p) numbers in `parameters` to differentiate by; empty if the solver has no
+      !>             exact derivatives
+      !> y           (m) prediction without its linear unknowns, minus the measured values [unit of
+      !>             the data]
+      !> dy          (m, p) derivatives of y
+      !> linear      linear unknowns: first those that all channels of the motion share, two for
+      !>             each free mode; then the offset [unit of the file]. Not allocated: none
+      !> work        counters to which this call adds
+      !> error       the prediction cannot be computed, or has no exact derivatives
+      !> first       modes as the first channel measures them: allocated if these data are a further
+      !>             channel of the same motion; otherwise set by this call
+      subroutine evaluate_data(self, model, structure, excitation, offset, parameters, y, dy, &
+         linear, work, error, first)
+         import :: error_t, excitation_t, linear_t, meshed_model_t, observed_data_t, &
+            seen_modes_t, structure_t, work_t, wp
+         class(observed_data_t), intent(in) :: self
+         type(meshed_model_t), intent(inout), target :: model
+         type(structure_t), intent(in) :: structure
+         type(excitation_t), intent(in) :: excitation
+         logical, intent(in) :: offset
+         integer, intent(in) :: parameters(:)
+         real(wp), intent(out) :: y(:), dy(:, :)
+         type(linear_t), intent(out) :: linear
+         type(work_t), intent(inout) :: work
+         type(error_t), allocatable, intent(out) :: error
+         type(seen_modes_t), intent(inout) :: first
+      end subroutine evaluate_data
+   end interface
+
+contains
+
+   !> Returns the time of each value (m) [time]; an empty array for data that are not a function of
+   !> time. Their noise has no order in time, and they have no spectral lines.
+   pure function no_times(self) result(times)
+      class(observed_data_t), intent(in) :: self
+      real(wp), allocatable :: times(:)
+
+      allocate (times(0))
+   end function no_times
+
+   !> Keeps the first part of a record; data that are not a function of time stay as they are.
+   !>
+   !> share  length of the part, as a share of the time from the first sample to the last
+   pure subroutine keep_all(self, share)
+      class(observed_data_t), intent(inout) :: self
+      real(wp), intent(in) :: share
+   end subroutine keep_all
+
+end module beamid_observed_data

@@ -1,0 +1,221 @@
+!> Time records: accelerations at given times, the first kind of observed data.
+!>
+!> The acceleration of the model is f(p) + Phi(p) c. The response f to a known force depends on the
+!> parameters p. The linear unknowns c are the free modes of a motion with an unknown initial state,
+!> and the offset of the sensor.
+module beamid_time_records
+   use beamid_equations, only: equations_t, new_equations
+   use beamid_errors, only: error_t, failure
+   use beamid_excitation, only: excitation_t
+   use beamid_free_motion, only: free_mode_t
+   use beamid_kinds, only: wp
+   use beamid_linear_unknowns, only: linear_t
+   use beamid_observation, only: new_sampling, sampling_t
+   use beamid_observed_data, only: meshed_model_t, observed_data_t, seen_modes_t
+   use beamid_parameters, only: amplitude
+   use beamid_responses, only: exact_solver_t, is_exact, of_tilt, response_t, work_t
+   use beamid_strings, only: to_text
+   use beamid_structure, only: of_g, structure_t
+   implicit none
+   private
+
+   public :: time_record_t
+
+   !> A record of accelerations [length/time**2].
+   type, extends(observed_data_t) :: time_record_t
+      type(sampling_t) :: sampling   !< sample times, observation formula and response times
+   contains
+      procedure :: evaluate
+      procedure :: times => record_times
+      procedure :: keep_beginning
+      procedure, private :: free_motion
+   end type time_record_t
+
+contains
+
+   !> Returns the sample times (m), ascending [time].
+   pure function record_times(self) result(times)
+      class(time_record_t), intent(in) :: self
+      real(wp), allocatable :: times(:)
+
+      times = self%sampling%sample_times
+   end function record_times
+
+   !> Keeps the first part of the record.
+   !>
+   !> share  length of the part, as a share of the time from the first sample to the last
+   pure subroutine keep_beginning(self, share)
+      class(time_record_t), intent(inout) :: self
+      real(wp), intent(in) :: share
+      real(wp) :: t(size(self%measured))
+      integer :: m
+
+      t = self%sampling%sample_times
+      m = count(t <= t(1) + share*(t(size(t)) - t(1)))
+      self%measured = self%measured(:m)
+      self%sampling = new_sampling(self%sampling%observation, t(:m))
+   end subroutine keep_beginning
+
+   !> Computes the accelerations of the model minus the record, their derivatives and their linear
+   !> unknowns. Arguments as of `observed_data_t`; the first linear unknowns are cosine and sine of
+   !> each mode, which are accelerations at the first sample.
+   subroutine evaluate(self, model, structure, excitation, offset, parameters, y, dy, linear, &
+      work, error, first)
+      class(time_record_t), intent(in) :: self
+      type(meshed_model_t), intent(inout), target :: model
+      type(structure_t), intent(in) :: structure
+      type(excitation_t), intent(in) :: excitation
+      logical, intent(in) :: offset
+      integer, intent(in) :: parameters(:)
+      real(wp), intent(out) :: y(:), dy(:, :)
+      type(linear_t), intent(out) :: linear
+      type(work_t), intent(inout) :: work
+      type(error_t), allocatable, intent(out) :: error
+      type(seen_modes_t), intent(inout) :: first
+      type(equations_t), target :: equations
+      type(excitation_t) :: applied
+      real(wp) :: none(size(y), 0)
+      integer :: p
+
+      applied = excitation
+      if (applied%by_displacement) call applied%fit_to(structure%stiffness())
+      equations = new_equations(model%galerkin, structure, applied, &
+         matrices=.not. is_exact(model%solver))
+      y = 0
+      dy = 0
+      if (excitation%modes == 0) then
+         call driven(applied, parameters, y, dy)
+         if (allocated(error)) return
+         p = findloc(parameters, amplitude, dim=1)
+         if (p > 0) then
+            ! f is linear in the amplitude: its derivative is the response to a unit amplitude.
+            call applied%set_amplitude(1.0_wp)
+            if (applied%by_displacement) call applied%fit_to(structure%stiffness())
+            call driven(applied, [integer ::], dy(:, p), none)
+            if (allocated(error)) return
+         end if
+      end if
+      y = y - self%measured
+      call self%free_motion(model, equations, applied%modes, parameters, offset, first, linear, &
+         work, error)
+
+   contains
+
+      !> Computes the observed response to a force (m), and its derivatives (m, p).
+      subroutine driven(force, parameters, y, dy)
+         type(excitation_t), intent(in) :: force
+         integer, intent(in) :: parameters(:)
+         real(wp), intent(out) :: y(:), dy(:, :)
+         type(response_t) :: response
+         real(wp), allocatable :: motion(:, :, :)
+         integer, allocatable :: rows(:)
+         integer :: p
+
+         rows = [self%sampling%observation%formula]
+         if (structure%g > 0 .or. any(parameters == of_g)) rows = [rows, of_tilt]
+         associate (sampling => self%sampling)
+            select type (solver => model%solver)
+            class is (exact_solver_t)
+               allocate (motion(size(sampling%times), 0:size(parameters), size(rows)))
+               call solver%motions(equations, force, sampling%times, rows, parameters, motion, &
+                  work, error)
+               if (allocated(error)) return
+               y = sampling%of_motion(motion(:, 0, 1)) + sampling%of_base(force)
+               if (size(rows) > 1) y = y + motion(sampling%middle(), 0, 2)
+               do p = 1, size(parameters)
+                  dy(:, p) = sampling%of_motion(motion(:, p, 1))
+                  if (size(rows) > 1) dy(:, p) = dy(:, p) + motion(sampling%middle(), p, 2)
+                  if (force%by_displacement) dy(:, p) = dy(:, p) &
+                     + structure%stiffening(parameters(p))*y
+               end do
+            class default
+               call solver%respond(equations, force, sampling%times, response, work, error)
+               if (allocated(error)) return
+               y = sampling%acceleration(response, force)
+               if (size(parameters) > 0) call failure(error, 'this method has no exact derivatives')
+            end select
+         end associate
+      end subroutine driven
+
+   end subroutine evaluate
+
+   !> Computes the linear unknowns: the two motions of each free mode, and the offset. Arguments as
+   !> of `evaluate`.
+   !>
+   !> count  number of modes
+   subroutine free_motion(self, model, equations, count, parameters, offset, first, linear, &
+      work, error)
+      class(time_record_t), intent(in) :: self
+      type(meshed_model_t), intent(inout) :: model
+      type(equations_t), intent(in), target :: equations
+      integer, intent(in) :: count, parameters(:)
+      logical, intent(in) :: offset
+      type(seen_modes_t), intent(inout) :: first
+      type(linear_t), intent(out) :: linear
+      type(work_t), intent(inout) :: work
+      type(error_t), allocatable, intent(out) :: error
+      type(free_mode_t), allocatable :: modes(:)
+      complex(wp), allocatable :: states(:, :)
+      integer :: b, i, k, n, p
+
+      allocate (modes(0))
+      select type (solver => model%solver)
+      class is (exact_solver_t)
+         if (count > 0) call solver%free_modes(equations, parameters, count, modes, work, error)
+      class default
+         if (count > 0) call failure(error, 'this method has no modes')
+      end select
+      if (allocated(error)) return
+      if (.not. allocated(first%modes)) then
+         first%begin = self%sampling%sample_times(1)
+         first%modes = modes
+      else
+         do k = 1, count
+            if (.not. abs(first%modes(k)%seen) > 0 .or. .not. abs(modes(k)%seen) > 0) then
+               call failure(error, 'mode '//to_text(k)//' nearly meets another one: what two '// &
+                  'channels see of it cannot be compared')
+               return
+            end if
+            call modes(k)%as_seen_beside(first%modes(k))
+         end do
+      end if
+      n = 2*sum([(size(modes(k)%row, 1), k=1, count)]) + merge(1, 0, offset)
+      allocate (linear%basis(size(self%sampling%sample_times), n))
+      allocate (linear%weights(n, 2*count + merge(1, 0, offset), 0:size(parameters)), &
+         source=0.0_wp)
+      b = 0
+      associate (formula => self%sampling%observation%formula)
+         do k = 1, count
+            states = modes(k)%states(self%sampling%times - first%begin)
+            n = size(states, 2)
+            do i = 1, n
+               linear%basis(:, b + i) = self%sampling%of_motion(real(states(:, i)))
+               linear%basis(:, b + n + i) = self%sampling%of_motion(aimag(states(:, i)))
+            end do
+            linear%weights(b + 1:b + 2*n, 2*k - 1:2*k, 0) = pair(modes(k)%row(:, formula))
+            do p = 1, size(parameters)
+               linear%weights(b + 1:b + 2*n, 2*k - 1:2*k, p) = pair(modes(k)%drow(:, formula, p))
+            end do
+            b = b + 2*n
+         end do
+      end associate
+      if (.not. offset) return
+      linear%basis(:, b + 1) = self%scale
+      linear%weights(b + 1, 2*count + 1, 0) = 1
+   end subroutine free_motion
+
+   !> Returns the weights of Re(row*states) and of -Im(row*states) in the basis of the real and the
+   !> imaginary parts of the states.
+   !>
+   !> row      (states)
+   !> weights  (2*states, 2) first the real parts, then the imaginary parts; one column for each
+   !>          motion
+   pure function pair(row) result(weights)
+      complex(wp), intent(in) :: row(:)
+      real(wp) :: weights(2*size(row), 2)
+
+      weights(:, 1) = [real(row), -aimag(row)]
+      weights(:, 2) = [-aimag(row), -real(row)]
+   end function pair
+
+end module beamid_time_records
