@@ -25,6 +25,9 @@ module beamid_drifts
       integer :: windows = 0                      !< number of windows
       real(wp), allocatable :: spread(:)          !< (n) standard deviation over the windows
       real(wp), allocatable :: expected(:)        !< (n) root mean square of the standard errors
+      real(wp), allocatable :: ratio(:)           !< (n) scatter in units of the errors
+      !> (n) standard deviation of a variation that explains the scatter beyond the errors
+      real(wp), allocatable :: variation(:)
       real(wp), allocatable :: probability(:)     !< (n) of at least this scatter by chance
       logical, allocatable :: is_significant(:)   !< (n) whether the parameter drifts
    end type drift_t
@@ -75,7 +78,8 @@ contains
 
       n = size(fit%free)
       drift%windows = windows
-      allocate (drift%spread(n), drift%expected(n), drift%probability(n))
+      allocate (drift%spread(n), drift%expected(n), drift%ratio(n), drift%variation(n), &
+         drift%probability(n))
       sd = unlimited
       do k = 1, windows
          call step_in_window(experiments, fit, k, windows, change(:, k), sd(:, k))
@@ -83,11 +87,10 @@ contains
       do k = 1, n
          call compare(pack(change(k, :), sd(k, :) < unlimited), &
             pack(sd(k, :), sd(k, :) < unlimited), drift%spread(k), drift%expected(k), &
-            drift%probability(k))
+            drift%ratio(k), drift%variation(k), drift%probability(k))
       end do
       drift%is_significant = significant_by_holm(drift%probability)
-      fit%drift = merge(sqrt(max(0.0_wp, drift%spread**2 - drift%expected**2)), 0.0_wp, &
-         drift%is_significant)
+      fit%drift = merge(drift%variation, 0.0_wp, drift%is_significant)
    end subroutine find_drifts
 
    !> Computes the changes of the parameters that one window prefers, and their standard errors.
@@ -134,23 +137,32 @@ contains
          statistics%std_error(:n) > 0 .and. statistics%corrected_error(:n) < sqrt(unlimited))
    end subroutine step_in_window
 
-   !> Compares the scatter of estimates with their standard errors. With fewer than two estimates,
-   !> spread and expected are 0 and the probability is 1.
-   pure subroutine compare(x, sd, spread, expected, probability)
+   !> Compares the scatter of estimates with their standard errors. With fewer than two estimates the
+   !> results are 0 and the probability is 1.
+   !>
+   !> The variation is the moment estimate of a random effect, in which precise estimates weigh more
+   !> (DerSimonian and Laird, Controlled Clinical Trials 7, 1986, 177).
+   pure subroutine compare(x, sd, spread, expected, ratio, variation, probability)
       real(wp), intent(in) :: x(:), sd(:)
-      real(wp), intent(out) :: spread, expected, probability
-      real(wp) :: mean
+      real(wp), intent(out) :: spread, expected, ratio, variation, probability
+      real(wp) :: mean, total, weight(size(x))
       integer :: n
 
       n = size(x)
       spread = 0
       expected = 0
+      ratio = 0
+      variation = 0
       probability = 1
       if (n < 2) return
-      mean = sum(x/sd**2)/sum(1/sd**2)
+      weight = 1/sd**2
+      mean = sum(weight*x)/sum(weight)
+      total = sum(weight*(x - mean)**2)
       spread = sqrt(sum((x - sum(x)/n)**2)/(n - 1))
       expected = sqrt(sum(sd**2)/n)
-      probability = chi_square_tail(sum(((x - mean)/sd)**2), real(n - 1, wp))
+      ratio = sqrt(total/(n - 1))
+      variation = sqrt(max(0.0_wp, total - (n - 1))/(sum(weight) - sum(weight**2)/sum(weight)))
+      probability = chi_square_tail(total, real(n - 1, wp))
    end subroutine compare
 
    !> Tells which of several tests are significant together, by Holm's method: the smallest

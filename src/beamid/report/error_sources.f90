@@ -5,16 +5,17 @@ module beamid_error_sources
    use beamid_identification, only: stage_fit_t
    use beamid_kinds, only: wp
    use beamid_lines, only: columns, filled
-   use beamid_parameters, only: as_named
+   use beamid_parameters, only: as_named, parameters
    use beamid_priors, only: priors_of
    use beamid_statistics, only: unlimited
    use beamid_strings, only: to_text
-   use beamid_structure, only: function_of, is_coefficient
+   use beamid_structure, only: function_of, is_coefficient, of_E, structure_t
    use beamid_texts, only: left, right, text_t
    implicit none
    private
 
-   public :: add_assumptions, add_error_sources, add_mesh_warning, add_prior_conflicts
+   public :: add_assumptions, add_error_sources, add_mesh_warning, add_prior_conflicts, &
+      add_far_values
 
    !> Distance from its prior beyond which an estimate is reported [standard deviations].
    real(wp), parameter :: far_from_prior = 3
@@ -93,6 +94,34 @@ contains
          end associate
       end do
    end subroutine add_prior_conflicts
+
+   !> Adds a line for each estimate of E or of a mass that is far from the value of the case, which
+   !> may come from a wrong density or dimension.
+   !>
+   !> given  structure with the values of the case
+   subroutine add_far_values(text, given, fit)
+      type(text_t), intent(inout) :: text
+      type(structure_t), intent(in) :: given
+      type(stage_fit_t), intent(in) :: fit
+      !> Factors that ordinary uncertainty explains.
+      real(wp), parameter :: usual_mass = 2.5_wp, usual_modulus = 1.4_wp
+      real(wp) :: factor, value
+      integer :: k
+
+      do k = 1, size(fit%free)
+         associate (q => fit%quantities(k), p => fit%free(k))
+            if (is_coefficient(p)) cycle
+            if (p /= of_E .and. .not. all(parameters(p)%unit == [1, 0, 0])) cycle
+            value = given%get(p)
+            if (.not. (value > 0 .and. q%value > 0)) cycle
+            factor = q%value/value
+            if (abs(log(factor)) <= log(merge(usual_modulus, usual_mass, p == of_E))) cycle
+            call text%line(trim(q%name)//' is '//to_text(anint(100*factor)/100)// &
+               ' times the value of the case, '//to_text(value)// &
+               ': check that value, the density and the dimensions of the beam')
+         end associate
+      end do
+   end subroutine add_far_values
 
    !> Returns a number in its column; '-' if it is not finite.
    function number_or_dash(value) result(text)

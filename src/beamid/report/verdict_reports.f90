@@ -2,7 +2,7 @@
 !> modes_seen.csv.
 module beamid_verdict_reports
    use beamid_case_files, only: case_t
-   use beamid_error_sources, only: add_assumptions, add_prior_conflicts
+   use beamid_error_sources, only: add_assumptions, add_far_values, add_prior_conflicts
    use beamid_identification, only: stage_fit_t
    use beamid_kinds, only: wp
    use beamid_lines, only: csv_row, filled, unit_suffix
@@ -35,6 +35,8 @@ contains
       if (verdict%no_fit /= '') call text%line('no fit: '//verdict%no_fit)
       if (fit%note /= '') call text%line(fit%note)
       call add_prior_conflicts(text, fit)
+      if (all(fit%scenario%excitations%modes > 0)) call add_far_values(text, &
+         case%model%structure, fit)
       call add_assumptions(text, fit)
       if (verdict%no_fit == '' .and. verdict%caution /= '') call text%line( &
          'no parameter counts as determined: '//verdict%caution)

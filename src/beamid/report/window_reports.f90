@@ -32,8 +32,7 @@ contains
       do k = 1, size(drift%is_significant)
          if (.not. drift%is_significant(k)) cycle
          names = names//', '//trim(fit%quantities(k)%name)
-         if (drift%expected(k) > 0) names = names//' (scatter '//to_text(anint(10*drift%spread(k) &
-            /drift%expected(k))/10)//' times its errors)'
+         names = names//' (scatter '//to_text(anint(10*drift%ratio(k))/10)//' times its errors)'
       end do
       if (names /= '') call text%line('not constant during the motion, by a test in '// &
          to_text(drift%windows)//' windows: '//names(3:)//'; the intervals allow for that')

@@ -10,7 +10,7 @@ module beamid_case_fits
    use beamid_fixed_parameters, only: add_fixed_parameters
    use beamid_galerkin, only: mesh_t
    use beamid_identification, only: identify_meshes, score_fits, stage_fit_t
-   use beamid_input_checks, only: check_input
+   use beamid_input_checks, only: check_input, describe_scale
    use beamid_interrupts, only: check_interrupt
    use beamid_kinds, only: wp
    use beamid_least_squares, only: monitor_t
@@ -180,6 +180,7 @@ contains
       type(case_fit_t), intent(inout) :: found
       type(error_t), allocatable, intent(out) :: error
       class(monitor_t), intent(inout), optional :: monitor
+      character(len=:), allocatable :: hint
 
       call add_mesh_shifts(case, found, error, monitor)
       if (allocated(error)) return
@@ -188,6 +189,10 @@ contains
          call add_fixed_parameters(case%model, mesh, found%experiments, asked, last)
          call new_verdict(found%experiments, mesh, last, found%verdict, error)
          if (.not. allocated(error)) then
+            if (found%verdict%no_fit /= '') then
+               call describe_scale(case, found%experiments, hint)
+               if (hint /= '') found%verdict%no_fit = found%verdict%no_fit//'; '//hint
+            end if
             if (found%verdict%caution /= '') last%statistics%determined = .false.
             if (found%verdict%misfit > gross_for_dip .and. any(last%free == of_x_D)) &
                call withdraw_dip(case, mesh, found%experiments, found%verdict%misfit, last)

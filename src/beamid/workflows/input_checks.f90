@@ -21,7 +21,7 @@ module beamid_input_checks
    implicit none
    private
 
-   public :: leave_out_lead_in, check_input
+   public :: leave_out_lead_in, check_input, describe_scale
 
    real(wp), parameter :: two_pi = 2*acos(-1.0_wp)
 
@@ -100,6 +100,39 @@ contains
          end associate
       end do
    end subroutine check_input
+
+   !> Describes by how much the strongest spectral line of a free decay is away from the first
+   !> natural frequency of the model; '': by no more than ordinary errors explain.
+   !>
+   !> Whoever states a wrong sampling rate, length or thickness multiplies all frequencies.
+   subroutine describe_scale(case, experiments, text)
+      type(case_t), intent(in) :: case
+      type(experiment_t), intent(in) :: experiments(:)
+      character(len=:), allocatable, intent(out) :: text
+      real(wp), parameter :: usual = 1.3_wp
+      real(wp), allocatable :: frequencies(:)
+      real(wp) :: line, nyquist, share
+      integer :: r
+
+      text = ''
+      do r = 1, size(experiments)
+         associate (experiment => experiments(r), t => experiments(r)%samples)
+            if (experiment%excitation%modes == 0 .or. size(t) < 50) cycle
+            call find_frequencies(experiment%structure_of(case%model%structure), &
+               experiment%excitation%modes, frequencies)
+            if (.not. allocated(frequencies)) cycle
+            nyquist = 0.5_wp/median(t(2:) - t(:size(t) - 1))
+            call strongest_peak(t, experiment%measured, nyquist, line, share)
+            if (.not. line > 0 .or. distance_to(frequencies, line) < log(usual)) cycle
+            text = 'the strongest line of record '//to_text(r)//' is at '//rounded(line, 4)// &
+               ', '//rounded(line/frequencies(1), 3)//' times the first natural frequency of '// &
+               'the model, '//rounded(frequencies(1), 4)//': check rate or the time stamps, '// &
+               'the length and the height; with E alone it would have to be '// &
+               rounded(case%model%structure%E*(line/frequencies(1))**2, 3)
+            return
+         end associate
+      end do
+   end subroutine describe_scale
 
    !> Returns what the time stamps look like, if the sampling seems too slow.
    !>
