@@ -253,7 +253,6 @@ contains
       complex(wp), intent(out) :: z(:), w(:)
       complex(wp), dimension(size(f) + size(g), size(f) + size(g)) :: P, dP
       complex(wp) :: solution(size(P, 1), 1)
-      real(wp), dimension(size(P, 1)) :: rows, columns
       integer :: pivots(size(P, 1))
 
       call system_at(assembly, root, P, dP)
@@ -262,8 +261,8 @@ contains
       P(root%j, root%j) = 1
       solution(:, 1) = [f + matmul(assembly%vt, g), -u]
       solution(root%j, 1) = 0
-      call factor_balanced(P, pivots, rows, columns)
-      call solve_balanced(P, pivots, rows, columns, solution)
+      call factor(P, pivots)
+      call solve(P, pivots, solution, 'N')
       z = solution(:size(f), 1)
       w = solution(size(f) + 1:, 1)
    end subroutine solve_adjoint
