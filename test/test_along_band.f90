@@ -8,7 +8,7 @@ program test_along_band
    use beamid_statistics, only: unlimited
    use beamid_strings, only: to_text
    use beamid_structure, only: E_at, of_d_D, of_E, of_w_D, of_x_D
-   use beamid_variations, only: of_c_D_x, of_E_x
+   use beamid_variations, only: field_modulus, field_viscosity
    use checks, only: check, check_close, finish, skip
    use shell, only: close_shell, exists, has_all, line_count, open_shell, outcome_t, &
       program_path, read_file, run, write_file
@@ -98,7 +98,7 @@ contains
          do j = 1, n
             call drawn%scenario%structures(1)%set(fit%free(j), fit%quantities(j)%value + z(j))
          end do
-         found = band(drawn, of_E_x, points)
+         found = band(drawn, field_modulus, points)
          logs = log(found%value)
          mean = mean + logs/draws
          sd = sd + logs**2/draws
@@ -113,15 +113,15 @@ contains
       integer :: j
 
       fit = made_fit(E_at(:8), [(10 + sin(real(j, wp)), j=1, 8)], 0.02_wp)
-      fit%scenario%structures(1)%variations%along(of_E_x)%coefficients = 8
+      fit%scenario%structures(1)%variations%along(field_modulus)%coefficients = 8
       call check('a structure alone does not vary', .not. varies(fit%scenario%structures(1), &
-         of_E_x))
+         field_modulus))
       do j = 1, 8
          call fit%scenario%structures(1)%set(E_at(j), fit%quantities(j)%value)
       end do
-      call check('E varies, c_D does not', varies(fit%scenario%structures(1), of_E_x) .and. &
-         .not. varies(fit%scenario%structures(1), of_c_D_x))
-      found = band(fit, of_E_x, 21)
+      call check('E varies, c_D does not', varies(fit%scenario%structures(1), field_modulus) .and. &
+         .not. varies(fit%scenario%structures(1), field_viscosity))
+      found = band(fit, field_modulus, 21)
       sd = scatter(fit, 21, 4000)
       call check_close('coefficients: value at the root', found%value(1), &
          (fit%quantities(1)%value + 4*fit%quantities(2)%value + fit%quantities(3)%value)/6, &
@@ -141,7 +141,7 @@ contains
       call fit%scenario%structures(1)%set(of_x_D, 0.8_wp)
       call fit%scenario%structures(1)%set(of_w_D, 0.3_wp)
       call fit%scenario%structures(1)%set(of_d_D, 0.4_wp)
-      found = band(fit, of_E_x, 21)
+      found = band(fit, field_modulus, 21)
       sd = scatter(fit, 21, 4000)
       call check_close('dip: value in its middle', found%value(9), 6.0_wp, 1e-12_wp)
       call check('dip: the delta method', all(abs(found%half_width/(1.5_wp*t*sd) - 1) < 0.05_wp), &
@@ -162,16 +162,16 @@ contains
       call fit%scenario%structures(1)%set(of_x_D, 0.8_wp)
       call fit%scenario%structures(1)%set(of_w_D, 0.1_wp)
       call fit%scenario%structures(1)%set(of_d_D, 0.4_wp)
-      found = band(fit, of_E_x, 11)
+      found = band(fit, field_modulus, 11)
       call check('limits are positive', all([(found%lower(k) > 0 .and. found%lower(k) < &
          found%value(k) .and. found%upper(k) > found%value(k), k=1, 11)]))
       fit%statistics%std_error(1) = unlimited
       fit%statistics%corrected_half_width(1) = unlimited
-      found = band(fit, of_E_x, 11)
+      found = band(fit, field_modulus, 11)
       call check('no limits', all([(.not. found%lower(k) > 0 .and. found%upper(k) >= unlimited, &
          k=1, 11)]))
       fit%scenario%structures(1)%c_D = 0
-      found = band(fit, of_c_D_x, 11)
+      found = band(fit, field_viscosity, 11)
       call check('c_D was not searched for', .not. found%is_estimate)
    end subroutine test_limits
 

@@ -82,7 +82,7 @@ contains
          times = [(0.2_wp*i/s%omega(), i=1, size(times))]
          k = 4**n
          clamped = new_galerkin(mesh_t(3, k, 4, 1), s%length)
-         turning = new_galerkin(mesh_t(3, k, 4, 1), s%length, turning=.true.)
+         turning = new_galerkin(mesh_t(3, k, 4, 1), s%length, root_rotation=.true.)
          call respond(s, clamped, times, exact, unused)
          call respond(s, turning, times, held, slope)
          associate (name => 'clamp '//to_text(n)//', ')

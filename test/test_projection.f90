@@ -73,7 +73,7 @@ contains
       call projection%coefficients(r, c)
       do k = 1, size(parameters)
          jac(:, k) = matmul(dphi(:, :, k), c)
-         call projection%derivative(dphi(:, :, k), r, jac(:, k))
+         call projection%derivatives(reshape(matmul(r, dphi(:, :, k)), [linear, 1]), jac(:, k:k))
       end do
    end subroutine separable_jacobian
 
@@ -214,7 +214,7 @@ contains
    end subroutine test_minimum
 
    !> The covariance of p alone is s**2 ((Q J)'(Q J))**-1 with Q J what is left of the derivatives
-   !> with c held: the block of the whole one, by Schur's complement. `derivative` with r = 0
+   !> with c held: the block of the whole one, by Schur's complement. `derivatives` with r = 0
    !> computes Q J.
    subroutine test_covariance()
       type(projection_t) :: projection
@@ -233,7 +233,8 @@ contains
          none = 0
          do k = 1, 2
             slope(:, k) = matmul(dphi(:, :, k), c)
-            call projection%derivative(dphi(:, :, k), none, slope(:, k))
+            call projection%derivatives(reshape(matmul(none, dphi(:, :, k)), [linear, 1]), &
+               slope(:, k:k))
          end do
       end associate
       normal = matmul(transpose(slope), slope)
@@ -301,7 +302,8 @@ contains
    subroutine test_edges()
       type(projection_t) :: projection
       type(error_t), allocatable :: error
-      real(wp) :: phi(linear, linear), r(linear), c(linear), y(m), slope(m), none(0), dphi(m, 0)
+      real(wp) :: phi(linear, linear), r(linear), c(linear), y(m), slope(m, 1), none(0), &
+         dphi(m, 0)
 
       phi = reshape([2.0_wp, 1.0_wp, 0.0_wp, 1.0_wp, 3.0_wp, 1.0_wp, 0.0_wp, 1.0_wp, 4.0_wp], &
          [linear, linear])
@@ -317,11 +319,11 @@ contains
       call check('no linear unknown', .not. allocated(error))
       if (allocated(error)) return
       y = reduced%y
-      slope = t
+      slope(:, 1) = t
       call projection%coefficients(y, none)
-      call projection%derivative(dphi, y, slope)
+      call projection%derivatives(reshape(none, [0, 1]), slope)
       call check('nothing is taken where nothing is unknown', all(abs(y - reduced%y) <= 0) .and. &
-         all(abs(slope - t) <= 0))
+         all(abs(slope(:, 1) - t) <= 0))
    end subroutine test_edges
 
    subroutine test_refusals()

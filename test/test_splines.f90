@@ -12,16 +12,16 @@ program test_splines
    real(wp), parameter :: eps = epsilon(1.0_wp)
    !> Neither 1 nor a power of 2: a forgotten power of the length shows.
    real(wp), parameter :: length = 2.5_wp
-   integer :: d, m, turning
+   integer :: d, m, root_rotation
 
    do d = 1, size(degrees)
       do m = 1, size(meshes)
          call test_root(degrees(d), meshes(m))
          call test_truncated_powers(degrees(d), meshes(m))
-         do turning = 0, 1
-            call test_derivatives(degrees(d), meshes(m), turning == 1)
-            call test_continuity(degrees(d), meshes(m), turning == 1)
-            call test_polynomials(degrees(d), meshes(m), turning == 1)
+         do root_rotation = 0, 1
+            call test_derivatives(degrees(d), meshes(m), root_rotation == 1)
+            call test_continuity(degrees(d), meshes(m), root_rotation == 1)
+            call test_polynomials(degrees(d), meshes(m), root_rotation == 1)
          end do
          call test_turning(degrees(d), meshes(m))
       end do
@@ -184,9 +184,9 @@ contains
 
    !> Each derivative against the central difference of the one before. Eight points inside one
    !> element: exact for polynomials of degree 8, so only round-off is left.
-   subroutine test_derivatives(degree, elements, turning)
+   subroutine test_derivatives(degree, elements, root_rotation)
       integer, intent(in) :: degree, elements
-      logical, intent(in) :: turning
+      logical, intent(in) :: root_rotation
       real(wp), parameter :: weights(4) = &
          [4/5.0_wp, -1/5.0_wp, 4/105.0_wp, -1/280.0_wp], step = 1/16.0_wp
       type(spline_space_t) :: space
@@ -194,7 +194,7 @@ contains
       real(wp) :: largest
       integer :: order, e, k
 
-      space = new_spline_space(degree, elements, length, turning)
+      space = new_spline_space(degree, elements, length, root_rotation)
       do order = 1, degree
          largest = 0
          do e = 0, elements - 1
@@ -209,23 +209,23 @@ contains
          end do
          ! Values of size 2^(order-1) degree! (N/l)^(order-1), times 3 for the root combinations,
          ! lose 2 sum|weights|/step = 34 units of round-off; factor 4 for the evaluation itself.
-         call check_close(of_mesh(degree, elements, turning)//'derivative '//to_text(order), &
+         call check_close(of_mesh(degree, elements, root_rotation)//'derivative '//to_text(order), &
             largest, 0.0_wp, 400*eps*2.0_wp**(order - 1)*gamma(degree + 1.0_wp) &
             *(elements/length)**order)
       end do
    end subroutine test_derivatives
 
    !> Derivatives up to degree - 1 agree on both sides of each knot; that of order degree jumps.
-   subroutine test_continuity(degree, elements, turning)
+   subroutine test_continuity(degree, elements, root_rotation)
       integer, intent(in) :: degree, elements
-      logical, intent(in) :: turning
+      logical, intent(in) :: root_rotation
       type(spline_space_t) :: space
       real(wp), allocatable :: left(:), right(:)
       real(wp) :: largest, unit, least
       integer :: order, e
 
       if (elements == 1) return
-      space = new_spline_space(degree, elements, length, turning)
+      space = new_spline_space(degree, elements, length, root_rotation)
       do order = 0, degree
          unit = 2.0_wp**order*gamma(degree + 1.0_wp)*(elements/length)**order
          largest = 0
@@ -238,10 +238,10 @@ contains
          end do
          if (order < degree) then
             ! Both sides are sums of the same few terms: some units of round-off of the size above.
-            call check_close(of_mesh(degree, elements, turning)//'continuity of derivative '// &
-               to_text(order), largest, 0.0_wp, 40*eps*unit)
+            call check_close(of_mesh(degree, elements, root_rotation)// &
+               'continuity of derivative '//to_text(order), largest, 0.0_wp, 40*eps*unit)
          else
-            call check(of_mesh(degree, elements, turning)// &
+            call check(of_mesh(degree, elements, root_rotation)// &
                'the highest derivative jumps at every knot', &
                least > 0.1_wp*unit, 'least jump '//to_text(least))
          end if
@@ -266,17 +266,17 @@ contains
 
    !> (x/l)^2 .. (x/l)^degree lie in the space, x/l too where the root may turn: fitted by least
    !> squares at some points, all derivatives agree at others.
-   subroutine test_polynomials(degree, elements, turning)
+   subroutine test_polynomials(degree, elements, root_rotation)
       integer, intent(in) :: degree, elements
-      logical, intent(in) :: turning
+      logical, intent(in) :: root_rotation
       type(spline_space_t) :: space
       real(wp), allocatable :: a(:, :), b(:, :), work(:)
       real(wp) :: x, exact
       real(wp) :: largest(0:degree - 1)
       integer :: rows, powers, k, order, power, info
 
-      space = new_spline_space(degree, elements, length, turning)
-      powers = degree - 1 + space%turning
+      space = new_spline_space(degree, elements, length, root_rotation)
+      powers = degree - 1 + space%root_rotation
       rows = 2*degree*elements + 1
       allocate (a(rows, space%n), b(rows, powers), work(64*(rows + space%n)))
       do k = 1, rows
@@ -303,7 +303,7 @@ contains
       ! on one element allows its derivatives (2N/l)^d T_p^(d)(1) |e|, with Chebyshev's polynomial,
       ! T_p^(d)(1) = product of (p^2 - k^2)/(2k + 1), k < d.
       do order = 0, degree - 1
-         call check_close(of_mesh(degree, elements, turning)//'x^2 .. x^p, derivative '// &
+         call check_close(of_mesh(degree, elements, root_rotation)//'x^2 .. x^p, derivative '// &
             to_text(order), merge(largest(order), huge(x), info == 0), 0.0_wp, &
             16*eps*(2*elements/length)**order &
             *product([((degree**2 - k**2)/(2*k + 1.0_wp), k=0, order - 1)]))
@@ -312,9 +312,9 @@ contains
 
    !> Of a space with knots: its dimension; x**2 .. x**p, and behind a knot of multiplicity m
    !> (x - b)_+**(p - m + 1) .. p, are in it, one power less is not; x too where the root turns.
-   subroutine test_knots(degree, turning)
+   subroutine test_knots(degree, root_rotation)
       integer, intent(in) :: degree
-      logical, intent(in) :: turning
+      logical, intent(in) :: root_rotation
       real(wp), parameter :: breaks(3) = [0.11_wp, 0.407_wp, 0.73_wp]
       integer, parameter :: elements = 5
       type(spline_space_t) :: space
@@ -324,10 +324,10 @@ contains
 
       ! A jump, one that moves a knot of the mesh (.4), and a kink.
       times = [degree - 1, degree - 1, degree - 2]
-      space = new_spline_space(degree, elements, length, turning, breaks, times)
-      associate (name => of_mesh(degree, elements, turning)//'knots at breaks, ')
+      space = new_spline_space(degree, elements, length, root_rotation, breaks, times)
+      associate (name => of_mesh(degree, elements, root_rotation)//'knots at breaks, ')
          call check(name//'dimension', space%n == elements + degree - 2 + sum(times) - 1 + &
-            merge(1, 0, turning) .and. space%elements == elements + 2, to_text(space%n))
+            merge(1, 0, root_rotation) .and. space%elements == elements + 2, to_text(space%n))
          ! A knot of the mesh that is near has made way, one that is not remains.
          call check(name//'ends', all([(minval(abs(space%ends - breaks(k)*length)) <= 4*eps, &
             k=1, 3)]) .and. minval(abs(space%ends - 0.4_wp*length)) > 1e-3_wp .and. &
@@ -336,7 +336,7 @@ contains
          unity = 0
          do e = 0, space%elements - 1
             ! Behind the functions at the root, which are combinations.
-            if (space%first_on_element(e) < degree - 1 + space%turning) cycle
+            if (space%first_on_element(e) < degree - 1 + space%root_rotation) cycle
             do k = 0, 10
                unity = max(unity, abs(sum(space%on_element(e, k/10.0_wp, 0))/gamma(degree &
                   + 1.0_wp) - 1))
@@ -363,7 +363,7 @@ contains
                to_text(worst(degree - times(k) + 1)))
          end do
 
-         powers = degree - 1 + space%turning
+         powers = degree - 1 + space%root_rotation
          n = powers + sum(times) + 3
          rows = 40*space%elements
          allocate (a(rows, space%n), b(rows, n), work(64*(rows + space%n + n)))

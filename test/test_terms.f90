@@ -123,7 +123,7 @@ contains
 
       call list_keys(groups)
       s = random_structure(0.5_wp)
-      galerkin = new_galerkin(mesh_t(3, 4, 4, 1), s%length, turning=.true.)
+      galerkin = new_galerkin(mesh_t(3, 4, 4, 1), s%length, root_rotation=.true.)
       call bare_beam_modes(galerkin, modes, error)
       call check('a structure of everything', .not. allocated(error))
       assembly = new_assembly(s, modes, [(k, k=1, n_parameters)])
@@ -147,7 +147,7 @@ contains
             is_there(s, parameters%place)) == 1)
          call check(name//': does something', any(abs(strength_slopes(s, s%length, k)) > 0) &
             .or. any(abs(assembly%moves(:, k)) > 0) &
-            .or. any(abs(assembly%rest_slope(:, k)) > 0))
+            .or. any(abs(assembly%load_remainder_slope(:, k)) > 0))
          wrong = s
          call wrong%set(k, -1.5_wp)
          call check_structure(wrong, error)

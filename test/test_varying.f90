@@ -13,7 +13,8 @@ program test_varying
    use beamid_simulation, only: simulate, simulation_t
    use beamid_strings, only: to_text
    use beamid_structure, only: E_at, of_d_D, of_w_D, of_x_D, structure_t
-   use beamid_variations, only: as_spline, in_lines, in_steps, new_variation, of_E_x, variations_t
+   use beamid_variations, only: as_spline, field_modulus, in_lines, in_steps, new_variation, &
+      variations_t
    use checks, only: check, check_close, finish, of_mesh
    use static_checks, only: check_statics
    use stepped_beams, only: stepped_frequencies
@@ -276,15 +277,15 @@ contains
          ! Under force and support w''' jumps: knots for that.
          v%c_D = new_variation(in_lines, [0.0_wp, 0.25_wp, 0.75_wp, 1.0_wp], spread(1.0_wp, 1, 4))
          if (kind <= 2) v%E = new_variation(in_steps, [0.0_wp, 0.55_wp], [1.0_wp, 0.7_wp])
-         v%along(of_E_x)%coefficients = merge(6, 0, kind > 2)
-         v%along(of_E_x)%degree = merge(3, 1, kind == 3)
+         v%along(field_modulus)%coefficients = merge(6, 0, kind > 2)
+         v%along(field_modulus)%degree = merge(3, 1, kind == 3)
       end associate
       if (kind == 2) then
          call s%set(of_x_D, 0.6_wp)
          call s%set(of_w_D, 0.08_wp)
          call s%set(of_d_D, 0.4_wp)
       end if
-      do j = 1, s%variations%along(of_E_x)%coefficients
+      do j = 1, s%variations%along(field_modulus)%coefficients
          call s%set(E_at(j), 2 + 0.7_wp*sin(1.3_wp*j))
       end do
    end function varied_beam

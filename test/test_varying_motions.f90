@@ -13,7 +13,8 @@ program test_varying_motions
    use beamid_strings, only: to_text
    use beamid_structure, only: c_D_at, E_at, of_c_D, of_c_H, of_d_D, of_E, of_g, of_gamma, &
       of_kappa_R, of_k_H, of_length, of_m_T, of_rho, of_w_D, of_x_D, of_x_S, sensor_t, structure_t
-   use beamid_variations, only: as_spline, in_lines, in_steps, new_variation, of_c_D_x, of_E_x
+   use beamid_variations, only: as_spline, field_modulus, field_viscosity, in_lines, in_steps, &
+      new_variation
    use checks, only: check, check_close, finish
    use exact_motions, only: exact, galerkin, kinds, motion_columns, prepare, relative, solver
    use random_experiments, only: experiment_t
@@ -62,10 +63,10 @@ contains
             call s%set(of_w_D, 0.06_wp)
             call s%set(of_d_D, 0.5_wp)
          else if (way >= cubic) then
-            v%along(of_E_x)%coefficients = 6
-            v%along(of_c_D_x)%coefficients = 6
-            v%along(of_E_x)%degree = merge(3, 1, way == cubic)
-            v%along(of_c_D_x)%degree = v%along(of_E_x)%degree
+            v%along(field_modulus)%coefficients = 6
+            v%along(field_viscosity)%coefficients = 6
+            v%along(field_modulus)%degree = merge(3, 1, way == cubic)
+            v%along(field_viscosity)%degree = v%along(field_modulus)%degree
             do j = 1, 6
                call s%set(E_at(j), 1 + 0.4_wp*sin(1.7_wp*j))
                call s%set(c_D_at(j), 2e-3_wp*(1 + 0.5_wp*cos(2.3_wp*j)))
@@ -158,10 +159,10 @@ contains
             if (uniform() < 0.7_wp) v%E = random_variation()
             if (uniform() < 0.7_wp) v%c_D = random_variation()
          else
-            v%along(of_E_x)%coefficients = 3 + pick(4)
-            v%along(of_E_x)%degree = merge(3, 1, way == cubic)
-            v%along(of_c_D_x)%coefficients = 3 + pick(4)
-            v%along(of_c_D_x)%degree = merge(3, 1, uniform() < 0.5_wp)
+            v%along(field_modulus)%coefficients = 3 + pick(4)
+            v%along(field_modulus)%degree = merge(3, 1, way == cubic)
+            v%along(field_viscosity)%coefficients = 3 + pick(4)
+            v%along(field_viscosity)%degree = merge(3, 1, uniform() < 0.5_wp)
          end if
       end associate
       if (way == dip) then
@@ -184,10 +185,10 @@ contains
          s%c_H = 0.2_wp*sqrt(s%k_H*s%m_H)
       end if
       if (way < cubic) return
-      do j = 1, s%variations%along(of_E_x)%coefficients
+      do j = 1, s%variations%along(field_modulus)%coefficients
          call s%set(E_at(j), s%E*between(0.4_wp, 1.6_wp))
       end do
-      do j = 1, s%variations%along(of_c_D_x)%coefficients
+      do j = 1, s%variations%along(field_viscosity)%coefficients
          call s%set(c_D_at(j), s%c_D*between(0.4_wp, 1.6_wp))
       end do
    end function random_beam
@@ -212,7 +213,8 @@ contains
             pack([of_kappa_R], [s%kappa_R > 0]), pack([of_g], [s%g > 0]), &
             pack([of_k_H, of_c_H], spread(s%m_H > 0, 1, 2)), &
             pack([of_x_D, of_w_D, of_d_D], spread(s%has_dip(), 1, 3)), &
-            E_at(:v%along(of_E_x)%coefficients), c_D_at(:v%along(of_c_D_x)%coefficients)]
+            E_at(:v%along(field_modulus)%coefficients), &
+            c_D_at(:v%along(field_viscosity)%coefficients)]
       end associate
    end function free_of
 
@@ -281,8 +283,10 @@ contains
             unit = abs(value)
             counts = unit*maxval(abs(slopes(:, 1, k)))/maxval(abs(columns(:, 1)))
             ! Where all of E(x) is coefficients E does nothing.
-            if (free(k) == of_E .and. allocated(e%structure%variations%along(of_E_x)%value) .or. &
-               free(k) == of_c_D .and. allocated(e%structure%variations%along(of_c_D_x)%value)) then
+            if (free(k) == of_E .and. &
+               allocated(e%structure%variations%along(field_modulus)%value) .or. &
+               free(k) == of_c_D .and. &
+               allocated(e%structure%variations%along(field_viscosity)%value)) then
                with_E = with_E + 1
                ! The modes are orthogonal to round-off of the highest stiffness, 1e5 of the lowest.
                call check_close('nothing by '//trim(name_of_parameter(e%structure, free(k))), &
@@ -377,8 +381,8 @@ contains
                call e%structure%set(of_x_D, 0.4_wp)
                call e%structure%set(of_w_D, 0.1_wp)
             else
-               e%structure%variations%along(of_E_x)%coefficients = n
-               e%structure%variations%along(of_c_D_x)%coefficients = n
+               e%structure%variations%along(field_modulus)%coefficients = n
+               e%structure%variations%along(field_viscosity)%coefficients = n
                do j = 1, merge(n, 0, i == 2)
                   call e%structure%set(E_at(j), e%structure%E)
                   call e%structure%set(c_D_at(j), e%structure%c_D)

@@ -7,7 +7,7 @@ program test_varying_study
    use beamid_strings, only: to_text
    use beamid_structure, only: E_at
    use beamid_unknowns, only: quantity_t, variables_of
-   use beamid_variations, only: as_spline, in_steps, new_variation, of_E_x, variation_t
+   use beamid_variations, only: as_spline, field_modulus, in_steps, new_variation, variation_t
    use checks, only: check, check_close, finish, in_long_run, skip
    use shell, only: close_shell, in_root, line_count, open_shell, outcome_t, read_file
    use tables, only: line_of => line, number
@@ -96,7 +96,7 @@ contains
       if (.not. allocated(error)) call simulate(model, mesh_t(degree=5, elements=24, &
          gauss_points=6), t, simulation, error)
       model%structure%variations%E = variation_t()
-      model%structure%variations%along(of_E_x)%coefficients = pieces + 3
+      model%structure%variations%along(field_modulus)%coefficients = pieces + 3
       stage%free = E_at(:pieces + 3)
       stage%lower = spread(E_0/3, 1, pieces + 3)
       stage%upper = spread(E_0*3, 1, pieces + 3)

@@ -7,7 +7,8 @@ module beamid_varying_study
    use beamid_residuals, only: new_residuals, residual_t
    use beamid_structure, only: c_D_at, E_at
    use beamid_unknowns, only: quantity_t, variables_of
-   use beamid_variations, only: as_spline, in_steps, new_variation, of_c_D_x, of_E_x, variation_t
+   use beamid_variations, only: as_spline, field_modulus, field_viscosity, in_steps, &
+      new_variation, variation_t
    implicit none
    private
 
@@ -214,14 +215,14 @@ contains
 
       model = problem%model
       model%structure%variations%E = variation_t()
-      model%structure%variations%along(of_E_x)%coefficients = coefficients
-      model%structure%variations%along(of_E_x)%degree = degree
+      model%structure%variations%along(field_modulus)%coefficients = coefficients
+      model%structure%variations%along(field_modulus)%degree = degree
       stage%free = E_at(:coefficients)
       from = spread(E_0, 1, coefficients)
       if (problem%functions == 2) then
          model%structure%variations%c_D = variation_t()
-         model%structure%variations%along(of_c_D_x)%coefficients = coefficients
-         model%structure%variations%along(of_c_D_x)%degree = degree
+         model%structure%variations%along(field_viscosity)%coefficients = coefficients
+         model%structure%variations%along(field_viscosity)%degree = degree
          stage%free = [stage%free, c_D_at(:coefficients)]
          from = [from, spread(c_D_0, 1, coefficients)]
       end if

@@ -304,7 +304,7 @@ contains
          lacking = ''
          needs = parameters(free(k))%needs
          if (needs > 0) then
-            if (.not. (structure%is_given(needs) .or. any(free == needs))) lacking = &
+            if (.not. (structure%get(needs) > 0 .or. any(free == needs))) lacking = &
                'a value of '// &
                trim(parameters(needs)%name)//' in &'//trim(parameters(needs)%group)//' for it'
          end if

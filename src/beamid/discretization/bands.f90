@@ -13,14 +13,7 @@ module beamid_bands
       integer :: kd = 0                  !< half-bandwidth
       real(wp), allocatable :: a(:, :)   !< (kd + 1, n) entries in lower band storage
    contains
-      procedure :: add
-      procedure :: add_rank_one
-      procedure :: add_block
-      procedure :: element
-      procedure :: times
-      procedure :: add_product
-      procedure :: factor
-      procedure :: solve
+      procedure :: add, add_rank_one, add_block, element, times, add_product, factor, solve
    end type band_t
 
    interface

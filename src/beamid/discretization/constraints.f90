@@ -29,11 +29,7 @@ module beamid_constraints
       logical :: too_many = .false.
       type(elimination_t), allocatable, private :: all(:)   !< one elimination for each constraint
    contains
-      procedure :: add
-      procedure :: number
-      procedure :: of_matrix
-      procedure :: of_vector
-      procedure :: expanded
+      procedure :: add, number, of_matrix, of_vector, expanded
    end type constraints_t
 
 contains

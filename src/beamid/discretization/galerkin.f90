@@ -10,7 +10,7 @@ module beamid_galerkin
    implicit none
    private
 
-   public :: mesh_t, galerkin_t, galerkin_of, new_galerkin, same_mesh, slope_points
+   public :: mesh_t, galerkin_t, galerkin_of, new_galerkin, same_mesh, slope_band
 
    !> The discretization of the beam: spline space and quadrature rule.
    type :: mesh_t
@@ -23,6 +23,8 @@ module beamid_galerkin
    !> Quadrature points along the beam.
    type :: points_t
       integer, allocatable :: element(:)   !< (points) element, from 0
+      !> (points) first and last basis function that is nonzero on the element
+      integer, allocatable :: first(:), last(:)
       real(wp), allocatable :: s(:)        !< (points) relative position in the element, 0 .. 1
       real(wp), allocatable :: xi(:)       !< (points) position x/l
       real(wp), allocatable :: weight(:)   !< (points) quadrature weight [length]
@@ -44,16 +46,13 @@ module beamid_galerkin
       !> (bending points, 2) known factors of stiffness and viscosity there
       real(wp), allocatable :: known(:, :)
       type(points_t), private :: points   !< quadrature points of the other integrals
+      !> (points) their weights times the known factor of the mass [length]
+      real(wp), allocatable, private :: massive(:)
       !> (degree + 1, bending points) sqrt(weight) b'' of the functions on the point's element
       real(wp), allocatable, private :: curvature(:, :)
    contains
-      procedure :: moments
-      procedure :: integral
-      procedure :: slope_band
-      procedure :: bending_band
-      procedure :: curvatures
-      procedure :: subtract_bending_force
-      procedure :: bending_energy
+      procedure :: moments, integral, bending_band, curvatures, &
+         subtract_bending_force, bending_energy
    end type galerkin_t
 
 contains
@@ -80,25 +79,25 @@ contains
    !> Returns the integrals for a beam.
    !>
    !> length      length of the beam [length]
-   !> turning     whether the root may rotate; default .false.
+   !> root_rotation     whether the root may rotate; default .false.
    !> variations  variation along the beam; default: none
-   pure function new_galerkin(mesh, length, turning, variations) result(self)
+   pure function new_galerkin(mesh, length, root_rotation, variations) result(self)
       type(mesh_t), intent(in) :: mesh
       real(wp), intent(in) :: length
-      logical, intent(in), optional :: turning
+      logical, intent(in), optional :: root_rotation
       type(variations_t), intent(in), optional :: variations
       type(galerkin_t) :: self
       type(rule_t) :: rule
       real(wp), allocatable :: breaks(:)
       integer, allocatable :: knots(:)
       real(wp) :: b(mesh%degree + 1), d2b(mesh%degree + 1)
-      integer :: first, functions, q
+      integer :: m, q
 
       self%mesh = mesh
       if (present(variations)) self%variations = variations
       self%varies = self%variations%are_known()
       call self%variations%breaks(mesh%degree, breaks, knots)
-      self%space = new_spline_space(mesh%degree, mesh%elements, length, turning, &
+      self%space = new_spline_space(mesh%degree, mesh%elements, length, root_rotation, &
          pack(breaks, knots > 0), pack(knots, knots > 0))
       rule = composite(mesh%gauss_points, mesh%panels)
       self%points = new_points(self%space, rule, pack(breaks, knots == 0))
@@ -108,20 +107,19 @@ contains
       if (self%varies) self%air = self%inertia
       if (self%varies) self%viscous = self%inertia
       call tabulate_curvature(self)
-      associate (v => self%variations)
-         do q = 1, size(self%points%xi)
-            associate (e => self%points%element(q), s => self%points%s(q), &
-               xi => self%points%xi(q), weight => self%points%weight(q))
-               first = self%space%first_on_element(e)
-               functions = self%space%last_on_element(e) - first + 1
-               b = self%space%on_element(e, s, 0)
-               d2b = self%space%on_element(e, s, 2)
-               call self%inertia%add_block(first, weight*v%mass(xi), b(:functions))
-               call self%bending%add_block(first, weight*v%bending(xi), d2b(:functions))
-               if (.not. self%varies) cycle
-               call self%air%add_block(first, weight*v%air(xi), b(:functions))
-               call self%viscous%add_block(first, weight*v%viscous(xi), d2b(:functions))
-            end associate
+      allocate (self%massive(size(self%points%xi)))
+      associate (v => self%variations, e => self%points%element, first => self%points%first, &
+         s => self%points%s, xi => self%points%xi, weight => self%points%weight)
+         do q = 1, size(xi)
+            m = self%points%last(q) - first(q) + 1
+            b = self%space%on_element(e(q), s(q), 0)
+            d2b = self%space%on_element(e(q), s(q), 2)
+            self%massive(q) = weight(q)*v%mass(xi(q))
+            call self%inertia%add_block(first(q), self%massive(q), b(:m))
+            call self%bending%add_block(first(q), weight(q)*v%bending(xi(q)), d2b(:m))
+            if (.not. self%varies) cycle
+            call self%air%add_block(first(q), weight(q)*v%air(xi(q)), b(:m))
+            call self%viscous%add_block(first(q), weight(q)*v%viscous(xi(q)), d2b(:m))
          end do
       end associate
    end function new_galerkin
@@ -152,6 +150,8 @@ contains
          end associate
       end do
       points%element = element(:n)
+      points%first = [(space%first_on_element(element(k)), k=1, n)]
+      points%last = [(space%last_on_element(element(k)), k=1, n)]
       points%s = s(:n)
       points%weight = weight(:n)
       points%xi = (space%ends(points%element) + points%s*(space%ends(points%element + 1) &
@@ -168,17 +168,15 @@ contains
       real(wp), intent(in) :: power
       logical, intent(in), optional :: mass
       real(wp) :: values(self%space%n)
-      real(wp) :: b(self%mesh%degree + 1), weight
-      integer :: first, last, q
+      real(wp) :: b(self%mesh%degree + 1), load(size(self%points%xi))
+      integer :: q
 
       values = 0
-      do q = 1, size(self%points%xi)
-         associate (e => self%points%element(q), xi => self%points%xi(q))
-            first = self%space%first_on_element(e)
-            last = self%space%last_on_element(e)
-            weight = self%points%weight(q)*xi**power*density(self, xi, mass)
-            b = self%space%on_element(e, self%points%s(q), 0)
-            values(first:last) = values(first:last) + weight*b(:last - first + 1)
+      load = weights_of(self, mass)*self%points%xi**power
+      do q = 1, size(load)
+         associate (first => self%points%first(q), last => self%points%last(q))
+            b = self%space%on_element(self%points%element(q), self%points%s(q), 0)
+            values(first:last) = values(first:last) + load(q)*b(:last - first + 1)
          end associate
       end do
    end function moments
@@ -193,26 +191,19 @@ contains
       class(galerkin_t), intent(in) :: self
       real(wp), intent(in) :: power
       logical, intent(in), optional :: mass
-      integer :: q
 
-      integral = 0
-      do q = 1, size(self%points%xi)
-         associate (xi => self%points%xi(q))
-            integral = integral + self%points%weight(q)*xi**power*density(self, xi, mass)
-         end associate
-      end do
+      integral = sum(weights_of(self, mass)*self%points%xi**power)
    end function integral
 
-   !> Returns the known factor of the mass per length at xi = x/l, or 1 unless `mass` is true.
-   pure real(wp) function density(self, xi, mass)
+   !> Returns the quadrature weights, with the known factor of the mass if `mass` is true.
+   pure function weights_of(self, mass) result(weights)
       class(galerkin_t), intent(in) :: self
-      real(wp), intent(in) :: xi
       logical, intent(in), optional :: mass
+      real(wp) :: weights(size(self%points%xi))
 
-      density = 1
-      if (.not. present(mass)) return
-      if (mass) density = self%variations%mass(xi)
-   end function density
+      weights = self%points%weight
+      if (present(mass)) weights = merge(self%massive, weights, mass)
+   end function weights_of
 
    !> Computes Gauss points between the root and a position. They integrate (l - x) b_i' b_j'
    !> exactly, whatever rule the mesh has for the other integrals.
@@ -251,20 +242,25 @@ contains
    !> Returns the integrals of (a + b m) b_i' b_j' from the root to a position x. m is the mass of
    !> the beam beyond a point, divided by rho: l minus its position if the mass does not vary.
    !>
-   !> x     upper end of the integral, 0 .. l [length]
-   !> a, b  coefficients [1], [1/length]
-   function slope_band(self, x, a, b) result(band)
-      class(galerkin_t), intent(in) :: self
+   !> variations  variation along the beam
+   !> x           upper end of the integral, 0 .. l [length]
+   !> a, b        coefficients [1], [1/length]
+   function slope_band(space, variations, x, a, b) result(band)
+      type(spline_space_t), intent(in) :: space
+      type(variations_t), intent(in) :: variations
       real(wp), intent(in) :: x, a, b
       type(band_t) :: band
       real(wp), allocatable :: points(:), weights(:)
+      real(wp) :: factor
       integer :: q
 
-      band = new_band(self%space%n, self%mesh%degree)
-      call slope_points(self%space, x, self%variations, points, weights)
+      band = new_band(space%n, space%degree)
+      call slope_points(space, x, variations, points, weights)
       do q = 1, size(points)
-         call band%add_rank_one(weights(q)*(a + b*self%space%length &
-            *self%variations%mass_beyond(points(q)/self%space%length)), self%space%at(points(q), 1))
+         factor = a
+         if (abs(b) > 0) factor = a &
+            + b*space%length*variations%mass_beyond(points(q)/space%length)
+         call band%add_rank_one(weights(q)*factor, space%at(points(q), 1))
       end do
    end function slope_band
 
@@ -306,30 +302,29 @@ contains
       class(galerkin_t), intent(in) :: self
       real(wp), intent(in) :: factor(:)
       type(band_t) :: band
-      integer :: first, m, q
+      integer :: q
 
       band = new_band(self%space%n, self%mesh%degree)
       do q = 1, size(factor)
-         first = self%space%first_on_element(self%bent%element(q))
-         m = self%space%last_on_element(self%bent%element(q)) - first + 1
-         call band%add_block(first, factor(q), self%curvature(:m, q))
+         associate (first => self%bent%first(q), last => self%bent%last(q))
+            call band%add_block(first, factor(q), self%curvature(:last - first + 1, q))
+         end associate
       end do
    end function bending_band
 
-   !> Returns sqrt(weight) w'' of deflections w at the bending points.
+   !> Returns sqrt(weight) w'' of a deflection w, (bending points).
    !>
-   !> w       (n, deflections) spline coefficients
-   !> values  (bending points, deflections)
+   !> w  (n) spline coefficients
    pure function curvatures(self, w) result(values)
       class(galerkin_t), intent(in) :: self
-      real(wp), intent(in) :: w(:, :)
-      real(wp) :: values(size(self%bent%xi), size(w, 2))
-      integer :: first, last, q
+      real(wp), intent(in) :: w(:)
+      real(wp) :: values(size(self%bent%xi))
+      integer :: q
 
-      do q = 1, size(values, 1)
-         first = self%space%first_on_element(self%bent%element(q))
-         last = self%space%last_on_element(self%bent%element(q))
-         values(q, :) = matmul(self%curvature(:last - first + 1, q), w(first:last, :))
+      do q = 1, size(values)
+         associate (first => self%bent%first(q), last => self%bent%last(q))
+            values(q) = dot_product(self%curvature(:last - first + 1, q), w(first:last))
+         end associate
       end do
    end function curvatures
 
@@ -346,15 +341,15 @@ contains
       real(wp), intent(in) :: k(:), c(:), w(:), v(:)
       real(wp), intent(inout) :: force(:)
       real(wp) :: moment
-      integer :: first, last, m, q
+      integer :: m, q
 
       do q = 1, size(k)
-         first = self%space%first_on_element(self%bent%element(q))
-         last = self%space%last_on_element(self%bent%element(q))
-         m = last - first + 1
-         moment = k(q)*dot_product(self%curvature(:m, q), w(first:last)) &
-            + c(q)*dot_product(self%curvature(:m, q), v(first:last))
-         force(first:last) = force(first:last) - moment*self%curvature(:m, q)
+         associate (first => self%bent%first(q), last => self%bent%last(q))
+            m = last - first + 1
+            moment = k(q)*dot_product(self%curvature(:m, q), w(first:last)) &
+               + c(q)*dot_product(self%curvature(:m, q), v(first:last))
+            force(first:last) = force(first:last) - moment*self%curvature(:m, q)
+         end associate
       end do
    end subroutine subtract_bending_force
 
@@ -367,20 +362,12 @@ contains
       class(galerkin_t), intent(in) :: self
       real(wp), intent(in) :: w(:)
       real(wp), intent(in), optional :: factor(:)
-      integer :: first, last, q
-      real(wp) :: kappa
 
-      bending_energy = 0
-      do q = 1, size(self%bent%xi)
-         first = self%space%first_on_element(self%bent%element(q))
-         last = self%space%last_on_element(self%bent%element(q))
-         kappa = dot_product(self%curvature(:last - first + 1, q), w(first:last))**2
-         if (present(factor)) then
-            bending_energy = bending_energy + factor(q)*kappa
-         else
-            bending_energy = bending_energy + self%known(q, 1)*kappa
-         end if
-      end do
+      if (present(factor)) then
+         bending_energy = sum(factor*self%curvatures(w)**2)
+      else
+         bending_energy = sum(self%known(:, 1)*self%curvatures(w)**2)
+      end if
    end function bending_energy
 
 end module beamid_galerkin

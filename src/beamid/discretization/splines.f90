@@ -27,7 +27,7 @@ module beamid_splines
       !> number of elements: the mesh intervals, and the parts into which breaks divide them
       integer :: elements = 0
       integer :: n = 0                         !< dimension
-      integer :: turning = 0                   !< 1: the root may rotate; 0: it is clamped
+      integer :: root_rotation = 0                   !< 1: the root may rotate; 0: it is clamped
       real(wp) :: length = 0                   !< length l of the beam [length]
       real(wp), allocatable :: ends(:)         !< (0:elements) ends of the elements [length]
       real(wp), private :: scale = 1           !< mesh intervals per unit of x, N/l [1/length]
@@ -40,11 +40,7 @@ module beamid_splines
       !> root, in the combination b_i
       real(wp), allocatable, private :: root(:, :)
    contains
-      procedure :: first_on_element
-      procedure :: last_on_element
-      procedure :: on_element
-      procedure :: element_of
-      procedure :: at
+      procedure :: first_on_element, last_on_element, on_element, element_of, at
       procedure, private :: plain
    end type spline_space_t
 
@@ -55,15 +51,15 @@ contains
    !> degree        degree of the splines, odd, >= 3
    !> elements      number of mesh intervals N, >= 1
    !> length        length l of the beam, > 0 [length]
-   !> turning       whether the root may rotate; default .false.
+   !> root_rotation       whether the root may rotate; default .false.
    !> breaks        positions x/l, ascending, of knots in addition to those of the mesh; a break
    !>               replaces a mesh knot that is close to it
    !> multiplicity  multiplicity of each break, 1 .. degree - 1
-   pure function new_spline_space(degree, elements, length, turning, breaks, multiplicity) &
+   pure function new_spline_space(degree, elements, length, root_rotation, breaks, multiplicity) &
       result(space)
       integer, intent(in) :: degree, elements
       real(wp), intent(in) :: length
-      logical, intent(in), optional :: turning
+      logical, intent(in), optional :: root_rotation
       real(wp), intent(in), optional :: breaks(:)
       integer, intent(in), optional :: multiplicity(:)
       type(spline_space_t) :: space
@@ -73,12 +69,12 @@ contains
       integer :: e, i
 
       space%degree = degree
-      if (present(turning)) space%turning = merge(1, 0, turning)
+      if (present(root_rotation)) space%root_rotation = merge(1, 0, root_rotation)
       space%length = length
       space%scale = elements/length
       call mesh_knots(elements, nodes, times, breaks, multiplicity)
       space%elements = size(nodes) - 1
-      space%n = space%elements + sum(times - 1) + degree - 2 + space%turning
+      space%n = space%elements + sum(times - 1) + degree - 2 + space%root_rotation
       allocate (space%ends(0:space%elements), space%left(0:space%elements - 1), &
          space%before(0:space%elements - 1))
       space%ends = nodes/elements*length
@@ -151,7 +147,7 @@ contains
       class(spline_space_t), intent(in) :: self
       integer, intent(in) :: element
 
-      first_on_element = max(1, self%before(element) - 1 + self%turning)
+      first_on_element = max(1, self%before(element) - 1 + self%root_rotation)
    end function first_on_element
 
    !> Returns the index of the last basis function that is nonzero on an element.
@@ -159,7 +155,7 @@ contains
       class(spline_space_t), intent(in) :: self
       integer, intent(in) :: element
 
-      last_on_element = self%before(element) + self%degree - 1 + self%turning
+      last_on_element = self%before(element) + self%degree - 1 + self%root_rotation
    end function last_on_element
 
    !> Returns the element that contains a position.
@@ -216,7 +212,7 @@ contains
                end do
             end if
          end do
-         if (self%turning == 0 .or. before > 1) return
+         if (self%root_rotation == 0 .or. before > 1) return
          ! The first basis function, which rotates the root, is nonzero on the first two elements.
          functions = before + self%degree - 1
          values(2:functions + 1) = values(:functions)

@@ -21,11 +21,12 @@
 !> digits, so the assembly keeps both forms of the pencil, and `form_at` chooses one for a given s.
 module beamid_assembly
    use beamid_kinds, only: wp
+   use beamid_matrices, only: add_diagonal, outer
    use beamid_modes, only: beam_modes_t
-   use beamid_structure, only: is_coefficient, of_g, of_length, of_x_F, structure_t
-   use beamid_terms, only: bending, force_value, hose, inertia, is_grounded, is_spring, &
-      load_shape, of_compliance, of_damping, of_load, of_mass, of_stiffness, operators, &
-      place_on_mesh, pulls, root_slope, sensor_slope, sensor_value, strengths_and_slopes, stretch, &
+   use beamid_structure, only: is_coefficient, of_g, of_length, structure_t
+   use beamid_terms, only: bending, force_value, hose, inertia, is_axial_force, is_grounded, &
+      is_spring, load_shape, of_compliance, of_damping, of_load, of_mass, of_stiffness, operators, &
+      place_on_mesh, root_slope, sensor_slope, sensor_value, strengths_and_slopes, stretch, &
       tip_slope, tip_value, weight
    implicit none
    private
@@ -68,17 +69,18 @@ module beamid_assembly
       real(wp), allocatable :: compliance_slope(:, :)   !< (r, parameters) its slopes
       !> (r) whether the spring of the row is so stiff that the pair of roots that it adds is far
       !> above all others and is left out
-      logical, allocatable :: held(:)
+      logical, allocatable :: rigid(:)
       !> (n, 2, 2) load vector per unit force, or per unit acceleration of the base: index 2
       !> separates F (1) and the part that is divided by s (2), index 3 the two forms of the pencil
       real(wp), allocatable :: load(:, :, :)
       !> (r, 2) the part of F that acts along the rows, in the two forms, and (r, 2, parameters) its
       !> slopes. If the motion is small there, the product with V'x is more accurate than a sum over
       !> the oscillators.
-      real(wp), allocatable :: push(:, :), push_slope(:, :, :)
+      real(wp), allocatable :: load_rows(:, :), load_rows_slope(:, :, :)
       !> (n) the remainder of F, (n, parameters) its slopes, and (n, parameters) the slopes of the
       !> part of the load that is divided by s
-      real(wp), allocatable :: rest(:), rest_slope(:, :), velocity_load_slope(:, :)
+      real(wp), allocatable :: load_remainder(:), load_remainder_slope(:, :)
+      real(wp), allocatable :: velocity_load_slope(:, :)
       logical, allocatable :: load_changes(:)  !< (parameters) whether a slope of F is not 0
       !> (r) displacement of a row per unit displacement of the base: 1 if it measures motion
       !> relative to the ground, otherwise 0. Per unit acceleration of the base, the row moves by
@@ -94,8 +96,6 @@ module beamid_assembly
       real(wp), allocatable :: change(:, :, :)
       !> (changing, parameters) whether any of these slopes is not 0
       logical, allocatable :: acts(:, :)
-      !> (2, parameters) slopes of the pencil; only if the assembly is dense
-      type(pencil_t), allocatable :: slope(:, :)
       !> (beam) eigenvalues of the bare beam's modes: bending integral per unit inertia integral
       !> [1/length**4]
       real(wp), allocatable :: mu(:)
@@ -109,22 +109,13 @@ module beamid_assembly
       !> rows of tip, hose and sensor; 0: absent. The sensor may have the row of the tip.
       integer :: tip = 0, hose = 0, sensor = 0
       !> row of the slope at the sensor; 0: the sensor does not read gravity
-      integer :: turn = 0
+      integer :: tilt_row = 0
    contains
-      procedure :: is_dense
-      procedure :: form_at
-      procedure :: from_pile
-      procedure :: is_bare
-      procedure :: is_undamped
-      procedure :: roots
-      procedure :: load_at
-      procedure :: mass_couplings
-      procedure :: products
+      procedure :: is_dense, form_at, distance_from_accumulation, is_bare, is_undamped, roots, &
+         load_at, mass_couplings, products
       procedure, private :: is_tip_operator
-      procedure :: traces
-      procedure :: varied
-      procedure :: grown
-      procedure :: load_change
+      procedure :: traces, system_derivative, system_derivative_by_s, dense_products, &
+         full_matrices, load_change
    end type assembly_t
 
    !> A pair of roots this many times above all poles of the oscillators has no influence on the
@@ -177,7 +168,7 @@ contains
       call set_rows(self, modes, needed)
       self%mu = modes%mu
       do form = 1, 2
-         self%pencil(form) = new_pencil(self, modes, self%strength, form)
+         self%pencil(form) = new_pencil(self, modes, form)
       end do
       used = used .and. (operators%derivative < 0 .or. self%row > 0)
       self%changing = pack([(i, i=1, size(operators))], used)
@@ -220,7 +211,7 @@ contains
          end if
          do k = 1, size(operators)
             if (k == force_value .or. operators(k)%derivative < 0 .or. self%row(k) > 0 .or. &
-               k == root_slope .and. modes%space%turning == 0) cycle
+               k == root_slope .and. modes%space%root_rotation == 0) cycle
             if (.not. (needed(k) .or. k == sensor_value(s%observer) .or. reads_gravity .and. &
                k == sensor_slope(s%observer))) cycle
             if (k == root_slope .or. is_grounded(k) .or. &
@@ -238,7 +229,7 @@ contains
             end if
          end do
          self%sensor = self%row(sensor_value(s%observer))
-         if (reads_gravity) self%turn = self%row(sensor_slope(s%observer))
+         if (reads_gravity) self%tilt_row = self%row(sensor_slope(s%observer))
       end associate
       call set_v(self, modes, r)
    end subroutine set_rows
@@ -334,7 +325,7 @@ contains
 
       allocate (self%compliance(size(self%v, 1)), source=1.0_wp)
       allocate (self%compliance_slope(size(self%v, 1), size(self%parameters)), source=0.0_wp)
-      allocate (self%held(size(self%v, 1)), source=.false.)
+      allocate (self%rigid(size(self%v, 1)), source=.false.)
       do k = 1, size(operators)
          if (self%row(k) == 0 .or. .not. is_spring(k, self%structure)) cycle
          associate (row => self%row(k), l => modes%space%length, s => self%strength(k, :))
@@ -355,34 +346,11 @@ contains
             ! The pair of roots of so stiff a spring is far away and is left out. A rigid spring is
             ! held even if the poles are beyond the range of numbers.
             flexibility = sum(self%v(row, :)**2/self%pencil(1)%m)
-            self%held(row) = .not. flexibility < &
+            self%rigid(row) = .not. flexibility < &
                s(of_compliance)*(far_away*maxval(abs(self%pole)))**2
          end associate
       end do
    end subroutine set_springs
-
-   !> Sets the slopes of the pencil.
-   !>
-   !> slopes  (operators, matrices, parameters) from `strengths_and_slopes`
-   subroutine set_pencil_slopes(self, modes, slopes)
-      type(assembly_t), intent(inout) :: self
-      type(beam_modes_t), intent(in) :: modes
-      real(wp), intent(in) :: slopes(:, :, :)
-      integer :: form, i, p
-
-      allocate (self%slope(2, size(self%parameters)))
-      do p = 1, size(self%parameters)
-         do form = 1, 2
-            self%slope(form, p) = new_pencil(self, modes, slopes(:, :, p), form)
-            do i = 1, size(self%changing)
-               associate (row => self%row(self%changing(i)))
-                  if (is_spring(self%changing(i), self%structure) .and. row > 0) &
-                     self%slope(form, p)%hc(row, row) = self%change(2, i, p)
-               end associate
-            end do
-         end do
-      end do
-   end subroutine set_pencil_slopes
 
    !> Sets E and its slopes, if a term couples all oscillators.
    !>
@@ -393,63 +361,66 @@ contains
       type(beam_modes_t), intent(in) :: modes
       real(wp), intent(in) :: slopes(:, :, :)
       logical, intent(in), optional :: whole
-      type(beam_modes_t) :: own
-      real(wp), allocatable :: tension(:, :), mode_slope(:), moves(:)
+      real(wp), allocatable :: mode_slope(:)
       logical :: needed, pull(size(operators))
-      integer :: j, k, p
+      integer :: j, k
 
       do j = 1, size(operators)
-         pull(j) = pulls(j)
+         pull(j) = is_axial_force(j)
          if (pull(j)) pull(j) = abs(self%strength(j, of_stiffness)) > 0 .or. &
             any(abs(slopes(j, of_stiffness, :)) > 0)
       end do
-      needed = allocated(modes%rest) .or. has_field(self) .or. any(pull)
+      needed = allocated(modes%damping_remainder) .or. has_field(self) .or. any(pull)
       if (present(whole)) needed = needed .or. whole
       if (.not. needed) return
-      call set_pencil_slopes(self, modes, slopes)
       allocate (self%dense(self%beam, self%beam, 2), &
          self%dense_slope(self%beam, self%beam, 2, size(self%parameters)), source=0.0_wp)
-      if (allocated(modes%rest)) then
+      if (allocated(modes%damping_remainder)) then
          do j = 1, 2
-            associate (operator => merge(inertia, bending, j == 1))
-               self%dense(:, :, 1) = self%dense(:, :, 1) &
-                  + self%strength(operator, of_damping)*modes%rest(:, :, j)
-               do p = 1, size(self%parameters)
-                  self%dense_slope(:, :, 1, p) = self%dense_slope(:, :, 1, p) &
-                     + slopes(operator, of_damping, p)*modes%rest(:, :, j)
-               end do
-            end associate
+            k = merge(inertia, bending, j == 1)
+            call add_dense(self, 1, modes%damping_remainder(:, :, j), &
+               self%strength(k, of_damping), slopes(k, of_damping, :))
          end do
       end if
       if (has_field(self)) call add_field_bending(self, modes, slopes)
       if (.not. any(pull)) return
-      own = modes
-      call own%tabulate_slopes()
       do k = 1, size(operators)
-         associate (s => self%strength(k, of_stiffness), s_p => slopes(k, of_stiffness, :), &
+         if (.not. pull(k)) cycle
+         associate (s => self%strength(k, of_stiffness), &
             x => place_on_mesh(k, self%structure, modes%space%length))
-            if (.not. pull(k)) cycle
-            tension = own%tension(x, merge(0.0_wp, 1.0_wp, k == weight), &
-               merge(1.0_wp, 0.0_wp, k == weight))
-            self%dense(:, :, 2) = self%dense(:, :, 2) + s*tension
+            call add_dense(self, 2, modes%tension(x, merge(0.0_wp, 1.0_wp, k == weight), &
+               merge(1.0_wp, 0.0_wp, k == weight)), s, slopes(k, of_stiffness, :))
             mode_slope = modes%at(x, 1)
-            moves = position_slopes(self, modes, k)
-            do p = 1, size(self%parameters)
-               self%dense_slope(:, :, 2, p) = self%dense_slope(:, :, 2, p) + s_p(p)*tension
-               if (abs(s*moves(p)) > 0) self%dense_slope(:, :, 2, p) = &
-                  self%dense_slope(:, :, 2, p) + s*moves(p)*spread(mode_slope, 1, self%beam) &
-                  *spread(mode_slope, 2, self%beam)
-            end do
+            call add_dense(self, 2, outer(mode_slope, mode_slope), 0.0_wp, &
+               s*position_slopes(self, modes, k))
          end associate
       end do
    end subroutine set_dense
+
+   !> Adds a matrix to E, and to the slopes of E.
+   !>
+   !> j       1: to E in C, 2: to E in K
+   !> matrix  (beam, beam)
+   !> s, s_p  coefficient of the matrix, and (parameters) its slopes
+   pure subroutine add_dense(self, j, matrix, s, s_p)
+      type(assembly_t), intent(inout) :: self
+      integer, intent(in) :: j
+      real(wp), intent(in) :: matrix(:, :), s, s_p(:)
+      integer :: p
+
+      self%dense(:, :, j) = self%dense(:, :, j) + s*matrix
+      do p = 1, size(s_p)
+         if (abs(s_p(p)) > 0) self%dense_slope(:, :, j, p) = self%dense_slope(:, :, j, p) &
+            + s_p(p)*matrix
+      end do
+   end subroutine add_dense
 
    !> Returns whether E(x) or c_D(x) depends on parameters: on those of the structure, or on a
    !> parameter of the slopes.
    pure logical function has_field(self)
       type(assembly_t), intent(in) :: self
 
-      has_field = self%structure%varies_further() .or. any(is_coefficient(self%parameters))
+      has_field = self%structure%has_fields() .or. any(is_coefficient(self%parameters))
    end function has_field
 
    !> Adds to E the bending that E(x) and c_D(x) cause beyond constant E and c_D and the known
@@ -463,7 +434,6 @@ contains
       integer, parameter :: matrix(2) = [of_damping, of_stiffness]
       real(wp) :: factor(size(modes%bent), 2)
       real(wp) :: slope(2, size(self%parameters), size(modes%bent))
-      real(wp) :: products(self%beam, self%beam, 2)
       integer :: j, k, p, q
 
       ! The functions return stiffness first and viscosity second; `matrix` has them in reverse
@@ -474,27 +444,17 @@ contains
       end do
       do j = 1, 2
          k = 3 - j
-         if (.not. self%strength(bending, matrix(j)) > 0) cycle
-         if (all(abs(factor(:, k)) <= 0)) then
-            products(:, :, j) = 0
-         else
-            products(:, :, j) = modes%bending_products(modes%known(:, k)*factor(:, k))
-         end if
-         self%dense(:, :, j) = self%dense(:, :, j) &
-            + self%strength(bending, matrix(j))*products(:, :, j)
-      end do
-      do p = 1, size(self%parameters)
-         do j = 1, 2
-            k = 3 - j
-            associate (s => self%strength(bending, matrix(j)), s_p => slopes(bending, matrix(j), p))
-               if (.not. s > 0) cycle
-               if (abs(s_p) > 0) self%dense_slope(:, :, j, p) = self%dense_slope(:, :, j, p) &
-                  + s_p*products(:, :, j)
+         associate (s => self%strength(bending, matrix(j)))
+            if (.not. s > 0) cycle
+            if (any(abs(factor(:, k)) > 0)) call add_dense(self, j, &
+               modes%bending_products(modes%known(:, k)*factor(:, k)), s, &
+               slopes(bending, matrix(j), :))
+            do p = 1, size(self%parameters)
                if (any(abs(slope(k, p, :)) > 0)) self%dense_slope(:, :, j, p) = &
                   self%dense_slope(:, :, j, p) + s*modes%bending_products(modes%known(:, k) &
                   *slope(k, p, :))
-            end associate
-         end do
+            end do
+         end associate
       end do
    end subroutine add_field_bending
 
@@ -524,9 +484,9 @@ contains
       integer :: form, k, p
 
       allocate (self%load(self%n, 2, 2), self%base_coupling(size(self%v, 1)), source=0.0_wp)
-      allocate (self%push, source=row_load(self, self%strength, applied%base))
-      allocate (self%push_slope(size(self%v, 1), 2, size(self%parameters)), &
-         self%rest_slope(self%n, size(self%parameters)))
+      allocate (self%load_rows, source=row_load(self, self%strength, applied%base))
+      allocate (self%load_rows_slope(size(self%v, 1), 2, size(self%parameters)), &
+         self%load_remainder_slope(self%n, size(self%parameters)))
       spread_out = 0
       if (applied%base) spread_out(:self%beam) = -modes%total(:, 1)
       if (allocated(applied%shape)) spread_out(:self%beam) = applied%shape
@@ -538,16 +498,16 @@ contains
          point_slope = modes_at_point(self, modes, force_value, 1)
          moves = position_slopes(self, modes, force_value)
       end if
-      self%rest = rest_load(self%strength)
+      self%load_remainder = rest_load(self%strength)
       do p = 1, size(self%parameters)
-         self%push_slope(:, :, p) = row_load(self, slopes(:, :, p), applied%base)
-         self%rest_slope(:, p) = rest_load(slopes(:, :, p)) &
+         self%load_rows_slope(:, :, p) = row_load(self, slopes(:, :, p), applied%base)
+         self%load_remainder_slope(:, p) = rest_load(slopes(:, :, p)) &
             + self%strength(force_value, of_load)*moves(p)*point_slope
       end do
-      self%load_changes = [(applied%base .or. any(abs(self%push_slope(:, :, p)) > 0) .or. &
-         any(abs(self%rest_slope(:, p)) > 0), p=1, size(self%parameters))]
+      self%load_changes = [(applied%base .or. any(abs(self%load_rows_slope(:, :, p)) > 0) .or. &
+         any(abs(self%load_remainder_slope(:, p)) > 0), p=1, size(self%parameters))]
       do form = 1, 2
-         self%load(:, 1, form) = self%rest + matmul(self%push(:, form), self%v)
+         self%load(:, 1, form) = self%load_remainder + matmul(self%load_rows(:, form), self%v)
       end do
       if (.not. applied%base) return
       spread_out(:self%beam) = -modes%total(:, 2)
@@ -581,30 +541,30 @@ contains
    !>
    !> s     (operators, matrices) coefficients, or their derivatives
    !> base  whether the base moves
-   !> push  (r, 2) in the two forms
-   pure function row_load(self, s, base) result(push)
+   !> load_rows  (r, 2) in the two forms
+   pure function row_load(self, s, base) result(load_rows)
       type(assembly_t), intent(in) :: self
       real(wp), intent(in) :: s(:, :)
       logical, intent(in) :: base
-      real(wp) :: push(size(self%v, 1), 2)
+      real(wp) :: load_rows(size(self%v, 1), 2)
       integer :: k
 
-      push = 0
+      load_rows = 0
       if (.not. base) then
          if (stays_at_tip(self, operators(force_value)%place)) &
-            push(self%tip, :) = s(force_value, of_load)
+            load_rows(self%tip, :) = s(force_value, of_load)
          return
       end if
       do k = 1, size(operators)
          if (self%row(k) == 0 .or. .not. operators(k)%moves_with_base .or. is_grounded(k)) cycle
-         push(self%row(k), :) = push(self%row(k), :) - s(k, of_mass)
+         load_rows(self%row(k), :) = load_rows(self%row(k), :) - s(k, of_mass)
       end do
       ! With y, the mass of the hose moves by itself; with y - u(l), the tip moves it too.
       if (self%hose > 0) then
-         push(self%hose, :) = push(self%hose, :) - s(hose, of_mass)
-         push(self%tip, 2) = push(self%tip, 2) - s(hose, of_mass)
+         load_rows(self%hose, :) = load_rows(self%hose, :) - s(hose, of_mass)
+         load_rows(self%tip, 2) = load_rows(self%tip, 2) - s(hose, of_mass)
       else if (.not. self%structure%has_hose()) then
-         push(self%tip, :) = push(self%tip, :) - s(hose, of_mass)
+         load_rows(self%tip, :) = load_rows(self%tip, :) - s(hose, of_mass)
       end if
    end function row_load
 
@@ -620,43 +580,27 @@ contains
       integer, intent(in) :: form
       complex(wp), intent(in) :: x(:), y(:), z(:), w(:)
       complex(wp), intent(out) :: q(:)
-      integer :: i
+      complex(wp) :: rows(size(y), size(y))
+      integer :: k
 
-      associate (b => self%beam, tip => self%tip, A => self%compliance)
-         do i = 1, size(self%changing)
-            associate (k => self%changing(i), row => self%row(self%changing(i)))
-               q(i) = 0
-               if (row > 0) then
-                  q(i) = A(row)*y(row)*w(row)
-               else if (k == inertia) then
-                  q(i) = sum(x(:b)*z(:b))
-               else if (k == bending) then
-                  q(i) = sum(self%mu*x(:b)*z(:b))
-               else if (self%hose == 0) then
-                  if (self%is_tip_operator(k)) q(i) = y(tip)*w(tip)
-               else if (form == 1 .and. k == stretch) then
-                  q(i) = (x(b + 1) - y(tip))*(z(b + 1) - w(tip))
-               else if (form == 2 .and. k == hose) then
-                  q(i) = (x(b + 1) + y(tip))*(z(b + 1) + w(tip))
-               else if (k == hose .or. k == stretch) then
-                  q(i) = x(b + 1)*z(b + 1)
-               end if
-            end associate
-         end do
-      end associate
+      do k = 1, size(y)
+         rows(:, k) = self%compliance*y*w(k)
+      end do
+      call self%traces(form, x*z, rows, q)
    end subroutine products
 
-   !> Returns the trace of Op Q**-1 for each operator that depends on a parameter.
+   !> Computes the trace of Op Z for each operator that depends on a parameter, where Z is Q**-1, or
+   !> x z' of two motions.
    !>
    !> form      form of the pencil
-   !> diagonal  (n) diagonal of Q**-1
-   !> T         (r, r) A**-1 V'Q**-1 V
+   !> diagonal  (n) diagonal of Z
+   !> T         (r, r) A**-1 V'Z V
    !> q         (changing) the traces
-   pure function traces(self, form, diagonal, T) result(q)
+   pure subroutine traces(self, form, diagonal, T, q)
       class(assembly_t), intent(in) :: self
       integer, intent(in) :: form
       complex(wp), intent(in) :: diagonal(:), T(:, :)
-      complex(wp) :: q(size(self%changing))
+      complex(wp), intent(out) :: q(:)
       integer :: i
 
       associate (b => self%beam, tip => self%tip, h => self%hose)
@@ -681,7 +625,7 @@ contains
             end associate
          end do
       end associate
-   end function traces
+   end subroutine traces
 
    !> Returns whether an operator of a hose that is not an oscillator acts at the tip. Without c_H
    !> and k_H the hose stays at rest, so that its spring acts between tip and ground. A hose without
@@ -701,33 +645,77 @@ contains
    !> q  (changing) from `products` or `traces`
    !> s  [1/time]
    !> p  index among the parameters of the slopes
-   pure complex(wp) function varied(self, q, s, p)
+   pure complex(wp) function system_derivative(self, q, s, p) result(value)
       class(assembly_t), intent(in) :: self
       complex(wp), intent(in) :: q(:), s
       integer, intent(in) :: p
       integer :: i
 
-      varied = 0
+      value = 0
       do i = 1, size(q)
          if (.not. self%acts(i, p)) cycle
-         varied = varied + ((self%change(1, i, p)*s + self%change(2, i, p))*s &
+         value = value + ((self%change(1, i, p)*s + self%change(2, i, p))*s &
             + self%change(3, i, p))*q(i)
       end do
-   end function varied
+   end function system_derivative
 
-   !> Returns the sum of 2 s M_p + C_p over the operators; arguments as in `varied`.
-   pure complex(wp) function grown(self, q, s, p)
+   !> Returns the sum of 2 s M_p + C_p over the operators; arguments as in `system_derivative`.
+   pure complex(wp) function system_derivative_by_s(self, q, s, p) result(value)
       class(assembly_t), intent(in) :: self
       complex(wp), intent(in) :: q(:), s
       integer, intent(in) :: p
       integer :: i
 
-      grown = 0
+      value = 0
       do i = 1, size(q)
          if (.not. self%acts(i, p)) cycle
-         grown = grown + (2*self%change(1, i, p)*s + self%change(2, i, p))*q(i)
+         value = value + (2*self%change(1, i, p)*s + self%change(2, i, p))*q(i)
       end do
-   end function grown
+   end function system_derivative_by_s
+
+   !> Returns z'E_p x for the matrices of E in C and K; 0 if the assembly is not dense.
+   !>
+   !> x, z  (n) two motions of the oscillators
+   !> p     index among the parameters of the slopes
+   pure function dense_products(self, x, z, p) result(q)
+      class(assembly_t), intent(in) :: self
+      complex(wp), intent(in) :: x(:), z(:)
+      integer, intent(in) :: p
+      complex(wp) :: q(2)
+      integer :: j
+
+      q = 0
+      if (.not. self%is_dense()) return
+      associate (b => self%beam, slope => self%dense_slope(:, :, :, p))
+         do j = 1, 2
+            if (any(abs(slope(:, :, j)) > 0)) q(j) = sum(z(:b)*matmul(slope(:, :, j), x(:b)))
+         end do
+      end associate
+   end function dense_products
+
+   !> Computes M, C and K of the oscillators as full matrices.
+   !>
+   !> compliance  (r) diagonal of A, with a value above 0 in place of a rigid spring
+   !> M, C, K     (n, n)
+   pure subroutine full_matrices(self, compliance, M, C, K)
+      class(assembly_t), intent(in) :: self
+      real(wp), intent(in) :: compliance(:)
+      real(wp), dimension(:, :), intent(out) :: M, C, K
+      real(wp) :: scaled(self%n, size(compliance))
+
+      associate (p => self%pencil(1), v => self%v, b => self%beam)
+         scaled = self%vt/spread(compliance, 1, self%n)
+         M = matmul(self%vt, matmul(p%hm, v))
+         C = matmul(scaled, matmul(p%hc, v))
+         K = matmul(scaled, matmul(p%hk, v))
+         call add_diagonal(M, p%m)
+         call add_diagonal(C, p%c)
+         call add_diagonal(K, p%k)
+         if (.not. self%is_dense()) return
+         C(:b, :b) = C(:b, :b) + self%dense(:, :, 1)
+         K(:b, :b) = K(:b, :b) + self%dense(:, :, 2)
+      end associate
+   end subroutine full_matrices
 
    !> Returns x'F_p at s, without the contribution of rows whose points move.
    !>
@@ -742,7 +730,7 @@ contains
 
       change = 0
       if (.not. self%load_changes(p)) return
-      change = sum(self%rest_slope(:, p)*x) + sum(self%push_slope(:, form, p)*y)
+      change = sum(self%load_remainder_slope(:, p)*x) + sum(self%load_rows_slope(:, form, p)*y)
       if (allocated(self%velocity_load_slope)) change = change &
          + sum(self%velocity_load_slope(:, p)*x)/s
    end function load_change
@@ -771,7 +759,7 @@ contains
 
       h = self%pencil(1)%hm
       do k = 1, size(h, 1)
-         if (self%held(k)) h(k, k) = self%strength(inertia, of_mass) &
+         if (self%rigid(k)) h(k, k) = self%strength(inertia, of_mass) &
             *self%structure%length
       end do
    end function mass_couplings
@@ -780,48 +768,45 @@ contains
    pure integer function roots(self)
       class(assembly_t), intent(in) :: self
 
-      roots = 2*(self%n - count(self%held))
+      roots = 2*(self%n - count(self%rigid))
    end function roots
 
-   !> Returns D and H in one form, or their derivative with respect to a parameter.
+   !> Returns D and H in one form.
    !>
-   !> strength  (operators, matrices) coefficients, or their derivatives
-   !> form      1: hose by y, 2: hose by y - u(l)
-   pure function new_pencil(self, modes, strength, form) result(p)
+   !> form  1: hose by y, 2: hose by y - u(l)
+   pure function new_pencil(self, modes, form) result(p)
       type(assembly_t), intent(in) :: self
       type(beam_modes_t), intent(in) :: modes
-      real(wp), intent(in) :: strength(:, :)
       integer, intent(in) :: form
       type(pencil_t) :: p
       integer :: r
 
       r = size(self%v, 1)
       allocate (p%m(self%n), p%c(self%n), p%k(self%n), p%hm(r, r), p%hc(r, r), p%hk(r, r))
-      call sum_terms(self, modes, strength(:, of_mass), form, p%m, p%hm)
-      call sum_terms(self, modes, strength(:, of_damping), form, p%c, p%hc)
-      call sum_terms(self, modes, strength(:, of_stiffness), form, p%k, p%hk)
+      call sum_terms(self, modes, of_mass, form, p%m, p%hm)
+      call sum_terms(self, modes, of_damping, form, p%c, p%hc)
+      call sum_terms(self, modes, of_stiffness, form, p%k, p%hk)
    end function new_pencil
 
    !> Sums the terms of one matrix.
    !>
-   !> s     (operators) coefficients in this matrix, or their derivatives
-   !> form  form of the pencil
-   !> d     (n) diagonal of the oscillators
-   !> h     (r, r) couplings of the rows
-   pure subroutine sum_terms(self, modes, s, form, d, h)
+   !> matrix  `of_mass`, `of_damping` or `of_stiffness`
+   !> form    form of the pencil
+   !> d       (n) diagonal of the oscillators
+   !> h       (r, r) couplings of the rows
+   pure subroutine sum_terms(self, modes, matrix, form, d, h)
       type(assembly_t), intent(in) :: self
       type(beam_modes_t), intent(in) :: modes
-      real(wp), intent(in) :: s(:)
-      integer, intent(in) :: form
+      integer, intent(in) :: matrix, form
       real(wp), intent(out) :: d(:), h(:, :)
       integer :: k
 
       h = 0
-      do k = 1, size(operators)
-         if (self%row(k) == 0 .or. is_spring(k, self%structure)) cycle
-         h(self%row(k), self%row(k)) = h(self%row(k), self%row(k)) + s(k)
-      end do
-      associate (b => self%beam, tip => self%tip)
+      associate (b => self%beam, tip => self%tip, s => self%strength(:, matrix))
+         do k = 1, size(operators)
+            if (self%row(k) == 0 .or. is_spring(k, self%structure)) cycle
+            h(self%row(k), self%row(k)) = h(self%row(k), self%row(k)) + s(k)
+         end do
          d(:b) = s(inertia) + s(bending)*modes%mu
          if (self%hose > 0) then
             d(b + 1) = s(hose) + s(stretch)
@@ -889,14 +874,14 @@ contains
 
    !> Returns |s + E/c_D| c_D/E, the relative distance of s from -E/c_D, the accumulation point of
    !> the slow roots of overdamped modes. The residue of such a root is reduced by the same factor.
-   pure real(wp) function from_pile(self, s)
+   pure real(wp) function distance_from_accumulation(self, s)
       class(assembly_t), intent(in) :: self
       complex(wp), intent(in) :: s
 
       associate (E => self%strength(bending, of_stiffness))
-         from_pile = abs(self%strength(bending, of_damping)*s + E)/E
+         distance_from_accumulation = abs(self%strength(bending, of_damping)*s + E)/E
       end associate
-   end function from_pile
+   end function distance_from_accumulation
 
    !> Returns whether the beam has no attachments.
    pure logical function is_bare(self)

@@ -12,6 +12,7 @@
 module beamid_cluster_motion
    use beamid_clusters, only: cluster_t
    use beamid_kinds, only: wp
+   use beamid_matrices, only: identity
    implicit none
    private
 
@@ -51,7 +52,7 @@ contains
          a(:n, :n) = step*generator(cluster, n)
          self%growth = exponential(a(:n, :n), cluster%centre%s*step)
          ! x/step, f and slope*step are one linear system, because f' = slope.
-         a(:n, :n) = a(:n, :n) + cluster%centre%s*step*unit(n)
+         a(:n, :n) = a(:n, :n) + cluster%centre%s*step*identity(n)
          a(cluster%m, n + 1) = 1
          a(n + 1, n + 2) = 1
          a = exponential(a, (0.0_wp, 0.0_wp))
@@ -110,26 +111,14 @@ contains
       ! The remainder of the series is .5**15/15! < 1e-16.
       squarings = max(0, exponent(maxval(sum(abs(a), dim=1))) + 1)
       small = scale(1.0_wp, -squarings)*a
-      e = unit(size(a, 1))
+      e = identity(size(a, 1))
       do k = 14, 1, -1
-         e = unit(size(a, 1)) + matmul(small, e)/k
+         e = identity(size(a, 1)) + matmul(small, e)/k
       end do
       e = exp(scale(1.0_wp, -squarings)*shift)*e
       do k = 1, squarings
          e = matmul(e, e)
       end do
    end function exponential
-
-   !> Returns the unit matrix of order n.
-   pure function unit(n)
-      integer, intent(in) :: n
-      complex(wp) :: unit(n, n)
-      integer :: i
-
-      unit = 0
-      do i = 1, n
-         unit(i, i) = 1
-      end do
-   end function unit
 
 end module beamid_cluster_motion

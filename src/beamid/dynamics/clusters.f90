@@ -40,12 +40,7 @@ module beamid_clusters
       !> `beamid_contours`; doubled if the mirror image is included
       complex(wp), allocatable :: row(:, :), drow(:, :, :)
    contains
-      procedure :: holds
-      procedure :: knows
-      procedure :: is_complete
-      procedure :: weight
-      procedure :: dmean
-      procedure :: modes
+      procedure :: holds, knows, is_complete, weight, dmean, modes
    end type cluster_t
 
    !> Largest number of roots in a cluster. Let g be the radius of the group and o the distance of

@@ -7,12 +7,12 @@
 module beamid_continuation
    use beamid_assembly, only: assembly_t
    use beamid_kinds, only: wp
-   use beamid_systems, only: find_whole_vector, improve_root
+   use beamid_systems, only: find_eigenvector, improve_root
    use beamid_vectors, only: find_vector, nearest_pole, root_t, vector_t
    implicit none
    private
 
-   public :: follow_roots, follow, meets, all_of, mirrored
+   public :: follow_roots, follow, coincides, with_conjugates, conjugate_of
 
    !> Largest number of steps; from a fair prediction, quadratic convergence takes three or four.
    integer, parameter :: most_steps = 8
@@ -47,7 +47,7 @@ contains
       do k = 1, size(root)
          expected = root(k)
          call follow(assembly, root(k), vector(k), followed(k))
-         if (followed(k)) followed(k) = .not. meets(root(k), root(:k - 1), followed(:k - 1))
+         if (followed(k)) followed(k) = .not. coincides(root(k), root(:k - 1), followed(:k - 1))
          if (followed(k)) cycle
          root(k) = expected
          if (assembly%is_dense() .or. 4*count(.not. followed(:k)) > size(root)) return
@@ -57,20 +57,20 @@ contains
    !> Returns whether a root coincides with one of others.
    !>
    !> known  (others) which of them are compared
-   pure logical function meets(root, others, known)
+   pure logical function coincides(root, others, known)
       type(root_t), intent(in) :: root, others(:)
       logical, intent(in) :: known(:)
       integer :: i
 
-      meets = .true.
+      coincides = .true.
       do i = 1, size(others)
          if (.not. known(i)) cycle
          associate (gap => root%s - others(i)%s, s => root%s)
             if (real(gap)**2 + aimag(gap)**2 <= apart**2*(real(s)**2 + aimag(s)**2)) return
          end associate
       end do
-      meets = .false.
-   end function meets
+      coincides = .false.
+   end function coincides
 
    !> Follows one root by Newton's method. A root that starts on the real axis stays there.
    !>
@@ -94,7 +94,7 @@ contains
       call nearest_pole(assembly, root)
       if (assembly%is_dense()) then
          call improve_root(assembly, root)
-         call find_whole_vector(assembly, root, vector)
+         call find_eigenvector(assembly, root, vector)
          followed = is_real .or. aimag(root%s) > 1e-3_wp*abs(root%s)
          return
       end if
@@ -125,19 +125,19 @@ contains
    end subroutine follow
 
    !> Returns the conjugate root, stored relative to the conjugate pole.
-   pure type(root_t) function mirrored(assembly, root)
+   pure type(root_t) function conjugate_of(assembly, root)
       type(assembly_t), intent(in) :: assembly
       type(root_t), intent(in) :: root
 
-      mirrored = root_t(root%j, root%origin, root%side, conjg(root%offset), conjg(root%s))
-      if (abs(aimag(assembly%pole(root%origin, root%side))) > 0) mirrored%side = 3 - root%side
-   end function mirrored
+      conjugate_of = root_t(root%j, root%origin, root%side, conjg(root%offset), conjg(root%s))
+      if (abs(aimag(assembly%pole(root%origin, root%side))) > 0) conjugate_of%side = 3 - root%side
+   end function conjugate_of
 
    !> Returns all roots, in the order of `find_roots`: one of each complex pair and of every two
    !> real roots in the first half, the other one in the second half.
    !>
    !> half  one of each complex pair and all real roots
-   pure function all_of(assembly, half) result(all)
+   pure function with_conjugates(assembly, half) result(all)
       type(assembly_t), intent(in) :: assembly
       type(root_t), intent(in) :: half(:)
       type(root_t), allocatable :: all(:)
@@ -151,12 +151,12 @@ contains
          if (abs(aimag(half(k)%s)) > 0) then
             pairs = pairs + 1
             all(pairs) = half(k)
-            all(n + pairs) = mirrored(assembly, half(k))
+            all(n + pairs) = conjugate_of(assembly, half(k))
          else
             reals = reals + 1
             all(reals + merge(0, 2*n - size(half), reals <= n)) = half(k)
          end if
       end do
-   end function all_of
+   end function with_conjugates
 
 end module beamid_continuation

@@ -36,8 +36,7 @@ module beamid_cvode
       integer :: max_order = 5               !< largest order of the BDF, 1 .. 5
       integer(ip) :: max_steps = 1000000     !< largest number of steps per response
    contains
-      procedure :: respond
-      procedure :: relative_error
+      procedure :: respond, relative_error
    end type cvode_t
 
    !> One integration: the owner of all SUNDIALS handles and of the arrays behind their vectors.
@@ -223,13 +222,13 @@ contains
          call session%motion%acceleration([excitation%force(t), base(1, 2), base(1, 1)], y(:n), &
             y(n + 1:), a)
          response%displacement(k) = dot_product(equations%observer, y(:n)) &
-            + equations%lifted*base(1, 1)
+            + equations%base_coupling*base(1, 1)
          response%velocity(k) = dot_product(equations%observer, y(n + 1:)) &
-            + equations%lifted*base(1, 2)
+            + equations%base_coupling*base(1, 2)
          response%acceleration(k) = dot_product(equations%observer, a) &
-            + equations%lifted*base(1, 3)
+            + equations%base_coupling*base(1, 3)
          if (allocated(equations%tilt)) response%tilt(k) = dot_product(equations%tilt, y(:n)) &
-            + equations%tilted*base(1, 1)
+            + equations%base_tilt*base(1, 1)
       end associate
    end subroutine observe
 

@@ -11,6 +11,7 @@ module beamid_eigenvalues
    use beamid_interrupts, only: check_interrupt
    use beamid_kinds, only: wp
    use beamid_lapack, only: dgeev, dgesv
+   use beamid_systems, only: system_at
    use beamid_terms, only: bending, of_damping, of_stiffness
    use beamid_vectors, only: nearest_pole, root_t
    implicit none
@@ -71,35 +72,19 @@ contains
    subroutine large_roots(assembly, s)
       type(assembly_t), intent(in) :: assembly
       complex(wp), allocatable, intent(out) :: s(:)
-      real(wp), allocatable :: rigid(:, :), mass(:, :), b(:, :), a(:, :), scaled(:, :)
+      real(wp), allocatable :: rigid(:, :), mass(:, :), b(:, :), a(:, :)
       integer, allocatable :: pivots(:)
-      integer :: i, info, k, n, m, r
+      integer :: i, info, k, n, m
 
       n = assembly%n
-      r = size(assembly%v, 1)
-      associate (p => assembly%pencil(1), v => assembly%v)
-         rigid = v(pack([(k, k=1, r)], assembly%held), :)
-         m = n + size(rigid, 1)
-         allocate (mass(m, m), b(m, 2*n), a(2*n, 2*n), source=0.0_wp)
-         allocate (pivots(m))
-         scaled = v/spread(merge(huge(1.0_wp), assembly%compliance, assembly%held), 2, n)
-         mass(:n, :n) = matmul(transpose(v), matmul(p%hm, v))
-         b(:n, :n) = matmul(transpose(scaled), matmul(p%hk, v))
-         b(:n, n + 1:) = matmul(transpose(scaled), matmul(p%hc, v))
-         do i = 1, n
-            mass(i, i) = mass(i, i) + p%m(i)
-            b(i, i) = b(i, i) + p%k(i)
-            b(i, n + i) = b(i, n + i) + p%c(i)
-         end do
-         if (assembly%is_dense()) then
-            associate (e => assembly%beam)
-               b(:e, :e) = b(:e, :e) + assembly%dense(:, :, 2)
-               b(:e, n + 1:n + e) = b(:e, n + 1:n + e) + assembly%dense(:, :, 1)
-            end associate
-         end if
-         mass(n + 1:, :n) = rigid
-         mass(:n, n + 1:) = transpose(rigid)
-      end associate
+      rigid = assembly%v(pack([(k, k=1, size(assembly%v, 1))], assembly%rigid), :)
+      m = n + size(rigid, 1)
+      allocate (mass(m, m), b(m, 2*n), a(2*n, 2*n), source=0.0_wp)
+      allocate (pivots(m))
+      call assembly%full_matrices(merge(huge(1.0_wp), assembly%compliance, assembly%rigid), &
+         mass(:n, :n), b(:n, n + 1:), b(:n, :n))
+      mass(n + 1:, :n) = rigid
+      mass(:n, n + 1:) = transpose(rigid)
       call dgesv(m, 2*n, mass, m, pivots, b, m, info)
       allocate (s(0))
       if (info /= 0) return
@@ -118,37 +103,28 @@ contains
       type(assembly_t), intent(in) :: assembly
       real(wp), intent(in) :: shift
       complex(wp), allocatable, intent(out) :: s(:)
-      real(wp), allocatable :: P(:, :), b(:, :), a(:, :)
+      complex(wp), allocatable :: P(:, :), dP(:, :)
+      real(wp), allocatable :: matrix(:, :), b(:, :), a(:, :)
+      type(root_t) :: point
       integer, allocatable :: pivots(:)
       integer :: i, info, m, n
 
       n = assembly%n
       m = n + size(assembly%v, 1)
-      allocate (P(m, m), b(m, 2*m), a(2*m, 2*m), source=0.0_wp)
-      allocate (pivots(m))
-      associate (pencil => assembly%pencil(1), v => assembly%v)
-         P(:n, n + 1:) = matmul(transpose(v), (pencil%hm*shift + pencil%hc)*shift + pencil%hk)
-         b(:n, n + 1:m) = matmul(transpose(v), 2*pencil%hm*shift + pencil%hc)
-         b(:n, m + n + 1:) = matmul(transpose(v), pencil%hm)
-         P(n + 1:, :n) = v
-         do i = 1, m - n
-            P(n + i, n + i) = -assembly%compliance(i)
-         end do
+      allocate (P(m, m), dP(m, m), pivots(m))
+      allocate (b(m, 2*m), a(2*m, 2*m), source=0.0_wp)
+      point%s = shift
+      call nearest_pole(assembly, point)
+      call system_at(assembly, point, P, dP)
+      matrix = real(P)
+      b(:, :m) = real(dP)
+      associate (pencil => assembly%pencil(assembly%form_at(point%s)))
+         b(:n, m + n + 1:) = matmul(assembly%vt, pencil%hm)
          do i = 1, n
-            P(i, i) = pencil%m(i)*product(shift - real(assembly%pole(i, :)))
-            if (abs(aimag(assembly%pole(i, 1))) > 0) P(i, i) = pencil%m(i) &
-               *abs(shift - assembly%pole(i, 1))**2
-            b(i, i) = 2*pencil%m(i)*shift + pencil%c(i)
             b(i, m + i) = pencil%m(i)
          end do
       end associate
-      if (assembly%is_dense()) then
-         associate (e => assembly%beam)
-            P(:e, :e) = P(:e, :e) + assembly%dense(:, :, 1)*shift + assembly%dense(:, :, 2)
-            b(:e, :e) = b(:e, :e) + assembly%dense(:, :, 1)
-         end associate
-      end if
-      call dgesv(m, 2*m, P, m, pivots, b, m, info)
+      call dgesv(m, 2*m, matrix, m, pivots, b, m, info)
       allocate (s(0))
       if (info /= 0) return
       a(:m, :) = -b

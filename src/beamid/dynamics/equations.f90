@@ -7,13 +7,14 @@ module beamid_equations
    use beamid_bands, only: band_t, new_band
    use beamid_constraints, only: constraints_t
    use beamid_excitation, only: excitation_t
-   use beamid_galerkin, only: galerkin_t, mesh_t
+   use beamid_galerkin, only: galerkin_t, mesh_t, slope_band
    use beamid_kinds, only: wp
    use beamid_static_shapes, only: find_static_shape, hold_hose
    use beamid_structure, only: structure_t
-   use beamid_terms, only: bending, force_value, hose, inertia, is_spring, load_shape, &
-      of_compliance, of_damping, of_load, of_mass, of_stiffness, operators, place_on_mesh, pulls, &
-      root_slope, sensor_slope, sensor_value, strengths, stretch, tilting, tip_value, weight
+   use beamid_terms, only: bending, force_value, hose, inertia, is_axial_force, is_spring, &
+      load_shape, of_compliance, of_damping, of_load, of_mass, of_stiffness, operators, &
+      place_on_mesh, root_slope, sensor_slope, sensor_value, strengths, stretch, tilting, &
+      tip_value, weight
    implicit none
    private
 
@@ -33,9 +34,9 @@ module beamid_equations
       real(wp), allocatable :: base_loads(:, :)
       !> displacement of the sensor, per unit displacement of the base, that the unknowns do not
       !> contain
-      real(wp) :: lifted = 0
-      !> reading of the sensor due to gravity [1/time**2] that belongs to `lifted`
-      real(wp) :: tilted = 0
+      real(wp) :: base_coupling = 0
+      !> reading of the sensor due to gravity [1/time**2] that belongs to `base_coupling`
+      real(wp) :: base_tilt = 0
       !> (splines) <theta, b> of a distributed load (3.10); not allocated: no distributed load
       real(wp), allocatable :: shape(:)
       real(wp), allocatable :: tip(:)        !< (n) displacement of the tip = tip . w
@@ -43,7 +44,7 @@ module beamid_equations
       !> (n) reading of a tilted sensor due to gravity = tilt . w; not allocated: no gravity
       real(wp), allocatable :: tilt(:)
       !> (splines) stiffness due to axial force and weight; empty: neither acts
-      type(band_t) :: pull
+      type(band_t) :: geometric_stiffness
       !> (n, operators) row vector of each operator at a point (value or slope = point . w); 0 for
       !> the others
       real(wp), allocatable :: point(:, :)
@@ -60,9 +61,7 @@ module beamid_equations
       real(wp) :: omega = 0                  !< estimate of the first angular frequency [1/time]
       real(wp) :: displacement = 0           !< estimate of the size of the displacement [length]
    contains
-      procedure :: subtract_internal_force
-      procedure :: strain_energy
-      procedure :: buckles
+      procedure :: subtract_internal_force, strain_energy, buckles
    end type equations_t
 
 contains
@@ -71,8 +70,8 @@ contains
    !> that moves.
    !>
    !> galerkin    integrals of the mesh. The result points to them, so they must outlive it. If the
-   !>             root is not rigid, its space must have `turning`. Its length may differ from the
-   !>             structure's.
+   !>             root is not rigid, its space must have `root_rotation`. Its length may differ from
+   !>             the structure's.
    !> structure   beam and attachments
    !> excitation  force or base motion
    !> matrices    .false.: leave out M, C and K, for a solver that works in modes; default .true.
@@ -95,7 +94,7 @@ contains
          if (.not. matrices) return
       end if
       self%factor = galerkin%known
-      if (structure%varies_further()) then
+      if (structure%has_fields()) then
          do k = 1, size(self%factor, 1)
             self%factor(k, :) = self%factor(k, :)*structure%factors(galerkin%bent%xi(k))
          end do
@@ -104,8 +103,8 @@ contains
       ! The B-splines add up to degree!. The unknown of the hose is its displacement.
       allocate (self%unit(n), source=1.0_wp)
       self%unit(:galerkin%space%n) = gamma(galerkin%mesh%degree + 1.0_wp)
-      if (any(pulls([(k, k=1, size(operators))]) .and. abs(self%strength(:, of_stiffness)) > 0)) &
-         call find_pull(self)
+      if (any(is_axial_force([(k, k=1, size(operators))]) .and. &
+         abs(self%strength(:, of_stiffness)) > 0)) call find_geometric_stiffness(self)
       self%mass = sum_of_terms(self, of_mass)
       self%damping = sum_of_terms(self, of_damping)
       self%stiffness = sum_of_terms(self, of_stiffness)
@@ -177,11 +176,11 @@ contains
             bent = g%viscous
             inert = g%air
          end if
-         if (self%structure%varies_further() .and. matrix /= of_mass) &
+         if (self%structure%has_fields() .and. matrix /= of_mass) &
             bent = g%bending_band(self%factor(:, merge(1, 2, matrix == of_stiffness)))
          band%a(:, :g%space%n) = s(bending)*bent%a + s(inertia)*inert%a
-         if (matrix == of_stiffness .and. allocated(self%pull%a)) &
-            band%a(:, :g%space%n) = band%a(:, :g%space%n) + self%pull%a
+         if (matrix == of_stiffness .and. allocated(self%geometric_stiffness%a)) &
+            band%a(:, :g%space%n) = band%a(:, :g%space%n) + self%geometric_stiffness%a
          do k = 1, size(s)
             if (abs(s(k)) > 0) call band%add_rank_one(s(k), self%point(:, k))
          end do
@@ -189,21 +188,22 @@ contains
    end function sum_of_terms
 
    !> Sets the stiffness due to axial force and weight.
-   subroutine find_pull(self)
+   subroutine find_geometric_stiffness(self)
       type(equations_t), intent(inout) :: self
       type(band_t) :: part
       integer :: k
 
       associate (g => self%galerkin, s => self%strength(:, of_stiffness))
-         self%pull = new_band(g%space%n, g%inertia%kd)
+         self%geometric_stiffness = new_band(g%space%n, g%inertia%kd)
          do k = 1, size(operators)
-            if (.not. (pulls(k) .and. abs(s(k)) > 0)) cycle
-            part = g%slope_band(place_on_mesh(k, self%structure, g%space%length), &
+            if (.not. (is_axial_force(k) .and. abs(s(k)) > 0)) cycle
+            part = slope_band(g%space, g%variations, &
+               place_on_mesh(k, self%structure, g%space%length), &
                merge(0.0_wp, s(k), k == weight), merge(s(k), 0.0_wp, k == weight))
-            self%pull%a = self%pull%a + part%a
+            self%geometric_stiffness%a = self%geometric_stiffness%a + part%a
          end do
       end associate
-   end subroutine find_pull
+   end subroutine find_geometric_stiffness
 
    !> Returns whether axial force and weight make K lose its positive definiteness, i.e. buckle the
    !> beam.
@@ -213,7 +213,7 @@ contains
       logical :: positive
 
       buckles = .false.
-      if (.not. allocated(self%pull%a)) return
+      if (.not. allocated(self%geometric_stiffness%a)) return
       factor = self%stiffness
       call hold_hose(self%structure, factor)
       call factor%factor(positive)
@@ -239,8 +239,8 @@ contains
          end do
       end associate
       call bend_at_supports(self, bent)
-      self%lifted = dot_product(self%observer, bent)
-      if (allocated(self%tilt)) self%tilted = dot_product(self%tilt, bent)
+      self%base_coupling = dot_product(self%observer, bent)
+      if (allocated(self%tilt)) self%base_tilt = dot_product(self%tilt, bent)
       self%load = loads(:, 1) - self%mass%times(bent)
       ! K times this shape is a force at the supports, which do not move.
       self%base_loads = loads(:, 2:)
@@ -279,7 +279,7 @@ contains
 
       rigid = pack([(k, k=1, size(operators))], [(is_spring(k, self%structure), &
          k=1, size(operators))] .and. .not. self%strength(:, of_compliance) > 0)
-      if (self%galerkin%space%turning == 0) rigid = pack(rigid, rigid /= root_slope)
+      if (self%galerkin%space%root_rotation == 0) rigid = pack(rigid, rigid /= root_slope)
    end function rigid_operators
 
    !> Eliminates the constraints of the rigid supports from matrices and vectors.
@@ -366,7 +366,8 @@ contains
          else if (c(inertia) > 0) then
             call self%galerkin%inertia%add_product(-c(inertia), v(:n), force(:n))
          end if
-         if (allocated(self%pull%a)) call self%pull%add_product(-1.0_wp, w(:n), force(:n))
+         if (allocated(self%geometric_stiffness%a)) &
+            call self%geometric_stiffness%add_product(-1.0_wp, w(:n), force(:n))
       end associate
    end subroutine subtract_beam_force
 
@@ -383,8 +384,8 @@ contains
       bent = self%constraints%expanded(x)
       associate (n => self%galerkin%space%n, s => self%strength(:, of_stiffness))
          strain_energy = s(bending)*self%galerkin%bending_energy(bent(:n), self%factor(:, 1))
-         if (allocated(self%pull%a)) strain_energy = strain_energy &
-            + dot_product(bent(:n), self%pull%times(bent(:n)))
+         if (allocated(self%geometric_stiffness%a)) strain_energy = strain_energy &
+            + dot_product(bent(:n), self%geometric_stiffness%times(bent(:n)))
          do k = bending + 1, size(s)
             if (abs(s(k)) > 0) strain_energy = strain_energy &
                + s(k)*dot_product(self%point(:, k), x)**2

@@ -37,8 +37,7 @@ module beamid_free_motion
       !> the cluster to which the mode belongs; not allocated: none
       type(cluster_t), allocatable :: cluster
    contains
-      procedure :: states
-      procedure :: as_seen_beside
+      procedure :: states, as_seen_beside
    end type free_mode_t
 
 contains

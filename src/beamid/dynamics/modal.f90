@@ -16,7 +16,7 @@ module beamid_modal
    use beamid_modes, only: bare_beam_modes, beam_modes_t, buckled
    use beamid_pole_derivatives, only: differentiate_poles
    use beamid_pole_search, only: find_poles
-   use beamid_poles, only: observe_also, poles_t
+   use beamid_poles, only: find_residues, poles_t
    use beamid_responses, only: exact_solver_t, of_tilt, work_t
    use beamid_structure, only: of_g, of_length, same_structure, structure_t
    use beamid_structure_checks, only: check_axial_load
@@ -34,7 +34,7 @@ module beamid_modal
       type(mesh_t), private :: mesh = mesh_t()
       type(poles_t), private :: poles = poles_t()         !< poles of the last structure
       !> the same poles, observed at the slope of the sensor; only if there is gravity
-      type(poles_t), private :: slope_poles = poles_t()
+      type(poles_t), private :: tilt_poles = poles_t()
       !> the last structure; not allocated: `poles` is not valid
       type(structure_t), allocatable, private :: structure
       !> kind of load of `poles`: a distributed force, a base that moves
@@ -44,10 +44,7 @@ module beamid_modal
       !> (operators) rows of the assembly of `poles`
       integer, allocatable, private :: rows(:)
    contains
-      procedure :: prepare
-      procedure :: motions
-      procedure :: free_modes
-      procedure :: lowest_roots
+      procedure :: prepare, motions, free_modes, lowest_roots
       procedure, private :: solve
    end type modal_t
 
@@ -112,7 +109,7 @@ contains
       motion = 0
       if (.not. (equations%structure%g > 0 .or. any(parameters == of_g))) return
       allocate (slopes(size(times), 0:size(parameters), 1))
-      call synthesize(self%slope_poles, excitation, times, [1], slopes)
+      call synthesize(self%tilt_poles, excitation, times, [1], slopes)
       associate (s => equations%structure)
          unit = s
          unit%g = 1
@@ -143,8 +140,18 @@ contains
       work%solves = work%solves + 1
       call check_interrupt(error)
       if (allocated(error)) return
-      call check_mesh(self, equations%galerkin, error)
-      if (allocated(error)) return
+      if (.not. allocated(self%modes)) then
+         call failure(error, 'modal: the modes of the mesh have not been prepared')
+         return
+      end if
+      associate (galerkin => equations%galerkin, space => self%modes%space)
+         if (.not. same_mesh(self%mesh, galerkin%mesh) .or. &
+            space%root_rotation /= galerkin%space%root_rotation .or. &
+            abs(space%length - galerkin%space%length) > 0) then
+            call failure(error, 'modal: prepared for another mesh')
+            return
+         end if
+      end associate
       call check_axial_load(equations%structure, error)
       if (allocated(error)) return
       call assemble(self%modes, equations, excitation, parameters, assembly)
@@ -156,25 +163,10 @@ contains
          if (all(self%poles%parameters == parameters)) return
       end if
       call differentiate_poles(assembly, self%poles)
-      if (assembly%turn == 0) return
-      assembly%sensor = assembly%turn
-      call differentiate_poles(assembly, self%slope_poles, also=self%poles)
+      if (assembly%tilt_row == 0) return
+      assembly%sensor = assembly%tilt_row
+      call differentiate_poles(assembly, self%tilt_poles)
    end subroutine solve
-
-   !> Checks that the solver is prepared for a mesh.
-   subroutine check_mesh(self, galerkin, error)
-      class(modal_t), intent(in) :: self
-      type(galerkin_t), intent(in) :: galerkin
-      type(error_t), allocatable, intent(out) :: error
-
-      if (.not. allocated(self%modes)) then
-         call failure(error, 'modal: the modes of the mesh have not been prepared')
-      else if (.not. same_mesh(self%mesh, galerkin%mesh) .or. &
-         self%modes%space%turning /= galerkin%space%turning .or. &
-         abs(self%modes%space%length - galerkin%space%length) > 0) then
-         call failure(error, 'modal: prepared for another mesh')
-      end if
-   end subroutine check_mesh
 
    !> Finds the poles of a structure at the sensor, and at the slope of the sensor if it reads
    !> gravity, starting from those of the last structure.
@@ -197,10 +189,13 @@ contains
          call failure(error, 'modal: '//buckled)
          return
       end if
-      if (assembly%turn > 0) then
+      if (assembly%tilt_row > 0) then
          slope_assembly = assembly
-         slope_assembly%sensor = assembly%turn
-         call observe_also(slope_assembly, self%poles, self%slope_poles, error)
+         slope_assembly%sensor = assembly%tilt_row
+         self%tilt_poles%root = self%poles%root
+         self%tilt_poles%all = self%poles%all
+         self%tilt_poles%vector = self%poles%vector
+         call find_residues(slope_assembly, self%tilt_poles, error)
          if (allocated(error)) return
       end if
       self%structure = structure
@@ -292,8 +287,8 @@ contains
       load%base = excitation%is_base
       if (excitation%distributed) then
          load%shape = matmul(equations%shape(:modes%space%n), modes%shapes)   ! (3.10)
-         ! The first mode of a beam with a rotating root is the rigid-body rotation, modes%turn*x.
-         if (modes%turn > 0) load%shape(1) = modes%turn*modes%space%length &
+         ! The first mode of a beam with a rotating root is its rotation as a rigid body.
+         if (modes%rotation > 0) load%shape(1) = modes%rotation*modes%space%length &
             *equations%galerkin%integral(excitation%power + 1)
       end if
       assembly = new_assembly(equations%structure, modes, parameters, load)

@@ -5,6 +5,7 @@ module beamid_mode_shapes
    use beamid_errors, only: error_t, failure
    use beamid_kinds, only: wp
    use beamid_strings, only: to_text
+   use beamid_vectors, only: eliminate
    implicit none
    private
 
@@ -26,10 +27,11 @@ contains
       complex(wp), allocatable, intent(out) :: shapes(:, :)
       type(error_t), allocatable, intent(out) :: error
       real(wp), parameter :: beside = 1e-7_wp
-      complex(wp) :: matrix(equations%n, equations%n), u(equations%n), s, largest
+      complex(wp), dimension(equations%n, equations%n) :: matrix, factors
+      complex(wp) :: u(equations%n, 1), s, largest
       real(wp) :: basis(size(x), equations%galerkin%space%n)
       real(wp), allocatable :: re(:), im(:)
-      integer :: order(equations%n), i, j, k, sweep
+      integer :: i, j, k, sweep
       logical :: regular
 
       associate (space => equations%galerkin%space, length => equations%structure%length)
@@ -45,19 +47,18 @@ contains
                      + s*equations%damping%element(i, j) + equations%stiffness%element(i, j)
                end do
             end do
-            call factor(matrix, order, regular)
-            if (.not. regular) then
-               call failure(error, 'shape of mode '//to_text(k)//': no solution')
-               return
-            end if
             u = 1
             do sweep = 1, 3
-               u = u(order)
-               call solve(matrix, u)
+               factors = matrix
+               call eliminate(equations%n, 1, factors, u, regular)
+               if (.not. regular) then
+                  call failure(error, 'shape of mode '//to_text(k)//': no solution')
+                  return
+               end if
                u = u/maxval(abs(u))
             end do
-            re = equations%constraints%expanded(real(u))
-            im = equations%constraints%expanded(aimag(u))
+            re = equations%constraints%expanded(real(u(:, 1)))
+            im = equations%constraints%expanded(aimag(u(:, 1)))
             shapes(:, k) = cmplx(matmul(basis, re(:space%n)), matmul(basis, im(:space%n)), wp)
             largest = shapes(maxloc(abs(shapes(:, k)), dim=1), k)
             if (.not. abs(largest) > 0) then
@@ -68,53 +69,5 @@ contains
          end do
       end associate
    end subroutine mode_shapes
-
-   !> Computes the LU factors of a matrix, by elimination with row pivoting. LAPACK does not serve:
-   !> the last bits of the results of a threaded LAPACK differ from run to run, and those of a table
-   !> must not.
-   !>
-   !> a        (n, n) in: the matrix; out: its factors, L with ones on the diagonal
-   !> order    (n) rows of the matrix in the order of the factors
-   !> regular  .false.: a pivot is zero or not a number
-   pure subroutine factor(a, order, regular)
-      complex(wp), intent(inout) :: a(:, :)
-      integer, intent(out) :: order(:)
-      logical, intent(out) :: regular
-      integer :: i, j, n, pivot
-
-      n = size(order)
-      order = [(i, i=1, n)]
-      regular = .false.
-      do j = 1, n
-         pivot = j - 1 + maxloc(abs(a(j:, j)), dim=1)
-         if (.not. abs(a(pivot, j)) > 0) return
-         if (pivot /= j) then
-            order([j, pivot]) = order([pivot, j])
-            a([j, pivot], :) = a([pivot, j], :)
-         end if
-         a(j + 1:, j) = a(j + 1:, j)/a(j, j)
-         do i = j + 1, n
-            a(j + 1:, i) = a(j + 1:, i) - a(j, i)*a(j + 1:, j)
-         end do
-      end do
-      regular = .true.
-   end subroutine factor
-
-   !> Solves A x = b in place with the factors of `factor`.
-   !>
-   !> b  (n) in: right-hand side, its rows in the order of the factors; out: solution
-   pure subroutine solve(a, b)
-      complex(wp), intent(in) :: a(:, :)
-      complex(wp), intent(inout) :: b(:)
-      integer :: j
-
-      do j = 1, size(b)
-         b(j + 1:) = b(j + 1:) - b(j)*a(j + 1:, j)
-      end do
-      do j = size(b), 1, -1
-         b(j) = b(j)/a(j, j)
-         b(:j - 1) = b(:j - 1) - b(j)*a(:j - 1, j)
-      end do
-   end subroutine solve
 
 end module beamid_mode_shapes

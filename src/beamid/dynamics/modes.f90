@@ -5,9 +5,10 @@ module beamid_modes
    use beamid_bands, only: band_t
    use beamid_equations, only: equations_t
    use beamid_errors, only: error_t, failure
-   use beamid_galerkin, only: galerkin_t, slope_points
+   use beamid_galerkin, only: galerkin_t, slope_band
    use beamid_interrupts, only: check_interrupt
    use beamid_kinds, only: wp
+   use beamid_matrices, only: add_diagonal
    use beamid_splines, only: spline_space_t
    use beamid_structure_checks, only: check_axial_load
    use beamid_variations, only: variations_t
@@ -30,13 +31,9 @@ module beamid_modes
       real(wp), allocatable :: tip(:)          !< (n) values phi(l)
       !> (n, 2) integrals of phi over the beam, with the known factor of the mass and without
       real(wp), allocatable :: total(:, :)
-      !> The first mode of the pinned beam is turn*x [length**(-3/2)]; 0: the beam is clamped.
-      real(wp) :: turn = 0
+      !> The first mode of the pinned beam is rotation*x [length**(-3/2)]; 0: the beam is clamped.
+      real(wp) :: rotation = 0
       type(spline_space_t) :: space            !< spline space of the shapes
-      !> for `tension`, set by `tabulate_slopes`: (points) positions and weights of Gauss points
-      !> along the beam [length], and (points, n) slopes of the modes there
-      real(wp), allocatable :: points(:), weights(:), slopes(:, :)
-      real(wp), allocatable :: beyond(:)       !< (points) mass beyond each point over rho [length]
       type(variations_t) :: variations         !< variation of the properties along the beam
       !> (bending points) positions x/l, (bending points, 2) known factors of stiffness and
       !> viscosity
@@ -46,12 +43,9 @@ module beamid_modes
       real(wp), allocatable :: curvatures(:, :)
       !> (n, n, 2) phi' A phi of air damping and phi' V phi of viscosity, less those of inertia and
       !> bending (unit matrix and mu); not allocated: no property has known variation
-      real(wp), allocatable :: rest(:, :, :)
+      real(wp), allocatable :: damping_remainder(:, :, :)
    contains
-      procedure :: at
-      procedure :: tabulate_slopes
-      procedure :: bending_products
-      procedure :: tension
+      procedure :: at, bending_products, tension
    end type beam_modes_t
 
    interface
@@ -115,18 +109,29 @@ contains
          modes%total(:, 1) = modes%total(:, 2)
          if (galerkin%varies) modes%total(:, 1) = matmul(galerkin%moments(0.0_wp, mass=.true.), &
             modes%shapes)
-         if (galerkin%space%turning > 0) call set_rotation(galerkin, modes)
+         if (galerkin%space%root_rotation > 0) call set_rotation(galerkin, modes)
          modes%mu = [(galerkin%bending_energy(modes%shapes(:, k)), k=1, size(modes%shapes, 2))]
-         if (galerkin%space%turning > 0) modes%mu(1) = 0
+         if (galerkin%space%root_rotation > 0) modes%mu(1) = 0
          modes%tip = modes%at(length, 0)
-         if (galerkin%varies) call set_damping_rest(galerkin, modes)
+         if (galerkin%varies) then
+            allocate (modes%damping_remainder(size(modes%mu), size(modes%mu), 2))
+            associate (remainder => modes%damping_remainder)
+               remainder(:, :, 1) = projected(galerkin%air, modes%shapes)
+               remainder(:, :, 2) = projected(galerkin%viscous, modes%shapes)
+               call add_diagonal(remainder(:, :, 1), spread(-1.0_wp, 1, size(modes%mu)))
+               call add_diagonal(remainder(:, :, 2), -modes%mu)
+            end associate
+         end if
          modes%variations = galerkin%variations
          modes%bent = galerkin%bent%xi
          modes%known = galerkin%known
          associate (v => modes%variations)
             if (v%dips .or. any(v%along%coefficients > 0)) then
-               modes%curvatures = galerkin%curvatures(modes%shapes)
-               if (modes%turn > 0) modes%curvatures(:, 1) = 0
+               allocate (modes%curvatures(size(modes%bent), size(modes%mu)))
+               do k = 1, size(modes%mu)
+                  modes%curvatures(:, k) = galerkin%curvatures(modes%shapes(:, k))
+               end do
+               if (modes%rotation > 0) modes%curvatures(:, 1) = 0
             end if
          end associate
       end associate
@@ -143,9 +148,9 @@ contains
       integer :: k
 
       associate (length => galerkin%space%length)
-         modes%turn = 1/(length*sqrt(galerkin%integral(2.0_wp, mass=.true.)))
-         moment = modes%turn*length*galerkin%moments(1.0_wp, mass=.true.)
-         modes%total(1, :) = modes%turn*length*[galerkin%integral(1.0_wp, mass=.true.), &
+         modes%rotation = 1/(length*sqrt(galerkin%integral(2.0_wp, mass=.true.)))
+         moment = modes%rotation*length*galerkin%moments(1.0_wp, mass=.true.)
+         modes%total(1, :) = modes%rotation*length*[galerkin%integral(1.0_wp, mass=.true.), &
             galerkin%integral(1.0_wp)]
       end associate
       factor = galerkin%inertia
@@ -161,75 +166,34 @@ contains
       end do
    end subroutine set_rotation
 
-   !> Computes the coupling of the modes by air damping and viscosity (`rest`) for a beam whose
-   !> properties have known variation.
-   subroutine set_damping_rest(galerkin, modes)
-      type(galerkin_t), intent(in) :: galerkin
-      type(beam_modes_t), intent(inout) :: modes
-      integer :: i, j
-
-      associate (n => size(modes%mu), shapes => modes%shapes)
-         allocate (modes%rest(n, n, 2))
-         do j = 1, n
-            modes%rest(:, j, 1) = matmul(galerkin%air%times(shapes(:, j)), shapes)
-            modes%rest(:, j, 2) = matmul(galerkin%viscous%times(shapes(:, j)), shapes)
-         end do
-         do i = 1, n
-            modes%rest(i, i, :) = modes%rest(i, i, :) - [1.0_wp, modes%mu(i)]
-         end do
-      end associate
-   end subroutine set_damping_rest
-
-   !> Tabulates the slopes of the modes for `tension`, unless this has been done before.
-   subroutine tabulate_slopes(self)
-      class(beam_modes_t), intent(inout) :: self
-      integer :: k
-
-      if (allocated(self%slopes)) return
-      call slope_points(self%space, self%space%length, self%variations, self%points, self%weights)
-      allocate (self%slopes(size(self%points), size(self%mu)))
-      allocate (self%beyond(size(self%points)))
-      do k = 1, size(self%points)
-         self%slopes(k, :) = self%at(self%points(k), 1)
-         self%beyond(k) = self%space%length &
-            *self%variations%mass_beyond(self%points(k)/self%space%length)
-      end do
-   end subroutine tabulate_slopes
-
    !> Returns the integrals of (a + b m) phi_i' phi_j' from the root to a position x; m is the mass
-   !> beyond a point, divided by rho. Requires `tabulate_slopes`.
+   !> beyond a point, divided by rho.
    !>
    !> x       upper end of the integral, 0 .. l [length]
-   !> a, b    coefficients [1], [1/length]; b counts only if x = l
+   !> a, b    coefficients [1], [1/length]
    !> values  (n, n)
    function tension(self, x, a, b) result(values)
       class(beam_modes_t), intent(in) :: self
       real(wp), intent(in) :: x, a, b
       real(wp) :: values(size(self%mu), size(self%mu))
-      real(wp), allocatable :: weights(:), slopes(:, :)
-      integer :: cut, q, after, before
 
-      associate (l => self%space%length, ends => self%space%ends)
-         cut = self%space%elements
-         if (x < l) cut = self%space%element_of(x)
-         before = count(self%points < ends(cut))
-         weights = self%weights(:before)*(a + b*self%beyond(:before))
-         slopes = self%slopes(:before, :)
-         if (x < l) then
-            ! The part before x of the element that contains x.
-            after = count(self%points < ends(cut + 1))
-            associate (share => (x - ends(cut))/(ends(cut + 1) - ends(cut)))
-               weights = [weights, self%weights(before + 1:after)*share*a]
-               slopes = reshape([transpose(slopes), [(self%at(ends(cut) + (self%points(q) &
-                  - ends(cut))*share, 1), q=before + 1, after)]], [size(weights), &
-                  size(self%mu)], order=[2, 1])
-            end associate
-         end if
-         do q = 1, size(self%mu)
-            values(:, q) = matmul(weights*slopes(:, q), slopes)
-         end do
-      end associate
+      values = projected(slope_band(self%space, self%variations, x, a, b), self%shapes)
    end function tension
+
+   !> Returns the products phi_i' A phi_j of all modes with a band matrix A.
+   !>
+   !> shapes  (n, modes) columns phi
+   !> values  (modes, modes)
+   function projected(band, shapes) result(values)
+      type(band_t), intent(in) :: band
+      real(wp), intent(in) :: shapes(:, :)
+      real(wp) :: values(size(shapes, 2), size(shapes, 2))
+      integer :: j
+
+      do j = 1, size(shapes, 2)
+         values(:, j) = matmul(band%times(shapes(:, j)), shapes)
+      end do
+   end function projected
 
    !> Returns the integrals of f phi_i'' phi_j''.
    !>
@@ -265,8 +229,8 @@ contains
 
       b = self%space%at(x, derivative)
       values = matmul(b, self%shapes)
-      if (self%turn > 0) values(1) = self%turn*merge(x, merge(1.0_wp, 0.0_wp, derivative == 1), &
-         derivative == 0)
+      if (self%rotation > 0) values(1) = self%rotation*merge(x, &
+         merge(1.0_wp, 0.0_wp, derivative == 1), derivative == 0)
    end function at
 
    !> Computes the eigenvectors of K x = lambda M x, in ascending order of lambda, with x' M x = 1.

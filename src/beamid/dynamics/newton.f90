@@ -33,10 +33,7 @@ module beamid_newton
       type(band_t), private :: step_factor
       real(wp), private :: gamma = -1           !< gamma of `step_factor` [time]; -1: none
    contains
-      procedure :: derivative
-      procedure :: drive
-      procedure :: acceleration
-      procedure :: newton_step
+      procedure :: derivative, drive, acceleration, newton_step
       final :: release
    end type motion_t
 

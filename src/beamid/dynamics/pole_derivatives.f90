@@ -7,16 +7,14 @@
 !>
 !> The residue r = (o'x)(x'F)/A depends on p through s, x, o, F and M, C. The derivative of x
 !> itself is not needed: one adjoint vector per root serves all parameters (`differentiate_root`).
-!> If the assembly is dense, the derivatives of x come from `beamid_systems`
-!> (`differentiate_residue`).
 module beamid_pole_derivatives
    use beamid_assembly, only: assembly_t
    use beamid_contours, only: measure
    use beamid_kinds, only: wp
    use beamid_poles, only: is_unresolved, load_on, pair_weight, parameter_values, poles_t
-   use beamid_systems, only: differentiate_vector, vector_slope_t
+   use beamid_systems, only: solve_adjoint
    use beamid_terms, only: operators
-   use beamid_vectors, only: add_answer, most, root_t, solve_coupled, vector_t
+   use beamid_vectors, only: add_response, most, root_t, solve_coupled, vector_t
    implicit none
    private
 
@@ -27,14 +25,10 @@ contains
    !> Computes the derivatives of poles, residues and clusters with respect to the parameters of the
    !> assembly.
    !>
-   !> poles  in: the result of `find_poles`; out: `ds`, `dr`, `dimpulse`, `parameters`, `values`,
-   !>        and `slope` if the assembly is dense
-   !> also   the same roots at another sensor, differentiated before: the derivatives of their
-   !>        eigenvectors are used again; default: computed here
-   subroutine differentiate_poles(assembly, poles, also)
+   !> poles  in: the result of `find_poles`; out: `ds`, `dr`, `dimpulse`, `parameters`, `values`
+   subroutine differentiate_poles(assembly, poles)
       type(assembly_t), intent(in) :: assembly
       type(poles_t), intent(inout) :: poles
-      type(poles_t), intent(in), optional :: also
       complex(wp), dimension(size(assembly%parameters)) :: ds, dr
       integer :: k, p, n
 
@@ -48,24 +42,15 @@ contains
       poles%parameters = assembly%parameters
       poles%values = parameter_values(assembly)
       if (n == 0) return
-      if (assembly%is_dense() .and. .not. present(also)) then
-         if (allocated(poles%slope)) deallocate (poles%slope)
-         allocate (poles%slope(n, size(poles%s)))
-      end if
       do k = 1, size(poles%s)
          if (any(poles%cluster%holds(poles%s(k)))) cycle
          if (is_unresolved(assembly, poles%vector(k), poles%s(k))) then
             poles%ds(k, :) = 0
             poles%dr(k, :) = 0
-         else if (.not. assembly%is_dense()) then
+         else
             call differentiate_root(assembly, poles%root(k), poles%vector(k), ds, dr)
             poles%ds(k, :) = ds
             poles%dr(k, :) = pair_weight(poles%s(k))*dr
-         else if (present(also)) then
-            call differentiate_residue(assembly, poles, k, also%slope(:, k))
-         else
-            call differentiate_vector(assembly, poles%root(k), poles%vector(k), poles%slope(:, k))
-            call differentiate_residue(assembly, poles, k, poles%slope(:, k))
          end if
       end do
       do k = 1, size(poles%cluster)
@@ -78,7 +63,7 @@ contains
             end do
          end associate
       end do
-      call differentiate_impulse(assembly, poles%pushed, poles%dimpulse)
+      call differentiate_impulse(assembly, poles%accelerations, poles%dimpulse)
    end subroutine differentiate_poles
 
    !> Computes the derivatives of one root and of its residue by an adjoint vector.
@@ -89,15 +74,15 @@ contains
    !> oscillators z and the rows w, and does not depend on the parameter.
    !>
    !> ds, dr  (parameters) derivatives of the root and of its residue (not doubled for a pair)
-   pure subroutine differentiate_root(assembly, root, vector, ds, dr)
+   subroutine differentiate_root(assembly, root, vector, ds, dr)
       type(assembly_t), intent(in) :: assembly
       type(root_t), intent(in) :: root
       type(vector_t), intent(in) :: vector
       complex(wp), intent(out) :: ds(:), dr(:)
-      complex(wp) :: z(assembly%n)
+      complex(wp), dimension(assembly%n) :: z, dQx
       complex(wp), dimension(most) :: w, mu, shift, dHy
       complex(wp), dimension(size(operators)) :: xx, xz
-      complex(wp) :: observed, driven, r, dr_ds, x_Q_x, z_Q_x
+      complex(wp) :: observed, driven, r, dr_ds, x_Q_x, z_Q_x, x_E_x(2), z_E_x(2)
       integer :: c, p, l, rows
 
       rows = size(assembly%v, 1)
@@ -107,16 +92,22 @@ contains
          driven = load_on(assembly, vector, s)
          observed = y(assembly%sensor)/vector%A
          r = observed*driven/vector%A
-         call find_adjoint(assembly, root, vector, observed, driven/vector%A, z, w(:rows), &
+         dQx = vector%dD*x
+         if (assembly%is_dense()) dQx(:assembly%beam) = dQx(:assembly%beam) &
+            + matmul(assembly%dense(:, :, 1), x(:assembly%beam))
+         call find_adjoint(assembly, root, vector, dQx, observed, driven/vector%A, z, w(:rows), &
             mu(:rows))
          call assembly%products(form, x, y, x, y, xx(:c))
          call assembly%products(form, x, y, z, w(:rows), xz(:c))
-         call differentiate_by_root(assembly, root, vector, observed, r, z, w(:rows), dr_ds, &
+         call differentiate_by_root(assembly, root, vector, dQx, observed, r, z, w(:rows), dr_ds, &
             dHy(:rows))
          do p = 1, size(ds)
             associate (A_p => assembly%compliance_slope(:, p), moves => assembly%moves(:, p))
-               x_Q_x = assembly%varied(xx(:c), s, p)
-               z_Q_x = assembly%varied(xz(:c), s, p) + r*assembly%grown(xx(:c), s, p)
+               x_E_x = assembly%dense_products(x, x, p)
+               z_E_x = assembly%dense_products(x, z, p)
+               x_Q_x = assembly%system_derivative(xx(:c), s, p) + x_E_x(1)*s + x_E_x(2)
+               z_Q_x = assembly%system_derivative(xz(:c), s, p) + z_E_x(1)*s + z_E_x(2) &
+                  + r*(assembly%system_derivative_by_s(xx(:c), s, p) + x_E_x(1))
                if (any(abs(A_p) > 0)) then
                   x_Q_x = x_Q_x - sum(A_p*f*y)
                   z_Q_x = z_Q_x - sum(A_p*f*w(:rows)) - r*sum(A_p*y*dHy(:rows))
@@ -141,16 +132,17 @@ contains
    !> Computes the derivative of a residue with respect to its root: through Q, and through A and F,
    !> which depend on s explicitly.
    !>
+   !> dQx       (n) (2 s M + C) x of the oscillators, without the rows
    !> observed  o'x/A
    !> r         residue
    !> z, w      (n), (r) adjoint vector
    !> dr_ds     the derivative
    !> dHy       (r) H'(s) y
-   pure subroutine differentiate_by_root(assembly, root, vector, observed, r, z, w, dr_ds, dHy)
+   pure subroutine differentiate_by_root(assembly, root, vector, dQx, observed, r, z, w, dr_ds, dHy)
       type(assembly_t), intent(in) :: assembly
       type(root_t), intent(in) :: root
       type(vector_t), intent(in) :: vector
-      complex(wp), intent(in) :: observed, r, z(:), w(:)
+      complex(wp), intent(in) :: dQx(:), observed, r, z(:), w(:)
       complex(wp), intent(out) :: dr_ds, dHy(:)
       complex(wp) :: hmy
       integer :: i, l, rows
@@ -160,7 +152,7 @@ contains
          hm => assembly%pencil(vector%form)%hm, A => assembly%compliance, m => assembly%pencil(1)%m)
          dr_ds = 0
          do i = 1, assembly%n
-            dr_ds = dr_ds - x(i)*(vector%dD(i)*z(i) + 2*m(i)*(r*x(i)))
+            dr_ds = dr_ds - dQx(i)*z(i) - 2*m(i)*(r*x(i)**2)
          end do
          do i = 1, rows
             dHy(i) = 0
@@ -177,113 +169,60 @@ contains
       end associate
    end subroutine differentiate_by_root
 
-   !> Computes the derivatives of root k and of its residue from those of its eigenvector.
-   !>
-   !> poles   out: row k of `ds` and `dr`
-   !> slopes  (parameters) derivatives of the eigenvector
-   subroutine differentiate_residue(assembly, poles, k, slopes)
-      type(assembly_t), intent(in) :: assembly
-      type(poles_t), intent(inout) :: poles
-      integer, intent(in) :: k
-      type(vector_slope_t), intent(in) :: slopes(:)
-      complex(wp) :: driven, driven_p
-      integer :: p, r
-
-      r = size(assembly%v, 1)
-      associate (vector => poles%vector(k), s => poles%s(k), &
-         load => assembly%load(:, 2, poles%vector(k)%form))
-         driven = load_on(assembly, vector, s)
-         do p = 1, size(slopes)
-            associate (by => slopes(p))
-               driven_p = sum(assembly%rest*by%x) + sum(assembly%rest_slope(:, p)*vector%x) &
-                  + sum(assembly%push(:, vector%form)*by%y) &
-                  + sum(assembly%push_slope(:, vector%form, p)*vector%y(:r))
-               ! Velocity and displacement of the base.
-               if (assembly%feels_base) driven_p = driven_p &
-                  + (sum(assembly%velocity_load_slope(:, p)*vector%x) &
-                  + sum(load*(by%x - vector%x*by%s/s)) &
-                  - sum(assembly%base_coupling*(by%f - 2*vector%f(:r)*by%s/s))/s)/s
-               poles%ds(k, p) = by%s
-               poles%dr(k, p) = pair_weight(s)*(by%y(assembly%sensor)*driven &
-                  + vector%y(assembly%sensor)*(driven_p - driven*by%A/vector%A))/vector%A
-            end associate
-         end do
-      end associate
-   end subroutine differentiate_residue
-
    !> Computes the adjoint vector of a root, the solution of Q z = g with z_j = 0. g is the gradient
    !> of the residue with respect to the eigenvector, through o'x, x'F and A.
    !>
+   !> dQx               (n) as in `differentiate_by_root`
    !> observed, driven  o'x/A and x'F/A
    !> z                 (n) oscillators
    !> w                 (r) rows, as y of an eigenvector
    !> mu                (r) forces along the rows, as f of an eigenvector
-   pure subroutine find_adjoint(assembly, root, vector, observed, driven, z, w, mu)
+   subroutine find_adjoint(assembly, root, vector, dQx, observed, driven, z, w, mu)
       type(assembly_t), intent(in) :: assembly
       type(root_t), intent(in) :: root
       type(vector_t), intent(in) :: vector
-      complex(wp), intent(in) :: observed, driven
+      complex(wp), intent(in) :: dQx(:), observed, driven
       complex(wp), intent(out) :: z(:), w(:), mu(:)
-      complex(wp) :: force
-      integer :: i, l
+      complex(wp) :: force(size(z)), moved(size(w))
+      integer :: l
 
-      associate (v => assembly%v, y => vector%y, G => vector%G, H => vector%H, dH => vector%dH)
+      associate (y => vector%y, G => vector%G, H => vector%H, dH => vector%dH)
          w = 0
          if (assembly%feels_base) w = observed*assembly%base_coupling/root%s**2
          do l = 1, size(w)
-            mu(l) = observed*(assembly%push(l, vector%form) - 2*driven*sum(dH(:, l)*y(:size(w))))
+            mu(l) = observed*(assembly%load_rows(l, vector%form) &
+               - 2*driven*sum(dH(:, l)*y(:size(w))))
          end do
          mu(assembly%sensor) = mu(assembly%sensor) + driven
-         call solve_oscillators(assembly%n, size(w), observed, 2*observed*driven, assembly%rest, &
-            vector%dD, vector%x, vector%inverse, assembly%v, z, w)
-         if (assembly%feels_base) then
-            do i = 1, assembly%n
-               force = observed*assembly%load(i, 2, vector%form)/root%s*vector%inverse(i)
-               z(i) = z(i) + force
-               w = w + v(:, i)*force
-            end do
+         force = observed*assembly%load_remainder - 2*observed*driven*dQx
+         if (assembly%feels_base) force = force &
+            + observed*assembly%load(:, 2, vector%form)/root%s
+         if (assembly%is_dense()) then
+            moved = w
+            call solve_adjoint(assembly, root, force, mu, moved, z, w)
+            mu = matmul(H, w) - mu
+            return
          end if
+         z = force*vector%inverse
          do l = 1, size(w)
-            w(l) = w(l) + sum(G(:, l)*mu)
+            w(l) = w(l) + sum(assembly%vt(:, l)*z) + sum(G(:, l)*mu)
          end do
          call solve_coupled(assembly, vector, w)
          do l = 1, size(w)
             mu(l) = sum(H(:, l)*w) - mu(l)
          end do
-         call add_answer(assembly%n, size(w), assembly%vt, mu, vector%inverse, z)
+         call add_response(assembly%n, size(w), assembly%vt, mu, vector%inverse, z)
       end associate
    end subroutine find_adjoint
-
-   !> Computes z = D**-1 (a load - b D'x), the oscillators without forces along the rows, and adds
-   !> V'z to w.
-   !>
-   !> n, r     numbers of oscillators and rows (explicit shapes, for speed)
-   !> inverse  1/D(s), 0 for oscillator j
-   !> dD       D'(s)
-   pure subroutine solve_oscillators(n, r, a, b, load, dD, x, inverse, v, z, w)
-      integer, intent(in) :: n, r
-      complex(wp), intent(in) :: a, b, dD(n), x(n), inverse(n)
-      real(wp), intent(in) :: load(n), v(r, n)
-      complex(wp), intent(out) :: z(n)
-      complex(wp), intent(inout) :: w(r)
-      integer :: i, l
-
-      do i = 1, n
-         z(i) = (a*load(i) - b*dD(i)*x(i))*inverse(i)
-         do l = 1, r
-            w(l) = w(l) + v(l, i)*z(i)
-         end do
-      end do
-   end subroutine solve_oscillators
 
    !> Computes the derivatives of o'M**-1 F: -(M**-1 o)'M_p (M**-1 F), plus the contributions of
    !> points that move and of a load that depends on the parameter.
    !>
-   !> pushed  (n + r, 2) M**-1 F and M**-1 o, as in `poles_t`
+   !> accelerations  (n + r, 2) M**-1 F and M**-1 o, as in `poles_t`
    !> slopes  (parameters)
-   subroutine differentiate_impulse(assembly, pushed, slopes)
+   subroutine differentiate_impulse(assembly, accelerations, slopes)
       type(assembly_t), intent(in) :: assembly
-      real(wp), intent(in) :: pushed(:, :)
+      real(wp), intent(in) :: accelerations(:, :)
       real(wp), intent(out) :: slopes(:)
       real(wp), dimension(size(assembly%v, 1)) :: shift, row_force
       real(wp) :: hm(size(assembly%v, 1), size(assembly%v, 1))
@@ -291,17 +230,18 @@ contains
       integer :: n, p
 
       n = assembly%n
-      associate (x => pushed(:n, 1), yx => pushed(n + 1:, 1), o => pushed(:n, 2), &
-         yo => pushed(n + 1:, 2), d => assembly%v_slope)
+      associate (x => accelerations(:n, 1), yx => accelerations(n + 1:, 1), &
+         o => accelerations(:n, 2), yo => accelerations(n + 1:, 2), d => assembly%v_slope)
          call assembly%products(1, cmplx(x, kind=wp), cmplx(yx, kind=wp), cmplx(o, kind=wp), &
             cmplx(yo, kind=wp), products)
          do p = 1, size(slopes)
             associate (moves => assembly%moves(:, p))
                slopes(p) = -sum(assembly%change(1, :, p)*real(products)) &
-                  + sum(assembly%rest_slope(:, p)*o) + sum(assembly%push_slope(:, 1, p)*yo)
+                  + sum(assembly%load_remainder_slope(:, p)*o) &
+                  + sum(assembly%load_rows_slope(:, 1, p)*yo)
                if (.not. any(abs(moves) > 0)) cycle
                hm = assembly%mass_couplings()
-               row_force = matmul(hm, yx) - assembly%push(:, 1)
+               row_force = matmul(hm, yx) - assembly%load_rows(:, 1)
                shift = moves*matmul(d, x)
                slopes(p) = slopes(p) + shift(assembly%sensor) &
                   - dot_product(yo, matmul(hm, shift)) - dot_product(moves*matmul(d, o), row_force)

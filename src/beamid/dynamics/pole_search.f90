@@ -2,17 +2,16 @@
 !> otherwise the roots of the characteristic equation or the eigenvalues of the matrices.
 module beamid_pole_search
    use beamid_assembly, only: assembly_t
-   use beamid_continuation, only: all_of, follow_roots
+   use beamid_continuation, only: with_conjugates, follow_roots
    use beamid_errors, only: error_t, status_failed
    use beamid_kinds, only: wp
    use beamid_parameters, only: as_named, parameters
    use beamid_poles, only: find_residues, parameter_values, poles_t
    use beamid_roots, only: find_others, find_roots
    use beamid_strings, only: to_text
-   use beamid_structure, only: structure_t
    use beamid_structure_checks, only: furthest_parameter
-   use beamid_systems, only: find_whole_vector
-   use beamid_vectors, only: find_vector, root_t
+   use beamid_systems, only: find_eigenvector
+   use beamid_vectors, only: root_t
    implicit none
    private
 
@@ -31,7 +30,7 @@ contains
       type(poles_t), intent(inout) :: poles
       type(error_t), allocatable, intent(out) :: error
       logical :: found
-      integer :: way
+      integer :: k, way
 
       if (allocated(poles%all)) then
          call continue_roots(assembly, poles, found)
@@ -49,7 +48,11 @@ contains
          if (.not. allocated(error)) return
          if (allocated(poles%all)) deallocate (poles%all)
       end do
-      call append_suspect(assembly%structure, error)
+      ! Names the parameter that is furthest out of proportion to the beam, if there is one.
+      k = furthest_parameter(assembly%structure)
+      if (k > 0 .and. error%status == status_failed) error%message = error%message//'; '// &
+         trim(parameters(k)%name)//' = '//to_text(as_named(k, assembly%structure%get(k)))// &
+         ' is out of proportion to the beam'
    end subroutine find_poles
 
    !> Follows the roots of a similar structure to those of this one.
@@ -72,7 +75,7 @@ contains
       found = all(followed)
       if (found) then
          poles%root = moved
-         poles%all = all_of(assembly, moved)
+         poles%all = with_conjugates(assembly, moved)
       else if (4*count(.not. followed) <= size(moved) .and. .not. assembly%is_dense()) then
          ! If more than a quarter is lost, a new search is faster.
          call find_others(assembly, moved, followed, poles%all, poles%root, found)
@@ -142,25 +145,8 @@ contains
       end if
       if (.not. allocated(poles%vector)) allocate (poles%vector(size(poles%root)))
       do k = 1, size(poles%root)
-         if (assembly%is_dense()) then
-            call find_whole_vector(assembly, poles%root(k), poles%vector(k))
-         else
-            call find_vector(assembly, poles%root(k), poles%vector(k))
-         end if
+         call find_eigenvector(assembly, poles%root(k), poles%vector(k))
       end do
    end subroutine find_eigenvectors
-
-   !> Appends to the message of a failed computation the parameter that is furthest out of
-   !> proportion to the beam, if there is one.
-   subroutine append_suspect(structure, error)
-      type(structure_t), intent(in) :: structure
-      type(error_t), intent(inout) :: error
-      integer :: k
-
-      k = furthest_parameter(structure)
-      if (k > 0 .and. error%status == status_failed) error%message = error%message//'; '// &
-         trim(parameters(k)%name)//' = '//to_text(as_named(k, structure%get(k)))// &
-         ' is out of proportion to the beam'
-   end subroutine append_suspect
 
 end module beamid_pole_search

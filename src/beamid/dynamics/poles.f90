@@ -15,13 +15,11 @@ module beamid_poles
    use beamid_kinds, only: wp
    use beamid_strings, only: to_text
    use beamid_structure, only: is_coefficient, n_parameters
-   use beamid_systems, only: vector_slope_t
    use beamid_vectors, only: find_vector, root_t, solve_mass, vector_t
    implicit none
    private
 
-   public :: poles_t, find_residues, observe_also, is_unresolved, load_on, parameter_values, &
-      pair_weight
+   public :: poles_t, find_residues, is_unresolved, load_on, parameter_values, pair_weight
 
    !> Poles, residues and clusters of one structure, and their derivatives.
    type :: poles_t
@@ -38,7 +36,7 @@ module beamid_poles
       !> acts
       real(wp) :: impulse = 0
       !> (n + r, 2) M**-1 F and M**-1 o: the n oscillators x, then the r rows y
-      real(wp), allocatable :: pushed(:, :)
+      real(wp), allocatable :: accelerations(:, :)
       !> (poles, parameters) ds/dp [1/time per unit of p]; in a cluster, the derivative of the mean
       !> of its roots
       complex(wp), allocatable :: ds(:, :)
@@ -48,8 +46,6 @@ module beamid_poles
       integer, allocatable :: parameters(:)       !< numbers of the parameters of the derivatives
       !> (parameters) their values; not allocated: `ds` belongs to other roots
       real(wp), allocatable :: values(:)
-      !> (parameters, poles) derivatives of `vector`; only if the assembly is dense
-      type(vector_slope_t), allocatable :: slope(:, :)
    end type poles_t
 
    !> Largest accepted errors of two sum rules. The residues add up to 0, and the products r s to
@@ -73,7 +69,8 @@ contains
    !> Computes the residues of the isolated roots and the clusters of the others, and checks the
    !> sum rules.
    !>
-   !> poles  in: `root`, `all` and `vector`; out: `s`, `residue`, `cluster`, `impulse`, `pushed`
+   !> poles  in: `root`, `all` and `vector`; out: `s`, `residue`, `cluster`, `impulse` and
+   !>        `accelerations`
    !> error  roots are missing, or are too close together for a cluster
    subroutine find_residues(assembly, poles, error)
       type(assembly_t), intent(in) :: assembly
@@ -122,24 +119,6 @@ contains
       call check_sum_rules(assembly, poles, error)
    end subroutine find_residues
 
-   !> Computes the residues at another sensor from known roots and eigenvectors of a dense assembly.
-   !>
-   !> assembly  of the same structure, with the other sensor
-   !> seen      poles at the first sensor
-   !> poles     out: poles at the other sensor
-   !> error     as in `find_residues`
-   subroutine observe_also(assembly, seen, poles, error)
-      type(assembly_t), intent(in) :: assembly
-      type(poles_t), intent(in) :: seen
-      type(poles_t), intent(inout) :: poles
-      type(error_t), allocatable, intent(out) :: error
-
-      poles%root = seen%root
-      poles%all = seen%all
-      poles%vector = seen%vector
-      call find_residues(assembly, poles, error)
-   end subroutine observe_also
-
    !> Returns whether a root is the slow root of an overdamped mode and equals -E/c_D to round-off.
    !> The residue of such a root is 1e-10 of the residue that the mode has without damping.
    pure logical function is_unresolved(assembly, vector, s)
@@ -150,7 +129,7 @@ contains
       ! The eigenvector may contain NaN. A small A is not sufficient: A also vanishes at an ordinary
       ! double root.
       is_unresolved = .not. abs(vector%A) > 2*tiny_A*abs(s)*vector%inertia
-      if (is_unresolved) is_unresolved = assembly%from_pile(s) <= 1e-10_wp
+      if (is_unresolved) is_unresolved = assembly%distance_from_accumulation(s) <= 1e-10_wp
    end function is_unresolved
 
    !> Normalises an eigenvector to x_j = 1 at another oscillator j, if the modal mass of the present
@@ -170,7 +149,7 @@ contains
    !> Checks that no root is missing, by two sum rules: the residues r add up to 0, and the products
    !> r s to the acceleration at the instant at which a unit force acts.
    !>
-   !> poles  out: `impulse` and `pushed`
+   !> poles  out: `impulse` and `accelerations`
    !> error  a sum rule is violated, or a contour holds another number of roots than its cluster
    subroutine check_sum_rules(assembly, poles, error)
       type(assembly_t), intent(in) :: assembly
@@ -180,9 +159,9 @@ contains
       integer :: k, n
 
       n = assembly%n
-      if (allocated(poles%pushed)) deallocate (poles%pushed)
-      allocate (poles%pushed(n + size(assembly%v, 1), 2))
-      associate (x => poles%pushed(:n, :), y => poles%pushed(n + 1:, :))
+      if (allocated(poles%accelerations)) deallocate (poles%accelerations)
+      allocate (poles%accelerations(n + size(assembly%v, 1), 2))
+      associate (x => poles%accelerations(:n, :), y => poles%accelerations(n + 1:, :))
          x(:, 1) = assembly%load(:, 1, 1)
          x(:, 2) = assembly%vt(:, assembly%sensor)
          call solve_mass(assembly, x, y, -assembly%base_coupling)
@@ -243,10 +222,10 @@ contains
       ! The load along the row of a spring is 0. In every other row, y is the motion.
       load_on = 0
       do i = 1, assembly%n
-         load_on = load_on + assembly%rest(i)*vector%x(i)
+         load_on = load_on + assembly%load_remainder(i)*vector%x(i)
       end do
-      do i = 1, size(assembly%push, 1)
-         load_on = load_on + assembly%push(i, vector%form)*vector%y(i)
+      do i = 1, size(assembly%load_rows, 1)
+         load_on = load_on + assembly%load_rows(i, vector%form)*vector%y(i)
       end do
       if (assembly%feels_base) load_on = load_on &
          + (sum(assembly%load(:, 2, vector%form)*vector%x) &

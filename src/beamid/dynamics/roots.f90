@@ -7,13 +7,14 @@
 module beamid_roots
    use beamid_assembly, only: assembly_t, new_assembly
    use beamid_characteristic, only: logarithmic_derivative
-   use beamid_continuation, only: all_of, follow, meets, mirrored
+   use beamid_continuation, only: with_conjugates, follow, coincides, conjugate_of
    use beamid_eigenvalues, only: roots_of_matrix
    use beamid_equations, only: equations_t
    use beamid_errors, only: error_t, failure
    use beamid_interrupts, only: check_interrupt, interrupted
    use beamid_kinds, only: wp
    use beamid_modes, only: bare_beam_modes, beam_modes_t
+   use beamid_sorting, only: sort_by
    use beamid_starting_roots, only: leave_axis, nudge, starting_points
    use beamid_strings, only: to_text
    use beamid_systems, only: improve_root
@@ -54,24 +55,8 @@ contains
          if (structure%has_hose() .and. .not. (structure%k_H > 0 .or. structure%c_H > 0)) &
             roots = [roots, (0.0_wp, 0.0_wp)]
       end associate
-      call sort_by_modulus(roots)
+      call sort_by(abs(roots), roots)
    end subroutine damped_roots
-
-   !> Sorts roots by ascending |s|, by insertion.
-   pure subroutine sort_by_modulus(roots)
-      complex(wp), intent(inout) :: roots(:)
-      complex(wp) :: root
-      integer :: i, j
-
-      do i = 2, size(roots)
-         root = roots(i)
-         do j = i - 1, 1, -1
-            if (abs(roots(j)) <= abs(root)) exit
-            roots(j + 1) = roots(j)
-         end do
-         roots(j + 1) = root
-      end do
-   end subroutine sort_by_modulus
 
    !> Computes all roots of an assembly.
    !>
@@ -133,7 +118,7 @@ contains
       logical :: doubtful
       integer :: k
 
-      all = all_of(assembly, some)
+      all = with_conjugates(assembly, some)
       allocate (done(size(all)))
       do k = 1, size(all)
          done(k) = any(known .and. abs(real(some%s - all(k)%s)) &
@@ -158,7 +143,7 @@ contains
          if (interrupted()) return
          call improve_root(assembly, roots(k))
          if (abs(aimag(roots(k)%s)) > 0) then
-            roots(k + half) = mirrored(assembly, roots(k))
+            roots(k + half) = conjugate_of(assembly, roots(k))
          else
             call improve_root(assembly, roots(k + half))
          end if
@@ -189,12 +174,12 @@ contains
          if (is_real) root%s = real(root%s)
          if (.not. is_real .and. k > half) cycle
          call follow(assembly, root, vector, arrived)
-         if (arrived) arrived = .not. meets(root, roots, done)
+         if (arrived) arrived = .not. coincides(root, roots, done)
          if (.not. arrived) cycle
          roots(k) = root
          done(k) = .true.
          if (is_real) cycle
-         roots(k + half) = mirrored(assembly, root)
+         roots(k + half) = conjugate_of(assembly, root)
          done(k + half) = .true.
       end do
    end subroutine approach
@@ -317,7 +302,7 @@ contains
          step = max(1e-8_wp*abs(roots(k)%offset), epsilon(near)*abs(roots(k)%s))
          moved = huge(moved)
          ! Where several poles are equal to all digits, the point cannot come closer to the root.
-         if (assembly%from_pile(roots(k)%s) <= 100*epsilon(near)) moved = 0
+         if (assembly%distance_from_accumulation(roots(k)%s) <= 100*epsilon(near)) moved = 0
          if (.not. moved > 0) step = 0
       end if
       settled = moved <= 1e-2_wp*abs(aimag(roots(k)%s)) .and. k <= half .and. &
@@ -325,7 +310,7 @@ contains
       roots(k)%s = roots(k)%s + step
       roots(k)%offset = roots(k)%offset + step
       if (abs(step) > 1e-2_wp*abs(roots(k)%offset)) call nearest_pole(assembly, roots(k))
-      if (settled) roots(partner) = mirrored(assembly, roots(k))
+      if (settled) roots(partner) = conjugate_of(assembly, roots(k))
    end subroutine correct
 
    !> Returns the difference of two close roots with the full accuracy of their offsets.

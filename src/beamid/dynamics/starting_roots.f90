@@ -63,7 +63,7 @@ contains
       complex(wp) :: pair(2)
       integer :: half, j, next, side
 
-      call full_matrices(assembly, M, C, K)
+      call assembly%full_matrices(limited_compliance(assembly), M, C, K)
       call slow_roots(assembly, M, C, K, slow)
       call check_interrupt(error)
       if (allocated(error)) return
@@ -186,41 +186,21 @@ contains
       end associate
    end function axis_scale
 
-   !> Computes M, C and K of the oscillators to a few digits. A rigid spring is replaced by a very
-   !> stiff one.
-   !>
-   !> M, C, K  (n, n)
-   pure subroutine full_matrices(assembly, M, C, K)
+   !> Returns the diagonal of A, (r), in which the compliance of a very stiff spring is replaced by
+   !> one that leaves M, C and K a few digits.
+   pure function limited_compliance(assembly) result(compliance)
       type(assembly_t), intent(in) :: assembly
-      real(wp), dimension(:, :), intent(out) :: M, C, K
+      real(wp) :: compliance(size(assembly%compliance))
       real(wp), parameter :: largest_ratio = 1e4_wp   ! of a spring to the beam's stiffness
-      real(wp) :: least
-      integer :: i, r
+      integer :: i
 
-      associate (p => assembly%pencil(1), v => assembly%v, A => assembly%compliance)
-         r = size(v, 1)
-         M = matmul(matmul(transpose(v), p%hm), v)
-         C = 0
-         K = 0
-         do i = 1, r
-            least = sum(v(i, :)**2)*p%hk(i, i)/(largest_ratio*maxval(p%k))
-            C = C + outer(matmul(p%hc(i, :), v)/max(A(i), merge(least, 1.0_wp, A(i) < 1)), v(i, :))
-            K = K + outer(matmul(p%hk(i, :), v)/max(A(i), merge(least, 1.0_wp, A(i) < 1)), v(i, :))
-         end do
-         do i = 1, assembly%n
-            M(i, i) = M(i, i) + p%m(i)
-            C(i, i) = C(i, i) + p%c(i)
-            K(i, i) = K(i, i) + p%k(i)
+      compliance = assembly%compliance
+      associate (p => assembly%pencil(1))
+         do i = 1, size(compliance)
+            if (compliance(i) < 1) compliance(i) = max(compliance(i), &
+               sum(assembly%v(i, :)**2)*p%hk(i, i)/(largest_ratio*maxval(p%k)))
          end do
       end associate
-   end subroutine full_matrices
-
-   !> Returns the outer product x y'.
-   pure function outer(x, y)
-      real(wp), intent(in) :: x(:), y(:)
-      real(wp) :: outer(size(x), size(y))
-
-      outer = spread(x, 2, size(y))*spread(y, 1, size(x))
-   end function outer
+   end function limited_compliance
 
 end module beamid_starting_roots

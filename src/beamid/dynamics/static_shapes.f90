@@ -3,6 +3,7 @@
 module beamid_static_shapes
    use beamid_bands, only: band_t
    use beamid_kinds, only: wp
+   use beamid_lapack, only: dgesv
    use beamid_structure, only: structure_t
    implicit none
    private
@@ -23,9 +24,10 @@ contains
       type(band_t), intent(inout) :: stiffness
       real(wp), intent(in) :: springs(:), rows(:, :), values(:)
       real(wp), intent(out) :: shape(:)
-      real(wp) :: answers(size(rows, 1), size(rows, 2))
+      real(wp) :: answers(size(rows, 1), size(rows, 2)), flexibility(size(values), size(values)), &
+         forces(size(values), 1)
       logical :: positive
-      integer :: i, k
+      integer :: info, k, pivots(size(values))
 
       shape = 0
       do k = 1, size(values)
@@ -33,18 +35,15 @@ contains
       end do
       call stiffness%factor(positive)
       if (.not. positive) return
-      ! Column k of the answers displaces point k by one and the points before it not at all.
+      ! Column k of the answers is the shape under a unit force at point k.
       answers = rows
       do k = 1, size(values)
          call stiffness%solve(answers(:, k))
-         do i = 1, k - 1
-            answers(:, k) = answers(:, k) - answers(:, i)*dot_product(rows(:, i), answers(:, k))
-         end do
-         answers(:, k) = answers(:, k)/dot_product(rows(:, k), answers(:, k))
       end do
-      do k = 1, size(values)
-         shape = shape - answers(:, k)*(dot_product(rows(:, k), shape) - values(k))
-      end do
+      flexibility = matmul(transpose(rows), answers)
+      forces(:, 1) = values
+      call dgesv(size(values), 1, flexibility, size(values), pivots, forces, size(values), info)
+      if (info == 0) shape = matmul(answers, forces(:, 1))
    end subroutine find_static_shape
 
    !> Adds a spring to a hose that has none: its mass takes no part in static shapes and does not

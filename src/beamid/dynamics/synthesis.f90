@@ -28,8 +28,7 @@ module beamid_synthesis
       integer :: node = 1                             !< last node of the force at or before t
       real(wp) :: behind = 0   !< t minus the sum of all step lengths, round-off [time]
    contains
-      procedure :: columns
-      procedure :: through
+      procedure :: columns, through
       procedure, private :: plan
    end type states_t
 
@@ -91,46 +90,57 @@ contains
    !> columns     number of columns of states
    !> parameters  number of parameters
    !> weights     (columns, 0:parameters, which)
-   pure function weights_of(poles, which, columns, parameters) result(weights)
+   function weights_of(poles, which, columns, parameters) result(weights)
       type(poles_t), intent(in) :: poles
       integer, intent(in) :: which(:), columns, parameters
       real(wp) :: weights(columns, 0:parameters, size(which))
-      complex(wp) :: power(size(poles%s)), r(size(poles%s))
-      integer :: i, m, order, p, q, at
+      complex(wp) :: power(size(poles%s)), slope(size(poles%s))
+      integer :: i, order, p, q, at
 
-      associate (n => size(poles%s), s => poles%s)
+      weights = 0
+      associate (n => size(poles%s), s => poles%s, r => poles%residue)
          do q = 1, size(which)
             order = which(q) - 1
             power = s**order
-            r = poles%residue*power
-            weights(:, 0, q) = 0
-            weights(:n, 0, q) = real(r)
-            weights(n + 1:2*n, 0, q) = -aimag(r)
+            call set(0, n, 0, r*power)
             do p = 1, parameters
                ! d(r s**k z) = (dr s**k + k r s**(k - 1) ds) z + r s**k ds y
-               r = poles%dr(:, p)*power
-               if (order > 0) r = r + order*poles%residue*s**(order - 1)*poles%ds(:, p)
-               weights(:n, p, q) = real(r)
-               weights(n + 1:2*n, p, q) = -aimag(r)
-               r = poles%residue*power*poles%ds(:, p)
-               weights(2*n + 1:3*n, p, q) = real(r)
-               weights(3*n + 1:4*n, p, q) = -aimag(r)
+               slope = poles%dr(:, p)*power
+               if (order > 0) slope = slope + order*r*s**(order - 1)*poles%ds(:, p)
+               call set(0, n, p, slope)
+               call set(2*n, n, p, r*power*poles%ds(:, p))
             end do
             at = merge(4, 2, parameters > 0)*n
             do i = 1, size(poles%cluster)
-               associate (cluster => poles%cluster(i))
-                  m = merge(2, 1, parameters > 0)*cluster%m
-                  weights(at + 1:at + cluster%m, 0, q) = real(cluster%row(:, which(q)))
-                  weights(at + m + 1:at + m + cluster%m, 0, q) = -aimag(cluster%row(:, which(q)))
+               associate (cluster => poles%cluster(i), &
+                  m => merge(2, 1, parameters > 0)*poles%cluster(i)%m)
+                  call set(at, m, 0, cluster%row(:, which(q)))
                   do p = 1, parameters
-                     weights(at + 1:at + m, p, q) = real(cluster%drow(:, which(q), p))
-                     weights(at + m + 1:at + 2*m, p, q) = -aimag(cluster%drow(:, which(q), p))
+                     call set(at, m, p, cluster%drow(:, which(q), p))
                   end do
                   at = at + 2*m
                end associate
             end do
          end do
       end associate
+
+   contains
+
+      !> Sets the weights in column p that make the real part of the sum of coefficients times
+      !> states.
+      !>
+      !> before, states  number of columns before those of the states, and number of states
+      !> coefficients    (states or fewer)
+      subroutine set(before, states, p, coefficients)
+         integer, intent(in) :: before, states, p
+         complex(wp), intent(in) :: coefficients(:)
+
+         associate (m => size(coefficients))
+            weights(before + 1:before + m, p, q) = real(coefficients)
+            weights(before + states + 1:before + states + m, p, q) = -aimag(coefficients)
+         end associate
+      end subroutine set
+
    end function weights_of
 
    !> Returns the states of a structure at rest, at the first node of the force.

@@ -4,28 +4,15 @@
 !>     P(s) (x, y) = (F, -base_coupling/s**2),    P = [ D + E   V H ]
 !>                                                    [   V'     -A ]
 !>
-!> At a root, P (x, y) = 0 and (x, f)'P = 0. Therefore ds/dp = -(x, f)'P_p (x, y)/A with A = (x,
-!> f)'P_s (x, y), where the indices p and s denote partial derivatives. The derivative of the
-!> eigenvector solves the bordered system
-!>
-!>     P (x, y)_p + P_s (x, y) ds/dp = -P_p (x, y),    (x, f)'P_s (x, y)_p = 0.
+!> At a root, P (x, y) = 0 and (x, f)'P = 0.
 module beamid_systems
-   use beamid_assembly, only: assembly_t, pencil_t
+   use beamid_assembly, only: assembly_t
    use beamid_kinds, only: wp
-   use beamid_vectors, only: nearest_pole, root_t, vector_t
+   use beamid_vectors, only: allocate_vector, couplings, find_vector, nearest_pole, root_t, vector_t
    implicit none
    private
 
-   public :: system_at, improve_root, find_whole_vector, differentiate_vector, vector_slope_t, &
-      factor, solve
-
-   !> Derivatives of a root and its eigenvector with respect to one parameter.
-   type :: vector_slope_t
-      complex(wp) :: s = 0                    !< of the root [1/time]
-      !> (n), (r), (r) of the oscillators, the rows and their forces
-      complex(wp), allocatable :: x(:), y(:), f(:)
-      complex(wp) :: A = 0   !< of A = x'(2 s M + C) x
-   end type vector_slope_t
+   public :: system_at, improve_root, find_eigenvector, solve_adjoint, factor, solve
 
    interface
       subroutine zgetrf(m, n, a, lda, ipiv, info)
@@ -54,17 +41,19 @@ contains
       type(assembly_t), intent(in) :: assembly
       type(root_t), intent(in) :: point
       complex(wp), intent(out) :: P(:, :), dP(:, :)
+      complex(wp), dimension(size(assembly%v, 1), size(assembly%v, 1)) :: H, dH
       complex(wp) :: left, right, origin
-      integer :: i, k, n, r
+      integer :: i, k, n
 
       n = assembly%n
-      r = size(assembly%v, 1)
       P = 0
       dP = 0
-      associate (s => point%s, b => assembly%beam, v => assembly%v, &
+      associate (s => point%s, b => assembly%beam, &
          pencil => assembly%pencil(assembly%form_at(point%s)))
-         P(:b, :b) = assembly%dense(:, :, 1)*s + assembly%dense(:, :, 2)
-         dP(:b, :b) = assembly%dense(:, :, 1)
+         if (assembly%is_dense()) then
+            P(:b, :b) = assembly%dense(:, :, 1)*s + assembly%dense(:, :, 2)
+            dP(:b, :b) = assembly%dense(:, :, 1)
+         end if
          origin = assembly%pole(point%origin, point%side)
          do i = 1, n
             left = (origin - assembly%pole(i, 1)) + point%offset
@@ -72,32 +61,15 @@ contains
             P(i, i) = P(i, i) + pencil%m(i)*left*right
             dP(i, i) = dP(i, i) + pencil%m(i)*(left + right)
          end do
-         P(:n, n + 1:) = matmul(transpose(v), couplings(pencil, s))
-         dP(:n, n + 1:) = matmul(transpose(v), couplings_slope(pencil, s))
-         P(n + 1:, :n) = v
-         do k = 1, r
+         call couplings(pencil, s, H, dH)
+         P(:n, n + 1:) = matmul(assembly%vt, H)
+         dP(:n, n + 1:) = matmul(assembly%vt, dH)
+         P(n + 1:, :n) = assembly%v
+         do k = 1, size(H, 1)
             P(n + k, n + k) = -assembly%compliance(k)
          end do
       end associate
    end subroutine system_at
-
-   !> Returns H(s), (r, r).
-   pure function couplings(pencil, s) result(H)
-      type(pencil_t), intent(in) :: pencil
-      complex(wp), intent(in) :: s
-      complex(wp) :: H(size(pencil%hm, 1), size(pencil%hm, 2))
-
-      H = (pencil%hm*s + pencil%hc)*s + pencil%hk
-   end function couplings
-
-   !> Returns H'(s), (r, r).
-   pure function couplings_slope(pencil, s) result(dH)
-      type(pencil_t), intent(in) :: pencil
-      complex(wp), intent(in) :: s
-      complex(wp) :: dH(size(pencil%hm, 1), size(pencil%hm, 2))
-
-      dH = 2*pencil%hm*s + pencil%hc
-   end function couplings_slope
 
    !> Computes the LU factors of P for `solve`. A pivot that vanishes, as it may at a root, is
    !> replaced by a tiny number, as inverse iteration requires. The number is far below round-off,
@@ -144,6 +116,7 @@ contains
       real(wp), parameter :: tolerance = 3e-8_wp
       complex(wp), dimension(assembly%n + size(assembly%v, 1), assembly%n &
          + size(assembly%v, 1)) :: P, dP
+      complex(wp), dimension(size(assembly%v, 1), size(assembly%v, 1)) :: H, dH
       complex(wp) :: z(size(P, 1), 1), rhs(size(P, 1)), left(size(P, 1)), change
       real(wp), dimension(size(P, 1)) :: rows, columns
       integer :: pivots(size(P, 1)), step, n
@@ -154,12 +127,13 @@ contains
          call system_at(assembly, root, P, dP)
          if (step > 1) z(:, 1) = matmul(dP, z(:, 1))
          rhs = z(:, 1)
-         call balance(P, rows, columns)
-         call factor(P, pivots)
+         call factor_balanced(P, pivots, rows, columns)
          call solve_balanced(P, pivots, rows, columns, z)
          rhs = rhs/maxval(abs(z))
          z = z/maxval(abs(z))
-         left = left_vector(assembly, root%s, z(:, 1))
+         ! The left eigenvector is (x, f).
+         call couplings(assembly%pencil(assembly%form_at(root%s)), root%s, H, dH)
+         left = [z(:n, 1), matmul(H, z(n + 1:, 1))]
          change = -sum(left*rhs)/sum(left*matmul(dP, z(:, 1)))
          if (.not. abs(aimag(root%s)) > 0) change = real(change)
          if (step == 1) cycle
@@ -171,13 +145,16 @@ contains
       root%j = maxloc(assembly%pencil(1)%m*abs(z(:n, 1))**2, dim=1)
    end subroutine improve_root
 
-   !> Scales rows and columns of P to a largest entry of about 1, by powers of two. Round-off then
-   !> counts relative to the entries of the same kind, oscillator or attachment.
+   !> Scales rows and columns of P to a largest entry of about 1, by powers of two, and computes the
+   !> LU factors. Round-off then counts relative to the entries of the same kind, oscillator or
+   !> attachment.
    !>
-   !> P              in and out
-   !> rows, columns  (size of P) the factors
-   pure subroutine balance(P, rows, columns)
+   !> P              in: the matrix; out: the factors of the scaled matrix
+   !> pivots         (size of P) row interchanges
+   !> rows, columns  (size of P) scales
+   subroutine factor_balanced(P, pivots, rows, columns)
       complex(wp), intent(inout) :: P(:, :)
+      integer, intent(out) :: pivots(:)
       real(wp), intent(out) :: rows(:), columns(:)
       integer :: k
 
@@ -189,13 +166,13 @@ contains
       do k = 1, size(columns)
          P(:, k) = P(:, k)*columns(k)
       end do
-   end subroutine balance
+      call factor(P, pivots)
+   end subroutine factor_balanced
 
    !> Solves P x = z by the factors of the balanced matrix.
    !>
-   !> P, pivots      from `factor`
-   !> rows, columns  from `balance`
-   !> z              (size of P, 1) in: right-hand side; out: solution
+   !> P, pivots, rows, columns  from `factor_balanced`
+   !> z                         (size of P, 1) in: right-hand side; out: solution
    subroutine solve_balanced(P, pivots, rows, columns, z)
       complex(wp), intent(in) :: P(:, :)
       integer, intent(in) :: pivots(:)
@@ -207,23 +184,25 @@ contains
       z(:, 1) = columns*z(:, 1)
    end subroutine solve_balanced
 
-   !> Returns the left eigenvector (x, f) of the right eigenvector (x, y).
+   !> Computes the eigenvector of a root.
    !>
-   !> s  the root [1/time]
-   !> z  (n + r) right eigenvector
-   pure function left_vector(assembly, s, z) result(left)
+   !> root    the root, with j, origin and offset as `nearest_pole` sets them
+   !> vector  in: arrays to be reused, of any shape; out: the vector
+   subroutine find_eigenvector(assembly, root, vector)
       type(assembly_t), intent(in) :: assembly
-      complex(wp), intent(in) :: s, z(:)
-      complex(wp) :: left(size(z))
+      type(root_t), intent(in) :: root
+      type(vector_t), intent(inout) :: vector
 
-      left = z
-      left(assembly%n + 1:) = matmul(couplings(assembly%pencil(assembly%form_at(s)), s), &
-         z(assembly%n + 1:))
-   end function left_vector
+      if (assembly%is_dense()) then
+         call iterate_inversely(assembly, root, vector)
+      else
+         call find_vector(assembly, root, vector)
+      end if
+   end subroutine find_eigenvector
 
    !> Computes the eigenvector of a root by inverse iteration, with x_j = 1. Sets all components of
-   !> `vector_t` except those that need D without E.
-   subroutine find_whole_vector(assembly, root, vector)
+   !> `vector_t` except D, 1/D and G.
+   subroutine iterate_inversely(assembly, root, vector)
       type(assembly_t), intent(in) :: assembly
       type(root_t), intent(in) :: root
       type(vector_t), intent(inout) :: vector
@@ -235,13 +214,10 @@ contains
 
       n = assembly%n
       r = size(assembly%v, 1)
-      if (allocated(vector%x)) deallocate (vector%x, vector%D, vector%dD)
-      if (allocated(vector%H)) deallocate (vector%H)
-      allocate (vector%D(n), vector%dD(n))
+      call allocate_vector(n, r, vector)
       vector%form = assembly%form_at(root%s)
       call system_at(assembly, root, P, dP)
-      call balance(P, rows, columns)
-      call factor(P, pivots)
+      call factor_balanced(P, pivots, rows, columns)
       z = 1
       do step = 1, 3
          ! The iteration is that of P, not of the balanced matrix. If an oscillator is hardly
@@ -254,93 +230,41 @@ contains
       z = z/z(root%j, 1)
       vector%x = z(:n, 1)
       vector%y(:r) = z(n + 1:, 1)
-      z(:, 1) = left_vector(assembly, root%s, z(:, 1))
-      vector%f(:r) = z(n + 1:, 1)
-      vector%A = sum(z(:n, 1)*matmul(dP(:n, :n), vector%x)) &
-         + sum(z(:n, 1)*matmul(dP(:n, n + 1:), vector%y(:r)))
+      vector%A = sum(vector%x*matmul(dP(:n, :), z(:, 1)))
       associate (pencil => assembly%pencil(vector%form), y => vector%y(:r))
+         call couplings(pencil, root%s, vector%H, vector%dH)
+         vector%f(:r) = matmul(vector%H, y)
+         vector%dD = 2*pencil%m*root%s + pencil%c
          vector%inertia = sum(pencil%m*abs(vector%x)**2) &
             + real(sum(conjg(y)*matmul(pencil%hm, y)))
       end associate
-   end subroutine find_whole_vector
+   end subroutine iterate_inversely
 
-   !> Computes the derivatives of a root and its eigenvector with respect to every parameter of the
-   !> assembly, by the bordered system.
+   !> Computes the motion z of the oscillators, with z_j = 0, and w of the rows under given forces
+   !> at a root: P (z, w) = (f + V'g, -u) without the equation of oscillator j.
    !>
-   !> slopes  (parameters)
-   subroutine differentiate_vector(assembly, root, vector, slopes)
+   !> f  (n) forces on the oscillators
+   !> g  (r) forces along the rows
+   !> u  (r) prescribed motion of the rows, in addition to that of the oscillators
+   subroutine solve_adjoint(assembly, root, f, g, u, z, w)
       type(assembly_t), intent(in) :: assembly
       type(root_t), intent(in) :: root
-      type(vector_t), intent(in) :: vector
-      type(vector_slope_t), intent(out) :: slopes(:)
-      complex(wp), dimension(assembly%n + size(assembly%v, 1), assembly%n &
-         + size(assembly%v, 1)) :: P, dP
-      complex(wp) :: bordered(size(P, 1) + 1, size(P, 1) + 1), b(size(P, 1) + 1, size(slopes)), &
-         dA_dx(assembly%n)
-      complex(wp), dimension(size(assembly%v, 1), size(assembly%v, 1)) :: H, dH, H_p, dH_p
-      integer :: pivots(size(P, 1) + 1), k, n, m, r
+      complex(wp), intent(in) :: f(:), g(:), u(:)
+      complex(wp), intent(out) :: z(:), w(:)
+      complex(wp), dimension(size(f) + size(g), size(f) + size(g)) :: P, dP
+      complex(wp) :: solution(size(P, 1), 1)
+      integer :: pivots(size(P, 1))
 
-      n = assembly%n
-      m = size(P, 1)
-      r = m - n
       call system_at(assembly, root, P, dP)
-      associate (s => root%s, pencil => assembly%pencil(vector%form), x => vector%x, &
-         y => vector%y(:r), f => vector%f(:r), A => assembly%compliance)
-         H = couplings(pencil, s)
-         dH = couplings_slope(pencil, s)
-         bordered(:m, :m) = P
-         bordered(:m, m + 1) = matmul(dP, [x, y])
-         bordered(m + 1, :m) = matmul([x, f], dP)
-         bordered(m + 1, m + 1) = 0
-         b = 0
-         do k = 1, size(slopes)
-            b(:m, k) = -system_change(assembly, root, vector, k)
-         end do
-         call factor(bordered, pivots)
-         call solve(bordered, pivots, b, 'N')
-         dA_dx = 2*matmul(dP(:n, :n), x)
-         do k = 1, size(slopes)
-            associate (by => slopes(k), slope => assembly%slope(vector%form, k), &
-               A_p => assembly%compliance_slope(:, k))
-               by%s = b(m + 1, k)
-               by%x = b(:n, k)
-               by%y = b(n + 1:m, k)
-               H_p = couplings(slope, s) + dH*by%s
-               dH_p = 2*(slope%hm*s + pencil%hm*by%s) + slope%hc
-               by%f = matmul(H, by%y) + matmul(H_p, y)
-               by%A = sum(by%x*dA_dx) &
-                  + sum((2*(slope%m*s + pencil%m*by%s) + slope%c)*x**2) &
-                  + sum((A_p*y + A*by%y)*matmul(dH, y)) &
-                  + sum(A*y*(matmul(dH_p, y) + matmul(dH, by%y)))
-               if (any(abs(assembly%dense_slope(:, :, 1, k)) > 0)) by%A = by%A + &
-                  sum(x(:assembly%beam)*matmul(assembly%dense_slope(:, :, 1, k), &
-                  x(:assembly%beam)))
-            end associate
-         end do
-      end associate
-   end subroutine differentiate_vector
-
-   !> Returns P_p (x, y), the change of the equations with a parameter at constant s and (x, y).
-   !>
-   !> p  index of the parameter
-   !> b  (n + r)
-   function system_change(assembly, root, vector, p) result(b)
-      type(assembly_t), intent(in) :: assembly
-      type(root_t), intent(in) :: root
-      type(vector_t), intent(in) :: vector
-      integer, intent(in) :: p
-      complex(wp) :: b(assembly%n + size(assembly%v, 1))
-
-      associate (s => root%s, slope => assembly%slope(vector%form, p), x => vector%x, &
-         y => vector%y(:size(assembly%v, 1)), f => vector%f(:size(assembly%v, 1)), &
-         v => assembly%v, v_p => assembly%v_slope, moves => assembly%moves(:, p), &
-         n => assembly%n, beam => assembly%beam, dense => assembly%dense_slope(:, :, :, p))
-         b(:n) = ((slope%m*s + slope%c)*s + slope%k)*x + matmul(moves*f, v_p) &
-            + matmul(matmul(couplings(slope, s), y), v)
-         if (any(abs(dense) > 0)) b(:beam) = b(:beam) + matmul(dense(:, :, 1)*s &
-            + dense(:, :, 2), x(:beam))
-         b(n + 1:) = moves*matmul(v_p, x) - assembly%compliance_slope(:, p)*y
-      end associate
-   end function system_change
+      P(root%j, :) = 0
+      P(:, root%j) = 0
+      P(root%j, root%j) = 1
+      solution(:, 1) = [f + matmul(assembly%vt, g), -u]
+      solution(root%j, 1) = 0
+      call factor(P, pivots)
+      call solve(P, pivots, solution, 'N')
+      z = solution(:size(f), 1)
+      w = solution(size(f) + 1:, 1)
+   end subroutine solve_adjoint
 
 end module beamid_systems

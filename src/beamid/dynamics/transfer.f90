@@ -13,8 +13,10 @@
 module beamid_transfer
    use beamid_assembly, only: assembly_t
    use beamid_kinds, only: wp
+   use beamid_matrices, only: identity
    use beamid_systems, only: factor, solve_system => solve, system_at
-   use beamid_vectors, only: find_vector, most, nearest_pole, root_t, solve_coupled, vector_t
+   use beamid_vectors, only: couplings, find_vector, most, nearest_pole, root_t, solve_coupled, &
+      vector_t
    implicit none
    private
 
@@ -32,6 +34,17 @@ module beamid_transfer
       integer :: form = 1                      !< form of the pencil that `q` refers to, 1 or 2
    end type transfer_t
 
+   !> The parts of Q**-1 that the derivatives of h and log W need.
+   type :: inverse_t
+      complex(wp), allocatable :: o(:), u(:)     !< (n), (r) Q**-1 o, and its motion of the rows
+      complex(wp), allocatable :: diagonal(:)    !< (n) diagonal of Q**-1
+      complex(wp), allocatable :: T(:, :)        !< (r, r) A**-1 V'Q**-1 V
+      !> (r) derivatives of log W with respect to the compliance of a row and to its position
+      complex(wp), allocatable :: by_compliance(:), by_position(:)
+      !> (beam, beam) Q**-1 of the beam's oscillators; only if the assembly is dense
+      complex(wp), allocatable :: dense(:, :)
+   end type inverse_t
+
 contains
 
    !> Computes the transfer function at one point.
@@ -44,152 +57,143 @@ contains
       type(root_t), intent(in) :: point
       logical, intent(in) :: with_slopes
       type(transfer_t), intent(inout) :: value
+      type(inverse_t) :: inverse
+
+      value%form = assembly%form_at(point%s)
+      if (.not. allocated(value%q)) allocate (value%q(assembly%n))
+      if (assembly%is_dense()) then
+         call invert_dense(assembly, point, value, inverse)
+      else
+         call invert(assembly, point, with_slopes, value, inverse)
+      end if
+      value%h = value%u(assembly%sensor)
+      if (with_slopes) call differentiate(assembly, point%s, inverse, value)
+   end subroutine transfer_at
+
+   !> Computes the motion, W'/W and Q**-1 of an assembly without dense matrices.
+   !>
+   !> with_slopes  whether all components of `inverse` are set
+   !> value        in: form; out: q, u and dlog
+   subroutine invert(assembly, point, with_slopes, value, inverse)
+      type(assembly_t), intent(in) :: assembly
+      type(root_t), intent(in) :: point
+      logical, intent(in) :: with_slopes
+      type(transfer_t), intent(inout) :: value
+      type(inverse_t), intent(inout) :: inverse
       type(root_t) :: place
       type(vector_t) :: vector
-      complex(wp), dimension(size(assembly%v, 1), size(assembly%v, 1)) :: E, T, HE
-      complex(wp), dimension(assembly%n) :: diagonal, load
-      complex(wp) :: w
+      complex(wp), dimension(size(assembly%v, 1), size(assembly%v, 1)) :: E, HE
+      complex(wp) :: load(assembly%n), none(size(assembly%v, 1)), w
       integer :: i, r
 
-      if (assembly%is_dense()) then
-         call dense_transfer(assembly, point, with_slopes, value)
-         return
-      end if
       r = size(assembly%v, 1)
       place = point
       call nearest_pole(assembly, place)
       place = root_t(place%j, point%origin, point%side, point%offset, point%s)
       call find_vector(assembly, place, vector)
       w = vector%D(place%j) + sum(assembly%v(:, place%j)*vector%f(:r))
-      E = 0
+      E = identity(r)
       do i = 1, r
-         E(i, i) = 1
          call solve_coupled(assembly, vector, E(:, i))
       end do
-      value%form = vector%form
-      if (.not. allocated(value%q)) allocate (value%q(assembly%n))
       load = assembly%load_at(place%s, vector%form)
       call solve(assembly, place%j, vector, E, w, load, assembly%base_coupling/place%s**2, &
          value%q, value%u(:r))
-      value%h = value%u(assembly%sensor)
-
-      ! A**-1 V'Q**-1 V and the diagonal of Q**-1.
-      T = matmul(E, vector%G(:r, :r))
       HE = matmul(vector%H(:r, :r), E)
+      allocate (inverse%o(assembly%n), inverse%u(r), inverse%diagonal(assembly%n), &
+         inverse%by_position(r))
+      inverse%T = matmul(E, vector%G(:r, :r))
       do i = 1, r
-         T(:, i) = T(:, i) + vector%y(:r)*vector%y(i)*assembly%compliance(i)/w
+         inverse%T(:, i) = inverse%T(:, i) + vector%y(:r)*vector%y(i)*assembly%compliance(i)/w
       end do
       do i = 1, assembly%n
-         diagonal(i) = vector%x(i)**2/w
-         if (i /= place%j) diagonal(i) = diagonal(i) + (1 - sum(assembly%v(:, i) &
-            *matmul(HE, assembly%v(:, i)))/vector%D(i))/vector%D(i)
+         inverse%diagonal(i) = vector%x(i)**2/w
+         if (i /= place%j) inverse%diagonal(i) = inverse%diagonal(i) + (1 - sum( &
+            assembly%v(:, i)*matmul(HE, assembly%v(:, i)))/vector%D(i))/vector%D(i)
       end do
-      value%dlog = sum(vector%dD*diagonal) + sum(vector%dH(:r, :r)*T)
-      if (with_slopes) call differentiate(assembly, place, vector, E, w, diagonal, T, value)
-   end subroutine transfer_at
+      value%dlog = sum(vector%dD*inverse%diagonal) + sum(vector%dH(:r, :r)*inverse%T)
+      if (.not. with_slopes) return
+      none = 0
+      load = assembly%v(assembly%sensor, :)
+      call solve(assembly, place%j, vector, E, w, load, none, inverse%o, inverse%u)
+      call trace_positions(assembly, place, vector, E, w, inverse%by_position)
+      inverse%by_compliance = [(E(i, i) - vector%f(i)*vector%y(i)/w, i=1, r)]
+   end subroutine invert
 
-   !> Computes the transfer function (arguments of `transfer_at`) of an assembly with dense
-   !> matrices, from P(s) of `beamid_systems` and its inverse.
-   subroutine dense_transfer(assembly, point, with_slopes, value)
+   !> Computes the motion, W'/W and Q**-1 of an assembly with dense matrices, from P(s) of
+   !> `beamid_systems` and its inverse.
+   !>
+   !> value  in: form; out: q, u and dlog
+   subroutine invert_dense(assembly, point, value, inverse)
       type(assembly_t), intent(in) :: assembly
       type(root_t), intent(in) :: point
-      logical, intent(in) :: with_slopes
       type(transfer_t), intent(inout) :: value
+      type(inverse_t), intent(inout) :: inverse
       complex(wp), dimension(assembly%n + size(assembly%v, 1), assembly%n &
-         + size(assembly%v, 1)) :: P, dP, inverse, P_p
-      complex(wp) :: load(size(P, 1))
-      integer :: pivots(size(P, 1)), i, k, n
+         + size(assembly%v, 1)) :: P, dP, full
+      complex(wp) :: solution(size(P, 1))
+      integer :: pivots(size(P, 1)), i, n, r
 
       n = assembly%n
-      associate (s => point%s, v => assembly%v, v_p => assembly%v_slope)
-         value%form = assembly%form_at(s)
-         call system_at(assembly, point, P, dP)
-         call factor(P, pivots)
-         inverse = 0
-         do i = 1, size(P, 1)
-            inverse(i, i) = 1
-         end do
-         call solve_system(P, pivots, inverse, 'N')
-         load(:n) = assembly%load_at(s, value%form)
-         load(n + 1:) = -assembly%base_coupling/s**2
-         load = matmul(inverse, load)
-         value%q = load(:n)
-         value%u(:size(v, 1)) = load(n + 1:)
-         value%h = value%u(assembly%sensor)
-         value%dlog = sum(transpose(inverse)*dP)
-         if (.not. with_slopes) return
-         if (.not. allocated(value%dh)) allocate (value%dh(size(assembly%parameters)), &
-            value%dlog_p(size(assembly%parameters)))
-         associate (o => inverse(n + assembly%sensor, :), pencil => assembly%pencil(value%form), &
-            b => assembly%beam)
-            do k = 1, size(assembly%parameters)
-               associate (slope => assembly%slope(value%form, k), moves => assembly%moves(:, k))
-                  P_p = 0
-                  P_p(:b, :b) = assembly%dense_slope(:, :, 1, k)*s &
-                     + assembly%dense_slope(:, :, 2, k)
-                  do i = 1, n
-                     P_p(i, i) = P_p(i, i) + (slope%m(i)*s + slope%c(i))*s + slope%k(i)
-                  end do
-                  P_p(n + 1:, :n) = spread(moves, 2, n)*v_p
-                  P_p(:n, n + 1:) = matmul(transpose(v), (slope%hm*s + slope%hc)*s + slope%hk) &
-                     + matmul(transpose(real(P_p(n + 1:, :n))), (pencil%hm*s + pencil%hc)*s &
-                     + pencil%hk)
-                  do i = 1, size(v, 1)
-                     P_p(n + i, n + i) = -assembly%compliance_slope(i, k)
-                  end do
-                  value%dlog_p(k) = sum(transpose(inverse)*P_p)
-                  value%dh(k) = -sum(o*matmul(P_p, load)) &
-                     + assembly%load_change(value%form, o(:n), matmul(v, o(:n)), s, k) &
-                     + sum(assembly%push(:, value%form)*moves*matmul(v_p, o(:n)))
-               end associate
-            end do
-         end associate
-      end associate
-   end subroutine dense_transfer
+      r = size(assembly%v, 1)
+      call system_at(assembly, point, P, dP)
+      call factor(P, pivots)
+      full = identity(n + r)
+      call solve_system(P, pivots, full, 'N')
+      solution = matmul(full, [assembly%load_at(point%s, value%form), &
+         -assembly%base_coupling/point%s**2])
+      value%q = solution(:n)
+      value%u(:r) = solution(n + 1:)
+      value%dlog = sum(transpose(full)*dP)
+      solution = matmul(full(:, :n), assembly%v(assembly%sensor, :))
+      inverse%o = solution(:n)
+      inverse%u = solution(n + 1:)
+      inverse%diagonal = [(full(i, i), i=1, n)]
+      inverse%T = matmul(full(n + 1:, :n), assembly%vt)
+      inverse%by_compliance = [(-full(n + i, n + i), i=1, r)]
+      inverse%by_position = [(2*sum(assembly%v_slope(i, :)*full(:n, n + i)), i=1, r)]
+      inverse%dense = full(:assembly%beam, :assembly%beam)
+   end subroutine invert_dense
 
    !> Computes the derivatives with respect to the parameters: -o'Q**-1 Q_p Q**-1 F of h and
    !> tr(Q**-1 Q_p) of log W, with the contributions of positions and loads that depend on a
    !> parameter.
    !>
-   !> place     the point, with the oscillator j of `vector`
-   !> vector    x, y, f, G and H at the point
-   !> E, w      (r, r) (A + G H)**-1, and D_j + v_j'f
-   !> diagonal  (n) diagonal of Q**-1
-   !> T         (r, r) A**-1 V'Q**-1 V
-   !> value     in: q, u and form; out: dh and dlog_p, too
-   subroutine differentiate(assembly, place, vector, E, w, diagonal, T, value)
+   !> s      the point [1/time]
+   !> value  in: q, u and form; out: dh and dlog_p, too
+   subroutine differentiate(assembly, s, inverse, value)
       type(assembly_t), intent(in) :: assembly
-      type(root_t), intent(in) :: place
-      type(vector_t), intent(in) :: vector
-      complex(wp), intent(in) :: E(:, :), w, diagonal(:), T(:, :)
+      complex(wp), intent(in) :: s
+      type(inverse_t), intent(in) :: inverse
       type(transfer_t), intent(inout) :: value
-      complex(wp) :: o(assembly%n)
-      complex(wp), dimension(size(E, 1)) :: u_o, position_trace, compliance_trace, none, row_change
+      complex(wp), dimension(size(inverse%T, 1), size(inverse%T, 1)) :: H, dH
+      complex(wp) :: row_change(size(inverse%u)), o_E_q(2)
       complex(wp), dimension(size(assembly%changing)) :: products, traces
-      integer :: i, p
+      integer :: p
 
-      none = 0
-      call solve(assembly, place%j, vector, E, w, cmplx(assembly%v(assembly%sensor, :), kind=wp), &
-         none, o, u_o)
-      call trace_positions(assembly, place, vector, E, w, position_trace)
-      compliance_trace = [(E(i, i) - vector%f(i)*vector%y(i)/w, i=1, size(E, 1))]
       if (.not. allocated(value%dh)) allocate (value%dh(size(assembly%parameters)), &
          value%dlog_p(size(assembly%parameters)))
-      associate (u => value%u(:size(E, 1)), H => vector%H, s => place%s, &
+      call couplings(assembly%pencil(value%form), s, H, dH)
+      associate (u => value%u(:size(inverse%u)), o => inverse%o, u_o => inverse%u, &
          v_x => assembly%v_slope, form => value%form)
          call assembly%products(form, value%q, u, o, u_o, products)
-         traces = assembly%traces(form, diagonal, T)
+         call assembly%traces(form, inverse%diagonal, inverse%T, traces)
          do p = 1, size(assembly%parameters)
             associate (moves => assembly%moves(:, p), A_p => assembly%compliance_slope(:, p))
-               value%dh(p) = -assembly%varied(products, s, p) + sum(A_p*u_o*matmul(H, u)) &
-                  + assembly%load_change(form, o, u_o, s, p)
-               value%dlog_p(p) = assembly%varied(traces, s, p) + sum(A_p*compliance_trace)
+               o_E_q = assembly%dense_products(value%q, o, p)
+               value%dh(p) = -assembly%system_derivative(products, s, p) - o_E_q(1)*s - o_E_q(2) &
+                  + sum(A_p*u_o*matmul(H, u)) + assembly%load_change(form, o, u_o, s, p)
+               value%dlog_p(p) = assembly%system_derivative(traces, s, p) &
+                  + sum(A_p*inverse%by_compliance)
+               if (assembly%is_dense()) value%dlog_p(p) = value%dlog_p(p) &
+                  + sum(transpose(inverse%dense)*(assembly%dense_slope(:, :, 1, p)*s &
+                  + assembly%dense_slope(:, :, 2, p)))
                if (.not. any(abs(moves) > 0)) cycle
                row_change = moves*matmul(v_x, value%q)
                value%dh(p) = value%dh(p) + row_change(assembly%sensor) &
                   - sum(u_o*matmul(H, row_change)) &
-                  - sum(moves*matmul(v_x, o)*(matmul(H, u) - assembly%push(:, form)))
-               value%dlog_p(p) = value%dlog_p(p) + sum(moves*position_trace)
+                  - sum(moves*matmul(v_x, o)*(matmul(H, u) - assembly%load_rows(:, form)))
+               value%dlog_p(p) = value%dlog_p(p) + sum(moves*inverse%by_position)
             end associate
          end do
       end associate

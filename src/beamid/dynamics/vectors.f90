@@ -18,8 +18,8 @@ module beamid_vectors
    implicit none
    private
 
-   public :: root_t, vector_t, add_answer, couplings, eliminate, find_vector, nearest_pole, &
-      solve_coupled, solve_mass
+   public :: root_t, vector_t, add_response, allocate_vector, couplings, eliminate, find_vector, &
+      nearest_pole, solve_coupled, solve_mass
 
    !> Largest order of H: all rows of V that `beamid_assembly` can have.
    integer, parameter, public :: most = 5 + 2*most_sensors + most_supports
@@ -112,7 +112,8 @@ contains
    end subroutine couplings
 
    !> Solves a x = b in place for a small matrix, by elimination with partial pivoting. LAPACK takes
-   !> several times as long for these orders.
+   !> several times as long for these orders, and the last bits of the results of a threaded LAPACK
+   !> differ from run to run.
    !>
    !> r, m     order of a, and number of columns of b
    !> a        (r, r) matrix, destroyed
@@ -205,7 +206,7 @@ contains
             end do
          end do
          vector%x = 0
-         call add_answer(self%n, r, self%vt, vector%f, vector%inverse, vector%x)
+         call add_response(self%n, r, self%vt, vector%f, vector%inverse, vector%x)
          vector%x(root%j) = 1
          do i = 1, self%n
             vector%A = vector%A + vector%dD(i)*vector%x(i)**2
@@ -265,7 +266,7 @@ contains
    !> f        (r) forces
    !> inverse  (n) 1/D
    !> x        (n) motion of the oscillators
-   pure subroutine add_answer(n, r, vt, f, inverse, x)
+   pure subroutine add_response(n, r, vt, f, inverse, x)
       integer, intent(in) :: n, r
       real(wp), intent(in) :: vt(n, r)
       complex(wp), intent(in) :: f(r), inverse(n)
@@ -280,7 +281,7 @@ contains
          end do
          x(i) = x(i) - force*inverse(i)
       end do
-   end subroutine add_answer
+   end subroutine add_response
 
    !> Solves (A + G H) x = b in place; the result is 0 if the matrix is singular.
    !>
@@ -341,7 +342,7 @@ contains
             end do
          end do
          do k = 1, r
-            if (.not. self%held(k)) then
+            if (.not. self%rigid(k)) then
                a(k, k) = a(k, k) + 1
             else if (present(moved)) then
                c(k, 1) = c(k, 1) - moved(k)

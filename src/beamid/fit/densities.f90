@@ -40,11 +40,7 @@ module beamid_densities
       !> bounds and moderate value of the parameter, in its unit
       real(wp) :: lower = -unbounded, upper = unbounded, magnitude = 1
    contains
-      procedure :: value
-      procedure :: of
-      procedure :: slope
-      procedure :: log_slope
-      procedure :: bend
+      procedure :: value, of, slope, log_slope, bend
    end type coordinate_t
 
 contains

@@ -95,7 +95,7 @@ contains
       if (must_compare) then
          call search%evaluate_at(result%start, result%residual, error)
          if (.not. allocated(error)) call check_derivatives(search, result%start, &
-            search%current%jacobian, at_start, error)
+            search%evaluated(search%here)%jacobian, at_start, error)
          if (allocated(error)) return
       end if
 
@@ -279,7 +279,8 @@ contains
 
       if (associated(search%smooth)) then
          call search%evaluate_at(search%parameters, result%residual, error)
-         if (.not. allocated(error)) result%jacobian = search%current%jacobian
+         if (.not. allocated(error)) result%jacobian = &
+            search%evaluated(search%here)%jacobian
       else
          call differences(search%problem, search%parameters, search%variables, &
             search%relative_error, result%jacobian, error)

@@ -7,6 +7,8 @@ module beamid_metropolis
    use beamid_errors, only: error_t, failure
    use beamid_interrupts, only: interrupted, stop_flag
    use beamid_kinds, only: wp
+   use beamid_lapack, only: dtrtrs
+   use beamid_matrices, only: outer
    use beamid_noise, only: gaussian_noise, uniform_noise
    use beamid_proposals, only: factor_covariance
    use beamid_searches, only: monitor_t
@@ -209,24 +211,15 @@ contains
    end subroutine advance
 
    !> Returns the log density of a first step d, (n), up to a constant.
-   pure real(wp) function log_step(chain, d)
+   real(wp) function log_step(chain, d)
       type(chain_t), intent(in) :: chain
       real(wp), intent(in) :: d(:)
       real(wp) :: w(size(d))
-      integer :: i
+      integer :: info
 
       w = d
-      associate (factor => chain%factor)
-         if (chain%is_upper) then
-            do i = size(d), 1, -1
-               w(i) = (w(i) - dot_product(factor(i, i + 1:), w(i + 1:)))/factor(i, i)
-            end do
-         else
-            do i = 1, size(d)
-               w(i) = (w(i) - dot_product(factor(i, :i - 1), w(:i - 1)))/factor(i, i)
-            end do
-         end if
-      end associate
+      call dtrtrs(merge('U', 'L', chain%is_upper), 'N', 'N', size(d), 1, chain%factor, size(d), w, &
+         size(d), info)
       log_step = -sum(w**2)/2
    end function log_step
 
@@ -236,8 +229,7 @@ contains
 
       chain%seen = chain%seen + 1
       associate (apart => chain%here%x - chain%mean, seen => chain%seen)
-         chain%scatter = chain%scatter + (seen - 1.0_wp)/seen*spread(apart, 2, size(apart)) &
-            *spread(apart, 1, size(apart))
+         chain%scatter = chain%scatter + (seen - 1.0_wp)/seen*outer(apart, apart)
          chain%mean = chain%mean + apart/seen
       end associate
    end subroutine add_to_scatter

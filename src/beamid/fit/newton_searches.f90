@@ -10,7 +10,8 @@ module beamid_newton_searches
    use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
    use beamid_errors, only: error_t, failure
    use beamid_kinds, only: wp
-   use beamid_lapack, only: dpotrf, dtrtrs
+   use beamid_lapack, only: dposv
+   use beamid_matrices, only: add_diagonal
    use beamid_searches, only: search_t, notify_monitor, physical_parameters
    implicit none
    private
@@ -121,7 +122,7 @@ contains
       !> Relative change of the residuals by a difference step, and the longest step of a variable.
       real(wp), parameter :: difference = 1e-4_wp
       real(wp) :: jacobian(size(r), size(z)), hessian(size(z), size(z)), other(size(r)), &
-         work(64*size(z)), h
+         displaced(size(z)), work(64*size(z)), h
       integer :: info, k, n
 
       n = size(z)
@@ -135,7 +136,9 @@ contains
          model%scale = max(tiny(h), 1e-8_wp*maxval(model%scale))
       do k = 1, n
          h = difference*min(1.0_wp, norm2(r)/model%scale(k))
-         call derivatives_at(search, displaced(z, k, h), other, jacobian, error)
+         displaced = z
+         displaced(k) = z(k) + h
+         call derivatives_at(search, displaced, other, jacobian, error)
          if (allocated(error)) return
          hessian(:, k) = (matmul(other, jacobian) - model%gradient)/(h*model%scale(k)*model%scale)
       end do
@@ -143,16 +146,6 @@ contains
       call dsyev('V', 'U', n, model%direction, n, model%curvature, work, size(work), info)
       if (info /= 0) call failure(error, 'LAPACK finds no eigenvalues of the second derivatives')
    end subroutine build_model
-
-   !> Returns z with variable k changed.
-   pure function displaced(z, k, by)
-      real(wp), intent(in) :: z(:), by
-      integer, intent(in) :: k
-      real(wp) :: displaced(size(z))
-
-      displaced = z
-      displaced(k) = displaced(k) + by
-   end function displaced
 
    !> Computes the step to the minimum of the quadratic model within a radius.
    !>
@@ -216,13 +209,9 @@ contains
       end do
       step(:, 1) = -matmul(r, jacobian)
       normal = matmul(transpose(jacobian), jacobian)
-      do k = 1, n
-         normal(k, k) = normal(k, k) + shift
-      end do
-      call dpotrf('U', n, normal, n, info)
+      call add_diagonal(normal, spread(shift, 1, n))
+      call dposv('U', n, 1, normal, n, step, n, info)
       if (info /= 0) return
-      call dtrtrs('U', 'T', 'N', n, 1, normal, n, step, n, info)
-      call dtrtrs('U', 'N', 'N', n, 1, normal, n, step, n, info)
       z = z + step(:, 1)/scale
       call residuals_at(search, z, r, error)
    end subroutine return_to_valley
@@ -252,7 +241,7 @@ contains
       if (allocated(error)) return
       slope = search%variables(search%moving)%derivative(z)
       do k = 1, size(z)
-         jacobian(:, k) = slope(k)*search%current%jacobian(:, search%moving(k))
+         jacobian(:, k) = slope(k)*search%evaluated(search%here)%jacobian(:, search%moving(k))
       end do
    end subroutine derivatives_at
 

@@ -43,8 +43,7 @@ module beamid_profile_likelihood
       real(wp) :: J_min = 0                                 !< least sum of squares
       real(wp) :: rise = 1                                  !< of J at the end of the interval
    contains
-      procedure :: residuals
-      procedure :: jacobian
+      procedure :: residuals, jacobian
    end type section_t
 
    !> Distance between two points that the steps aim at, as in `side_t`.
@@ -88,7 +87,9 @@ contains
       bound = merge(variables(k)%lower, variables(k)%upper, direction < 0)
       limit = farthest*max(abs(estimate(k)), variables(k)%magnitude)
       here = estimate
-      call start_side(side, section, here)
+      side%reason = ''
+      allocate (side%value(0), side%J(0), side%distance(0), side%parameters(size(estimate), 0))
+      call add_point(side, k, here, J_min, 0.0_wp)
       if (has_ended(nearest*variables(k)%magnitude)) return
       call find_slopes(section, here, slopes)
       step = min(target_gain*first, limit/10)
@@ -108,10 +109,14 @@ contains
             call find_end(section, here, next, side%distance(size(side%J)), distance, J, side)
             return
          end if
-         step = next_step(abs(next(k) - here(k)), distance - side%distance(size(side%J)))
+         step = abs(next(k) - here(k))*min(3.0_wp, target_gain/max(target_gain/3, &
+            distance - side%distance(size(side%J))))
          here = next
          call add_point(side, k, here, J, distance)
-         if (present(monitor)) call report_point(monitor, size(side%J))
+         ! The sides are followed in parallel.
+         !$omp critical (one_side_done)
+         if (present(monitor)) call monitor%advanced(size(side%J), 0, 'points of a profile')
+         !$omp end critical (one_side_done)
          if (has_ended(nearest*abs(estimate(k) - bound))) return
          call find_slopes(section, here, slopes)
       end do
@@ -160,23 +165,6 @@ contains
       end function ahead
 
    end subroutine follow_profile
-
-   !> Returns the length of the next step from that of a step and its gain of distance.
-   pure real(wp) function next_step(step, gain)
-      real(wp), intent(in) :: step, gain
-
-      next_step = step*min(3.0_wp, target_gain/max(gain, target_gain/3))
-   end function next_step
-
-   !> Reports the number of points of a side; the sides are followed in parallel.
-   subroutine report_point(monitor, points)
-      class(monitor_t), intent(inout) :: monitor
-      integer, intent(in) :: points
-
-      !$omp critical (one_side_done)
-      call monitor%advanced(points, 0, 'points of a profile')
-      !$omp end critical (one_side_done)
-   end subroutine report_point
 
    !> Finds the value at which the distance is 1, between a point inside the interval and one
    !> outside: by the secant of the distance, which is nearly linear, and by every fourth step a
@@ -315,17 +303,6 @@ contains
       section%J_min = J_min
       section%rise = rise
    end subroutine new_section
-
-   !> Starts a side with the estimate, (n).
-   subroutine start_side(side, section, estimate)
-      type(side_t), intent(inout) :: side
-      type(section_t), intent(in) :: section
-      real(wp), intent(in) :: estimate(:)
-
-      side%reason = ''
-      allocate (side%value(0), side%J(0), side%distance(0), side%parameters(size(estimate), 0))
-      call add_point(side, section%fixed, estimate, section%J_min, 0.0_wp)
-   end subroutine start_side
 
    !> Appends a point to a side.
    subroutine add_point(side, k, parameters, J, distance)

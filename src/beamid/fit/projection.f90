@@ -16,9 +16,7 @@ module beamid_projection
       real(wp), allocatable :: q(:, :)   !< (m, k) orthonormal basis of the columns of Phi
       real(wp), allocatable :: r(:, :)   !< (k, k) Phi = q r, upper triangle
    contains
-      procedure :: coefficients
-      procedure :: derivative
-      procedure :: derivatives
+      procedure :: coefficients, derivatives
    end type projection_t
 
    interface
@@ -87,26 +85,10 @@ contains
       c = -b(:, 1)
    end subroutine coefficients
 
-   !> Computes dr/dp of the residuals with c(p) eliminated, for one parameter p.
+   !> Computes dr/dp of the residuals with c(p) eliminated, for each parameter p.
    !>
-   !> dphi   (m, k) dPhi/dp
-   !> r      (m) the residuals
-   !> slope  (m) on entry dy/dp + (dPhi/dp) c with c fixed, on return dr/dp
-   subroutine derivative(self, dphi, r, slope)
-      class(projection_t), intent(in) :: self
-      real(wp), intent(in) :: dphi(:, :), r(:)
-      real(wp), intent(inout) :: slope(:)
-      real(wp) :: slopes(size(slope), 1)
-
-      slopes(:, 1) = slope
-      call self%derivatives(reshape(matmul(r, dphi), [size(dphi, 2), 1]), slopes)
-      slope = slopes(:, 1)
-   end subroutine derivative
-
-   !> Computes the same derivatives for several parameters at once.
-   !>
-   !> along   (k, parameters) (dPhi/dp)'r
-   !> slopes  (m, parameters) as `slope` in `derivative`
+   !> along   (k, parameters) (dPhi/dp)'r, where r are the residuals
+   !> slopes  (m, parameters) on entry dy/dp + (dPhi/dp) c with c fixed, on return dr/dp
    subroutine derivatives(self, along, slopes)
       class(projection_t), intent(in) :: self
       real(wp), intent(in) :: along(:, :)

@@ -5,7 +5,8 @@ module beamid_proposals
    use beamid_densities, only: coordinate_t, density_t, impossible, new_coordinate
    use beamid_errors, only: error_t, failure
    use beamid_kinds, only: wp
-   use beamid_lapack, only: dpotrf, dtrtrs
+   use beamid_lapack, only: dposv, dpotrf, dtrtrs
+   use beamid_matrices, only: add_diagonal, identity, outer
    use beamid_variables, only: variable_t
    implicit none
    private
@@ -43,7 +44,7 @@ contains
       class(density_t), allocatable :: mine
       real(wp), dimension(size(start), size(start)) :: H, R
       real(wp) :: top
-      integer :: info, k, n
+      integer :: info, n
 
       allocate (mine, source=density)
       n = size(start)
@@ -55,18 +56,13 @@ contains
          return
       end if
       R = H
-      do k = 1, n
-         R(k, k) = R(k, k) + 1/longest_axis**2
-      end do
+      call add_diagonal(R, spread(1/longest_axis**2, 1, n))
       call dpotrf('U', n, R, n, info)
       if (info /= 0) then
          call failure(error, 'sampling: the density has no mode near the estimate')
          return
       end if
-      allocate (proposal%axes(n, n), source=0.0_wp)
-      do k = 1, n
-         proposal%axes(k, k) = 1
-      end do
+      proposal%axes = identity(n)
       call dtrtrs('U', 'N', 'N', n, n, R, n, proposal%axes, n, info)
       call measure_widths(mine, proposal, top)
    end subroutine new_proposal
@@ -92,14 +88,10 @@ contains
       damping = 1e-6_wp
       do i = 1, max_steps
          R = H
-         do k = 1, n
-            R(k, k) = R(k, k) + damping*(1 + H(k, k)) + 1/longest_axis**2
-         end do
-         call dpotrf('U', n, R, n, info)
-         if (info /= 0) exit
+         call add_diagonal(R, [(damping*(1 + H(k, k)) + 1/longest_axis**2, k=1, n)])
          step = g
-         call dtrtrs('U', 'T', 'N', n, 1, R, n, step, n, info)
-         call dtrtrs('U', 'N', 'N', n, 1, R, n, step, n, info)
+         call dposv('U', n, 1, R, n, step, n, info)
+         if (info /= 0) exit
          trial = x + step*min(1.0_wp, 2/max(maxval(abs(step)), tiny(here)))
          call in_coordinates(density, coordinate, trial, value)
          if (value > here) then
@@ -189,17 +181,14 @@ contains
       real(wp), intent(in) :: x(:, :), weight(:)
       real(wp), parameter :: widening = 1.2_wp
       real(wp), dimension(size(x, 1), size(x, 1)) :: covariance
-      real(wp) :: mean(size(x, 1)), deviation(size(x, 1))
+      real(wp) :: mean(size(x, 1))
       logical :: positive
-      integer :: i, k
+      integer :: i
 
       mean = matmul(x, weight)
       covariance = 0
       do i = 1, size(weight)
-         deviation = x(:, i) - mean
-         do k = 1, size(deviation)
-            covariance(:, k) = covariance(:, k) + weight(i)*deviation*deviation(k)
-         end do
+         covariance = covariance + weight(i)*outer(x(:, i) - mean, x(:, i) - mean)
       end do
       call factor_covariance(covariance, positive)
       if (.not. positive) return

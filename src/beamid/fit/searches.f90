@@ -22,8 +22,7 @@ module beamid_searches
    type, abstract :: monitor_t
    contains
       procedure(iteration), deferred :: iteration
-      procedure :: done
-      procedure :: advanced
+      procedure :: done, advanced
    end type monitor_t
 
    !> Options of a least-squares fit.
@@ -93,7 +92,8 @@ module beamid_searches
       type(error_t), allocatable :: error      !< the error that stopped the search
       !> the point evaluated last, and an earlier point to which the search may return from a
       !> rejected trial step
-      type(evaluated_t) :: current, previous
+      type(evaluated_t) :: evaluated(2)
+      integer :: here = 1                      !< index of the point evaluated last
       real(wp) :: J = huge(1.0_wp)             !< sum of squares where the last step began
       !> distance to the minimum [standard errors] below which the search has converged
       real(wp) :: settled_distance = 0
@@ -161,7 +161,7 @@ contains
       allocate (fjac(size(r), size(z)), wa4(size(r)))
       active => search
       search%J = huge(search%J)
-      search%previous%J = huge(search%J)
+      search%evaluated(3 - search%here)%J = huge(search%J)
       search%is_settled = .false.
       search%settled_distance = settled_offset*sqrt(options%tolerance)
       ftol = merge(tolerance, 1e-14_wp, options%relative_error > 0)
@@ -202,23 +202,21 @@ contains
          iflag = -1
          return
       end if
-      do k = 1, n
-         associate (moving => active%moving(k))
-            fjac(:m, k) = active%current%jacobian(:, moving) &
-               *active%variables(moving)%derivative(x(k))
-         end associate
-      end do
-      if (.not. active%current%J < (1 - small_change)*active%J) then
-         associate (variables => active%variables(active%moving), &
-            parameters => active%current%parameters(active%moving))
-            ahead = gauss_newton_step(active%current%jacobian(:, active%moving), r, parameters, &
-               variables, m*epsilon(r))
+      associate (here => active%evaluated(active%here), moving => active%moving)
+         do k = 1, n
+            fjac(:m, k) = here%jacobian(:, moving(k)) &
+               *active%variables(moving(k))%derivative(x(k))
+         end do
+         if (.not. here%J < (1 - small_change)*active%J) then
+            ahead = gauss_newton_step(here%jacobian(:, moving), r, here%parameters(moving), &
+               active%variables(moving), m*epsilon(r))
             active%is_settled = ahead%distance <= active%settled_distance .and. &
-               ahead%rank == n .and. .not. any(variables%is_at_bound(parameters))
-         end associate
-         if (active%is_settled) iflag = -1
-      end if
-      active%J = active%current%J
+               ahead%rank == n .and. &
+               .not. any(active%variables(moving)%is_at_bound(here%parameters(moving)))
+            if (active%is_settled) iflag = -1
+         end if
+         active%J = here%J
+      end associate
    end subroutine lmder_callback
 
    !> Computes residuals for `lmdif`. iflag = 0 marks a new iteration, 1 the start or a trial step,
@@ -257,9 +255,9 @@ contains
       fvec = 100*(active%first_norm + tiny(1.0_wp))/sqrt(real(m, wp))
    end subroutine lmdif_callback
 
-   !> Computes residuals and, if the problem has exact derivatives, the Jacobian into `current`.
+   !> Computes residuals and, if the problem has exact derivatives, the Jacobian into `evaluated`.
    !> Most trial steps are accepted, and the derivatives are then needed at the same point. After a
-   !> rejected step the search returns to the point before, which `previous` still holds.
+   !> rejected step the search returns to the point before, which `evaluated` still holds.
    !>
    !> parameters  (n) physical values
    !> r           (m) residuals
@@ -269,24 +267,23 @@ contains
       real(wp), intent(in) :: parameters(:)
       real(wp), intent(inout) :: r(:)
       type(error_t), allocatable, intent(out) :: error
+      integer :: k
 
       if (.not. associated(self%smooth)) then
          self%evaluations = self%evaluations + 1
          call self%problem%residuals(parameters, r, error)
          return
       end if
-      if (is_at(self%current, parameters)) then
-         r = self%current%residual
+      do k = 1, 2
+         if (.not. is_at(self%evaluated(k), parameters)) cycle
+         self%here = k
+         r = self%evaluated(k)%residual
          return
-      end if
-      if (is_at(self%previous, parameters)) then
-         call swap(self%current, self%previous)
-         r = self%current%residual
-         return
-      end if
-      if (self%current%J <= self%previous%J) call swap(self%current, self%previous)
+      end do
+      ! The new point takes the place of the worse one.
+      self%here = merge(2, 1, self%evaluated(1)%J <= self%evaluated(2)%J)
       self%evaluations = self%evaluations + 1
-      associate (here => self%current)
+      associate (here => self%evaluated(self%here))
          here%J = huge(here%J)
          if (.not. allocated(here%jacobian)) allocate (here%jacobian(size(r), size(parameters)), &
             here%residual(size(r)))
@@ -314,30 +311,6 @@ contains
       is_at = allocated(evaluated%parameters)
       if (is_at) is_at = all(abs(parameters - evaluated%parameters) <= 0)
    end function is_at
-
-   !> Exchanges two evaluated points without copying their arrays.
-   subroutine swap(a, b)
-      type(evaluated_t), intent(inout) :: a, b
-      type(evaluated_t) :: c
-
-      call move(a, c)
-      call move(b, a)
-      call move(c, b)
-
-   contains
-
-      !> Moves an evaluated point.
-      subroutine move(from, to)
-         type(evaluated_t), intent(inout) :: from
-         type(evaluated_t), intent(out) :: to
-
-         call move_alloc(from%parameters, to%parameters)
-         call move_alloc(from%residual, to%residual)
-         call move_alloc(from%jacobian, to%jacobian)
-         to%J = from%J
-      end subroutine move
-
-   end subroutine swap
 
    !> Returns all physical parameters, (n), at a point x of the moving variables.
    function physical_parameters(search, x) result(parameters)

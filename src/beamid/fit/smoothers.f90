@@ -47,11 +47,7 @@ module beamid_smoothers
       real(wp), allocatable :: null_basis(:, :)   !< (n, q) N with orthonormal J N
       real(wp), allocatable :: rows(:, :)         !< (k, n)
    contains
-      procedure :: point
-      procedure :: slope
-      procedure :: estimate
-      procedure :: resolution
-      procedure :: covariance
+      procedure :: point, slope, estimate, resolution, covariance
    end type smoother_t
 
    !> Lengths below this share of their natural size are round-off; for ranks.

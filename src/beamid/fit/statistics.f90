@@ -51,8 +51,7 @@ module beamid_statistics
       !> (n) whether a caller has found, beyond linear theory, that a parameter is not determined
       logical, allocatable :: withdrawn(:)
    contains
-      procedure :: withdraw
-      procedure :: is_withdrawn
+      procedure :: withdraw, is_withdrawn
    end type statistics_t
 
 contains

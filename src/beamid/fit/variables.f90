@@ -29,11 +29,7 @@ module beamid_variables
       !> z = 1 corresponds to this argument x of the formulas in `value`
       real(wp), private :: x = 1
    contains
-      procedure :: value
-      procedure :: derivative
-      procedure :: from
-      procedure :: is_at_bound
-      procedure :: nearest_bound
+      procedure :: value, derivative, from, is_at_bound, nearest_bound
    end type variable_t
 
 contains

@@ -15,7 +15,7 @@ module beamid_field_bands
    use beamid_statistics, only: unlimited
    use beamid_structure, only: function_of, is_coefficient, of_c_D, of_d_D, of_E, of_w_D, of_x_D, &
       structure_t
-   use beamid_variations, only: constant, of_E_x, field_t
+   use beamid_variations, only: constant, field_modulus, field_t
    implicit none
    private
 
@@ -44,13 +44,13 @@ contains
 
    !> Returns whether E or c_D varies along the beam.
    !>
-   !> a  the field, of_E_x or of_c_D_x
+   !> a  the field, field_modulus or field_viscosity
    pure logical function varies(structure, a)
       type(structure_t), intent(in) :: structure
       integer, intent(in) :: a
 
       associate (v => structure%variations)
-         if (a == of_E_x) then
+         if (a == field_modulus) then
             varies = v%E%kind /= constant .or. structure%has_dip()
          else
             varies = v%c_D%kind /= constant
@@ -61,7 +61,7 @@ contains
 
    !> Returns E(x) or c_D(x) of the first record with its band, including the known variation.
    !>
-   !> a       the field, of_E_x or of_c_D_x
+   !> a       the field, field_modulus or field_viscosity
    !> points  number of points from root to tip, 2 or more
    function band(fit, a, points)
       class(stage_fit_t), intent(in) :: fit
@@ -102,7 +102,7 @@ contains
    pure logical function is_part(parameter, a)
       integer, intent(in) :: parameter, a
 
-      if (a == of_E_x) then
+      if (a == field_modulus) then
          is_part = any(parameter == [of_E, of_x_D, of_w_D, of_d_D])
       else
          is_part = parameter == of_c_D
@@ -118,7 +118,7 @@ contains
       real(wp) :: factors(2)
 
       factors = structure%factors(xi)
-      if (a == of_E_x) then
+      if (a == field_modulus) then
          value_at = structure%E*structure%variations%E%at(xi)*factors(1)
       else
          value_at = structure%c_D*structure%variations%c_D%at(xi)*factors(2)

@@ -38,11 +38,7 @@ module beamid_excitation
       !> arbitrary amplitude and phase at the first sample
       integer :: modes = 0
    contains
-      procedure :: force
-      procedure :: base
-      procedure :: set_amplitude
-      procedure :: fit_to
-      procedure :: size_scale
+      procedure :: force, base, set_amplitude, fit_to, size_scale
    end type excitation_t
 
 contains

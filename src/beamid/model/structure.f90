@@ -12,7 +12,8 @@ module beamid_structure
    use beamid_columns, only: column_buckles, column_deflection, column_t, new_column
    use beamid_kinds, only: wp
    use beamid_quadrature, only: gauss_legendre, rule_t
-   use beamid_variations, only: of_c_D_x, of_E_x, field_t, variations_t
+   use beamid_sorting, only: sort_by
+   use beamid_variations, only: field_modulus, field_t, field_viscosity, variations_t
    implicit none
    private
 
@@ -85,27 +86,9 @@ module beamid_structure
       !> variation of the properties along the beam
       type(variations_t) :: variations = variations_t()
    contains
-      procedure :: has_hose
-      procedure :: has_root_spring
-      procedure :: has_spring
-      procedure :: rigid_supports
-      procedure :: is_given
-      procedure :: place
-      procedure :: follows_tip
-      procedure :: sensor_place
-      procedure :: get
-      procedure :: set
-      procedure :: stiffness
-      procedure :: stiffening
-      procedure :: static_deflection
-      procedure :: tip_stiffness
-      procedure :: omega
-      procedure :: axial_load
-      procedure :: buckles
-      procedure :: has_dip
-      procedure :: varies_further
-      procedure :: factors
-      procedure :: factor_slopes
+      procedure :: has_hose, has_root_spring, has_spring, rigid_supports, place, &
+         follows_tip, sensor_place, get, set, stiffness, stiffening, static_deflection, &
+         tip_stiffness, omega, axial_load, buckles, has_dip, has_fields, factors, factor_slopes
    end type structure_t
 
    !> Number of all parameters, and number of parameters that belong to no sensor or support.
@@ -157,13 +140,13 @@ contains
       is_coefficient = k >= E_at(1)
    end function is_coefficient
 
-   !> Returns the function of which parameter k is a coefficient: `of_E_x`, `of_c_D_x`, or 0 for any
-   !> other parameter.
+   !> Returns the function of which parameter k is a coefficient: `field_modulus`,
+   !> `field_viscosity`, or 0 for any other parameter.
    elemental integer function function_of(k)
       integer, intent(in) :: k
 
       function_of = 0
-      if (is_coefficient(k)) function_of = merge(of_c_D_x, of_E_x, k >= c_D_at(1))
+      if (is_coefficient(k)) function_of = merge(field_viscosity, field_modulus, k >= c_D_at(1))
    end function function_of
 
    !> Returns whether there is a hose; without it the equations have no coordinate y.
@@ -194,14 +177,6 @@ contains
 
       rigid_supports = count(.not. self%support(:self%supports)%kappa_P > 0)
    end function rigid_supports
-
-   !> Returns whether parameter k has a value above 0, so that it has an effect.
-   pure logical function is_given(self, k)
-      class(structure_t), intent(in) :: self
-      integer, intent(in) :: k
-
-      is_given = self%get(k) > 0
-   end function is_given
 
    !> Returns the position on the beam that parameter k stands for [length].
    pure real(wp) function place(self, k)
@@ -261,25 +236,18 @@ contains
       q = values_of(self)
       a = function_of(k)
       if (a > 0) then
-         call set_coefficient(self%variations%along(a), k - coefficient_at(1, a) + 1, &
-            q(common_of(a)), value)
+         ! If no coefficient was set before, the others become the value of the uniform property.
+         associate (along => self%variations%along(a))
+            if (.not. allocated(along%value)) &
+               allocate (along%value(along%coefficients), source=q(common_of(a)))
+            along%value(k - coefficient_at(1, a) + 1) = value
+         end associate
       else
          q(k) = value
          self%values_t = transfer(q, values_t())
          if (k == of_w_D) self%variations%dips = value > 0
       end if
    end subroutine set
-
-   !> Sets coefficient j of a field. The other coefficients keep their values; if none was set
-   !> before, they become `common`, the value of the uniform property.
-   pure subroutine set_coefficient(along, j, common, value)
-      type(field_t), intent(inout) :: along
-      integer, intent(in) :: j
-      real(wp), intent(in) :: common, value
-
-      if (.not. allocated(along%value)) allocate (along%value(along%coefficients), source=common)
-      along%value(j) = value
-   end subroutine set_coefficient
 
    !> Returns whether two structures have exactly equal parameters and the same observing sensor.
    pure logical function same_structure(a, b)
@@ -309,12 +277,12 @@ contains
 
    !> Returns whether E or c_D vary along the beam by estimated parameters (coefficients or a dip),
    !> in addition to the known variation.
-   pure logical function varies_further(self)
+   pure logical function has_fields(self)
       class(structure_t), intent(in) :: self
 
-      varies_further = self%has_dip() .or. allocated(self%variations%along(of_E_x)%value) .or. &
-         allocated(self%variations%along(of_c_D_x)%value)
-   end function varies_further
+      has_fields = self%has_dip() .or. allocated(self%variations%along(field_modulus)%value) .or. &
+         allocated(self%variations%along(field_viscosity)%value)
+   end function has_fields
 
    !> Returns E(x)/E and c_D(x)/c_D at one position, without the factors of the known variation.
    !>
@@ -333,7 +301,8 @@ contains
             if (allocated(along%value)) factors(a) = sum(along%shares(xi)*along%value)/uniform(a)
          end associate
       end do
-      if (self%has_dip()) factors(of_E_x) = factors(of_E_x)*(1 - self%d_D*dip_at(self, xi))
+      if (self%has_dip()) factors(field_modulus) = factors(field_modulus) &
+         *(1 - self%d_D*dip_at(self, xi))
    end function factors
 
    !> Returns the shape of the dip, a Gaussian of height 1, at xi = x/l.
@@ -377,9 +346,9 @@ contains
       if (.not. self%has_dip()) return
       dip = dip_at(self, xi)
       z = (xi*self%length - self%x_D)/self%w_D
-      slopes(of_E_x, :) = slopes(of_E_x, :)*(1 - self%d_D*dip)
+      slopes(field_modulus, :) = slopes(field_modulus, :)*(1 - self%d_D*dip)
       do p = 1, size(parameters)
-         associate (slope => slopes(of_E_x, p), E => along(of_E_x))
+         associate (slope => slopes(field_modulus, p), E => along(field_modulus))
             select case (parameters(p))
             case (of_d_D)
                slope = -E*dip
@@ -492,7 +461,7 @@ contains
       at = [(merge(q(of_length), q(x_S_at(i)), self%follows_tip(x_S_at(i))), i=1, most_sensors)]
       carried = q(m_S_at)
       ends = [(0.0_wp, 0.0_wp), places, at, q(of_length)]
-      call sort_by_place(ends)
+      call sort_by(real(ends), ends)
       ! The positions are complex: find the end that each equals, instead of comparing positions.
       last = [(minloc(abs(ends - at(i)), dim=1), i=1, most_sensors)]
       do i = 1, size(N)
@@ -502,22 +471,6 @@ contains
       column = new_column(q(of_E)*q(of_I), q(of_kappa_R), ends, N, &
          spread(-weight*q(of_rho), 1, size(N)))
    end function column_of
-
-   !> Sorts positions in ascending order of their real parts, by insertion.
-   pure subroutine sort_by_place(x)
-      complex(wp), intent(inout) :: x(:)
-      complex(wp) :: next
-      integer :: i, j
-
-      do i = 2, size(x)
-         next = x(i)
-         do j = i - 1, 1, -1
-            if (real(x(j)) <= real(next)) exit
-            x(j + 1) = x(j)
-         end do
-         x(j + 1) = next
-      end do
-   end subroutine sort_by_place
 
    !> Returns the axial force at the root and at the tip, between which it lies everywhere, as
    !> multiples of E I/length**2; tension is positive. A cantilever under its own weight buckles at
@@ -538,7 +491,7 @@ contains
       complex(wp) :: q(n_parameters)
 
       buckles = .false.
-      if (self%variations%are_known() .or. self%varies_further()) return
+      if (self%variations%are_known() .or. self%has_fields()) return
       if (.not. (self%T < 0 .or. self%stands .and. self%g > 0)) return
       q = values_of(self)
       buckles = column_buckles(column_of(self, q, q(of_length:of_length)))
@@ -555,7 +508,7 @@ contains
       near = merge(x, xi, real(x) <= real(xi))
       far = merge(xi, x, real(x) <= real(xi))
       bent = near**2*(3*far - near)/6
-      if (self%variations%are_known() .or. self%varies_further()) &
+      if (self%variations%are_known() .or. self%has_fields()) &
          bent = varied_bending(self, q(of_length), near, far, k, moved)
       bare_influence = bent/(q(of_E)*q(of_I)) + near*far*q(of_kappa_R)
    end function bare_influence

@@ -93,7 +93,7 @@ contains
 
       associate (needs => parameters(k)%needs, item => parameters(k)%item)
          if (needs > 0 .and. needs /= k) then
-            if (structure%get(k) > 0 .and. .not. structure%is_given(needs)) call bad_input(error, &
+            if (structure%get(k) > 0 .and. .not. structure%get(needs) > 0) call bad_input(error, &
                trim(parameters(k)%name)//': found a value without '// &
                trim(parameters(needs)%name)//', expected both')
          end if

@@ -13,8 +13,8 @@ module beamid_terms
    implicit none
    private
 
-   public :: term_t, terms, strengths, strengths_and_slopes, is_spring, is_grounded, pulls, &
-      tilting, operators, operator_t, place_on_mesh
+   public :: term_t, terms, strengths, strengths_and_slopes, is_spring, is_grounded, &
+      is_axial_force, tilting, operators, operator_t, place_on_mesh
    public :: of_mass, of_damping, of_stiffness, of_load, of_compliance
    public :: inertia, bending, tip_value, tip_slope, root_slope, hose, stretch, load_shape, &
       force_value, tension, weight, sensor_value, sensor_slope, support_value, sensor_weight
@@ -141,8 +141,10 @@ contains
             end do
             if (abs(value) <= 0 .and. .not. any(enters)) cycle
             if (.not. is_there(k, structure)) cycle
-            power = growth(k, matrix)
-            scale = weight_sign(t, structure)
+            power = operators(k)%growth
+            if (matrix == of_compliance) power = -power
+            ! The weight compresses a standing beam.
+            scale = merge(-1, 1, structure%stands .and. any(terms(t)%factor%place == of_g))
             if (power /= 0) scale = scale*(structure%length/mesh_length)**power
             value = scale*value
             s(k, matrix) = s(k, matrix) + value
@@ -160,22 +162,6 @@ contains
             -slopes(:, of_compliance, p)*s(:, of_stiffness)**2
       end do
    end subroutine strengths_and_slopes
-
-   !> Returns the sign of term t: -1 for the weight on a standing beam, which compresses it, else 1.
-   pure integer function weight_sign(t, structure)
-      integer, intent(in) :: t
-      type(structure_t), intent(in) :: structure
-
-      weight_sign = merge(-1, 1, structure%stands .and. any(terms(t)%factor%place == of_g))
-   end function weight_sign
-
-   !> Returns the exponent of the beam's length in the coefficient of an operator in a matrix.
-   pure integer function growth(operator, matrix)
-      integer, intent(in) :: operator, matrix
-
-      growth = operators(operator)%growth
-      if (matrix == of_compliance) growth = -growth
-   end function growth
 
    !> Returns the position of an operator's point, or of the end of its integral, on the mesh, whose
    !> beam has the length `mesh_length` [length].
@@ -231,11 +217,11 @@ contains
    end function is_grounded
 
    !> Returns whether an operator is an axial force, along the whole beam or a part of it.
-   elemental logical function pulls(operator)
+   elemental logical function is_axial_force(operator)
       integer, intent(in) :: operator
 
-      pulls = operator == tension .or. operator == weight .or. operator >= sensor_weight(1)
-   end function pulls
+      is_axial_force = operator == tension .or. operator == weight .or. operator >= sensor_weight(1)
+   end function is_axial_force
 
    !> Returns the reading of a sensor per unit of slope that is due to gravity [length/time**2]. The
    !> slope turns the sensor's axis towards the direction of gravity: the reading is g times the

@@ -17,11 +17,7 @@ module beamid_units
       !> labels of the units of length, force, time and mass; blank if not given
       character(len=label_length) :: length = '', force = '', time = '', mass = ''
    contains
-      procedure :: of_parameter
-      procedure :: of_quantity
-      procedure :: acceleration
-      procedure :: velocity
-      procedure :: sum_of_squares
+      procedure :: of_parameter, of_quantity, acceleration, velocity, sum_of_squares
    end type units_t
 
 contains

@@ -12,7 +12,7 @@ module beamid_variations
    private
 
    public :: variation_t, new_variation, field_t, variations_t, constant, in_steps, in_lines, &
-      as_spline, of_E_x, of_c_D_x
+      as_spline, field_modulus, field_viscosity
 
    !> Interpolation of a factor between its positions: constant 1; the value at the last position
    !> before; piecewise linear; the natural cubic spline.
@@ -20,7 +20,7 @@ module beamid_variations
 
    !> The functions of x that a fit may estimate. Arrays with an entry for each function use this
    !> order.
-   integer, parameter :: of_E_x = 1, of_c_D_x = 2
+   integer, parameter :: field_modulus = 1, field_viscosity = 2
 
    !> A known factor of a property, a function of xi = x/l.
    type :: variation_t
@@ -42,8 +42,7 @@ module beamid_variations
       !> (coefficients) [unit of the property]; not allocated: all equal the parameter
       real(wp), allocatable :: value(:)
    contains
-      procedure :: shares
-      procedure :: places
+      procedure :: shares, places
    end type field_t
 
    !> All variation along the beam, known and estimated.
@@ -55,13 +54,7 @@ module beamid_variations
       type(field_t) :: along(2) = field_t()  !< estimated fields: E(x), c_D(x)
       logical :: dips = .false.              !< the stiffness has a dip, or may have one in a fit
    contains
-      procedure :: bending
-      procedure :: viscous
-      procedure :: mass
-      procedure :: mass_beyond
-      procedure :: air
-      procedure :: are_known
-      procedure :: breaks
+      procedure :: bending, viscous, mass, mass_beyond, air, are_known, breaks
    end type variations_t
 
    interface

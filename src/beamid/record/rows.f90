@@ -49,17 +49,8 @@ module beamid_rows
       integer, private :: counts(len(separators)) = 0
    contains
       procedure :: rewind => go_to_start
-      procedure :: go_to
-      procedure :: next_row
-      procedure :: row
-      procedure :: restart_row
-      procedure :: next_field
-      procedure :: count_fields
-      procedure :: count_filled
-      procedure :: count_of
-      procedure :: has_decimal_comma
-      procedure :: split_at
-      procedure :: problem
+      procedure :: go_to, next_row, row, restart_row, next_field, count_fields, count_filled, &
+         count_of, has_decimal_comma, split_at, problem
    end type reader_t
 
 contains

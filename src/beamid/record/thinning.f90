@@ -72,14 +72,15 @@ contains
       real(wp), allocatable :: filtered(:), kernel(:)
       logical, allocatable :: good(:)
       integer, allocatable :: places(:), part_ends(:)
-      real(wp) :: step, limit
+      real(wp) :: steps(size(t) - 1), step, limit
       integer :: first, last, from, to, j
 
       allocate (thinned%t(0), thinned%z(0))
       places = wanted(::k)
       thinned%lost = size(places)
       limit = gap_limit(t)
-      step = mean_step(t, limit)
+      steps = t(2:) - t(:size(t) - 1)
+      step = sum(steps, mask=steps <= limit)/max(1, count(steps <= limit))
       if (.not. step > 0) return
       thinned%half_width = half_samples*k*step
       thinned%passes = passband_edge/(2*k*step)
@@ -89,7 +90,7 @@ contains
       ! Filters each part between two gaps separately.
       allocate (filtered(size(places)), good(size(places)))
       good = .false.
-      part_ends = [pack([(j, j=1, size(t) - 1)], t(2:) - t(:size(t) - 1) > limit), size(t)]
+      part_ends = [pack([(j, j=1, size(t) - 1)], steps > limit), size(t)]
       last = 0
       to = 0
       do j = 1, size(part_ends)
@@ -112,15 +113,6 @@ contains
 
       limit = gap_factor*median(t(2:) - t(:size(t) - 1))
    end function gap_limit
-
-   !> Returns the mean of the time steps that are no gaps [time]; 0 if there are none.
-   pure real(wp) function mean_step(t, limit) result(step)
-      real(wp), intent(in) :: t(:), limit
-      real(wp) :: steps(size(t) - 1)
-
-      steps = t(2:) - t(:size(t) - 1)
-      step = sum(steps, mask=steps <= limit)/max(1, count(steps <= limit))
-   end function mean_step
 
    !> Returns the impulse response of the filter, from its middle (0) to its end (intervals),
    !> relative to the middle.

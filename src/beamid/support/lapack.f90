@@ -5,7 +5,7 @@ module beamid_lapack
    implicit none
    private
 
-   public :: dgeev, dgels, dgelsy, dgeqrf, dgesv, dgesvd, dpotrf, dtrtrs
+   public :: dgeev, dgels, dgelsy, dgeqrf, dgesv, dgesvd, dposv, dpotrf, dtrtrs
 
    interface
       subroutine dgeev(jobvl, jobvr, n, a, lda, wr, wi, vl, ldvl, vr, ldvr, work, lwork, info)
@@ -54,6 +54,13 @@ module beamid_lapack
          real(wp), intent(out) :: s(*), u(ldu, *), vt(ldvt, *), work(*)
          integer, intent(out) :: info
       end subroutine dgesvd
+      subroutine dposv(uplo, n, nrhs, a, lda, b, ldb, info)
+         import :: wp
+         character, intent(in) :: uplo
+         integer, intent(in) :: n, nrhs, lda, ldb
+         real(wp), intent(inout) :: a(lda, *), b(ldb, *)
+         integer, intent(out) :: info
+      end subroutine dposv
       subroutine dpotrf(uplo, n, a, lda, info)
          import :: wp
          character, intent(in) :: uplo

@@ -4,7 +4,7 @@ module beamid_sorting
    implicit none
    private
 
-   public :: sort, median
+   public :: sort, sort_by, median
 
    interface
       !> LAPACK: sorts numbers, id = 'I' for ascending.
@@ -26,6 +26,20 @@ contains
 
       call dlasrt('I', size(values), values, info)
    end subroutine sort
+
+   !> Sorts complex numbers by ascending keys, by insertion; equal keys keep their order.
+   pure subroutine sort_by(keys, values)
+      real(wp), intent(in) :: keys(:)
+      complex(wp), intent(inout) :: values(:)
+      real(wp) :: sorted(size(keys))
+      integer :: i, k
+
+      do i = 1, size(keys)
+         k = count(sorted(:i - 1) <= keys(i))
+         sorted(:i) = [sorted(:k), keys(i), sorted(k + 1:i - 1)]
+         values(:i) = [values(:k), values(i), values(k + 1:i - 1)]
+      end do
+   end subroutine sort_by
 
    !> Returns the median (of an even number of values the lower one); 0 if there are no values. Of
    !> more than 100000 values, every k-th value is used, so that at most 100000 remain.
