@@ -15,7 +15,7 @@ module beamid_damage_regions
    use beamid_stage_fits, only: stage_fit_t
    use beamid_structure, only: E_at, of_d_D, of_E, of_w_D, of_x_D
    use beamid_unknowns, only: stage_t
-   use beamid_variations, only: of_E_x
+   use beamid_variations, only: field_modulus
    implicit none
    private
 
@@ -50,8 +50,8 @@ contains
       smooth = model
       smooth%structure%w_D = 0
       smooth%structure%d_D = 0
-      smooth%structure%variations%along(of_E_x)%coefficients = coefficients
-      smooth%structure%variations%along(of_E_x)%degree = degree
+      smooth%structure%variations%along(field_modulus)%coefficients = coefficients
+      smooth%structure%variations%along(field_modulus)%degree = degree
       stage = fit%again()
       stage = stage%without([(any(stage%free(k) == [of_E, of_x_D, of_w_D, of_d_D]), &
          k=1, size(stage%free))])
@@ -61,7 +61,7 @@ contains
       call identify(smooth, mesh, [stage], experiments, fits, error, check=.false.)
       if (allocated(error)) return
       if (.not. norm2(fits(1)%residual) <= share*norm2(fit%residual)) return
-      field = band(fits(1), of_E_x, points)
+      field = band(fits(1), field_modulus, points)
       k = minloc(field%value, dim=1)
       limit = (median(field%value) + field%value(k))/2
       first = findloc(field%value(:k) > limit, .true., dim=1, back=.true.) + 1

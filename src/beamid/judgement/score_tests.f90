@@ -65,8 +65,8 @@ contains
    !> estimated them. J_S and x_S are those of the sensor of the first record.
    !>
    !> fit    result of one stage, with statistics
-   !> tests  in the order above; of size 0 if the fit has no degree of freedom or no free parameter,
-   !>        has fixed a parameter of its stage, or cannot be computed by the exact response
+   !> tests  in the order above; of size 0 if the fit has no degree of freedom, no free parameter or
+   !>        no noise, has fixed a parameter of its stage, or cannot be computed by the exact response
    !> error  the response cannot be computed
    subroutine test_candidates(model, mesh, experiments, fit, tests, error)
       type(model_t), intent(in) :: model
@@ -75,6 +75,8 @@ contains
       type(stage_fit_t), intent(in) :: fit
       type(score_test_t), allocatable, intent(out) :: tests(:)
       type(error_t), allocatable, intent(out) :: error
+      !> Residuals below this share of the records are round-off, which is no noise.
+      real(wp), parameter :: round_off = 1e-9_wp
       type(residual_t) :: problem
       real(wp), allocatable :: d(:)
       integer, allocatable :: candidates(:)
@@ -82,6 +84,8 @@ contains
 
       allocate (tests(0))
       if (fit%statistics%samples == 0 .or. size(fit%free) == 0) return
+      if (norm2(fit%residual) <= round_off*norm2([(norm2(experiments(k)%measured), &
+         k=1, size(experiments))])) return
       ! If the start search has fixed a parameter, the tests would only find this parameter.
       if (fit%note /= '') return
       call exact_counterpart(model, mesh, experiments, .true., problem)
