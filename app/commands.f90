@@ -1,19 +1,25 @@
-!> The commands `identify`, `simulate` and `modes`, and what all commands share: the settings from
-!> the command line and the delivery of outputs. Each command has one routine, which reads the case,
-!> calls the library and collects the outputs.
+!> The commands for one case: `identify`, `profile`, `sample`, `bootstrap`, `simulate`, `modes` and
+!> `design`; and what all commands share: the settings from the command line and the delivery of
+!> outputs. Each command has one routine, which reads the case, calls the library and collects the
+!> outputs.
 module beamid_commands
    use, intrinsic :: iso_fortran_env, only: int64
    use beamid
    use beamid_case_fits, only: add_score_tests, case_fit_t, fit_case, judge_case, load_case
-   use beamid_cases, only: can_be_fitted
+   use beamid_case_inferences, only: case_inference_t, infer
+   use beamid_cases, only: can_be_fitted, needs_design, plan_experiments
+   use beamid_design_reports, only: design_summary, design_table
    use beamid_errors, only: locate
+   use beamid_files, only: read_text
    use beamid_fit_reports, only: add_modes_of_fits, report_fit
+   use beamid_inference_outputs, only: report_inferences
    use beamid_interrupts, only: check_interrupt
    use beamid_mode_summaries, only: modes_summary
    use beamid_outputs, only: output_t
+   use beamid_paths, only: join_path
    use beamid_shape_tables, only: add_shapes
    use beamid_sorting, only: median
-   use beamid_strings, only: to_text
+   use beamid_strings, only: string_t, to_text
    use beamid_summaries, only: response_summary
    use beamid_tables, only: add_modes, labels_table, modes_header, record_table, response_table
    use beamid_terminal, only: new_progress, print_text, progress_t, tell
@@ -21,19 +27,14 @@ module beamid_commands
    implicit none
    private
 
-   public :: settings_t, word_t, run_identify, run_simulate, run_modes
+   public :: settings_t, run_identify, run_inference, run_simulate, run_modes, run_design
    public :: deliver, folder_of
-
-   !> A word of the command line.
-   type :: word_t
-      character(len=:), allocatable :: text
-   end type word_t
 
    !> The parsed command line.
    type :: settings_t
       character(len=:), allocatable :: command   !< name of the command
       character(len=:), allocatable :: subject   !< first word behind it, mostly the case file
-      type(word_t), allocatable :: subjects(:)   !< every word behind the command
+      type(string_t), allocatable :: subjects(:) !< every word behind the command
       character(len=:), allocatable :: out       !< --out DIR; not allocated: out/<case name>
       logical :: quiet = .false.                 !< --quiet: no progress
       logical :: time = .false.                  !< --time: measure the time of a fit
@@ -53,18 +54,10 @@ contains
       type(case_t) :: case
       type(case_fit_t) :: found
       type(output_t) :: output
-      type(progress_t) :: progress
       character(len=:), allocatable :: summary
 
-      call read_case(settings%subject, needs_fit, case, error)
-      if (allocated(error)) return
-      call load_case(case, found, error)
-      if (allocated(error)) return
-      progress = new_progress(settings%quiet)
-      call fit_case(case, found, error, progress)
-      if (.not. allocated(error)) call judge_case(case, found, error, progress)
+      call fit_and_judge(settings, case, found, error)
       if (.not. allocated(error)) call add_score_tests(case, found, error)
-      call progress%finish()
       if (allocated(error)) return
       call report_fit(case, found, output, summary, error)
       call locate(error, case%path)
@@ -74,6 +67,23 @@ contains
       if (.not. allocated(error) .and. found%verdict%no_fit /= '') call failure(error, &
          case%path//': no fit: '//found%verdict%no_fit)
    end subroutine run_identify
+
+   !> Reads a case, fits it and judges the fit.
+   subroutine fit_and_judge(settings, case, found, error)
+      type(settings_t), intent(in) :: settings
+      type(case_t), intent(out) :: case
+      type(case_fit_t), intent(inout) :: found
+      type(error_t), allocatable, intent(out) :: error
+      type(progress_t) :: progress
+
+      call read_case(settings%subject, needs_fit, case, error)
+      if (.not. allocated(error)) call load_case(case, found, error)
+      if (allocated(error)) return
+      progress = new_progress(settings%quiet)
+      call fit_case(case, found, error, progress)
+      if (.not. allocated(error)) call judge_case(case, found, error, progress)
+      call progress%finish()
+   end subroutine fit_and_judge
 
    !> Repeats the fit on each mesh for about a second and prints the median time on standard error.
    !> The time is that of the fit and its statistics, without the comparison of exact derivatives
@@ -101,6 +111,32 @@ contains
             to_text(min(k, most))//' fits: '//to_text(median(seconds(:min(k, most))))//' s')
       end do
    end subroutine time_fits
+
+   !> Runs `beamid profile`, `sample` or `bootstrap`: fits the last stage on every mesh, then
+   !> computes the inference, and completes the table of the intervals by all methods.
+   subroutine run_inference(settings, error)
+      type(settings_t), intent(in) :: settings
+      type(error_t), allocatable, intent(out) :: error
+      type(case_t) :: case
+      type(case_fit_t) :: found
+      type(case_inference_t), allocatable :: inferences(:)
+      type(output_t) :: output
+      type(progress_t) :: progress
+      character(len=:), allocatable :: earlier, summary
+      type(error_t), allocatable :: none
+
+      call fit_and_judge(settings, case, found, error)
+      if (allocated(error)) return
+      progress = new_progress(settings%quiet)
+      call infer(trim(settings%command), case, found, inferences, error, progress)
+      call progress%finish()
+      if (allocated(error)) return
+      call read_text(join_path(folder_of(settings, case%name), 'intervals.csv'), earlier, none)
+      call report_inferences(trim(settings%command), case, found, inferences, earlier, output, &
+         summary, error)
+      if (allocated(error)) return
+      call deliver(output, summary, settings, case%name, error, case%recordings)
+   end subroutine run_inference
 
    !> Runs `beamid simulate`: computes the response on each mesh and a record of the last mesh.
    subroutine run_simulate(settings, error)
@@ -207,6 +243,34 @@ contains
       end if
       call output%add('modes_fitted.csv', table%content())
    end subroutine add_fit_of_modes
+
+   !> Runs `beamid design`: predicts the standard errors that candidate experiments would give, with
+   !> the exact solver on the last mesh of the case, whatever solver the case names.
+   subroutine run_design(settings, error)
+      type(settings_t), intent(in) :: settings
+      type(error_t), allocatable, intent(out) :: error
+      type(case_t) :: case
+      type(box_t) :: box
+      type(experiment_t), allocatable :: experiments(:)
+      type(designs_t) :: designs
+      type(output_t) :: output
+
+      call read_case(settings%subject, needs_design, case, error)
+      if (.not. allocated(error)) call plan_experiments(case, box, experiments, error)
+      if (allocated(error)) return
+      deallocate (case%model%solver)
+      allocate (modal_t :: case%model%solver)
+      associate (mesh => case%meshes(size(case%meshes)))
+         call compare_designs(case%model, mesh, case%stages(size(case%stages)), experiments, &
+            box, designs, error)
+         call locate(error, case%path//':'//to_text(case%design_line)//': &design')
+         if (allocated(error)) return
+         call output%add('design.csv', design_table(designs))
+         call output%add('labels.csv', labels_table(case%units))
+         call deliver(output, design_summary(case, mesh%elements, designs), settings, case%name, &
+            error, case%recordings)
+      end associate
+   end subroutine run_design
 
    !> Writes all outputs to the output folder, all or none, and then prints the summary.
    !>

@@ -3,13 +3,13 @@
 module beamid_comparison
    use beamid
    use beamid_candidates, only: candidate_t, fit_candidate, is_nested, same_samples
-   use beamid_commands, only: deliver, settings_t, word_t
+   use beamid_commands, only: deliver, settings_t
    use beamid_criteria, only: akaike => aicc, bayes => bic, nested_test
    use beamid_errors, only: bad_input, locate
    use beamid_lines, only: columns, csv_row, filled
    use beamid_outputs, only: output_t
    use beamid_responses, only: is_exact
-   use beamid_strings, only: to_text
+   use beamid_strings, only: string_t, to_text
    use beamid_terminal, only: new_progress, progress_t
    use beamid_texts, only: left, right, text_t
    implicit none
@@ -24,7 +24,7 @@ contains
       type(settings_t), intent(in) :: settings
       type(error_t), allocatable, intent(out) :: error
       type(candidate_t), allocatable :: models(:)
-      type(word_t), allocatable :: labels(:)
+      type(string_t), allocatable :: labels(:)
       type(progress_t) :: progress
       type(text_t) :: summary
       type(output_t) :: output
@@ -70,9 +70,9 @@ contains
    !>
    !> models, labels  (size of paths) the models and how they are called in the tables
    subroutine read_models(paths, models, labels, error)
-      type(word_t), intent(in) :: paths(:)
+      type(string_t), intent(in) :: paths(:)
       type(candidate_t), allocatable, intent(out) :: models(:)
-      type(word_t), allocatable, intent(out) :: labels(:)
+      type(string_t), allocatable, intent(out) :: labels(:)
       type(error_t), allocatable, intent(out) :: error
       type(case_t) :: case
       character(len=note_length), allocatable :: notes(:)
@@ -110,7 +110,7 @@ contains
       type(text_t), intent(inout) :: summary
       type(output_t), intent(inout) :: output
       type(candidate_t), intent(in) :: models(:)
-      type(word_t), intent(in) :: labels(:)
+      type(string_t), intent(in) :: labels(:)
       type(text_t) :: table
       real(wp) :: aicc(size(models)), bic(size(models))
       character(len=:), allocatable :: elements, free
@@ -149,7 +149,7 @@ contains
       type(text_t), intent(inout) :: summary
       type(output_t), intent(inout) :: output
       type(candidate_t), intent(in) :: models(:)
-      type(word_t), intent(in) :: labels(:)
+      type(string_t), intent(in) :: labels(:)
       type(text_t) :: table
       real(wp) :: U, probability
       character(len=:), allocatable :: verdict

@@ -12,8 +12,8 @@ module beamid_ensemble
    use beamid_errors, only: bad_input, locate
    use beamid_fingerprints, only: fingerprint_length, fingerprint_t
    use beamid_fleet_reports, only: add_fleet, recall_fleet
-   use beamid_fleets, only: fit_fleet_case, fleet_case_t, judge_fleet_case, open_fleet_case, &
-      read_fleet
+   use beamid_fleets, only: fit_fleet_case, fleet_case_t, fleet_fit_t, judge_fleet_case, &
+      open_fleet_case, read_fleet
    use beamid_folders, only: lock_folder, make_folders, open_folder
    use beamid_interrupts, only: check_interrupt, stop_flag
    use beamid_member_rows, only: add_member
@@ -24,7 +24,7 @@ module beamid_ensemble
    use beamid_refusals, only: refuse
    use beamid_shards, only: gaps, list_shards, range_of_members_t, remove_damaged, remove_shards, &
       shard_path, temporary_path, write_shard
-   use beamid_strings, only: to_text
+   use beamid_strings, only: string_t, to_text
    use beamid_terminal, only: new_progress, print_text, progress_t, tell
    use beamid_texts, only: text_t
    implicit none
@@ -40,19 +40,16 @@ module beamid_ensemble
 
    !> The members of an ensemble and the folders of its results.
    type :: ensemble_run_t
-      type(ensemble_maker_t) :: maker               !< makes members from random records
-      type(fleet_case_t), allocatable :: fleet(:)   !< listed cases; not allocated: random records
-      integer :: members = 0                        !< number of members
-      character(len=:), allocatable :: folder       !< output folder
-      character(len=:), allocatable :: shards       !< folder of the shards
+      !> Listed cases; not associated: random records, from which `maker` makes members. (Both are
+      !> pointers, because gfortran would emit deep copies of allocatable components.)
+      type(fleet_case_t), pointer :: fleet(:) => null()
+      type(ensemble_maker_t), pointer :: maker => null()
+      integer :: members = 0                       !< number of members
+      character(len=:), allocatable :: folder      !< output folder
+      character(len=:), allocatable :: shards      !< folder of the shards
       !> Fingerprint of everything that the results depend on.
       character(len=fingerprint_length) :: fingerprint = ''
    end type ensemble_run_t
-
-   !> Rows of members.csv for one member.
-   type :: rows_t
-      character(len=:), allocatable :: text
-   end type rows_t
 
 contains
 
@@ -61,6 +58,8 @@ contains
       type(settings_t), intent(in) :: settings
       type(error_t), allocatable, intent(out) :: error
       type(case_t) :: case
+      type(ensemble_maker_t), target :: maker
+      type(fleet_case_t), allocatable, target :: fleet(:)
       type(ensemble_run_t) :: run
       type(range_of_members_t) :: missing, wanted
       type(range_of_members_t), allocatable :: shards(:)
@@ -81,7 +80,7 @@ contains
       if (allocated(error)) return
       run%folder = folder_of(settings, case%name)
       run%shards = join_path(run%folder, 'shards')
-      call prepare(case, settings%only_new, run, error)
+      call prepare(case, settings%only_new, maker, fleet, run, error)
       if (.not. allocated(error)) call read_part(settings, run%members, wanted, error)
       if (allocated(error)) return
       call make_folders(run%shards, created, code)
@@ -192,9 +191,13 @@ contains
    end subroutine read_part
 
    !> Reads the input that all members need, and computes the fingerprint of the ensemble.
-   subroutine prepare(case, only_new, run, error)
+   !>
+   !> maker, fleet  members from random records, or listed cases; `run` points to one of them
+   subroutine prepare(case, only_new, maker, fleet, run, error)
       type(case_t), intent(in) :: case
       logical, intent(in) :: only_new
+      type(ensemble_maker_t), target, intent(inout) :: maker
+      type(fleet_case_t), allocatable, target, intent(inout) :: fleet(:)
       type(ensemble_run_t), intent(inout) :: run
       type(error_t), allocatable, intent(out) :: error
       type(fingerprint_t) :: fingerprint
@@ -203,16 +206,17 @@ contains
 
       call fingerprint%add(version)
       if (allocated(case%ensemble%cases)) then
-         call read_fleet(case%ensemble%cases, version, run%fleet, error)
+         call read_fleet(case%ensemble%cases, version, fleet, error)
          call locate(error, case%path//':'//to_text(case%ensemble%line)//': &ensemble cases')
          if (allocated(error)) return
-         run%members = size(run%fleet)
-         do k = 1, size(run%fleet)
-            call fingerprint%add(run%fleet(k)%name)
-            call fingerprint%add(run%fleet(k)%fingerprint)
+         run%fleet => fleet
+         run%members = size(fleet)
+         do k = 1, size(fleet)
+            call fingerprint%add(fleet(k)%name)
+            call fingerprint%add(fleet(k)%fingerprint)
          end do
          if (only_new) then
-            call recall_fleet(run%folder, run%fleet, tables, error)
+            call recall_fleet(run%folder, fleet, tables, error)
             if (allocated(error)) then
                call tell('beamid: '//error%message//'; all cases are fitted as if they were new')
                deallocate (error)
@@ -220,8 +224,9 @@ contains
             call fingerprint%add(tables)
          end if
       else
-         call new_ensemble(case, run%maker, error)
+         call new_ensemble(case, maker, error)
          if (allocated(error)) return
+         run%maker => maker
          run%members = case%ensemble%members
       end if
       call add_case(fingerprint, case)
@@ -246,10 +251,10 @@ contains
       done = 0
       do k = 1, size(missing)
          block = range_of_members_t(missing(k)%first, missing(k)%first + first_block - 1)
-         do while (block%first <= missing(k)%last)
+         do while (block%first <= missing(k)%last .and. .not. allocated(error))
             block%last = min(block%last, missing(k)%last)
             call system_clock(begin, rate)
-            if (allocated(run%fleet)) then
+            if (associated(run%fleet)) then
                call run_fleet_block(run%fleet, block, rows, error)
             else
                call run_block(run%maker, block, rows)
@@ -260,10 +265,7 @@ contains
                if (code /= 0) call failure(error, shard_path(run%shards, run%fingerprint, block)// &
                   ': cannot be written: '//reason(code))
             end if
-            if (allocated(error)) then
-               call progress%finish()
-               return
-            end if
+            if (allocated(error)) exit
             call system_clock(now)
             done = done + block%last - block%first + 1
             call progress%advanced(done, total, 'members')
@@ -289,7 +291,7 @@ contains
       type(ensemble_maker_t), intent(in) :: maker
       type(range_of_members_t), intent(in) :: block
       character(len=:), allocatable, intent(out) :: rows
-      type(rows_t), allocatable :: parts(:)
+      type(string_t), allocatable :: parts(:)
       type(member_t) :: member
       integer :: k
 
@@ -314,27 +316,31 @@ contains
       character(len=:), allocatable, intent(out) :: rows
       type(error_t), allocatable, intent(out) :: error
       character(len=fingerprint_length), allocatable :: expected(:)
-      type(rows_t), allocatable :: parts(:)
+      type(fleet_fit_t), allocatable :: fits(:)
+      type(string_t), allocatable :: parts(:)
+      integer, allocatable :: new(:)   ! places of the cases that have to be fitted
       integer :: k
 
       expected = fleet%fingerprint
-      do k = block%first, block%last
-         if (.not. fleet(k)%is_as_before) call open_fleet_case(fleet(k))
+      new = pack([(k, k=block%first, block%last)], &
+         .not. fleet(block%first:block%last)%is_as_before)
+      allocate (fits(size(new)), parts(block%first:block%last))
+      do k = 1, size(new)
+         call open_fleet_case(fleet(new(k)), fits(k))
       end do
       !$omp parallel do schedule(dynamic, 1) copyin(stop_flag)
-      do k = block%first, block%last
-         if (.not. fleet(k)%is_as_before) call fit_fleet_case(fleet(k))
+      do k = 1, size(new)
+         call fit_fleet_case(fits(k))
       end do
       !$omp end parallel do
-      allocate (parts(block%first:block%last))
+      do k = 1, size(new)
+         call judge_fleet_case(fleet(new(k)), fits(k))
+         if (fleet(new(k))%fingerprint /= expected(new(k))) call failure(error, &
+            fleet(new(k))%path//': the case or a file that it names has changed since this run '// &
+            'began; run it again')
+      end do
       do k = block%first, block%last
-         if (fleet(k)%is_as_before) then
-            fleet(k)%member%rows = fleet(k)%before
-         else
-            call judge_fleet_case(fleet(k))
-            if (fleet(k)%fingerprint /= expected(k)) call failure(error, fleet(k)%path// &
-               ': the case or a file that it names has changed since this run began; run it again')
-         end if
+         if (fleet(k)%is_as_before) fleet(k)%member%rows = fleet(k)%before
          parts(k)%text = ''
          call add_member(parts(k)%text, k, fleet(k)%member)
       end do
@@ -343,7 +349,7 @@ contains
 
    !> Joins the rows of several members to one text.
    subroutine join(parts, rows)
-      type(rows_t), intent(in) :: parts(:)
+      type(string_t), intent(in) :: parts(:)
       character(len=:), allocatable, intent(out) :: rows
       type(text_t) :: text
       integer :: k
@@ -379,12 +385,12 @@ contains
       call tally%add_to(summary)
       call output%add_file('members.csv', path)
       call output%add('ensemble.csv', tally%table())
-      if (allocated(run%fleet)) call add_fleet(run%fleet, path, settings%only_new, output, &
+      if (associated(run%fleet)) call add_fleet(run%fleet, path, settings%only_new, output, &
          summary, error)
       if (allocated(error)) return
       call deliver(output, summary%content(), settings, case%name, error, case%recordings)
       if (allocated(error)) return
-      if (allocated(run%fleet)) then
+      if (associated(run%fleet)) then
          call remove_shards(run%shards, but_of='')
       else
          call remove_shards(run%shards, but_of=run%fingerprint)

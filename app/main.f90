@@ -2,19 +2,18 @@
 !> calls the routine of the command, prints an error message and sets the exit status.
 program beamid_main
    use beamid, only: error_t, version
-   use beamid_commands, only: run_identify, run_modes, run_simulate, settings_t, word_t
+   use beamid_commands, only: run_design, run_identify, run_inference, run_modes, run_simulate, &
+      settings_t
    use beamid_comparison, only: run_compare
-   use beamid_design, only: run_design
    use beamid_ensemble, only: run_ensemble
    use beamid_errors, only: bad_input
-   use beamid_inference_commands, only: run_inference
    use beamid_interrupts, only: check_interrupt
    use beamid_manual, only: command_names, commands_in_words, run_help
    use beamid_new_case, only: check_new, run_new
    use beamid_reproduction, only: reproducible, run_reproduce
    use beamid_signals, only: catch_signals, end_by_signal, stop_patience
    use beamid_spelling, only: or_nearest
-   use beamid_strings, only: to_text
+   use beamid_strings, only: append_string, string_t, to_text
    use beamid_terminal, only: complain, print_text
    implicit none
 
@@ -55,7 +54,6 @@ contains
       type(settings_t), intent(out) :: settings
       type(error_t), allocatable, intent(out) :: error
       character(len=:), allocatable :: word
-      type(word_t) :: subject
       integer :: k
 
       k = 0
@@ -79,8 +77,8 @@ contains
             deallocate (settings%subjects)
             allocate (settings%subjects(0))
             if (allocated(settings%command)) then
-               subject%text = settings%command
-               if (any(command_names() == subject%text)) settings%subjects = [subject]
+               if (any(command_names() == settings%command)) &
+                  call append_string(settings%subjects, settings%command)
             end if
             settings%command = 'help'
             settings%markdown = .false.
@@ -101,8 +99,7 @@ contains
             else if (.not. allocated(settings%subject) .or. any(settings%command == &
                [character(len=7) :: 'compare', 'help', 'new'])) then
                if (.not. allocated(settings%subject)) settings%subject = word
-               subject%text = word
-               settings%subjects = [settings%subjects, subject]
+               call append_string(settings%subjects, word)
             else
                call bad_input(error, 'found '//word//' behind '//settings%subject// &
                   ', expected nothing more')
@@ -158,7 +155,7 @@ contains
 
    !> Returns words as an array of texts, as long as the longest word.
    pure function words_of(words) result(texts)
-      type(word_t), intent(in) :: words(:)
+      type(string_t), intent(in) :: words(:)
       character(len=:), allocatable :: texts(:)
       integer :: k, longest
 

@@ -4,8 +4,10 @@ module beamid_terminal
    use, intrinsic :: iso_c_binding, only: c_int, c_intptr_t, c_long, c_short
    use, intrinsic :: iso_fortran_env, only: int64
    use beamid, only: error_t, failure, monitor_t, wp
+   use beamid_kinds, only: ip
    use beamid_posix, only: c_signal, reason, sig_ign, sigpipe, write_bytes
    use beamid_strings, only: to_text
+   use beamid_texts, only: next_line
    implicit none
    private
 
@@ -183,13 +185,12 @@ contains
    !> Prints an error message on standard error; each line of it begins with the program's name.
    subroutine complain(message)
       character(len=*), intent(in) :: message
-      integer :: first, length
+      character(len=:), allocatable :: line
+      integer(ip) :: first
 
       first = 1
-      do while (first <= len(message))
-         length = scan(message(first:)//line_feed, line_feed)
-         call tell('beamid: '//message(first:first + length - 2))
-         first = first + length
+      do while (next_line(message, first, line))
+         call tell('beamid: '//line)
       end do
    end subroutine complain
 

@@ -1,6 +1,7 @@
 !> Motion of the whole beam: against the response of its tip, the equations, CVODE, closed forms.
 program test_fields
-   use beamid_beam_motions, only: beam_motion_t, find_motion
+   use beamid_beam_motions, only: beam_motion_t, find_motion, graded_times, motion_size, norm_H, &
+      norm_V
    use beamid_cvode, only: cvode_t
    use beamid_equations, only: equations_t, new_equations
    use beamid_errors, only: error_t
@@ -8,7 +9,6 @@ program test_fields
    use beamid_galerkin, only: galerkin_t, mesh_t, new_galerkin
    use beamid_kinds, only: wp
    use beamid_modal, only: modal_t
-   use beamid_motion_norms, only: graded_times, motion_size, norm_H, norm_V
    use beamid_responses, only: response_t, work_t
    use beamid_strings, only: to_text
    use beamid_structure, only: sensor_t, structure_t

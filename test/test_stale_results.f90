@@ -5,11 +5,10 @@ program test_stale_results
    use beamid_blocks, only: block_t
    use beamid_case_files, only: add_case, case_t, list_keys
    use beamid_cases, only: needs_nothing, read_case
-   use beamid_checksums, only: crc64
    use beamid_ensembles, only: member_t
    use beamid_errors, only: error_t
-   use beamid_fingerprints, only: fingerprint_length, fingerprint_t
-   use beamid_fleets, only: fleet_case_t, open_fleet_case, read_fleet
+   use beamid_fingerprints, only: crc64, fingerprint_length, fingerprint_t
+   use beamid_fleets, only: fleet_case_t, fleet_fit_t, open_fleet_case, read_fleet
    use beamid_kinds, only: wp
    use beamid_member_rows, only: members_header, read_members
    use checks, only: check, check_close, finish, skip
@@ -177,6 +176,7 @@ contains
    !> A file that changes between the list and the fit shows in the case that is opened for the fit.
    subroutine test_changing_file()
       type(fleet_case_t), allocatable :: fleet(:)
+      type(fleet_fit_t) :: fit
       type(error_t), allocatable :: error
       character(len=fingerprint_length) :: before
 
@@ -186,11 +186,11 @@ contains
       call write_file('fleet/force.csv', force_table)
       call read_fleet(in_scratch('fleet/list.txt'), '1', fleet, error)
       before = fleet(1)%fingerprint
-      call open_fleet_case(fleet(1))
+      call open_fleet_case(fleet(1), fit)
       call check('a fleet''s case without a record keeps its fingerprint', &
          fleet(1)%fingerprint == before)
       call write_file('fleet/record.csv', 't,a'//nl)
-      call open_fleet_case(fleet(1))
+      call open_fleet_case(fleet(1), fit)
       call check('a record that appears', fleet(1)%fingerprint /= before)
       call read_fleet(in_scratch('fleet/list.txt'), '2', fleet, error)
       before = fleet(1)%fingerprint

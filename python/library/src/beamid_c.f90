@@ -15,8 +15,8 @@ module beamid_c
    use, intrinsic :: iso_c_binding, only: c_char, c_double, c_int, c_int64_t
    use beamid_c_calls, only: beamid_begin, beamid_end, beamid_watch_forks, characters, &
       end_progress, progress_of_call, progress_t, told
-   use beamid_c_handles, only: close_handle, give_back, new_handle
-   use beamid_c_objects, only: borrow_outcome, borrow_problem, outcome_t, problem_t
+   use beamid_c_handles, only: borrow_outcome, borrow_problem, close_handle, give_back, &
+      new_handle, outcome_t, problem_t
    use beamid_c_responses, only: beamid_respond
    use beamid_c_results, only: beamid_array, beamid_groups, beamid_text
    use beamid_case_checks, only: check_needs
@@ -63,7 +63,6 @@ contains
       integer(c_int64_t), intent(out) :: handle
       character(kind=c_char), intent(inout) :: message(room)
       type(problem_t), pointer :: problem
-      class(*), pointer :: item
       type(error_t), allocatable :: error
 
       handle = 0
@@ -78,8 +77,7 @@ contains
       status = told(error, message)
       !$omp end critical (texts_of_beamid)
       if (status == 0) then
-         item => problem
-         handle = new_handle(item)
+         handle = new_handle(problem)
       else
          deallocate (problem)
       end if
@@ -150,7 +148,6 @@ contains
       character(kind=c_char), intent(inout) :: message(room)
       type(problem_t), pointer :: problem
       type(outcome_t), pointer :: outcome
-      class(*), pointer :: item
       type(progress_t), pointer :: progress
       type(error_t), allocatable :: error
 
@@ -173,8 +170,7 @@ contains
          if (allocated(error)) then
             deallocate (outcome)
          else
-            item => outcome
-            handle = new_handle(item)
+            handle = new_handle(outcome)
          end if
       end if
       status = told(error, message)

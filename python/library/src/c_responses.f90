@@ -3,8 +3,7 @@ module beamid_c_responses
    use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
    use, intrinsic :: iso_c_binding, only: c_char, c_double, c_int, c_int64_t
    use beamid_c_calls, only: told
-   use beamid_c_handles, only: give_back
-   use beamid_c_objects, only: borrow_problem, problem_t
+   use beamid_c_handles, only: borrow_problem, give_back, problem_t
    use beamid_case_checks, only: check_needs, place_experiment
    use beamid_case_files, only: case_t
    use beamid_cases, only: needs_response

@@ -3,8 +3,7 @@ module beamid_c_results
    use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
    use, intrinsic :: iso_c_binding, only: c_char, c_double, c_int, c_int64_t
    use beamid_c_calls, only: characters, told
-   use beamid_c_handles, only: give_back
-   use beamid_c_objects, only: borrow_outcome, outcome_t
+   use beamid_c_handles, only: borrow_outcome, give_back, outcome_t
    use beamid_case_files, only: groups
    use beamid_errors, only: bad_input, error_t
    use beamid_identification, only: stage_fit_t

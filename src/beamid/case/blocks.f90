@@ -18,8 +18,8 @@ module beamid_blocks
    use beamid_entries, only: entries_t
    use beamid_kinds, only: wp
    use beamid_numbers, only: shown
-   use beamid_paths, only: append_path, join_path, path_t
-   use beamid_strings, only: to_text
+   use beamid_paths, only: join_path
+   use beamid_strings, only: append_string, string_t, to_text
    use beamid_values, only: key_t, kind_integer, kind_real, kind_text, new_key, number, one_of, &
       range_t
    implicit none
@@ -30,7 +30,7 @@ module beamid_blocks
    !> One group of a case file, with the folder of the file and typed access to the keys.
    type, extends(entries_t) :: block_t
       character(len=:), allocatable :: folder    !< folder of the case file; base of relative paths
-      type(path_t), allocatable :: files(:)      !< files that the group names; not allocated: none
+      type(string_t), allocatable :: files(:)    !< files that this and earlier groups name
    contains
       generic :: get => get_real, get_real_or_none, get_reals, get_integer, get_integers, &
          get_text, get_texts
@@ -47,21 +47,23 @@ contains
    !> value     default on entry; the value of the key on return
    !> help      meaning of the key, for the help
    !> range     allowed values; absent: all
-   subroutine get_real(self, name, value, help, range, required, infinite)
+   subroutine get_real(self, name, value, help, range, required)
       class(block_t), intent(inout) :: self
       character(len=*), intent(in) :: name
       real(wp), intent(inout) :: value
       character(len=*), intent(in) :: help
       type(range_t), intent(in), optional :: range
-      !> `required`: the key must be given; `infinite`: the word `inf` is allowed; default .false.
-      logical, intent(in), optional :: required, infinite
+      !> Whether the key must be given; default .false.
+      logical, intent(in), optional :: required
       real(wp), allocatable :: x(:)
 
-      call self%take(new_key(name, kind_real, number(value), help, 1, range, required, infinite), x)
+      call self%take(new_key(name, kind_real, number(value), help, 1, range, required), x)
       if (size(x) > 0) value = x(1)
    end subroutine get_real
 
    !> Gets one real number that may remain unallocated; `default` describes its default in words.
+   !>
+   !> infinite  whether the word `inf` is allowed; default .false.
    subroutine get_real_or_none(self, name, value, default, help, range, required, infinite)
       class(block_t), intent(inout) :: self
       character(len=*), intent(in) :: name
@@ -184,7 +186,7 @@ contains
          return
       end if
       path = join_path(self%folder, trim(texts(1)))
-      call append_path(self%files, path)
+      call append_string(self%files, path)
    end subroutine get_file
 
    !> Gets a list of texts; at most `most` of them.

@@ -6,8 +6,6 @@ module beamid_case_files
    use beamid_blocks, only: block_t
    use beamid_bootstraps, only: bootstrap_plan_t
    use beamid_boxes, only: box_t
-   use beamid_design_groups, only: read_design
-   use beamid_ensemble_groups, only: draw_t, ensemble_t, read_draw, read_ensemble
    use beamid_errors, only: error_t
    use beamid_excitation, only: excitation_t
    use beamid_fingerprints, only: fingerprint_t
@@ -20,13 +18,15 @@ module beamid_case_files
    use beamid_model_groups, only: read_excitation, read_noise, read_structure, read_units, section_t
    use beamid_multistart, only: multistart_t
    use beamid_namelist, only: group_t
-   use beamid_paths, only: append_path, directory_of, path_t
-   use beamid_prior_groups, only: read_prior
+   use beamid_paths, only: directory_of
+   use beamid_plan_groups, only: draw_t, ensemble_t, read_design, read_draw, read_ensemble, &
+      read_prior
    use beamid_priors, only: prior_t
    use beamid_record_groups, only: get_window, read_recording
    use beamid_records, only: append_recording, recording_t, window_t
    use beamid_sampling, only: plan_t
    use beamid_stage_groups, only: read_stage
+   use beamid_strings, only: string_t
    use beamid_units, only: units_t
    implicit none
    private
@@ -110,7 +110,7 @@ module beamid_case_files
       integer :: noise_seed = 1                 !< seed of this noise
       type(ensemble_t) :: ensemble              !< group &ensemble
       type(draw_t), allocatable :: draws(:)     !< parameters drawn for each ensemble member
-      type(path_t), allocatable :: files(:)     !< every file that the case names, in order
+      type(string_t), allocatable :: files(:)   !< every file that the case names, in order
    end type case_t
 
 contains
@@ -161,6 +161,7 @@ contains
       type(error_t), allocatable, intent(inout) :: error
 
       block%folder = directory_of(case%path)
+      call move_alloc(case%files, block%files)
       associate (model => case%model)
          select case (block%name)
          case ('beam', 'tip', 'hose', 'sensor', 'support', 'gravity', 'axial')
@@ -187,7 +188,7 @@ contains
          case default; call read_list_item(block, sound, case, error)
          end select
       end associate
-      call add_files(block, case%files)
+      call move_alloc(block%files, case%files)
    end subroutine read_group
 
    !> Reads a group that may repeat and appends it to its list in the case; arguments as
@@ -230,18 +231,6 @@ contains
          end select
       end associate
    end subroutine read_list_item
-
-   !> Appends the files that a group names to a list.
-   subroutine add_files(block, files)
-      type(block_t), intent(in) :: block
-      type(path_t), allocatable, intent(inout) :: files(:)
-      integer :: k
-
-      if (.not. allocated(block%files)) return
-      do k = 1, size(block%files)
-         call append_path(files, block%files(k)%text)
-      end do
-   end subroutine add_files
 
    !> Adds the text of a case and the bytes of every file that it names to a fingerprint.
    subroutine add_case(fingerprint, case)

@@ -7,7 +7,7 @@ module beamid_case_reference
    use beamid_structure, only: is_coefficient
    use beamid_texts, only: text_t, wrapped
    use beamid_units, only: units_t
-   use beamid_values, only: key_t, kind_integer, kind_text, listed, name_length, number
+   use beamid_values, only: key_t, kind_integer, kind_real, kind_text, listed, name_length, range_t
    implicit none
    private
 
@@ -161,13 +161,9 @@ contains
       type(key_t), intent(in) :: key
       character(len=:), allocatable :: text
 
-      text = 'number'
-      if (key%kind == kind_integer) text = 'integer'
-      if (key%kind == kind_text) text = 'text'
+      text = key%kind_in_words()
       if (key%is_file) text = 'path'
-      if (key%most > 1) text = text//'s'
-      if (key%kind == kind_integer .or. key%kind == kind_text) return
-      text = text//', '//unit_of(group, trim(key%name))
+      if (key%kind == kind_real) text = text//', '//unit_of(group, trim(key%name))
    end function type_of
 
    !> Returns the unit of a key with real numbers; '?' if no table has one.
@@ -207,24 +203,18 @@ contains
    function allowed(key) result(text)
       type(key_t), intent(in) :: key
       character(len=:), allocatable :: text
+      type(range_t) :: range
 
       if (allocated(key%choices)) then
          text = listed(key%choices, ', ')
          if (key%kind == kind_text) text = ''''//listed(key%choices, ''', ''')//''''
          return
       end if
-      text = 'any'
+      range = key%range
+      if (key%kind == kind_integer .and. range%high >= huge(1)) range%high = huge(range%high)
+      text = range%limits()
+      if (text == '') text = 'any'
       if (key%kind == kind_text) text = 'see meaning'
-      associate (range => key%range)
-         if (range%open) then
-            text = 'above '//number(range%low)
-            if (range%high < huge(range%high)) text = text//', up to '//number(range%high)
-         else if (range%low > -huge(range%low)) then
-            text = number(range%low)//' or more'
-            if (range%high < huge(range%high) .and. (key%kind /= kind_integer .or. &
-               range%high < huge(1))) text = number(range%low)//' to '//number(range%high)
-         end if
-      end associate
       if (key%infinite) text = text//', or inf'
       if (allocated(key%words)) text = text//', or '''//listed(key%words, ''', ''')//''''
    end function allowed

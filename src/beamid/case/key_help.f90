@@ -6,7 +6,7 @@ module beamid_key_help
    use beamid_strings, only: lower
    use beamid_texts, only: left, text_t, wrapped
    use beamid_units, only: units_t
-   use beamid_values, only: key_t, kind_integer, kind_text, listed, name_length, one_of
+   use beamid_values, only: key_t, kind_text, listed, name_length, one_of
    implicit none
    private
 
@@ -87,13 +87,8 @@ contains
    subroutine add_word(words, word)
       character(len=name_length), allocatable, intent(inout) :: words(:)
       character(len=*), intent(in) :: word
-      character(len=name_length), allocatable :: longer(:)
 
-      if (any(words == word)) return
-      allocate (longer(size(words) + 1))
-      longer(:size(words)) = words
-      longer(size(longer)) = word
-      call move_alloc(longer, words)
+      if (.not. any(words == word)) words = [character(len=name_length) :: words, word]
    end subroutine add_word
 
    !> Returns a key in one sentence: its meaning, the values that it takes, and its default. A
@@ -123,19 +118,13 @@ contains
    function takes(key) result(text)
       type(key_t), intent(in) :: key
       character(len=:), allocatable :: text
-      character(len=:), allocatable :: range
 
-      text = 'number'
-      if (key%kind == kind_integer) text = 'integer'
-      if (key%kind == kind_text) text = 'text'
       if (allocated(key%choices)) then
          text = one_of(key%choices, trim(merge('''', ' ', key%kind == kind_text)))
          return
       end if
-      if (key%most > 1) text = text//'s'
-      range = key%range%in_words()
-      if (index(range, 'a value ') == 1) range = range(9:)
-      if (range /= '') text = text//' '//range
+      text = key%kind_in_words()
+      if (key%range%limits() /= '') text = text//' '//key%range%limits()
       if (key%infinite) text = text//' or inf'
    end function takes
 

@@ -38,6 +38,7 @@ contains
       !> Problems outside the groups.
       type(refusals_t), intent(out) :: refusals
       type(scanner_t) :: scanner
+      type(block_t) :: ignored
       integer :: g, i, n, first_line(size(groups))
 
       ! The number of '&' is an upper bound of the number of groups.
@@ -58,7 +59,8 @@ contains
                blocks(n)%name = trim(groups(g)%name)
                call scan_group(scanner, blocks(n))
             else
-               call pass_group(scanner)
+               ! Problems inside a group that is unknown or repeated are not reported.
+               call scan_group(scanner, ignored)
             end if
          case (token_broken)
             call refusals%add(scanner%token%line, scanner%token%text)
@@ -141,14 +143,6 @@ contains
          first_line(g) = token%line
       end if
    end subroutine find_group
-
-   !> Skips a group that is unknown or repeated; problems inside it are not reported.
-   subroutine pass_group(scanner)
-      type(scanner_t), intent(inout) :: scanner
-      type(block_t) :: ignored
-
-      call scan_group(scanner, ignored)
-   end subroutine pass_group
 
    !> Scans one group into a block; the scanner moves from the group's name to the token behind it.
    subroutine scan_group(scanner, block)

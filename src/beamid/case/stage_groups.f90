@@ -85,6 +85,7 @@ contains
       found%offset = any(found%free == offset)
       call found%distribute(places, records)
    end subroutine read_stage
+
    !> Finds the parameters that a stage frees, and refuses unknown and repeated names.
    !>
    !> names   names as given
@@ -168,22 +169,14 @@ contains
    !> Replaces a name in a list by several names; appends them if the list lacks the name.
    !>
    !> name  in lower case
-   !> Names in the place of one of a list, or at its end.
    subroutine spread_name(list, name, names)
       character(len=:), allocatable, intent(inout) :: list(:)
       character(len=*), intent(in) :: name, names(:)
-      character(len=len(list)) :: before(size(list))
-      integer :: k, n
+      integer :: k
 
-      before = list
-      k = findloc(lower_all(before) == name, .true., dim=1)
-      n = size(before) + size(names) - merge(1, 0, k > 0)
-      deallocate (list)
-      allocate (character(len=len(before)) :: list(n))
-      if (k == 0) k = size(before) + 1
-      list(:k - 1) = before(:k - 1)
-      list(k:k + size(names) - 1) = names
-      list(k + size(names):) = before(min(k, size(before)) + 1:)
+      k = findloc(lower_all(list) == name, .true., dim=1)
+      if (k == 0) k = size(list) + 1
+      list = [character(len=len(list)) :: list(:k - 1), names, list(k + 1:)]
    end subroutine spread_name
 
    !> Returns names in lower case.

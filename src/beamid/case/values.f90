@@ -24,6 +24,7 @@ module beamid_values
       logical :: open = .false.            !< the interval excludes `low` itself
    contains
       procedure :: holds
+      procedure :: limits
       procedure :: in_words
    end type range_t
 
@@ -48,6 +49,7 @@ module beamid_values
       !> The texts or integers that a key allows. Not allocated: any text, or a range of numbers.
       character(len=longest_choice), allocatable :: choices(:)
    contains
+      procedure :: kind_in_words
       procedure :: noun
    end type key_t
 
@@ -67,16 +69,25 @@ contains
       class(range_t), intent(in) :: self
       character(len=:), allocatable :: text
 
+      text = self%limits()
+      if (self%open) text = 'a value '//text
+   end function in_words
+
+   !> Returns the range in words for the help; '' if every number is allowed.
+   pure function limits(self) result(text)
+      class(range_t), intent(in) :: self
+      character(len=:), allocatable :: text
+
       text = ''
       if (self%open) then
-         text = 'a value above '//number(self%low)
+         text = 'above '//number(self%low)
          if (self%high < huge(1.0_wp)) text = text//', up to '//number(self%high)
       else if (self%high < huge(1.0_wp)) then
          text = number(self%low)//' to '//number(self%high)
       else if (self%low > -huge(1.0_wp)) then
          text = number(self%low)//' or more'
       end if
-   end function in_words
+   end function limits
 
    !> Returns names joined by a separator.
    pure function listed(names, between) result(text)
@@ -135,6 +146,18 @@ contains
       key%default = default
       if (key%required) key%default = ''
    end function new_key
+
+   !> Returns the kind of the values of a key for the help: number, integer or text, or several of
+   !> them.
+   pure function kind_in_words(self) result(text)
+      class(key_t), intent(in) :: self
+      character(len=:), allocatable :: text
+
+      text = 'number'
+      if (self%kind == kind_integer) text = 'integer'
+      if (self%kind == kind_text) text = 'text'
+      if (self%most > 1) text = text//'s'
+   end function kind_in_words
 
    !> Returns the kind of value that a key takes in words, for a message.
    pure function noun(self) result(text)

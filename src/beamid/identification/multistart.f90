@@ -14,7 +14,7 @@ module beamid_multistart
    implicit none
    private
 
-   public :: multistart_t, minimum_t, identify_from_many
+   public :: multistart_t, minimum_t, minima_t, identify_from_many, identify_meshes_from_many
 
    !> Number and spread of the starts.
    type :: multistart_t
@@ -29,6 +29,12 @@ module beamid_multistart
       integer :: count = 0                        !< number of starts that have led there
       type(stage_fit_t), allocatable :: fits(:)   !< (stages)
    end type minimum_t
+
+   !> The minima that the searches from several starts have found on one mesh.
+   type :: minima_t
+      type(minimum_t), allocatable :: list(:)   !< different minima, by ascending J
+      integer :: failures = 0                   !< number of starts whose search failed
+   end type minima_t
 
    !> Relative differences of J and of the estimates up to which two fits have found the same
    !> minimum.
@@ -59,9 +65,10 @@ contains
       class(monitor_t), intent(inout), optional :: monitor
       logical, intent(in), optional :: check
       type(outcome_t), allocatable :: outcomes(:)
+      integer, allocatable :: found(:), counts(:)
       integer :: finished, k
 
-      allocate (outcomes(plan%n), minima(0))
+      allocate (outcomes(plan%n), found(0), counts(0))
       finished = 0
       !$omp parallel do schedule(dynamic, 1) copyin(stop_flag)
       do k = 1, plan%n
@@ -81,11 +88,44 @@ contains
          if (allocated(outcomes(k)%error)) then
             failures = failures + 1
          else
-            call collect(minima, outcomes(k)%fits)
+            call collect(outcomes, k, found, counts)
          end if
+      end do
+      allocate (minima(size(found)))
+      do k = 1, size(found)
+         minima(k)%count = counts(k)
+         call move_alloc(outcomes(found(k))%fits, minima(k)%fits)
       end do
       if (size(minima) == 0) call move_alloc(outcomes(1)%error, error)
    end subroutine identify_from_many
+
+   !> Runs all stages from several starts on each mesh.
+   !>
+   !> fits    (stages, meshes) fits of the lowest J
+   !> minima  (meshes) minima that were found
+   !> error, monitor, check  as in `identify_from_many`
+   subroutine identify_meshes_from_many(model, meshes, stages, experiments, plan, fits, minima, &
+      error, monitor, check)
+      type(model_t), intent(in) :: model
+      type(mesh_t), intent(in) :: meshes(:)
+      type(stage_t), intent(in) :: stages(:)
+      type(experiment_t), intent(in) :: experiments(:)
+      type(multistart_t), intent(in) :: plan
+      type(stage_fit_t), allocatable, intent(out) :: fits(:, :)
+      type(minima_t), allocatable, intent(out) :: minima(:)
+      type(error_t), allocatable, intent(out) :: error
+      class(monitor_t), intent(inout), optional :: monitor
+      logical, intent(in), optional :: check
+      integer :: k
+
+      allocate (minima(size(meshes)), fits(size(stages), size(meshes)))
+      do k = 1, size(meshes)
+         call identify_from_many(model, meshes(k), stages, experiments, plan, minima(k)%list, &
+            minima(k)%failures, error, monitor, check)
+         if (allocated(error)) return
+         fits(:, k) = minima(k)%list(1)%fits
+      end do
+   end subroutine identify_meshes_from_many
 
    !> Returns the stages with start number k in the first of them; start 1 is the declared one.
    function stages_from_start(model, stages, plan, k) result(restarted)
@@ -123,29 +163,30 @@ contains
       end associate
    end function stages_from_start
 
-   !> Counts a fit with the minimum that it has found, or inserts it as a new minimum.
-   subroutine collect(minima, fits)
-      type(minimum_t), allocatable, intent(inout) :: minima(:)
-      type(stage_fit_t), intent(in) :: fits(:)
-      type(minimum_t), allocatable :: longer(:)
-      integer :: k, position
+   !> Counts a start with the minimum that it has found, or inserts it as a new minimum.
+   !>
+   !> k       number of the start
+   !> found   (minima) number of the first start that has led to each minimum, by ascending J
+   !> counts  (minima) number of starts that have led to each
+   subroutine collect(outcomes, k, found, counts)
+      type(outcome_t), intent(in) :: outcomes(:)
+      integer, intent(in) :: k
+      integer, allocatable, intent(inout) :: found(:), counts(:)
+      integer :: i, last, position
 
       position = 1
-      do k = 1, size(minima)
-         associate (old => minima(k)%fits(size(fits)), new => fits(size(fits)))
+      last = size(outcomes(k)%fits)
+      do i = 1, size(found)
+         associate (old => outcomes(found(i))%fits(last), new => outcomes(k)%fits(last))
             if (same_minimum(old, new)) then
-               minima(k)%count = minima(k)%count + 1
+               counts(i) = counts(i) + 1
                return
             end if
-            if (old%fit%J <= new%fit%J) position = k + 1
+            if (old%fit%J <= new%fit%J) position = i + 1
          end associate
       end do
-      allocate (longer(size(minima) + 1))
-      longer(:position - 1) = minima(:position - 1)
-      longer(position)%count = 1
-      longer(position)%fits = fits
-      longer(position + 1:) = minima(position:)
-      call move_alloc(longer, minima)
+      found = [found(:position - 1), k, found(position:)]
+      counts = [counts(:position - 1), 1, counts(position:)]
    end subroutine collect
 
    !> Tells whether two fits have found the same minimum.

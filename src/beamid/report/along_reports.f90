@@ -9,7 +9,7 @@ module beamid_along_reports
    use beamid_lines, only: columns, csv_row, unit_suffix
    use beamid_outputs, only: output_t
    use beamid_statistics, only: unlimited
-   use beamid_strings, only: full, to_text
+   use beamid_strings, only: full, rounded, to_text
    use beamid_structure, only: most_coefficients, of_c_D, of_E
    use beamid_texts, only: right, text_t
    use beamid_units, only: units_t
@@ -144,7 +144,7 @@ contains
          else
             line = line//right('unlimited')//right('-')
          end if
-         if (resolves) line = line//right(three_digits(found%resolution(k)), 16)
+         if (resolves) line = line//right(rounded(found%resolution(k), 3), 16)
          call text%line(line)
       end do
    end subroutine add_band
@@ -171,7 +171,7 @@ contains
          last = 0
          do while (next_range(poor, last, first))
             call text%line('the fit resolves nothing of '//name//' that is shorter than '// &
-               three_digits(minval(found%resolution(first:last)))//unit//' '// &
+               rounded(minval(found%resolution(first:last)), 3)//unit//' '// &
                range_in_words(first, last))
          end do
       end if
@@ -191,10 +191,10 @@ contains
          if (first == 1 .and. last == size(found%x)) then
             words = 'anywhere along the beam'
          else if (last == size(found%x)) then
-            words = 'beyond x = '//three_digits(found%x(first))//unit
+            words = 'beyond x = '//rounded(found%x(first), 3)//unit
          else
-            words = 'between x = '//three_digits(found%x(first))//' and '// &
-               three_digits(found%x(last))//unit
+            words = 'between x = '//rounded(found%x(first), 3)//' and '// &
+               rounded(found%x(last), 3)//unit
          end if
       end function range_in_words
 
@@ -208,32 +208,13 @@ contains
    logical function next_range(marked, last, first) result(there)
       logical, intent(in) :: marked(:)
       integer, intent(inout) :: last
-      integer, intent(out) :: first
+      integer, intent(inout) :: first
 
-      first = last + 1
-      do while (first <= size(marked))
-         if (marked(first)) exit
-         first = first + 1
-      end do
-      there = first <= size(marked)
-      last = first
-      do while (last < size(marked))
-         if (.not. marked(last + 1)) exit
-         last = last + 1
-      end do
+      there = any(marked(last + 1:))
+      if (.not. there) return
+      first = last + findloc(marked(last + 1:), .true., dim=1)
+      last = first - 2 + findloc([marked(first:), .false.], .false., dim=1)
    end function next_range
-
-   !> Returns a number rounded to three significant digits, as short as possible.
-   function three_digits(value) result(text)
-      real(wp), intent(in) :: value
-      character(len=:), allocatable :: text
-      real(wp) :: unit
-
-      text = '0'
-      if (.not. abs(value) > 0) return
-      unit = 10.0_wp**(floor(log10(abs(value))) - 2)
-      text = to_text(anint(value/unit)*unit)
-   end function three_digits
 
    !> Adds the smoothing of each estimated field, and the results that other smoothing strengths
    !> would give.
@@ -253,7 +234,7 @@ contains
             line = ' by restricted marginal likelihood; '
             if (found%bounded) line = ', the least that is allowed; '
             call text%line(name//': strength of the smoothing '//to_text(found%strength)// &
-               line//three_digits(found%freedom)//' effective degrees of freedom of '// &
+               line//rounded(found%freedom, 3)//' effective degrees of freedom of '// &
                to_text(size(fit%fields(a)%place))//' coefficients')
             if (found%at_end > 0) call text%line('the record asks for no variation of '// &
                trim(names(a))//' along the beam')

@@ -1,30 +1,34 @@
-!> The summary of `design`: the present experiment and the best candidate experiments, with the
-!> standard errors that they would give. `beamid_design_tables` writes the table of all candidates.
+!> The results of `design`: the summary with the present experiment, the best candidate experiments
+!> and the standard errors that they would give, and the table design.csv of all candidates.
 module beamid_design_reports
    use beamid_boxes, only: is_pulse
    use beamid_case_files, only: case_t
    use beamid_designs, only: design_t, designs_t, needed
    use beamid_kinds, only: wp
-   use beamid_lines, only: columns
+   use beamid_lines, only: columns, csv_row, known
    use beamid_statistics, only: unlimited
-   use beamid_strings, only: fixed, rounded, to_text
+   use beamid_strings, only: fixed, full, rounded, to_text
    use beamid_texts, only: left, right, text_t
    use beamid_unknowns, only: name_length
    use beamid_values, only: listed
    implicit none
    private
 
-   public :: design_summary
+   public :: design_summary, design_table
 
    !> Settings of a candidate experiment, each of which may be chosen from a list.
    character(len=*), parameter :: list_names(6) = [character(len=8) :: 'x_S', 'x_F', 'duration', &
       't_first', 't_last', 't_step']
 
-   !> A candidate experiment that is best by at least one criterion.
-   type :: winner_t
-      integer :: place = 0                      !< number of the candidate in the list
-      character(len=:), allocatable :: why      !< criteria by which it is best, in words
-   end type winner_t
+   !> An experiment of the summary: the present one, or a candidate that is best by at least one
+   !> criterion.
+   type :: shown_t
+      integer :: place = 0                   !< number of the candidate; 0: the present one
+      character(len=:), allocatable :: why   !< criteria by which it is best, in words
+      type(design_t) :: design               !< its settings and errors
+   contains
+      procedure :: label
+   end type shown_t
 
 contains
 
@@ -37,7 +41,7 @@ contains
       type(designs_t), intent(in) :: designs
       character(len=:), allocatable :: summary
       type(text_t) :: text
-      type(winner_t), allocatable :: winners(:)
+      type(shown_t), allocatable :: shown(:)
       character(len=name_length), allocatable :: names(:)
       integer :: k, known
 
@@ -56,32 +60,44 @@ contains
                to_text(q%searched)//' here: its errors are relative to '//to_text(q%scale))
          end associate
       end do
-      call find_winners(designs, winners)
-      call add_settings(text, designs, winners)
-      call add_errors(text, designs, winners)
-      call add_eigenvalues(text, designs, winners)
-      call add_edges(text, case, designs, winners)
+      call find_shown(designs, shown)
+      call add_settings(text, shown)
+      call add_errors(text, designs, shown)
+      call add_eigenvalues(text, designs, shown)
+      call add_edges(text, case, designs, shown)
       if (designs%box%target > 0) call add_target(text, case, designs)
       summary = text%content()
    end function design_summary
 
-   !> Finds the best candidates by the criteria D, A and E and for each parameter of interest. A
-   !> candidate that is best by several criteria is listed once.
-   subroutine find_winners(designs, winners)
+   !> Returns the name of an experiment in the summary, in the first column of the tables.
+   pure function label(self)
+      class(shown_t), intent(in) :: self
+      character(len=:), allocatable :: label
+
+      label = 'present'
+      if (self%place > 0) label = 'design '//to_text(self%place)
+      label = left(label, 12)
+   end function label
+
+   !> Lists the present experiment, in place 0, and the best candidates by the criteria D, A and E
+   !> and for each parameter of interest. A candidate that is best by several criteria is listed
+   !> once.
+   subroutine find_shown(designs, shown)
       type(designs_t), intent(in) :: designs
-      type(winner_t), allocatable, intent(out) :: winners(:)
+      type(shown_t), allocatable, intent(out) :: shown(:)
       integer :: j, k
 
-      allocate (winners(0))
+      allocate (shown(0:0))
+      shown(0)%design = designs%present
       associate (list => designs%list)
          if (count(designs%interest) > 1) then
-            call add([(list(k)%prediction%D, k=1, size(list))], 'by D')
-            call add([(-list(k)%prediction%A, k=1, size(list))], 'by A')
+            call add([(list(k)%prediction%D, k=1, size(list))], 'by D', -unlimited)
+            call add([(-list(k)%prediction%A, k=1, size(list))], 'by A', -unlimited)
             call add([(list(k)%prediction%E, k=1, size(list))], 'by E', 0.0_wp)
          end if
          do j = 1, size(designs%interest)
             if (designs%interest(j)) call add([(-list(k)%prediction%sd(j), k=1, size(list))], &
-               'for '//trim(designs%quantities(j)%name))
+               'for '//trim(designs%quantities(j)%name), -unlimited)
          end do
       end associate
 
@@ -89,37 +105,33 @@ contains
 
       !> Adds the candidate with the largest value, unless this value is not above `worst`.
       !>
-      !> worst  default: -unlimited, the value of candidates that leave the parameter undetermined
+      !> worst  value of candidates that leave a parameter undetermined
       subroutine add(values, why, worst)
-         real(wp), intent(in) :: values(:)
+         real(wp), intent(in) :: values(:), worst
          character(len=*), intent(in) :: why
-         real(wp), intent(in), optional :: worst
-         type(winner_t) :: winner
-         real(wp) :: least
+         type(shown_t), allocatable :: longer(:)
          integer :: best, i
 
-         least = -unlimited
-         if (present(worst)) least = worst
          best = maxloc(values, dim=1)
-         if (.not. values(best) > least) return
-         do i = 1, size(winners)
-            if (winners(i)%place /= best) cycle
-            winners(i)%why = winners(i)%why//', '//why
+         if (.not. values(best) > worst) return
+         do i = 1, ubound(shown, 1)
+            if (shown(i)%place /= best) cycle
+            shown(i)%why = shown(i)%why//', '//why
             return
          end do
-         winner%place = best
-         winner%why = why
-         winners = [winners, winner]
+         allocate (longer(0:size(shown)))
+         longer(:ubound(shown, 1)) = shown
+         longer(size(shown)) = shown_t(best, why, designs%list(best))
+         call move_alloc(longer, shown)
       end subroutine add
 
-   end subroutine find_winners
+   end subroutine find_shown
 
    !> Adds the settings of the present experiment and of the best candidates.
-   subroutine add_settings(text, designs, winners)
+   subroutine add_settings(text, shown)
       type(text_t), intent(inout) :: text
-      type(designs_t), intent(in) :: designs
-      type(winner_t), intent(in) :: winners(:)
-      character(len=:), allocatable :: line
+      type(shown_t), intent(in) :: shown(0:)
+      character(len=:), allocatable :: duration, line, place
       integer :: k
 
       call text%line()
@@ -128,42 +140,31 @@ contains
          line = line//right(trim(list_names(k)), 11)
       end do
       call text%line(line//right('samples', 9))
-      call add('present', designs%present)
-      do k = 1, size(winners)
-         call add('design '//to_text(winners(k)%place), designs%list(winners(k)%place))
+      do k = 0, ubound(shown, 1)
+         associate (design => shown(k)%design)
+            place = to_text(design%x_S(1))
+            if (design%x_S(2) > 0) place = place//' + '//to_text(design%x_S(2))
+            duration = '-'
+            if (design%duration > 0) duration = to_text(design%duration)
+            call text%line(shown(k)%label()//right(place)//columns([design%x_F], 11)// &
+               right(duration, 11)//columns([design%t_first, design%t_last, design%t_step], 11)// &
+               right(to_text(design%samples), 9))
+         end associate
       end do
-      do k = 1, size(winners)
-         call text%line('design '//to_text(winners(k)%place)//' is best '//winners(k)%why)
+      do k = 1, ubound(shown, 1)
+         call text%line(trim(shown(k)%label())//' is best '//shown(k)%why)
       end do
-      if (size(winners) == 0) call text%line('no experiment tells anything of what is of interest')
-
-   contains
-
-      !> Adds the settings of one experiment.
-      subroutine add(label, design)
-         character(len=*), intent(in) :: label
-         type(design_t), intent(in) :: design
-         character(len=:), allocatable :: place, duration
-
-         place = to_text(design%x_S(1))
-         if (design%x_S(2) > 0) place = place//' + '//to_text(design%x_S(2))
-         duration = '-'
-         if (design%duration > 0) duration = to_text(design%duration)
-         call text%line(left(label, 12)//right(place)//columns([design%x_F], 11)// &
-            right(duration, 11)//columns([design%t_first, design%t_last, design%t_step], 11)// &
-            right(to_text(design%samples), 9))
-      end subroutine add
-
+      if (size(shown) == 1) call text%line('no experiment tells anything of what is of interest')
    end subroutine add_settings
 
    !> Adds the standard errors relative to the values, for the present and the best experiments.
-   subroutine add_errors(text, designs, winners)
+   subroutine add_errors(text, designs, shown)
       type(text_t), intent(inout) :: text
       type(designs_t), intent(in) :: designs
-      type(winner_t), intent(in) :: winners(:)
+      type(shown_t), intent(in) :: shown(0:)
       !> Number of parameters side by side.
       integer, parameter :: most = 6
-      character(len=:), allocatable :: line
+      character(len=:), allocatable :: line, value
       integer :: first, j, k, last
 
       associate (q => designs%quantities)
@@ -176,103 +177,80 @@ contains
                line = line//right(trim(q(j)%searched_name()))
             end do
             call text%line(line)
-            call add('present', designs%present)
-            do k = 1, size(winners)
-               call add('design '//to_text(winners(k)%place), designs%list(winners(k)%place))
+            do k = 0, ubound(shown, 1)
+               line = shown(k)%label()
+               do j = first, last
+                  value = 'not known'
+                  associate (sd => shown(k)%design%prediction%sd(j))
+                     if (sd < unlimited) value = percent(sd)
+                  end associate
+                  line = line//right(value)
+               end do
+               call text%line(line)
             end do
          end do
       end associate
-
-   contains
-
-      !> Adds the errors of one experiment.
-      subroutine add(label, design)
-         character(len=*), intent(in) :: label
-         type(design_t), intent(in) :: design
-         character(len=:), allocatable :: value
-
-         line = left(label, 12)
-         do j = first, last
-            value = 'not known'
-            if (design%prediction%sd(j) < unlimited) value = percent(design%prediction%sd(j))
-            line = line//right(value)
-         end do
-         call text%line(line)
-      end subroutine add
-
    end subroutine add_errors
 
    !> Adds the criteria D, A and E, the eigenvalues of the information matrix of the parameters of
    !> interest, and the combination of them that is determined worst.
-   subroutine add_eigenvalues(text, designs, winners)
+   subroutine add_eigenvalues(text, designs, shown)
       type(text_t), intent(inout) :: text
       type(designs_t), intent(in) :: designs
-      type(winner_t), intent(in) :: winners(:)
-      integer :: k
+      type(shown_t), intent(in) :: shown(0:)
+      character(len=name_length), allocatable :: names(:)
+      character(len=:), allocatable :: words
+      integer :: i, k, largest
 
       if (count(designs%interest) < 2) return
+      names = pack(designs%quantities%searched_name(), designs%interest)
       call text%line()
       call text%line('D, A, E, and the eigenvalues of the information of relative changes, the '// &
          'nuisance free')
-      call add('present', designs%present)
-      do k = 1, size(winners)
-         call add('design '//to_text(winners(k)%place), designs%list(winners(k)%place))
-      end do
-
-   contains
-
-      !> Adds the criteria of one experiment.
-      subroutine add(label, design)
-         character(len=*), intent(in) :: label
-         type(design_t), intent(in) :: design
-         character(len=:), allocatable :: words
-         integer :: i, largest
-
-         associate (p => design%prediction, names => pack(designs%quantities%searched_name(), &
-            designs%interest))
+      do k = 0, ubound(shown, 1)
+         associate (p => shown(k)%design%prediction)
             if (.not. p%finite) then
-               call text%line(left(label, 12)//'not determined: columns of the derivatives are '// &
-                  'parallel, or nothing')
-               return
+               call text%line(shown(k)%label()//'not determined: columns of the derivatives '// &
+                  'are parallel, or nothing')
+               cycle
             end if
             words = ''
             do i = 1, size(p%eigenvalue)
                words = words//' '//rounded(p%eigenvalue(i), 3)
             end do
-            call text%line(left(label, 12)//'D = '//rounded(p%D, 4)//', A = '//rounded(p%A, 3)// &
-               ', E = '//rounded(p%E, 3)//';'//words)
+            call text%line(shown(k)%label()//'D = '//rounded(p%D, 4)//', A = '// &
+               rounded(p%A, 3)//', E = '//rounded(p%E, 3)//';'//words)
             largest = maxloc(abs(p%direction(:, 1)), dim=1)
-            associate (v => p%direction(:, 1)/p%direction(largest, 1))
-               words = ''
-               do i = 1, size(v)
-                  if (abs(v(i)) < 0.1_wp) cycle
+            words = ''
+            do i = 1, size(names)
+               associate (v => p%direction(i, 1)/p%direction(largest, 1))
+                  if (abs(v) < 0.1_wp) cycle
                   if (words /= '') words = words//', '
-                  words = words//trim(names(i))//' by '//merge('+', '-', v(i) > 0)// &
-                     to_text(nint(100*abs(v(i))))//' %'
-               end do
-               call text%line(left('', 12)//'known least: '//words//', to within '// &
-                  percent(1/sqrt(p%E)*abs(p%direction(largest, 1)))//' of that')
-            end associate
+                  words = words//trim(names(i))//' by '//merge('+', '-', v > 0)// &
+                     to_text(nint(100*abs(v)))//' %'
+               end associate
+            end do
+            call text%line(left('', 12)//'known least: '//words//', to within '// &
+               percent(1/sqrt(p%E)*abs(p%direction(largest, 1)))//' of that')
          end associate
-      end subroutine add
-
+      end do
    end subroutine add_eigenvalues
 
    !> Adds a remark for each of the best candidates that lies at the end of a list of settings,
    !> where an extension of the list might contain a better one.
-   subroutine add_edges(text, case, designs, winners)
+   subroutine add_edges(text, case, designs, shown)
       type(text_t), intent(inout) :: text
       type(case_t), intent(in) :: case
       type(designs_t), intent(in) :: designs
-      type(winner_t), intent(in) :: winners(:)
+      type(shown_t), intent(in) :: shown(0:)
       character(len=:), allocatable :: lists
       integer :: k
 
-      if (size(winners) == 0) return
+      if (size(shown) == 1) return
       call text%line()
-      do k = 1, size(winners)
+      do k = 1, ubound(shown, 1)
          lists = ''
-         associate (box => designs%box, design => designs%list(winners(k)%place), &
+         associate (box => designs%box, design => shown(k)%design, &
             length => case%model%structure%length)
             call check_end('x_S', box%x_S, design%x_S(1), length)
             if (lists == '') call check_end('x_S', box%x_S, design%x_S(box%sensors), length)
@@ -282,7 +260,7 @@ contains
             call check_end('t_last', box%t_last, design%t_last, unlimited)
             call check_end('t_step', box%t_step, design%t_step, unlimited)
          end associate
-         if (lists /= '') call text%line('design '//to_text(winners(k)%place)// &
+         if (lists /= '') call text%line(trim(shown(k)%label())// &
             ' is at the end of '//lists//': beyond it there may be better ones')
       end do
 
@@ -309,7 +287,7 @@ contains
       type(text_t), intent(inout) :: text
       type(case_t), intent(in) :: case
       type(designs_t), intent(in) :: designs
-      real(wp) :: worst(size(designs%list)), times
+      real(wp) :: worst(size(designs%list)), repeats, times
       character(len=:), allocatable :: what
       integer :: best, enough, k
 
@@ -332,8 +310,10 @@ contains
          if (.not. worst(best) < unlimited) return
          times = needed(designs, list(best), box%target)
          if (times < 0) return
+         repeats = times
+         if (times <= 1e9_wp) repeats = ceiling(times)
          what = 'the nearest, design '//to_text(best)//' ('//percent(worst(best))// &
-            '), would with its record repeated '//rounded_up(times)//' times'
+            '), would with its record repeated '//to_text(repeats)//' times'
          if (is_pulse(case%excitations(1)) .or. case%excitations(1)%is_release) then
             what = what//', or with an amplitude of '//trim(to_text(sqrt(times) &
                *case%excitations(1)%amplitude)//' '//merge(case%units%length, case%units%force, &
@@ -345,15 +325,6 @@ contains
          call text%line(what)
       end associate
    end subroutine add_target
-
-   !> Returns a number rounded up to an integer; numbers above 1e9 are not rounded.
-   function rounded_up(value) result(text)
-      real(wp), intent(in) :: value
-      character(len=:), allocatable :: text
-
-      text = to_text(real(ceiling(min(value, 1e9_wp)), wp))
-      if (value > 1e9_wp) text = to_text(value)
-   end function rounded_up
 
    !> Returns a ratio in per cent with three significant digits.
    function percent(ratio) result(text)
@@ -369,5 +340,60 @@ contains
       if (ratio >= 1e-3_wp) digits = fixed(100*ratio, 12, merge(1, 2, ratio >= 0.1_wp))
       text = trim(adjustl(digits))//' %'
    end function percent
+
+   !> Returns the table design.csv with a row for each candidate; row 0 is the present experiment.
+   !> The columns sd_* are standard errors, relative_* standard errors of relative changes; a field
+   !> is empty if the experiment does not determine the parameter.
+   function design_table(designs) result(table)
+      type(designs_t), intent(in) :: designs
+      character(len=:), allocatable :: table
+      character(len=name_length), allocatable :: names(:)
+      type(text_t) :: text
+      integer :: k
+
+      names = designs%quantities%name
+      call text%line('design,x_S,x_S_2,x_F,duration,t_first,t_last,t_step,samples,'// &
+         'determined,D,A,E,'//listed('sd_'//names, ',')//','//listed('relative_'//names, ','))
+      call add_row(text, designs, 0, designs%present)
+      do k = 1, size(designs%list)
+         call add_row(text, designs, k, designs%list(k))
+      end do
+      table = text%content()
+   end function design_table
+
+   !> Adds the row of one experiment.
+   subroutine add_row(text, designs, number, design)
+      type(text_t), intent(inout) :: text
+      type(designs_t), intent(in) :: designs
+      integer, intent(in) :: number
+      type(design_t), intent(in) :: design
+      character(len=:), allocatable :: row
+      real(wp) :: limits(3)
+      integer :: k
+
+      row = to_text(number)//','//full(design%x_S(1))//','
+      if (design%x_S(2) > 0) row = row//full(design%x_S(2))
+      row = row//','//full(design%x_F)//','
+      if (design%duration > 0) row = row//full(design%duration)
+      associate (p => design%prediction)
+         row = csv_row(row, [design%t_first, design%t_last, design%t_step])//','// &
+            to_text(design%samples)//','//trim(merge('yes', 'no ', p%determined))
+         if (p%finite) then
+            row = csv_row(row, [p%D, p%A, p%E])
+         else
+            row = row//',,,'
+         end if
+         do k = 1, size(p%sd)
+            limits = unlimited
+            if (p%sd(k) < unlimited) limits = designs%quantities(k)%limits( &
+               p%sd(k)*designs%quantities(k)%scale, 0.0_wp)
+            row = row//','//known(limits(1))
+         end do
+         do k = 1, size(p%sd)
+            row = row//','//known(p%sd(k))
+         end do
+      end associate
+      call text%line(row)
+   end subroutine add_row
 
 end module beamid_design_reports

@@ -5,13 +5,14 @@ module beamid_fleet_reports
    use beamid_errors, only: error_t
    use beamid_files, only: read_text
    use beamid_fleets, only: fleet_case_t, moved
-   use beamid_lines, only: csv_row
+   use beamid_kinds, only: ip
+   use beamid_lines, only: csv_row, split
    use beamid_manifests, only: read_listed
    use beamid_member_rows, only: read_members
    use beamid_outputs, only: output_t
    use beamid_paths, only: join_path
    use beamid_strings, only: to_text
-   use beamid_texts, only: text_t
+   use beamid_texts, only: next_line, text_t
    implicit none
    private
 
@@ -33,7 +34,9 @@ contains
       type(error_t), allocatable, intent(out) :: error
       type(member_t), allocatable :: members(:)
       character(len=:), allocatable :: cases, line, text
-      integer :: comma, first, j, k, length, n
+      character(len=32) :: fields(2)   ! member, fingerprint
+      integer(ip) :: first
+      integer :: j, k, n
 
       tables = ''
       call read_listed(folder, 'members.csv', text, error)
@@ -45,18 +48,14 @@ contains
       if (allocated(error)) return
       first = index(cases, line_feed) + 1
       do j = 1, n
-         length = index(cases(first:), line_feed) - 1
-         line = cases(first:first + length - 1)
-         first = first + length + 1
-         comma = index(line, ',')
-         ! The fields of the line are member, fingerprint and case.
-         line = line(comma + 1:)
-         comma = index(line, ',')
+         if (.not. next_line(cases, first, line)) exit
+         call split(line, fields)
          do k = 1, size(fleet)
-            if (fleet(k)%name /= line(comma + 1:)) cycle
+            ! The name of the case follows; it may contain commas.
+            if (line /= trim(fields(1))//','//trim(fields(2))//','//fleet(k)%name) cycle
             fleet(k)%before = members(j)%rows
             fleet(k)%is_as_before = size(members(j)%rows) > 0 .and. &
-               fleet(k)%fingerprint == line(:comma - 1)
+               fleet(k)%fingerprint == fields(2)
          end do
       end do
       tables = text//cases

@@ -2,12 +2,12 @@
 !> the commands profile, sample and bootstrap completes, and a comparison in words.
 module beamid_intervals
    use beamid_identification, only: stage_fit_t
-   use beamid_kinds, only: wp
-   use beamid_lines, only: limit
+   use beamid_kinds, only: ip, wp
+   use beamid_lines, only: limit, split
    use beamid_profile_likelihood, only: at_bound, is_closed, is_lost, is_open
    use beamid_statistics, only: unlimited
    use beamid_strings, only: full, rounded, to_text
-   use beamid_texts, only: left, right, text_t
+   use beamid_texts, only: left, next_line, right, text_t
    use beamid_units, only: units_t
    use beamid_unknowns, only: name_length, quantity_t
    implicit none
@@ -128,16 +128,15 @@ contains
       character(len=*), intent(in) :: text
       type(interval_t), allocatable, intent(inout) :: list(:)
       type(interval_t), allocatable :: old(:)
-      integer :: k, first, length, given
+      character(len=:), allocatable :: line
+      integer(ip) :: first
+      integer :: k, given
 
       allocate (old(0))
       given = size(list)
       first = 1
-      do while (first <= len(text))
-         length = scan(text(first:), new_line('a'))
-         if (length == 0) exit
-         call parse(text(first:first + length - 2))
-         first = first + length
+      do while (next_line(text, first, line))
+         call parse(line)
       end do
       associate (ours => pack(list, list%method == 'linear'), &
          theirs => pack(old, old%method == 'linear'))
@@ -157,22 +156,16 @@ contains
          character(len=*), intent(in) :: line
          type(interval_t) :: new
          character(len=40) :: fields(9)
-         integer :: comma, from, i, status(3)
+         integer :: status(4)
 
-         from = 1
-         do i = 1, size(fields)
-            comma = index(line(from:)//',', ',')
-            fields(i) = line(from:min(len(line), from + comma - 2))
-            from = min(len(line) + 1, from + comma)
-         end do
+         call split(line, fields)
          new%method = fields(1)(:len(new%method))
-         read (fields(2), *, iostat=status(1)) new%elements
-         if (status(1) /= 0) return
          new%parameter = fields(3)(:len(new%parameter))
          new%unit = fields(4)
-         read (fields(5), *, iostat=status(1)) new%estimate
-         read (fields(6), *, iostat=status(2)) new%lower
-         read (fields(7), *, iostat=status(3)) new%upper
+         read (fields(2), *, iostat=status(1)) new%elements
+         read (fields(5), *, iostat=status(2)) new%estimate
+         read (fields(6), *, iostat=status(3)) new%lower
+         read (fields(7), *, iostat=status(4)) new%upper
          new%ends = [findloc(end_words == fields(8), .true., dim=1), &
             findloc(end_words == fields(9), .true., dim=1)]
          if (any(status /= 0) .or. any(new%ends == 0)) return

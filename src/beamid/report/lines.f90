@@ -7,7 +7,7 @@ module beamid_lines
    implicit none
    private
 
-   public :: add_lines, columns, csv_row, filled, known, limit, unit_suffix
+   public :: add_lines, columns, csv_row, filled, known, limit, split, unit_suffix
 
 contains
 
@@ -107,6 +107,20 @@ contains
          row = row//','//full(values(k))
       end do
    end function csv_row
+
+   !> Splits a row of a table into its fields; fields that the row lacks are ''.
+   pure subroutine split(row, fields)
+      character(len=*), intent(in) :: row
+      character(len=*), intent(out) :: fields(:)
+      integer :: comma, first, k
+
+      first = 1
+      do k = 1, size(fields)
+         comma = index(row(first:)//',', ',')
+         fields(k) = row(first:min(len(row), first + comma - 2))
+         first = min(len(row) + 1, first + comma)
+      end do
+   end subroutine split
 
    !> Returns a field of a table for other programs: a number, or `inf`.
    pure function limit(value) result(text)

@@ -5,9 +5,11 @@ module beamid_member_rows
    use beamid_ensembles, only: member_t
    use beamid_errors, only: bad_input, error_t
    use beamid_kinds, only: ip, wp
+   use beamid_lines, only: split
    use beamid_numbers, only: parse_number, shown
    use beamid_statistics, only: unlimited
    use beamid_strings, only: to_text
+   use beamid_texts, only: next_line
    implicit none
    private
 
@@ -98,26 +100,20 @@ contains
       integer, intent(out) :: member
       type(row_t), intent(out) :: row
       logical, intent(out) :: failed, sound
+      character(len=64) :: fields(columns)
       logical :: is_number(columns - fields_before)
-      integer :: comma(columns), k
       real(wp) :: values(columns - fields_before)
+      integer :: k
 
-      comma = len(line) + 1
-      comma(1) = index(line, ',')
-      member = whole_number(line(:comma(1) - 1))
-      associate (rest => line(max(comma(1), 1):))
-         failed = index(rest, ',ok,,') /= 1
-         sound = member > 0 .and. index(rest, ',failed,"') == 1
-      end associate
+      call split(line, fields)
+      member = whole_number(trim(fields(1)))
+      failed = fields(2) /= 'ok' .or. fields(3) /= ''
+      sound = member > 0 .and. index(line, trim(fields(1))//',failed,"') == 1
       if (failed) return
-      do k = 2, columns - 1
-         comma(k) = comma(k - 1) + index(line(comma(k - 1) + 1:), ',')
-      end do
-      row%elements = whole_number(line(comma(3) + 1:comma(4) - 1))
-      row%parameter = line(comma(4) + 1:comma(5) - 1)
+      row%elements = whole_number(trim(fields(4)))
+      row%parameter = fields(5)(:len(row%parameter))
       do k = 1, size(values)
-         call read_number(line(comma(k + fields_before - 1) + 1:comma(k + fields_before) - 1), &
-            values(k), is_number(k))
+         call read_number(trim(fields(fields_before + k)), values(k), is_number(k))
       end do
       sound = member > 0 .and. row%elements > 0 .and. all(is_number) .and. &
          count([(line(k:k) == ',', k=1, len(line))]) == columns - 1
@@ -173,7 +169,8 @@ contains
       type(member_t), allocatable, intent(out) :: members(:)
       type(error_t), allocatable, intent(out) :: error
       type(row_t) :: row
-      integer(ip) :: first, length
+      character(len=:), allocatable :: line
+      integer(ip) :: first
       integer :: k, last, number
       logical :: failed, sound
 
@@ -188,20 +185,16 @@ contains
       first = len(members_header) + 2
       number = 1
       last = 1
-      do while (first <= len(text, ip))
+      do while (next_line(text, first, line))
          number = number + 1
-         length = index(text(first:), line_feed, kind=ip) - 1
-         if (length < 0) length = len(text, ip) - first + 1
-         call read_row(text(first:first + length - 1), k, row, failed, sound)
+         call read_row(line, k, row, failed, sound)
          if (.not. sound .or. k < last .or. k > n) then
-            call bad_input(error, path//':'//to_text(number)//': found '//shown(text(first: &
-               first + length - 1))//', expected a row of one of members '//to_text(last)// &
-               ' to '//to_text(n))
+            call bad_input(error, path//':'//to_text(number)//': found '//shown(line)// &
+               ', expected a row of one of members '//to_text(last)//' to '//to_text(n))
             return
          end if
          if (.not. failed) members(k)%rows = [members(k)%rows, row]
          last = k
-         first = first + length + 1
       end do
    end subroutine read_members
 

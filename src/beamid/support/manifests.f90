@@ -7,9 +7,9 @@
 module beamid_manifests
    use, intrinsic :: iso_c_binding, only: c_associated, c_int, c_null_char, c_ptr, c_size_t
    use, intrinsic :: iso_fortran_env, only: int32
-   use beamid_checksums, only: crc32
    use beamid_errors, only: bad_input, error_t
    use beamid_files, only: read_text
+   use beamid_fingerprints, only: crc32
    use beamid_kinds, only: ip
    use beamid_paths, only: join_path
    use beamid_posix, only: c_fclose, c_ferror, c_fopen, c_fread, file_status, kind_regular, &

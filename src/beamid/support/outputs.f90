@@ -10,6 +10,7 @@ module beamid_outputs
    use beamid_manifests, only: entries_in, entry_length, manifest_name, name_in
    use beamid_paths, only: join_path
    use beamid_posix, only: c_rmdir, edquot, efbig, eio, enospc, reason, same_file
+   use beamid_strings, only: append_string, string_t
    implicit none
    private
 
@@ -20,7 +21,7 @@ module beamid_outputs
       !> Files, in the order in which they were added; not allocated: none.
       type(named_text_t), allocatable, private :: files(:)
       !> Paths of inputs, which must not be overwritten; not allocated: none.
-      type(named_text_t), allocatable, private :: inputs(:)
+      type(string_t), allocatable, private :: inputs(:)
    contains
       procedure :: add
       procedure :: add_file
@@ -38,13 +39,19 @@ contains
       class(output_t), intent(inout) :: self
       !> Name of the file inside the output folder, and its whole text.
       character(len=*), intent(in) :: name, text
+      type(named_text_t), allocatable :: more(:)
       integer :: i
 
       if (.not. allocated(self%files)) allocate (self%files(0))
       do i = 1, size(self%files)
          if (self%files(i)%name == name) exit
       end do
-      if (i > size(self%files)) call append(self%files, name)
+      if (i > size(self%files)) then
+         allocate (more(i))
+         more(:i - 1) = self%files
+         more(i)%name = name
+         call move_alloc(more, self%files)
+      end if
       self%files(i)%text = text
    end subroutine add
 
@@ -86,28 +93,13 @@ contains
       end do
    end function text_of
 
-   !> Appends an element with a name to a list.
-   subroutine append(list, name)
-      type(named_text_t), allocatable, intent(inout) :: list(:)
-      character(len=*), intent(in) :: name
-      type(named_text_t), allocatable :: more(:)
-      integer :: n
-
-      n = size(list)
-      allocate (more(n + 1))
-      more(:n) = list
-      more(n + 1)%name = name
-      call move_alloc(more, list)
-   end subroutine append
-
    !> Protects an input, a file of the user: `commit` does not overwrite it, unless the manifest of
    !> the output folder says that an earlier run has written it.
    subroutine spare(self, path)
       class(output_t), intent(inout) :: self
       character(len=*), intent(in) :: path
 
-      if (.not. allocated(self%inputs)) allocate (self%inputs(0))
-      call append(self%inputs, path)
+      call append_string(self%inputs, path)
    end subroutine spare
 
    !> Refuses files that would overwrite an input.
@@ -126,7 +118,7 @@ contains
       do i = 1, size(self%files)
          path = join_path(directory, self%files(i)%name)
          do j = 1, size(self%inputs)
-            if (.not. same_file(path, self%inputs(j)%name)) cycle
+            if (.not. same_file(path, self%inputs(j)%text)) cycle
             if (any([(name_in(entries(k)) == self%files(i)%name, k=1, size(entries))])) cycle
             call bad_input(error, path//': found a record of the case, which the run would '// &
                'overwrite, expected another output folder')

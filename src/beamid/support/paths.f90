@@ -3,27 +3,9 @@ module beamid_paths
    implicit none
    private
 
-   public :: path_t, append_path, directory_of, join_path
-
-   !> An element of a list of paths.
-   type :: path_t
-      character(len=:), allocatable :: text
-   end type path_t
+   public :: directory_of, join_path
 
 contains
-
-   !> Appends a path to a list. (An array constructor does not work for texts of different lengths.)
-   pure subroutine append_path(list, path)
-      type(path_t), allocatable, intent(inout) :: list(:)
-      character(len=*), intent(in) :: path
-      type(path_t), allocatable :: longer(:)
-
-      if (.not. allocated(list)) allocate (list(0))
-      allocate (longer(size(list) + 1))
-      longer(:size(list)) = list
-      longer(size(longer))%text = path
-      call move_alloc(longer, list)
-   end subroutine append_path
 
    !> Returns the folder of a path without a '/' at its end; '.' if there is none.
    pure function directory_of(path) result(directory)

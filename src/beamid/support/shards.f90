@@ -254,10 +254,10 @@ contains
    end function checksum
 
    !> Removes temporary files of programs that have died, and shards.
+   !>
+   !> but_of  fingerprint of shards that are kept; '': none is kept
    subroutine remove_shards(folder, but_of)
-      character(len=*), intent(in) :: folder
-      !> Fingerprint of shards that are kept; '': none is kept; absent: all are kept.
-      character(len=*), intent(in), optional :: but_of
+      character(len=*), intent(in) :: folder, but_of
       character(len=max_name), allocatable :: names(:)
       character(len=:), allocatable :: mark
       integer(c_int) :: ignored
@@ -271,9 +271,8 @@ contains
             if (index(names(k), mark) /= at) cycle
             ! The program that writes the file is on this machine and still runs.
             if (kind_there('/proc/'//trim(names(k)(at + len(mark):))) /= 0) cycle
-         else
-            if (.not. present(but_of)) cycle
-            if (but_of /= '' .and. index(names(k), prefix//but_of//'-') == 1) cycle
+         else if (but_of /= '' .and. index(names(k), prefix//but_of//'-') == 1) then
+            cycle
          end if
          ignored = c_unlink(join_path(folder, trim(names(k)))//c_null_char)
       end do

@@ -1,10 +1,15 @@
-!> Conversion of numbers to text, and of text to lower case.
+!> Conversion of numbers to text, and of text to lower case; lists of texts.
 module beamid_strings
    use beamid_kinds, only: wp, ip
    implicit none
    private
 
-   public :: lower, to_text, full, fixed, rounded
+   public :: string_t, append_string, lower, to_text, full, fixed, rounded
+
+   !> An element of a list of texts of different lengths.
+   type :: string_t
+      character(len=:), allocatable :: text
+   end type string_t
 
    !> Returns a number as short as possible: `0.04`, `1.5E+09`, `12`. The results have explicit
    !> lengths, because gfortran keeps the length of a deferred-length result in static memory, which
@@ -16,6 +21,19 @@ module beamid_strings
    end interface to_text
 
 contains
+
+   !> Appends a text to a list. (An array constructor does not work for texts of different lengths.)
+   pure subroutine append_string(list, text)
+      type(string_t), allocatable, intent(inout) :: list(:)
+      character(len=*), intent(in) :: text
+      type(string_t), allocatable :: longer(:)
+
+      if (.not. allocated(list)) allocate (list(0))
+      allocate (longer(size(list) + 1))
+      longer(:size(list)) = list
+      longer(size(longer))%text = text
+      call move_alloc(longer, list)
+   end subroutine append_string
 
    !> Returns text with its ASCII letters in lower case.
    pure function lower(text)

@@ -5,7 +5,7 @@ module beamid_texts
    implicit none
    private
 
-   public :: text_t, left, right, wrapped
+   public :: text_t, left, next_line, right, wrapped
 
    !> Default width of a column [characters].
    integer, parameter :: width = 14
@@ -67,26 +67,41 @@ contains
       is_empty = self%length == 0
    end function is_empty
 
+   !> Takes the next line of a text; returns .false. if there is none.
+   !>
+   !> first  where the line begins, at the first call 1; on return where the next one begins
+   !> line   the line without its line feed
+   logical function next_line(text, first, line)
+      character(len=*), intent(in) :: text
+      integer(ip), intent(inout) :: first
+      character(len=:), allocatable, intent(out) :: line
+      integer(ip) :: length
+
+      next_line = first <= len(text, ip)
+      if (.not. next_line) return
+      length = index(text(first:), new_line('a'), kind=ip) - 1
+      if (length < 0) length = len(text, ip) - first + 1
+      line = text(first:first + length - 1)
+      first = first + length + 1
+   end function next_line
+
    !> Returns text in which lines of more than 100 characters are broken between words.
    !>
    !> indent  indentation of the continuation lines; default 4
-   pure function wrapped(content, indent)
+   function wrapped(content, indent)
       character(len=*), intent(in) :: content
       integer, intent(in), optional :: indent
       character(len=:), allocatable :: wrapped
       integer, parameter :: most = 100
       character(len=:), allocatable :: line
       type(text_t) :: text
-      integer(ip) :: first, length
+      integer(ip) :: first
       integer :: cut, margin
 
       margin = 4
       if (present(indent)) margin = indent
       first = 1
-      do while (first <= len(content, ip))
-         length = index(content(first:), new_line('a'), kind=ip)
-         if (length == 0) length = len(content, ip) - first + 2
-         line = content(first:first + length - 2)
+      do while (next_line(content, first, line))
          do while (len(line) > most)
             cut = scan(line(:most + 1), ' ', back=.true.)
             if (verify(line(:cut), ' ') == 0) exit
@@ -94,7 +109,6 @@ contains
             line = repeat(' ', margin)//adjustl(line(cut + 1:))
          end do
          call text%line(line)
-         first = first + length
       end do
       wrapped = text%content()
    end function wrapped

@@ -14,7 +14,7 @@ module beamid_case_fits
    use beamid_interrupts, only: check_interrupt
    use beamid_kinds, only: wp
    use beamid_least_squares, only: monitor_t
-   use beamid_multistart, only: identify_from_many, minimum_t
+   use beamid_multistart, only: identify_meshes_from_many, minima_t
    use beamid_records, only: note_length
    use beamid_refinement, only: add_mesh_shift, identify_refining
    use beamid_responses, only: is_exact
@@ -27,14 +27,8 @@ module beamid_case_fits
    implicit none
    private
 
-   public :: case_fit_t, minima_t, load_case, fit_case, find_fits, add_mesh_shifts, judge_case, &
+   public :: case_fit_t, load_case, fit_case, find_fits, add_mesh_shifts, judge_case, &
       add_score_tests
-
-   !> The minima that the searches from several starts have found on one mesh.
-   type :: minima_t
-      type(minimum_t), allocatable :: list(:)   !< different minima, by ascending J
-      integer :: failures = 0                   !< number of starts whose search failed
-   end type minima_t
 
    !> The records of a case, its fit and the verdict on it.
    type :: case_fit_t
@@ -55,11 +49,11 @@ contains
 
    !> Loads the records of a case and the samples of &score.
    !>
-   !> found  on return with the records, nothing fitted
+   !> found  initial; on return with the records, nothing fitted
    !> error  records that cannot be read or do not go together
    subroutine load_case(case, found, error)
       type(case_t), intent(in) :: case
-      type(case_fit_t), intent(out) :: found
+      type(case_fit_t), intent(inout) :: found
       type(error_t), allocatable, intent(out) :: error
 
       allocate (found%minima(0), found%windows(0), found%tests(0))
@@ -111,26 +105,20 @@ contains
       type(error_t), allocatable, intent(out) :: error
       class(monitor_t), intent(inout), optional :: monitor
       logical, intent(in), optional :: check
-      integer :: k
 
-      if (case%multistart%n == 0) then
-         allocate (minima(0))
-         if (case%refines .and. is_exact(case%model%solver)) then
-            call identify_refining(case%model, meshes(1), case%stages, experiments, fits, error, &
-               monitor, check)
-         else
-            call identify_meshes(case%model, meshes, case%stages, experiments, fits, error, &
-               monitor, check)
-         end if
+      if (case%multistart%n > 0) then
+         call identify_meshes_from_many(case%model, meshes, case%stages, experiments, &
+            case%multistart, fits, minima, error, monitor, check)
          return
       end if
-      allocate (minima(size(meshes)), fits(size(case%stages), size(meshes)))
-      do k = 1, size(meshes)
-         call identify_from_many(case%model, meshes(k), case%stages, experiments, &
-            case%multistart, minima(k)%list, minima(k)%failures, error, monitor, check)
-         if (allocated(error)) return
-         fits(:, k) = minima(k)%list(1)%fits
-      end do
+      allocate (minima(0))
+      if (case%refines .and. is_exact(case%model%solver)) then
+         call identify_refining(case%model, meshes(1), case%stages, experiments, fits, error, &
+            monitor, check)
+      else
+         call identify_meshes(case%model, meshes, case%stages, experiments, fits, error, &
+            monitor, check)
+      end if
    end subroutine find_fits
 
    !> Judges the last stage of a fit: adds the effect of the mesh on the estimates, the verdict, and

@@ -4,7 +4,7 @@
 module beamid_ensembles
    use beamid_case_checks, only: check_needs, has_grid, needs_fit
    use beamid_case_files, only: case_t
-   use beamid_case_fits, only: find_fits, minima_t
+   use beamid_case_fits, only: find_fits
    use beamid_cases, only: grid_times, load_experiments
    use beamid_ensemble_rows, only: add_fit_rows, add_mode_rows, replace_intervals, row_t
    use beamid_errors, only: error_t
@@ -15,6 +15,7 @@ module beamid_ensembles
    use beamid_kinds, only: ip, wp
    use beamid_linear_unknowns, only: linear_t
    use beamid_modal, only: modal_t
+   use beamid_multistart, only: minima_t
    use beamid_noise, only: gaussian_noise, uniform_noise
    use beamid_observed_data, only: seen_modes_t
    use beamid_parameters, only: as_named

@@ -14,11 +14,12 @@ module beamid_fleets
    use beamid_parameters, only: name_of_parameter
    use beamid_paths, only: directory_of, join_path
    use beamid_statistics, only: unlimited
+   use beamid_texts, only: next_line
    use beamid_unknowns, only: name_of
    implicit none
    private
 
-   public :: fleet_case_t, read_fleet, fit_fleet_case, judge_fleet_case, moved, &
+   public :: fleet_case_t, fleet_fit_t, read_fleet, fit_fleet_case, judge_fleet_case, moved, &
       open_fleet_case
 
    !> One case of the list.
@@ -31,14 +32,16 @@ module beamid_fleets
       logical :: is_as_before = .false.        !< `before` belongs to the present fingerprint
       type(member_t) :: member                 !< result of this run
       character(len=:), allocatable, private :: program   !< version of the program
-      ! The rest is in use from `open_fleet_case` to `close_fleet_case`.
-      type(case_t), allocatable, private :: case
-      type(case_fit_t), allocatable, private :: found      !< records and fit
-      type(error_t), allocatable, private :: error         !< first error of this case
-      logical, private :: is_warm = .false.                !< start values are the estimates before
    end type fleet_case_t
 
-   character(len=*), parameter :: line_feed = achar(10)
+   !> The fit of one case, from `open_fleet_case` to `judge_fleet_case`.
+   type :: fleet_fit_t
+      private
+      type(case_t) :: case
+      type(case_fit_t) :: found              !< records and fit
+      type(error_t), allocatable :: error    !< first error of this case
+      logical :: is_warm = .false.           !< start values are the estimates before
+   end type fleet_fit_t
 
 contains
 
@@ -53,20 +56,18 @@ contains
       character(len=*), intent(in) :: list, program
       type(fleet_case_t), allocatable, intent(out) :: fleet(:)
       type(error_t), allocatable, intent(out) :: error
+      type(case_t) :: case
+      type(error_t), allocatable :: ignored
       character(len=:), allocatable :: line, text
-      integer(ip) :: first, length
+      integer(ip) :: first
       integer :: n, pass
 
       call read_text(list, text, error)
       if (allocated(error)) return
-      text = text//line_feed
       do pass = 1, 2
          first = 1
          n = 0
-         do while (first <= len(text, ip))
-            length = scan(text(first:), line_feed, kind=ip) - 1
-            line = text(first:first + length - 1)
-            first = first + length + 1
+         do while (next_line(text, first, line))
             if (len(line) > 0) line = trim(adjustl(line(:scan(line//'!', '!#'//achar(13)) - 1)))
             if (line == '') cycle
             n = n + 1
@@ -74,10 +75,9 @@ contains
             fleet(n)%name = line
             fleet(n)%path = join_path(directory_of(list), line)
             fleet(n)%program = program
-            allocate (fleet(n)%before(0), fleet(n)%case)
-            call read_case(fleet(n)%path, needs_fit, fleet(n)%case, fleet(n)%error)
-            call set_fingerprint(fleet(n))
-            call close_fleet_case(fleet(n))
+            allocate (fleet(n)%before(0))
+            call read_case(fleet(n)%path, needs_fit, case, ignored)
+            call set_fingerprint(fleet(n), case)
          end do
          if (n == 0) call bad_input(error, list//': found no path of a case, expected one a line')
          if (allocated(error)) return
@@ -90,41 +90,32 @@ contains
    !> The fingerprint is computed after all files have been read: if it still equals that of the
    !> list, no file has changed in between.
    !>
+   !> fit       on return ready for `fit_fleet_case`
    !> declared  .true.: use the start values of the case all the same; default .false.
-   subroutine open_fleet_case(one, declared)
+   subroutine open_fleet_case(one, fit, declared)
       type(fleet_case_t), intent(inout) :: one
+      type(fleet_fit_t), intent(out) :: fit
       logical, intent(in), optional :: declared
 
-      call close_fleet_case(one)
-      allocate (one%case, one%found)
-      one%is_warm = .false.
-      call read_case(one%path, needs_fit, one%case, one%error)
-      if (.not. allocated(one%error)) call load_case(one%case, one%found, one%error)
-      call set_fingerprint(one)
-      if (allocated(one%error)) return
-      one%case%windows = 0
+      call read_case(one%path, needs_fit, fit%case, fit%error)
+      if (.not. allocated(fit%error)) call load_case(fit%case, fit%found, fit%error)
+      call set_fingerprint(one, fit%case)
+      if (allocated(fit%error)) return
+      fit%case%windows = 0
       if (present(declared)) then
          if (declared) return
       end if
-      call start_from(one%before, one%case, one%is_warm)
+      call start_from(one%before, fit%case, fit%is_warm)
    end subroutine open_fleet_case
 
-   !> Frees the case, its records, its fit and its error.
-   subroutine close_fleet_case(one)
-      type(fleet_case_t), intent(inout) :: one
-
-      if (allocated(one%case)) deallocate (one%case)
-      if (allocated(one%found)) deallocate (one%found)
-      if (allocated(one%error)) deallocate (one%error)
-   end subroutine close_fleet_case
-
    !> Sets the fingerprint of a case that has been read.
-   subroutine set_fingerprint(one)
+   subroutine set_fingerprint(one, case)
       type(fleet_case_t), intent(inout) :: one
+      type(case_t), intent(in) :: case
       type(fingerprint_t) :: fingerprint
 
       call fingerprint%add(one%program)
-      call add_case(fingerprint, one%case)
+      call add_case(fingerprint, case)
       one%fingerprint = fingerprint%digits()
    end subroutine set_fingerprint
 
@@ -162,46 +153,46 @@ contains
    end subroutine start_from
 
    !> Fits a case after `open_fleet_case` has read it. May run beside other threads.
-   subroutine fit_fleet_case(one)
-      type(fleet_case_t), intent(inout) :: one
+   subroutine fit_fleet_case(fit)
+      type(fleet_fit_t), intent(inout) :: fit
 
-      if (allocated(one%error)) return
-      call fit_case(one%case, one%found, one%error, check=.false.)
-      if (.not. allocated(one%error)) call add_mesh_shifts(one%case, one%found, one%error)
+      if (allocated(fit%error)) return
+      call fit_case(fit%case, fit%found, fit%error, check=.false.)
+      if (.not. allocated(fit%error)) call add_mesh_shifts(fit%case, fit%found, fit%error)
    end subroutine fit_fleet_case
 
    !> Judges the fit of a case and stores the result in `member`. If a warm start has led to no
-   !> valid fit, fits again from the start values of the case. Frees everything else.
-   subroutine judge_fleet_case(one)
+   !> valid fit, fits again from the start values of the case.
+   subroutine judge_fleet_case(one, fit)
       type(fleet_case_t), intent(inout) :: one
+      type(fleet_fit_t), intent(inout) :: fit
       integer :: k
 
       call judge()
-      if (allocated(one%error) .and. one%is_warm) then
-         call open_fleet_case(one, declared=.true.)
-         call fit_fleet_case(one)
+      if (allocated(fit%error) .and. fit%is_warm) then
+         call open_fleet_case(one, fit, declared=.true.)
+         call fit_fleet_case(fit)
          call judge()
       end if
       one%member = member_t()
       allocate (one%member%rows(0))
-      if (allocated(one%error)) then
-         one%member%message = one%error%message
+      if (allocated(fit%error)) then
+         one%member%message = fit%error%message
       else
-         do k = 1, size(one%case%meshes)
-            call add_fit_rows(one%found%fits(size(one%found%fits, 1), k), &
-               one%found%experiments, one%member%rows)
+         do k = 1, size(fit%case%meshes)
+            call add_fit_rows(fit%found%fits(size(fit%found%fits, 1), k), &
+               fit%found%experiments, one%member%rows)
          end do
       end if
-      call close_fleet_case(one)
 
    contains
 
       !> Sets the error of the case if the verdict rejects the fit.
       subroutine judge()
-         if (.not. allocated(one%error)) call judge_case(one%case, one%found, one%error)
-         if (allocated(one%error)) return
-         if (one%found%verdict%no_fit /= '') call failure(one%error, one%path//': no fit: '// &
-            one%found%verdict%no_fit)
+         if (.not. allocated(fit%error)) call judge_case(fit%case, fit%found, fit%error)
+         if (allocated(fit%error)) return
+         if (fit%found%verdict%no_fit /= '') call failure(fit%error, one%path//': no fit: '// &
+            fit%found%verdict%no_fit)
       end subroutine judge
 
    end subroutine judge_fleet_case
