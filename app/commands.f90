@@ -18,6 +18,7 @@ module beamid_commands
    use beamid_outputs, only: output_t
    use beamid_paths, only: join_path
    use beamid_shape_tables, only: add_shapes
+   use beamid_simulation, only: simulate_converged
    use beamid_sorting, only: median
    use beamid_strings, only: string_t, to_text
    use beamid_summaries, only: response_summary
@@ -138,24 +139,34 @@ contains
       call deliver(output, summary, settings, case%name, error, case%recordings)
    end subroutine run_inference
 
-   !> Runs `beamid simulate`: computes the response on each mesh and a record of the last mesh.
+   !> Runs `beamid simulate`: computes the response on each mesh, or without `elements` on a mesh that
+   !> is refined until the response no longer changes, and a record of the last mesh.
    subroutine run_simulate(settings, error)
       type(settings_t), intent(in) :: settings
       type(error_t), allocatable, intent(out) :: error
       type(case_t) :: case
       type(simulation_t), allocatable :: simulations(:)
       type(output_t) :: output
+      type(text_t) :: summary
       real(wp), allocatable :: times(:)
+      real(wp) :: remaining
       integer, allocatable :: elements(:)
       integer :: k
+      logical :: converged
 
       call read_case(settings%subject, needs_response, case, error)
       if (allocated(error)) return
       call sample_times(case, times, error)
       if (allocated(error)) return
       allocate (simulations(size(case%meshes)))
+      converged = .true.
       do k = 1, size(case%meshes)
-         call simulate(case%model, case%meshes(k), times, simulations(k), error)
+         if (case%refines) then
+            call simulate_converged(case%model, times, case%noise_sd, case%meshes(k), &
+               simulations(k), remaining, converged, error)
+         else
+            call simulate(case%model, case%meshes(k), times, simulations(k), error)
+         end if
          call locate(error, case%path//': elements = '//to_text(case%meshes(k)%elements))
          if (allocated(error)) return
       end do
@@ -168,8 +179,11 @@ contains
             + recording%offset))
       end associate
       call output%add('labels.csv', labels_table(case%units))
-      call deliver(output, response_summary(case, simulations), settings, case%name, error, &
-         case%recordings)
+      if (.not. converged) call summary%line('warning: mesh: from '//to_text(elements(1)/2)// &
+         ' to '//to_text(elements(1))//' elements the acceleration still changes by '// &
+         to_text(remaining)//' rms')
+      call summary%add(response_summary(case, simulations))
+      call deliver(output, summary%content(), settings, case%name, error, case%recordings)
    end subroutine run_simulate
 
    !> Runs `beamid modes`: computes the natural modes of the structure and, if the case can be

@@ -95,7 +95,10 @@ class Fit:
         lines = [line for line in unwrapped(warnings) if line.startswith("warning")]
         lines += [line for line in unwrapped(statistics)
                   if any(word in line for word in CHECKS) and not line.startswith(" ")]
-        good = not first.startswith("no fit") and not any(
+        # What stands above the quality of the records makes reservations about the fit.
+        above = self.summary.text.partition("\nrecord 1:")[0] * (not first.startswith("record 1:"))
+        lines = [line for line in unwrapped(above) if not line.startswith("no fit")] + lines
+        good = not above and not any(
             line.startswith("warning") or "not determined" in line or "disagree" in line
             or "another minimum" in line for line in lines)
         least = min(p.number(row, "fit_percent") for row in self.quality)
@@ -104,7 +107,7 @@ class Fit:
         if first.startswith("no fit"):
             say = f"<strong>{h.rich(first)}</strong>"
         points = "".join(f"<li>{h.rich(line)}</li>" for line in dict.fromkeys(lines))
-        box = "box good" if good else "box"
+        box = "box good" if good else "box bad" if first.startswith("no fit") else "box"
         return (f"<h1>{html.escape(self.name)}</h1>\n"
                 f'<p class="lead">Parameters of a beam from its record, found by '
                 f"<code>beamid</code>, with {self.elements} elements.</p>\n"
@@ -286,8 +289,9 @@ class Fit:
             rows = []
             for row in p.read_table(path, "record", "mode", "model_hz", "verdict"):
                 peak, share = value(row, "peak_hz"), value(row, "energy_share")
-                rows.append([row["record"], row["mode"],
-                             p.plain_number(p.number(row, "model_hz"), 6),
+                is_mode = row["mode"] != "0"
+                rows.append([row["record"], row["mode"] if is_mode else "none",
+                             p.plain_number(p.number(row, "model_hz"), 6) if is_mode else "",
                              p.plain_number(peak, 6) if peak else "none",
                              f"{100 * (share or 0):.3g} %", row["verdict"]])
             text += h.table(["record", "mode", "model", "peak of the record", "energy", "verdict"],
@@ -301,8 +305,10 @@ class Fit:
             frequency, damping = (p.number(row, name) for name in ("frequency_hz", "damping_ratio"))
             f95 = [value(row, f"frequency_{end}95") for end in ("lower", "upper")]
             d95 = [value(row, f"damping_{end}95") for end in ("lower", "upper")]
+            outside = frequency > self.highest_frequency(int(row.get("record") or 1))
             rows.append([row.get("record", "1"), row["mode"],
-                         p.plain_number(frequency, digits_of(frequency, *f95)),
+                         p.plain_number(frequency, digits_of(frequency, *f95))
+                         + " (extrapolated)" * outside,
                          between(*f95, digits_of(frequency, *f95)) if f95[0] else "",
                          p.plain_number(damping, digits_of(damping, *d95)),
                          between(*d95, digits_of(damping, *d95)) if f95[0] else ""])
@@ -310,6 +316,11 @@ class Fit:
         return (text + "<h3>Modes of the fitted structure</h3>\n" + h.table(
             ["record", "mode", f"frequency ({hertz})", "95 % interval", "damping ratio",
              "95 % interval"], [rows]) + self.shapes())
+
+    def highest_frequency(self, record):
+        """Half the sampling rate of a record; a mode above it is extrapolated by the model."""
+        times = self.records[record][int(self.elements)][0]
+        return 0.5 / np.median(np.diff(times)) if len(times) > 1 else math.inf
 
     def shapes(self):
         """The lowest modes over the beam and what sits on it."""

@@ -13,9 +13,11 @@ REBUILT = '<span class="badge rebuilt">reconstructed record</span>'
 STYLE = """
 :root { color-scheme: light dark; --text: #1c1c1e; --soft: #5b5f66; --line: #d4d7dc;
   --back: #ffffff; --panel: #f5f6f8; --warn: #8a4b00; --warn-back: #fff6e8; --warn-line: #e69f00;
+  --bad: #a11d1d; --bad-back: #fdecec;
   --free: #00664b; --free-back: #e6f5f0; --link: #00558c; }
 @media (prefers-color-scheme: dark) { :root { --text: #e7e8ea; --soft: #a7acb5; --line: #3b3f46;
   --back: #17191c; --panel: #202327; --warn: #ffcf87; --warn-back: #2f2617; --warn-line: #b98116;
+  --bad: #ff9d9d; --bad-back: #331a1a;
   --free: #7fdcc0; --free-back: #14302a; --link: #7cc0ee; } }
 * { box-sizing: border-box; }
 body { margin: 0 auto; padding: 2.5rem 1.25rem 5rem; max-width: 50rem; background: var(--back);
@@ -35,6 +37,8 @@ a { color: var(--link); }
 .box { border: 1px solid var(--warn-line); border-left-width: .45rem; background: var(--warn-back);
   border-radius: .35rem; padding: .8rem 1.1rem; margin: 1.5rem 0; }
 .box strong:first-child { color: var(--warn); }
+.bad { border-color: var(--bad); background: var(--bad-back); }
+.bad strong:first-child { color: var(--bad); }
 .good { border-color: var(--free); background: var(--free-back); }
 .good strong:first-child { color: var(--free); }
 .bar { margin: .5rem 0; } .bar small { color: var(--soft); }
@@ -62,7 +66,8 @@ summary { cursor: pointer; font-weight: 600; margin: .5rem 0; }
 @media (min-width: 50rem) { pre { white-space: pre-wrap; } }
 @media (max-width: 34rem) { nav ul { columns: 1; } }
 @media print { :root { --text: #000; --soft: #444; --back: #fff; --panel: #f3f3f3; --line: #bbb;
-    --warn: #8a4b00; --warn-back: #fff; --free: #00664b; --free-back: #fff; --link: #000; }
+    --warn: #8a4b00; --warn-back: #fff;
+    --bad: #a11d1d; --bad-back: #fff; --free: #00664b; --free-back: #fff; --link: #000; }
   body { max-width: none; padding: 0; font-size: 10.5pt; } nav, details { display: none; }
   pre { white-space: pre-wrap; font-size: 7.6pt; } h2, h3 { break-after: avoid; }
   figure, tbody, tr, .box, .bar { break-inside: avoid; }

@@ -107,18 +107,25 @@ def estimate_lines(rows, ends, facts):
 
 
 def draw_estimates(axes, rows, corrected, facts):
-    """The panel of estimates: value and unit, below it the interval; then J and the samples."""
+    """The panel of estimates: value and unit, below it the interval; then J and the samples.
+
+    A parameter has its total interval, which includes every source of error; amplitudes and offsets
+    have that of the noise."""
     axes.set_axis_off()
     suffix = "_corrected" if corrected and any(row.get("lower95_corrected") for row in rows) else ""
-    ends = [end + suffix for end in ("lower95", "upper95")]
-    intervals = any(row.get("lower95") for row in rows)
+    noise = [end + suffix for end in ("lower95", "upper95")]
+    total = ["total_lower95", "total_upper95"]
+    rows = [{**row, "low": row.get(total[0]) or row.get(noise[0]),
+             "high": row.get(total[1]) or row.get(noise[1])} for row in rows]
+    ends = ["low", "high"]
+    intervals = any(row["low"] for row in rows)
     axes.set_title("Estimates" + ", 95 % intervals" * intervals)
-    if suffix:
-        axes.text(0, 1, "corrected: the residuals are not white", va="top", fontsize=8.5,
+    if any(row.get(total[0]) for row in rows):
+        axes.text(0, 1, "of parameters: with every source of error", va="top", fontsize=8.5,
                   color=p.GREY)
     lines = estimate_lines(rows, ends, facts)
     step = min(0.055, 0.96 / sum(line[3] for line in lines))
-    y = 0.93 if suffix else 0.96
+    y = 0.93
     for name, text, colour, space in lines:
         size = 10 if colour == "black" else 8.5
         axes.text(0.0, y, name, va="baseline", fontsize=10.5)

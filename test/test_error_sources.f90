@@ -2,6 +2,7 @@
 !> the mesh; and the noise of several records.
 program test_error_sources
    use beamid_cvode, only: cvode_t
+   use beamid_drifts, only: drift_t, find_drifts
    use beamid_errors, only: error_t
    use beamid_excitation, only: excitation_t, new_free, new_pulse, new_release
    use beamid_experiments, only: experiment_t
@@ -16,7 +17,7 @@ program test_error_sources
    use beamid_strings, only: to_text
    use beamid_structure, only: of_I, of_kappa_R, of_length, of_rho, of_x_S, structure_t
    use beamid_variables, only: unbounded
-   use beamid_window_fits, only: fit_windows, scatter, window_fit_t
+   use beamid_window_fits, only: fit_windows, window_fit_t
    use checks, only: check, check_close, finish, in_long_run
    use free_decays, only: formulas, made, make_two, mesh, names, noise_of, noisy, stage_for, &
       stamps, truth
@@ -377,7 +378,8 @@ contains
       type(stage_fit_t), allocatable :: fits(:)
       type(window_fit_t), allocatable :: windows(:)
       type(error_t), allocatable :: error
-      real(wp) :: spread, expected, probability(2)
+      type(drift_t) :: drift
+      logical :: drifts(4, 2)
       integer :: changes, k, m
 
       m = 400
@@ -398,10 +400,16 @@ contains
             windows(k + 1)%first(1), k=1, 3)]) .and. abs(windows(4)%last(1) &
             - record%samples(m)) <= 0)
          call check('windows: each is fitted', .not. any([(allocated(windows(k)%error), k=1, 4)]))
-         call scatter(windows, 4, spread, expected, probability(changes))
+         call find_drifts([record], 4, fits(1), drift, windows)
+         drifts(:, changes) = drift%is_significant
+         call check('windows: a probability for each parameter', all(drift%probability >= 0 .and. &
+            drift%probability <= 1) .and. size(drift%probability) == 4)
+         call check('windows: what drifts widens its interval', all((fits(1)%drift > 0) .eqv. &
+            drift%is_significant))
       end do
-      call check('windows: nothing changes', probability(1) > 1e-3_wp, to_text(probability(1)))
-      call check('windows: gamma has changed', probability(2) < 1e-6_wp, to_text(probability(2)))
+      call check('windows: nothing changes', .not. any(drifts(:, 1)))
+      call check('windows: gamma has changed', drifts(4, 2) .and. drift%probability(4) < 1e-6_wp, &
+         to_text(drift%probability(4)))
       call fit_windows(model, mesh, [record], fits(1), 50, windows)
       call check('windows: too short for so many unknowns', all([(allocated(windows(k)%error), &
          k=1, 50)]))

@@ -4,9 +4,11 @@
 module beamid_proposals
    use beamid_densities, only: coordinate_t, density_t, impossible, new_coordinate
    use beamid_errors, only: error_t, failure
+   use beamid_interrupts, only: interrupted
    use beamid_kinds, only: wp
    use beamid_lapack, only: dposv, dpotrf, dtrtrs
    use beamid_matrices, only: add_diagonal, identity, outer
+   use beamid_searches, only: monitor_t
    use beamid_variables, only: variable_t
    implicit none
    private
@@ -35,12 +37,14 @@ contains
    !> variables  (n) with their bounds
    !> start      (n) parameters near the mode
    !> error      the density cannot be computed at the start, or it has no mode near it
-   subroutine new_proposal(density, variables, start, proposal, error)
+   !> monitor    receives reports of the progress
+   subroutine new_proposal(density, variables, start, proposal, error, monitor)
       class(density_t), intent(in) :: density
       type(variable_t), intent(in) :: variables(:)
       real(wp), intent(in) :: start(:)
       type(proposal_t), intent(out) :: proposal
       type(error_t), allocatable, intent(out) :: error
+      class(monitor_t), intent(inout), optional :: monitor
       class(density_t), allocatable :: mine
       real(wp), dimension(size(start), size(start)) :: H, R
       real(wp) :: top
@@ -50,7 +54,7 @@ contains
       n = size(start)
       proposal%coordinate = new_coordinate(variables)
       proposal%mode = proposal%coordinate%of(start)
-      call climb(mine, proposal%coordinate, proposal%mode, top, H)
+      call climb(mine, proposal%coordinate, proposal%mode, top, H, monitor)
       if (.not. top > impossible) then
          call failure(error, 'sampling: the density cannot be computed at the estimate')
          return
@@ -64,7 +68,7 @@ contains
       end if
       proposal%axes = identity(n)
       call dtrtrs('U', 'N', 'N', n, n, R, n, proposal%axes, n, info)
-      call measure_widths(mine, proposal, top)
+      call measure_widths(mine, proposal, top, monitor)
    end subroutine new_proposal
 
    !> Climbs to the mode of a density by damped Newton steps.
@@ -73,11 +77,12 @@ contains
    !> here  log density of the coordinates at the mode; `impossible`: it cannot be computed at the
    !>       start
    !> H     (n, n) negative second derivatives there
-   subroutine climb(density, coordinate, x, here, H)
+   subroutine climb(density, coordinate, x, here, H, monitor)
       class(density_t), intent(inout) :: density
       type(coordinate_t), intent(in) :: coordinate(:)
       real(wp), intent(inout) :: x(:)
       real(wp), intent(out) :: here, H(:, :)
+      class(monitor_t), intent(inout), optional :: monitor
       integer, parameter :: max_steps = 200
       real(wp) :: R(size(x), size(x)), trial(size(x)), g(size(x)), step(size(x)), value, damping
       integer :: i, info, k, n
@@ -87,6 +92,8 @@ contains
       if (.not. here > impossible) return
       damping = 1e-6_wp
       do i = 1, max_steps
+         if (interrupted()) return
+         if (present(monitor)) call monitor%advanced(i, 0, 'steps towards the mode')
          R = H
          call add_diagonal(R, [(damping*(1 + H(k, k)) + 1/longest_axis**2, k=1, n)])
          step = g
@@ -110,10 +117,11 @@ contains
    !> is nowhere below the density at some distances, up to 3.5 in units of the axis.
    !>
    !> top  log density of the coordinates at the mode
-   subroutine measure_widths(density, proposal, top)
+   subroutine measure_widths(density, proposal, top, monitor)
       class(density_t), intent(inout) :: density
       type(proposal_t), intent(inout) :: proposal
       real(wp), intent(in) :: top
+      class(monitor_t), intent(inout), optional :: monitor
       real(wp), parameter :: distances(4) = [0.5_wp, 1.0_wp, 2.0_wp, 3.5_wp]
       real(wp), parameter :: narrowest = 0.3_wp, widest = 5
       real(wp) :: value, direction
@@ -121,6 +129,7 @@ contains
 
       allocate (proposal%width(size(proposal%mode), 2))
       do k = 1, size(proposal%mode)
+         if (present(monitor)) call monitor%advanced(k, size(proposal%mode), 'axes of the density')
          do side = 1, 2
             direction = 2*side - 3
             proposal%width(k, side) = narrowest

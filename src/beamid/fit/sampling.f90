@@ -71,7 +71,7 @@ contains
       logical :: is_reliable
       integer :: counted
 
-      call new_proposal(density, variables, start, proposal, error)
+      call new_proposal(density, variables, start, proposal, error, monitor)
       if (allocated(error)) return
       is_reliable = .false.
       if (plan%importance) call draw_weighted(density, proposal, plan, draws, is_reliable, monitor)

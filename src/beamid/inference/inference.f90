@@ -181,7 +181,13 @@ contains
       end do
       call sample(density, variables, found%fit%estimate, plan, posterior%draws, error, monitor)
       call check_interrupt(error)
-      if (allocated(error)) return
+      if (allocated(error)) then
+         if (.not. allocated(posterior%draws%reduction)) return
+         k = maxloc(posterior%draws%reduction, dim=1)
+         error%message = error%message//'; expected a narrower bound in its stage, or &prior, '// &
+            'for '//trim(found%quantities(k)%searched_name())//', whose chains differ most'
+         return
+      end if
       do k = 1, size(variables)
          if (count(abs(posterior%draws%q(k, :)) > limit(k)/2) <= leaning &
             *size(posterior%draws%q, 2)) cycle

@@ -15,6 +15,7 @@ module beamid_drifts
    use beamid_stage_fits, only: stage_fit_t
    use beamid_statistics, only: new_statistics, statistics_t, unlimited
    use beamid_structure, only: is_coefficient, of_x_D
+   use beamid_window_fits, only: window_fit_t
    implicit none
    private
 
@@ -68,11 +69,14 @@ contains
    !> windows      number of windows
    !> fit          on return with `drift`, the standard deviation by which each drifting parameter
    !>              varies
-   subroutine find_drifts(experiments, windows, fit, drift)
+   !> fits         (windows) fits of the windows, a second test, which finds changes that are too
+   !>              large for linear theory. A parameter counts in the windows that show its modes
+   subroutine find_drifts(experiments, windows, fit, drift, fits)
       type(experiment_t), intent(in) :: experiments(:)
       integer, intent(in) :: windows
       type(stage_fit_t), intent(inout) :: fit
       type(drift_t), intent(out) :: drift
+      type(window_fit_t), intent(in), optional :: fits(:)
       real(wp) :: change(size(fit%free), windows), sd(size(fit%free), windows)
       integer :: k, n
 
@@ -88,6 +92,7 @@ contains
          call compare(pack(change(k, :), sd(k, :) < unlimited), &
             pack(sd(k, :), sd(k, :) < unlimited), drift%spread(k), drift%expected(k), &
             drift%ratio(k), drift%variation(k), drift%probability(k))
+         if (present(fits)) call add_second_test(fits, k, drift)
       end do
       drift%is_significant = significant_by_holm(drift%probability)
       fit%drift = merge(drift%variation, 0.0_wp, drift%is_significant)
@@ -136,6 +141,36 @@ contains
       sd(columns(:n)) = merge(statistics%corrected_error(:n), unlimited, &
          statistics%std_error(:n) > 0 .and. statistics%corrected_error(:n) < sqrt(unlimited))
    end subroutine step_in_window
+
+   !> Combines the test of parameter k with that of fits in the windows: the smaller probability
+   !> counts, times two for two tests.
+   subroutine add_second_test(fits, k, drift)
+      type(window_fit_t), intent(in) :: fits(:)
+      integer, intent(in) :: k
+      type(drift_t), intent(inout) :: drift
+      real(wp) :: x(size(fits)), sd(size(fits)), spread, expected, ratio, variation, probability
+      integer :: i, n
+
+      n = 0
+      do i = 1, size(fits)
+         if (allocated(fits(i)%error)) cycle
+         associate (error => fits(i)%shown_error(k))
+            if (.not. (fits(i)%is_shown(k) .and. error > 0 .and. error < sqrt(unlimited))) cycle
+            n = n + 1
+            x(n) = fits(i)%shown_estimate(k)
+            sd(n) = error
+         end associate
+      end do
+      call compare(x(:n), sd(:n), spread, expected, ratio, variation, probability)
+      if (probability < drift%probability(k)) then
+         drift%spread(k) = spread
+         drift%expected(k) = expected
+         drift%ratio(k) = ratio
+         drift%variation(k) = variation
+         drift%probability(k) = probability
+      end if
+      drift%probability(k) = min(1.0_wp, 2*drift%probability(k))
+   end subroutine add_second_test
 
    !> Compares the scatter of estimates with their standard errors. With fewer than two estimates the
    !> results are 0 and the probability is 1.

@@ -12,6 +12,8 @@ module beamid_window_fits
    use beamid_stages, only: run_stage
    use beamid_strings, only: to_text
    use beamid_structure, only: of_kappa_R
+   use beamid_unknowns, only: stage_t
+   use beamid_verdicts, only: new_verdict, verdict_t
    use beamid_verification, only: exact_counterpart
    implicit none
    private
@@ -23,6 +25,10 @@ module beamid_window_fits
       real(wp), allocatable :: first(:), last(:)   !< (records) first and last sample time [time]
       real(wp), allocatable :: estimate(:)         !< (n) estimates of the free parameters
       real(wp), allocatable :: std_error(:)        !< (n) corrected for residuals that are not white
+      !> (n) whether the modes that the window shows determine the parameter; the others have been
+      !> kept fixed in a second fit, which gives these estimates and errors
+      logical, allocatable :: is_shown(:)
+      real(wp), allocatable :: shown_estimate(:), shown_error(:)
       type(error_t), allocatable :: error          !< why the fit failed
    end type window_fit_t
 
@@ -62,6 +68,9 @@ contains
       type(experiment_t) :: parts(size(experiments))
       type(residual_t) :: problem, exact
       type(stage_fit_t) :: found
+      type(verdict_t) :: verdict
+      type(error_t), allocatable :: error
+      type(stage_t) :: stage
       type(options_t) :: options
       logical, allocatable :: inside(:)
       logical :: root_is_free
@@ -96,6 +105,23 @@ contains
       if (allocated(window%error)) return
       window%estimate = found%fit%estimate
       window%std_error = found%statistics%corrected_error(:size(found%free))
+      window%shown_estimate = window%estimate
+      window%shown_error = window%std_error
+      call new_verdict(parts, mesh, found, verdict, error)
+      window%is_shown = spread(.not. allocated(error), 1, size(found%free))
+      if (allocated(error)) return
+      window%is_shown = .not. verdict%lost
+      if (all(window%is_shown) .or. .not. any(window%is_shown)) return
+      stage = fit%again()
+      problem%scenario = fit%scenario
+      call run_stage(problem, exact, stage%without(verdict%lost), options, '', found, error)
+      if (allocated(error)) then
+         window%is_shown = .false.
+         return
+      end if
+      window%shown_estimate = unpack(found%fit%estimate, window%is_shown, window%estimate)
+      window%shown_error = unpack(found%statistics%corrected_error(:size(found%free)), &
+         window%is_shown, window%std_error)
    end subroutine fit_one
 
 end module beamid_window_fits

@@ -12,7 +12,7 @@ module beamid_simulation
    implicit none
    private
 
-   public :: model_t, simulation_t, simulate
+   public :: model_t, simulation_t, simulate, simulate_converged
 
    !> A model without its mesh: everything that turns parameters into accelerations.
    type :: model_t
@@ -74,5 +74,48 @@ contains
             *structure%static_deflection(structure%sensor_place())
       end if
    end subroutine simulate
+
+   !> Simulates on meshes of 8, 16, ... 128 elements until the acceleration no longer changes.
+   !>
+   !> samples    (m) ascending [time]
+   !> noise_sd   of the noise that will be added [length/time**2]; 0: none. The rms of the change may
+   !>            be a tenth of it, or without noise 1e-3 of the rms of the acceleration
+   !> mesh       on return the last mesh
+   !> remaining  rms of the last change [length/time**2]
+   !> converged  .false.: the acceleration still changes by more at 128 elements
+   !> error      the solver cannot compute the response
+   subroutine simulate_converged(model, samples, noise_sd, mesh, simulation, remaining, converged, &
+      error)
+      type(model_t), intent(in) :: model
+      real(wp), intent(in) :: samples(:), noise_sd
+      type(mesh_t), intent(inout) :: mesh
+      type(simulation_t), intent(out) :: simulation
+      real(wp), intent(out) :: remaining
+      logical, intent(out) :: converged
+      type(error_t), allocatable, intent(out) :: error
+      integer, parameter :: coarsest = 8, finest = 128
+      real(wp), parameter :: share_of_noise = 0.1_wp, share_of_signal = 1e-3_wp
+      real(wp), allocatable :: before(:)
+      real(wp) :: allowed
+
+      mesh%elements = coarsest
+      remaining = 0
+      converged = .false.
+      do
+         call simulate(model, mesh, samples, simulation, error)
+         if (allocated(error)) return
+         associate (a => simulation%acceleration, m => sqrt(real(max(1, size(samples)), wp)))
+            allowed = share_of_noise*noise_sd
+            if (.not. noise_sd > 0) allowed = share_of_signal*norm2(a)/m
+            if (allocated(before)) then
+               remaining = norm2(a - before)/m
+               converged = remaining <= allowed
+            end if
+         end associate
+         if (converged .or. mesh%elements >= finest) return
+         before = simulation%acceleration
+         mesh%elements = 2*mesh%elements
+      end do
+   end subroutine simulate_converged
 
 end module beamid_simulation

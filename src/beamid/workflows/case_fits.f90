@@ -146,16 +146,17 @@ contains
          if (allocated(error)) return
       end if
       associate (last => found%fits(size(found%fits, 1), size(found%fits, 2)))
-         windows = case%windows
-         if (windows == 0 .and. size(found%verdict%sightings) > 0) windows = default_windows( &
-            found%experiments, last, found%verdict%sightings(1)%model)
-         if (windows > 0 .and. last%statistics%samples > 0) call find_drifts(found%experiments, &
-            windows, last, found%drift)
+         if (last%statistics%samples == 0) return
+         if (case%windows > 0) then
+            deallocate (found%windows)
+            call fit_windows(case%model, case%meshes(size(case%meshes)), found%experiments, last, &
+               case%windows, found%windows)
+            call find_drifts(found%experiments, case%windows, last, found%drift, found%windows)
+         else if (size(found%verdict%sightings) > 0) then
+            windows = default_windows(found%experiments, last, found%verdict%sightings(1)%model)
+            if (windows > 0) call find_drifts(found%experiments, windows, last, found%drift)
+         end if
       end associate
-      if (case%windows == 0) return
-      deallocate (found%windows)
-      call fit_windows(case%model, case%meshes(size(case%meshes)), found%experiments, &
-         found%fits(size(found%fits, 1), size(found%fits, 2)), case%windows, found%windows)
       call check_interrupt(error)
    end subroutine judge_case
 
