@@ -30,8 +30,8 @@ program test_unexplained_lines
 
 contains
 
-   !> A tone between the modes is found at its frequency and with its energy. Below 5 % of the energy
-   !> it takes away the claim that parameters are determined, above that it rejects the fit.
+   !> A tone between the modes is found at its frequency and with its energy. Below 5 % of the
+   !> energy it takes away the claim that parameters are determined, above that it rejects the fit.
    subroutine test_tone()
       real(wp), parameter :: tone = 23.4_wp, shares(2) = [0.01_wp, 0.2_wp]
       type(stage_fit_t) :: fit

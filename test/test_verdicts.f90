@@ -101,8 +101,8 @@ contains
       call judge(.true., error)
       call check('a multiple: fitted', .not. allocated(error))
       if (allocated(error)) return
-      call check('mode 2 is not there', index(fits(1)%note, &
-         'mode 2 is not in this record: m_S is held') == 1, fits(1)%note)
+      call check('mode 2 is not there', index(fits(1)%note, 'mode 2 lies on a multiple of '// &
+         'another line or of the mains: m_S is held') == 1, fits(1)%note)
       call check('and E has hold', verdict%no_fit == '' .and. any(fits(1)%quantities%name == 'E') &
          .and. .not. any(fits(1)%quantities%name == 'm_S'), verdict%no_fit)
       ! From numbers near enough the search ends on the multiple.

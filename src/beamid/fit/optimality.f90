@@ -73,8 +73,8 @@ contains
       else if (.not. (ahead%distance <= merge(near, near_by_integrator, &
          options%relative_error <= 0) .or. gain <= visible)) then
          if (gain <= negligible*variance) then
-            note = '; the search stopped short of its tolerance, but J can fall by no more than '// &
-               to_text(gain/variance)//' times the variance of the noise'
+            note = '; the search stopped short of its tolerance, but J can fall by no more '// &
+               'than '//to_text(gain/variance)//' times the variance of the noise'
             return
          end if
          objection = ', but the derivatives promise a J that is '//to_text(100*gain/J)//' % smaller'

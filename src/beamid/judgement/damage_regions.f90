@@ -27,7 +27,7 @@ contains
    !> its minimum.
    !>
    !> fit     of a stage with a dip; its other parameters are fitted again with E(x)
-   !> share   largest residuals, as a share of those of the dip, with which E(x) explains the records
+   !> share   largest residuals with which E(x) explains the records, relative to those of the dip
    !> region  (2) first and last position [length]; of size 0: no such fit converges, or E(x) does
    !>         not explain the records either
    subroutine find_soft_region(model, mesh, experiments, fit, share, region)

@@ -172,8 +172,8 @@ contains
       drift%probability(k) = min(1.0_wp, 2*drift%probability(k))
    end subroutine add_second_test
 
-   !> Compares the scatter of estimates with their standard errors. With fewer than two estimates the
-   !> results are 0 and the probability is 1.
+   !> Compares the scatter of estimates with their standard errors. With fewer than two estimates
+   !> the results are 0 and the probability is 1.
    !>
    !> The variation is the moment estimate of a random effect, in which precise estimates weigh more
    !> (DerSimonian and Laird, Controlled Clinical Trials 7, 1986, 177).

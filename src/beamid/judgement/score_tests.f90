@@ -66,7 +66,7 @@ contains
    !>
    !> fit    result of one stage, with statistics
    !> tests  in the order above; of size 0 if the fit has no degree of freedom, no free parameter or
-   !>        no noise, has fixed a parameter of its stage, or cannot be computed by the exact response
+   !>        no noise, has fixed a parameter of its stage, or has no exact response
    !> error  the response cannot be computed
    subroutine test_candidates(model, mesh, experiments, fit, tests, error)
       type(model_t), intent(in) :: model

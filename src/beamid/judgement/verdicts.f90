@@ -10,9 +10,9 @@ module beamid_verdicts
    use beamid_modal, only: modal_t
    use beamid_model_roots, only: belief_t, beliefs_about
    use beamid_responses, only: work_t
-   use beamid_stage_fits, only: stage_fit_t
    use beamid_sightings, only: modes_in_record, sighting_t, unexplained_lines
    use beamid_spectra, only: noise_floor
+   use beamid_stage_fits, only: stage_fit_t
    use beamid_strings, only: to_text
    use beamid_trials, only: resting
    use beamid_whiteness, only: effective_samples
@@ -104,14 +104,14 @@ contains
       end do
       verdict%no_fit = fit%doubt
       verdict%caution = ''
-      if (fit%note /= '') verdict%caution = 'the program keeps a parameter fixed that was to be '// &
-         'estimated'
+      if (fit%note /= '') verdict%caution = &
+         'the program keeps a parameter fixed that was to be estimated'
       verdict%misfit = maxval(verdict%qualities%rms_residual/max(verdict%qualities%floor, &
          tiny(1.0_wp)), mask=verdict%qualities%rms_residual > 0)
       if (verdict%misfit > gross) verdict%caution = 'the residuals are '// &
          to_text(nint(verdict%misfit))//' times the noise of the record'
-      call judge_lines(verdict)
       if (verdict%no_fit == '') verdict%no_fit = describe_misfit(verdict%qualities, fit)
+      call judge_lines(verdict)
       if (verdict%no_fit == '' .and. all(experiments%excitation%modes > 0)) &
          call find_lost_parameters(fit, s, ds, verdict)
    end subroutine new_verdict
@@ -127,7 +127,10 @@ contains
       associate (line => verdict%sightings(k))
          text = 'the model cannot explain a spectral line at '//to_text(line%peak)//' with '// &
             to_text(100*line%share)//' % of the energy of record '//to_text(line%record)
-         if (line%share > most_unexplained .and. verdict%no_fit == '') verdict%no_fit = text
+         if (line%share > most_unexplained) then
+            if (verdict%no_fit /= '') verdict%no_fit = verdict%no_fit//'; '
+            verdict%no_fit = verdict%no_fit//text
+         end if
       end associate
       verdict%caution = text
    end subroutine judge_lines

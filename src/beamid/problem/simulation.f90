@@ -78,8 +78,8 @@ contains
    !> Simulates on meshes of 8, 16, ... 128 elements until the acceleration no longer changes.
    !>
    !> samples    (m) ascending [time]
-   !> noise_sd   of the noise that will be added [length/time**2]; 0: none. The rms of the change may
-   !>            be a tenth of it, or without noise 1e-3 of the rms of the acceleration
+   !> noise_sd   of the noise that will be added [length/time**2]; 0: none. The rms of the change
+   !>            may be a tenth of it, or without noise 1e-3 of the rms of the acceleration
    !> mesh       on return the last mesh
    !> remaining  rms of the last change [length/time**2]
    !> converged  .false.: the acceleration still changes by more at 128 elements

@@ -138,8 +138,8 @@ contains
          *count(t <= times(size(times)))/size(times)
    end function noise_near
 
-   !> Returns the standard deviation of the white noise of a record: the lowest level of its spectrum
-   !> at some frequencies below half the mean sampling rate, where motions are weak.
+   !> Returns the standard deviation of the white noise of a record: the lowest level of its
+   !> spectrum at some frequencies below half the mean sampling rate, where motions are weak.
    !>
    !> t, z  (m) ascending times [time], and residuals of a fit; only the first 20,000 are used
    real(wp) function noise_floor(t, z) result(sd)

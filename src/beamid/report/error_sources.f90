@@ -33,7 +33,7 @@ contains
 
       if (fit%statistics%samples == 0) return
       if (allocated(fit%mesh_shift) .or. allocated(fit%held)) then
-         call text%line('with every source of error:')
+         call text%line('with every source of error that the case states:')
          call text%line('              mesh shift     from held    total lower    total upper')
          do k = 1, size(fit%free)
             if (is_coefficient(fit%free(k))) cycle

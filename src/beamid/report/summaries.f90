@@ -13,7 +13,7 @@ module beamid_summaries
    use beamid_statistics, only: unlimited
    use beamid_statistics_reports, only: add_statistics, scalar_parameters
    use beamid_strings, only: rounded, to_text
-   use beamid_structure, only: is_coefficient
+   use beamid_structure, only: is_coefficient, of_E, of_kappa_R
    use beamid_texts, only: left, right, text_t
    use beamid_verdict_reports, only: verdict_summary
    use beamid_verdicts, only: verdict_t
@@ -81,7 +81,8 @@ contains
       integer :: digits, k
 
       call text%line()
-      call text%line('              estimate    95 % interval, every source of error')
+      call text%line('              estimate    95 % interval, every source of error that the '// &
+         'case states')
       do k = 1, size(fit%free)
          if (is_coefficient(fit%free(k))) cycle
          associate (q => fit%quantities(k))
@@ -100,6 +101,11 @@ contains
                fit%scenario%excitations(1)))
          end associate
       end do
+      ! A free decay has no force as a scale, so that E follows the mass.
+      if (.not. all(fit%scenario%excitations%modes > 0) .or. any(fit%free == of_kappa_R) .or. &
+         fit%scenario%structures(1)%kappa_R > 0) return
+      if (any(fit%free == of_E)) call text%line('not in these intervals: a clamp that yields, and mass that the model lacks; they show in a '// &
+         'second length or sensor position, or by weighing')
    end subroutine add_estimates
 
    !> Returns the number of significant digits that shows two digits of an interval's width.

@@ -235,8 +235,17 @@ contains
             ' cannot be told from a multiple of mode 1 or of the mains'
       else if (size(choice%trials) > 0) then
          k = minloc([(choice%trials(k)%fit%J, k=1, size(choice%trials))], dim=1)
-         if (.not. choice%trials(k)%is_absent) text = 'mode '//to_text(needed)// &
-            ' is uncertain ('//choice%trials(k)%objection//')'
+         text = 'mode '//to_text(needed)//' '
+         associate (objection => choice%trials(k)%objection)
+            if (choice%trials(k)%is_absent) then
+               text = text//'is not in '//trim(merge('this record  ', 'these records', &
+                  size(problem%parts) == 1))
+            else if (index(objection, text) == 1) then
+               text = objection
+            else
+               text = text//'is uncertain ('//objection//')'
+            end if
+         end associate
       end if
       call add_fixed(problem, asked, fewer, text)
    end subroutine describe_fixed

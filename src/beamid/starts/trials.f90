@@ -271,7 +271,8 @@ contains
          is_below(k) = .false.
          left(:, k) = left(:, k)/norm(k)
          do j = 1, size(norm)
-            if (is_below(j)) left(:, j) = left(:, j) - left(:, k)*dot_product(left(:, k), left(:, j))
+            if (is_below(j)) left(:, j) = left(:, j) &
+               - left(:, k)*dot_product(left(:, k), left(:, j))
          end do
       end do
    end function is_below
