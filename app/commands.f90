@@ -139,8 +139,8 @@ contains
       call deliver(output, summary, settings, case%name, error, case%recordings)
    end subroutine run_inference
 
-   !> Runs `beamid simulate`: computes the response on each mesh, or without `elements` on a mesh that
-   !> is refined until the response no longer changes, and a record of the last mesh.
+   !> Runs `beamid simulate`: computes the response on each mesh, or without `elements` on a mesh
+   !> that is refined until the response no longer changes, and a record of the last mesh.
    subroutine run_simulate(settings, error)
       type(settings_t), intent(in) :: settings
       type(error_t), allocatable, intent(out) :: error

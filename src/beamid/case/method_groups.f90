@@ -41,9 +41,9 @@ contains
       call block%get('degree', mesh%degree, 'degree of the splines', &
          choices=['3', '5', '7'])
       call block%get('elements', elements, '''auto''', 'number of elements; of several '// &
-         'numbers, everything is done for each. ''auto'': identify, compare and simulate refine '// &
-         'the mesh until it does not matter, the other commands use 8', 50, range_t(1, 10000), ['auto'], &
-         word)
+         'numbers, everything is done for each. ''auto'': identify, compare and simulate '// &
+         'refine the mesh until it does not matter, the other commands use 8', 50, &
+         range_t(1, 10000), ['auto'], word)
       call block%get('gauss_points', mesh%gauss_points, 'number of Gauss points in each panel', &
          range_t(1, 64), default='degree + 1, exact')
       call block%get('panels', mesh%panels, 'number of panels in each element', range_t(1, 1000))
