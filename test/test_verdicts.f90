@@ -101,7 +101,7 @@ contains
       call judge(.true., error)
       call check('a multiple: fitted', .not. allocated(error))
       if (allocated(error)) return
-      call check('mode 2 is not there', index(fits(1)%note, 'mode 2 lies on a multiple of '// &
+      call check('mode 2 is not there', index(fits(1)%note, 'mode 2 may be a multiple of '// &
          'another line or of the mains: m_S is held') == 1, fits(1)%note)
       call check('and E has hold', verdict%no_fit == '' .and. any(fits(1)%quantities%name == 'E') &
          .and. .not. any(fits(1)%quantities%name == 'm_S'), verdict%no_fit)

@@ -8,7 +8,7 @@ module beamid_error_sources
    use beamid_parameters, only: as_named, parameters
    use beamid_priors, only: priors_of
    use beamid_statistics, only: unlimited
-   use beamid_strings, only: to_text
+   use beamid_strings, only: rounded, to_text
    use beamid_structure, only: function_of, is_coefficient, of_E, structure_t
    use beamid_texts, only: left, right, text_t
    implicit none
@@ -80,7 +80,8 @@ contains
       real(wp) :: centre, distance
 
       if (.not. allocated(fit%priors)) return
-      which = priors_of(fit%priors, fit%free, fit%quantities(:size(which))%record)
+      ! A loop, because gfortran would pass `quantities%record` as an array temporary.
+      which = priors_of(fit%priors, fit%free, [(fit%quantities(k)%record, k=1, size(which))])
       do k = 1, size(which)
          if (which(k) == 0) cycle
          associate (prior => fit%priors(which(k)), q => fit%quantities(k))
@@ -116,7 +117,7 @@ contains
             if (.not. (value > 0 .and. q%value > 0)) cycle
             factor = q%value/value
             if (abs(log(factor)) <= log(merge(usual_modulus, usual_mass, p == of_E))) cycle
-            call text%line(trim(q%name)//' is '//to_text(anint(100*factor)/100)// &
+            call text%line(trim(q%name)//' is '//rounded(factor, 2)// &
                ' times the value of the case, '//to_text(value)// &
                ': check that value, the density and the dimensions of the beam')
          end associate

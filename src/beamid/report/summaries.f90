@@ -105,8 +105,8 @@ contains
       if (.not. all(fit%scenario%excitations%modes > 0) .or. any(fit%free == of_kappa_R) .or. &
          fit%scenario%structures(1)%kappa_R > 0) return
       if (any(fit%free == of_E)) call text%line( &
-         'not in these intervals: a clamp that yields, and mass that the model lacks; they show '// &
-         'in a second length or sensor position, or by weighing')
+         'not in these intervals: a clamp that yields, and mass that the model lacks; they '// &
+         'show in a second length or sensor position, or by weighing')
    end subroutine add_estimates
 
    !> Returns the number of significant digits that shows two digits of an interval's width.

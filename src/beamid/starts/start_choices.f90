@@ -235,7 +235,7 @@ contains
                trial%is_absent = .true.
             else if (sum(gain, mask=multiple) > sum(gain)/2) then
                trial%objection = 'mode '//to_text(needed)// &
-                  ' lies on a multiple of another line or of the mains'
+                  ' may be a multiple of another line or of the mains'
             end if
          end associate
       end do

@@ -271,7 +271,8 @@ contains
       end if
       if (all(records > 0)) fits(size(fits, 1), size(fits, 2))%note = 'parameters that '// &
          'belong to one record are held at the values of the case, because this record does '// &
-         'not show the mode that determines them: '//found%verdict%no_fit(:index(found%verdict%no_fit, ':') - 1)
+         'not show the mode that determines them: '// &
+         found%verdict%no_fit(:index(found%verdict%no_fit, ':') - 1)
       case%meshes = meshes
       call move_alloc(fits, found%fits)
    end subroutine fit_without_lost
