@@ -98,7 +98,6 @@ contains
             search%evaluated(search%here)%jacobian, at_start, error)
          if (allocated(error)) return
       end if
-
       do attempt = 1, size(first_steps)
          search%factor = first_steps(attempt)
          search%moving = [(k, k=1, size(variables))]
@@ -106,7 +105,6 @@ contains
          call minimise_with_bounds(search, options, result, info, error)
          if (allocated(error)) return
          objection = ''
-         note = ''
          if (info == 0 .or. info == 5 .or. options%rough) exit
          call check_minimum(search, options, result%start, result%estimate, result%residual, &
             result%jacobian, objection, note, error)
@@ -119,7 +117,7 @@ contains
       result%shortened = search%shortened
       result%reason = trim(reasons(info))
       call name_variables_at_bounds(search, result%reason)
-      result%reason = result%reason//note
+      if (allocated(note)) result%reason = result%reason//note
       if (info == 0 .or. (info == 5 .and. .not. options%rough) .or. objection /= '') then
          call failure(error, 'least squares: no convergence; '//result%reason//objection)
          return

@@ -68,9 +68,6 @@ contains
       type(experiment_t) :: parts(size(experiments))
       type(residual_t) :: problem, exact
       type(stage_fit_t) :: found
-      type(verdict_t) :: verdict
-      type(error_t), allocatable :: error
-      type(stage_t) :: stage
       type(options_t) :: options
       logical, allocatable :: inside(:)
       logical :: root_is_free
@@ -105,6 +102,28 @@ contains
       if (allocated(window%error)) return
       window%estimate = found%fit%estimate
       window%std_error = found%statistics%corrected_error(:size(found%free))
+      call fit_shown(mesh, parts, fit, found, options, problem, exact, window)
+   end subroutine fit_one
+
+   !> Fits a window again without the parameters that rest on modes which it does not show.
+   !>
+   !> parts           (records) samples of the window
+   !> fit             of the whole records
+   !> found           of the window, with all parameters
+   !> problem, exact  as of the fit of the window
+   !> window          with estimates and errors; on return with those of the second fit
+   subroutine fit_shown(mesh, parts, fit, found, options, problem, exact, window)
+      type(mesh_t), intent(in) :: mesh
+      type(experiment_t), intent(in) :: parts(:)
+      type(stage_fit_t), intent(in) :: fit
+      type(stage_fit_t), intent(inout) :: found
+      type(options_t), intent(in) :: options
+      type(residual_t), intent(inout) :: problem, exact
+      type(window_fit_t), intent(inout) :: window
+      type(verdict_t) :: verdict
+      type(stage_t) :: stage
+      type(error_t), allocatable :: error
+
       window%shown_estimate = window%estimate
       window%shown_error = window%std_error
       call new_verdict(parts, mesh, found, verdict, error)
@@ -122,6 +141,6 @@ contains
       window%shown_estimate = unpack(found%fit%estimate, window%is_shown, window%estimate)
       window%shown_error = unpack(found%statistics%corrected_error(:size(found%free)), &
          window%is_shown, window%std_error)
-   end subroutine fit_one
+   end subroutine fit_shown
 
 end module beamid_window_fits
