@@ -305,7 +305,7 @@ class Fit:
             frequency, damping = (p.number(row, name) for name in ("frequency_hz", "damping_ratio"))
             f95 = [value(row, f"frequency_{end}95") for end in ("lower", "upper")]
             d95 = [value(row, f"damping_{end}95") for end in ("lower", "upper")]
-            outside = frequency > self.highest_frequency(int(row.get("record") or 1))
+            outside = bool(frequency > self.highest_frequency(int(row.get("record") or 1)))
             rows.append([row.get("record", "1"), row["mode"],
                          p.plain_number(frequency, digits_of(frequency, *f95))
                          + " (extrapolated)" * outside,
