@@ -185,7 +185,8 @@ contains
       end do
    end subroutine compute
 
-   !> Sends a signal while the program computes what would take minutes. If the program does not end
+   !> Sends a signal after 3 s, while the program computes what would take minutes; a loaded machine
+   !> may take more than 1 s to start it. If the program does not end
    !> within 20 s, `timeout` kills it and the status is 137.
    !>
    !> expected  status that a shell reports
@@ -199,7 +200,7 @@ contains
       do k = 1, size(commands)
          associate (what => trim(commands(k))//', '//signal//': ')
             outcome = run('env --default-signal='//signal// &
-               ' timeout --preserve-status -k 20 -s '//signal//' 1 '''//program_path//''' '// &
+               ' timeout --preserve-status -k 20 -s '//signal//' 3 '''//program_path//''' '// &
                trim(commands(k))//' long.nml --quiet --out out')
             call check(what//'ends by the signal', outcome%status == expected, &
                to_text(outcome%status))
