@@ -305,7 +305,7 @@ class Fit:
             frequency, damping = (p.number(row, name) for name in ("frequency_hz", "damping_ratio"))
             f95 = [value(row, f"frequency_{end}95") for end in ("lower", "upper")]
             d95 = [value(row, f"damping_{end}95") for end in ("lower", "upper")]
-            outside = bool(frequency > self.highest_frequency(int(row.get("record") or 1)))
+            outside = frequency > self.highest_frequency(int(row.get("record") or 1))
             rows.append([row.get("record", "1"), row["mode"],
                          p.plain_number(frequency, digits_of(frequency, *f95))
                          + " (extrapolated)" * outside,
@@ -320,7 +320,7 @@ class Fit:
     def highest_frequency(self, record):
         """Half the sampling rate of a record; a mode above it is extrapolated by the model."""
         times = self.records[record][int(self.elements)][0]
-        return 0.5 / np.median(np.diff(times)) if len(times) > 1 else math.inf
+        return 0.5 / float(np.median(np.diff(times))) if len(times) > 1 else math.inf
 
     def shapes(self):
         """The lowest modes over the beam and what sits on it."""

@@ -402,14 +402,14 @@ contains
          call check('windows: each is fitted', .not. any([(allocated(windows(k)%error), k=1, 4)]))
          call find_drifts([record], 4, fits(1), drift, windows)
          drifts(:, changes) = drift%is_significant
-         call check('windows: a probability for each parameter', all(drift%probability >= 0 .and. &
-            drift%probability <= 1) .and. size(drift%probability) == 4)
+         call check('windows: a probability for each parameter', all(drift%scatter%probability &
+            >= 0 .and. drift%scatter%probability <= 1) .and. size(drift%scatter) == 4)
          call check('windows: what drifts widens its interval', all((fits(1)%drift > 0) .eqv. &
             drift%is_significant))
       end do
       call check('windows: nothing changes', .not. any(drifts(:, 1)))
-      call check('windows: gamma has changed', drifts(4, 2) .and. drift%probability(4) < 1e-6_wp, &
-         to_text(drift%probability(4)))
+      call check('windows: gamma has changed', drifts(4, 2) .and. drift%scatter(4)%probability &
+         < 1e-6_wp, to_text(drift%scatter(4)%probability))
       call fit_windows(model, mesh, [record], fits(1), 50, windows)
       call check('windows: too short for so many unknowns', all([(allocated(windows(k)%error), &
          k=1, 50)]))

@@ -186,8 +186,8 @@ contains
    end subroutine compute
 
    !> Sends a signal after 3 s, while the program computes what would take minutes; a loaded machine
-   !> may take more than 1 s to start it. If the program does not end
-   !> within 20 s, `timeout` kills it and the status is 137.
+   !> may take more than 1 s to start it. If the program does not end within 20 s, `timeout` kills
+   !> it and the status is 137.
    !>
    !> expected  status that a shell reports
    subroutine test_program(signal, expected)

@@ -12,10 +12,13 @@ module beamid_galerkin
 
    public :: mesh_t, galerkin_t, galerkin_of, new_galerkin, same_mesh, slope_band
 
+   !> Numbers of elements of the coarsest and the finest mesh of an automatic refinement.
+   integer, parameter, public :: coarsest = 8, finest = 128
+
    !> The discretization of the beam: spline space and quadrature rule.
    type :: mesh_t
       integer :: degree = 3         !< degree of the splines: 3, 5 or 7
-      integer :: elements = 8       !< number of mesh intervals N
+      integer :: elements = coarsest   !< number of mesh intervals N
       integer :: gauss_points = 4   !< Gauss points per panel
       integer :: panels = 1         !< panels per element
    end type mesh_t

@@ -90,7 +90,7 @@ contains
       real(wp), intent(out) :: change
       type(error_t), allocatable, intent(out) :: error
       type(statistics_t) :: statistics
-      real(wp) :: sd(size(problem%parts)), noise, freedom, disagreement
+      real(wp) :: sd(size(problem%parts)), noise, freedom, disagreement, own
       real(wp), dimension(size(variables)) :: scale, step
       logical :: active(size(variables))
       integer :: excess, i, m, n, rank, row
@@ -113,9 +113,10 @@ contains
                active = any(abs(jacobian) > 0, dim=1)
                call least_squares_step(jacobian, r, scale, active, epsilon(freedom)*size(z), step, &
                   rank)
-               disagreement = disagreement + sum(r**2) - sum((r + matmul(jacobian, step))**2)
+               own = norm2(r + matmul(jacobian, step))
+               disagreement = disagreement + sum(r**2) - own**2
                excess = excess + rank
-               sd(i) = norm2(r + matmul(jacobian, step))/weight/sqrt(real(max(1, size(z) - rank &
+               sd(i) = own/weight/sqrt(real(max(1, size(z) - rank &
                   - problem%linear_unknowns()/size(sd)), wp))
             end associate
             sd(i) = max(sd(i), least_noise*norm2(z)/sqrt(real(size(z), wp)), tiny(freedom))

@@ -3,9 +3,11 @@
 !> The records are cut into consecutive windows of equal duration. In each window, one linear
 !> least-squares step from the estimates of the whole record gives the changes of the parameters and
 !> of the amplitudes that this window prefers. If the parameters are constant, these changes are
-!> normal with known errors, even for a mode that has decayed, so that the test has the level it
-!> claims. A window in which a parameter has no effect does not count. The test is corrected for the
-!> number of parameters by Holm's method (Scandinavian Journal of Statistics 6, 1979, 65).
+!> normal with errors that the window gives, even for a mode that has decayed, so that the test has
+!> the level it claims. A window in which a parameter has no effect does not count. Fits of the
+!> windows, if there are any, make a second test for changes that are too large for a linear step.
+!> The test is corrected for the number of parameters by Holm's method (Scandinavian Journal of
+!> Statistics 6, 1979, 65).
 module beamid_drifts
    use beamid_distributions, only: chi_square_tail
    use beamid_errors, only: error_t
@@ -15,21 +17,26 @@ module beamid_drifts
    use beamid_stage_fits, only: stage_fit_t
    use beamid_statistics, only: new_statistics, statistics_t, unlimited
    use beamid_structure, only: is_coefficient, of_x_D
-   use beamid_window_fits, only: window_fit_t
+   use beamid_window_fits, only: in_window, window_fit_t
    implicit none
    private
 
    public :: drift_t, find_drifts, default_windows
 
+   !> The scatter of one parameter over windows.
+   type :: scatter_t
+      real(wp) :: spread = 0        !< standard deviation over the windows
+      real(wp) :: expected = 0      !< root mean square of the standard errors
+      real(wp) :: ratio = 0         !< scatter in units of the errors
+      !> standard deviation of a variation that explains the scatter beyond the errors
+      real(wp) :: variation = 0
+      real(wp) :: probability = 1   !< of at least this scatter by chance
+   end type scatter_t
+
    !> The scatter of n free parameters over windows.
    type :: drift_t
       integer :: windows = 0                      !< number of windows
-      real(wp), allocatable :: spread(:)          !< (n) standard deviation over the windows
-      real(wp), allocatable :: expected(:)        !< (n) root mean square of the standard errors
-      real(wp), allocatable :: ratio(:)           !< (n) scatter in units of the errors
-      !> (n) standard deviation of a variation that explains the scatter beyond the errors
-      real(wp), allocatable :: variation(:)
-      real(wp), allocatable :: probability(:)     !< (n) of at least this scatter by chance
+      type(scatter_t), allocatable :: scatter(:)  !< (n)
       logical, allocatable :: is_significant(:)   !< (n) whether the parameter drifts
    end type drift_t
 
@@ -38,8 +45,8 @@ module beamid_drifts
 
 contains
 
-   !> Returns the number of windows of a test that the user has not asked for: 4 if each window of
-   !> each record then has at least ten periods of the first mode and ten samples for each unknown,
+   !> Returns the number of windows of a test that the user has not asked for: 4 if every record is
+   !> a free decay with at least 40 periods of the first mode and 40 samples for each unknown,
    !> otherwise 0. Fits of fields and dips are not tested, because their search chooses among
    !> several minima.
    !>
@@ -82,20 +89,16 @@ contains
 
       n = size(fit%free)
       drift%windows = windows
-      allocate (drift%spread(n), drift%expected(n), drift%ratio(n), drift%variation(n), &
-         drift%probability(n))
-      sd = unlimited
+      allocate (drift%scatter(n))
       do k = 1, windows
          call step_in_window(experiments, fit, k, windows, change(:, k), sd(:, k))
       end do
       do k = 1, n
-         call compare(pack(change(k, :), sd(k, :) < unlimited), &
-            pack(sd(k, :), sd(k, :) < unlimited), drift%spread(k), drift%expected(k), &
-            drift%ratio(k), drift%variation(k), drift%probability(k))
-         if (present(fits)) call add_second_test(fits, k, drift)
+         drift%scatter(k) = scatter_of(change(k, :), sd(k, :))
+         if (present(fits)) call add_second_test(fits, k, drift%scatter(k))
       end do
-      drift%is_significant = significant_by_holm(drift%probability)
-      fit%drift = merge(drift%variation, 0.0_wp, drift%is_significant)
+      drift%is_significant = significant_by_holm([(drift%scatter(k)%probability, k=1, n)])
+      fit%drift = merge([(drift%scatter(k)%variation, k=1, n)], 0.0_wp, drift%is_significant)
    end subroutine find_drifts
 
    !> Computes the changes of the parameters that one window prefers, and their standard errors.
@@ -120,8 +123,7 @@ contains
       first = 0
       do r = 1, size(experiments)
          associate (t => experiments(r)%samples, m => size(experiments(r)%samples))
-            rows = [rows, pack([(first + i, i=1, m)], t >= t(1) + (t(m) - t(1))*(k - 1)/windows &
-               .and. (t < t(1) + (t(m) - t(1))*k/windows .or. k == windows))]
+            rows = [rows, pack([(first + i, i=1, m)], in_window(t, k, windows))]
             first = first + m
          end associate
       end do
@@ -138,67 +140,63 @@ contains
       if (allocated(error)) return
       n = count(columns <= size(change))
       change(columns(:n)) = step(:n)
-      sd(columns(:n)) = merge(statistics%corrected_error(:n), unlimited, &
-         statistics%std_error(:n) > 0 .and. statistics%corrected_error(:n) < sqrt(unlimited))
+      sd(columns(:n)) = statistics%corrected_error(:n)
    end subroutine step_in_window
 
    !> Combines the test of parameter k with that of fits in the windows: the smaller probability
    !> counts, times two for two tests.
-   subroutine add_second_test(fits, k, drift)
+   subroutine add_second_test(fits, k, scatter)
       type(window_fit_t), intent(in) :: fits(:)
       integer, intent(in) :: k
-      type(drift_t), intent(inout) :: drift
-      real(wp) :: x(size(fits)), sd(size(fits)), spread, expected, ratio, variation, probability
-      integer :: i, n
+      type(scatter_t), intent(inout) :: scatter
+      type(scatter_t) :: second
+      real(wp) :: x(size(fits)), sd(size(fits))
+      integer :: i
 
-      n = 0
+      x = 0
+      sd = unlimited
       do i = 1, size(fits)
          if (allocated(fits(i)%error)) cycle
-         associate (error => fits(i)%shown_error(k))
-            if (.not. (fits(i)%is_shown(k) .and. error > 0 .and. error < sqrt(unlimited))) cycle
-            n = n + 1
-            x(n) = fits(i)%shown_estimate(k)
-            sd(n) = error
-         end associate
+         if (.not. fits(i)%is_shown(k)) cycle
+         x(i) = fits(i)%shown_estimate(k)
+         sd(i) = fits(i)%shown_error(k)
       end do
-      call compare(x(:n), sd(:n), spread, expected, ratio, variation, probability)
-      if (probability < drift%probability(k)) then
-         drift%spread(k) = spread
-         drift%expected(k) = expected
-         drift%ratio(k) = ratio
-         drift%variation(k) = variation
-         drift%probability(k) = probability
-      end if
-      drift%probability(k) = min(1.0_wp, 2*drift%probability(k))
+      second = scatter_of(x, sd)
+      if (second%probability < scatter%probability) scatter = second
+      scatter%probability = min(1.0_wp, 2*scatter%probability)
    end subroutine add_second_test
 
-   !> Compares the scatter of estimates with their standard errors. With fewer than two estimates
-   !> the results are 0 and the probability is 1.
+   !> Compares the scatter of estimates with their standard errors. Estimates without a useful
+   !> standard error do not count; with fewer than two others, the result keeps
+   !> its defaults.
    !>
    !> The variation is the moment estimate of a random effect, in which precise estimates weigh more
    !> (DerSimonian and Laird, Controlled Clinical Trials 7, 1986, 177).
-   pure subroutine compare(x, sd, spread, expected, ratio, variation, probability)
-      real(wp), intent(in) :: x(:), sd(:)
-      real(wp), intent(out) :: spread, expected, ratio, variation, probability
-      real(wp) :: mean, total, weight(size(x))
+   !>
+   !> estimates, errors  (windows)
+   pure function scatter_of(estimates, errors) result(scatter)
+      real(wp), intent(in) :: estimates(:), errors(:)
+      type(scatter_t) :: scatter
+      logical :: is_useful(size(errors))
+      real(wp), allocatable :: x(:), sd(:), weight(:)
+      real(wp) :: mean, total
       integer :: n
 
+      is_useful = errors > 0 .and. errors < sqrt(unlimited)
+      x = pack(estimates, is_useful)
+      sd = pack(errors, is_useful)
       n = size(x)
-      spread = 0
-      expected = 0
-      ratio = 0
-      variation = 0
-      probability = 1
       if (n < 2) return
       weight = 1/sd**2
       mean = sum(weight*x)/sum(weight)
       total = sum(weight*(x - mean)**2)
-      spread = sqrt(sum((x - sum(x)/n)**2)/(n - 1))
-      expected = sqrt(sum(sd**2)/n)
-      ratio = sqrt(total/(n - 1))
-      variation = sqrt(max(0.0_wp, total - (n - 1))/(sum(weight) - sum(weight**2)/sum(weight)))
-      probability = chi_square_tail(total, real(n - 1, wp))
-   end subroutine compare
+      scatter%spread = sqrt(sum((x - sum(x)/n)**2)/(n - 1))
+      scatter%expected = sqrt(sum(sd**2)/n)
+      scatter%ratio = sqrt(total/(n - 1))
+      scatter%variation = sqrt(max(0.0_wp, total - (n - 1)) &
+         /(sum(weight) - sum(weight**2)/sum(weight)))
+      scatter%probability = chi_square_tail(total, real(n - 1, wp))
+   end function scatter_of
 
    !> Tells which of several tests are significant together, by Holm's method: the smallest
    !> probability is compared with level/n, the next with level/(n - 1), and so on until one fails.

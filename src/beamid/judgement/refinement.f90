@@ -3,7 +3,7 @@
 module beamid_refinement
    use beamid_errors, only: error_t
    use beamid_experiments, only: experiment_t
-   use beamid_galerkin, only: mesh_t
+   use beamid_galerkin, only: coarsest, finest, mesh_t
    use beamid_identification, only: identify_meshes, model_t, stage_fit_t, stage_t
    use beamid_kinds, only: wp
    use beamid_least_squares, only: fit, fit_t, monitor_t, options_t
@@ -17,9 +17,6 @@ module beamid_refinement
    private
 
    public :: add_mesh_shift, identify_refining
-
-   !> Numbers of elements of the coarsest and the finest mesh that `identify_refining` tries.
-   integer, parameter :: coarsest = 8, finest = 128
 
 contains
 

@@ -5,7 +5,7 @@ module beamid_sightings
    use beamid_experiments, only: experiment_t
    use beamid_gauss_newton, only: least_squares_step
    use beamid_kinds, only: wp
-   use beamid_spectra, only: line_t, near_mains, noise_near
+   use beamid_spectra, only: line_t, near_mains, noise_near, order_of_multiple
    use beamid_stage_fits, only: stage_fit_t
    use beamid_strings, only: to_text
    use beamid_trials, only: is_multiple, least_gain
@@ -22,8 +22,8 @@ module beamid_sightings
       real(wp) :: model = 0           !< frequency of the model [1/time]; 0: a line without a mode
       real(wp) :: peak = 0            !< frequency of the spectral line [1/time]; 0: none
       real(wp) :: share = 0           !< share of the record's variance
-      !> of a mode: 'seen', 'unseen', 'harmonic' (a multiple of the first mode) or 'mains' (of 50 or
-      !> 60 Hz); of a line without a mode: 'harmonic', 'mains' or 'unexplained'
+      !> of a mode: 'seen', 'unseen', 'harmonic' (perhaps a multiple of a stronger line) or 'mains'
+      !> (of 50 or 60 Hz); of a line without a mode: 'harmonic', 'mains' or 'unexplained'
       character(len=11) :: verdict = 'unseen'
    end type sighting_t
 
@@ -101,13 +101,14 @@ contains
       complex(wp), intent(in) :: s(:)
       logical, intent(in) :: rejected
       type(sighting_t), allocatable :: found(:)
-      real(wp), parameter :: least_share = 1e-4_wp
+      real(wp), parameter :: least_share = 1e-4_wp, weak = 0.02_wp
       type(line_t), allocatable :: lines(:)
       type(sighting_t) :: sighting
-      real(wp) :: share, span
+      real(wp) :: first, share, span
       integer :: k
 
       allocate (found(0))
+      first = aimag(s(1))/two_pi
       associate (t => experiment%samples, z => experiment%measured, m => size(residual))
          share = sum(residual**2)/max(sum((z - sum(z)/m)**2), tiny(share))
          if (share < least_share) return
@@ -121,27 +122,12 @@ contains
             if (belongs_to_mode(line, s(fitted + 1:), 0.01_wp, span) .and. .not. rejected) cycle
             sighting = sighting_t(r, 0, 0.0_wp, line%frequency, min(1.0_wp, line%energy*share), &
                'unexplained')
-            if (is_harmonic_of(aimag(s(1))/two_pi)) sighting%verdict = 'harmonic'
+            if (sighting%share < weak .and. order_of_multiple(line%frequency, first, &
+               1/(span*first)) >= 2) sighting%verdict = 'harmonic'
             if (near_mains(line%frequency, span, 0.0_wp)) sighting%verdict = 'mains'
             found = [found, sighting]
          end associate
       end do
-
-   contains
-
-      !> Tells whether the line is a weak multiple of a frequency.
-      pure logical function is_harmonic_of(first)
-         real(wp), intent(in) :: first
-         real(wp), parameter :: tolerance = 1.3e-3_wp, weak = 0.02_wp
-         integer, parameter :: highest = 12
-         real(wp) :: ratio
-
-         ratio = lines(k)%frequency/first
-         is_harmonic_of = nint(ratio) >= 2 .and. nint(ratio) <= highest .and. &
-            abs(ratio - nint(ratio)) < tolerance*ratio + 1/(span*first) .and. &
-            lines(k)%energy*share < weak
-      end function is_harmonic_of
-
    end function unexplained_lines
 
    !> Tells whether a spectral line is so close to one of some modes that it belongs to it.
@@ -162,7 +148,7 @@ contains
    !>
    !> This is so if, with the multiple in the model as well, J would fall by more than noise
    !> explains and an estimate would move by more than the width of its interval. The multiple
-   !> decays as the first mode does or as its power.
+   !> decays at once or at n times the rate of the first mode.
    !>
    !> r            number of the record
    !> row          number of residuals of the records before it

@@ -37,16 +37,17 @@ module beamid_verdicts
    !> The verdict on a fit.
    type :: verdict_t
       type(quality_t), allocatable :: qualities(:)    !< (records)
-      type(sighting_t), allocatable :: sightings(:)   !< every mode in every record
+      type(sighting_t), allocatable :: sightings(:)   !< modes and lines without one
       character(len=:), allocatable :: no_fit         !< why the fit is rejected; '': it is accepted
       !> why no parameter counts as determined although the fit is accepted; '': no such reason
       character(len=:), allocatable :: caution
       !> largest ratio of the residuals of a record to the white noise in it
       real(wp) :: misfit = 1
-      !> (free) parameters that only modes determine which are not in the records
+      !> (free) parameters that are determined only by modes that are not 'seen'
       logical, allocatable :: lost(:)
-      !> lowest mode that is not in the records and without which parameters are lost; 0: none
+      !> lowest mode that is not 'seen' in any record, if parameters are lost; otherwise 0
       integer :: missing_mode = 0
+      character(len=:), allocatable :: lost_names   !< names of the lost parameters, as a list
    end type verdict_t
 
    !> A fit that explains less of a record, in percent, is rejected if its residuals are not white.
@@ -233,7 +234,6 @@ contains
       type(stage_fit_t), intent(in) :: fit
       complex(wp), intent(in) :: s(:, :), ds(:, :, :)
       type(verdict_t), intent(inout) :: verdict
-      character(len=:), allocatable :: text
       type(belief_t) :: beliefs(size(fit%free))
       real(wp) :: values(size(fit%free))
       logical, dimension(size(s, 1), size(s, 2)) :: visible, there
@@ -256,12 +256,13 @@ contains
          .not. resting(s, ds, there, beliefs, values)
       if (.not. any(verdict%lost)) return
       verdict%missing_mode = findloc(any(visible, dim=2), .false., dim=1)
-      text = ''
+      verdict%lost_names = ''
       do k = 1, size(values)
          if (.not. verdict%lost(k)) cycle
-         text = text//trim(merge('  ', ', ', text == ''))//' '//trim(fit%quantities(k)%name)
+         if (verdict%lost_names /= '') verdict%lost_names = verdict%lost_names//', '
+         verdict%lost_names = verdict%lost_names//trim(fit%quantities(k)%name)
       end do
-      verdict%no_fit = text(2:)//': determined by modes alone that are not in the record'
+      verdict%no_fit = verdict%lost_names//': determined by modes alone that are not in the record'
    end subroutine find_lost_parameters
 
 end module beamid_verdicts

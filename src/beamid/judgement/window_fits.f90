@@ -18,7 +18,7 @@ module beamid_window_fits
    implicit none
    private
 
-   public :: window_fit_t, fit_windows
+   public :: window_fit_t, fit_windows, in_window
 
    !> The fit in one window.
    type :: window_fit_t
@@ -26,7 +26,7 @@ module beamid_window_fits
       real(wp), allocatable :: estimate(:)         !< (n) estimates of the free parameters
       real(wp), allocatable :: std_error(:)        !< (n) corrected for residuals that are not white
       !> (n) whether the modes that the window shows determine the parameter; the others have been
-      !> kept fixed in a second fit, which gives these estimates and errors
+      !> kept fixed in a second fit, from which the next two components come
       logical, allocatable :: is_shown(:)
       real(wp), allocatable :: shown_estimate(:), shown_error(:)
       type(error_t), allocatable :: error          !< why the fit failed
@@ -57,6 +57,28 @@ contains
       !$omp end parallel do
    end subroutine fit_windows
 
+   !> Tells which samples (m) are in window k of n windows of equal duration.
+   !>
+   !> t  (m) ascending [time]
+   pure function in_window(t, k, n)
+      real(wp), intent(in) :: t(:)
+      integer, intent(in) :: k, n
+      logical :: in_window(size(t))
+      real(wp) :: ends(2)
+
+      ends = ends_of_window(t, k, n)
+      in_window = t >= ends(1) .and. (t < ends(2) .or. k == n)
+   end function in_window
+
+   !> Returns the beginning and the end of window k of n [time].
+   pure function ends_of_window(t, k, n) result(ends)
+      real(wp), intent(in) :: t(:)
+      integer, intent(in) :: k, n
+      real(wp) :: ends(2)
+
+      ends = t(1) + (t(size(t)) - t(1))*[k - 1, k]/n
+   end function ends_of_window
+
    !> Fits window k of n. Runs in threads.
    subroutine fit_one(model, mesh, experiments, fit, k, n, window)
       type(model_t), intent(in) :: model
@@ -70,19 +92,21 @@ contains
       type(stage_fit_t) :: found
       type(options_t) :: options
       logical, allocatable :: inside(:)
+      real(wp) :: ends(2)
       logical :: root_is_free
       integer :: i
 
       allocate (window%first(size(parts)), window%last(size(parts)))
       do i = 1, size(parts)
          associate (t => experiments(i)%samples)
-            window%first(i) = t(1) + (t(size(t)) - t(1))*(k - 1)/n
-            window%last(i) = t(1) + (t(size(t)) - t(1))*k/n
-            inside = t >= window%first(i) .and. (t < window%last(i) .or. k == n)
+            inside = in_window(t, k, n)
+            ends = ends_of_window(t, k, n)
             parts(i) = experiments(i)
             parts(i)%samples = pack(t, inside)
             parts(i)%measured = pack(experiments(i)%measured, inside)
          end associate
+         window%first(i) = ends(1)
+         window%last(i) = ends(2)
          if (size(parts(i)%samples) <= size(fit%quantities)) then
             call failure(window%error, to_text(size(parts(i)%samples))//' samples for '// &
                to_text(size(fit%quantities))//' unknowns')

@@ -3,7 +3,7 @@ module beamid_simulation
    use beamid_equations, only: equations_t, new_equations
    use beamid_errors, only: error_t
    use beamid_excitation, only: excitation_t
-   use beamid_galerkin, only: galerkin_of, galerkin_t, mesh_t
+   use beamid_galerkin, only: coarsest, finest, galerkin_of, galerkin_t, mesh_t
    use beamid_kinds, only: wp
    use beamid_observation, only: new_sampling, observation_t, sampling_t
    use beamid_priors, only: prior_t
@@ -93,7 +93,6 @@ contains
       real(wp), intent(out) :: remaining
       logical, intent(out) :: converged
       type(error_t), allocatable, intent(out) :: error
-      integer, parameter :: coarsest = 8, finest = 128
       real(wp), parameter :: share_of_noise = 0.1_wp, share_of_signal = 1e-3_wp
       real(wp), allocatable :: before(:)
       real(wp) :: allowed

@@ -7,7 +7,7 @@ module beamid_spectra
    private
 
    public :: line_t, condense, strongest_line, strongest_peak, too_near, noise_near, &
-      noise_floor, near_mains
+      noise_floor, near_mains, order_of_multiple
 
    !> A spectral line of a record, which is a decaying oscillation.
    type :: line_t
@@ -156,6 +156,22 @@ contains
       sd = sqrt(minval([(noise_near(t(:m), z(:m), places(k)*highest, 0.0_wp), &
          k=1, size(places))]))
    end function noise_floor
+
+   !> Returns n if a frequency is n times another one, to within .13 %, for n up to 12; otherwise 0.
+   !>
+   !> frequency, first  [1/time]
+   !> error             by which the ratio of the two may be wrong
+   pure integer function order_of_multiple(frequency, first, error) result(order)
+      real(wp), intent(in) :: frequency, first, error
+      real(wp), parameter :: tolerance = 1.3e-3_wp
+      integer, parameter :: highest = 12
+      real(wp) :: ratio
+
+      ratio = frequency/first
+      order = 0
+      if (abs(ratio - anint(ratio)) < tolerance*ratio + error .and. ratio < highest + 0.5_wp) &
+         order = nint(ratio)
+   end function order_of_multiple
 
    !> Returns whether a frequency is a multiple of 50 or 60, to within the larger of 0.1 and
    !> 0.3/span.

@@ -32,7 +32,8 @@ contains
       do k = 1, size(drift%is_significant)
          if (.not. drift%is_significant(k)) cycle
          names = names//', '//trim(fit%quantities(k)%name)
-         names = names//' (scatter '//to_text(anint(10*drift%ratio(k))/10)//' times its errors)'
+         names = names//' (scatter '//to_text(anint(10*drift%scatter(k)%ratio)/10)// &
+            ' times its errors)'
       end do
       if (names /= '') call text%line('not constant during the motion, by a test in '// &
          to_text(drift%windows)//' windows: '//names(3:)//'; the intervals allow for that')
@@ -59,7 +60,7 @@ contains
       call text%line(left('of all', 10)//right('scatter')//right('expected'))
       do k = 1, size(fit%free)
          call text%line(left(trim(fit%quantities(k)%searched_name()), 10)// &
-            columns([drift%spread(k), drift%expected(k)], 14))
+            columns([drift%scatter(k)%spread, drift%scatter(k)%expected], 14))
       end do
       do i = 1, size(windows)
          if (allocated(windows(i)%error)) call text%line('no fit in window '//to_text(i)//': '// &

@@ -6,7 +6,8 @@ module beamid_decaying_lines
    use beamid_errors, only: error_t
    use beamid_kinds, only: wp
    use beamid_projection, only: new_projection, projection_t
-   use beamid_spectra, only: condense, line_t, near_mains, strongest_line, too_near
+   use beamid_spectra, only: condense, line_t, near_mains, order_of_multiple, strongest_line, &
+      too_near
    implicit none
    private
 
@@ -193,16 +194,14 @@ contains
    pure subroutine name_multiples(lines, span)
       type(line_t), intent(inout) :: lines(:)
       real(wp), intent(in) :: span
-      real(wp), parameter :: weak = 0.02_wp, tolerance = 1.3e-3_wp
-      real(wp) :: ratio
-      integer :: j, k
+      real(wp), parameter :: weak = 0.02_wp
+      integer :: j, k, order
 
       do k = 1, size(lines)
          do j = 1, k - 1
-            ratio = lines(k)%frequency/lines(j)%frequency
             if (lines(j)%harmonic > 0 .or. lines(k)%energy > weak*lines(j)%energy) cycle
-            if (nint(ratio) >= 2 .and. nint(ratio) <= 12 .and. &
-               abs(ratio - nint(ratio)) < tolerance*ratio) lines(k)%harmonic = nint(ratio)
+            order = order_of_multiple(lines(k)%frequency, lines(j)%frequency, 0.0_wp)
+            if (order >= 2) lines(k)%harmonic = order
          end do
          lines(k)%mains = lines(k)%decay*span < 0.7_wp .and. &
             near_mains(lines(k)%frequency, span, 0.0_wp)

@@ -226,20 +226,20 @@ contains
       type(choice_t), intent(in) :: choice, fewer
       integer, intent(in) :: needed, rejected
       character(len=:), allocatable, intent(out) :: text
+      character(len=:), allocatable :: absent
       integer :: k
 
-      text = 'mode '//to_text(needed)//' is not in '//trim(merge('this record  ', &
-         'these records', size(problem%parts) == 1))
+      absent = 'is not in '//trim(merge('this record  ', 'these records', size(problem%parts) == 1))
+      text = 'mode '//to_text(needed)//' '
       if (rejected > 0) then
-         text = 'mode '//to_text(needed)// &
-            ' cannot be told from a multiple of mode 1 or of the mains'
-      else if (size(choice%trials) > 0) then
+         text = text//'cannot be told from a multiple of mode 1 or of the mains'
+      else if (size(choice%trials) == 0) then
+         text = text//absent
+      else
          k = minloc([(choice%trials(k)%fit%J, k=1, size(choice%trials))], dim=1)
-         text = 'mode '//to_text(needed)//' '
          associate (objection => choice%trials(k)%objection)
             if (choice%trials(k)%is_absent) then
-               text = text//'is not in '//trim(merge('this record  ', 'these records', &
-                  size(problem%parts) == 1))
+               text = text//absent
             else if (index(objection, text) == 1) then
                text = objection
             else

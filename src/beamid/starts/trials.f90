@@ -5,7 +5,7 @@ module beamid_trials
    use beamid_least_squares, only: fit, fit_t, options_t
    use beamid_model_roots, only: belief_t, damps, model_roots
    use beamid_residuals, only: residual_t
-   use beamid_spectra, only: line_t, near_mains, noise_near, standing_out
+   use beamid_spectra, only: line_t, near_mains, noise_near, order_of_multiple, standing_out
    use beamid_strings, only: to_text
    use beamid_unknowns, only: quantity_t, stage_t, variables_of, scenario_t
    use beamid_variables, only: variable_t
@@ -154,9 +154,8 @@ contains
       integer, intent(in) :: k
       real(wp), intent(in) :: gain, span
       type(line_t), intent(in) :: lines(:)
-      real(wp), parameter :: tolerance = 1.3e-3_wp, weak = 0.02_wp
-      integer, parameter :: highest = 12
-      real(wp) :: frequency, ratio, error
+      real(wp), parameter :: weak = 0.02_wp
+      real(wp) :: frequency, error
       integer :: n
 
       is_multiple = .false.
@@ -169,10 +168,8 @@ contains
       end do
       ! Three standard deviations of the angular frequency of a decaying oscillation in white noise.
       error = 3*hypot(2*real(s(k)), sqrt(12.0_wp)/span)/sqrt(max(gain, 1.0_wp))
-      ratio = aimag(s(k))/aimag(s(1))
       is_multiple = is_multiple .or. near_mains(frequency, span, error/two_pi) .or. &
-         nint(ratio) <= highest .and. &
-         abs(ratio - nint(ratio)) < tolerance*ratio + error/aimag(s(1))
+         order_of_multiple(aimag(s(k)), aimag(s(1)), error/aimag(s(1))) > 0
    end function is_multiple
 
    !> Tells which parameters neither the modes nor the priors determine.

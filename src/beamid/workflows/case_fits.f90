@@ -121,9 +121,10 @@ contains
       end if
    end subroutine find_fits
 
-   !> Judges the last stage of a fit: adds the effect of the mesh on the estimates, the verdict, and
-   !> the fits in windows that the case asks for. If parameters rest on modes that are not in the
-   !> records, the case is fitted again without them.
+   !> Judges the last stage of a fit: adds the error of the mesh and of fixed parameters, the
+   !> verdict, and the test whether parameters are constant, which is made if the case asks for
+   !> windows or the records are long enough. If parameters rest on modes that are not seen, the
+   !> case is fitted again without them.
    !>
    !> case   on return with the stages that the fit has used
    !> found  as `fit_case` returns it; if the fit is rejected, `verdict%no_fit` says why on return
@@ -220,11 +221,11 @@ contains
       end do
    end subroutine withdraw_dip
 
-   !> Fits a case again without the parameters that rest on modes which are not in the records.
+   !> Fits a case again without the parameters that rest on modes which are not seen.
    !>
-   !> If such a parameter belongs to all records, the search for start values rejects the mode, and
-   !> fixes what this mode alone determines. Parameters of one record are fixed at the values of the
-   !> case, while the other records still show the mode.
+   !> If all these parameters belong to single records, they are fixed at the values of the case.
+   !> Otherwise the search for start values rejects the mode, and fixes what this mode alone
+   !> determines. This needs automatic start values.
    !>
    !> case   on return with stages without these parameters, if `again`
    !> found  with a verdict; on return with the new fits, if `again`
@@ -272,7 +273,7 @@ contains
       if (all(records > 0)) fits(size(fits, 1), size(fits, 2))%note = 'parameters that '// &
          'belong to one record are held at the values of the case, because this record does '// &
          'not show the mode that determines them: '// &
-         found%verdict%no_fit(:index(found%verdict%no_fit, ':') - 1)
+         found%verdict%lost_names
       case%meshes = meshes
       call move_alloc(fits, found%fits)
    end subroutine fit_without_lost

@@ -25,6 +25,9 @@ module beamid_input_checks
 
    real(wp), parameter :: two_pi = 2*acos(-1.0_wp)
 
+   !> Ratio of frequencies that ordinary errors of E and masses explain.
+   real(wp), parameter :: usual = 1.3_wp
+
    !> A suspicion: the value of a key looks like another unit.
    type :: suspicion_t
       character(len=12) :: group = '', key = '', unit = ''
@@ -71,20 +74,14 @@ contains
       character(len=note_length), allocatable, intent(inout) :: notes(:)
       type(error_t), allocatable, intent(out) :: error
       real(wp), allocatable :: frequencies(:)
-      real(wp) :: line, nyquist, share
+      real(wp) :: line, nyquist
       integer :: modes, r
 
       do r = 1, size(experiments)
          associate (experiment => experiments(r))
-            modes = experiment%excitation%modes
-            if (modes == 0 .or. size(experiment%samples) < 50) cycle
-            call find_frequencies(experiment%structure_of(case%model%structure), modes, &
-               frequencies)
+            call compare_with_model(case, experiment, frequencies, nyquist, line)
             if (.not. allocated(frequencies)) cycle
-            associate (t => experiment%samples)
-               nyquist = 0.5_wp/median(t(2:) - t(:size(t) - 1))
-            end associate
-            call strongest_peak(experiment%samples, experiment%measured, nyquist, line, share)
+            modes = size(frequencies)
             if (line > 0) call check_units(case, experiment, modes, frequencies, line, error)
             if (allocated(error)) return
             if (frequencies(1) > nyquist) then
@@ -109,30 +106,48 @@ contains
       type(case_t), intent(in) :: case
       type(experiment_t), intent(in) :: experiments(:)
       character(len=:), allocatable, intent(out) :: text
-      real(wp), parameter :: usual = 1.3_wp
       real(wp), allocatable :: frequencies(:)
-      real(wp) :: line, nyquist, share
+      real(wp) :: line, nyquist
       integer :: r
 
       text = ''
       do r = 1, size(experiments)
-         associate (experiment => experiments(r), t => experiments(r)%samples)
-            if (experiment%excitation%modes == 0 .or. size(t) < 50) cycle
-            call find_frequencies(experiment%structure_of(case%model%structure), &
-               experiment%excitation%modes, frequencies)
-            if (.not. allocated(frequencies)) cycle
-            nyquist = 0.5_wp/median(t(2:) - t(:size(t) - 1))
-            call strongest_peak(t, experiment%measured, nyquist, line, share)
-            if (.not. line > 0 .or. distance_to(frequencies, line) < log(usual)) cycle
-            text = 'the strongest line of record '//to_text(r)//' is at '//rounded(line, 4)// &
-               ', '//rounded(line/frequencies(1), 3)//' times the first natural frequency of '// &
-               'the model, '//rounded(frequencies(1), 4)//': check rate or the time stamps, '// &
-               'the length and the height; with E alone it would have to be '// &
-               rounded(case%model%structure%E*(line/frequencies(1))**2, 3)
-            return
-         end associate
+         call compare_with_model(case, experiments(r), frequencies, nyquist, line)
+         if (.not. allocated(frequencies)) cycle
+         if (.not. line > 0 .or. distance_to(frequencies, line) < log(usual)) cycle
+         text = 'the strongest line of record '//to_text(r)//' is at '//rounded(line, 4)// &
+            ', '//rounded(line/frequencies(1), 3)//' times the first natural frequency of '// &
+            'the model, '//rounded(frequencies(1), 4)//': check rate or the time stamps, '// &
+            'the length and the height; with E alone it would have to be '// &
+            rounded(case%model%structure%E*(line/frequencies(1))**2, 3)
+         return
       end do
    end subroutine describe_scale
+
+   !> Computes the natural frequencies of the model in one experiment, the Nyquist frequency of its
+   !> record and the strongest spectral line of the record.
+   !>
+   !> frequencies  (modes) [1/time]; not allocated if the record is no free decay or has few samples
+   !> line         [1/time]; 0 if the record has no line
+   subroutine compare_with_model(case, experiment, frequencies, nyquist, line)
+      type(case_t), intent(in) :: case
+      type(experiment_t), intent(in) :: experiment
+      real(wp), allocatable, intent(out) :: frequencies(:)
+      real(wp), intent(out) :: nyquist, line
+      integer, parameter :: enough = 50
+      real(wp) :: share
+
+      nyquist = 0
+      line = 0
+      if (experiment%excitation%modes == 0 .or. size(experiment%samples) < enough) return
+      call find_frequencies(experiment%structure_of(case%model%structure), &
+         experiment%excitation%modes, frequencies)
+      if (.not. allocated(frequencies)) return
+      associate (t => experiment%samples)
+         nyquist = 0.5_wp/median(t(2:) - t(:size(t) - 1))
+      end associate
+      call strongest_peak(experiment%samples, experiment%measured, nyquist, line, share)
+   end subroutine compare_with_model
 
    !> Returns what the time stamps look like, if the sampling seems too slow.
    !>
@@ -166,9 +181,8 @@ contains
       integer, intent(in) :: modes
       real(wp), intent(in) :: frequencies(:), line
       type(error_t), allocatable, intent(out) :: error
-      !> usual: ratio of frequencies that ordinary errors of E and masses explain. close: a
-      !> corrected value must lead within this ratio, and at least halve the logarithmic distance.
-      real(wp), parameter :: usual = 1.3_wp, close = 2
+      !> A corrected value must lead within this ratio, and at least halve the logarithmic distance.
+      real(wp), parameter :: close = 2
       type(suspicion_t), allocatable :: suspicions(:)
       real(wp), allocatable :: corrected(:)
       real(wp) :: distance, least
