@@ -44,6 +44,7 @@ program test_inference
       call test_colour()
       call test_no_limit()
       call test_bound()
+      call test_tail()
       call test_coverage()
    end if
    call finish('inference')
@@ -247,8 +248,7 @@ contains
          error%message)
    end subroutine test_no_limit
 
-   !> 9 % noise: c_D and c_H reach their bound 0 from above, and no posterior without an end of the
-   !> range of m_H; with one there is.
+   !> 9 % noise: c_D reaches its bound 0, and all parameters stay inside the bounds of the stage.
    subroutine test_bound()
       type(stage_t) :: before
       type(experiment_t) :: experiments(1)
@@ -271,6 +271,27 @@ contains
       call check('at a bound: inside', all(posterior%draws%q > 0) .and. &
          all(maxval(posterior%draws%q, dim=2) < [1.0_wp, 0.2_wp, 0.1_wp, 1.0_wp]))
    end subroutine test_bound
+
+   !> The same record without an end of the range of m_H: J approaches a limit as m_H grows, and so
+   !> much of a flat prior lies there that the posterior is refused before anything is drawn.
+   subroutine test_tail()
+      type(experiment_t) :: experiments(1)
+      type(stage_fit_t) :: found
+      type(side_t), allocatable :: sides(:, :)
+      type(posterior_draws_t) :: posterior
+
+      call fit_noisy(gaussian_noise(samples, 0.08_wp, 3), found, experiments)
+      if (.not. allocated(error)) call profile_fit(model, mesh, experiments, found, sides, error)
+      call check('a long tail: profiles', .not. allocated(error))
+      if (allocated(error)) return
+      call check('a long tail: m_H has an interval', sides(2, 2)%state == is_closed)
+      call sample_fit(model, mesh, experiments, found, sides, plan_t(draws=2000), posterior, error)
+      call check('a long tail: refused', allocated(error))
+      if (.not. allocated(error)) return
+      call check('a long tail: the parameter and the remedy', index(error%message, 'm_H') > 0 .and. &
+         index(error%message, 'expected a bound') > 0, error%message)
+      call check('a long tail: nothing drawn', .not. allocated(posterior%draws%q))
+   end subroutine test_tail
 
    !> How many of so many records have the truth inside their intervals. 2,000: 95 % are known to .5
    !> %, three of them either way; c_D lies one or two standard errors above its bound, where an

@@ -15,7 +15,7 @@ module beamid_profile_likelihood
    implicit none
    private
 
-   public :: side_t, follow_profile
+   public :: side_t, follow_profile, minimise_at
 
    !> How a side of a profile ends: J has risen to its 95 % level; the parameter has reached a bound
    !> before; J stays below this level for all values; or a fit failed, and the end is not known.
@@ -165,6 +165,35 @@ contains
       end function ahead
 
    end subroutine follow_profile
+
+   !> Minimises J over all parameters except one, which is moved to a distant value in steps that
+   !> at most double it.
+   !>
+   !> problem     on return at any parameters
+   !> rows        m, number of its residuals
+   !> variables   (n) with their bounds
+   !> k           index of the parameter
+   !> value       to which it is moved
+   !> parameters  (n) on entry a minimum for their k-th value, on return the minimum for `value`
+   !> error       a fit failed
+   subroutine minimise_at(problem, rows, variables, k, value, parameters, error)
+      class(smooth_problem_t), intent(inout), target :: problem
+      integer, intent(in) :: rows, k
+      type(variable_t), intent(in) :: variables(:)
+      real(wp), intent(in) :: value
+      real(wp), intent(inout) :: parameters(:)
+      type(error_t), allocatable, intent(out) :: error
+      type(section_t) :: section
+      real(wp) :: J, step
+
+      call new_section(section, problem, rows, variables, k, 0.0_wp, 1.0_wp)
+      do while (abs(value - parameters(k)) > 0)
+         step = max(abs(parameters(k)), variables(k)%magnitude)
+         parameters(k) = parameters(k) + max(-step, min(step, value - parameters(k)))
+         call minimise(section, parameters, J, error)
+         if (allocated(error)) return
+      end do
+   end subroutine minimise_at
 
    !> Finds the value at which the distance is 1, between a point inside the interval and one
    !> outside: by the secant of the distance, which is nearly linear, and by every fourth step a

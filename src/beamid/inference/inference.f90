@@ -2,15 +2,18 @@
 !> from the posterior. The methods themselves are in `fit/` and know no beam; `beamid_bootstraps`
 !> resamples records.
 module beamid_inference
+   use beamid_densities, only: impossible
    use beamid_distributions, only: student_quantile
    use beamid_errors, only: error_t, failure
    use beamid_experiments, only: experiment_t
    use beamid_galerkin, only: mesh_t
    use beamid_interrupts, only: check_interrupt, interrupted, stop_flag
    use beamid_kinds, only: wp
+   use beamid_lapack, only: dpotrf
    use beamid_least_squares, only: monitor_t
+   use beamid_matrices, only: add_diagonal
    use beamid_posteriors, only: new_posterior, posterior_t
-   use beamid_profile_likelihood, only: follow_profile, is_open, side_t
+   use beamid_profile_likelihood, only: follow_profile, is_open, minimise_at, side_t
    use beamid_residuals, only: new_residuals, residual_t
    use beamid_sampling, only: draws_t, plan_t, sample
    use beamid_simulation, only: model_t
@@ -32,6 +35,10 @@ module beamid_inference
       real(wp), allocatable :: motion(:, :)
       integer, allocatable :: shown(:)             !< (shown) index of the draw of each response
    end type posterior_draws_t
+
+   !> J stays finite however large a parameter is, so that a flat prior must end somewhere. For an
+   !> unbounded parameter it ends at this multiple of the estimate or of the parameter's magnitude.
+   real(wp), parameter :: widest = 100
 
 contains
 
@@ -152,10 +159,11 @@ contains
       class(monitor_t), intent(inout), optional :: monitor
       !> Number of draws with a response.
       integer, parameter :: shown = 200
-      !> J stays finite however large a parameter is, so that a flat prior must end somewhere. For
-      !> an unbounded parameter it ends at `widest` times the estimate or the parameter's magnitude.
-      !> At most the share `leaning` of the posterior may lie in the outer half of that range.
-      real(wp), parameter :: widest = 100, leaning = 1e-3_wp
+      !> At most this share of the posterior may lie in the outer half of the range up to an
+      !> artificial end.
+      real(wp), parameter :: leaning = 1e-3_wp
+      !> Share above which an approximation is enough to refuse, before anything is drawn.
+      real(wp), parameter :: clear = 10*leaning
       type(residual_t) :: problem
       type(variable_t), allocatable :: variables(:)
       type(posterior_t) :: density
@@ -174,6 +182,11 @@ contains
       posterior%order = density%order
       do k = 1, size(variables)
          limit(k) = widest*max(abs(found%fit%estimate(k)), variables(k)%magnitude)
+         if (max(share_beyond(density, variables, found%fit%estimate, k, limit(k)), &
+            share_beyond(density, variables, found%fit%estimate, k, -limit(k))) > clear) then
+            call refuse_open(k)
+            return
+         end if
          if (variables(k)%upper <= limit(k) .and. variables(k)%lower >= -limit(k)) &
             limit(k) = 2*max(abs(variables(k)%upper), abs(variables(k)%lower))
          variables(k)%upper = min(variables(k)%upper, limit(k))
@@ -212,6 +225,63 @@ contains
       end subroutine refuse_open
 
    end subroutine sample_fit
+
+   !> Returns roughly the share of a posterior in the outer half of the range from 0 to the
+   !> artificial end of an unbounded parameter: its density there, with all other parameters at
+   !> their most probable values, times their volume by the curvature (Laplace's approximation),
+   !> relative to the same at the estimate. 0 if a bound comes first, or if it cannot be computed.
+   !>
+   !> estimate  (n) mode of the posterior
+   !> k         index of the parameter
+   !> limit     artificial end of its range, of either sign
+   real(wp) function share_beyond(density, variables, estimate, k, limit) result(share)
+      type(posterior_t), intent(inout) :: density
+      type(variable_t), intent(in) :: variables(:)
+      real(wp), intent(in) :: estimate(:), limit
+      integer, intent(in) :: k
+      real(wp), parameter :: two_pi = 2*acos(-1.0_wp)
+      real(wp) :: q(size(estimate)), volume_here, volume_there
+      type(error_t), allocatable :: error
+      integer :: i
+
+      share = 0
+      if (variables(k)%upper < limit .or. variables(k)%lower > limit) return
+      q = estimate
+      call minimise_at(density%problem, density%problem%rows(), variables, k, 0.75_wp*limit, q, &
+         error)
+      if (allocated(error)) return
+      volume_here = log_volume(estimate, [(i, i=1, size(q))])
+      volume_there = log_volume(q, [(i, i=1, k - 1), (i, i=k + 1, size(q))])
+      if (.not. min(volume_here, volume_there) > impossible) return
+      share = exp(min(0.0_wp, volume_there + log(abs(limit)/2) - volume_here - log(two_pi)/2))
+
+   contains
+
+      !> Returns the logarithm of the integral of the density over the parameters `over` near q,
+      !> `impossible` if it cannot be computed. No parameter contributes more than the range up to
+      !> its artificial end.
+      real(wp) function log_volume(q, over)
+         real(wp), intent(in) :: q(:)
+         integer, intent(in) :: over(:)
+         real(wp) :: gradient(size(q)), H(size(q), size(q)), part(size(over), size(over))
+         integer :: info, j
+
+         call density%evaluate(q, log_volume, gradient, H)
+         if (.not. log_volume > impossible) return
+         part = H(over, over)
+         call add_diagonal(part, [(1/(widest*max(abs(estimate(over(j))), &
+            variables(over(j))%magnitude))**2, j=1, size(over))])
+         call dpotrf('L', size(over), part, size(over), info)
+         if (info /= 0) then
+            log_volume = impossible
+            return
+         end if
+         do j = 1, size(over)
+            log_volume = log_volume + log(two_pi)/2 - log(part(j, j))
+         end do
+      end function log_volume
+
+   end function share_beyond
 
    !> Computes the model's prediction [unit of the data] for the draws in `shown`; draws whose
    !> response cannot be computed are left out.
