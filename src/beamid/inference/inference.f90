@@ -271,7 +271,7 @@ contains
          part = H(over, over)
          call add_diagonal(part, [(1/(widest*max(abs(estimate(over(j))), &
             variables(over(j))%magnitude))**2, j=1, size(over))])
-         call dpotrf('L', size(over), part, size(over), info)
+         call dpotrf('L', size(over), part, max(1, size(over)), info)
          if (info /= 0) then
             log_volume = impossible
             return

@@ -13,7 +13,7 @@ module beamid_sightings
    implicit none
    private
 
-   public :: sighting_t, modes_in_record, unexplained_lines
+   public :: sighting_t, modes_in_record, find_lines_left
 
    !> One mode of the model in one record, or a spectral line of the record that no mode explains.
    type :: sighting_t
@@ -81,54 +81,68 @@ contains
       end associate
    end function modes_in_record
 
-   !> Returns the spectral lines that a fit leaves in the residuals of one record and that do not
-   !> belong to a mode of the model.
+   !> Finds the spectral lines that a fit leaves in the residuals of one record.
    !>
-   !> A line is reported if its amplitude is at least one per cent of that of the record. A line
-   !> near a mode belongs to this mode, whose amplitude or damping then changes with time. A weak
-   !> line at a multiple of the first mode's frequency, and a line at a multiple of 50 or 60 Hz, are
-   !> named as such, although each may still be a mode.
+   !> A line near a mode belongs to this mode, whose amplitude or frequency then does not change as
+   !> the model says. Any other line is one without a mode. It is reported if its amplitude is at
+   !> least one per cent of that of the record, or if the nearest mode is unseen, because then it may
+   !> be this mode. A weak line at a multiple of the first mode's frequency, and a line at a multiple
+   !> of 50 or 60 Hz, are named as such, although each may still be a mode.
    !>
-   !> r         number of the record
-   !> residual  (m) its residuals [length/time**2]
-   !> s         (modes) roots of its structure [1/time]
-   !> fitted    number of modes that the fit has used
-   !> rejected  whether the fit has rejected the modes beyond these
-   function unexplained_lines(experiment, r, residual, s, fitted, rejected) result(found)
+   !> r          number of the record
+   !> residual   (m) its residuals [length/time**2]
+   !> s          (modes) roots of its structure [1/time]
+   !> unseen     (fitted) whether a mode that the fit has used is 'unseen'
+   !> rejected   whether the fit has rejected the modes beyond these
+   !> found      lines without a mode
+   !> departing  (fitted) whether a line belongs to the mode
+   subroutine find_lines_left(experiment, r, residual, s, unseen, rejected, found, departing)
       type(experiment_t), intent(in) :: experiment
-      integer, intent(in) :: r, fitted
+      integer, intent(in) :: r
       real(wp), intent(in) :: residual(:)
       complex(wp), intent(in) :: s(:)
-      logical, intent(in) :: rejected
-      type(sighting_t), allocatable :: found(:)
-      real(wp), parameter :: least_share = 1e-4_wp, weak = 0.02_wp
+      logical, intent(in) :: unseen(:), rejected
+      type(sighting_t), allocatable, intent(out) :: found(:)
+      logical, intent(out) :: departing(:)
+      !> Shares of the variance of the record: of a line that is reported, of a multiple that is taken
+      !> for one, and of residuals that may be errors of computation.
+      real(wp), parameter :: least_share = 1e-4_wp, weak = 0.02_wp, negligible = 1e-8_wp
       type(line_t), allocatable :: lines(:)
       type(sighting_t) :: sighting
       real(wp) :: first, share, span
-      integer :: k
+      logical :: is_fitted, is_near, is_unseen
+      integer :: k, mode
 
       allocate (found(0))
+      departing = .false.
       first = aimag(s(1))/two_pi
-      associate (t => experiment%samples, z => experiment%measured, m => size(residual))
+      associate (t => experiment%samples, z => experiment%measured, m => size(residual), &
+         fitted => size(unseen))
          share = sum(residual**2)/max(sum((z - sum(z)/m)**2), tiny(share))
-         if (share < least_share) return
+         if (share < negligible) return
          span = t(m) - t(1)
          call find_lines(t, residual, 2*maxval(aimag(s))/two_pi, most_lines, lines)
+         do k = 1, size(lines)
+            associate (line => lines(k))
+               mode = minloc(abs(line%frequency - aimag(s)/two_pi), dim=1)
+               is_fitted = mode <= fitted
+               is_unseen = .false.
+               if (is_fitted) is_unseen = unseen(mode)
+               is_near = belongs_to_mode(line, s(mode:mode), merge(0.05_wp, 0.01_wp, is_fitted &
+                  .and. .not. is_unseen), span)
+               if (is_near .and. is_fitted) departing(mode) = .true.
+               if (is_near .and. (is_fitted .or. .not. rejected)) cycle
+               if (.not. (line%energy*share >= least_share .or. is_unseen)) cycle
+               sighting = sighting_t(r, 0, 0.0_wp, line%frequency, min(1.0_wp, &
+                  line%energy*share), 'unexplained')
+               if (sighting%share < weak .and. order_of_multiple(line%frequency, first, &
+                  1/(span*first)) >= 2) sighting%verdict = 'harmonic'
+               if (near_mains(line%frequency, span, 0.0_wp)) sighting%verdict = 'mains'
+               found = [found, sighting]
+            end associate
+         end do
       end associate
-      do k = 1, size(lines)
-         associate (line => lines(k))
-            if (.not. line%energy*share >= least_share) cycle
-            if (belongs_to_mode(line, s(:fitted), 0.05_wp, span)) cycle
-            if (belongs_to_mode(line, s(fitted + 1:), 0.01_wp, span) .and. .not. rejected) cycle
-            sighting = sighting_t(r, 0, 0.0_wp, line%frequency, min(1.0_wp, line%energy*share), &
-               'unexplained')
-            if (sighting%share < weak .and. order_of_multiple(line%frequency, first, &
-               1/(span*first)) >= 2) sighting%verdict = 'harmonic'
-            if (near_mains(line%frequency, span, 0.0_wp)) sighting%verdict = 'mains'
-            found = [found, sighting]
-         end associate
-      end do
-   end function unexplained_lines
+   end subroutine find_lines_left
 
    !> Tells whether a spectral line is so close to one of some modes that it belongs to it.
    !>

@@ -10,7 +10,7 @@ module beamid_verdicts
    use beamid_modal, only: modal_t
    use beamid_model_roots, only: belief_t, beliefs_about
    use beamid_responses, only: work_t
-   use beamid_sightings, only: modes_in_record, sighting_t, unexplained_lines
+   use beamid_sightings, only: find_lines_left, modes_in_record, sighting_t
    use beamid_spectra, only: noise_floor
    use beamid_stage_fits, only: stage_fit_t
    use beamid_strings, only: to_text
@@ -41,6 +41,8 @@ module beamid_verdicts
       character(len=:), allocatable :: no_fit         !< why the fit is rejected; '': it is accepted
       !> why no parameter counts as determined although the fit is accepted; '': no such reason
       character(len=:), allocatable :: caution
+      !> modes around whose frequencies the residuals exceed the noise, as a list; '': none
+      character(len=:), allocatable :: departures
       !> largest ratio of the residuals of a record to the white noise in it
       real(wp) :: misfit = 1
       !> (free) parameters that are determined only by modes that are not 'seen'
@@ -80,25 +82,30 @@ contains
       type(verdict_t), intent(out) :: verdict
       type(error_t), allocatable, intent(out) :: error
       complex(wp), allocatable :: s(:, :), ds(:, :, :)
-      integer :: first, fitted, r
+      type(sighting_t), allocatable :: modes(:), lines(:)
+      logical, allocatable :: departing(:)
+      integer :: first, fitted, k, r
 
       call roots_of_fit(mesh, fit, s, ds, error)
       if (allocated(error)) return
       allocate (verdict%qualities(size(experiments)), verdict%sightings(0), &
-         verdict%lost(size(fit%free)))
+         verdict%lost(size(fit%free)), departing(size(s, 1)))
       verdict%lost = .false.
+      verdict%departures = ''
       first = 0
       do r = 1, size(experiments)
          associate (experiment => experiments(r), m => size(experiments(r)%measured))
             associate (residual => fit%residual(first + 1:first + m))
                verdict%qualities(r) = quality_of(experiment, residual, fit)
-               verdict%sightings = [verdict%sightings, modes_in_record(experiment, r, first, &
-                  residual, fit, s(:, r))]
+               modes = modes_in_record(experiment, r, first, residual, fit, s(:, r))
                ! A forced motion shows every mode that the force excites.
                fitted = size(s, 1)
                if (experiment%excitation%modes > 0) fitted = fit%scenario%excitations(r)%modes
-               verdict%sightings = [verdict%sightings, unexplained_lines(experiment, r, residual, &
-                  s(:, r), fitted, rejected=fit%note /= '')]
+               call find_lines_left(experiment, r, residual, s(:, r), [(any(modes%mode == k .and. &
+                  modes%verdict == 'unseen'), k=1, fitted)], fit%note /= '', lines, &
+                  departing(:fitted))
+               verdict%sightings = [verdict%sightings, modes, lines]
+               call add_departures(departing(:fitted), s(:fitted, r), verdict%departures)
             end associate
             first = first + m
          end associate
@@ -116,6 +123,25 @@ contains
       if (verdict%no_fit == '' .and. all(experiments%excitation%modes > 0)) &
          call find_lost_parameters(fit, s, ds, verdict)
    end subroutine new_verdict
+
+   !> Adds modes to a list, with their frequencies.
+   !>
+   !> departing   (modes) whether the residuals exceed the noise around the mode
+   !> s           (modes) roots of the modes [1/time]
+   !> departures  list so far
+   subroutine add_departures(departing, s, departures)
+      logical, intent(in) :: departing(:)
+      complex(wp), intent(in) :: s(:)
+      character(len=:), allocatable, intent(inout) :: departures
+      real(wp), parameter :: two_pi = 2*acos(-1.0_wp)
+      integer :: k
+
+      do k = 1, size(departing)
+         if (.not. departing(k)) cycle
+         if (departures /= '') departures = departures//', '
+         departures = departures//'mode '//to_text(k)//' ('//to_text(aimag(s(k))/two_pi)//')'
+      end do
+   end subroutine add_departures
 
    !> Rejects a fit, or its claims, because of spectral lines that the model cannot explain.
    subroutine judge_lines(verdict)

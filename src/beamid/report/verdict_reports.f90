@@ -40,6 +40,9 @@ contains
       call add_assumptions(text, fit)
       if (verdict%no_fit == '' .and. verdict%caution /= '') call text%line( &
          'no parameter counts as determined: '//verdict%caution)
+      if (verdict%no_fit == '' .and. verdict%departures /= '') call text%line('the residuals '// &
+         'exceed the noise around '//verdict%departures//': damping or stiffness may '// &
+         'depend on the amplitude')
       unit = unit_suffix(case%units%acceleration())
       do k = 1, size(verdict%qualities)
          associate (q => verdict%qualities(k))

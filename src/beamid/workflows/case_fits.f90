@@ -123,8 +123,9 @@ contains
 
    !> Judges the last stage of a fit: adds the error of the mesh and of fixed parameters, the
    !> verdict, and the test whether parameters are constant, which is made if the case asks for
-   !> windows or the records are long enough. If parameters rest on modes that are not seen, the
-   !> case is fitted again without them.
+   !> windows or the records are long enough. A fit that is rejected is repeated from the spectral
+   !> lines of the records, if it has started elsewhere. If parameters rest on modes that are not
+   !> seen, the case is fitted again without them.
    !>
    !> case   on return with the stages that the fit has used
    !> found  as `fit_case` returns it; if the fit is rejected, `verdict%no_fit` says why on return
@@ -141,6 +142,11 @@ contains
       asked = case%stages(size(case%stages))
       call judge_fit(case, asked, found, error, monitor)
       if (allocated(error)) return
+      if (found%verdict%no_fit /= '') then
+         call fit_from_lines(case, found, again, monitor)
+         if (again) call judge_fit(case, asked, found, error, monitor)
+         if (allocated(error)) return
+      end if
       if (any(found%verdict%lost) .and. case%multistart%n == 0) then
          call fit_without_lost(case, found, again, monitor)
          if (again) call judge_fit(case, asked, found, error, monitor)
@@ -184,31 +190,42 @@ contains
                if (hint /= '') found%verdict%no_fit = found%verdict%no_fit//'; '//hint
             end if
             if (found%verdict%caution /= '') last%statistics%determined = .false.
-            if (found%verdict%misfit > gross_for_dip .and. any(last%free == of_x_D)) &
-               call withdraw_dip(case, mesh, found%experiments, found%verdict%misfit, last)
+            if (found%verdict%misfit > gross_for_dip) then
+               call withdraw_dip(case, found%experiments, found%verdict%misfit, &
+                  'the residuals are '//to_text(anint(10*found%verdict%misfit)/10)// &
+                  ' times the noise', last)
+            else if (found%verdict%departures /= '') then
+               call withdraw_dip(case, found%experiments, found%verdict%misfit, &
+                  'the residuals exceed the noise around '//found%verdict%departures, last)
+            end if
          end if
       end associate
       call locate(error, case%path)
       call check_interrupt(error)
    end subroutine judge_fit
 
-   !> Withdraws the estimates of a dip that leaves residuals far above the noise, and tells where
-   !> E(x) is low instead.
+   !> Withdraws the estimates of a dip if the model with this dip does not explain the records, and
+   !> tells where E(x) is low instead. Changes nothing if there is no dip, or if its place is not
+   !> determined anyway and the residuals are near the noise.
    !>
    !> misfit  ratio of residuals to noise
+   !> reason  what shows that the records are not explained
    !> fit     on return without intervals of the dip, and with the reason in `other`
-   subroutine withdraw_dip(case, mesh, experiments, misfit, fit)
+   subroutine withdraw_dip(case, experiments, misfit, reason, fit)
       type(case_t), intent(in) :: case
-      type(mesh_t), intent(in) :: mesh
       type(experiment_t), intent(in) :: experiments(:)
       real(wp), intent(in) :: misfit
+      character(len=*), intent(in) :: reason
       type(stage_fit_t), intent(inout) :: fit
       real(wp), allocatable :: region(:)
       integer :: k
 
-      call find_soft_region(case%model, mesh, experiments, fit, gross_for_dip/misfit, region)
-      fit%other = 'something is there, but not a dip of this shape: the residuals are '// &
-         to_text(anint(10*misfit)/10)//' times the noise'
+      k = findloc(fit%free, of_x_D, dim=1)
+      if (k == 0) return
+      if (misfit <= gross_for_dip .and. fit%statistics%is_withdrawn(k)) return
+      call find_soft_region(case%model, case%meshes(size(case%meshes)), experiments, fit, &
+         min(1.0_wp, gross_for_dip/misfit), region)
+      fit%other = 'something is there, but not a dip of this shape: '//reason
       if (size(region) == 2) then
          fit%other = fit%other//'; E(x) is low from '//to_text(region(1))//' to '// &
             to_text(region(2))
@@ -235,11 +252,7 @@ contains
       type(case_fit_t), intent(inout) :: found
       logical, intent(out) :: again
       class(monitor_t), intent(inout), optional :: monitor
-      type(stage_t), allocatable :: asked(:), stages(:)
-      type(stage_fit_t), allocatable :: fits(:, :)
-      type(minima_t), allocatable :: minima(:)
-      type(mesh_t), allocatable :: meshes(:)
-      type(error_t), allocatable :: error
+      type(stage_t), allocatable :: stages(:)
       integer, allocatable :: parameters(:), records(:), owners(:)
       integer :: j, k
 
@@ -259,24 +272,75 @@ contains
          stages(1)%rejected_mode = found%verdict%missing_mode
          again = stages(1)%automatic .and. .not. any(case%stages%rejected_mode > 0)
       end if
+      if (again) call fit_again(case, found, stages, again, monitor)
+      if (.not. again .or. .not. all(records > 0)) return
+      associate (last => found%fits(size(found%fits, 1), size(found%fits, 2)))
+         last%note = 'parameters that belong to one record are held at the values of the case, '// &
+            'because this record does not show the mode that determines them: '// &
+            found%verdict%lost_names
+      end associate
+   end subroutine fit_without_lost
+
+   !> Fits a case again from the spectral lines of its records, after a search from other values has
+   !> led to a fit that is rejected. Only free motions have such a start.
+   !>
+   !> case   on return with automatic start values, if `again`
+   !> found  with a verdict; on return with the new fits, if `again`
+   !> again  .false.: there is no such fit, and nothing has changed
+   subroutine fit_from_lines(case, found, again, monitor)
+      type(case_t), intent(inout) :: case
+      type(case_fit_t), intent(inout) :: found
+      logical, intent(out) :: again
+      class(monitor_t), intent(inout), optional :: monitor
+      type(stage_t), allocatable :: stages(:)
+
+      again = case%multistart%n == 0 .and. is_exact(case%model%solver) .and. &
+         .not. case%stages(1)%automatic .and. all(case%excitations%modes > 0)
       if (.not. again) return
+      stages = case%stages
+      stages(1)%automatic = .true.
+      if (allocated(stages(1)%start)) deallocate (stages(1)%start)
+      call fit_again(case, found, stages, again, monitor)
+      if (.not. again) return
+      associate (last => found%fits(size(found%fits, 1), size(found%fits, 2)))
+         if (last%note /= '') last%note = '; '//last%note
+         last%note = 'the search from the values of the case ended in no fit, and this one '// &
+            'starts from the spectral lines of the records'//last%note
+      end associate
+   end subroutine fit_from_lines
+
+   !> Replaces the fits of a case by those with other stages, if the search converges and accepts
+   !> its own result.
+   !>
+   !> case      on return with the other stages, if accepted
+   !> found     on return with the new fits, if accepted
+   !> stages    (stages) of the new fits; not allocated on return
+   !> accepted  .false.: nothing has changed
+   subroutine fit_again(case, found, stages, accepted, monitor)
+      type(case_t), intent(inout) :: case
+      type(case_fit_t), intent(inout) :: found
+      type(stage_t), allocatable, intent(inout) :: stages(:)
+      logical, intent(out) :: accepted
+      class(monitor_t), intent(inout), optional :: monitor
+      type(stage_t), allocatable :: asked(:)
+      type(stage_fit_t), allocatable :: fits(:, :)
+      type(minima_t), allocatable :: minima(:)
+      type(mesh_t), allocatable :: meshes(:)
+      type(error_t), allocatable :: error
+
       meshes = case%meshes
       call move_alloc(case%stages, asked)
       call move_alloc(stages, case%stages)
       call find_fits(case, meshes, found%experiments, fits, minima, error, monitor)
-      again = .not. allocated(error)
-      if (again) again = fits(1, size(fits, 2))%doubt == ''
-      if (.not. again) then
+      accepted = .not. allocated(error)
+      if (accepted) accepted = fits(1, size(fits, 2))%doubt == ''
+      if (accepted) then
+         case%meshes = meshes
+         call move_alloc(fits, found%fits)
+      else
          call move_alloc(asked, case%stages)
-         return
       end if
-      if (all(records > 0)) fits(size(fits, 1), size(fits, 2))%note = 'parameters that '// &
-         'belong to one record are held at the values of the case, because this record does '// &
-         'not show the mode that determines them: '// &
-         found%verdict%lost_names
-      case%meshes = meshes
-      call move_alloc(fits, found%fits)
-   end subroutine fit_without_lost
+   end subroutine fit_again
 
    !> Adds the shift of the last stage's estimates on finer meshes, unless it is already known. May
    !> run beside other threads.
@@ -299,7 +363,8 @@ contains
       call check_interrupt(error)
    end subroutine add_mesh_shifts
 
-   !> Tests which parameters the model may lack, on the last stage and the finest mesh.
+   !> Tests which parameters the model may lack, on the last stage and the finest mesh. A dip is
+   !> located by small differences, so that its place is not determined if something is missing.
    !>
    !> found  with a verdict; on return with `tests`
    !> error  only an interruption: if a test cannot be computed there is none
@@ -309,11 +374,17 @@ contains
       type(error_t), allocatable, intent(out) :: error
       type(score_test_t), allocatable :: tests(:)
       type(error_t), allocatable :: failed
+      integer :: k
 
       call test_candidates(case%model, case%meshes(size(case%meshes)), found%experiments, &
          found%fits(size(found%fits, 1), size(found%fits, 2)), tests, failed)
       call check_interrupt(error)
-      if (.not. allocated(error) .and. .not. allocated(failed)) call move_alloc(tests, found%tests)
+      if (allocated(error) .or. allocated(failed)) return
+      call move_alloc(tests, found%tests)
+      k = findloc(found%tests%matters, .true., dim=1)
+      if (k > 0) call withdraw_dip(case, found%experiments, found%verdict%misfit, &
+         'the records ask for another '//trim(found%tests(k)%name), &
+         found%fits(size(found%fits, 1), size(found%fits, 2)))
    end subroutine add_score_tests
 
 end module beamid_case_fits
