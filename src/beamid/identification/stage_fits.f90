@@ -42,9 +42,13 @@ module beamid_stage_fits
       !> (n) shift of the searched variables by mesh refinement, and the error of this shift; not
       !> allocated: not requested, or not found
       real(wp), allocatable :: mesh_shift(:), mesh_error(:)
+      real(wp) :: mesh_decrease = 0      !< relative decrease of J by mesh refinement
       !> (n) standard deviation by which each searched variable varies during the motion; not
       !> allocated: not tested
       real(wp), allocatable :: drift(:)
+      !> (n) distance of each searched variable to another minimum that is as good; not allocated:
+      !> none is known
+      real(wp), allocatable :: rival(:)
       type(statistics_t) :: statistics   !< `samples` is 0 if no degree of freedom is left
       type(residual_check_t) :: check    !< whether the residuals are white
       !> largest shift of an estimate by the error of the integrator [standard errors]; -1: the
@@ -73,6 +77,10 @@ module beamid_stage_fits
 
    !> A mesh shift is significant if it exceeds this share of the half width of the interval.
    real(wp), parameter :: significant_share = 0.25_wp
+
+   !> A relative decrease of J by mesh refinement is significant if it exceeds this. It is that of a
+   !> parameter which the model leaves out.
+   real(wp), parameter :: significant_decrease = 0.1_wp
 
 contains
 
@@ -151,7 +159,8 @@ contains
    !> Returns how far the total interval of quantity k extends below and above its estimate.
    !>
    !> The total interval covers every source of error: it is the hull of the interval about the
-   !> estimate and the interval about the value that a finer mesh would give.
+   !> estimate, the interval about the value that a finer mesh would give, and that about another
+   !> minimum that is as good.
    pure function total(self, k) result(distance)
       class(stage_fit_t), intent(in) :: self
       integer, intent(in) :: k
@@ -165,6 +174,8 @@ contains
          shift_error = self%mesh_error(k)
       end if
       distance = [max(half, half + shift_error - shift), max(half, half + shift_error + shift)]
+      if (.not. allocated(self%rival) .or. k > size(self%free)) return
+      distance = max(distance, half + [-self%rival(k), self%rival(k)])
    end function total
 
    !> Tells whether the mesh shift of quantity k is significant.
@@ -175,14 +186,16 @@ contains
       shifts = abs(self%mesh_shift(k))/significant_share > self%half_width(k)
    end function shifts
 
-   !> Tells whether the mesh shift of any estimate is significant.
+   !> Tells whether the mesh shift of any estimate is significant, or the decrease of J by mesh
+   !> refinement.
    pure logical function shifted(self)
       class(stage_fit_t), intent(in) :: self
       integer :: k
 
       shifted = .false.
       if (.not. allocated(self%mesh_shift) .or. self%statistics%samples == 0) return
-      shifted = any([(self%shifts(k), k=1, size(self%mesh_shift))])
+      shifted = self%mesh_decrease > significant_decrease .or. &
+         any([(self%shifts(k), k=1, size(self%mesh_shift))])
    end function shifted
 
    !> Tells whether E(x) (a = 1) or c_D(x) (a = 2) needs more coefficients: the penalty hardly

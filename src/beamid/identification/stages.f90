@@ -2,6 +2,7 @@
 !>
 !> `beamid_identification` runs the stages of a case in turn.
 module beamid_stages
+   use beamid_distributions, only: normal_quantile
    use beamid_errors, only: error_t
    use beamid_field_judgements, only: judge_dip, judge_functions
    use beamid_field_penalties, only: fields
@@ -14,6 +15,7 @@ module beamid_stages
    use beamid_responses, only: work_t
    use beamid_smooth_fits, only: fit_smoothly, misfit_of, new_field_fit, trial_t
    use beamid_stage_fits, only: stage_fit_t
+   use beamid_start_choices, only: rival_t
    use beamid_starts, only: automatic_start, findings_t
    use beamid_statistics, only: new_statistics
    use beamid_strings, only: to_text
@@ -53,7 +55,7 @@ contains
       type(stage_t) :: tried
       type(trial_t), allocatable :: trials(:)
 
-      findings = findings_t('', '', '', '')
+      findings = findings_t(note='', doubt='', other='', rejections='')
       tried = stage
       call set_free(problem, stage)
       problem%work = work_t()
@@ -78,7 +80,31 @@ contains
       call store_estimates(problem, found)
       call add_linear(problem, found, error)
       if (.not. allocated(error)) call judge_estimates(problem, trials, found, error)
+      if (.not. allocated(error) .and. allocated(findings%rival%shift)) &
+         call judge_rival(found, findings%rival)
    end subroutine run_stage
+
+   !> Extends the intervals to another minimum if the likelihoods of the two do not differ
+   !> significantly, at a level of 1 %. A parameter whose interval grows by this is not determined.
+   subroutine judge_rival(found, rival)
+      type(stage_fit_t), intent(inout) :: found
+      type(rival_t), intent(in) :: rival
+      real(wp) :: inflation
+      integer :: n
+
+      if (found%statistics%samples == 0) return
+      n = size(found%free)
+      associate (s => found%statistics)
+         ! Coloured residuals carry less information: the difference of log likelihoods counts less
+         ! by this factor.
+         inflation = maxval((s%corrected_error(:n)/s%std_error(:n))**2, mask=s%std_error(:n) > 0)
+         if (.not. s%samples*log(rival%ratio) < max(1.0_wp, inflation) &
+            *normal_quantile(0.995_wp)**2) return
+         found%rival = rival%shift
+         found%other = found%other//', which is as good; the intervals include it'
+         s%determined(:n) = s%determined(:n) .and. abs(rival%shift) <= s%corrected_half_width(:n)
+      end associate
+   end subroutine judge_rival
 
    !> Puts the estimates into the quantities and into the scenario, and copies the setup of the fit.
    subroutine store_estimates(problem, found)

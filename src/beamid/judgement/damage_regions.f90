@@ -28,8 +28,8 @@ contains
    !>
    !> fit     of a stage with a dip; its other parameters are fitted again with E(x)
    !> share   largest residuals with which E(x) explains the records, relative to those of the dip
-   !> region  (2) first and last position [length]; of size 0: no such fit converges, or E(x) does
-   !>         not explain the records either
+   !> region  (2) first and last position [length]; of size 0: no such fit converges, E(x) does not
+   !>         explain the records either, or its band does not exclude the median
    subroutine find_soft_region(model, mesh, experiments, fit, share, region)
       type(model_t), intent(in) :: model
       type(mesh_t), intent(in) :: mesh
@@ -63,6 +63,8 @@ contains
       if (.not. norm2(fits(1)%residual) <= share*norm2(fit%residual)) return
       field = band(fits(1), field_modulus, points)
       k = minloc(field%value, dim=1)
+      if (.not. allocated(field%half_width)) return
+      if (.not. field%upper(k) < median(field%value)) return
       limit = (median(field%value) + field%value(k))/2
       first = findloc(field%value(:k) > limit, .true., dim=1, back=.true.) + 1
       last = k - 2 + findloc([field%value(k:) > limit, .true.], .true., dim=1)

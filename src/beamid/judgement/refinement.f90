@@ -21,7 +21,7 @@ module beamid_refinement
 contains
 
    !> Fits all stages on meshes of 8, 16, ... 128 elements, until finer meshes shift no estimate of
-   !> the last stage by more than a quarter of its half width.
+   !> the last stage by more than a quarter of its half width and reduce J by no more than a tenth.
    !>
    !> mesh   on return with the number of elements of the last mesh tried
    !> fits   (stages, 1) on that mesh, with the mesh shifts of the last stage
@@ -57,8 +57,8 @@ contains
    !> plus a tenth of the mesh shift.
    !>
    !> experiments  (records) that were fitted
-   !> found        their fit; on return with `mesh_shift` and `mesh_error`, unless a fit on a finer
-   !>              mesh fails
+   !> found        their fit; on return with `mesh_shift`, `mesh_error` and `mesh_decrease`, unless
+   !>              a fit on a finer mesh fails
    subroutine add_mesh_shift(model, mesh, experiments, found, monitor)
       type(model_t), intent(in) :: model
       type(mesh_t), intent(in) :: mesh
@@ -105,7 +105,10 @@ contains
                monitor, 'finer mesh, N = '//to_text(finer%elements), names)
          end if
          failed = allocated(error)
-         if (.not. failed) moved = refined%estimate - found%fit%estimate
+         if (failed) return
+         moved = refined%estimate - found%fit%estimate
+         if (found%fit%J > 0) found%mesh_decrease = max(found%mesh_decrease, &
+            1 - refined%J/found%fit%J)
       end subroutine refit
 
    end subroutine add_mesh_shift

@@ -191,8 +191,8 @@ contains
          function_of(fit%free) == function_of(fit%free(k)))
    end function most_moved
 
-   !> Adds a warning if the mesh shifts an estimate by too much of its interval, or if the fit on a
-   !> finer mesh failed. Of the coefficients of a field only the one that moves most is named.
+   !> Adds a warning if a finer mesh shifts an estimate by too much of its interval or reduces J, or
+   !> if the fit on it failed. Of the coefficients of a field only the one that moves most is named.
    subroutine add_mesh_warning(text, fit)
       type(text_t), intent(inout) :: text
       type(stage_fit_t), intent(in) :: fit
@@ -217,8 +217,12 @@ contains
                to_text(shift/fit%half_width(k))
          end associate
       end do
-      call text%line('warning: mesh: a finer one than N = '//to_text(fit%elements)//' shifts '// &
-         line(3:)//' times the half width of its interval')
+      if (line /= '') then
+         line = 'shifts '//line(3:)//' times the half width of its interval'
+      else
+         line = 'reduces J by '//rounded(100*fit%mesh_decrease, 2)//' %'
+      end if
+      call text%line('warning: mesh: a finer one than N = '//to_text(fit%elements)//' '//line)
    end subroutine add_mesh_warning
 
 end module beamid_error_sources

@@ -109,7 +109,7 @@ contains
 
       n = size(fit%free)
       line = ''
-      if (verdict%no_fit /= '' .or. verdict%caution /= '') return
+      if (verdict%no_fit /= '' .or. verdict%caution /= '' .or. allocated(fit%rival)) return
       do j = 1, n
          do k = j + 1, n
             ! Correlated coefficients of a field are no problem, as its smoothing determines them.

@@ -18,7 +18,7 @@ module beamid_start_choices
    implicit none
    private
 
-   public :: choice_t, choose, choose_with_fewer, compare, find_rival, new_choice
+   public :: choice_t, rival_t, choose, choose_with_fewer, compare, find_rival, new_choice
 
    !> Number of assignments from which fits start.
    integer, parameter :: most_starts = 3
@@ -39,6 +39,12 @@ module beamid_start_choices
    contains
       procedure :: list_rejections
    end type choice_t
+
+   !> Another minimum of nearly the same J.
+   type :: rival_t
+      real(wp), allocatable :: shift(:)   !< (free) from the best trial; not allocated: no rival
+      real(wp) :: ratio = 1               !< of its J to that of the best trial
+   end type rival_t
 
 contains
 
@@ -244,12 +250,14 @@ contains
 
    !> Describes another trial without an objection that has nearly the same J but other parameters.
    !>
-   !> best  index of the trial that was picked
-   !> text  '': there is none
-   subroutine find_rival(choice, best, text)
+   !> best   index of the trial that was picked
+   !> text   '': there is none
+   !> rival  the same in numbers
+   subroutine find_rival(choice, best, text, rival)
       type(choice_t), intent(in) :: choice
       integer, intent(in) :: best
       character(len=:), allocatable, intent(out) :: text
+      type(rival_t), intent(out) :: rival
       real(wp), parameter :: nearly = 1.02_wp, apart = 0.01_wp
       integer :: j, k
 
@@ -262,6 +270,9 @@ contains
                   tiny(1.0_wp)), dim=1)
                if (abs(other%estimate(j) - picked%estimate(j)) <= apart &
                   *abs(picked%estimate(j))) cycle
+               if (allocated(rival%shift) .and. other%J > rival%ratio*picked%J) cycle
+               rival%shift = other%estimate - picked%estimate
+               rival%ratio = other%J/picked%J
                text = 'another minimum: J = '//to_text(other%J)//' with '// &
                   trim(choice%quantities(j)%name)//' = '//to_text(as_named( &
                   choice%quantities(j)%parameter, other%estimate(j)))

@@ -16,7 +16,7 @@ module beamid_starts
    use beamid_residuals, only: residual_t
    use beamid_spectra, only: strongest_peak
    use beamid_start_choices, only: choice_t, choose, choose_with_fewer, compare, find_rival, &
-      new_choice
+      new_choice, rival_t
    use beamid_strings, only: to_text
    use beamid_trials, only: inseparable, resting
    use beamid_unknowns, only: quantity_t, stage_t
@@ -31,6 +31,7 @@ module beamid_starts
       character(len=:), allocatable :: note
       character(len=:), allocatable :: doubt   !< why none of the fits is to be trusted
       character(len=:), allocatable :: other   !< another minimum of nearly the same J
+      type(rival_t) :: rival                   !< the same minimum in numbers
       !> one line for each start whose fit is rejected, with the reason
       character(len=:), allocatable :: rejections
    end type findings_t
@@ -119,7 +120,8 @@ contains
          problem%scenario = full%trials(k)%start
          stage = searched
          call describe_unknowable(problem, asked, full, findings%note)
-         if (findings%doubt == '') call find_rival(full, k, findings%other)
+         if (findings%doubt == '') call find_rival(full, k, findings%other, &
+            findings%rival)
       end if
       call set_free(problem, stage)
    end subroutine automatic_start

@@ -216,15 +216,19 @@ contains
       logical :: inseparable(size(values))
       !> Share of an effect that the effects of other parameters must leave.
       real(wp), parameter :: least = 1e-3_wp
-      real(wp) :: effect(2*size(s), size(values))
+      real(wp) :: effect(2*size(s), size(values)), ignorance(size(values))
       integer :: k
 
       effect = effects(s, ds, spread(spread(.true., 1, size(s, 1)), 2, size(s, 2)), beliefs, values)
       do k = 1, size(values)
          if (beliefs(k)%stated) effect(:, k) = 0
          effect(:, k) = effect(:, k)/max(norm2(effect(:, k)), tiny(1.0_wp))
+         ! Of parameters that cannot be separated, those that are known best stay fixed.
+         ignorance(k) = beliefs(k)%width
+         if (.not. beliefs(k)%logarithmic) ignorance(k) = ignorance(k)/max(abs(values(k)), &
+            beliefs(k)%width)
       end do
-      inseparable = is_below(effect, least) .and. .not. beliefs%stated
+      inseparable = is_below(effect, least, ignorance) .and. .not. beliefs%stated
    end function inseparable
 
    !> Returns the effects of one standard deviation of each parameter on the frequencies and damping
@@ -253,8 +257,11 @@ contains
 
    !> Tells for each column whether the other columns leave no more than a limit of it, if the
    !> columns are orthogonalised in the order of what is left of them.
-   pure function is_below(columns, limit)
+   !>
+   !> rank  (columns) another order, the largest first
+   pure function is_below(columns, limit, rank)
       real(wp), intent(in) :: columns(:, :), limit
+      real(wp), intent(in), optional :: rank(:)
       logical :: is_below(size(columns, 2))
       real(wp) :: left(size(columns, 1), size(columns, 2)), norm(size(columns, 2))
       integer :: j, k, n
@@ -264,6 +271,8 @@ contains
       do n = 1, size(norm)
          norm = norm2(left, dim=1)
          k = maxloc(norm, dim=1, mask=is_below)
+         if (present(rank)) k = maxloc(rank, dim=1, mask=is_below .and. norm > limit)
+         if (k == 0) exit
          if (.not. norm(k) > limit) exit
          is_below(k) = .false.
          left(:, k) = left(:, k)/norm(k)

@@ -190,26 +190,43 @@ contains
                if (hint /= '') found%verdict%no_fit = found%verdict%no_fit//'; '//hint
             end if
             if (found%verdict%caution /= '') last%statistics%determined = .false.
-            if (found%verdict%misfit > gross_for_dip) then
-               call withdraw_dip(case, found%experiments, found%verdict%misfit, &
-                  'the residuals are '//to_text(anint(10*found%verdict%misfit)/10)// &
-                  ' times the noise', last)
-            else if (found%verdict%departures /= '') then
-               call withdraw_dip(case, found%experiments, found%verdict%misfit, &
-                  'the residuals exceed the noise around '//found%verdict%departures, last)
-            end if
+            call withdraw_dip(case, found%experiments, found%verdict%misfit, &
+               objection_to_dip(found%verdict, last), last)
          end if
       end associate
       call locate(error, case%path)
       call check_interrupt(error)
    end subroutine judge_fit
 
+   !> Returns what shows that a model with a dip does not explain the records; '': nothing.
+   function objection_to_dip(verdict, fit) result(reason)
+      type(verdict_t), intent(in) :: verdict
+      type(stage_fit_t), intent(in) :: fit
+      character(len=:), allocatable :: reason
+      real(wp), parameter :: improbable = 0.01_wp, near = 1e-3_wp
+      integer :: k
+
+      reason = ''
+      if (verdict%misfit > gross_for_dip) then
+         reason = 'the residuals are '//to_text(anint(10*verdict%misfit)/10)//' times the noise'
+      else if (verdict%departures /= '') then
+         reason = 'the residuals exceed the noise around '//verdict%departures
+      else if (fit%check%probability < improbable) then
+         k = findloc(fit%free, of_w_D, dim=1)
+         if (k == 0) return
+         associate (w => fit%quantities(k))
+            if (w%searched < (1 + near)*w%lower) reason = &
+               'its width is the least that the mesh allows, and the residuals are not white'
+         end associate
+      end if
+   end function objection_to_dip
+
    !> Withdraws the estimates of a dip if the model with this dip does not explain the records, and
-   !> tells where E(x) is low instead. Changes nothing if there is no dip, or if its place is not
-   !> determined anyway and the residuals are near the noise.
+   !> tells where E(x) is low instead. Changes nothing without a reason, without a dip, or if the
+   !> place of the dip is not determined anyway and the residuals are near the noise.
    !>
    !> misfit  ratio of residuals to noise
-   !> reason  what shows that the records are not explained
+   !> reason  what shows that the records are not explained; '': nothing
    !> fit     on return without intervals of the dip, and with the reason in `other`
    subroutine withdraw_dip(case, experiments, misfit, reason, fit)
       type(case_t), intent(in) :: case
@@ -221,16 +238,16 @@ contains
       integer :: k
 
       k = findloc(fit%free, of_x_D, dim=1)
-      if (k == 0) return
+      if (k == 0 .or. reason == '') return
       if (misfit <= gross_for_dip .and. fit%statistics%is_withdrawn(k)) return
       call find_soft_region(case%model, case%meshes(size(case%meshes)), experiments, fit, &
          min(1.0_wp, gross_for_dip/misfit), region)
       fit%other = 'something is there, but not a dip of this shape: '//reason
       if (size(region) == 2) then
-         fit%other = fit%other//'; E(x) is low from '//to_text(region(1))//' to '// &
-            to_text(region(2))
+         fit%other = fit%other//'; a smooth E(x) that fits as well is lowest from '// &
+            to_text(region(1))//' to '//to_text(region(2))
       else
-         fit%other = fit%other//', and E(x) does not explain the record either'
+         fit%other = fit%other//'; a smooth E(x) does not show where either'
       end if
       fit%statistics%determined = .false.
       do k = 1, size(fit%free)
@@ -382,9 +399,12 @@ contains
       if (allocated(error) .or. allocated(failed)) return
       call move_alloc(tests, found%tests)
       k = findloc(found%tests%matters, .true., dim=1)
-      if (k > 0) call withdraw_dip(case, found%experiments, found%verdict%misfit, &
-         'the records ask for another '//trim(found%tests(k)%name), &
-         found%fits(size(found%fits, 1), size(found%fits, 2)))
+      if (k == 0) return
+      associate (last => found%fits(size(found%fits, 1), size(found%fits, 2)))
+         if (objection_to_dip(found%verdict, last) == '') call withdraw_dip(case, &
+            found%experiments, found%verdict%misfit, 'the records ask for another '// &
+            trim(found%tests(k)%name), last)
+      end associate
    end subroutine add_score_tests
 
 end module beamid_case_fits
