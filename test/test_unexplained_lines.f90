@@ -24,6 +24,7 @@ program test_unexplained_lines
 
    call test_tone()
    call test_perfect()
+   call test_amplitude()
    call test_density()
    call test_noise_floor()
    call finish('unexplained_lines')
@@ -59,8 +60,9 @@ contains
       end do
    end subroutine test_tone
 
-   !> In 40 perfect records no line is unexplained, and no parameter drifts in more than 6: at a
-   !> level of 5 % more would happen with a probability below 1 %.
+   !> In 40 perfect records no line is unexplained, no residuals exceed the noise around a mode, and
+   !> no parameter drifts in more than 2: at a level of 1 % more would happen with a probability
+   !> below 1 %.
    subroutine test_perfect()
       integer, parameter :: records = 40
       type(stage_fit_t) :: fit
@@ -74,13 +76,27 @@ contains
       do k = 1, records
          call judge(0.0_wp, 1.0_wp, 200 + k, .false., fit, verdict, experiment)
          if (.not. allocated(fit%free)) return
-         if (any(verdict%sightings%mode == 0)) lines = lines + 1
+         if (any(verdict%sightings%mode == 0) .or. verdict%departures /= '') lines = lines + 1
          call find_drifts([experiment], 4, fit, drift)
          if (any(drift%is_significant)) alarms = alarms + 1
       end do
       call check('perfect records: no line without a mode', lines == 0, to_text(lines))
-      call check('perfect records: hardly any drift', alarms <= 6, to_text(alarms)//' of 40')
+      call check('perfect records: hardly any drift', alarms <= 2, to_text(alarms)//' of 40')
    end subroutine test_perfect
+
+   !> A motion that decays faster at first, because the damping depends on the amplitude, leaves
+   !> residuals around mode 1. The fit is accepted, and the residuals are no line without a mode.
+   subroutine test_amplitude()
+      type(stage_fit_t) :: fit
+      type(verdict_t) :: verdict
+
+      call judge(0.0_wp, 1.0_wp, 31, .false., fit, verdict, excess=0.3_wp)
+      if (.not. allocated(fit%free)) return
+      call check('damping by amplitude: mode 1 is named', index(verdict%departures, 'mode 1') == 1, &
+         verdict%departures)
+      call check('damping by amplitude: accepted', verdict%no_fit == '', verdict%no_fit)
+      call check('damping by amplitude: no line without a mode', all(verdict%sightings%mode > 0))
+   end subroutine test_amplitude
 
    !> E and rho together are not separable by any number of modes: rho stays fixed, and both modes
    !> are still seen.
@@ -117,14 +133,16 @@ contains
    !> share       energy of the tone, relative to the decay
    !> tone        its frequency [1/time]
    !> density     whether rho is free beside E
+   !> excess      share by which the motion finally decays further than at a constant rate
    !> fit         `free` is not allocated if the fit fails
-   subroutine judge(share, tone, seed, density, fit, verdict, record)
+   subroutine judge(share, tone, seed, density, fit, verdict, record, excess)
       real(wp), intent(in) :: share, tone
       integer, intent(in) :: seed
       logical, intent(in) :: density
       type(stage_fit_t), intent(out) :: fit
       type(verdict_t), intent(out) :: verdict
       type(experiment_t), intent(out), optional :: record
+      real(wp), intent(in), optional :: excess
       type(experiment_t) :: experiment
       type(model_t) :: model
       type(stage_t) :: stage
@@ -135,6 +153,8 @@ contains
       experiment = made(truth, new_release(0.02_wp, 0.0_wp, .true.), formulas(3), &
          0.5_wp + step*[(k, k=1, samples)])
       experiment%excitation = new_free(2)
+      if (present(excess)) experiment%measured = experiment%measured/(1 + excess*(1 - &
+         exp(-(experiment%samples - experiment%samples(1)))))
       experiment = noisy(experiment, gaussian_noise(samples, noise_of(experiment), seed))
       associate (z => experiment%measured)
          z = z + sqrt(2*share*sum(z**2)/samples)*sin(two_pi*tone*experiment%samples)

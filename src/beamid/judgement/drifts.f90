@@ -40,8 +40,9 @@ module beamid_drifts
       logical, allocatable :: is_significant(:)   !< (n) whether the parameter drifts
    end type drift_t
 
-   !> Probability of at least one false alarm if every parameter is constant.
-   real(wp), parameter :: level = 0.05_wp
+   !> Probability of at least one false alarm if every parameter is constant: of a test that the
+   !> user has asked for, and of one that is made without being asked for.
+   real(wp), parameter :: level_if_asked = 0.05_wp, level_otherwise = 0.01_wp
 
 contains
 
@@ -76,8 +77,9 @@ contains
    !> windows      number of windows
    !> fit          on return with `drift`, the standard deviation by which each drifting parameter
    !>              varies
-   !> fits         (windows) fits of the windows, a second test, which finds changes that are too
-   !>              large for linear theory. A parameter counts in the windows that show its modes
+   !> fits         (windows) fits of the windows, if the user has asked for the test: a second test,
+   !>              which finds changes that are too large for linear theory. A parameter counts in
+   !>              the windows that show its modes
    subroutine find_drifts(experiments, windows, fit, drift, fits)
       type(experiment_t), intent(in) :: experiments(:)
       integer, intent(in) :: windows
@@ -97,7 +99,8 @@ contains
          drift%scatter(k) = scatter_of(change(k, :), sd(k, :))
          if (present(fits)) call add_second_test(fits, k, drift%scatter(k))
       end do
-      drift%is_significant = significant_by_holm([(drift%scatter(k)%probability, k=1, n)])
+      drift%is_significant = significant_by_holm([(drift%scatter(k)%probability, k=1, n)], &
+         merge(level_if_asked, level_otherwise, present(fits)))
       fit%drift = merge([(drift%scatter(k)%variation, k=1, n)], 0.0_wp, drift%is_significant)
    end subroutine find_drifts
 
@@ -200,8 +203,8 @@ contains
 
    !> Tells which of several tests are significant together, by Holm's method: the smallest
    !> probability is compared with level/n, the next with level/(n - 1), and so on until one fails.
-   pure function significant_by_holm(probability) result(significant)
-      real(wp), intent(in) :: probability(:)
+   pure function significant_by_holm(probability, level) result(significant)
+      real(wp), intent(in) :: probability(:), level
       logical :: significant(size(probability))
       integer :: k, tests
 
