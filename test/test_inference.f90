@@ -288,8 +288,8 @@ contains
       call sample_fit(model, mesh, experiments, found, sides, plan_t(draws=2000), posterior, error)
       call check('a long tail: refused', allocated(error))
       if (.not. allocated(error)) return
-      call check('a long tail: the parameter and the remedy', index(error%message, 'm_H') > 0 .and. &
-         index(error%message, 'expected a bound') > 0, error%message)
+      call check('a long tail: the parameter and the remedy', index(error%message, 'm_H') > 0 &
+         .and. index(error%message, 'expected a bound') > 0, error%message)
       call check('a long tail: nothing drawn', .not. allocated(posterior%draws%q))
    end subroutine test_tail
 

@@ -92,8 +92,8 @@ contains
 
       call judge(0.0_wp, 1.0_wp, 31, .false., fit, verdict, excess=0.3_wp)
       if (.not. allocated(fit%free)) return
-      call check('damping by amplitude: mode 1 is named', index(verdict%departures, 'mode 1') == 1, &
-         verdict%departures)
+      call check('damping by amplitude: mode 1 is named', &
+         index(verdict%departures, 'mode 1') == 1, verdict%departures)
       call check('damping by amplitude: accepted', verdict%no_fit == '', verdict%no_fit)
       call check('damping by amplitude: no line without a mode', all(verdict%sightings%mode > 0))
    end subroutine test_amplitude

@@ -85,9 +85,9 @@ contains
    !>
    !> A line near a mode belongs to this mode, whose amplitude or frequency then does not change as
    !> the model says. Any other line is one without a mode. It is reported if its amplitude is at
-   !> least one per cent of that of the record, or if the nearest mode is unseen, because then it may
-   !> be this mode. A weak line at a multiple of the first mode's frequency, and a line at a multiple
-   !> of 50 or 60 Hz, are named as such, although each may still be a mode.
+   !> least one per cent of that of the record, or if the nearest mode is unseen: then the line may
+   !> be this mode. A weak line at a multiple of the first mode's frequency, and a line at a
+   !> multiple of 50 or 60 Hz, are named as such, although each may still be a mode.
    !>
    !> r          number of the record
    !> residual   (m) its residuals [length/time**2]
@@ -104,8 +104,8 @@ contains
       logical, intent(in) :: unseen(:), rejected
       type(sighting_t), allocatable, intent(out) :: found(:)
       logical, intent(out) :: departing(:)
-      !> Shares of the variance of the record: of a line that is reported, of a multiple that is taken
-      !> for one, and of residuals that may be errors of computation.
+      !> Shares of the variance of the record: of a line that is reported, of a line that is taken
+      !> for a multiple of another, and of residuals that may be errors of computation.
       real(wp), parameter :: least_share = 1e-4_wp, weak = 0.02_wp, negligible = 1e-8_wp
       type(line_t), allocatable :: lines(:)
       type(sighting_t) :: sighting
