@@ -43,6 +43,9 @@ module beamid_verdicts
       character(len=:), allocatable :: caution
       !> modes around whose frequencies the residuals exceed the noise, as a list; '': none
       character(len=:), allocatable :: departures
+      !> whether the fit starts from the spectral lines of the records, because it was rejected from
+      !> the start values of the case
+      logical :: starts_again = .false.
       !> largest ratio of the residuals of a record to the white noise in it
       real(wp) :: misfit = 1
       !> (free) parameters that are determined only by modes that are not 'seen'

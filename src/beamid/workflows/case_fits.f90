@@ -20,7 +20,7 @@ module beamid_case_fits
    use beamid_responses, only: is_exact
    use beamid_score_tests, only: score_test_t, test_candidates
    use beamid_strings, only: to_text
-   use beamid_structure, only: of_d_D, of_w_D, of_x_D
+   use beamid_structure, only: is_coefficient, of_d_D, of_w_D, of_x_D
    use beamid_unknowns, only: stage_t
    use beamid_verdicts, only: gross_for_dip, new_verdict, verdict_t
    use beamid_window_fits, only: fit_windows, window_fit_t
@@ -137,14 +137,16 @@ contains
       class(monitor_t), intent(inout), optional :: monitor
       type(stage_t) :: asked
       integer :: windows
-      logical :: again
+      logical :: again, restarted
 
+      restarted = .false.
       asked = case%stages(size(case%stages))
       call judge_fit(case, asked, found, error, monitor)
       if (allocated(error)) return
       if (found%verdict%no_fit /= '') then
          call fit_from_lines(case, found, again, monitor)
          if (again) call judge_fit(case, asked, found, error, monitor)
+         restarted = again
          if (allocated(error)) return
       end if
       if (any(found%verdict%lost) .and. case%multistart%n == 0) then
@@ -152,6 +154,7 @@ contains
          if (again) call judge_fit(case, asked, found, error, monitor)
          if (allocated(error)) return
       end if
+      found%verdict%starts_again = restarted
       associate (last => found%fits(size(found%fits, 1), size(found%fits, 2)))
          if (last%statistics%samples == 0) return
          if (case%windows > 0) then
@@ -299,7 +302,7 @@ contains
    end subroutine fit_without_lost
 
    !> Fits a case again from the spectral lines of its records, after a search from other values has
-   !> led to a fit that is rejected. Only free motions have such a start.
+   !> led to a fit that is rejected. Fields and dips have no such start.
    !>
    !> case   on return with automatic start values, if `again`
    !> found  with a verdict; on return with the new fits, if `again`
@@ -311,19 +314,15 @@ contains
       class(monitor_t), intent(inout), optional :: monitor
       type(stage_t), allocatable :: stages(:)
 
-      again = case%multistart%n == 0 .and. is_exact(case%model%solver) .and. &
-         .not. case%stages(1)%automatic .and. all(case%excitations%modes > 0)
+      associate (first => case%stages(1))
+         again = case%multistart%n == 0 .and. is_exact(case%model%solver) .and. &
+            .not. (first%automatic .or. any(is_coefficient(first%free) .or. first%free == of_x_D))
+      end associate
       if (.not. again) return
       stages = case%stages
       stages(1)%automatic = .true.
       if (allocated(stages(1)%start)) deallocate (stages(1)%start)
       call fit_again(case, found, stages, again, monitor)
-      if (.not. again) return
-      associate (last => found%fits(size(found%fits, 1), size(found%fits, 2)))
-         if (last%note /= '') last%note = '; '//last%note
-         last%note = 'the search from the values of the case ended in no fit, and this one '// &
-            'starts from the spectral lines of the records'//last%note
-      end associate
    end subroutine fit_from_lines
 
    !> Replaces the fits of a case by those with other stages, if the search converges and accepts
