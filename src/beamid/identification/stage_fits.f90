@@ -46,9 +46,9 @@ module beamid_stage_fits
       !> (n) standard deviation by which each searched variable varies during the motion; not
       !> allocated: not tested
       real(wp), allocatable :: drift(:)
-      !> (n) distance of each searched variable to another minimum that is as good; not allocated:
-      !> none is known
-      real(wp), allocatable :: rival(:)
+      !> (2, n) how far below and above each searched variable other explanations of the records
+      !> lie; not allocated: none is known
+      real(wp), allocatable :: reach(:, :)
       type(statistics_t) :: statistics   !< `samples` is 0 if no degree of freedom is left
       type(residual_check_t) :: check    !< whether the residuals are white
       !> largest shift of an estimate by the error of the integrator [standard errors]; -1: the
@@ -70,6 +70,7 @@ module beamid_stage_fits
       procedure :: from_held
       procedure :: half_width
       procedure :: total
+      procedure :: extend
       procedure :: shifts
       procedure :: shifted
       procedure :: is_too_coarse
@@ -159,8 +160,8 @@ contains
    !> Returns how far the total interval of quantity k extends below and above its estimate.
    !>
    !> The total interval covers every source of error: it is the hull of the interval about the
-   !> estimate, the interval about the value that a finer mesh would give, and that about another
-   !> minimum that is as good.
+   !> estimate, the interval about the value that a finer mesh would give, and those about the
+   !> values of other explanations of the records.
    pure function total(self, k) result(distance)
       class(stage_fit_t), intent(in) :: self
       integer, intent(in) :: k
@@ -174,9 +175,26 @@ contains
          shift_error = self%mesh_error(k)
       end if
       distance = [max(half, half + shift_error - shift), max(half, half + shift_error + shift)]
-      if (.not. allocated(self%rival) .or. k > size(self%free)) return
-      distance = max(distance, half + [-self%rival(k), self%rival(k)])
+      if (.not. allocated(self%reach) .or. k > size(self%free)) return
+      distance = max(distance, half + self%reach(:, k))
    end function total
+
+   !> Extends the total intervals to another explanation of the records. An estimate that lies
+   !> outside its interval there is not determined.
+   !>
+   !> shift  (n) of the searched variables
+   subroutine extend(self, shift)
+      class(stage_fit_t), intent(inout) :: self
+      real(wp), intent(in) :: shift(:)
+      integer :: k
+
+      if (.not. allocated(self%reach)) allocate (self%reach(2, size(shift)), source=0.0_wp)
+      self%reach(1, :) = max(self%reach(1, :), -shift)
+      self%reach(2, :) = max(self%reach(2, :), shift)
+      do k = 1, size(shift)
+         if (abs(shift(k)) > self%half_width(k)) self%statistics%determined(k) = .false.
+      end do
+   end subroutine extend
 
    !> Tells whether the mesh shift of quantity k is significant.
    pure logical function shifts(self, k)

@@ -85,7 +85,7 @@ contains
    end subroutine run_stage
 
    !> Extends the intervals to another minimum if the likelihoods of the two do not differ
-   !> significantly, at a level of 1 %. A parameter whose interval grows by this is not determined.
+   !> significantly, at a level of 1 %.
    subroutine judge_rival(found, rival)
       type(stage_fit_t), intent(inout) :: found
       type(rival_t), intent(in) :: rival
@@ -100,10 +100,9 @@ contains
          inflation = maxval((s%corrected_error(:n)/s%std_error(:n))**2, mask=s%std_error(:n) > 0)
          if (.not. s%samples*log(rival%ratio) < max(1.0_wp, inflation) &
             *normal_quantile(0.995_wp)**2) return
-         found%rival = rival%shift
-         found%other = found%other//', which is as good; the intervals include it'
-         s%determined(:n) = s%determined(:n) .and. abs(rival%shift) <= s%corrected_half_width(:n)
       end associate
+      call found%extend(rival%shift)
+      found%other = found%other//', which is as good; the intervals include it'
    end subroutine judge_rival
 
    !> Puts the estimates into the quantities and into the scenario, and copies the setup of the fit.

@@ -111,7 +111,10 @@ contains
 
       n = size(fit%free)
       line = ''
-      if (verdict%no_fit /= '' .or. verdict%caution /= '' .or. allocated(fit%rival)) return
+      if (verdict%no_fit /= '' .or. verdict%caution /= '') return
+      if (allocated(fit%reach)) then
+         if (.not. all(fit%statistics%determined(:n))) return
+      end if
       do j = 1, n
          do k = j + 1, n
             ! Correlated coefficients of a field are no problem, as its smoothing determines them.

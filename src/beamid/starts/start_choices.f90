@@ -7,6 +7,7 @@ module beamid_start_choices
    use beamid_errors, only: error_t
    use beamid_fit_setups, only: set_free
    use beamid_kinds, only: wp
+   use beamid_lapack, only: dgesvd
    use beamid_least_squares, only: options_t
    use beamid_model_roots, only: belief_t, beliefs_about, damps, model_roots
    use beamid_parameters, only: as_named
@@ -18,7 +19,8 @@ module beamid_start_choices
    implicit none
    private
 
-   public :: choice_t, rival_t, choose, choose_with_fewer, compare, find_rival, new_choice
+   public :: choice_t, rival_t, choose, choose_with_fewer, compare, cross_fold, find_rival, &
+      new_choice
 
    !> Number of assignments from which fits start.
    integer, parameter :: most_starts = 3
@@ -104,6 +106,78 @@ contains
       if (size(choice%trials) == 0) call move_alloc(reason, error)
       call pick(choice)
    end subroutine choose
+
+   !> Tries starts on either side of the best trial along the combination of parameters that changes
+   !> the frequencies least, one standard deviation of the expected values away, and picks the best
+   !> trial again.
+   !>
+   !> Where a ratio of frequencies has an extremum (a fold), two sets of parameters give the same
+   !> frequencies, and J has two equal minima. Away from a fold nothing is tried.
+   !>
+   !> needed  as for `choose`
+   subroutine cross_fold(problem, choice, needed, options)
+      type(residual_t), intent(inout) :: problem
+      type(choice_t), intent(inout) :: choice
+      integer, intent(in) :: needed
+      type(options_t), intent(in) :: options
+      !> Relative change of the frequencies by one standard deviation, up to which a fold is near.
+      real(wp), parameter :: small = 0.05_wp
+      type(trial_t) :: trial
+      type(error_t), allocatable :: error
+      real(wp) :: least, direction(size(choice%beliefs)), x(size(choice%beliefs))
+      integer :: side
+
+      if (choice%best == 0) return
+      call least_effect(choice%trials(choice%best), choice%beliefs, direction, least)
+      if (least > small) return
+      associate (b => choice%beliefs, best => choice%trials(choice%best)%fit%estimate)
+         x = b%x_of(best)
+         do side = -1, 1, 2
+            call try_start(problem, choice%stage, max(0.0_wp, b%value_of(x + &
+               side*b%width*direction)), choice%modes, options, trial, error)
+            if (allocated(error)) cycle
+            trial%origin = 'start beyond a fold'
+            call object(trial, b, [choice%quantities%name], variation(problem), needed)
+            choice%trials = [choice%trials, trial]
+         end do
+      end associate
+      call pick(choice)
+   end subroutine cross_fold
+
+   !> Finds the combination of parameters that changes the frequencies least.
+   !>
+   !> direction  (free) unit vector in standard deviations of the expected values; 0 for damping
+   !> least      relative change of the frequencies along it; huge if there is only one parameter
+   subroutine least_effect(trial, beliefs, direction, least)
+      type(trial_t), intent(in) :: trial
+      type(belief_t), intent(in) :: beliefs(:)
+      real(wp), intent(out) :: direction(:), least
+      integer, allocatable :: columns(:)
+      real(wp), allocatable :: a(:, :), vt(:, :), sigma(:), work(:)
+      real(wp) :: u(1, 1)
+      integer :: info, k, n
+
+      direction = 0
+      least = huge(1.0_wp)
+      columns = pack([(k, k=1, size(beliefs))], [(.not. damps(reshape(trial%ds(:, :, k), &
+         [size(trial%s)])), k=1, size(beliefs))])
+      n = size(columns)
+      if (n < 2) return
+      ! Rows of 0 make the matrix as long as it is wide.
+      allocate (a(max(n, size(trial%s)), n), source=0.0_wp)
+      do k = 1, n
+         associate (b => beliefs(columns(k)))
+            a(:size(trial%s), k) = reshape(aimag(trial%ds(:, :, columns(k)))/aimag(trial%s), &
+               [size(trial%s)])*b%slope(trial%fit%estimate(columns(k)))*b%width
+         end associate
+      end do
+      allocate (vt(n, n), sigma(n), work(10*size(a, 1)))
+      call dgesvd('N', 'A', size(a, 1), n, a, size(a, 1), sigma, u, 1, vt, n, work, size(work), &
+         info)
+      if (info /= 0) return
+      least = sigma(n)
+      direction(columns) = vt(n, :)
+   end subroutine least_effect
 
    !> Describes where the k-th trial starts: the frequencies that it assigns to the modes, or the
    !> values of the case.

@@ -15,8 +15,8 @@ module beamid_starts
    use beamid_parameters, only: as_named
    use beamid_residuals, only: residual_t
    use beamid_spectra, only: strongest_peak
-   use beamid_start_choices, only: choice_t, choose, choose_with_fewer, compare, find_rival, &
-      new_choice, rival_t
+   use beamid_start_choices, only: choice_t, choose, choose_with_fewer, compare, &
+      cross_fold, find_rival, new_choice, rival_t
    use beamid_strings, only: to_text
    use beamid_trials, only: inseparable, resting
    use beamid_unknowns, only: quantity_t, stage_t
@@ -94,6 +94,7 @@ contains
       if (stage%rejected_mode == 0 .and. .not. allocated(error)) &
          call choose(problem, full, lines, needed, options, error)
       if (is_free_motion) then
+         call cross_fold(problem, full, needed, options)
          call choose_with_fewer(problem, full, lines, needed, undetermined, options, fewer)
          call compare(problem, full, fewer, lines, needed)
       end if

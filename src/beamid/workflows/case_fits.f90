@@ -379,8 +379,9 @@ contains
       call check_interrupt(error)
    end subroutine add_mesh_shifts
 
-   !> Tests which parameters the model may lack, on the last stage and the finest mesh. A dip is
-   !> located by small differences, so that its place is not determined if something is missing.
+   !> Tests which parameters the model may lack, on the last stage and the finest mesh. Where one
+   !> matters, the intervals include the estimates with this parameter free. A dip is located by
+   !> small differences, so that its place is not determined if something is missing.
    !>
    !> found  with a verdict; on return with `tests`
    !> error  only an interruption: if a test cannot be computed there is none
@@ -397,9 +398,12 @@ contains
       call check_interrupt(error)
       if (allocated(error) .or. allocated(failed)) return
       call move_alloc(tests, found%tests)
-      k = findloc(found%tests%matters, .true., dim=1)
-      if (k == 0) return
       associate (last => found%fits(size(found%fits, 1), size(found%fits, 2)))
+         do k = 1, size(found%tests)
+            if (found%tests(k)%matters) call last%extend(found%tests(k)%shift(:size(last%free)))
+         end do
+         k = findloc(found%tests%matters, .true., dim=1)
+         if (k == 0) return
          if (objection_to_dip(found%verdict, last) == '') call withdraw_dip(case, &
             found%experiments, found%verdict%misfit, 'the records ask for another '// &
             trim(found%tests(k)%name), last)
