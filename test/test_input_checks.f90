@@ -15,7 +15,7 @@ program test_input_checks
    !> Natural frequencies [Hz], damping ratios and amplitudes [m/s^2] of the first three modes.
    real(wp), parameter :: frequency(3) = [8.0639_wp, 53.9633_wp, 156.139_wp], &
       ratio(3) = [3e-3_wp, 2e-3_wp, 4e-3_wp], size_of(3) = [20.0_wp, 6.0_wp, 1.0_wp]
-   integer, parameter :: m = 3000
+   integer, parameter :: m = 1200
    character(len=*), parameter :: ruler = &
       '&units length=''m'', force=''N'', time=''s'', mass=''kg'' /'//nl// &
       '&beam length=0.3, width=0.025, height=0.001, density=7850, E=2.0e11, c_D=4e6, '// &
