@@ -42,7 +42,8 @@ contains
       guess%m_S = 0.004_wp
       guess%c_D = 3e6_wp
       answer = identified(groups_of(guess)//'&record file=''second.csv'' /'//nl// &
-         '&excitation kind=''free'', modes=2 /'//nl//'&discretization degree=5, elements=8 /'//nl// &
+         '&excitation kind=''free'', modes=2 /'//nl// &
+         '&discretization degree=5, elements=8 /'//nl// &
          '&stage free=''E'',''m_S'',''c_D'',''gamma'',''offset'', shared=''E'',''m_S'' /'//nl)
       call check('own damping: fitted', answer%status == 0, answer%err)
       call check('own damping: that of record 2 is fixed', .not. answer%is_free('c_D(2)') .and. &

@@ -3,7 +3,7 @@
 module beamid_pole_search
    use beamid_assembly, only: assembly_t
    use beamid_continuation, only: with_conjugates, follow_roots
-   use beamid_errors, only: error_t, status_failed
+   use beamid_errors, only: error_t, failure, status_failed
    use beamid_kinds, only: wp
    use beamid_parameters, only: as_named, parameters
    use beamid_poles, only: find_residues, parameter_values, poles_t
@@ -11,6 +11,7 @@ module beamid_pole_search
    use beamid_strings, only: to_text
    use beamid_structure_checks, only: furthest_parameter
    use beamid_systems, only: find_eigenvector
+   use beamid_terms, only: bending, of_stiffness
    use beamid_vectors, only: root_t
    implicit none
    private
@@ -24,7 +25,7 @@ contains
    !> assembly  the structure and its load
    !> poles     in: those of a similar structure, from which the roots are continued, or a new
    !>           variable; out: `root`, `all`, `vector` and the results of `find_residues`
-   !> error     the iteration does not converge, or a root was missed
+   !> error     E is 0, the iteration does not converge, or a root was missed
    subroutine find_poles(assembly, poles, error)
       type(assembly_t), intent(in) :: assembly
       type(poles_t), intent(inout) :: poles
@@ -32,6 +33,10 @@ contains
       logical :: found
       integer :: k, way
 
+      if (.not. assembly%strength(bending, of_stiffness) > tiny(1.0_wp)) then
+         call failure(error, 'modal: found a beam without bending stiffness, expected E above 0')
+         return
+      end if
       if (allocated(poles%all)) then
          call continue_roots(assembly, poles, found)
          if (found) then

@@ -41,7 +41,7 @@ module beamid_verdicts
       character(len=:), allocatable :: no_fit         !< why the fit is rejected; '': it is accepted
       !> why no parameter counts as determined although the fit is accepted; '': no such reason
       character(len=:), allocatable :: caution
-      !> modes around whose frequencies the residuals exceed the noise, as a list; '': none
+      !> modes at whose frequencies the fit leaves a spectral line, as a list; '': none
       character(len=:), allocatable :: departures
       !> whether the fit starts from the spectral lines of the records, because it was rejected from
       !> the start values of the case
@@ -101,14 +101,15 @@ contains
             associate (residual => fit%residual(first + 1:first + m))
                verdict%qualities(r) = quality_of(experiment, residual, fit)
                modes = modes_in_record(experiment, r, first, residual, fit, s(:, r))
-               ! A forced motion shows every mode that the force excites.
+               ! A force may excite every mode; `modes` is 0 then.
                fitted = size(s, 1)
                if (experiment%excitation%modes > 0) fitted = fit%scenario%excitations(r)%modes
                call find_lines_left(experiment, r, residual, s(:, r), [(any(modes%mode == k .and. &
                   modes%verdict == 'unseen'), k=1, fitted)], fit%note /= '', lines, &
                   departing(:fitted))
                verdict%sightings = [verdict%sightings, modes, lines]
-               call add_departures(departing(:fitted), s(:fitted, r), verdict%departures)
+               call add_departures(departing(:fitted), s(:fitted, r), merge(r, 0, &
+                  size(experiments) > 1), verdict%departures)
             end associate
             first = first + m
          end associate
@@ -121,7 +122,7 @@ contains
          tiny(1.0_wp)), mask=verdict%qualities%rms_residual > 0)
       if (verdict%misfit > gross) verdict%caution = 'the residuals are '// &
          to_text(nint(verdict%misfit))//' times the noise of the record'
-      if (verdict%no_fit == '') verdict%no_fit = describe_misfit(verdict%qualities, fit)
+      if (verdict%no_fit == '') call describe_misfit(verdict%qualities, fit, verdict%no_fit)
       call judge_lines(verdict)
       if (verdict%no_fit == '' .and. all(experiments%excitation%modes > 0)) &
          call find_lost_parameters(fit, s, ds, verdict)
@@ -131,10 +132,12 @@ contains
    !>
    !> departing   (modes) whether the residuals exceed the noise around the mode
    !> s           (modes) roots of the modes [1/time]
+   !> record      number of the record; 0: there is only one
    !> departures  list so far
-   subroutine add_departures(departing, s, departures)
+   subroutine add_departures(departing, s, record, departures)
       logical, intent(in) :: departing(:)
       complex(wp), intent(in) :: s(:)
+      integer, intent(in) :: record
       character(len=:), allocatable, intent(inout) :: departures
       real(wp), parameter :: two_pi = 2*acos(-1.0_wp)
       integer :: k
@@ -143,6 +146,7 @@ contains
          if (.not. departing(k)) cycle
          if (departures /= '') departures = departures//', '
          departures = departures//'mode '//to_text(k)//' ('//to_text(aimag(s(k))/two_pi)//')'
+         if (record > 0) departures = departures//' of record '//to_text(record)
       end do
    end subroutine add_departures
 
@@ -238,12 +242,14 @@ contains
          noise_floor(experiment%samples, residual))
    end function quality_of
 
-   !> Returns a sentence on the record that the fit explains least, if that is too little and the
-   !> residuals are not white; else ''.
-   function describe_misfit(qualities, fit) result(text)
+   !> Describes the record that the fit explains least, if that is too little and the residuals are
+   !> not white.
+   !>
+   !> text  a sentence; ''
+   subroutine describe_misfit(qualities, fit, text)
       type(quality_t), intent(in) :: qualities(:)
       type(stage_fit_t), intent(in) :: fit
-      character(len=:), allocatable :: text
+      character(len=:), allocatable, intent(out) :: text
       integer :: r
 
       text = ''
@@ -251,7 +257,7 @@ contains
       if (fit%check%white .or. .not. qualities(r)%fit_percent < least_percent) return
       text = 'the model explains '//to_text(nint(qualities(r)%fit_percent))// &
          ' % of record '//to_text(r)//', and what is left is not noise'
-   end function describe_misfit
+   end subroutine describe_misfit
 
    !> Finds the parameters that all modes determine, but not the modes seen in the records, and
    !> rejects the fit because of them.

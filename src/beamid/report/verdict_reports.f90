@@ -33,8 +33,8 @@ contains
       integer :: k
 
       if (verdict%no_fit /= '') call text%line('no fit: '//verdict%no_fit)
-      if (verdict%starts_again) call text%line('the search from the values of the case ended in '// &
-         'no fit; this one starts from the spectral lines of the records')
+      if (verdict%starts_again) call text%line('the search from the values of the case ended '// &
+         'in no fit; this one starts from the spectral lines of the records')
       if (fit%note /= '') call text%line(fit%note)
       call add_prior_conflicts(text, fit)
       if (all(fit%scenario%excitations%modes > 0)) call add_far_values(text, &

@@ -68,6 +68,7 @@ contains
       integer :: k, modes, needed
       logical :: is_free_motion
 
+      findings = findings_t(note='', doubt='', other='', rejections='')
       if (.not. problem%exact) then
          call failure(error, 'start values: from a record only the modal response finds them')
          return

@@ -193,19 +193,21 @@ contains
                if (hint /= '') found%verdict%no_fit = found%verdict%no_fit//'; '//hint
             end if
             if (found%verdict%caution /= '') last%statistics%determined = .false.
-            call withdraw_dip(case, found%experiments, found%verdict%misfit, &
-               objection_to_dip(found%verdict, last), last)
+            call object_to_dip(found%verdict, last, hint)
+            call withdraw_dip(case, found%experiments, found%verdict%misfit, hint, last)
          end if
       end associate
       call locate(error, case%path)
       call check_interrupt(error)
    end subroutine judge_fit
 
-   !> Returns what shows that a model with a dip does not explain the records; '': nothing.
-   function objection_to_dip(verdict, fit) result(reason)
+   !> Describes what shows that a model with a dip does not explain the records.
+   !>
+   !> reason  '': nothing
+   subroutine object_to_dip(verdict, fit, reason)
       type(verdict_t), intent(in) :: verdict
       type(stage_fit_t), intent(in) :: fit
-      character(len=:), allocatable :: reason
+      character(len=:), allocatable, intent(out) :: reason
       real(wp), parameter :: improbable = 0.01_wp, near = 1e-3_wp
       integer :: k
 
@@ -222,7 +224,7 @@ contains
                'its width is the least that the mesh allows, and the residuals are not white'
          end associate
       end if
-   end function objection_to_dip
+   end subroutine object_to_dip
 
    !> Withdraws the estimates of a dip if the model with this dip does not explain the records, and
    !> tells where E(x) is low instead. Changes nothing without a reason, without a dip, or if the
@@ -391,6 +393,7 @@ contains
       type(error_t), allocatable, intent(out) :: error
       type(score_test_t), allocatable :: tests(:)
       type(error_t), allocatable :: failed
+      character(len=:), allocatable :: reason
       integer :: k
 
       call test_candidates(case%model, case%meshes(size(case%meshes)), found%experiments, &
@@ -404,9 +407,9 @@ contains
          end do
          k = findloc(found%tests%matters, .true., dim=1)
          if (k == 0) return
-         if (objection_to_dip(found%verdict, last) == '') call withdraw_dip(case, &
-            found%experiments, found%verdict%misfit, 'the records ask for another '// &
-            trim(found%tests(k)%name), last)
+         call object_to_dip(found%verdict, last, reason)
+         if (reason == '') call withdraw_dip(case, found%experiments, found%verdict%misfit, &
+            'the records ask for another '//trim(found%tests(k)%name), last)
       end associate
    end subroutine add_score_tests
 
