@@ -6,24 +6,16 @@ program test_input_checks
    use beamid_noise, only: gaussian_noise
    use beamid_onsets, only: onset
    use beamid_strings, only: to_text
+   use case_answers, only: nl, ruler
    use checks, only: check, finish, skip
    use shell, only: beamid, close_shell, open_shell, outcome_t, replaced, write_file
    implicit none
 
-   character(len=*), parameter :: nl = new_line('a')
    real(wp), parameter :: two_pi = 2*acos(-1.0_wp)
    !> Natural frequencies [Hz], damping ratios and amplitudes [m/s^2] of the first three modes.
    real(wp), parameter :: frequency(3) = [8.0639_wp, 53.9633_wp, 156.139_wp], &
       ratio(3) = [3e-3_wp, 2e-3_wp, 4e-3_wp], size_of(3) = [20.0_wp, 6.0_wp, 1.0_wp]
    integer, parameter :: m = 1200
-   character(len=*), parameter :: ruler = &
-      '&units length=''m'', force=''N'', time=''s'', mass=''kg'' /'//nl// &
-      '&beam length=0.3, width=0.025, height=0.001, density=7850, E=2.0e11, c_D=4e6, '// &
-      'gamma=0.05 /'//nl// &
-      '&sensor m_S=0.005, x_S=0.28 /'//nl// &
-      '&excitation kind=''free'', modes=3 /'//nl// &
-      '&record file=''record.csv'' /'//nl// &
-      '&stage free=''E'',''m_S'',''c_D'',''gamma'',''offset'' /'//nl
    character(len=:), allocatable :: reason
 
    call test_onsets()

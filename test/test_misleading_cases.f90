@@ -4,8 +4,8 @@
 program test_misleading_cases
    use beamid_kinds, only: wp
    use beamid_strings, only: to_text
-   use case_answers, only: answer_t, dip_case, groups_of, identified, nl, times, &
-      write_record
+   use case_answers, only: answer_t, dip_case, groups_of, guessed_ruler => ruler, identified, nl, &
+      times, write_record
    use checks, only: check, check_close, finish, skip
    use shell, only: close_shell, has_all, open_shell, replaced
    use simulated_beams, only: after_pulse, beam_t, decay, frequencies
@@ -18,14 +18,7 @@ program test_misleading_cases
    real(wp), parameter :: ruler_sizes(3) = [22.0_wp, 11.0_wp, 4.0_wp], &
       ruler_phases(3) = [-1.9_wp, 0.65_wp, -0.6_wp], ruler_offset = 0.35_wp
    !> Guesses of the ruler's parameters, and how well its dimensions are known.
-   character(len=*), parameter :: ruler_case = &
-      '&units length=''m'', force=''N'', time=''s'', mass=''kg'' /'//nl// &
-      '&beam length=0.3, width=0.025, height=0.001, density=7850, E=2.0e11, c_D=4e6, '// &
-      'gamma=0.05 /'//nl// &
-      '&sensor m_S=0.005, x_S=0.28 /'//nl// &
-      '&excitation kind=''free'', modes=3 /'//nl// &
-      '&record file=''record.csv'' /'//nl// &
-      '&stage free=''E'',''m_S'',''c_D'',''gamma'',''offset'' /'//nl// &
+   character(len=*), parameter :: ruler_case = guessed_ruler// &
       '&prior parameter=''length'', sd=0.001 /'//nl// &
       '&prior parameter=''height'', sd=0.00002 /'//nl
    !> The rest of a case with a free decay of two modes.

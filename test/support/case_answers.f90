@@ -9,9 +9,18 @@ module case_answers
    implicit none
    private
 
-   public :: answer_t, identified, write_record, times, groups_of, dip_case, nl
+   public :: answer_t, identified, write_record, times, groups_of, dip_case, nl, ruler
 
    character(len=*), parameter :: nl = new_line('a')
+   !> A case with the free decay of a steel ruler; what is free is a guess.
+   character(len=*), parameter :: ruler = &
+      '&units length=''m'', force=''N'', time=''s'', mass=''kg'' /'//nl// &
+      '&beam length=0.3, width=0.025, height=0.001, density=7850, E=2.0e11, c_D=4e6, '// &
+      'gamma=0.05 /'//nl// &
+      '&sensor m_S=0.005, x_S=0.28 /'//nl// &
+      '&excitation kind=''free'', modes=3 /'//nl// &
+      '&record file=''record.csv'' /'//nl// &
+      '&stage free=''E'',''m_S'',''c_D'',''gamma'',''offset'' /'//nl
    !> Folder of the outputs.
    character(len=*), parameter :: folder = 'o'
 

@@ -7,7 +7,7 @@ module hermite_beams
    implicit none
    private
 
-   public :: hermite_frequencies
+   public :: hermite_frequencies, bending_of_element, mass_of_element, dsygv
 
    interface
       subroutine dsygv(itype, jobz, uplo, n, a, lda, b, ldb, w, work, lwork, info)
@@ -41,12 +41,8 @@ contains
       M = 0
       do e = 0, elements - 1
          associate (l => [2*e + 1, 2*e + 2, 2*e + 3, 2*e + 4])
-            K(l, l) = K(l, l) + s%E*s%I/h**3*reshape([ &
-               12.0_wp, 6*h, -12.0_wp, 6*h, 6*h, 4*h**2, -6*h, 2*h**2, &
-               -12.0_wp, -6*h, 12.0_wp, -6*h, 6*h, 2*h**2, -6*h, 4*h**2], [4, 4])
-            M(l, l) = M(l, l) + s%rho*h/420*reshape([ &
-               156.0_wp, 22*h, 54.0_wp, -13*h, 22*h, 4*h**2, 13*h, -3*h**2, &
-               54.0_wp, 13*h, 156.0_wp, -22*h, -13*h, -3*h**2, -22*h, 4*h**2], [4, 4])
+            K(l, l) = K(l, l) + s%E*s%I*bending_of_element(h)
+            M(l, l) = M(l, l) + s%rho*mass_of_element(h)
          end associate
          call add_tension(s, e*h, h, K(2*e + 1:2*e + 4, 2*e + 1:2*e + 4))
       end do
@@ -73,6 +69,25 @@ contains
       call dsygv(1, 'N', 'L', size(free), a, size(free), b, size(free), w, work, size(work), info)
       omega = sqrt(w(:wanted))
    end function hermite_frequencies
+
+   !> Returns the stiffness of an element of length h and bending stiffness 1, for displacement and
+   !> slope of either end.
+   pure function bending_of_element(h) result(K)
+      real(wp), intent(in) :: h
+      real(wp) :: K(4, 4)
+
+      K = reshape([12.0_wp, 6*h, -12.0_wp, 6*h, 6*h, 4*h**2, -6*h, 2*h**2, &
+         -12.0_wp, -6*h, 12.0_wp, -6*h, 6*h, 2*h**2, -6*h, 4*h**2], [4, 4])/h**3
+   end function bending_of_element
+
+   !> Returns the mass matrix of an element of length h and mass per length 1.
+   pure function mass_of_element(h) result(M)
+      real(wp), intent(in) :: h
+      real(wp) :: M(4, 4)
+
+      M = h/420*reshape([156.0_wp, 22*h, 54.0_wp, -13*h, 22*h, 4*h**2, 13*h, -3*h**2, &
+         54.0_wp, 13*h, 156.0_wp, -22*h, -13*h, -3*h**2, -22*h, 4*h**2], [4, 4])
+   end function mass_of_element
 
    !> What the tension in one element adds: N b_i' b_j', a polynomial of degree 5.
    !>

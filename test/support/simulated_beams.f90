@@ -3,6 +3,7 @@
 module simulated_beams
    use beamid_kinds, only: wp
    use beamid_lapack, only: dgeev
+   use hermite_beams, only: bending_of_element, dsygv, mass_of_element
    implicit none
    private
 
@@ -29,14 +30,6 @@ module simulated_beams
    real(wp), parameter :: two_pi = 2*acos(-1.0_wp)
 
    interface
-      subroutine dsygv(itype, jobz, uplo, n, a, lda, b, ldb, w, work, lwork, info)
-         import :: wp
-         integer, intent(in) :: itype, n, lda, ldb, lwork
-         character, intent(in) :: jobz, uplo
-         real(wp), intent(inout) :: a(lda, *), b(ldb, *)
-         real(wp), intent(out) :: w(*), work(*)
-         integer, intent(out) :: info
-      end subroutine dsygv
       subroutine zgesv(n, nrhs, a, lda, ipiv, b, ldb, info)
          import :: wp
          integer, intent(in) :: n, nrhs, lda, ldb
@@ -250,10 +243,8 @@ contains
       stiffness = beam%width*beam%height**3/12
       if (middle > beam%cut(1) .and. middle < beam%cut(2)) stiffness = &
          stiffness*beam%stiffness_left
-      bending = stiffness/h**3*reshape([12.0_wp, 6*h, -12.0_wp, 6*h, 6*h, 4*h**2, -6*h, 2*h**2, &
-         -12.0_wp, -6*h, 12.0_wp, -6*h, 6*h, 2*h**2, -6*h, 4*h**2], [4, 4])
-      mass = h/420*reshape([156.0_wp, 22*h, 54.0_wp, -13*h, 22*h, 4*h**2, 13*h, -3*h**2, &
-         54.0_wp, 13*h, 156.0_wp, -22*h, -13*h, -3*h**2, -22*h, 4*h**2], [4, 4])
+      bending = stiffness*bending_of_element(h)
+      mass = mass_of_element(h)
       M(dof, dof) = M(dof, dof) + beam%density*beam%width*beam%height*mass
       C(dof, dof) = C(dof, dof) + beam%gamma*mass + beam%c_D*bending
       K(dof, dof) = K(dof, dof) + beam%E*bending
