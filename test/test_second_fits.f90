@@ -62,7 +62,7 @@ contains
    subroutine test_far_start()
       character(len=*), parameter :: rest = '&excitation kind=''pulse'', amplitude=1, '// &
          'duration=0.005 /'//nl//'&discretization degree=5, elements=8 /'//nl// &
-         '&stage free=''E'',''m_S'',''c_D'',''gamma'' /'//nl
+         '&stage free=''E'',''m_S'',''c_D'',''gamma'' /'//nl//'&score t_first=1, t_last=2 /'//nl
       character(len=*), parameter :: sentence = 'this one starts from the spectral lines'
       type(beam_t), parameter :: long = beam_t(length=0.458_wp, width=0.03_wp, &
          height=0.001026_wp, density=7850, E=2e11_wp, c_D=1e6_wp, gamma=0.1_wp, m_S=0.0087_wp, &
@@ -80,6 +80,8 @@ contains
       call check('a far start: fitted', answer%status == 0, answer%err)
       call check('a far start: the first lines say where the fit starts', &
          index(answer%head, sentence) > 0, answer%head)
+      call check('a far start: the score is that of the second fit', &
+         index(answer%out, 'sum of squares over the window of &score') > 0, answer%head)
       call check('a far start: near the truth', abs(number(answer%estimate('E', 'estimate')) - &
          long%E) < 0.01_wp*long%E, answer%estimate('E', 'estimate'))
       answer = identified(groups_of(long)//rest)

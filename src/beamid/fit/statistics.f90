@@ -2,7 +2,7 @@
 !> correlations, intervals, and the combinations of parameters that the data do not determine.
 !> Independent of the model.
 module beamid_statistics
-   use beamid_distributions, only: chi_square_tail, student_quantile
+   use beamid_distributions, only: chi_square_tail, normal_quantile, student_quantile
    use beamid_errors, only: error_t, failure
    use beamid_kinds, only: wp
    use beamid_lapack, only: dgesvd
@@ -51,7 +51,7 @@ module beamid_statistics
       !> (n) whether a caller has found, beyond linear theory, that a parameter is not determined
       logical, allocatable :: withdrawn(:)
    contains
-      procedure :: withdraw, is_withdrawn
+      procedure :: withdraw, is_withdrawn, cannot_reject
    end type statistics_t
 
 contains
@@ -125,6 +125,25 @@ contains
       is_withdrawn = .false.
       if (allocated(self%withdrawn)) is_withdrawn = self%withdrawn(parameter)
    end function is_withdrawn
+
+   !> Returns whether a fit with another sum of squares is not rejected by the likelihood ratio.
+   !>
+   !> ratio      of the other sum of squares to that of this fit
+   !> parameter  whose errors show how much less information coloured residuals carry than white
+   !>            ones; the logarithm of the likelihood ratio counts less by that factor
+   !> level      of significance
+   pure logical function cannot_reject(self, ratio, parameter, level)
+      class(statistics_t), intent(in) :: self
+      real(wp), intent(in) :: ratio, level
+      integer, intent(in) :: parameter
+      real(wp) :: inflation
+
+      inflation = 1
+      associate (k => parameter)
+         if (self%std_error(k) > 0) inflation = (self%corrected_error(k)/self%std_error(k))**2
+      end associate
+      cannot_reject = self%samples*log(ratio) < inflation*normal_quantile(1 - level/2)**2
+   end function cannot_reject
 
    !> Returns the quantity that replaces J if the noise levels of several records are estimated from
    !> the fit itself, so that the weighted J carries no information: m times the weighted geometric

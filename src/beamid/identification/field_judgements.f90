@@ -4,7 +4,7 @@
 !> In both cases the intervals of linear theory are too narrow. `beamid_stages` calls these tests
 !> after each fit.
 module beamid_field_judgements
-   use beamid_distributions, only: chi_square_tail, normal_quantile
+   use beamid_distributions, only: chi_square_tail
    use beamid_field_penalties, only: fields
    use beamid_kinds, only: wp
    use beamid_line_matches, only: dip_places
@@ -38,7 +38,7 @@ contains
       real(wp), parameter :: adapted = 3, chance = 0.05_wp/dip_places
       integer :: j, k, dip
       character(len=:), allocatable :: reason
-      real(wp) :: depth_ratio, inflation
+      real(wp) :: depth_ratio
 
       if (found%statistics%samples == 0) return
       do dip = 1, size(found%free)
@@ -56,16 +56,11 @@ contains
                   'this record does not tell that there is a dip: its depth is no more than '// &
                   'noise would give one somewhere along the beam'
             end do
-            ! Coloured residuals carry less information: the difference of log likelihoods counts
-            ! less by this factor.
-            inflation = 1
-            if (s%std_error(dip) > 0) inflation = (s%corrected_error(dip)/s%std_error(dip))**2
             do k = 1, size(trials)
                if (reason /= '' .or. .not. misfit > 0) exit
                if (abs(trials(k)%estimate(dip) - found%fit%estimate(dip))/2 &
                   <= s%corrected_half_width(dip)) cycle
-               if (s%samples*log(trials(k)%misfit/misfit) < inflation &
-                  *normal_quantile(1 - chance/2)**2) reason = 'a dip at '// &
+               if (s%cannot_reject(trials(k)%misfit/misfit, dip, chance)) reason = 'a dip at '// &
                   to_text(trials(k)%estimate(dip))//' does nearly as well'
             end do
             if (reason == '') cycle

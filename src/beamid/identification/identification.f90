@@ -214,7 +214,7 @@ contains
    !> Computes the sum of squared residuals of each fit over samples that the fit has not used.
    !>
    !> meshes    (k) meshes of the fits
-   !> samples   (m) sample times, ascending [time]
+   !> samples   (m) sample times, ascending [time]; of size 0: nothing is computed
    !> measured  (m) recorded acceleration [length/time**2]
    !> fits      (stages, k) on return with component `score`
    !> error     a response cannot be computed; a sum is not finite
@@ -228,6 +228,7 @@ contains
       type(simulation_t) :: simulation
       integer :: mesh, stage
 
+      if (size(samples) == 0) return
       fitted = model
       do mesh = 1, size(fits, 2)
          do stage = 1, size(fits, 1)

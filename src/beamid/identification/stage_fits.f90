@@ -79,9 +79,9 @@ module beamid_stage_fits
    !> A mesh shift is significant if it exceeds this share of the half width of the interval.
    real(wp), parameter :: significant_share = 0.25_wp
 
-   !> A relative decrease of J by mesh refinement is significant if it exceeds this. It is that of a
-   !> parameter which the model leaves out.
-   real(wp), parameter :: significant_decrease = 0.1_wp
+   !> Relative decrease of J from which a finer mesh, or a parameter that the model leaves out,
+   !> matters.
+   real(wp), parameter, public :: significant_decrease = 0.1_wp
 
 contains
 

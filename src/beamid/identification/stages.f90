@@ -2,7 +2,6 @@
 !>
 !> `beamid_identification` runs the stages of a case in turn.
 module beamid_stages
-   use beamid_distributions, only: normal_quantile
    use beamid_errors, only: error_t
    use beamid_field_judgements, only: judge_dip, judge_functions
    use beamid_field_penalties, only: fields
@@ -89,18 +88,12 @@ contains
    subroutine judge_rival(found, rival)
       type(stage_fit_t), intent(inout) :: found
       type(rival_t), intent(in) :: rival
-      real(wp) :: inflation
-      integer :: n
+      real(wp), parameter :: level = 0.01_wp
+      integer :: k
 
       if (found%statistics%samples == 0) return
-      n = size(found%free)
-      associate (s => found%statistics)
-         ! Coloured residuals carry less information: the difference of log likelihoods counts less
-         ! by this factor.
-         inflation = maxval((s%corrected_error(:n)/s%std_error(:n))**2, mask=s%std_error(:n) > 0)
-         if (.not. s%samples*log(rival%ratio) < max(1.0_wp, inflation) &
-            *normal_quantile(0.995_wp)**2) return
-      end associate
+      if (.not. any([(found%statistics%cannot_reject(rival%ratio, k, level), &
+         k=1, size(found%free))])) return
       call found%extend(rival%shift)
       found%other = found%other//', which is as good; the intervals include it'
    end subroutine judge_rival

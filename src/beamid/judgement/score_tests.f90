@@ -24,7 +24,7 @@ module beamid_score_tests
    use beamid_parameters, only: name_length, name_of_parameter, parameters
    use beamid_residuals, only: residual_t
    use beamid_simulation, only: model_t
-   use beamid_stage_fits, only: stage_fit_t
+   use beamid_stage_fits, only: significant_decrease, stage_fit_t
    use beamid_structure, only: J_S_at, of_gamma, of_kappa_R, structure_t, x_S_at
    use beamid_unknowns, only: stage_t
    use beamid_verification, only: exact_counterpart
@@ -56,8 +56,8 @@ module beamid_score_tests
 
    !> Significance level of all tests together.
    real(wp), parameter :: chance = 0.01_wp
-   !> Least shift that matters, in half widths, and least relative decrease of J that matters.
-   real(wp), parameter :: large_shift = 0.5_wp, large_decrease = 0.1_wp
+   !> Least shift that matters, in half widths.
+   real(wp), parameter :: large_shift = 0.5_wp
 
 contains
 
@@ -274,7 +274,7 @@ contains
       type(score_test_t), intent(inout) :: tests(:)
 
       tests%matters = tests%p_value < chance/max(1, size(tests)) .and. &
-         (tests%moves > large_shift .or. tests%decrease > large_decrease)
+         (tests%moves > large_shift .or. tests%decrease > significant_decrease)
       ! A clamp whose stiffness vanishes is not a clamp.
       where (tests%parameter == of_kappa_R) tests%matters = tests%matters .and. tests%value > 0
    end subroutine decide

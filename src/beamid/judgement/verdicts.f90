@@ -62,10 +62,8 @@ module beamid_verdicts
    !> rejects the fit.
    real(wp), parameter :: most_unexplained = 0.05_wp
 
-   !> Largest ratio of residuals to noise with which parameters may count as determined. A dip is
-   !> located by small differences, so that its limit is lower: perfect records reach 1.05, and cuts
-   !> that pass for a dip elsewhere leave 3 to 13.
-   real(wp), parameter, public :: gross = 10, gross_for_dip = 2
+   !> Largest ratio of residuals to noise with which parameters may count as determined.
+   real(wp), parameter :: gross = 10
 
    !> Number of modes to judge if fewer were fitted.
    integer, parameter :: usual_modes = 2

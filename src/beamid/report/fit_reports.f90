@@ -63,7 +63,7 @@ contains
       call add_fit_tables(output, case%units, found%fits, found%experiments)
       call add_along_table(output, case%units, found%fits(size(found%fits, 1), :))
       call add_verdict_tables(output, found%verdict)
-      call output%add('case.txt', case%text)
+      call output%add('case.txt', case%text, is_quoted=.true.)
       call output%add('modes.csv', table%content())
       associate (last => found%fits(size(found%fits, 1), size(found%fits, 2)))
          if (size(found%windows) > 0) call text%add(window_summary(last, found%windows, &

@@ -130,8 +130,8 @@ contains
       if (choice%best == 0) return
       call least_effect(choice%trials(choice%best), choice%beliefs, direction, least)
       if (least > small) return
-      associate (b => choice%beliefs, best => choice%trials(choice%best)%fit%estimate)
-         x = b%x_of(best)
+      x = choice%beliefs%x_of(choice%trials(choice%best)%fit%estimate)
+      associate (b => choice%beliefs)
          do side = -1, 1, 2
             call try_start(problem, choice%stage, max(0.0_wp, b%value_of(x + &
                side*b%width*direction)), choice%modes, options, trial, error)

@@ -51,14 +51,15 @@ contains
    !> problem   the fit, with the free parameters of the stage; on return perhaps with fewer modes
    !> stage     on return without the parameters that have to be fixed
    !> options   settings of the search
-   !> findings  what the search has found out about modes and other minima
+   !> findings  on entry empty texts; on return what the search has found out about modes and other
+   !>           minima
    !> error     no spectral line stands out although the force is known; the model has too few
    !>           modes; no fit converges
    subroutine automatic_start(problem, stage, options, findings, error)
       type(residual_t), intent(inout) :: problem
       type(stage_t), intent(inout) :: stage
       type(options_t), intent(in) :: options
-      type(findings_t), intent(out) :: findings
+      type(findings_t), intent(inout) :: findings
       type(error_t), allocatable, intent(out) :: error
       type(choice_t) :: full, fewer
       type(lines_t), allocatable :: lines(:)
@@ -68,7 +69,6 @@ contains
       integer :: k, modes, needed
       logical :: is_free_motion
 
-      findings = findings_t(note='', doubt='', other='', rejections='')
       if (.not. problem%exact) then
          call failure(error, 'start values: from a record only the modal response finds them')
          return

@@ -270,10 +270,12 @@ contains
       is_below = .true.
       do n = 1, size(norm)
          norm = norm2(left, dim=1)
-         k = maxloc(norm, dim=1, mask=is_below)
-         if (present(rank)) k = maxloc(rank, dim=1, mask=is_below .and. norm > limit)
+         if (present(rank)) then
+            k = maxloc(rank, dim=1, mask=is_below .and. norm > limit)
+         else
+            k = maxloc(norm, dim=1, mask=is_below .and. norm > limit)
+         end if
          if (k == 0) exit
-         if (.not. norm(k) > limit) exit
          is_below(k) = .false.
          left(:, k) = left(:, k)/norm(k)
          do j = 1, size(norm)

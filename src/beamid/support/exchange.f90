@@ -37,6 +37,8 @@ module beamid_exchange
       !> Path of a file with the text, in the same file system; it is moved. Not allocated: `text`
       !> holds the text.
       character(len=:), allocatable :: path
+      !> whether the text is that of a user, who may write what is no number
+      logical :: is_quoted = .false.
    end type named_text_t
 
    !> Prefixes of names in the temporary folder.

@@ -35,10 +35,14 @@ module beamid_outputs
 contains
 
    !> Adds a file; if the name was added before, replaces its text.
-   subroutine add(self, name, text)
+   !>
+   !> name, text  name of the file inside the output folder, and its whole text
+   !> is_quoted   whether the text is that of a user, which `check_finite` does not read; default:
+   !>             .false.
+   subroutine add(self, name, text, is_quoted)
       class(output_t), intent(inout) :: self
-      !> Name of the file inside the output folder, and its whole text.
       character(len=*), intent(in) :: name, text
+      logical, intent(in), optional :: is_quoted
       type(named_text_t), allocatable :: more(:)
       integer :: i
 
@@ -53,6 +57,7 @@ contains
          call move_alloc(more, self%files)
       end if
       self%files(i)%text = text
+      if (present(is_quoted)) self%files(i)%is_quoted = is_quoted
    end subroutine add
 
    !> Adds a file that may be too large to be held in memory.
@@ -137,8 +142,7 @@ contains
 
       if (.not. allocated(self%files)) return
       do i = 1, size(self%files)
-         ! The copy of the case holds the words of its author.
-         if (self%files(i)%name == 'case.txt') cycle
+         if (self%files(i)%is_quoted) cycle
          do k = 1, size(forms)
             if (.not. has_field(self%files(i)%text, trim(forms(k)))) cycle
             call failure(error, self%files(i)%name//' would hold a number that is not finite: '// &

@@ -3,7 +3,7 @@
 module beamid_case_fits
    use beamid_case_files, only: case_t
    use beamid_cases, only: load_experiments, scored_samples
-   use beamid_damage_regions, only: find_soft_region
+   use beamid_damage_regions, only: judge_shape_of_dip
    use beamid_drifts, only: default_windows, drift_t, find_drifts
    use beamid_errors, only: error_t, locate
    use beamid_experiments, only: experiment_t
@@ -20,9 +20,9 @@ module beamid_case_fits
    use beamid_responses, only: is_exact
    use beamid_score_tests, only: score_test_t, test_candidates
    use beamid_strings, only: to_text
-   use beamid_structure, only: is_coefficient, of_d_D, of_w_D, of_x_D
+   use beamid_structure, only: is_coefficient, of_x_D
    use beamid_unknowns, only: stage_t
-   use beamid_verdicts, only: gross_for_dip, new_verdict, verdict_t
+   use beamid_verdicts, only: new_verdict, verdict_t
    use beamid_window_fits, only: fit_windows, window_fit_t
    implicit none
    private
@@ -81,8 +81,8 @@ contains
       call find_fits(case, meshes, found%experiments, found%fits, found%minima, error, &
          monitor, check)
       case%meshes = meshes
-      if (.not. allocated(error) .and. size(found%scored) > 0) call score_fits(case%model, &
-         case%meshes, found%scored, found%expected, found%fits, error)
+      if (.not. allocated(error)) call score_fits(case%model, meshes, found%scored, &
+         found%expected, found%fits, error)
       call locate(error, case%path)
       call check_interrupt(error)
    end subroutine fit_case
@@ -193,72 +193,12 @@ contains
                if (hint /= '') found%verdict%no_fit = found%verdict%no_fit//'; '//hint
             end if
             if (found%verdict%caution /= '') last%statistics%determined = .false.
-            call object_to_dip(found%verdict, last, hint)
-            call withdraw_dip(case, found%experiments, found%verdict%misfit, hint, last)
+            call judge_shape_of_dip(case%model, mesh, found%experiments, found%verdict, last)
          end if
       end associate
       call locate(error, case%path)
       call check_interrupt(error)
    end subroutine judge_fit
-
-   !> Describes what shows that a model with a dip does not explain the records.
-   !>
-   !> reason  '': nothing
-   subroutine object_to_dip(verdict, fit, reason)
-      type(verdict_t), intent(in) :: verdict
-      type(stage_fit_t), intent(in) :: fit
-      character(len=:), allocatable, intent(out) :: reason
-      real(wp), parameter :: improbable = 0.01_wp, near = 1e-3_wp
-      integer :: k
-
-      reason = ''
-      if (verdict%misfit > gross_for_dip) then
-         reason = 'the residuals are '//to_text(anint(10*verdict%misfit)/10)//' times the noise'
-      else if (verdict%departures /= '') then
-         reason = 'the residuals exceed the noise around '//verdict%departures
-      else if (fit%check%probability < improbable) then
-         k = findloc(fit%free, of_w_D, dim=1)
-         if (k == 0) return
-         associate (w => fit%quantities(k))
-            if (w%searched < (1 + near)*w%lower) reason = &
-               'its width is the least that the mesh allows, and the residuals are not white'
-         end associate
-      end if
-   end subroutine object_to_dip
-
-   !> Withdraws the estimates of a dip if the model with this dip does not explain the records, and
-   !> tells where E(x) is low instead. Changes nothing without a reason, without a dip, or if the
-   !> place of the dip is not determined anyway and the residuals are near the noise.
-   !>
-   !> misfit  ratio of residuals to noise
-   !> reason  what shows that the records are not explained; '': nothing
-   !> fit     on return without intervals of the dip, and with the reason in `other`
-   subroutine withdraw_dip(case, experiments, misfit, reason, fit)
-      type(case_t), intent(in) :: case
-      type(experiment_t), intent(in) :: experiments(:)
-      real(wp), intent(in) :: misfit
-      character(len=*), intent(in) :: reason
-      type(stage_fit_t), intent(inout) :: fit
-      real(wp), allocatable :: region(:)
-      integer :: k
-
-      k = findloc(fit%free, of_x_D, dim=1)
-      if (k == 0 .or. reason == '') return
-      if (misfit <= gross_for_dip .and. fit%statistics%is_withdrawn(k)) return
-      call find_soft_region(case%model, case%meshes(size(case%meshes)), experiments, fit, &
-         min(1.0_wp, gross_for_dip/misfit), region)
-      fit%other = 'something is there, but not a dip of this shape: '//reason
-      if (size(region) == 2) then
-         fit%other = fit%other//'; a smooth E(x) that fits as well is lowest from '// &
-            to_text(region(1))//' to '//to_text(region(2))
-      else
-         fit%other = fit%other//'; a smooth E(x) does not show where either'
-      end if
-      fit%statistics%determined = .false.
-      do k = 1, size(fit%free)
-         if (any(fit%free(k) == [of_x_D, of_w_D, of_d_D])) call fit%statistics%withdraw(k)
-      end do
-   end subroutine withdraw_dip
 
    !> Fits a case again without the parameters that rest on modes which are not seen.
    !>
@@ -350,6 +290,8 @@ contains
       call move_alloc(case%stages, asked)
       call move_alloc(stages, case%stages)
       call find_fits(case, meshes, found%experiments, fits, minima, error, monitor)
+      if (.not. allocated(error)) call score_fits(case%model, meshes, found%scored, &
+         found%expected, fits, error)
       accepted = .not. allocated(error)
       if (accepted) accepted = fits(1, size(fits, 2))%doubt == ''
       if (accepted) then
@@ -393,7 +335,6 @@ contains
       type(error_t), allocatable, intent(out) :: error
       type(score_test_t), allocatable :: tests(:)
       type(error_t), allocatable :: failed
-      character(len=:), allocatable :: reason
       integer :: k
 
       call test_candidates(case%model, case%meshes(size(case%meshes)), found%experiments, &
@@ -407,9 +348,8 @@ contains
          end do
          k = findloc(found%tests%matters, .true., dim=1)
          if (k == 0) return
-         call object_to_dip(found%verdict, last, reason)
-         if (reason == '') call withdraw_dip(case, found%experiments, found%verdict%misfit, &
-            'the records ask for another '//trim(found%tests(k)%name), last)
+         call judge_shape_of_dip(case%model, case%meshes(size(case%meshes)), found%experiments, &
+            found%verdict, last, missing=trim(found%tests(k)%name))
       end associate
    end subroutine add_score_tests
 
