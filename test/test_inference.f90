@@ -293,9 +293,10 @@ contains
       call check('a long tail: nothing drawn', .not. allocated(posterior%draws%q))
    end subroutine test_tail
 
-   !> How many of so many records have the truth inside their intervals. 2,000: 95 % are known to .5
-   !> %, three of them either way; c_D lies one or two standard errors above its bound, where an
-   !> interval that is right covers more. 100 records of every day: 95 % to 2.2 %.
+   !> Counts the records whose intervals hold the true value. In the long run 2,000 records know a
+   !> coverage of 95 % with a standard deviation of .5 %, in the daily run 40 records with 3.4 %;
+   !> three of these are allowed either way. c_D lies one or two standard errors above its bound 0,
+   !> where a correct interval covers more than 95 %.
    subroutine test_coverage()
       type(experiment_t) :: experiments(1)
       type(stage_fit_t) :: found
@@ -304,7 +305,7 @@ contains
       real(wp) :: noise(samples), sd, x(2000), rate(4, 3), room
       integer :: inside(4, 3), p, r, records, used
 
-      records = merge(2000, 100, in_long_run())
+      records = merge(2000, 40, in_long_run())
       sd = 0.02_wp*norm2(clean%acceleration)/sqrt(real(samples, wp))
       inside = 0
       used = 0
@@ -328,7 +329,7 @@ contains
       end do
       call check('coverage: every record', used == records, to_text(used))
       rate = real(inside, wp)/max(used, 1)
-      room = merge(0.015_wp, 0.066_wp, in_long_run())
+      room = merge(0.015_wp, 0.103_wp, in_long_run())
       do p = 2, 4
          call check_close(names(p)//': profile', rate(p, 2), 0.95_wp, room)
          call check_close(names(p)//': posterior', rate(p, 3), 0.95_wp, room)
