@@ -7,24 +7,20 @@ module beamid_commands
    use beamid
    use beamid_case_fits, only: add_score_tests, case_fit_t, fit_case, judge_case, load_case
    use beamid_case_inferences, only: case_inference_t, infer
-   use beamid_cases, only: can_be_fitted, needs_design, plan_experiments
-   use beamid_design_reports, only: design_summary, design_table
+   use beamid_case_runs, only: case_modes_t, design_case, modes_of_case, planned_t, &
+      prepare_design, prepare_modes, prepare_simulation, simulate_case, simulated_t
    use beamid_errors, only: locate
    use beamid_files, only: read_text
-   use beamid_fit_reports, only: add_modes_of_fits, report_fit
+   use beamid_fit_reports, only: report_fit
    use beamid_inference_outputs, only: report_inferences
    use beamid_interrupts, only: check_interrupt
-   use beamid_mode_summaries, only: modes_summary
    use beamid_outputs, only: output_t
    use beamid_paths, only: join_path
-   use beamid_shape_tables, only: add_shapes
-   use beamid_simulation, only: simulate_converged
+   use beamid_run_reports, only: report_design, report_modes, report_simulation
    use beamid_sorting, only: median
    use beamid_strings, only: string_t, to_text
-   use beamid_summaries, only: response_summary
-   use beamid_tables, only: add_modes, labels_table, modes_header, record_table, response_table
    use beamid_terminal, only: new_progress, print_text, progress_t, tell
-   use beamid_texts, only: text_t, wrapped
+   use beamid_texts, only: wrapped
    implicit none
    private
 
@@ -145,45 +141,16 @@ contains
       type(settings_t), intent(in) :: settings
       type(error_t), allocatable, intent(out) :: error
       type(case_t) :: case
-      type(simulation_t), allocatable :: simulations(:)
+      type(simulated_t) :: simulated
       type(output_t) :: output
-      type(text_t) :: summary
-      real(wp), allocatable :: times(:)
-      real(wp) :: remaining
-      integer, allocatable :: elements(:)
-      integer :: k
-      logical :: converged
+      character(len=:), allocatable :: summary
 
-      call read_case(settings%subject, needs_response, case, error)
+      call read_case(settings%subject, needs_nothing, case, error)
+      if (.not. allocated(error)) call prepare_simulation(case, simulated, error)
+      if (.not. allocated(error)) call simulate_case(case, simulated, error)
       if (allocated(error)) return
-      call sample_times(case, times, error)
-      if (allocated(error)) return
-      allocate (simulations(size(case%meshes)))
-      converged = .true.
-      do k = 1, size(case%meshes)
-         if (case%refines) then
-            call simulate_converged(case%model, times, case%noise_sd, case%meshes(k), &
-               simulations(k), remaining, converged, error)
-         else
-            call simulate(case%model, case%meshes(k), times, simulations(k), error)
-         end if
-         call locate(error, case%path//': elements = '//to_text(case%meshes(k)%elements))
-         if (allocated(error)) return
-      end do
-      elements = case%meshes%elements
-      call output%add('response.csv', response_table(elements, simulations))
-      ! The record is in the units of the sensor: `identify` undoes scale and offset.
-      associate (recording => case%recordings(1), last => simulations(size(simulations)))
-         call output%add('record.csv', record_table(times, (last%acceleration + &
-            gaussian_noise(size(times), case%noise_sd, case%noise_seed))/recording%scale &
-            + recording%offset))
-      end associate
-      call output%add('labels.csv', labels_table(case%units))
-      if (.not. converged) call summary%line('warning: mesh: from '//to_text(elements(1)/2)// &
-         ' to '//to_text(elements(1))//' elements the acceleration still changes by '// &
-         to_text(remaining)//' rms')
-      call summary%add(response_summary(case, simulations))
-      call deliver(output, summary%content(), settings, case%name, error, case%recordings)
+      call report_simulation(case, simulated, output, summary)
+      call deliver(output, summary, settings, case%name, error, case%recordings)
    end subroutine run_simulate
 
    !> Runs `beamid modes`: computes the natural modes of the structure and, if the case can be
@@ -192,71 +159,21 @@ contains
       type(settings_t), intent(in) :: settings
       type(error_t), allocatable, intent(out) :: error
       type(case_t) :: case
-      type(galerkin_t), target :: galerkin
-      type(equations_t) :: equations
-      type(excitation_t) :: still
-      type(output_t) :: output
-      type(text_t) :: table, summary
-      real(wp), allocatable :: omega(:), shapes(:, :)
-      complex(wp), allocatable :: roots(:)
-      integer :: k
-
-      call read_case(settings%subject, needs_modes, case, error)
-      if (allocated(error)) return
-      still = new_pulse(0.0_wp, 1.0_wp)
-      call table%line(modes_header)
-      call summary%line(case%name//': natural modes')
-      do k = 1, size(case%meshes)
-         galerkin = galerkin_of(case%meshes(k), case%model%structure)
-         equations = new_equations(galerkin, case%model%structure, still)
-         call undamped_modes(equations, omega, shapes, error)
-         if (.not. allocated(error)) call damped_roots(equations, roots, error)
-         call locate(error, case%path//': elements = '//to_text(case%meshes(k)%elements))
-         if (allocated(error)) return
-         call add_modes(table, case%meshes(k)%elements, roots)
-         if (k == size(case%meshes)) call add_shapes(output, case%model%structure, &
-            case%meshes(k), roots, summary)
-         call summary%line()
-         call modes_summary(summary, case, case%meshes(k)%elements, omega, roots)
-      end do
-      call output%add('modes.csv', table%content())
-      if (can_be_fitted(case)) call add_fit_of_modes(case, settings%quiet, summary, output)
-      call deliver(output, summary%content(), settings, case%name, error, case%recordings)
-   end subroutine run_modes
-
-   !> Adds the modes of the fitted structure with intervals, if the fit succeeds. If it fails, the
-   !> summary says why; this is not an error, because the modes of the declared structure are known.
-   subroutine add_fit_of_modes(case, quiet, summary, output)
-      type(case_t), intent(in) :: case
-      logical, intent(in) :: quiet
-      type(text_t), intent(inout) :: summary
-      type(output_t), intent(inout) :: output
-      type(case_t) :: exact
-      type(stage_fit_t), allocatable :: fits(:, :)
-      type(experiment_t), allocatable :: experiments(:)
-      character(len=note_length), allocatable :: notes(:)
-      type(fitted_mode_t), allocatable :: modes(:)
+      type(case_modes_t) :: found
       type(progress_t) :: progress
-      type(error_t), allocatable :: error
-      type(text_t) :: table
+      type(output_t) :: output
+      character(len=:), allocatable :: summary
 
-      progress = new_progress(quiet)
-      exact = case
-      deallocate (exact%model%solver)
-      allocate (modal_t :: exact%model%solver)
-      call load_experiments(exact, experiments, notes, error)
-      if (.not. allocated(error)) call identify_meshes(exact%model, exact%meshes, exact%stages, &
-         experiments, fits, error, progress)
+      call read_case(settings%subject, needs_nothing, case, error)
+      if (.not. allocated(error)) call prepare_modes(case, found, error)
+      if (allocated(error)) return
+      progress = new_progress(settings%quiet)
+      call modes_of_case(case, found, error, progress)
       call progress%finish()
-      call summary%line()
-      if (.not. allocated(error)) call add_modes_of_fits(exact, fits, summary, table, &
-         modes, error)
-      if (allocated(error)) then
-         call summary%line('no intervals: '//error%message)
-         return
-      end if
-      call output%add('modes_fitted.csv', table%content())
-   end subroutine add_fit_of_modes
+      if (allocated(error)) return
+      call report_modes(case, found, output, summary)
+      call deliver(output, summary, settings, case%name, error, case%recordings)
+   end subroutine run_modes
 
    !> Runs `beamid design`: predicts the standard errors that candidate experiments would give, with
    !> the exact solver on the last mesh of the case, whatever solver the case names.
@@ -264,26 +181,17 @@ contains
       type(settings_t), intent(in) :: settings
       type(error_t), allocatable, intent(out) :: error
       type(case_t) :: case
-      type(box_t) :: box
-      type(experiment_t), allocatable :: experiments(:)
+      type(planned_t) :: planned
       type(designs_t) :: designs
       type(output_t) :: output
+      character(len=:), allocatable :: summary
 
-      call read_case(settings%subject, needs_design, case, error)
-      if (.not. allocated(error)) call plan_experiments(case, box, experiments, error)
+      call read_case(settings%subject, needs_nothing, case, error)
+      if (.not. allocated(error)) call prepare_design(case, planned, error)
+      if (.not. allocated(error)) call design_case(case, planned, designs, error)
       if (allocated(error)) return
-      deallocate (case%model%solver)
-      allocate (modal_t :: case%model%solver)
-      associate (mesh => case%meshes(size(case%meshes)))
-         call compare_designs(case%model, mesh, case%stages(size(case%stages)), experiments, &
-            box, designs, error)
-         call locate(error, case%path//':'//to_text(case%design_line)//': &design')
-         if (allocated(error)) return
-         call output%add('design.csv', design_table(designs))
-         call output%add('labels.csv', labels_table(case%units))
-         call deliver(output, design_summary(case, mesh%elements, designs), settings, case%name, &
-            error, case%recordings)
-      end associate
+      call report_design(case, designs, output, summary)
+      call deliver(output, summary, settings, case%name, error, case%recordings)
    end subroutine run_design
 
    !> Writes all outputs to the output folder, all or none, and then prints the summary.

@@ -7,16 +7,15 @@ module beamid_ensemble
    use beamid, only: case_t, error_t, failure, needs_nothing, read_case, version, wp
    use beamid_case_files, only: add_case
    use beamid_commands, only: deliver, folder_of, settings_t
-   use beamid_ensemble_reports, only: merge_shards, tally_t
-   use beamid_ensembles, only: ensemble_maker_t, member_t, new_ensemble
+   use beamid_ensemble_reports, only: merge_shards, report_ensemble, tally_t
+   use beamid_ensembles, only: ensemble_maker_t, member_t, new_ensemble, run_members
    use beamid_errors, only: bad_input, locate
    use beamid_fingerprints, only: fingerprint_length, fingerprint_t
    use beamid_fleet_reports, only: add_fleet, recall_fleet
-   use beamid_fleets, only: fit_fleet_case, fleet_case_t, fleet_fit_t, judge_fleet_case, &
-      open_fleet_case, read_fleet
+   use beamid_fleets, only: fleet_case_t, read_fleet, run_fleet
    use beamid_folders, only: lock_folder, make_folders, open_folder
-   use beamid_interrupts, only: check_interrupt, stop_flag
-   use beamid_member_rows, only: add_member
+   use beamid_interrupts, only: check_interrupt
+   use beamid_member_rows, only: rows_of
    use beamid_numbers, only: shown
    use beamid_outputs, only: output_t
    use beamid_paths, only: join_path
@@ -24,7 +23,7 @@ module beamid_ensemble
    use beamid_refusals, only: refuse
    use beamid_shards, only: gaps, list_shards, range_of_members_t, remove_damaged, remove_shards, &
       shard_path, temporary_path, write_shard
-   use beamid_strings, only: string_t, to_text
+   use beamid_strings, only: to_text
    use beamid_terminal, only: new_progress, print_text, progress_t, tell
    use beamid_texts, only: text_t
    implicit none
@@ -254,11 +253,7 @@ contains
          do while (block%first <= missing(k)%last .and. .not. allocated(error))
             block%last = min(block%last, missing(k)%last)
             call system_clock(begin, rate)
-            if (associated(run%fleet)) then
-               call run_fleet_block(run%fleet, block, rows, error)
-            else
-               call run_block(run%maker, block, rows)
-            end if
+            call run_block(run, block, rows, error)
             call check_interrupt(error)
             if (.not. allocated(error)) then
                code = write_shard(run%shards, run%fingerprint, block, rows)
@@ -286,79 +281,26 @@ contains
          *members/seconds))
    end function next_size
 
-   !> Computes the members of a block from random records, with all threads.
-   subroutine run_block(maker, block, rows)
-      type(ensemble_maker_t), intent(in) :: maker
-      type(range_of_members_t), intent(in) :: block
-      character(len=:), allocatable, intent(out) :: rows
-      type(string_t), allocatable :: parts(:)
-      type(member_t) :: member
-      integer :: k
-
-      allocate (parts(block%first:block%last))
-      !$omp parallel do schedule(dynamic, 1) private(member) copyin(stop_flag)
-      do k = block%first, block%last
-         call maker%run_member(k, member)
-         parts(k)%text = ''
-         call add_member(parts(k)%text, k, member)
-      end do
-      !$omp end parallel do
-      call join(parts, rows)
-   end subroutine run_block
-
-   !> Fits the listed cases of a block. Only the fits run in parallel: the procedures that read and
-   !> judge the cases have functions that return text.
-   !>
-   !> error  a file has changed since the fingerprint of the fleet was taken
-   subroutine run_fleet_block(fleet, block, rows, error)
-      type(fleet_case_t), intent(inout) :: fleet(:)
+   !> Computes the members of a block, and returns their rows.
+   subroutine run_block(run, block, rows, error)
+      type(ensemble_run_t), intent(inout) :: run
       type(range_of_members_t), intent(in) :: block
       character(len=:), allocatable, intent(out) :: rows
       type(error_t), allocatable, intent(out) :: error
-      character(len=fingerprint_length), allocatable :: expected(:)
-      type(fleet_fit_t), allocatable :: fits(:)
-      type(string_t), allocatable :: parts(:)
-      integer, allocatable :: new(:)   ! places of the cases that have to be fitted
+      type(member_t), allocatable :: members(:)
       integer :: k
 
-      expected = fleet%fingerprint
-      new = pack([(k, k=block%first, block%last)], &
-         .not. fleet(block%first:block%last)%is_as_before)
-      allocate (fits(size(new)), parts(block%first:block%last))
-      do k = 1, size(new)
-         call open_fleet_case(fleet(new(k)), fits(k))
-      end do
-      !$omp parallel do schedule(dynamic, 1) copyin(stop_flag)
-      do k = 1, size(new)
-         call fit_fleet_case(fits(k))
-      end do
-      !$omp end parallel do
-      do k = 1, size(new)
-         call judge_fleet_case(fleet(new(k)), fits(k))
-         if (fleet(new(k))%fingerprint /= expected(new(k))) call failure(error, &
-            fleet(new(k))%path//': the case or a file that it names has changed since this run '// &
-            'began; run it again')
-      end do
-      do k = block%first, block%last
-         if (fleet(k)%is_as_before) fleet(k)%member%rows = fleet(k)%before
-         parts(k)%text = ''
-         call add_member(parts(k)%text, k, fleet(k)%member)
-      end do
-      call join(parts, rows)
-   end subroutine run_fleet_block
-
-   !> Joins the rows of several members to one text.
-   subroutine join(parts, rows)
-      type(string_t), intent(in) :: parts(:)
-      character(len=:), allocatable, intent(out) :: rows
-      type(text_t) :: text
-      integer :: k
-
-      do k = 1, size(parts)
-         call text%add(parts(k)%text)
-      end do
-      rows = text%content()
-   end subroutine join
+      allocate (members(block%first:block%last))
+      if (associated(run%fleet)) then
+         call run_fleet(run%fleet(block%first:block%last), error)
+         do k = block%first, block%last
+            members(k) = run%fleet(k)%member
+         end do
+      else
+         call run_members(run%maker, block%first, members)
+      end if
+      rows = rows_of(members, block%first)
+   end subroutine run_block
 
    !> Writes the tables and the summary of a complete ensemble, and removes its shards.
    subroutine finish(case, run, shards, settings, error)
@@ -375,16 +317,9 @@ contains
       path = temporary_path(join_path(run%shards, 'members-all.csv'))
       call merge_shards(run%shards, run%fingerprint, shards, run%members, path, tally, error)
       if (allocated(error)) return
-      if (tally%failures == tally%members) then
-         call failure(error, case%path//': every member failed; '//tally%first_failure)
-         return
-      end if
-      call summary%line(case%name//': ensemble of '//to_text(run%members)//' members, '// &
-         case%ensemble%command)
-      call summary%line()
-      call tally%add_to(summary)
+      call report_ensemble(case, tally, output, summary, error)
+      if (allocated(error)) return
       call output%add_file('members.csv', path)
-      call output%add('ensemble.csv', tally%table())
       if (associated(run%fleet)) call add_fleet(run%fleet, path, settings%only_new, output, &
          summary, error)
       if (allocated(error)) return

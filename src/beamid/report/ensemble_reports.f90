@@ -3,11 +3,13 @@
 !> so that the memory needed does not grow with the number of members.
 module beamid_ensemble_reports
    use, intrinsic :: iso_c_binding, only: c_int, c_null_char
+   use beamid_case_files, only: case_t
    use beamid_ensemble_rows, only: row_t
    use beamid_errors, only: error_t, failure
    use beamid_kinds, only: ip, wp
    use beamid_lines, only: known
    use beamid_member_rows, only: members_header, read_row, whole_number
+   use beamid_outputs, only: output_t
    use beamid_posix, only: c_close, c_creat, c_fsync, c_unlink, errno_of, last_errno, reason, &
       write_bytes
    use beamid_shards, only: range_of_members_t, read_shard, shard_path
@@ -18,7 +20,7 @@ module beamid_ensemble_reports
    implicit none
    private
 
-   public :: tally_t, merge_shards
+   public :: tally_t, merge_shards, report_ensemble
 
    !> Header of ensemble.csv.
    character(len=*), parameter :: ensemble_header = 'elements,parameter,members,mean,'// &
@@ -236,6 +238,28 @@ contains
       call summary%line('bias: mean of estimate - truth; truth inside: how many 95 % intervals '// &
          'hold it')
    end subroutine add_to
+
+   !> Reports an ensemble: ensemble.csv and the summary.
+   !>
+   !> tally  the statistics of all members
+   !> error  every member has failed
+   subroutine report_ensemble(case, tally, output, summary, error)
+      type(case_t), intent(in) :: case
+      type(tally_t), intent(in) :: tally
+      type(output_t), intent(inout) :: output
+      type(text_t), intent(inout) :: summary
+      type(error_t), allocatable, intent(out) :: error
+
+      if (tally%failures == tally%members) then
+         call failure(error, case%path//': every member failed; '//tally%first_failure)
+         return
+      end if
+      call summary%line(case%name//': ensemble of '//to_text(tally%members)//' members, '// &
+         case%ensemble%command)
+      call summary%line()
+      call tally%add_to(summary)
+      call output%add('ensemble.csv', tally%table())
+   end subroutine report_ensemble
 
    !> Merges shards to one file with the rows of each member once, and adds up the statistics.
    !>

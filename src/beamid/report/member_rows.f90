@@ -9,11 +9,11 @@ module beamid_member_rows
    use beamid_numbers, only: parse_number, shown
    use beamid_statistics, only: unlimited
    use beamid_strings, only: to_text
-   use beamid_texts, only: next_line
+   use beamid_texts, only: next_line, text_t
    implicit none
    private
 
-   public :: add_member, read_members, read_row, whole_number
+   public :: add_member, read_members, read_row, rows_of, whole_number
 
    !> Header of members.csv.
    character(len=*), parameter, public :: members_header = 'member,status,message,elements,'// &
@@ -24,8 +24,7 @@ module beamid_member_rows
 
 contains
 
-   !> Appends the rows of one member. It is called in threads, in which no function may return text
-   !> of deferred length.
+   !> Appends the rows of one member.
    !>
    !> text  rows of the table
    !> k     number of the member
@@ -89,6 +88,25 @@ contains
       end subroutine add_field
 
    end subroutine add_member
+
+   !> Returns the rows of several members.
+   !>
+   !> first  number of the first of them
+   function rows_of(members, first) result(rows)
+      type(member_t), intent(in) :: members(:)
+      integer, intent(in) :: first
+      character(len=:), allocatable :: rows
+      type(text_t) :: text
+      character(len=:), allocatable :: part
+      integer :: k
+
+      do k = 1, size(members)
+         part = ''
+         call add_member(part, first + k - 1, members(k))
+         call text%add(part)
+      end do
+      rows = text%content()
+   end function rows_of
 
    !> Reads one row.
    !>

@@ -130,7 +130,8 @@ contains
 
    end subroutine read_groups
 
-   !> Returns the grid of sample times of the first &record, for a response without a recording.
+   !> Returns the sample times of a response: those of the first record if it is in memory, or its
+   !> grid.
    !>
    !> times  (m) ascending [time]
    !> error  an invalid grid, or a time step of the difference formulas that it cannot resolve
@@ -139,7 +140,11 @@ contains
       real(wp), allocatable, intent(out) :: times(:)
       type(error_t), allocatable, intent(out) :: error
 
-      call grid_times(case, case%recordings(1), times, error)
+      if (allocated(case%recordings(1)%t)) then
+         times = case%recordings(1)%t
+      else
+         call grid_times(case, case%recordings(1), times, error)
+      end if
       if (.not. allocated(error)) call check_delta(case, times, error)
    end subroutine sample_times
 

@@ -12,6 +12,7 @@ module beamid_ensembles
    use beamid_experiments, only: experiment_t, prepare_experiment, prepared_experiment_t
    use beamid_galerkin, only: mesh_t
    use beamid_identification, only: stage_fit_t
+   use beamid_interrupts, only: stop_flag
    use beamid_kinds, only: ip, wp
    use beamid_linear_unknowns, only: linear_t
    use beamid_modal, only: modal_t
@@ -28,7 +29,7 @@ module beamid_ensembles
    implicit none
    private
 
-   public :: ensemble_maker_t, member_t, new_ensemble
+   public :: ensemble_maker_t, member_t, new_ensemble, run_members
 
    !> Result of one member.
    type :: member_t
@@ -157,6 +158,23 @@ contains
       end if
       if (allocated(error)) call move_alloc(error%message, member%message)
    end subroutine run_member
+
+   !> Runs a block of members with all threads.
+   !>
+   !> first    number of the first member
+   !> members  the members, from `first` on
+   subroutine run_members(maker, first, members)
+      class(ensemble_maker_t), intent(in) :: maker
+      integer, intent(in) :: first
+      type(member_t), intent(inout) :: members(:)
+      integer :: k
+
+      !$omp parallel do schedule(dynamic, 1) copyin(stop_flag)
+      do k = 1, size(members)
+         call maker%run_member(first + k - 1, members(k))
+      end do
+      !$omp end parallel do
+   end subroutine run_members
 
    !> Returns whether the command needs records; `modes` needs the beam alone.
    pure logical function needs_records(case)

@@ -10,6 +10,7 @@ module beamid_fleets
    use beamid_errors, only: bad_input, error_t, failure
    use beamid_files, only: read_text
    use beamid_fingerprints, only: fingerprint_length, fingerprint_t
+   use beamid_interrupts, only: stop_flag
    use beamid_kinds, only: ip, wp
    use beamid_parameters, only: name_of_parameter
    use beamid_paths, only: directory_of, join_path
@@ -19,8 +20,7 @@ module beamid_fleets
    implicit none
    private
 
-   public :: fleet_case_t, fleet_fit_t, read_fleet, fit_fleet_case, judge_fleet_case, moved, &
-      open_fleet_case
+   public :: fleet_case_t, fleet_fit_t, read_fleet, run_fleet, open_fleet_case, moved
 
    !> One case of the list.
    type :: fleet_case_t
@@ -84,6 +84,42 @@ contains
          if (pass == 1) allocate (fleet(n))
       end do
    end subroutine read_fleet
+
+   !> Fits a block of listed cases; those with earlier results of the same files keep them. Only the
+   !> fits run in parallel: the procedures that read and judge the cases have functions that return
+   !> text.
+   !>
+   !> fleet  the block; on return with the component `member`
+   !> error  a file has changed since the fingerprint of the fleet was taken
+   subroutine run_fleet(fleet, error)
+      type(fleet_case_t), intent(inout) :: fleet(:)
+      type(error_t), allocatable, intent(out) :: error
+      character(len=fingerprint_length), allocatable :: expected(:)
+      type(fleet_fit_t), allocatable :: fits(:)
+      integer, allocatable :: new(:)   ! places of the cases that have to be fitted
+      integer :: k
+
+      expected = fleet%fingerprint
+      new = pack([(k, k=1, size(fleet))], .not. fleet%is_as_before)
+      allocate (fits(size(new)))
+      do k = 1, size(new)
+         call open_fleet_case(fleet(new(k)), fits(k))
+      end do
+      !$omp parallel do schedule(dynamic, 1) copyin(stop_flag)
+      do k = 1, size(new)
+         call fit_fleet_case(fits(k))
+      end do
+      !$omp end parallel do
+      do k = 1, size(new)
+         call judge_fleet_case(fleet(new(k)), fits(k))
+         if (fleet(new(k))%fingerprint /= expected(new(k))) call failure(error, &
+            fleet(new(k))%path//': the case or a file that it names has changed since this run '// &
+            'began; run it again')
+      end do
+      do k = 1, size(fleet)
+         if (fleet(k)%is_as_before) fleet(k)%member%rows = fleet(k)%before
+      end do
+   end subroutine run_fleet
 
    !> Reads a case and its records, and sets its start values to the estimates before, if any.
    !>
