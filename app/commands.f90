@@ -183,12 +183,16 @@ contains
       type(case_t) :: case
       type(planned_t) :: planned
       type(designs_t) :: designs
+      type(progress_t) :: progress
       type(output_t) :: output
       character(len=:), allocatable :: summary
 
       call read_case(settings%subject, needs_nothing, case, error)
       if (.not. allocated(error)) call prepare_design(case, planned, error)
-      if (.not. allocated(error)) call design_case(case, planned, designs, error)
+      if (allocated(error)) return
+      progress = new_progress(settings%quiet)
+      call design_case(case, planned, designs, error, progress)
+      call progress%finish()
       if (allocated(error)) return
       call report_design(case, designs, output, summary)
       call deliver(output, summary, settings, case%name, error, case%recordings)

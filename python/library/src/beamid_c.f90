@@ -19,6 +19,7 @@ module beamid_c
       new_handle, outcome_t, problem_t
    use beamid_c_responses, only: beamid_respond
    use beamid_c_results, only: beamid_array, beamid_groups, beamid_text
+   use beamid_c_runs, only: beamid_run
    use beamid_case_checks, only: check_needs
    use beamid_case_files, only: case_t
    use beamid_case_fits, only: add_mesh_shifts, add_score_tests, fit_case, judge_case, load_case
@@ -38,7 +39,8 @@ module beamid_c
    private
 
    public :: beamid_watch_forks, beamid_begin, beamid_end, beamid_open, beamid_close, beamid_fit, &
-      beamid_judge, beamid_infer, beamid_respond, beamid_array, beamid_text, beamid_groups
+      beamid_judge, beamid_infer, beamid_respond, beamid_run, beamid_array, beamid_text, &
+      beamid_groups
 
 contains
 

@@ -39,7 +39,8 @@ module beamid_c_handles
       logical :: is_for_fits = .false.    !< opened for fits, not for responses
    end type problem_t
 
-   !> A fit of a case.
+   !> A fit of a case, or the results of another command (`beamid_run`), which are tables and a
+   !> summary alone.
    type :: outcome_t
       type(case_t) :: case                          !< the case as it was fitted
       type(case_fit_t) :: found                     !< all fits of the case, and the verdict
@@ -48,6 +49,7 @@ module beamid_c_handles
       character(len=:), allocatable :: summary, intervals
       real(wp), allocatable :: modes(:, :)          !< modes with the columns of `beamid_array`
    contains
+      procedure :: has_fit
       procedure :: last_fit
    end type outcome_t
 
@@ -183,11 +185,15 @@ contains
    end subroutine borrow_problem
 
    !> Borrows the fit of a handle, which no other call may use.
-   subroutine borrow_outcome(handle, outcome, error)
+   !>
+   !> or_results  whether the results of `beamid_run` will do as well; default: .false.
+   subroutine borrow_outcome(handle, outcome, error, or_results)
       integer(c_int64_t), intent(in) :: handle
       type(outcome_t), pointer, intent(out) :: outcome
       type(error_t), allocatable, intent(out) :: error
+      logical, intent(in), optional :: or_results
       class(*), pointer :: item
+      logical :: is_accepted
       character(len=*), parameter :: what = 'a fit'
 
       outcome => null()
@@ -198,15 +204,30 @@ contains
       class default
          call give_back(handle)
          call bad_input(error, 'found the handle of a case, expected '//what)
+         return
       end select
+      is_accepted = outcome%has_fit()
+      if (present(or_results)) is_accepted = is_accepted .or. or_results
+      if (is_accepted) return
+      outcome => null()
+      call give_back(handle)
+      call bad_input(error, 'found the results of a command, expected '//what)
    end subroutine borrow_outcome
 
-   !> Returns the fit of the last stage on the last mesh.
+   !> Returns whether this is a fit.
+   pure logical function has_fit(self)
+      class(outcome_t), intent(in) :: self
+
+      has_fit = allocated(self%found%fits)
+   end function has_fit
+
+   !> Returns the fit of the last stage on the last mesh; null if there is no fit.
    function last_fit(self) result(fit)
       class(outcome_t), intent(in), target :: self
       type(stage_fit_t), pointer :: fit
 
-      fit => self%found%fits(size(self%found%fits, 1), size(self%found%fits, 2))
+      fit => null()
+      if (self%has_fit()) fit => self%found%fits(size(self%found%fits, 1), size(self%found%fits, 2))
    end function last_fit
 
 end module beamid_c_handles

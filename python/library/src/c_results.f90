@@ -9,6 +9,7 @@ module beamid_c_results
    use beamid_identification, only: stage_fit_t
    use beamid_kinds, only: wp
    use beamid_statistics, only: unlimited
+   use beamid_texts, only: wrapped
    implicit none
    private
 
@@ -119,7 +120,7 @@ contains
       end do
    end function estimates_of
 
-   !> Copies a text of a fit, as far as there is room.
+   !> Copies a text of a fit, or of the results of `beamid_run`, as far as there is room.
    !>
    !> name    names       names of the estimates, one in each line
    !>         units       units of the estimates, one in each line
@@ -143,43 +144,53 @@ contains
       type(stage_fit_t), pointer :: fit
       character(len=:), allocatable :: content
       type(error_t), allocatable :: error
-      integer :: k
 
       length = 0
-      call borrow_outcome(handle, outcome, error)
+      call borrow_outcome(handle, outcome, error, or_results=.true.)
       if (.not. allocated(error)) then
          !$omp critical (texts_of_beamid)
          content = ''
          fit => outcome%last_fit()
-         associate (found => outcome%found)
-            select case (characters(name))
-            case ('names')
-               do k = 1, size(fit%quantities)
-                  content = content//trim(fit%quantities(k)%name)//new_line('a')
-               end do
-            case ('units')
-               do k = 1, size(fit%quantities)
-                  content = content//outcome%case%units%of_quantity(fit%quantities(k)%parameter, &
-                     fit%scenario%excitations(1))//new_line('a')
-               end do
-            case ('note')
-               if (allocated(fit%note)) content = fit%note
-            case ('summary')
-               if (allocated(outcome%summary)) content = outcome%summary
-            case ('intervals')
-               if (allocated(outcome%intervals)) content = outcome%intervals
-            case ('no_fit')
-               if (allocated(found%verdict%no_fit)) content = found%verdict%no_fit
-            case ('tables'); content = outcome%tables%names()
-            case default; content = outcome%tables%text_of(characters(name))
-            end select
-         end associate
+         select case (characters(name))
+         case ('names', 'units', 'note', 'no_fit')
+            if (associated(fit)) call add_text_of_fit()
+         case ('summary')
+            if (allocated(outcome%summary)) content = wrapped(outcome%summary)
+         case ('intervals')
+            if (allocated(outcome%intervals)) content = wrapped(outcome%intervals)
+         case ('tables'); content = outcome%tables%names()
+         case default; content = outcome%tables%text_of(characters(name))
+         end select
          call copy(content, text)
          length = len(content)
          !$omp end critical (texts_of_beamid)
          call give_back(handle)
       end if
       status = told(error, message)
+
+   contains
+
+      !> Sets a text that only a fit has.
+      subroutine add_text_of_fit()
+         integer :: k
+
+         select case (characters(name))
+         case ('names')
+            do k = 1, size(fit%quantities)
+               content = content//trim(fit%quantities(k)%name)//new_line('a')
+            end do
+         case ('units')
+            do k = 1, size(fit%quantities)
+               content = content//outcome%case%units%of_quantity(fit%quantities(k)%parameter, &
+                  fit%scenario%excitations(1))//new_line('a')
+            end do
+         case ('note')
+            if (allocated(fit%note)) content = fit%note
+         case ('no_fit')
+            if (allocated(outcome%found%verdict%no_fit)) content = outcome%found%verdict%no_fit
+         end select
+      end subroutine add_text_of_fit
+
    end function beamid_text
 
    !> Copies the names of the groups of a case file, one in each line, as far as there is room;

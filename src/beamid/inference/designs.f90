@@ -15,6 +15,7 @@ module beamid_designs
    use beamid_information, only: predict, prediction_t
    use beamid_interrupts, only: check_interrupt, interrupted, stop_flag
    use beamid_kinds, only: wp
+   use beamid_least_squares, only: monitor_t
    use beamid_parameters, only: as_named, free_magnitude, get_free, name_of_parameter
    use beamid_residuals, only: residual_t
    use beamid_simulation, only: model_t
@@ -68,7 +69,7 @@ contains
    !> experiments  (records) the present ones, with sample times, noise and any measured values
    !> box          lists of settings to choose from
    !> error        too many combinations, or a response that cannot be computed
-   subroutine compare_designs(model, mesh, stage, experiments, box, designs, error)
+   subroutine compare_designs(model, mesh, stage, experiments, box, designs, error, monitor)
       type(model_t), intent(in) :: model
       type(mesh_t), intent(in) :: mesh
       type(stage_t), intent(in) :: stage
@@ -76,13 +77,14 @@ contains
       type(box_t), intent(in) :: box
       type(designs_t), intent(out) :: designs
       type(error_t), allocatable, intent(out) :: error
+      class(monitor_t), intent(inout), optional :: monitor
       type(setup_t) :: setup
       type(experiment_t) :: one
       type(window_times_t), allocatable :: windows(:)
       type(share_t), allocatable :: shares(:)
       real(wp), allocatable :: times(:)
       logical :: root_is_free
-      integer :: k, n_F, n_S
+      integer :: finished, k, n_F, n_S
 
       root_is_free = any(stage%free == of_kappa_R)
       call add_present(model, mesh, stage, experiments, root_is_free, box, designs, error)
@@ -104,10 +106,15 @@ contains
       n_S = size(designs%box%x_S)
       n_F = size(designs%box%x_F)
       allocate (shares(size(designs%box%duration)*n_F*n_S))
+      finished = 0
       !$omp parallel do schedule(dynamic, 1) copyin(stop_flag)
       do k = 0, n_F*n_S - 1
          if (interrupted()) cycle
          call compute_shares(setup, designs, k, windows, shares)
+         !$omp critical (one_position_done)
+         finished = finished + 1
+         if (present(monitor)) call monitor%advanced(finished, n_F*n_S, 'positions')
+         !$omp end critical (one_position_done)
       end do
       !$omp end parallel do
       call check_interrupt(error)

@@ -175,14 +175,16 @@ contains
    end subroutine prepare_design
 
    !> Predicts the standard errors that candidate experiments would give, on the last mesh.
-   subroutine design_case(case, planned, designs, error)
+   subroutine design_case(case, planned, designs, error, monitor)
       type(case_t), intent(in) :: case
       type(planned_t), intent(in) :: planned
       type(designs_t), intent(out) :: designs
       type(error_t), allocatable, intent(out) :: error
+      class(monitor_t), intent(inout), optional :: monitor
 
       call compare_designs(case%model, case%meshes(size(case%meshes)), &
-         case%stages(size(case%stages)), planned%experiments, planned%box, designs, error)
+         case%stages(size(case%stages)), planned%experiments, planned%box, designs, error, &
+         monitor)
       call locate(error, case%path//':'//to_text(case%design_line)//': &design')
    end subroutine design_case
 
