@@ -6,6 +6,7 @@ module beamid_c_runs
    use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
    use, intrinsic :: iso_c_binding, only: c_char, c_int, c_int64_t
    use, intrinsic :: iso_fortran_env, only: int64
+   use beamid, only: version
    use beamid_c_calls, only: characters, end_progress, progress_of_call, progress_t, told
    use beamid_c_handles, only: borrow_problem, give_back, new_handle, outcome_t, problem_t
    use beamid_candidates, only: candidate_t
@@ -28,7 +29,6 @@ module beamid_c_runs
    use beamid_run_reports, only: report_design, report_modes, report_simulation
    use beamid_strings, only: string_t, to_text
    use beamid_texts, only: next_line, text_t
-   use beamid, only: version
    implicit none
    private
 
@@ -124,8 +124,8 @@ contains
             if (size(t) == 0) then
                call bad_input(error, case%path//': found no time, expected one or more')
             else if (.not. all(ieee_is_finite(t)) .or. any(t(2:) <= t(:size(t) - 1))) then
-               call bad_input(error, case%path//': found times that are not ascending, expected '// &
-                  'finite ascending ones')
+               call bad_input(error, case%path//': found times that are not ascending, '// &
+                  'expected finite ascending ones')
             end if
          end associate
          if (allocated(error)) return

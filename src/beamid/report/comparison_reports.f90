@@ -1,5 +1,5 @@
-!> The report of the command compare: the information criteria of each model, and the tests of nested
-!> models.
+!> The report of the command compare: the information criteria of each model, and the tests of
+!> nested models.
 module beamid_comparison_reports
    use beamid_candidates, only: candidate_t, is_nested
    use beamid_criteria, only: akaike => aicc, bayes => bic, nested_test

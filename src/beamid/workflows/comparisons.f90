@@ -42,8 +42,8 @@ contains
          ': &record: found other samples than in '//first_path//', expected the same ones')
    end subroutine check_samples
 
-   !> Fits all candidates. Those that refine their meshes are compared on the finest mesh that any of
-   !> them needs.
+   !> Fits all candidates. Those that refine their meshes are compared on the finest mesh that any
+   !> of them needs.
    !>
    !> paths  (size of models) of the cases, for messages
    subroutine fit_candidates(models, paths, error, monitor)
@@ -72,8 +72,8 @@ contains
       end do
    end subroutine fit_candidates
 
-   !> Sets the names of the models in the tables: the names of the cases, or the paths of those whose
-   !> names are the same.
+   !> Sets the names of the models in the tables: the names of the cases, or the paths of those
+   !> whose names are the same.
    subroutine set_labels(names, paths, labels)
       type(string_t), intent(in) :: names(:), paths(:)
       type(string_t), allocatable, intent(out) :: labels(:)
