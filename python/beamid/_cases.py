@@ -2,27 +2,78 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
+from ctypes import byref, c_int
+from typing import Any, Optional, Union
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ._library import InputError, groups as known_groups, numbers
+from ._library import Handle, InputError, compute, groups as known_groups, numbers
 
 #: Groups of a case file that are given by their name. Asked for at once, as a forked child may not
 #: be able to ask.
 GROUPS = [name for name in known_groups() if name not in ("record", "stage")]
 
+#: Name of a case in messages that has no file.
+IN_MEMORY = "beamid"
+
+#: Keys of a group, and keys of a group that may repeat.
+Group = Optional[Mapping[str, Any]]
+Groups = Union[None, Mapping[str, Any], Sequence[Mapping[str, Any]]]
+#: One name or several.
+Names = Union[str, Sequence[str]]
+
 
 class Record:
     """Samples of one accelerometer.
 
-    t     (m) ascending times
-    a     (m) values; the acceleration is scale*(a - offset). Masked samples are left out
-    keys  of &record, as sd=..., sensor='tip', t_first=..., thin=...
+    Parameters
+    ----------
+    t : array_like, shape (m,)
+        Times of the samples, ascending [time].
+    a : array_like, shape (m,)
+        Values of the samples. The acceleration [length/time²] is ``scale*(a - offset)``. Masked
+        samples are left out.
+    t_first, t_last : float, optional
+        Times of the first and the last sample that a fit uses [time]. Default: all samples.
+    t_step : float, optional
+        Time step of the samples that a fit uses [time]. Default: every sample.
+    scale : float, optional
+        Calibration factor, 1 by default.
+    offset : float, optional
+        Offset of the sensor, in the unit of `a`; 0 by default.
+    clip_low, clip_high : float, optional
+        Limits of the sensor, in the unit of `a`. Samples at or beyond them are left out. Default:
+        found from flats of the signal.
+    thin : int, optional
+        Every thin-th sample is used, after a low-pass filter. Default: 1.
+    sd : float, optional
+        Standard deviation of the noise [length/time²]. Default: estimated.
+    length : float, optional
+        Length of the beam in this record [length]. Default: that of `beam`.
+    x_S, x_P : float, optional
+        Positions of the sensor and of the support in this record [length]. Default: those of
+        `sensor` and `support`.
+    sensor : str, optional
+        Name of the sensor; required if there are several.
+    experiment : int, optional
+        Number of the experiment. Records with the same number share one motion.
+    **other
+        Any other key of the group `&record`.
+
+    Raises
+    ------
+    InputError
+        If times or values are not real numbers, or their numbers differ.
     """
 
-    def __init__(self, t: ArrayLike, a: ArrayLike, **keys: Any) -> None:
+    def __init__(self, t: ArrayLike, a: ArrayLike, *, t_first: float | None = None,
+                 t_last: float | None = None, t_step: float | None = None,
+                 scale: float | None = None, offset: float | None = None,
+                 clip_low: float | None = None, clip_high: float | None = None,
+                 thin: int | None = None, sd: float | None = None, length: float | None = None,
+                 x_S: float | None = None, x_P: float | None = None, sensor: str | None = None,
+                 experiment: int | None = None, **other: Any) -> None:
         if np.ma.is_masked(t) or np.ma.is_masked(a):
             sizes = np.size(t), np.size(a)
             if sizes[0] == sizes[1]:
@@ -31,18 +82,21 @@ class Record:
                 t, a = (np.ma.getdata(values)[kept] for values in both)
         self.t = numbers(t, "times of a record").copy()
         self.a = numbers(a, "values of a record").copy()
-        self.keys = keys
+        self.keys = dict(
+            t_first=t_first, t_last=t_last, t_step=t_step, scale=scale, offset=offset,
+            clip_low=clip_low, clip_high=clip_high, thin=thin, sd=sd, length=length, x_S=x_S,
+            x_P=x_P, sensor=sensor, experiment=experiment, **other)
         self.check()
 
     def check(self) -> None:
-        """Raises InputError if the numbers of times and values differ."""
+        """Raise InputError if the numbers of times and values differ."""
         if np.size(self.t) != np.size(self.a):
             raise InputError(f"Record: found {np.size(self.t)} times and {np.size(self.a)} values, "
                              "expected as many of one as of the other")
 
 
 def written(value: Any) -> str:
-    """Returns a value as a case file has it."""
+    """Return a value as a case file has it."""
     if isinstance(value, str):
         return "'" + value.replace("'", "''") + "'"
     if isinstance(value, (bool, np.bool_)):
@@ -61,7 +115,7 @@ def written(value: Any) -> str:
 
 
 def group(name: str, keys: Mapping[str, Any]) -> str:
-    """One group in a line; keys whose value is None are left out."""
+    """Return one group in a line; keys whose value is None are left out."""
     if not isinstance(keys, Mapping):
         raise InputError(f"{name}: found {keys!r}, expected its keys, as in {name}=dict(...)")
     given = [f"{key}={written(value)}" for key, value in keys.items() if value is not None]
@@ -70,10 +124,14 @@ def group(name: str, keys: Mapping[str, Any]) -> str:
 
 def case_text(records: Sequence[Mapping[str, Any]], stages: Sequence[Mapping[str, Any]],
               groups: Mapping[str, Any]) -> str:
-    """Returns the case file that says the same as the arguments.
+    """Return the case file that says the same as the arguments.
 
-    records, stages  keys of each group &record and &stage
-    groups           keys of any other group by its name, or a list of these if the group repeats
+    Parameters
+    ----------
+    records, stages
+        Keys of each group &record and &stage.
+    groups
+        Keys of any other group by its name, or a list of these if the group repeats.
     """
     text = ""
     for name, keys in groups.items():
@@ -87,3 +145,52 @@ def case_text(records: Sequence[Mapping[str, Any]], stages: Sequence[Mapping[str
         text += "".join(group(name, item) for item in several)
     text += "".join(group("record", keys) for keys in records)
     return text + "".join(group("stage", keys) for keys in stages)
+
+
+def open_case(path: str, text: str | bytes, records: Sequence[Record], *, fits: bool) -> Handle:
+    """Open a case in the library.
+
+    Parameters
+    ----------
+    path
+        Name of the case in messages, and the file whose folder relative paths start from. If
+        `text` is empty, the case file itself.
+    text
+        Text of a case file.
+    records
+        Records in memory, in the order of the groups &record; none: they are in files.
+    fits
+        Whether the case is to be fitted. Its records are then read and checked at once.
+    """
+    for item in records:
+        item.check()
+    sizes = (c_int*max(len(records), 1))(*[np.size(item.t) for item in records])
+    none = np.empty(0)
+    t = np.concatenate([numbers(item.t, "times of a record") for item in records] or [none])
+    z = np.concatenate([numbers(item.a, "values of a record") for item in records] or [none])
+    where = path.encode()
+    what = text.encode() if isinstance(text, str) else text
+    handle = Handle()
+    compute("beamid_open", where, len(where), what, len(what), len(records), sizes, t.size,
+            t.ctypes.data, z.ctypes.data, int(fits), byref(handle.number))
+    return handle
+
+
+def as_list(value: Any) -> list[Any]:
+    """Return one mapping or record, or several, as a list."""
+    return [value] if isinstance(value, (Mapping, Record)) else list(value)
+
+
+def given(arguments: Mapping[str, Any], *left_out: str) -> dict[str, Any]:
+    """Return the keyword arguments of a function as one dict, those of `**other` among them.
+
+    Parameters
+    ----------
+    arguments
+        `locals()` at the beginning of the function.
+    left_out
+        Names of arguments that are not keys of a case.
+    """
+    kept = {name: value for name, value in arguments.items()
+            if name not in ("self", "other", *left_out)}
+    return {**kept, **arguments["other"]}

@@ -1,141 +1,212 @@
 """Fits: a problem that is prepared once, and what a search has found."""
 from __future__ import annotations
 
-import ctypes
+import html
 import io
-from collections.abc import Iterator, Mapping, Sequence
-from ctypes import byref, c_int
+import os
+import threading
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from ctypes import byref
 from os import PathLike
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ._cases import Record, case_text
-from ._library import Handle, NoFit, Progress, call, compute, numbers
+from . import _plots
+from ._cases import (IN_MEMORY, Group, Groups, Names, Record, as_list, case_text, given,
+                     open_case)
+from ._library import (Handle, NoFit, Progress, array_of, compute, numbers, optional, text_of)
 
 if TYPE_CHECKING:
     import pandas
 
+#: What a pickled fit consists of, beside its tables.
+ARRAYS = ("estimates", "J", "covariance", "correlation", "jacobian", "residual", "t", "measured",
+          "modes")
+TEXTS = ("names", "units", "note", "no_fit", "summary", "intervals", "tables")
+
 
 class Estimate(NamedTuple):
-    """A parameter as estimated; what the record does not determine has infinite or missing ends."""
+    """A parameter as estimated. What the record does not determine has infinite or missing ends."""
 
     name: str
     value: float
     unit: str
     start: float
-    std_error: float                       #: by white noise
-    noise_interval: tuple[float, float]    #: 95 %, by the noise as it is
-    interval: tuple[float, float]          #: 95 %, by noise, mesh and the errors of what is held
+    std_error: float
+    """Standard error, by white noise."""
+    noise_interval: tuple[float, float]
+    """95 % interval, by the noise as it is."""
+    interval: tuple[float, float]
+    """95 % interval, by noise, mesh and the errors of fixed parameters."""
+    determined: bool
+    """Whether the records determine the parameter."""
 
 
 class Mode(NamedTuple):
-    """A mode of the fitted structure."""
+    """A natural mode of the fitted structure."""
 
     record: int
-    s: complex                             #: root [1/time]
-    frequency: float                       #: |s|/(2 pi)
+    s: complex
+    """Root of the characteristic equation [1/time]."""
+    frequency: float
+    """Natural frequency \\|s\\|/(2 π) [1/time]."""
     damping_ratio: float
-    frequency_half_width: float            #: of the 95 % interval
+    frequency_half_width: float
+    """Half width of the 95 % interval [1/time]."""
     damping_half_width: float
+    """Half width of the 95 % interval."""
 
 
 class Fit:
-    """The result of a search. Arrays are copies: a change of one does not change the fit."""
+    """The result of a search.
 
-    def __init__(self, handle: Handle) -> None:
-        self._handle = handle
+    `fit["E"]` is the `Estimate` of a parameter; iteration goes over the names of the parameters.
+    Arrays are copies: a change of one does not change the fit.
+
+    A fit can be pickled and sent to another process. Numbers, texts and tables go with it. If
+    `profile`, `sample` or `bootstrap` is then called with the fit, its problem is fitted again
+    first. Copies by the module `copy` share the fit inside the library.
+    """
+
+    def __init__(self, handle: Handle, problem: Problem, start: np.ndarray, check: bool) -> None:
+        self._handle: Handle | None = handle
+        self._problem = problem
+        self._search = start, check
+        self._commands: list[str] = []
+        self._arrays: dict[str, np.ndarray] = {}
+        self._texts: dict[str, str] = {}
+
+    def __copy__(self) -> Fit:
+        twin = object.__new__(type(self))
+        twin.__dict__.update(self.__dict__)
+        return twin
+
+    def __deepcopy__(self, _: Any) -> Fit:
+        return self.__copy__()
+
+    def __getstate__(self) -> dict[str, Any]:
+        self._judge()
+        texts = {name: self._text(name) for name in TEXTS}
+        texts.update({name: self._text(name) for name in texts["tables"].splitlines()})
+        return {"_handle": None, "_problem": self._problem, "_search": self._search,
+                "_commands": self._commands, "_texts": texts,
+                "_arrays": {name: self._array(name) for name in ARRAYS}}
 
     def _array(self, name: str) -> np.ndarray:
-        rows, columns, key = c_int(), c_int(), name.encode()
-        with self._handle.lock:
-            call("beamid_array", self._handle.number, key, len(key), 0, None, byref(rows),
-                 byref(columns))
-            array = np.empty((columns.value, rows.value))
-            call("beamid_array", self._handle.number, key, len(key), array.size,
-                 array.ctypes.data, byref(rows), byref(columns))
-        return array.T
+        if self._handle is None:
+            return self._arrays[name].copy()
+        return array_of(self._handle, name)
 
     def _text(self, name: str) -> str:
-        key, length, room = name.encode(), c_int(), 4096
-        with self._handle.lock:
-            while True:
-                buffer = ctypes.create_string_buffer(room)
-                call("beamid_text", self._handle.number, key, len(key), buffer, room, byref(length))
-                if length.value <= room:
-                    return buffer.raw[:length.value].decode()
-                room = length.value
+        if self._handle is None:
+            return self._texts.get(name, "")
+        return text_of(self._handle, name)
 
     def _judge(self, progress: Progress | None = None) -> None:
-        with self._handle.lock:
-            if not self._handle.is_judged:
-                compute("beamid_judge", self._handle.number, progress=progress)
-                self._handle.is_judged = True
+        handle = self._handle
+        if handle is None:    # judged before it was pickled
+            return
+        with handle.lock:
+            if not handle.is_judged:
+                compute("beamid_judge", handle.number, progress=progress)
+                handle.is_judged = True
 
     def _infer(self, command: str, progress: Progress | None) -> None:
-        """Adds the tables of a command to those of the fit."""
+        """Add the tables of a command to those of the fit."""
         if self.no_fit:
             raise NoFit(self.no_fit, self)
-        name = command.encode()
-        with self._handle.lock:
-            compute("beamid_infer", self._handle.number, name, len(name), progress=progress)
+        commands = [command]
+        if self._handle is None:
+            # The fit inside the library stayed in another process: it is made again, with the
+            # intervals that it had.
+            commands = [*self._commands, command]
+            handle = self._problem._search(*self._search, progress)
+            compute("beamid_judge", handle.number, progress=progress)
+            handle.is_judged = True
+            self._handle = handle
+        for item in commands:
+            name = item.encode()
+            with self._handle.lock:
+                compute("beamid_infer", self._handle.number, name, len(name), progress=progress)
+        if command not in self._commands:
+            self._commands = [*self._commands, command]
 
     @property
     def names(self) -> list[str]:
-        """Of what was estimated: parameters, then what enters linearly."""
+        """Names of the estimates: parameters, then the unknowns that enter linearly."""
         return self._text("names").splitlines()
 
     @property
     def values(self) -> np.ndarray:
-        """(n) estimates."""
+        """Estimates, shape (n,)."""
         return self._array("estimates")[:, 1]
 
     @property
     def J(self) -> float:
-        """The sum of squared residuals; of several records each divided by its noise."""
+        """Sum of squared residuals; with several records, each divided by its noise."""
         return float(self._array("J")[0, 0])
 
     @property
     def covariance(self) -> np.ndarray:
-        """(n, n) by white noise, of the parameters searched for; for a stiffness like k_R of its
-        reciprocal."""
+        """Covariance matrix by white noise, shape (n, n), of the variables of the search. For a
+        stiffness such as `k_R` the variable is its reciprocal."""
         return self._array("covariance")
 
     @property
     def correlation(self) -> np.ndarray:
-        """(n, n), likewise."""
+        """Correlation matrix of the variables of the search, shape (n, n)."""
         return self._array("correlation")
 
     @property
     def jacobian(self) -> np.ndarray:
-        """(rows, n) derivatives of the residuals, likewise; of several records each divided by its
-        noise, and behind the samples a row for each prior."""
+        """Derivatives of the model with respect to the variables of the search, shape (rows, n).
+
+        The derivatives of the residuals are the negative of these. With several records, each row
+        is divided by the noise of its record. Behind the samples there is a row for each prior.
+        """
         return self._array("jacobian")
 
     @property
     def residuals(self) -> np.ndarray:
-        """(m) model - record, of all records in turn."""
-        return self._array("residual")[:, 0]
+        """Residuals, record - model, shape (m,), of all records in turn [length/time²]. They are
+        those of the column `residual` in `fit.csv`."""
+        # 0 - r, not -r: a residual that vanishes is 0, not -0.
+        residuals: np.ndarray = 0 - self._array("residual")[:, 0]
+        return residuals
+
+    @property
+    def model(self) -> np.ndarray:
+        """Accelerations of the model at the times of the samples, shape (m,) [length/time²]."""
+        model: np.ndarray = self.measured - self.residuals
+        return model
 
     @property
     def t(self) -> np.ndarray:
-        """(m) times of the samples that were used."""
+        """Times of the samples that were used, shape (m,), of all records in turn [time]."""
         return self._array("t")[:, 0]
 
     @property
     def measured(self) -> np.ndarray:
-        """(m) accelerations at these times."""
+        """Recorded accelerations at these times, shape (m,) [length/time²]."""
         return self._array("measured")[:, 0]
 
     @property
     def estimates(self) -> dict[str, Estimate]:
-        """By name, with intervals by every source of error."""
+        """Estimates by name, with intervals by every source of error."""
         self._judge()
         rows = self._array("estimates").tolist()
+        names = self.names
+        # The rows of the last stage on the finest mesh come last in the table.
+        table = [line.split(",") for line in self._text("estimates.csv").splitlines()]
+        place = {name: k for k, name in enumerate(table[0])}
+        said = {row[place["parameter"]]: row[place["determined"]] == "yes" for row in table[1:]}
         return {name: Estimate(name, row[1], unit, row[0], row[4], (row[7], row[8]),
-                               (row[9], row[10]))
-                for name, unit, row in zip(self.names, self._text("units").split("\n"), rows)}
+                               (row[9], row[10]), said.get(name, False))
+                for name, unit, row in zip(names, self._text("units").split("\n"), rows)}
 
     def __getitem__(self, name: str) -> Estimate:
         return self.estimates[name]
@@ -148,44 +219,126 @@ class Fit:
 
     @property
     def modes(self) -> list[Mode]:
-        """Of the fitted structure, the lowest."""
+        """Lowest natural modes of the fitted structure."""
         self._judge()
         return [Mode(int(row[0]), complex(row[1], row[2]), *row[3:])
                 for row in self._array("modes").tolist()]
 
     @property
     def no_fit(self) -> str:
-        """Why this is no fit; '' where it is one."""
+        """Reason why the verdict rejects the fit; empty if it does not."""
         self._judge()
         return self._text("no_fit")
 
     @property
     def note(self) -> str:
-        """Which parameters are held because a mode is not in the record; ''."""
+        """Parameters that are held fixed because a mode is not in the record; empty if none."""
         return self._text("note")
 
     @property
+    def verdict(self) -> str:
+        """The first line of the summary, or the reason why the verdict rejects the fit."""
+        return f"no fit: {self.no_fit}" if self.no_fit else self.summary().split("\n", 1)[0]
+
     def summary(self) -> str:
-        """What the program prints of such a fit."""
+        """Return the summary that the program prints for such a fit.
+
+        Returns
+        -------
+        str
+            The text of `summary.txt`: the verdict, the estimates with their intervals, the modes
+            and the checks.
+        """
         self._judge()
         return self._text("summary")
 
     @property
     def tables(self) -> dict[str, str]:
-        """The tables that the program writes of such a fit, by name: 'estimates.csv', ..., and what
-        `profile`, `sample` and `bootstrap` have added."""
+        """Tables that the program writes for such a fit, by the name of the file: 'estimates.csv',
+        ..., and those that `profile`, `sample` and `bootstrap` have added."""
         self._judge()
         return {name: self._text(name) for name in self._text("tables").splitlines()}
 
     def to_pandas(self, table: str = "estimates") -> pandas.DataFrame:
-        """A table as a pandas.DataFrame, with the columns that the program writes."""
-        import pandas
+        """Return a table as a data frame, with the columns that the program writes.
 
+        Parameters
+        ----------
+        table : str
+            Name of a table without '.csv'. `tables` has all of them.
+
+        Raises
+        ------
+        ImportError
+            If pandas is not installed.
+        KeyError
+            If there is no such table.
+        """
+        pandas = optional("pandas", "to_pandas")
         self._judge()
         text = self._text(table + ".csv")
         if not text:
             raise KeyError(f"{table}: expected one of {', '.join(self._text('tables').split())}")
         return pandas.read_csv(io.StringIO(text))
+
+    def plot(self, record: int = 1, axes: Any = None) -> Any:
+        """Draw record and model, and below them the residuals, record - model.
+
+        Parameters
+        ----------
+        record : int
+            Number of the record, from 1.
+        axes : sequence of two matplotlib axes, optional
+            Where to draw. Default: a new figure.
+
+        Returns
+        -------
+        numpy.ndarray of matplotlib.axes.Axes, shape (2,)
+
+        Raises
+        ------
+        ImportError
+            If matplotlib is not installed.
+        ValueError
+            If there is no such record.
+        """
+        self._judge()
+        return _plots.fit(self._text("fit.csv"), self._text("labels.csv"), record, axes)
+
+    def plot_modes(self, axes: Any = None) -> Any:
+        """Draw the mode shapes of the fitted structure in the first record.
+
+        Parameters
+        ----------
+        axes : sequence of matplotlib axes, optional
+            Where to draw, one axes for each mode. Default: a new figure.
+
+        Returns
+        -------
+        numpy.ndarray of matplotlib.axes.Axes, shape (modes,)
+
+        Raises
+        ------
+        ImportError
+            If matplotlib is not installed.
+        ValueError
+            If the structure has no mode that oscillates.
+        """
+        modes = [(mode.frequency, mode.damping_ratio) for mode in self.modes
+                 if mode.record == 1 and mode.s.imag > 0]
+        return _plots.shapes(self._text("shapes.csv"), self._text("attachments.csv"),
+                             self._text("labels.csv"), modes, axes)
+
+    def _repr_html_(self) -> str:
+        head = "".join(f"<th>{name}</th>" for name in (
+            "parameter", "estimate", "unit", "95 % interval", "determined"))
+        rows = [f"<tr><td>{html.escape(e.name)}</td><td>{e.value:.6g}</td>"
+                f"<td>{html.escape(e.unit)}</td>"
+                f"<td>{e.interval[0]:.6g} to {e.interval[1]:.6g}</td>"
+                f"<td>{'yes' if e.determined else 'no'}</td></tr>" for e in self.estimates.values()]
+        lines = [html.escape(line) for line in (self.note, self.verdict) if line]
+        return (f"<table><thead><tr>{head}</tr></thead><tbody>{''.join(rows)}</tbody></table>"
+                f"<p>{'<br>'.join(lines)}</p>")
 
     def __repr__(self) -> str:
         lines = [f"{'':10s}{'estimate':>14s}{'95 % interval':>30s}"]
@@ -202,64 +355,170 @@ class Fit:
 class Problem:
     """Records and a model, prepared for any number of fits, from any number of threads.
 
-    `beamid.Problem(t, a, beam=..., free=[...])`, `beamid.Problem(records=[Record(...), ...], ...)`,
-    or `beamid.load('case.nml')`.
+    Each group of a case file is an argument: a dict of its keys, or a list of dicts for a group
+    that may repeat. The page *Case file* of the documentation has all keys with their units and
+    defaults. Units are the user's own, but must be consistent: stiffnesses are in force/length,
+    E in force/length² and so on.
 
-    t, a       (m) times and values of one record
-    records    several of these instead
-    free       names of the parameters to be found
-    start, lower, upper   (n) as in &stage; start may be 'auto' or 'case'
-    shared     names of those that several records have in common
-    stages     several of &stage instead, each its keys
-    record     keys of &record of the one record
-    groups     any other group of a case file by its name, its keys as a dict; a list of dicts for
-               several groups of one name
+    A problem can be pickled: the arguments go with it. The record files of a case file are read
+    again in the other process.
+
+    Parameters
+    ----------
+    t, a : array_like, shape (m,), optional
+        Times [time] and values of one record; see `Record`.
+    record : mapping, optional
+        Further arguments of `Record` for this record, such as ``dict(t_first=0.2)``.
+    records : Record or sequence of Record, optional
+        Records, in place of `t`, `a` and `record`.
+    free : str or sequence of str, optional
+        Names of the parameters to estimate, such as ``["E", "c_D", "offset"]``.
+    start : sequence of float, 'auto' or 'case', optional
+        Start values, one for each name, in the units of the parameters; 'auto': from the spectral
+        lines of the record; 'case': the values of the case.
+    lower, upper : sequence of float, optional
+        Bounds, one for each name, in the units of the parameters.
+    shared : str or sequence of str, optional
+        Names of the parameters that several records have in common. Default: all.
+    stages : mapping or sequence of mappings, optional
+        Keys of several stages, each with `free` and so on, in place of the five arguments above.
+    beam : mapping
+        `length` [length], `E` [force/length²], `c_D` [force time/length²], `rho` [mass/length] or
+        `density` [mass/length³], `I` [length⁴] or `width` and `height` [length], `gamma`
+        [force time/length²], `k_R` [force length], `c_R` [force length time].
+    tip : mapping, optional
+        Mass at the tip: `m_T` [mass], `J_T` [mass length²].
+    hose : mapping, optional
+        Hose at the tip: `m_H` [mass], `c_H` [force time/length], `k_H` [force/length].
+    sensor : mapping or sequence of mappings, optional
+        Accelerometer: `x_S` [length], `m_S` [mass], `J_S` [mass length²], `name`.
+    support : mapping or sequence of mappings, optional
+        Support: `x_P` [length], `k_P` [force/length], `c_P` [force time/length], `name`.
+    gravity : mapping, optional
+        Weight: `g` [length/time²], `direction` ('hanging' or 'standing').
+    axial : mapping, optional
+        Axial force: `force`, positive in tension [force].
+    along : mapping or sequence of mappings, optional
+        Property that varies along the beam: `parameter`, `x` [length], `value` in the unit of the
+        property.
+    excitation : mapping or sequence of mappings
+        `kind` ('pulse', 'table', 'release', 'free' or 'base') and its keys, such as `amplitude`
+        [force], `duration` [time], `displacement` [length], `modes`.
+    discretization : mapping, optional
+        Mesh: `degree`, `elements`.
+    integrator : mapping, optional
+        Solver: `method` ('modal' or 'cvode') and its tolerances.
+    observation : mapping, optional
+        Observed acceleration: `formula`, `delta` [time], `frame`.
+    prior : mapping or sequence of mappings, optional
+        Prior of a parameter: `parameter`, `value`, `sd`, in the unit of the parameter.
+    score, multistart, windows : mapping, optional
+        Window of the score, several starts, and fits in windows.
+    sample, bootstrap : mapping, optional
+        Settings of the functions `sample` and `bootstrap`, such as ``dict(draws=20000, seed=3)``.
+    units : mapping, optional
+        Names of the units in texts and tables: `length`, `mass`, `time`, `force`.
+    **other
+        Any other group of a case file.
+
+    Raises
+    ------
+    InputError
+        If the arguments are incomplete or contradict one another, or a record is unusable.
     """
 
     def __init__(self, t: ArrayLike | None = None, a: ArrayLike | None = None, *,
-                 records: Sequence[Record] | None = None, free: Sequence[str] | None = None,
-                 start: Any = None, lower: Any = None, upper: Any = None,
-                 shared: Sequence[str] | None = None,
-                 stages: Sequence[Mapping[str, Any]] | None = None,
-                 record: Mapping[str, Any] | None = None, **groups: Any) -> None:
+                 record: Group = None, records: Record | Sequence[Record] | None = None,
+                 free: Names | None = None, start: Any = None, lower: Any = None,
+                 upper: Any = None, shared: Names | None = None, stages: Groups = None,
+                 beam: Group = None, tip: Group = None, hose: Group = None, sensor: Groups = None,
+                 support: Groups = None, gravity: Group = None, axial: Group = None,
+                 along: Groups = None, excitation: Groups = None, discretization: Group = None,
+                 integrator: Group = None, observation: Group = None, prior: Groups = None,
+                 score: Group = None, multistart: Group = None, windows: Group = None,
+                 sample: Group = None, bootstrap: Group = None, units: Group = None,
+                 **other: Any) -> None:
+        groups = given(locals(), "t", "a", "record", "records", "free", "start", "lower", "upper",
+                       "shared", "stages")
         if records is None:
             records = [Record([] if t is None else t, [] if a is None else a, **(record or {}))]
         if stages is None:
             stages = [dict(free=free, start=start, lower=lower, upper=upper, shared=shared)]
-        text = case_text([item.keys for item in records], stages, groups)
-        self._open("beamid", text, records)
+        items = as_list(records)
+        text = case_text([item.keys for item in items], as_list(stages), groups)
+        self._set(IN_MEMORY, text, items)
 
-    def _open(self, path: str, text: str, records: Sequence[Record]) -> None:
-        for item in records:
-            item.check()
-        sizes = (c_int*max(len(records), 1))(*[np.size(item.t) for item in records])
-        none = np.empty(0)
-        t = np.concatenate([numbers(item.t, "times of a record") for item in records] or [none])
-        z = np.concatenate([numbers(item.a, "values of a record") for item in records] or [none])
-        where, what = path.encode(), text.encode()
-        self._handle = Handle()
-        compute("beamid_open", where, len(where), what, len(what), len(records), sizes, t.size,
-                t.ctypes.data, z.ctypes.data, 1, byref(self._handle.number))
+    def _set(self, path: str, text: str | bytes, records: Sequence[Record]) -> None:
+        self._path, self._text, self._records = path, text, records
+        self._lock = threading.Lock()
+        self._opened: Handle | None = open_case(path, text, records, fits=True)
 
-    def fit(self, start: Sequence[float] | None = None, *, judge: bool = True,
-            progress: Progress | None = None) -> Fit:
-        """Searches for the minimum.
+    @property
+    def _handle(self) -> Handle:
+        """The case inside the library; it is opened again in a process that got it by pickle."""
+        with self._lock:
+            if self._opened is None:
+                self._opened = open_case(self._path, self._text, self._records, fits=True)
+            return self._opened
 
-        start     of the free parameters of the first stage, in their order; default: as prepared
-        judge     whether exact derivatives are compared with differences before the search, and
-                  the verdict is made after it. Without it a fit is several times faster, and the
-                  verdict is made when it is needed (`fit.no_fit`)
-        progress  True: shows a progress bar; or a function of pieces done, pieces in all (0: not
-                  known) and their name, called at most ten times a second
+    def __copy__(self) -> Problem:
+        twin = object.__new__(type(self))
+        twin.__dict__.update(self.__dict__)
+        return twin
 
-        Raises InputError; ComputationError; NoFit if the search ends, but not at a fit;
-        KeyboardInterrupt.
-        """
-        values = numbers([] if start is None else start, "start")
+    def __deepcopy__(self, _: Any) -> Problem:
+        return self.__copy__()
+
+    def __getstate__(self) -> dict[str, Any]:
+        path, text = self._path, self._text
+        if not text:    # a case file: its text now, and its folder wherever the other process is
+            path = os.path.abspath(path)
+            with suppress(OSError):
+                text = Path(path).read_bytes()
+        return {"_path": path, "_text": text, "_records": self._records, "_opened": None}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        self._lock = threading.Lock()
+
+    def _search(self, start: np.ndarray, check: bool, progress: Progress | None) -> Handle:
+        """Return the handle of a fit without a verdict."""
         handle = Handle()
-        compute("beamid_fit", self._handle.number, int(judge), values.size, values.ctypes.data,
+        compute("beamid_fit", self._handle.number, int(check), start.size, start.ctypes.data,
                 byref(handle.number), progress=progress)
-        found = Fit(handle)
+        return handle
+
+    def fit(self, start: ArrayLike | None = None, *, judge: bool = True,
+            progress: Progress | None = None) -> Fit:
+        """Search for the minimum of the sum of squared residuals.
+
+        Parameters
+        ----------
+        start : array_like, shape (n,), optional
+            Start values of the free parameters of the first stage, in their order and units.
+            Default: those of the problem.
+        judge : bool
+            Whether exact derivatives are compared with differences before the search, and the
+            verdict is made after it. Without it a fit is several times faster, and the verdict is
+            made when it is needed (`Fit.no_fit`).
+        progress : bool or callable, optional
+            True: a progress bar, by tqdm if that is installed. A function is called as
+            ``progress(done, all, what)`` at most ten times a second; `all` is 0 if it is not known.
+            An exception of the function stops the computation.
+
+        Raises
+        ------
+        InputError
+            If a start value is not finite or outside its bounds.
+        ComputationError
+            If the search fails.
+        NoFit
+            If the search ends, but does not explain the records; its `fit` holds the evidence.
+        KeyboardInterrupt
+            After Ctrl-C.
+        """
+        values = numbers([] if start is None else start, "start").copy()
+        found = Fit(self._search(values, judge, progress), self, values, judge)
         if judge:
             found._judge(progress)
         if judge and found.no_fit:
@@ -268,12 +527,59 @@ class Problem:
 
 
 def load(path: str | PathLike[str]) -> Problem:
-    """Returns the problem of a case file, with the records that it names."""
+    """Prepare the problem of a case file, with the records that it names.
+
+    Parameters
+    ----------
+    path : str or path-like
+        The case file.
+
+    Raises
+    ------
+    InputError
+        If the case file or a record is unusable.
+    """
     problem = Problem.__new__(Problem)
-    problem._open(str(path), "", [])
+    problem._set(os.fspath(path), "", [])
     return problem
 
 
-def fit(t: Any = None, a: Any = None, *, progress: Progress | None = None, **arguments: Any) -> Fit:
-    """Returns one fit; arguments as of `Problem` and `Problem.fit`. Raises NoFit if it is none."""
-    return Problem(t, a, **arguments).fit(progress=progress)
+def fit(t: ArrayLike | None = None, a: ArrayLike | None = None, *,
+        record: Group = None, records: Record | Sequence[Record] | None = None,
+        free: Names | None = None, start: Any = None, lower: Any = None, upper: Any = None,
+        shared: Names | None = None, stages: Groups = None, beam: Group = None, tip: Group = None,
+        hose: Group = None, sensor: Groups = None, support: Groups = None, gravity: Group = None,
+        axial: Group = None, along: Groups = None, excitation: Groups = None,
+        discretization: Group = None, integrator: Group = None, observation: Group = None,
+        prior: Groups = None, score: Group = None, multistart: Group = None, windows: Group = None,
+        sample: Group = None, bootstrap: Group = None, units: Group = None,
+        progress: Progress | None = None, **other: Any) -> Fit:
+    """Fit the free parameters of a beam to one or several records.
+
+    Parameters
+    ----------
+    t, a, record, records, free, start, lower, upper, shared, stages
+        Records and parameters; see `Problem`.
+    beam, tip, hose, sensor, support, gravity, axial, along, excitation
+        Structure and excitation; see `Problem`.
+    discretization, integrator, observation, prior, score, multistart, windows, sample, bootstrap
+        Methods; see `Problem`.
+    units, **other
+        Labels of units, and any other group; see `Problem`.
+    progress : bool or callable, optional
+        See `Problem.fit`.
+
+    Returns
+    -------
+    Fit
+
+    Raises
+    ------
+    InputError
+        If the arguments are incomplete or contradict one another, or a record is unusable.
+    ComputationError
+        If the search fails.
+    NoFit
+        If the search ends, but does not explain the records; its `fit` holds the evidence.
+    """
+    return Problem(**given(locals(), "progress")).fit(progress=progress)

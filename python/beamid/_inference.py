@@ -2,14 +2,17 @@
 from __future__ import annotations
 
 import io
+from collections.abc import Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple, overload
+from os import PathLike
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, Union, overload
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from ._cases import Group, Groups, Names, Record, given
 from ._fits import Fit, Problem, load
-from ._library import Progress
+from ._library import Progress, optional
 
 if TYPE_CHECKING:
     import arviz
@@ -18,42 +21,68 @@ if TYPE_CHECKING:
 CHAINS = 4
 
 
-class Interval(NamedTuple):
-    """A method's 95 % interval of a parameter."""
+#: The first argument of an inference: times of a record, a case file, a problem or a fit.
+Subject = Union[ArrayLike, str, "PathLike[str]", Problem, Fit, None]
 
-    method: str          #: 'linear', 'profile', 'posterior', 'percentile' or 'bca'
+
+class Interval(NamedTuple):
+    """A 95 % interval of a parameter, in its unit."""
+
+    method: str
+    """'linear', 'profile', 'posterior', 'percentile' or 'bca'."""
     elements: int
+    """Number of elements of the mesh."""
     parameter: str
     unit: str
     estimate: float
     lower: float
     upper: float
-    lower_end: str       #: 'closed', 'bound', 'unbounded' or 'unknown'
+    lower_end: str
+    """'closed', 'bound', 'unbounded' or 'unknown'."""
     upper_end: str
 
 
 class Profile(NamedTuple):
     """The least sum of squares at each value of a parameter."""
 
-    value: np.ndarray        #: (points) ascending; of a stiffness k_R of 1/k_R
-    J: np.ndarray            #: (points)
-    distance: np.ndarray     #: (points) 0 at the estimate, -1 and 1 at the ends of the interval
-    parameters: np.ndarray   #: (points, n) of all parameters there
-    ends: tuple[str, str]    #: as of `Interval`
+    value: np.ndarray
+    """Values of the parameter, ascending, shape (points,); of a stiffness `k_R` those of 1/k_R."""
+    J: np.ndarray
+    """Least sum of squares at each value, shape (points,)."""
+    distance: np.ndarray
+    """0 at the estimate, -1 and 1 at the ends of the interval, shape (points,)."""
+    parameters: np.ndarray
+    """Values of all parameters there, shape (points, n)."""
+    ends: tuple[str, str]
+    """Kinds of the lower and the upper end, as in `Interval`."""
 
 
 @dataclass
 class Inference:
-    """What one of the commands has found, on the finest mesh."""
+    """Results of `profile`, `sample` or `bootstrap`, on the finest mesh."""
 
-    fit: Fit = field(repr=False)    #: where it starts from
-    names: list[str]                #: (n) of what was searched for: of a stiffness k_R '1/k_R'
-    intervals: list[Interval]       #: of all methods that this fit knows, on all meshes
-    summary: str                    #: what the program prints
-    tables: dict[str, str] = field(repr=False)    #: what it writes, by name of the file
+    fit: Fit = field(repr=False)
+    """The fit that it starts from."""
+    names: list[str]
+    """Names of the n variables of the search: for a stiffness `k_R`, '1/k_R'."""
+    intervals: list[Interval]
+    """Intervals by all methods that this fit knows, on all meshes."""
+    text: str = field(repr=False)
+    tables: dict[str, str] = field(repr=False)
+    """Tables that the program writes, by the name of the file."""
+
+    def summary(self) -> str:
+        """Return the summary that the program prints."""
+        return self.text
 
     def interval(self, parameter: str, method: str) -> Interval:
-        """One of the intervals, on the finest mesh."""
+        """Return the interval of a parameter by one of the methods, on the finest mesh.
+
+        Raises
+        ------
+        KeyError
+            If there is no such interval.
+        """
         found = [item for item in self.intervals
                  if (item.parameter, item.method) == (parameter, method)]
         if not found:
@@ -62,9 +91,16 @@ class Inference:
         return max(found, key=lambda item: item.elements)
 
     def to_pandas(self, table: str = "intervals") -> pandas.DataFrame:
-        """A table as a pandas.DataFrame, with the columns that the program writes."""
-        import pandas
+        """Return a table as a data frame, with the columns that the program writes.
 
+        Raises
+        ------
+        ImportError
+            If pandas is not installed.
+        KeyError
+            If there is no such table.
+        """
+        pandas = optional("pandas", "to_pandas")
         if table + ".csv" not in self.tables:
             raise KeyError(f"{table}: expected one of {', '.join(self.tables)}")
         return pandas.read_csv(io.StringIO(self.tables[table + ".csv"]))
@@ -72,7 +108,7 @@ class Inference:
 
 @dataclass
 class Profiles(Inference):
-    """Profiles by parameter."""
+    """Profiles by parameter: ``profiles["c_D"].value`` and ``.J``."""
 
     profiles: dict[str, Profile] = field(default_factory=dict, repr=False)
 
@@ -82,27 +118,30 @@ class Profiles(Inference):
 
 @dataclass
 class Posterior(Profiles):
-    """Draws from the posterior, flat between the bounds, the noise integrated out."""
+    """Draws from the posterior, which is flat between the bounds and has the noise integrated out.
+    """
 
     draws: np.ndarray = field(default_factory=lambda: np.empty(0), repr=False)
-    """(chains, draws, n)"""
+    """Draws of the variables of the search, shape (chains, draws, n)."""
     log_density: np.ndarray = field(default_factory=lambda: np.empty(0), repr=False)
-    """(chains, draws), but for a constant"""
+    """Log density of each draw, shape (chains, draws), up to a constant."""
 
     def values(self, name: str) -> np.ndarray:
-        """(chains, draws) of one parameter, by its own name: of k_R the reciprocals of what was
-        searched for."""
+        """Return the draws of one parameter by its own name, shape (chains, draws). For a stiffness
+        `k_R` they are the reciprocals of the variable of the search."""
         if name in self.names:
             return self.draws[:, :, self.names.index(name)]
         return 1/self.draws[:, :, self.names.index(f"1/{name}")]
 
     def to_arviz(self) -> arviz.InferenceData:
-        """As ArviZ has it: groups `posterior` and `sample_stats` (lp)."""
-        try:
-            import arviz
-        except ImportError:
-            raise ImportError("found no arviz, expected it for to_arviz: pip install arviz"
-                              ) from None
+        """Return the draws as ArviZ has them: groups `posterior` and `sample_stats` (lp).
+
+        Raises
+        ------
+        ImportError
+            If arviz is not installed.
+        """
+        arviz = optional("arviz", "to_arviz")
         by_name = {name: self.draws[:, :, k] for k, name in enumerate(self.names)}
         groups = {"posterior": by_name, "sample_stats": {"lp": self.log_density}}
         if int(arviz.__version__.split(".")[0]) > 0:    # the groups in one argument
@@ -115,11 +154,12 @@ class Bootstrap(Inference):
     """Estimates from resampled records."""
 
     estimates: np.ndarray = field(default_factory=lambda: np.empty(0), repr=False)
-    """(records, n); records that could not be fitted are left out"""
+    """Estimates, shape (records, n). Records that could not be fitted are left out."""
 
 
 def _columns(text: str, elements: int, where: int, first: int) -> tuple[list[str], np.ndarray]:
-    """Names from a column on, and the rows of one mesh, the number of which stands in `where`."""
+    """Return the names from a column on, and the rows of one mesh, whose number of elements is in
+    column `where`."""
     header = text.split("\n", 1)[0].split(",")
     rows = np.loadtxt(io.StringIO(text), delimiter=",", skiprows=1, ndmin=2)
     return header[first:], rows[rows[:, where] == elements]
@@ -155,14 +195,14 @@ def infer(command: Literal["sample"], fit: Fit, progress: Progress | None) -> Po
 @overload
 def infer(command: Literal["bootstrap"], fit: Fit, progress: Progress | None) -> Bootstrap: ...
 def infer(command: str, fit: Fit, progress: Progress | None) -> Inference:
-    """Returns what a command adds to a fit."""
+    """Return the results of a command that starts from a fit."""
     fit._infer(command, progress)
     tables = {name: text for name, text in fit.tables.items() if name in (
         "intervals.csv", "profiles.csv", "posterior.csv", "posterior_motion.csv",
         "posterior_modes.csv", "bootstrap.csv")}
     intervals = _intervals(tables["intervals.csv"])
     finest = max(item.elements for item in intervals)
-    known: dict[str, Any] = dict(fit=fit, intervals=intervals, summary=fit._text("intervals"),
+    known: dict[str, Any] = dict(fit=fit, intervals=intervals, text=fit._text("intervals"),
                                  tables=tables)
     if command == "bootstrap":
         names, estimates = _columns(tables["bootstrap.csv"], finest, 1, 2)
@@ -177,42 +217,153 @@ def infer(command: str, fit: Fit, progress: Progress | None) -> Inference:
                      **known)
 
 
-def _fitted(case: Any, t: Any, arguments: dict[str, Any], progress: Progress | None) -> Fit:
+def _fitted(arguments: dict[str, Any], progress: Progress | None) -> Fit:
+    """Return the fit that an inference starts from; the arguments are those of its function."""
+    case = arguments["t"]
+    keys = given(arguments, "progress")
+    if not isinstance(case, (Fit, Problem, str, PathLike)):
+        return Problem(**keys).fit(progress=progress)
+    if any(value is not None for name, value in keys.items() if name != "t"):
+        kind = "a case file" if isinstance(case, (str, PathLike)) else f"a {type(case).__name__}"
+        raise TypeError(f"found arguments behind {kind}, expected none: it has its own")
     if isinstance(case, Fit):
-        if t is not None or arguments:
-            raise TypeError("found arguments behind a fit, expected none: it has its own")
         return case
-    if isinstance(case, (str, Path)):
-        if t is not None or arguments:
-            raise TypeError("found arguments behind a case file, expected none: it has all of them")
-        return load(case).fit(progress=progress)
-    if isinstance(case, Problem):
-        return case.fit(progress=progress)
-    return Problem(case, t, **arguments).fit(progress=progress)
+    return (case if isinstance(case, Problem) else load(case)).fit(progress=progress)
 
 
-def profile(t: Any = None, a: Any = None, *, progress: Progress | None = None,
-            **arguments: Any) -> Profiles:
-    """Intervals from the profile of J, which may be lopsided, end at a bound or have no end.
+def profile(t: Subject = None, a: ArrayLike | None = None, *,
+        record: Group = None, records: Record | Sequence[Record] | None = None,
+        free: Names | None = None, start: Any = None, lower: Any = None, upper: Any = None,
+        shared: Names | None = None, stages: Groups = None, beam: Group = None, tip: Group = None,
+        hose: Group = None, sensor: Groups = None, support: Groups = None, gravity: Group = None,
+        axial: Group = None, along: Groups = None, excitation: Groups = None,
+        discretization: Group = None, integrator: Group = None, observation: Group = None,
+        prior: Groups = None, score: Group = None, multistart: Group = None, windows: Group = None,
+        sample: Group = None, bootstrap: Group = None, units: Group = None,
+        progress: Progress | None = None, **other: Any) -> Profiles:
+    """Compute intervals from the profile of J. They may be lopsided, end at a bound or have no end.
 
-    t, a, arguments  as of `fit`; or the path of a case file, a `Problem` or a `Fit` alone
-    progress         as of `Problem.fit`, for the fit and for what follows it
+    Parameters
+    ----------
+    t : array_like, str, path-like, Problem or Fit
+        Times of a record [time]; or, as the only argument, the path of a case file, a `Problem` or
+        a `Fit`.
+    a, record, records, free, start, lower, upper, shared, stages
+        Records and parameters; see `Problem`.
+    beam, tip, hose, sensor, support, gravity, axial, along, excitation
+        Structure and excitation; see `Problem`.
+    discretization, integrator, observation, prior, score, multistart, windows
+        Methods; see `Problem`.
+    sample, bootstrap : mapping, optional
+        Settings of the other functions; not used here.
+    units, **other
+        Labels of units, and any other group; see `Problem`.
+    progress : bool or callable, optional
+        See `Problem.fit`; for the fit and for the inference.
 
-    Raises NoFit where the search ends, but not at a fit.
+    Returns
+    -------
+    Profiles
+
+    Raises
+    ------
+    InputError
+        If the arguments are incomplete or contradict one another, or a record is unusable.
+    ComputationError
+        If the search or a profile fails.
+    NoFit
+        If the search ends, but does not explain the records.
     """
-    return infer("profile", _fitted(t, a, arguments, progress), progress)
+    return infer("profile", _fitted(locals(), progress), progress)
 
 
-def sample(t: Any = None, a: Any = None, *, progress: Progress | None = None,
-           **arguments: Any) -> Posterior:
-    """Draws from the posterior; arguments as of `profile`, and sample=dict(draws=..., seed=...).
+def sample(t: Subject = None, a: ArrayLike | None = None, *,
+        record: Group = None, records: Record | Sequence[Record] | None = None,
+        free: Names | None = None, start: Any = None, lower: Any = None, upper: Any = None,
+        shared: Names | None = None, stages: Groups = None, beam: Group = None, tip: Group = None,
+        hose: Group = None, sensor: Groups = None, support: Groups = None, gravity: Group = None,
+        axial: Group = None, along: Groups = None, excitation: Groups = None,
+        discretization: Group = None, integrator: Group = None, observation: Group = None,
+        prior: Groups = None, score: Group = None, multistart: Group = None, windows: Group = None,
+        sample: Group = None, bootstrap: Group = None, units: Group = None,
+        progress: Progress | None = None, **other: Any) -> Posterior:
+    """Draw from the posterior of the parameters. Draws are the same for the same seed.
 
-    Draws are the same for the same seed. ComputationError where they cannot be trusted.
+    Parameters
+    ----------
+    t : array_like, str, path-like, Problem or Fit
+        Times of a record [time]; or, as the only argument, the path of a case file, a `Problem` or
+        a `Fit`.
+    a, record, records, free, start, lower, upper, shared, stages
+        Records and parameters; see `Problem`.
+    beam, tip, hose, sensor, support, gravity, axial, along, excitation
+        Structure and excitation; see `Problem`.
+    discretization, integrator, observation, prior, score, multistart, windows
+        Methods; see `Problem`.
+    sample, bootstrap : mapping, optional
+        Settings of the draws: `draws`, `seed`, `method`, `noise`; `bootstrap` is not used here.
+    units, **other
+        Labels of units, and any other group; see `Problem`.
+    progress : bool or callable, optional
+        See `Problem.fit`; for the fit and for the inference.
+
+    Returns
+    -------
+    Posterior
+
+    Raises
+    ------
+    InputError
+        If the arguments are incomplete or contradict one another, or a record is unusable.
+    ComputationError
+        If the search fails, or the draws cannot be trusted.
+    NoFit
+        If the search ends, but does not explain the records.
     """
-    return infer("sample", _fitted(t, a, arguments, progress), progress)
+    return infer("sample", _fitted(locals(), progress), progress)
 
 
-def bootstrap(t: Any = None, a: Any = None, *, progress: Progress | None = None,
-              **arguments: Any) -> Bootstrap:
-    """Fits of resampled records; arguments as of `profile`, and bootstrap=dict(n=..., seed=...)."""
-    return infer("bootstrap", _fitted(t, a, arguments, progress), progress)
+def bootstrap(t: Subject = None, a: ArrayLike | None = None, *,
+        record: Group = None, records: Record | Sequence[Record] | None = None,
+        free: Names | None = None, start: Any = None, lower: Any = None, upper: Any = None,
+        shared: Names | None = None, stages: Groups = None, beam: Group = None, tip: Group = None,
+        hose: Group = None, sensor: Groups = None, support: Groups = None, gravity: Group = None,
+        axial: Group = None, along: Groups = None, excitation: Groups = None,
+        discretization: Group = None, integrator: Group = None, observation: Group = None,
+        prior: Groups = None, score: Group = None, multistart: Group = None, windows: Group = None,
+        sample: Group = None, bootstrap: Group = None, units: Group = None,
+        progress: Progress | None = None, **other: Any) -> Bootstrap:
+    """Fit resampled records. Results are the same for the same seed.
+
+    Parameters
+    ----------
+    t : array_like, str, path-like, Problem or Fit
+        Times of a record [time]; or, as the only argument, the path of a case file, a `Problem` or
+        a `Fit`.
+    a, record, records, free, start, lower, upper, shared, stages
+        Records and parameters; see `Problem`.
+    beam, tip, hose, sensor, support, gravity, axial, along, excitation
+        Structure and excitation; see `Problem`.
+    discretization, integrator, observation, prior, score, multistart, windows
+        Methods; see `Problem`.
+    sample, bootstrap : mapping, optional
+        Settings of the records: `n`, `seed`, `kind`, `block`; `sample` is not used here.
+    units, **other
+        Labels of units, and any other group; see `Problem`.
+    progress : bool or callable, optional
+        See `Problem.fit`; for the fit and for the inference.
+
+    Returns
+    -------
+    Bootstrap
+
+    Raises
+    ------
+    InputError
+        If the arguments are incomplete or contradict one another, or a record is unusable.
+    ComputationError
+        If the search fails, or too many records cannot be fitted.
+    NoFit
+        If the search ends, but does not explain the records.
+    """
+    return infer("bootstrap", _fitted(locals(), progress), progress)

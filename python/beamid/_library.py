@@ -3,11 +3,12 @@ from __future__ import annotations
 
 import contextlib
 import ctypes
+import importlib
 import signal
 import sys
 import threading
 import weakref
-from ctypes import CFUNCTYPE, POINTER, c_char, c_char_p, c_int, c_longlong, c_void_p
+from ctypes import CFUNCTYPE, POINTER, byref, c_char, c_char_p, c_int, c_longlong, c_void_p
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Callable, Union
 
@@ -39,6 +40,9 @@ class NoFit(ComputationError):
         super().__init__(message)
         self.fit = fit
 
+    def __reduce__(self) -> Any:
+        return type(self), (str(self), self.fit)
+
 
 _CALLBACK = CFUNCTYPE(c_int, c_int, c_int, POINTER(c_char), c_int)
 
@@ -60,6 +64,8 @@ def _open_library(kind: type[ctypes.CDLL]) -> ctypes.CDLL:
         "beamid_fit": (c_int, c_longlong, c_int, c_int, c_void_p, POINTER(c_longlong), *message),
         "beamid_judge": (c_int, c_longlong, *message),
         "beamid_infer": (c_int, c_longlong, c_char_p, c_int, *message),
+        "beamid_run": (c_int, c_char_p, c_int, c_int, POINTER(c_longlong), c_char_p, c_int,
+                       POINTER(c_longlong), *message),
         "beamid_respond": (c_int, c_longlong, c_int, c_void_p, c_int, c_void_p, c_void_p, *message),
         "beamid_array": (c_int, c_longlong, c_char_p, c_int, c_longlong, c_void_p, POINTER(c_int),
                          POINTER(c_int), *message),
@@ -85,7 +91,7 @@ _of_thread = threading.local()
 
 
 def _message_buffer() -> ctypes.Array[c_char]:
-    """Returns the buffer of this thread for a message of the library."""
+    """Return the buffer of this thread for a message of the library."""
     buffer: ctypes.Array[c_char] | None = getattr(_of_thread, "message", None)
     if buffer is None:
         buffer = _of_thread.message = ctypes.create_string_buffer(ROOM)
@@ -93,19 +99,19 @@ def _message_buffer() -> ctypes.Array[c_char]:
 
 
 def _check(status: int, message: ctypes.Array[c_char]) -> None:
-    """Raises the exception that a status other than 0 stands for."""
+    """Raise the exception that a status other than 0 stands for."""
     if status:
         raise (InputError if status == 2 else ComputationError)(message.value.decode())
 
 
 def call(name: str, *arguments: Any) -> None:
-    """Calls a routine that computes nothing, and raises its error."""
+    """Call a routine that computes nothing, and raises its error."""
     message = _message_buffer()
     _check(getattr(_short, name)(*arguments, message, ROOM), message)
 
 
 def compute(name: str, *arguments: Any, progress: Progress | None = None) -> None:
-    """Calls a routine that computes, and raises its error.
+    """Call a routine that computes, and raises its error.
 
     Ctrl-C stops a computation of the main thread and raises KeyboardInterrupt, also if a handler of
     the caller's own returns. An exception of `progress` stops the computation, and is raised.
@@ -134,7 +140,7 @@ def compute(name: str, *arguments: Any, progress: Progress | None = None) -> Non
 
 
 class _Listener:
-    """Passes the progress of a computation on: to a function, or to a bar on standard error."""
+    """Pass the progress of a computation on: to a function, or to a bar on standard error."""
 
     def __init__(self, progress: Progress | None) -> None:
         self.raised: BaseException | None = None
@@ -198,7 +204,8 @@ class _Bar:
 class Handle:
     """An object inside the library, closed when nothing refers to it any more.
 
-    Copies of a fit or a problem share the handle. It cannot be sent to another process.
+    Copies of a fit or a problem share the handle. It cannot be sent to another process; fits and
+    problems therefore leave it out when they are pickled.
     """
 
     def __init__(self) -> None:
@@ -210,10 +217,6 @@ class Handle:
     def __deepcopy__(self, _: Any) -> Handle:
         return self
 
-    def __reduce__(self) -> Any:
-        raise TypeError("a fit or a problem of beamid cannot be pickled: send its arguments, and "
-                        "fit in the other process")
-
 
 def _close_number(number: c_longlong) -> None:
     if number.value:
@@ -221,7 +224,7 @@ def _close_number(number: c_longlong) -> None:
 
 
 def groups() -> tuple[str, ...]:
-    """Returns the names of the groups of a case file, as the library knows them."""
+    """Return the names of the groups of a case file, as the library knows them."""
     length = _short.beamid_groups(None, 0)
     buffer = ctypes.create_string_buffer(length)
     _short.beamid_groups(buffer, length)
@@ -229,7 +232,7 @@ def groups() -> tuple[str, ...]:
 
 
 def numbers(values: Any, what: str) -> np.ndarray:
-    """Returns values as an array (n) of doubles.
+    """Return values as an array (n) of doubles.
 
     what  name of the values in errors. Masked values and whatever is not a real number are rejected
     """
@@ -246,6 +249,45 @@ def numbers(values: Any, what: str) -> np.ndarray:
     if array.ndim > 1 and max(array.shape) != array.size:
         raise InputError(f"{what}: found an array of shape {array.shape}, expected one dimension")
     return array.ravel()
+
+
+def array_of(handle: Handle, name: str) -> np.ndarray:
+    """Return a copy of an array of a fit, by its name in the library."""
+    rows, columns, key = c_int(), c_int(), name.encode()
+    with handle.lock:
+        call("beamid_array", handle.number, key, len(key), 0, None, byref(rows), byref(columns))
+        array = np.empty((columns.value, rows.value))
+        call("beamid_array", handle.number, key, len(key), array.size, array.ctypes.data,
+             byref(rows), byref(columns))
+    return array.T
+
+
+def text_of(handle: Handle, name: str) -> str:
+    """Return a text of a fit or of other results, by its name in the library; '': no such text."""
+    key, length, room = name.encode(), c_int(), 4096
+    with handle.lock:
+        while True:
+            buffer = ctypes.create_string_buffer(room)
+            call("beamid_text", handle.number, key, len(key), buffer, room, byref(length))
+            if length.value <= room:
+                return buffer.raw[:length.value].decode()
+            room = length.value
+
+
+def optional(module: str, what: str) -> Any:
+    """Import a package that need not be installed.
+
+    Raises
+    ------
+    ImportError
+        Says what the package is needed for, and how to install it.
+    """
+    try:
+        return importlib.import_module(module)
+    except ImportError:
+        package = module.partition(".")[0]
+        raise ImportError(f"found no {package}, expected it for {what}: pip install {package}"
+                          ) from None
 
 
 def _shortened(value: Any) -> str:

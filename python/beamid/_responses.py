@@ -1,45 +1,69 @@
 """The response of a structure, with exact derivatives."""
 from __future__ import annotations
 
-from ctypes import byref, c_int
 from dataclasses import dataclass
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ._cases import case_text
-from ._library import Handle, InputError, compute, numbers
+from ._cases import IN_MEMORY, Group, Groups, Names, case_text, given, open_case
+from ._library import InputError, compute, numbers
 
 
 @dataclass
 class Response:
-    """At the times asked for."""
+    """The response of a structure at given times."""
 
     t: np.ndarray
-    acceleration: np.ndarray               #: (n) as the accelerometer has it
-    displacement: np.ndarray               #: (n) of the sensor's place
+    """Times, shape (n,) [time]."""
+    acceleration: np.ndarray
+    """Acceleration that the accelerometer reads, shape (n,) [length/time²]."""
+    displacement: np.ndarray
+    """Displacement at the sensor, shape (n,) [length]."""
     velocity: np.ndarray
-    derivatives: dict[str, np.ndarray]     #: of the acceleration, by the parameters asked for
+    """Velocity at the sensor, shape (n,) [length/time]."""
+    derivatives: dict[str, np.ndarray]
+    """Derivatives of the acceleration with respect to the named parameters, each of shape (n,)."""
 
 
-def response(t: ArrayLike, *, derivatives: Sequence[str] = (), **groups: Any) -> Response:
-    """Response of a structure to a known excitation, as `beamid simulate` computes it.
+def response(t: ArrayLike, *, derivatives: Names = (), beam: Group = None, tip: Group = None,
+             hose: Group = None, sensor: Groups = None, support: Groups = None,
+             gravity: Group = None, axial: Group = None, along: Groups = None,
+             excitation: Groups = None, discretization: Group = None, integrator: Group = None,
+             observation: Group = None, units: Group = None, **other: Any) -> Response:
+    """Compute the response of a structure to a known excitation.
 
-    t            (n) ascending times
-    derivatives  names of parameters
-    groups       of a case file, as of `Problem`: beam=dict(...), excitation=dict(...), ...
+    Parameters
+    ----------
+    t : array_like, shape (n,)
+        Times, ascending [time].
+    derivatives : str or sequence of str
+        Names of the parameters with respect to which the acceleration is differentiated.
+    beam, tip, hose, sensor, support, gravity, axial, along, excitation
+        Structure and excitation; see `Problem`.
+    discretization, integrator, observation, units, **other
+        Methods, labels of units, and any other group; see `Problem`.
+
+    Returns
+    -------
+    Response
+
+    Raises
+    ------
+    InputError
+        If the times are not ascending, or the arguments are incomplete or contradict one another.
+    ComputationError
+        If the response cannot be computed.
     """
+    groups = given(locals(), "t", "derivatives")
     t = numbers(t, "response: times")
     if t.size == 0 or not np.isfinite(t).all() or (np.diff(t) <= 0).any():
         raise InputError("response: found times that are not ascending, expected finite "
                          "ascending ones")
     names = [derivatives] if isinstance(derivatives, str) else list(derivatives)
-    text = case_text([{}], [dict(free=names)] if names else [], groups).encode()
-    handle = Handle()
-    compute("beamid_open", b"beamid", 6, text, len(text), 0, (c_int*1)(), 0, None, None, 0,
-         byref(handle.number))
+    text = case_text([{}], [dict(free=names)] if names else [], groups)
+    handle = open_case(IN_MEMORY, text, [], fits=False)
     motion = np.empty((3, t.size))
     by = np.empty((len(names), t.size))
     compute("beamid_respond", handle.number, t.size, t.ctypes.data, len(names),

@@ -1,0 +1,530 @@
+"""The commands simulate, modes, design, compare and ensemble."""
+from __future__ import annotations
+
+import csv
+import io
+import os
+from collections.abc import Mapping, Sequence
+from ctypes import byref, c_longlong
+from dataclasses import dataclass, field
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple, Union
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from . import _plots
+from ._cases import (IN_MEMORY, Group, Groups, Names, Record, as_list, case_text, given,
+                     open_case)
+from ._fits import Fit, Problem
+from ._library import Handle, InputError, Progress, compute, optional, text_of
+
+if TYPE_CHECKING:
+    import pandas
+
+#: A case that is given as a whole.
+Case = Union[str, "PathLike[str]", Problem]
+
+
+@dataclass
+class Results:
+    """Results of a command: its summary and its tables."""
+
+    text: str = field(repr=False)
+    tables: dict[str, str] = field(repr=False)
+    """Tables that the program writes, by the name of the file."""
+
+    def summary(self) -> str:
+        """Return the summary that the program prints."""
+        return self.text
+
+    def to_pandas(self, table: str | None = None) -> pandas.DataFrame:
+        """Return a table as a data frame, with the columns that the program writes.
+
+        Parameters
+        ----------
+        table : str, optional
+            Name of a table without '.csv'. Default: the first of `tables`.
+
+        Raises
+        ------
+        ImportError
+            If pandas is not installed.
+        KeyError
+            If there is no such table.
+        """
+        pandas = optional("pandas", "to_pandas")
+        name = next(iter(self.tables)) if table is None else table + ".csv"
+        if name not in self.tables:
+            raise KeyError(f"{table}: expected one of {', '.join(self.tables)}")
+        return pandas.read_csv(io.StringIO(self.tables[name]))
+
+    def _rows(self, table: str) -> list[dict[str, str]]:
+        return list(csv.DictReader(io.StringIO(self.tables[table])))
+
+    def _finest(self, table: str) -> dict[str, np.ndarray]:
+        """Return the columns of a table of numbers, of the finest mesh alone."""
+        columns = _plots.read(self.tables[table])
+        chosen = columns["elements"] == columns["elements"][-1]
+        return {name: values[chosen] for name, values in columns.items()}
+
+
+@dataclass
+class Simulation(Results):
+    """A simulated record, and the response that it comes from, on the finest mesh."""
+
+    t: np.ndarray = field(default_factory=lambda: np.empty(0))
+    """Sample times, shape (m,) [time]."""
+    record: np.ndarray = field(default_factory=lambda: np.empty(0), repr=False)
+    """Values of the record with noise, shape (m,), in the unit of the sensor."""
+    acceleration: np.ndarray = field(default_factory=lambda: np.empty(0), repr=False)
+    """Acceleration without noise, shape (m,) [length/time²]."""
+    displacement: np.ndarray = field(default_factory=lambda: np.empty(0), repr=False)
+    """Displacement at the sensor, shape (m,) [length]."""
+    velocity: np.ndarray = field(default_factory=lambda: np.empty(0), repr=False)
+    """Velocity at the sensor, shape (m,) [length/time]."""
+    force: np.ndarray = field(default_factory=lambda: np.empty(0), repr=False)
+    """Force of the excitation, shape (m,) [force]."""
+
+
+@dataclass
+class Modes(Results):
+    """Natural modes of a structure, on the finest mesh."""
+
+    s: np.ndarray = field(default_factory=lambda: np.empty(0), repr=False)
+    """Roots of the characteristic equation, shape (modes,) [1/time]."""
+    frequencies: np.ndarray = field(default_factory=lambda: np.empty(0))
+    """Natural frequencies \\|s\\|/(2 π), shape (modes,) [1/time]."""
+    damping_ratios: np.ndarray = field(default_factory=lambda: np.empty(0), repr=False)
+    """Damping ratios, shape (modes,)."""
+    x: np.ndarray = field(default_factory=lambda: np.empty(0), repr=False)
+    """Positions of the mode shapes along the beam, shape (points,) [length]."""
+    shapes: np.ndarray = field(default_factory=lambda: np.empty((0, 0)), repr=False)
+    """Mode shapes of the lowest modes that oscillate, complex, shape (shapes, points)."""
+
+    def plot(self, axes: Any = None) -> Any:
+        """Draw the mode shapes.
+
+        Parameters
+        ----------
+        axes : sequence of matplotlib axes, optional
+            Where to draw, one axes for each shape. Default: a new figure.
+
+        Returns
+        -------
+        numpy.ndarray of matplotlib.axes.Axes, shape (shapes,)
+
+        Raises
+        ------
+        ImportError
+            If matplotlib is not installed.
+        ValueError
+            If no mode oscillates.
+        """
+        modes = [(frequency, damping) for s, frequency, damping in zip(
+            self.s, self.frequencies, self.damping_ratios) if s.imag > 0]
+        return _plots.shapes(self.tables.get("shapes.csv", ""),
+                             self.tables.get("attachments.csv", ""), "", modes, axes)
+
+
+@dataclass
+class Design(Results):
+    """Predicted errors of candidate experiments."""
+
+    settings: list[dict[str, float]] = field(default_factory=list, repr=False)
+    """Settings of each experiment: `x_S`, `x_F` [length], `duration`, `t_first`, `t_last`,
+    `t_step` [time], `samples`. Experiment 0 is the present one."""
+    std_errors: dict[str, np.ndarray] = field(default_factory=dict, repr=False)
+    """Standard errors by parameter, in its unit, shape (experiments,); nan: not determined."""
+    D: np.ndarray = field(default_factory=lambda: np.empty(0), repr=False)
+    """Logarithm of the determinant of the information matrix, shape (experiments,)."""
+    A: np.ndarray = field(default_factory=lambda: np.empty(0), repr=False)
+    """Sum of the relative variances, shape (experiments,)."""
+    E: np.ndarray = field(default_factory=lambda: np.empty(0), repr=False)
+    """Least eigenvalue of the information matrix, shape (experiments,)."""
+
+
+class ComparedModel(NamedTuple):
+    """A model of a comparison."""
+
+    model: str
+    elements: int
+    parameters: int
+    """Number of estimated parameters."""
+    J: float
+    aicc: float
+    """Akaike's criterion with the correction for small samples; the smaller the better."""
+    bic: float
+    """Bayesian information criterion; the smaller the better."""
+
+
+class NestedPair(NamedTuple):
+    """Test of a model against a special case of it."""
+
+    restricted: str
+    full: str
+    restrictions: int
+    U: float
+    """Test statistic, chi-square distributed if the restricted model is true."""
+    probability: float
+
+
+@dataclass
+class Comparison(Results):
+    """Several models of the same records."""
+
+    models: list[ComparedModel] = field(default_factory=list)
+    nested: list[NestedPair] = field(default_factory=list)
+
+    @property
+    def best(self) -> ComparedModel:
+        """The model with the smallest AICc."""
+        return min(self.models, key=lambda model: model.aicc)
+
+
+class MemberStatistics(NamedTuple):
+    """Statistics of a parameter over the members of an ensemble; nan: not known."""
+
+    elements: int
+    parameter: str
+    members: int
+    mean: float
+    sd: float
+    mean_std_error: float
+    bias: float
+    bias_error: float
+    covered: float
+    """Share of the 95 % intervals that contain the true value."""
+    covered_error: float
+
+
+@dataclass
+class Ensemble(Results):
+    """A command on many records."""
+
+    statistics: list[MemberStatistics] = field(default_factory=list)
+    estimates: dict[str, np.ndarray] = field(default_factory=dict, repr=False)
+    """Estimates by parameter on the finest mesh, shape (members,); nan: the member failed."""
+    failures: dict[int, str] = field(default_factory=dict, repr=False)
+    """Messages of the members that failed, by their numbers, from 1."""
+
+
+def _run(command: str, cases: Sequence[Handle], labels: str, progress: Progress | None) -> Handle:
+    """Run a command on open cases, and return the handle of its results."""
+    name, titles, found = command.encode(), labels.encode(), Handle()
+    numbers = (c_longlong*len(cases))(*[case.number.value for case in cases])
+    compute("beamid_run", name, len(name), len(cases), numbers, titles, len(titles),
+            byref(found.number), progress=progress)
+    return found
+
+
+def _results(command: str, cases: Sequence[Handle], progress: Progress | None,
+             labels: str = "") -> dict[str, Any]:
+    """Run a command, and return its summary and tables."""
+    found = _run(command, cases, labels, progress)
+    return dict(text=text_of(found, "summary"),
+                tables={name: text_of(found, name) for name in text_of(found, "tables").split()})
+
+
+def _opened(case: Case, fits: bool = False) -> Handle:
+    """Return the handle of a case file or a problem."""
+    if isinstance(case, Problem):
+        return case._handle
+    return open_case(os.fspath(case), "", [], fits=fits)
+
+
+def _case_of(first: str, arguments: dict[str, Any]) -> Handle:
+    """Return the handle of the case that the arguments of a command describe.
+
+    Parameters
+    ----------
+    first
+        Name of the first argument, which may be the whole case, or the times of a record.
+    arguments
+        `locals()` at the beginning of the command.
+    """
+    keys = given(arguments, "progress")
+    case = keys.pop(first)
+    if isinstance(case, (Problem, str, PathLike)):
+        if any(value is not None for value in keys.values()):
+            raise TypeError("found arguments behind a case, expected none: it has its own")
+        return _opened(case)
+    record, records = keys.pop("record", None), keys.pop("records", None)
+    stage = {name: keys.pop(name, None) for name in ("free", "start", "lower", "upper", "shared")}
+    stages = keys.pop("stages", None)
+    if stages is None:
+        stages = [stage] if stage["free"] is not None else []
+    if records is not None:
+        held = as_list(records)
+    elif case is not None:
+        held = [Record(case, case, **(record or {}))]
+    else:
+        held = []
+    described = [item.keys for item in held]
+    if not held and record is not None:
+        described = as_list(record)
+    return open_case(IN_MEMORY, case_text(described, as_list(stages), keys), held, fits=False)
+
+
+def simulate(t: ArrayLike | Case | None = None, *, record: Group = None, beam: Group = None,
+             tip: Group = None, hose: Group = None, sensor: Groups = None, support: Groups = None,
+             gravity: Group = None, axial: Group = None, along: Groups = None,
+             excitation: Groups = None, discretization: Group = None, integrator: Group = None,
+             observation: Group = None, noise: Group = None, units: Group = None,
+             **other: Any) -> Simulation:
+    """Simulate a record, as the command `simulate` does.
+
+    Without ``discretization=dict(elements=...)`` the mesh is refined until the response no longer
+    changes. `response` computes a response on one mesh, with its derivatives.
+
+    Parameters
+    ----------
+    t : array_like, str, path-like or Problem, optional
+        Sample times, ascending [time]; or, as the only argument, a case.
+    record : mapping, optional
+        In place of `t`, a grid of sample times: `t_first`, `t_last`, `t_step` [time]. `scale` and
+        `offset` are those of the sensor.
+    beam, tip, hose, sensor, support, gravity, axial, along, excitation
+        Structure and excitation; see `Problem`.
+    discretization, integrator, observation, units, **other
+        Methods, labels of units, and any other group; see `Problem`.
+    noise : mapping, optional
+        Noise of the record: `sd` [length/time²], `seed`.
+
+    Returns
+    -------
+    Simulation
+
+    Raises
+    ------
+    InputError
+        If the arguments are incomplete or contradict one another.
+    ComputationError
+        If the response cannot be computed.
+    """
+    results = _results("simulate", [_case_of("t", locals())], None)
+    found = Simulation(**results)
+    columns = found._finest("response.csv")
+    found.t, found.acceleration, found.displacement, found.velocity, found.force = (
+        columns[name] for name in ("t", "acceleration", "displacement", "velocity", "force"))
+    found.record = _plots.read(found.tables["record.csv"])["acceleration"]
+    return found
+
+
+def modes(case: Case | None = None, *, beam: Group = None, tip: Group = None, hose: Group = None,
+          sensor: Groups = None, support: Groups = None, gravity: Group = None,
+          axial: Group = None, along: Groups = None, discretization: Group = None,
+          units: Group = None, progress: Progress | None = None, **other: Any) -> Modes:
+    """Compute the natural modes of a structure, as the command `modes` does.
+
+    If the case can be fitted, `Modes.tables` also has the modes of the fitted structure with their
+    intervals, `modes_fitted.csv`.
+
+    Parameters
+    ----------
+    case : str, path-like or Problem, optional
+        A case, as the only argument.
+    beam, tip, hose, sensor, support, gravity, axial, along
+        Structure; see `Problem`.
+    discretization, units, **other
+        Mesh, labels of units, and any other group; see `Problem`.
+    progress : bool or callable, optional
+        See `Problem.fit`.
+
+    Returns
+    -------
+    Modes
+
+    Raises
+    ------
+    InputError
+        If the arguments are incomplete or contradict one another.
+    ComputationError
+        If the modes cannot be computed.
+    """
+    found = Modes(**_results("modes", [_case_of("case", locals())], progress))
+    columns = found._finest("modes.csv")
+    found.s = columns["real"] + 1j*columns["imag"]
+    found.frequencies, found.damping_ratios = columns["frequency_hz"], columns["damping_ratio"]
+    if "shapes.csv" in found.tables:
+        columns = _plots.read(found.tables["shapes.csv"])
+        found.x = columns["x"]
+        found.shapes = np.array([columns[f"mode_{k}_real"] + 1j*columns[f"mode_{k}_imag"]
+                                 for k in range(1, (len(columns) - 1)//2 + 1)])
+    return found
+
+
+def design(case: Case | None = None, *, record: Groups = None, free: Names | None = None,
+           stages: Groups = None, beam: Group = None, tip: Group = None, hose: Group = None,
+           sensor: Groups = None, support: Groups = None, gravity: Group = None,
+           axial: Group = None, along: Groups = None, excitation: Groups = None,
+           discretization: Group = None, observation: Group = None, prior: Groups = None,
+           noise: Group = None, design: Group = None, units: Group = None,
+           progress: Progress | None = None, **other: Any) -> Design:
+    """Predict the errors that candidate experiments would give, as the command `design` does.
+
+    Parameters
+    ----------
+    case : str, path-like or Problem, optional
+        A case, as the only argument.
+    record : mapping or sequence of mappings
+        Sample times of the present experiment: `t_first`, `t_last`, `t_step` [time].
+    free : str or sequence of str
+        Names of the parameters to estimate.
+    stages
+        Keys of several stages, in place of `free`.
+    beam, tip, hose, sensor, support, gravity, axial, along, excitation
+        Structure and excitation; see `Problem`.
+    discretization, observation, prior, units, **other
+        Methods, labels of units, and any other group; see `Problem`.
+    noise : mapping
+        Noise of the record: `sd` [length/time²].
+    design : mapping
+        Lists of settings to choose from: `x_S`, `x_F` [length] or 'auto', `duration`, `t_last`
+        [time] and so on; `target`, the relative standard error to reach.
+    progress : bool or callable, optional
+        See `Problem.fit`.
+
+    Returns
+    -------
+    Design
+
+    Raises
+    ------
+    InputError
+        If the arguments are incomplete or contradict one another.
+    ComputationError
+        If a response cannot be computed.
+    """
+    found = Design(**_results("design", [_case_of("case", locals())], progress))
+    columns = _plots.read(found.tables["design.csv"])
+    names = ("x_S", "x_S_2", "x_F", "duration", "t_first", "t_last", "t_step", "samples")
+    found.settings = [dict(zip(names, values))
+                      for values in zip(*(columns[name].tolist() for name in names))]
+    found.std_errors = {name[3:]: values for name, values in columns.items()
+                        if name.startswith("sd_")}
+    found.D, found.A, found.E = columns["D"], columns["A"], columns["E"]
+    return found
+
+
+def compare(*cases: Case | Fit | Mapping[str, Case | Fit],
+            progress: Progress | None = None) -> Comparison:
+    """Compare several models of the same records, as the command `compare` does.
+
+    Parameters
+    ----------
+    *cases : str, path-like, Problem or Fit
+        The models; or one mapping with the models by their names in the tables. By default a case
+        file is called by its name, and a problem 'model' with its number.
+    progress : bool or callable, optional
+        See `Problem.fit`.
+
+    Returns
+    -------
+    Comparison
+
+    Raises
+    ------
+    InputError
+        If a case cannot be fitted, or the records differ.
+    ComputationError
+        If a fit fails.
+    """
+    if len(cases) == 1 and isinstance(cases[0], Mapping):
+        labels = [str(name) for name in cases[0]]
+        cases = tuple(cases[0].values())
+    else:
+        labels = []
+    items = [case._problem if isinstance(case, Fit) else case
+             for case in cases if not isinstance(case, Mapping)]
+    if not labels and any(isinstance(case, Problem) for case in items):
+        labels = [_label(k, case) for k, case in enumerate(items, start=1)]
+    for name in labels:
+        if not name or set(name) & set(',"\n'):
+            raise InputError(f"compare: found the name {name!r}, expected one without comma, "
+                             "double quote and line feed")
+    found = Comparison(**_results("compare", [_opened(case) for case in items], progress,
+                                  "\n".join(labels)))
+    found.models = [ComparedModel(row["model"], int(row["elements"]), int(row["parameters"]),
+                                  float(row["J"]), float(row["aicc"]), float(row["bic"]))
+                    for row in found._rows("models.csv")]
+    found.nested = [NestedPair(row["restricted"], row["full"], int(row["restrictions"]),
+                               float(row["U"]), float(row["probability"]))
+                    for row in found._rows("nested.csv")]
+    return found
+
+
+def _label(number: int, case: Case) -> str:
+    """Return the name of a model in the tables of a comparison."""
+    path = case._path if isinstance(case, Problem) else os.fspath(case)
+    return f"model {number}" if path == IN_MEMORY else Path(path).stem
+
+
+def ensemble(t: ArrayLike | Case | None = None, *, record: Group = None,
+             records: Record | Sequence[Record] | None = None, free: Names | None = None,
+             start: Any = None, lower: Any = None, upper: Any = None, shared: Names | None = None,
+             stages: Groups = None, beam: Group = None, tip: Group = None, hose: Group = None,
+             sensor: Groups = None, support: Groups = None, gravity: Group = None,
+             axial: Group = None, along: Groups = None, excitation: Groups = None,
+             discretization: Group = None, integrator: Group = None, observation: Group = None,
+             prior: Groups = None, sample: Group = None, bootstrap: Group = None,
+             noise: Group = None, draw: Groups = None, ensemble: Group = None, units: Group = None,
+             progress: Progress | None = None, **other: Any) -> Ensemble:
+    """Run a command on many simulated records, or on a list of cases, as `ensemble` does.
+
+    The members and their order are the same for any number of threads. All of them are kept in
+    memory; the command line can share the work among several machines.
+
+    Parameters
+    ----------
+    t : array_like, str, path-like or Problem, optional
+        Sample times of the records, ascending [time]; or, as the only argument, a case.
+    record : mapping, optional
+        In place of `t`, a grid of sample times: `t_first`, `t_last`, `t_step` [time].
+    records, free, start, lower, upper, shared, stages
+        Several records, and the parameters to estimate; see `Problem`. The values of the records
+        are replaced.
+    beam, tip, hose, sensor, support, gravity, axial, along, excitation
+        Structure and excitation; see `Problem`.
+    discretization, integrator, observation, prior, sample, bootstrap, units, **other
+        Methods, labels of units, and any other group; see `Problem`.
+    noise : mapping, optional
+        Noise of the records: `sd` [length/time²].
+    draw : mapping or sequence of mappings, optional
+        Parameters that differ between members: `parameter`, `low`, `high`, in its unit.
+    ensemble : mapping
+        `members`, `seed`, `command` ('identify', 'profile', 'sample', 'bootstrap' or 'modes').
+    progress : bool or callable, optional
+        See `Problem.fit`.
+
+    Returns
+    -------
+    Ensemble
+
+    Raises
+    ------
+    InputError
+        If the arguments are incomplete or contradict one another, or all members would be the same.
+    ComputationError
+        If every member fails.
+    """
+    found = Ensemble(**_results("ensemble", [_case_of("t", locals())], progress))
+    # members.csv first, as it is what `to_pandas` returns by default.
+    found.tables = {name: found.tables[name] for name in sorted(
+        found.tables, key=lambda name: name != "members.csv")}
+    found.statistics = [MemberStatistics(
+        int(row["elements"]), row["parameter"], int(row["members"]),
+        *(float(row[name] or "nan") for name in MemberStatistics._fields[3:]))
+        for row in found._rows("ensemble.csv")]
+    rows = found._rows("members.csv")
+    count = int(rows[-1]["member"])
+    for row in rows:
+        k = int(row["member"])
+        if row["status"] != "ok":
+            found.failures[k] = row["message"]
+            continue
+        # Rows of a finer mesh follow those of a coarser one, and replace them.
+        values = found.estimates.setdefault(row["parameter"], np.full(count, np.nan))
+        values[k - 1] = float(row["estimate"] or "nan")
+    return found

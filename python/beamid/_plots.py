@@ -1,0 +1,104 @@
+"""Pictures of fits and of mode shapes, by matplotlib if it is installed."""
+from __future__ import annotations
+
+import io
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from ._library import optional
+
+#: With fewer samples, each sample is marked.
+MARKED = 400
+
+
+def fit(table: str, labels: str, record: int, axes: Any) -> Any:
+    """Draw record, model and residuals from fit.csv; see `Fit.plot`."""
+    columns = read(table)
+    chosen = (columns["elements"] == columns["elements"].max()) & (columns["record"] == record)
+    if not chosen.any():
+        raise ValueError(f"plot: found record={record}, expected 1 to "
+                         f"{int(columns['record'].max())}")
+    t, measured, model, residual = (columns[name][chosen]
+                                    for name in ("t", "measured", "model", "residual"))
+    units = read_units(labels)
+    upper, lower = panels(2, axes, "Fit.plot", figsize=(8, 5), height_ratios=[2, 1])
+    style = "." if t.size < MARKED else "-"
+    upper.plot(t, measured, style, color="black", markersize=4, linewidth=1.2, label="record")
+    upper.plot(t, model, color="tab:blue", linewidth=1, label="model")
+    upper.set_ylabel(labelled("acceleration", units.get("acceleration")))
+    upper.legend(loc="upper right")
+    if columns["record"].max() > 1:
+        upper.set_title(f"record {record}")
+    lower.plot(t, residual, style, color="black", markersize=4, linewidth=0.6)
+    lower.axhline(0, color="grey", linewidth=0.6)
+    lower.set_ylabel("record - model")
+    lower.set_xlabel(labelled("t", units.get("time")))
+    return np.array([upper, lower])
+
+
+def shapes(table: str, attachments: str, labels: str, modes: Sequence[tuple[float, float]],
+           axes: Any) -> Any:
+    """Draw mode shapes from shapes.csv.
+
+    Parameters
+    ----------
+    table, attachments, labels
+        shapes.csv, attachments.csv and labels.csv.
+    modes
+        Frequency [1/time] and damping ratio of each mode that oscillates.
+    axes
+        Where to draw; None: a new figure.
+    """
+    if not table:
+        raise ValueError("plot_modes: found no mode shape, as no mode oscillates")
+    columns = read(table)
+    x = columns["x"]
+    units = read_units(labels)
+    hertz = "Hz" if units.get("time") == "s" else f"1/{units.get('time') or 'time'}"
+    count = min((len(columns) - 1)//2, len(modes))
+    drawn = panels(count, axes, "plot_modes", figsize=(7, 1 + 1.4*count))
+    places = [float(line.rsplit(",", 1)[1]) for line in attachments.splitlines()[1:]]
+    for k, (panel, (frequency, damping)) in enumerate(zip(drawn, modes), start=1):
+        shape = columns[f"mode_{k}_real"]
+        panel.axhline(0, color="grey", linewidth=0.6)
+        panel.plot(x, shape, color="tab:blue", label=f"mode {k}")
+        panel.plot(places, np.interp(places, x, shape), "ks", markersize=5)
+        panel.set_title(f"mode {k}: {frequency:.5g} {hertz}, damping ratio {damping:.3g}",
+                        fontsize=10)
+        panel.set_yticks([])
+    drawn[-1].set_xlabel(labelled("x", units.get("length")))
+    return np.array(drawn)
+
+
+def panels(count: int, axes: Any, what: str, **figure: Any) -> list[Any]:
+    """Return axes, one below the other: those of the user, or those of a new figure."""
+    if axes is not None:
+        given = list(np.ravel(axes))
+        if len(given) != count:
+            raise ValueError(f"{what}: found {len(given)} axes, expected {count}")
+        return given
+    pyplot = optional("matplotlib.pyplot", what)
+    ratios = figure.pop("height_ratios", None)
+    _, drawn = pyplot.subplots(count, 1, sharex=True, squeeze=False, layout="constrained",
+                               gridspec_kw=dict(height_ratios=ratios), **figure)
+    return list(drawn[:, 0])
+
+
+def read(table: str) -> dict[str, np.ndarray]:
+    """Return the columns of a table of numbers by name; nan for an empty field."""
+    header = table.split("\n", 1)[0].split(",")
+    rows = np.genfromtxt(io.StringIO(table), delimiter=",", skip_header=1, ndmin=2)
+    return dict(zip(header, rows.T))
+
+
+def read_units(labels: str) -> dict[str, str]:
+    """Return the units of labels.csv by quantity."""
+    rows = (line.partition(",") for line in labels.splitlines()[1:])
+    return {quantity: unit for quantity, _, unit in rows}
+
+
+def labelled(name: str, unit: str | None) -> str:
+    """Return the label of an axis."""
+    return f"{name} [{unit}]" if unit else name

@@ -1,0 +1,560 @@
+"""Functions, pictures, copies and signatures, against the program's tables and against scipy."""
+import builtins
+import copy
+import inspect
+import multiprocessing
+import os
+import pickle
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import beamid
+from beamid import _library as library
+
+CHECKOUT = Path(__file__).resolve().parents[2]
+DATA = CHECKOUT / "data"
+NOISY = DATA / "table_4_1_noisy.nml"
+MODEL = dict(
+    beam=dict(length=4.0, rho=0.03, E=80.0, I=1.0, c_D=0.0035), tip=dict(m_T=0.15),
+    hose=dict(m_H=0.035, c_H=0.0035, k_H=0.4),
+    excitation=dict(kind="pulse", amplitude=1.0, duration=0.05),
+    discretization=dict(degree=3, elements=4),
+    observation=dict(formula="displacement_difference", delta=0.1))
+FREE = ["c_D", "m_H", "c_H", "k_H"]
+NAMES = dict(units=dict(length="ft", force="lb", time="s", mass="slug"))
+
+
+@pytest.fixture(scope="module")
+def record():
+    return np.loadtxt(DATA / "table_4_1_noisy.csv", delimiter=",", skiprows=1).T
+
+
+@pytest.fixture(scope="module")
+def fit(record):
+    return beamid.fit(*record, free=FREE, **MODEL, **NAMES)
+
+
+@pytest.fixture(scope="module")
+def program():
+    path = os.environ.get("BEAMID_PROGRAM")
+    if not path:
+        pytest.skip("BEAMID_PROGRAM names no program")
+
+    def run(command, *cases, out):
+        subprocess.run([path, command, *map(str, cases), "--out", str(out), "--quiet"], check=True,
+                       capture_output=True)
+        return {file.name: file.read_text() for file in Path(out).glob("*.*")}
+
+    return run
+
+
+def columns(text):
+    """Columns of a table by name, as texts."""
+    rows = [line.split(",") for line in text.splitlines()]
+    return {name: [row[k] for row in rows[1:]] for k, name in enumerate(rows[0])}
+
+
+def same_tables(found, files):
+    assert found.summary() == files["summary.txt"]
+    assert set(found.tables) == set(files) - {"summary.txt", "manifest.txt"}
+    for name, text in found.tables.items():
+        assert text == files[name], name
+
+
+def test_simulate_is_that_of_the_program(program, tmp_path):
+    """From the case file to the last character; from arguments to the last digit."""
+    case = DATA / "table_4_1_truth.nml"
+    files = program("simulate", case, out=tmp_path)
+    found = beamid.simulate(case)
+    same_tables(found, files)
+    table = columns(files["response.csv"])
+    last = [k for k, n in enumerate(table["elements"]) if n == table["elements"][-1]]
+    for name in ("t", "acceleration", "displacement", "velocity", "force"):
+        assert getattr(found, name).tolist() == [float(table[name][k]) for k in last]
+    assert found.record.tolist() == list(map(float, columns(files["record.csv"])["acceleration"]))
+    pandas = pytest.importorskip("pandas")
+    assert isinstance(found.to_pandas(), pandas.DataFrame)
+    assert list(found.to_pandas("record").columns) == ["t", "acceleration"]
+
+
+def test_simulate_at_given_times():
+    """The response at uneven times, the noise, and the units of the sensor."""
+    t = np.array([0.2, 0.25, 0.4, 1.0])
+    noise = dict(sd=0.01, seed=3)
+    found = beamid.simulate(t, noise=noise, record=dict(scale=2.0, offset=0.5), **MODEL)
+    exact = beamid.response(t, **MODEL)
+    assert (found.t == t).all() and (found.acceleration == exact.acceleration).all()
+    added = 2*(found.record - 0.5) - found.acceleration
+    assert 0 < np.abs(added).max() < 0.05
+    assert (beamid.simulate(t, noise=noise, **MODEL).record - found.acceleration
+            == pytest.approx(added, abs=1e-14))
+    with pytest.raises(beamid.InputError, match="not ascending"):
+        beamid.simulate([0.2, 0.1], **MODEL)
+    with pytest.raises(beamid.InputError, match="masked"):
+        beamid.simulate([0.2, np.nan, None], noise=dict(sd=np.ma.masked), **MODEL)
+    with pytest.raises(beamid.InputError, match="&record: found no such group"):
+        beamid.simulate(**MODEL)
+    with pytest.raises(TypeError, match="found arguments behind a case"):
+        beamid.simulate(DATA / "table_4_1_truth.nml", noise=noise)
+
+
+def test_modes_are_those_of_the_program(program, tmp_path):
+    files = program("modes", NOISY, out=tmp_path)
+    same_tables(beamid.modes(NOISY), files)
+    same_tables(beamid.modes(beamid.load(NOISY)), files)
+    found = beamid.modes(NOISY)
+    table = columns(files["modes.csv"])
+    assert found.frequencies.tolist() == list(map(float, table["frequency_hz"]))
+    assert found.s.imag.tolist() == list(map(float, table["imag"]))
+    assert found.shapes.shape == (6, 101) and found.x[-1] == 4.0
+    np.testing.assert_allclose(-found.s.real/abs(found.s), found.damping_ratios, rtol=1e-12,
+                               atol=1e-15)
+
+
+def test_modes_of_a_bare_beam():
+    """Frequencies and shapes of a clamped beam from its characteristic equation, by scipy. The mesh
+    of 32 elements of degree 5 is exact to 1e-9 for the first three modes."""
+    optimize = pytest.importorskip("scipy.optimize")
+    beam = dict(length=0.5, rho=0.471, E=2e11, I=2e-11)
+    found = beamid.modes(beam=beam, discretization=dict(degree=5, elements=32))
+    roots = [optimize.brentq(lambda z: np.cos(z)*np.cosh(z) + 1, lower, lower + 2, xtol=1e-14)
+             for lower in (1, 4, 7)]
+    omega = np.array(roots)**2*np.sqrt(beam["E"]*beam["I"]/beam["rho"])/beam["length"]**2
+    np.testing.assert_allclose(found.frequencies[:3], omega/(2*np.pi), rtol=1e-9)
+    z = roots[1]
+    ratio = (np.sinh(z) - np.sin(z))/(np.cosh(z) + np.cos(z))
+    x = z*found.x/beam["length"]
+    shape = np.cosh(x) - np.cos(x) - ratio*(np.sinh(x) - np.sin(x))
+    mine = found.shapes[1].real
+    np.testing.assert_allclose(mine/mine[-1], shape/shape[-1], atol=1e-7)
+
+
+def test_design_is_that_of_the_program(program, tmp_path):
+    case = DATA / "design_table_4_1.nml"
+    files = program("design", case, out=tmp_path)
+    heard = []
+    found = beamid.design(case, progress=lambda *piece: heard.append(piece))
+    same_tables(found, files)
+    table = columns(files["design.csv"])
+    assert set(found.std_errors) == set(FREE) and len(found.settings) == len(table["design"])
+    assert found.std_errors["k_H"].tolist() == [float(x or "nan") for x in table["sd_k_H"]]
+    assert found.D.tolist() == [float(x or "nan") for x in table["D"]]
+    assert found.settings[3]["duration"] == float(table["duration"][3])
+    assert heard[-1][0] == heard[-1][1] and heard[-1][2] == "positions"
+
+
+def test_design_from_arguments():
+    """The standard errors of the present experiment are those by the exact derivatives."""
+    t = np.arange(0.2, 5.05, 0.1)
+    grid = dict(t_first=0.2, t_last=5.0, t_step=0.1)
+    found = beamid.design(record=grid, free=FREE, noise=dict(sd=0.02),
+                          design=dict(duration=[0.05, 0.1]), **MODEL)
+    by = beamid.response(t, derivatives=FREE, **MODEL).derivatives
+    jacobian = np.array([by[name] for name in FREE]).T
+    covariance = 0.02**2*np.linalg.inv(jacobian.T @ jacobian)
+    # The condition of the normal equations is some 1e6; times on the grid differ by round-off.
+    for k, name in enumerate(FREE):
+        assert found.std_errors[name][0] == pytest.approx(np.sqrt(covariance[k, k]), rel=1e-6)
+
+
+@pytest.fixture(scope="module")
+def rivals(tmp_path_factory):
+    """The case with noise, and with the hose's spring known."""
+    folder = tmp_path_factory.mktemp("rivals")
+    text = NOISY.read_text().replace("file='", f"file='{DATA}/")
+    small = text.replace("free='c_D','m_H','c_H','k_H', start=0.0035,0.035,0.0035,0.4",
+                         "free='c_D','m_H','c_H', start=0.0035,0.035,0.0035")
+    assert small != text
+    for name, content in dict(full=text, small=small).items():
+        (folder / f"{name}.nml").write_text(content)
+    return folder / "full.nml", folder / "small.nml"
+
+
+def test_compare_is_that_of_the_program(program, tmp_path, rivals, record):
+    files = program("compare", *rivals, out=tmp_path)
+    found = beamid.compare(*rivals)
+    same_tables(found, files)
+    table = columns(files["models.csv"])
+    assert [model.aicc for model in found.models] == list(map(float, table["aicc"]))
+    assert found.best.model == "full" and found.nested[0].restricted == "small"
+    # Problems in memory: the same numbers under other names.
+    keys = {**MODEL, **NAMES}
+    full = beamid.Problem(*record, free=FREE, start=[0.0035, 0.035, 0.0035, 0.4], **keys)
+    small = beamid.Problem(*record, free=FREE[:3], start=[0.0035, 0.035, 0.0035], **keys)
+    named = beamid.compare({"all four": full, "spring known": small})
+    assert [model.model for model in named.models] == ["all four", "spring known"]
+    assert [model[1:] for model in named.models] == [model[1:] for model in found.models]
+    mixed = beamid.compare(rivals[0], small)
+    assert [model.model for model in mixed.models] == ["full", "model 2"]
+    assert beamid.compare(full.fit(), small).models[0].J == found.models[0].J
+
+
+def test_criteria_by_their_formulas(rivals):
+    """AICc, BIC and the probability by numpy and scipy."""
+    stats = pytest.importorskip("scipy.stats")
+    found, m = beamid.compare(*rivals), 49
+    for model in found.models:
+        k = model.parameters + 1
+        assert model.aicc == pytest.approx(
+            m*np.log(model.J/m) + 2*k + 2*k*(k + 1)/(m - k - 1), rel=1e-12)
+        assert model.bic == pytest.approx(m*np.log(model.J/m) + k*np.log(m), rel=1e-12)
+    pair = found.nested[0]
+    full, small = (model.J for model in found.models)
+    assert pair.U == pytest.approx(m*(small - full)/full, rel=1e-12)
+    assert pair.probability == pytest.approx(stats.chi2.sf(pair.U, pair.restrictions), rel=1e-9)
+
+
+def test_bad_comparisons(rivals, record):
+    t, a = record
+    with pytest.raises(beamid.InputError, match="found other samples than in"):
+        beamid.compare(rivals[0], beamid.Problem(t[:-5], a[:-5], free=FREE, **MODEL))
+    with pytest.raises(beamid.InputError, match="found no case"):
+        beamid.compare()
+    with pytest.raises(beamid.InputError, match="found the name 'a,b'"):
+        beamid.compare({"a,b": rivals[0]})
+
+
+ENSEMBLE = dict(free=["c_D", "k_H"], noise=dict(sd=0.01), ensemble=dict(members=40, seed=3),
+                draw=dict(parameter="m_H", low=0.03, high=0.05), **MODEL)
+
+
+def test_ensemble_is_that_of_the_program(program, tmp_path):
+    case = tmp_path / "case.nml"
+    case.write_text(library_text(dict(record=dict(t_first=0.2, t_last=5.0, t_step=0.1),
+                                      **ENSEMBLE)))
+    files = program("ensemble", case, out=tmp_path / "out")
+    heard = []
+    found = beamid.ensemble(case, progress=lambda *piece: heard.append(piece))
+    same_tables(found, files)
+    assert heard[-1] == (40, 40, "members")
+    again = beamid.ensemble(record=dict(t_first=0.2, t_last=5.0, t_step=0.1), **ENSEMBLE)
+    assert again.tables == found.tables
+    table = columns(files["ensemble.csv"])
+    assert [row.mean for row in found.statistics] == list(map(float, table["mean"]))
+    members = columns(files["members.csv"])
+    expected = [float(value) for value, name in zip(members["estimate"], members["parameter"])
+                if name == "k_H"]
+    assert found.estimates["k_H"].tolist() == expected and not found.failures
+    assert np.mean(expected) == pytest.approx(found.statistics[1].mean, rel=1e-12)
+    assert np.std(expected, ddof=1) == pytest.approx(found.statistics[1].sd, rel=1e-9)
+
+
+def library_text(groups):
+    """The groups as a case file."""
+    from beamid._cases import case_text
+    keys = dict(groups)
+    record, free = keys.pop("record"), keys.pop("free")
+    return case_text([record], [dict(free=free)], keys)
+
+
+def test_ensemble_at_given_times_and_of_cases(program, tmp_path, rivals):
+    t = np.linspace(0.2, 5, 49)
+    found = beamid.ensemble(t, **{**ENSEMBLE, "ensemble": dict(members=5)})
+    assert found.estimates["c_D"].shape == (5,)
+    fleet = rivals[0].parent / "fleet.nml"
+    fleet.write_text("&ensemble cases='list.txt' /\n")
+    (fleet.parent / "list.txt").write_text("full.nml\nsmall.nml\nmissing.nml\n")
+    files = program("ensemble", fleet, out=tmp_path)
+    listed = beamid.ensemble(fleet)
+    same_tables(listed, files)
+    assert "missing.nml" in listed.failures[3] and np.isnan(listed.estimates["k_H"][1])
+    with pytest.raises(beamid.InputError, match="&ensemble: found no such group"):
+        beamid.ensemble(NOISY)
+    (fleet.parent / "list.txt").write_text("missing.nml\n")
+    with pytest.raises(beamid.ComputationError, match=r"every member failed; .*missing\.nml"):
+        beamid.ensemble(fleet)
+
+
+def test_progress_stops_an_ensemble():
+    class Enough(Exception):
+        pass
+
+    def stop(*_):
+        raise Enough
+
+    with pytest.raises(Enough):
+        beamid.ensemble(np.linspace(0.2, 5, 49), progress=stop,
+                        **{**ENSEMBLE, "ensemble": dict(members=10**6)})
+
+
+def test_residuals_have_one_sign(program, tmp_path, fit):
+    """Record - model in Python, in fit.csv of the program, and by the response itself."""
+    files = program("identify", NOISY, out=tmp_path)
+    table = columns(files["fit.csv"])
+    assert fit.residuals.tolist() == list(map(float, table["residual"]))
+    np.testing.assert_allclose(fit.residuals, fit.measured - fit.model, rtol=0, atol=1e-15)
+    assert fit.model.tolist() == list(map(float, table["model"]))
+    beam = dict(MODEL["beam"], c_D=fit["c_D"].value)
+    hose = {name: fit[name].value for name in ("m_H", "c_H", "k_H")}
+    model = beamid.response(fit.t, **{**MODEL, "beam": beam, "hose": hose}).acceleration
+    np.testing.assert_allclose(fit.measured - model, fit.residuals, atol=1e-12)
+
+
+def test_jacobian_is_that_of_the_model(fit):
+    """Against the response's derivatives: of the model, so that those of residuals are negative."""
+    beam = dict(MODEL["beam"], c_D=fit["c_D"].value)
+    hose = {name: fit[name].value for name in ("m_H", "c_H", "k_H")}
+    by = beamid.response(fit.t, derivatives=FREE,
+                         **{**MODEL, "beam": beam, "hose": hose}).derivatives
+    for k, name in enumerate(FREE):
+        np.testing.assert_allclose(fit.jacobian[:, k], by[name],
+                                   atol=1e-9*abs(by[name]).max())
+
+
+def test_minimum_by_scipy(fit):
+    """The search of scipy ends at the same minimum; both stop within 1e-6 standard errors, and
+    its Jacobian by differences adds some 1e-4."""
+    optimize = pytest.importorskip("scipy.optimize")
+    scale = np.array([0.005, 0.04, 0.004, 0.3])
+
+    def residuals(p):
+        c_D, m_H, c_H, k_H = p*scale
+        groups = {**MODEL, "beam": dict(MODEL["beam"], c_D=c_D),
+                  "hose": dict(m_H=m_H, c_H=c_H, k_H=k_H)}
+        return fit.measured - beamid.response(fit.t, **groups).acceleration
+
+    found = optimize.least_squares(residuals, np.ones(4), xtol=1e-12, ftol=1e-12)
+    assert 2*found.cost == pytest.approx(fit.J, rel=1e-9)
+    errors = [fit[name].std_error for name in FREE]
+    assert (abs(found.x*scale - fit.values) < 1e-3*np.array(errors)).all()
+
+
+def test_summary_is_that_of_the_program(program, tmp_path, fit):
+    files = program("identify", NOISY, out=tmp_path)
+    loaded = beamid.load(NOISY).fit()
+    assert loaded.summary() == files["summary.txt"]
+    assert loaded.verdict == files["summary.txt"].splitlines()[0]
+    table = columns(files["estimates.csv"])
+    for e in loaded.estimates.values():
+        assert e.determined == (table["determined"][table["parameter"].index(e.name)] == "yes")
+
+
+def test_table_in_html(fit, record):
+    text = fit._repr_html_()
+    for e in fit.estimates.values():
+        assert f"<td>{e.name}</td><td>{e.value:.6g}</td><td>{e.unit}</td>" in text
+        assert f"{e.interval[0]:.6g} to {e.interval[1]:.6g}" in text
+    assert text.count("<tr>") == 5 and "fit 98.11 %" in text
+    t, a = record
+    with pytest.raises(beamid.NoFit) as caught:
+        beamid.fit(t, a[::-1].copy(), free="c_D", **MODEL)
+    assert "no fit: " in caught.value.fit._repr_html_()
+
+
+def test_pictures(fit, record):
+    """What is drawn is the record, the model, the residuals and the shapes of the tables."""
+    pytest.importorskip("matplotlib").use("Agg")
+    from matplotlib import pyplot
+    upper, lower = fit.plot()
+    drawn = {line.get_label(): line for line in upper.get_lines()}
+    assert (drawn["record"].get_ydata() == fit.measured).all()
+    assert (drawn["model"].get_ydata() == fit.model).all()
+    assert (lower.get_lines()[0].get_ydata() == fit.residuals).all()
+    assert "s" in lower.get_xlabel() and "ft/s^2" in upper.get_ylabel()
+    assert lower.get_ylabel() == "record - model"
+    panels = fit.plot_modes()
+    frequencies = [mode.frequency for mode in fit.modes if mode.s.imag > 0]
+    assert len(panels) == len(frequencies)
+    for panel, frequency in zip(panels, frequencies):
+        assert f"{frequency:.5g} Hz" in panel.get_title()
+        assert panel.get_lines()[1].get_xdata()[-1] == 4.0
+    _, given = pyplot.subplots(2)
+    assert fit.plot(axes=given)[0] is given[0]
+    with pytest.raises(ValueError, match="found 1 axes, expected 2"):
+        fit.plot(axes=given[:1])
+    with pytest.raises(ValueError, match="found record=2, expected 1 to 1"):
+        fit.plot(record=2)
+    t, a = record
+    halves = [beamid.Record(t[::2], a[::2]), beamid.Record(t[1::2], a[1::2])]
+    both = beamid.fit(records=halves, free=FREE, **MODEL)
+    upper, _ = both.plot(record=2)
+    assert (upper.get_lines()[0].get_xdata() == t[1::2]).all()
+    assert len(beamid.modes(NOISY).plot()) == 6
+    pyplot.close("all")
+
+
+def test_packages_that_are_missing(fit, monkeypatch):
+    """Which package is needed for what, and how to install it."""
+    posterior = beamid.sample(NOISY, progress=None)
+    plain = builtins.__import__
+
+    def without(name, *arguments):
+        if name.partition(".")[0] in ("pandas", "matplotlib", "arviz"):
+            raise ImportError(name)
+        return plain(name, *arguments)
+
+    monkeypatch.setattr(library.importlib, "import_module", without)
+    for call, package, what in [
+            (fit.to_pandas, "pandas", "to_pandas"), (fit.plot, "matplotlib", "Fit.plot"),
+            (posterior.to_pandas, "pandas", "to_pandas"),
+            (posterior.to_arviz, "arviz", "to_arviz"),
+            (fit.plot_modes, "matplotlib", "plot_modes")]:
+        with pytest.raises(ImportError, match=f"found no {package}, expected it for {what}: pip "
+                                              f"install {package}"):
+            call()
+
+
+def test_a_fit_survives_a_pickle(fit):
+    """Numbers, texts and tables; further intervals, after a fit that is made again."""
+    twin = pickle.loads(pickle.dumps(fit))
+    assert twin.names == fit.names and (twin.values == fit.values).all()
+    for name in ("covariance", "correlation", "jacobian", "residuals", "model", "t", "measured"):
+        assert (getattr(twin, name) == getattr(fit, name)).all()
+        getattr(twin, name)[...] = np.nan
+        assert (getattr(twin, name) == getattr(fit, name)).all()
+    assert (twin.J, twin.modes, twin.no_fit, twin.note) == (fit.J, fit.modes, fit.no_fit, fit.note)
+    assert twin.estimates == fit.estimates and twin.tables == fit.tables
+    assert twin.summary() == fit.summary() and repr(twin) == repr(fit)
+    assert pickle.loads(pickle.dumps(twin)).tables == fit.tables
+    fresh = beamid.load(NOISY).fit()
+    beamid.profile(fresh)
+    restored = pickle.loads(pickle.dumps(fresh))
+    assert beamid.bootstrap(restored).tables == beamid.bootstrap(fresh).tables
+    assert restored.tables == fresh.tables
+
+
+def test_copies_share_the_fit(fit):
+    for twin in (copy.copy(fit), copy.deepcopy(fit)):
+        assert twin is not fit and twin._handle is fit._handle
+        assert (twin.values == fit.values).all() and twin.summary() == fit.summary()
+
+
+def test_problems_survive_a_pickle(record, tmp_path, monkeypatch):
+    problem = beamid.Problem(*record, free=FREE, **MODEL)
+    expected = problem.fit().values
+    for twin in (copy.copy(problem), copy.deepcopy(problem), pickle.loads(pickle.dumps(problem))):
+        assert (twin.fit().values == expected).all()
+    # A case file by a relative path, restored elsewhere; its record file has to stay.
+    (tmp_path / "case.nml").write_bytes(NOISY.read_bytes())
+    (tmp_path / "table_4_1_noisy.csv").write_bytes((DATA / "table_4_1_noisy.csv").read_bytes())
+    monkeypatch.chdir(tmp_path)
+    loaded = beamid.load("case.nml")
+    fit, packed = loaded.fit(), pickle.dumps(loaded)
+    kept = pickle.dumps(fit)
+    (tmp_path / "case.nml").unlink()
+    monkeypatch.chdir("/")
+    assert (pickle.loads(packed).fit().values == fit.values).all()
+    (tmp_path / "table_4_1_noisy.csv").unlink()
+    assert pickle.loads(kept).summary() == fit.summary()
+    with pytest.raises(beamid.InputError, match=r"table_4_1_noisy\.csv"):
+        pickle.loads(packed).fit()
+
+
+def test_results_survive_a_pickle(record):
+    for found in (beamid.sample(NOISY), beamid.profile(NOISY), beamid.modes(NOISY),
+                  beamid.response([0.1, 0.2], **MODEL), beamid.Record(*record)):
+        twin = pickle.loads(pickle.dumps(found))
+        for name, value in vars(found).items():
+            if isinstance(value, np.ndarray):
+                assert (getattr(twin, name) == value).all()
+            elif name in ("text", "tables", "names", "intervals"):
+                assert getattr(twin, name) == value
+    with pytest.raises(beamid.NoFit) as caught:
+        beamid.fit(record[0], record[1][::-1].copy(), free=["c_D"], **MODEL)
+    twin = pickle.loads(pickle.dumps(caught.value))
+    assert str(twin) == str(caught.value) and twin.fit.no_fit == str(twin)
+
+
+def fit_elsewhere(problem):
+    """Runs in another process."""
+    return problem.fit()
+
+
+def summary_elsewhere(fit):
+    """Runs in another process."""
+    return fit.summary(), fit.values, beamid.profile(fit).interval("c_D", "profile")
+
+
+@pytest.mark.parametrize("method", ["fork", "spawn"])
+def test_fits_go_to_and_fro(record, method):
+    """A problem is sent to another process, which sends its fit back; and a fit is sent there."""
+    problem = beamid.Problem(*record, free=FREE, **MODEL, **NAMES)
+    fit = problem.fit()
+    with multiprocessing.get_context(method).Pool(1) as pool:
+        there = pool.apply_async(fit_elsewhere, (problem,)).get(120)
+        text, values, interval = pool.apply_async(summary_elsewhere, (fit,)).get(120)
+    assert there.tables == fit.tables and there.summary() == fit.summary() == text
+    assert (values == fit.values).all()
+    assert interval == beamid.profile(fit).interval("c_D", "profile")
+
+
+def test_one_name_is_enough(record):
+    """A text in place of a list of one."""
+    t, a = record
+    keys = {**MODEL, "hose": dict(m_H=0.0389, c_H=0.00375, k_H=0.296)}
+    one = beamid.fit(t, a, free="c_D", **keys)
+    assert one.names == ["c_D"] and one.tables == beamid.fit(t, a, free=["c_D"], **keys).tables
+    record = beamid.Record(t, a)
+    for more in (dict(records=record, free="c_D"), dict(records=[record], stages=dict(free="c_D"))):
+        assert (beamid.fit(**more, **keys).values == one.values).all()
+    halves = [beamid.Record(t[::2], a[::2]), beamid.Record(t[1::2], a[1::2])]
+    both = [beamid.fit(records=halves, free=["c_D", "k_H"], shared=shared, **keys).names
+            for shared in ("k_H", ["k_H"])]
+    assert both[0] == both[1] and len(both[0]) == 3
+    assert list(beamid.response(t, derivatives="E", **MODEL).derivatives) == ["E"]
+    grid = dict(t_first=0.2, t_last=5.0, t_step=0.1)
+    keys = dict(record=grid, noise=dict(sd=0.02), design=dict(duration=0.05), **MODEL)
+    assert beamid.design(free="c_D", **keys).tables == beamid.design(free=["c_D"], **keys).tables
+
+
+ALIKE = [beamid.Problem, beamid.fit, beamid.profile, beamid.sample, beamid.bootstrap]
+
+
+@pytest.mark.parametrize("function", [*ALIKE, beamid.simulate, beamid.modes, beamid.design,
+                                      beamid.ensemble, beamid.response, beamid.Record])
+def test_signatures(function):
+    """Every argument is documented and may be left out; an unknown group is an InputError."""
+    names = inspect.signature(function).parameters
+    told = inspect.getdoc(function)
+    for name, parameter in names.items():
+        assert name in told, name
+        if parameter.kind is inspect.Parameter.KEYWORD_ONLY:
+            assert parameter.default is None or parameter.default == ()
+    if function is beamid.Record:
+        return
+    assert "beam" in names
+    first = next(iter(names))
+    arguments = {first: [0.1, 0.2]} if first == "t" else {}
+    if "a" in names:
+        arguments["a"] = [0.1, 0.2]
+    with pytest.raises(beamid.InputError, match=r"found baem, expected one of .*beam"):
+        function(**arguments, baem=dict(E=1))
+
+
+def test_arguments_are_alike():
+    """Functions that fit take the arguments of Problem, in its order."""
+    expected = list(inspect.signature(beamid.Problem).parameters)
+    for function in ALIKE[1:]:
+        names = list(inspect.signature(function).parameters)
+        assert [name for name in names if name != "progress"] == expected
+
+
+def test_keys_of_the_docstring_exist(program):
+    """Each key that the docstring of Problem names is one of its group."""
+    path = os.environ["BEAMID_PROGRAM"]
+    group = None
+    for line in inspect.getdoc(beamid.Problem).splitlines():
+        if line[:1].isalpha():
+            group = line.partition(" :")[0]
+        elif group in set(library.groups()) - {"record"}:
+            known = subprocess.run([path, "help", group], capture_output=True, text=True,
+                                   check=True).stdout
+            for key in line.split("`")[1::2]:
+                if not key.startswith("dict("):
+                    assert f"\n  {key} " in known, (group, key)
+
+
+def test_results_of_a_command_are_no_fit():
+    """The library refuses to treat them as one."""
+    from beamid._commands import _opened, _run
+    handle = _run("modes", [_opened(NOISY)], "", None)
+    with pytest.raises(beamid.InputError, match="found the results of a command, expected a fit"):
+        library.array_of(handle, "covariance")
+    with pytest.raises(beamid.InputError, match="found the results of a command, expected a fit"):
+        library.call("beamid_judge", handle.number)
+    assert library.text_of(handle, "names") == ""
+    with pytest.raises(beamid.InputError, match="found another command"):
+        _run("identify", [_opened(NOISY)], "", None)
