@@ -29,9 +29,9 @@ class Record:
 
     Parameters
     ----------
-    t : array_like, shape (m,)
+    t : array_like of shape (m,)
         Times of the samples, ascending [time].
-    a : array_like, shape (m,)
+    a : array_like of shape (m,)
         Values of the samples. The acceleration [length/time²] is ``scale*(a - offset)``. Masked
         samples are left out.
     t_first, t_last : float, optional

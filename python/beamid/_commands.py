@@ -113,7 +113,7 @@ class Modes(Results):
 
         Returns
         -------
-        numpy.ndarray of matplotlib.axes.Axes, shape (shapes,)
+        numpy.ndarray of Axes of shape (shapes,)
 
         Raises
         ------
@@ -149,10 +149,13 @@ class ComparedModel(NamedTuple):
     """A model of a comparison."""
 
     model: str
+    """Name of the model."""
     elements: int
+    """Number of elements of its mesh."""
     parameters: int
     """Number of estimated parameters."""
     J: float
+    """Sum of squared residuals."""
     aicc: float
     """Akaike's criterion with the correction for small samples; the smaller the better."""
     bic: float
@@ -163,11 +166,15 @@ class NestedPair(NamedTuple):
     """Test of a model against a special case of it."""
 
     restricted: str
+    """Name of the special case."""
     full: str
+    """Name of the model that contains it."""
     restrictions: int
+    """Number of parameters that only the full model estimates."""
     U: float
     """Test statistic, chi-square distributed if the restricted model is true."""
     probability: float
+    """Probability of a larger U if the restricted model is true."""
 
 
 @dataclass
@@ -175,7 +182,9 @@ class Comparison(Results):
     """Several models of the same records."""
 
     models: list[ComparedModel] = field(default_factory=list)
+    """The models, in the order of the arguments."""
     nested: list[NestedPair] = field(default_factory=list)
+    """Tests of all pairs of which one model is a special case of the other."""
 
     @property
     def best(self) -> ComparedModel:
@@ -187,16 +196,25 @@ class MemberStatistics(NamedTuple):
     """Statistics of a parameter over the members of an ensemble; nan: not known."""
 
     elements: int
+    """Number of elements of the mesh."""
     parameter: str
+    """Name of the parameter."""
     members: int
+    """Number of members with an estimate of the parameter."""
     mean: float
+    """Mean of the estimates."""
     sd: float
+    """Standard deviation of the estimates."""
     mean_std_error: float
+    """Mean of the standard errors that the fits state."""
     bias: float
+    """Mean of estimate - true value."""
     bias_error: float
+    """Standard error of the bias."""
     covered: float
     """Share of the 95 % intervals that contain the true value."""
     covered_error: float
+    """Standard error of this share."""
 
 
 @dataclass
@@ -204,6 +222,7 @@ class Ensemble(Results):
     """A command on many records."""
 
     statistics: list[MemberStatistics] = field(default_factory=list)
+    """Statistics of each parameter on each mesh."""
     estimates: dict[str, np.ndarray] = field(default_factory=dict, repr=False)
     """Estimates by parameter on the finest mesh, shape (members,); nan: the member failed."""
     failures: dict[int, str] = field(default_factory=dict, repr=False)
@@ -278,17 +297,17 @@ def simulate(t: ArrayLike | Case | None = None, *, record: Group = None, beam: G
     Without ``discretization=dict(elements=...)`` the mesh is refined until the response no longer
     changes. `response` computes a response on one mesh, with its derivatives.
 
+    The other arguments are those of `Problem`, which describes them with their units: `beam`,
+    `tip`, `hose`, `sensor`, `support`, `gravity`, `axial`, `along`, `excitation`; `discretization`,
+    `integrator`, `observation`; `units`; and any other group, `other`.
+
     Parameters
     ----------
-    t : array_like, str, path-like or Problem, optional
+    t : array_like, str, os.PathLike or Problem, optional
         Sample times, ascending [time]; or, as the only argument, a case.
     record : mapping, optional
         In place of `t`, a grid of sample times: `t_first`, `t_last`, `t_step` [time]. `scale` and
         `offset` are those of the sensor.
-    beam, tip, hose, sensor, support, gravity, axial, along, excitation
-        Structure and excitation; see `Problem`.
-    discretization, integrator, observation, units, **other
-        Methods, labels of units, and any other group; see `Problem`.
     noise : mapping, optional
         Noise of the record: `sd` [length/time²], `seed`.
 
@@ -321,14 +340,14 @@ def modes(case: Case | None = None, *, beam: Group = None, tip: Group = None, ho
     If the case can be fitted, `Modes.tables` also has the modes of the fitted structure with their
     intervals, `modes_fitted.csv`.
 
+    The other arguments are those of `Problem`, which describes them with their units: `beam`,
+    `tip`, `hose`, `sensor`, `support`, `gravity`, `axial`, `along`; `discretization`; `units`; and
+    any other group, `other`.
+
     Parameters
     ----------
-    case : str, path-like or Problem, optional
+    case : str, os.PathLike or Problem, optional
         A case, as the only argument.
-    beam, tip, hose, sensor, support, gravity, axial, along
-        Structure; see `Problem`.
-    discretization, units, **other
-        Mesh, labels of units, and any other group; see `Problem`.
     progress : bool or callable, optional
         See `Problem.fit`.
 
@@ -364,20 +383,20 @@ def design(case: Case | None = None, *, record: Groups = None, free: Names | Non
            progress: Progress | None = None, **other: Any) -> Design:
     """Predict the errors that candidate experiments would give, as the command `design` does.
 
+    The other arguments are those of `Problem`, which describes them with their units: `beam`,
+    `tip`, `hose`, `sensor`, `support`, `gravity`, `axial`, `along`, `excitation`; `discretization`,
+    `observation`, `prior`; `units`; and any other group, `other`.
+
     Parameters
     ----------
-    case : str, path-like or Problem, optional
+    case : str, os.PathLike or Problem, optional
         A case, as the only argument.
     record : mapping or sequence of mappings
         Sample times of the present experiment: `t_first`, `t_last`, `t_step` [time].
     free : str or sequence of str
         Names of the parameters to estimate.
-    stages
+    stages : mapping or sequence of mappings, optional
         Keys of several stages, in place of `free`.
-    beam, tip, hose, sensor, support, gravity, axial, along, excitation
-        Structure and excitation; see `Problem`.
-    discretization, observation, prior, units, **other
-        Methods, labels of units, and any other group; see `Problem`.
     noise : mapping
         Noise of the record: `sd` [length/time²].
     design : mapping
@@ -414,7 +433,7 @@ def compare(*cases: Case | Fit | Mapping[str, Case | Fit],
 
     Parameters
     ----------
-    *cases : str, path-like, Problem or Fit
+    *cases : str, os.PathLike, Problem or Fit
         The models; or one mapping with the models by their names in the tables. By default a case
         file is called by its name, and a problem 'model' with its number.
     progress : bool or callable, optional
@@ -476,19 +495,19 @@ def ensemble(t: ArrayLike | Case | None = None, *, record: Group = None,
     The members and their order are the same for any number of threads. All of them are kept in
     memory; the command line can share the work among several machines.
 
+    The other arguments are those of `Problem`, which describes them with their units: `free`,
+    `start`, `lower`, `upper`, `shared`, `stages`; `beam`, `tip`, `hose`, `sensor`, `support`,
+    `gravity`, `axial`, `along`, `excitation`; `discretization`, `integrator`, `observation`,
+    `prior`, `sample`, `bootstrap`; `units`; and any other group, `other`.
+
     Parameters
     ----------
-    t : array_like, str, path-like or Problem, optional
+    t : array_like, str, os.PathLike or Problem, optional
         Sample times of the records, ascending [time]; or, as the only argument, a case.
     record : mapping, optional
         In place of `t`, a grid of sample times: `t_first`, `t_last`, `t_step` [time].
-    records, free, start, lower, upper, shared, stages
-        Several records, and the parameters to estimate; see `Problem`. The values of the records
-        are replaced.
-    beam, tip, hose, sensor, support, gravity, axial, along, excitation
-        Structure and excitation; see `Problem`.
-    discretization, integrator, observation, prior, sample, bootstrap, units, **other
-        Methods, labels of units, and any other group; see `Problem`.
+    records : Record or sequence of Record, optional
+        Several records. Their values are replaced by those of the members.
     noise : mapping, optional
         Noise of the records: `sd` [length/time²].
     draw : mapping or sequence of mappings, optional

@@ -33,9 +33,13 @@ class Estimate(NamedTuple):
     """A parameter as estimated. What the record does not determine has infinite or missing ends."""
 
     name: str
+    """Name of the parameter."""
     value: float
+    """Estimate, in its unit."""
     unit: str
+    """Unit, if `units` names the units; otherwise empty."""
     start: float
+    """Start value."""
     std_error: float
     """Standard error, by white noise."""
     noise_interval: tuple[float, float]
@@ -50,15 +54,17 @@ class Mode(NamedTuple):
     """A natural mode of the fitted structure."""
 
     record: int
+    """Number of the record."""
     s: complex
     """Root of the characteristic equation [1/time]."""
     frequency: float
     """Natural frequency \\|s\\|/(2 π) [1/time]."""
     damping_ratio: float
+    """Damping ratio, -Re(s)/\\|s\\|."""
     frequency_half_width: float
-    """Half width of the 95 % interval [1/time]."""
+    """Half width of the 95 % interval of the frequency [1/time]."""
     damping_half_width: float
-    """Half width of the 95 % interval."""
+    """Half width of the 95 % interval of the damping ratio."""
 
 
 class Fit:
@@ -293,7 +299,7 @@ class Fit:
 
         Returns
         -------
-        numpy.ndarray of matplotlib.axes.Axes, shape (2,)
+        numpy.ndarray of Axes of shape (2,)
 
         Raises
         ------
@@ -315,7 +321,7 @@ class Fit:
 
         Returns
         -------
-        numpy.ndarray of matplotlib.axes.Axes, shape (modes,)
+        numpy.ndarray of Axes of shape (modes,)
 
         Raises
         ------
@@ -365,7 +371,7 @@ class Problem:
 
     Parameters
     ----------
-    t, a : array_like, shape (m,), optional
+    t, a : array_like of shape (m,), optional
         Times [time] and values of one record; see `Record`.
     record : mapping, optional
         Further arguments of `Record` for this record, such as ``dict(t_first=0.2)``.
@@ -494,7 +500,7 @@ class Problem:
 
         Parameters
         ----------
-        start : array_like, shape (n,), optional
+        start : array_like of shape (n,), optional
             Start values of the free parameters of the first stage, in their order and units.
             Default: those of the problem.
         judge : bool
@@ -531,7 +537,7 @@ def load(path: str | PathLike[str]) -> Problem:
 
     Parameters
     ----------
-    path : str or path-like
+    path : str or os.PathLike
         The case file.
 
     Raises
@@ -556,16 +562,15 @@ def fit(t: ArrayLike | None = None, a: ArrayLike | None = None, *,
         progress: Progress | None = None, **other: Any) -> Fit:
     """Fit the free parameters of a beam to one or several records.
 
+    The arguments are those of `Problem`, which describes them with their units. Records and
+    parameters: `t`, `a`, `record`, `records`, `free`, `start`, `lower`, `upper`, `shared`,
+    `stages`. Structure and excitation: `beam`, `tip`, `hose`, `sensor`, `support`, `gravity`,
+    `axial`, `along`, `excitation`. Methods: `discretization`, `integrator`, `observation`, `prior`,
+    `score`, `multistart`, `windows`, `sample`, `bootstrap`. Labels of units: `units`. Any other
+    group: `other`.
+
     Parameters
     ----------
-    t, a, record, records, free, start, lower, upper, shared, stages
-        Records and parameters; see `Problem`.
-    beam, tip, hose, sensor, support, gravity, axial, along, excitation
-        Structure and excitation; see `Problem`.
-    discretization, integrator, observation, prior, score, multistart, windows, sample, bootstrap
-        Methods; see `Problem`.
-    units, **other
-        Labels of units, and any other group; see `Problem`.
     progress : bool or callable, optional
         See `Problem.fit`.
 

@@ -33,13 +33,19 @@ class Interval(NamedTuple):
     elements: int
     """Number of elements of the mesh."""
     parameter: str
+    """Name of the parameter."""
     unit: str
+    """Unit of the parameter."""
     estimate: float
+    """Estimate."""
     lower: float
+    """Lower end of the interval."""
     upper: float
+    """Upper end of the interval."""
     lower_end: str
-    """'closed', 'bound', 'unbounded' or 'unknown'."""
+    """Kind of the lower end: 'closed', 'bound', 'unbounded' or 'unknown'."""
     upper_end: str
+    """Kind of the upper end."""
 
 
 class Profile(NamedTuple):
@@ -243,21 +249,18 @@ def profile(t: Subject = None, a: ArrayLike | None = None, *,
         progress: Progress | None = None, **other: Any) -> Profiles:
     """Compute intervals from the profile of J. They may be lopsided, end at a bound or have no end.
 
+    The other arguments are those of `Problem`, which describes them with their units. Records and
+    parameters: `a`, `record`, `records`, `free`, `start`, `lower`, `upper`, `shared`, `stages`.
+    Structure and excitation: `beam`, `tip`, `hose`, `sensor`, `support`, `gravity`, `axial`,
+    `along`, `excitation`. Methods: `discretization`, `integrator`, `observation`, `prior`, `score`,
+    `multistart`, `windows`, `sample`, `bootstrap`. Labels of units: `units`. Any other group:
+    `other`.
+
     Parameters
     ----------
-    t : array_like, str, path-like, Problem or Fit
+    t : array_like, str, os.PathLike, Problem or Fit
         Times of a record [time]; or, as the only argument, the path of a case file, a `Problem` or
         a `Fit`.
-    a, record, records, free, start, lower, upper, shared, stages
-        Records and parameters; see `Problem`.
-    beam, tip, hose, sensor, support, gravity, axial, along, excitation
-        Structure and excitation; see `Problem`.
-    discretization, integrator, observation, prior, score, multistart, windows
-        Methods; see `Problem`.
-    sample, bootstrap : mapping, optional
-        Settings of the other functions; not used here.
-    units, **other
-        Labels of units, and any other group; see `Problem`.
     progress : bool or callable, optional
         See `Problem.fit`; for the fit and for the inference.
 
@@ -289,21 +292,19 @@ def sample(t: Subject = None, a: ArrayLike | None = None, *,
         progress: Progress | None = None, **other: Any) -> Posterior:
     """Draw from the posterior of the parameters. Draws are the same for the same seed.
 
+    The other arguments are those of `Problem`, which describes them with their units. Records and
+    parameters: `a`, `record`, `records`, `free`, `start`, `lower`, `upper`, `shared`, `stages`.
+    Structure and excitation: `beam`, `tip`, `hose`, `sensor`, `support`, `gravity`, `axial`,
+    `along`, `excitation`. Methods: `discretization`, `integrator`, `observation`, `prior`, `score`,
+    `multistart`, `windows`, `bootstrap`. Labels of units: `units`. Any other group: `other`.
+
     Parameters
     ----------
-    t : array_like, str, path-like, Problem or Fit
+    t : array_like, str, os.PathLike, Problem or Fit
         Times of a record [time]; or, as the only argument, the path of a case file, a `Problem` or
         a `Fit`.
-    a, record, records, free, start, lower, upper, shared, stages
-        Records and parameters; see `Problem`.
-    beam, tip, hose, sensor, support, gravity, axial, along, excitation
-        Structure and excitation; see `Problem`.
-    discretization, integrator, observation, prior, score, multistart, windows
-        Methods; see `Problem`.
-    sample, bootstrap : mapping, optional
-        Settings of the draws: `draws`, `seed`, `method`, `noise`; `bootstrap` is not used here.
-    units, **other
-        Labels of units, and any other group; see `Problem`.
+    sample : mapping, optional
+        Settings of the draws: `draws`, `seed`, `method`, `noise`.
     progress : bool or callable, optional
         See `Problem.fit`; for the fit and for the inference.
 
@@ -335,21 +336,19 @@ def bootstrap(t: Subject = None, a: ArrayLike | None = None, *,
         progress: Progress | None = None, **other: Any) -> Bootstrap:
     """Fit resampled records. Results are the same for the same seed.
 
+    The other arguments are those of `Problem`, which describes them with their units. Records and
+    parameters: `a`, `record`, `records`, `free`, `start`, `lower`, `upper`, `shared`, `stages`.
+    Structure and excitation: `beam`, `tip`, `hose`, `sensor`, `support`, `gravity`, `axial`,
+    `along`, `excitation`. Methods: `discretization`, `integrator`, `observation`, `prior`, `score`,
+    `multistart`, `windows`, `sample`. Labels of units: `units`. Any other group: `other`.
+
     Parameters
     ----------
-    t : array_like, str, path-like, Problem or Fit
+    t : array_like, str, os.PathLike, Problem or Fit
         Times of a record [time]; or, as the only argument, the path of a case file, a `Problem` or
         a `Fit`.
-    a, record, records, free, start, lower, upper, shared, stages
-        Records and parameters; see `Problem`.
-    beam, tip, hose, sensor, support, gravity, axial, along, excitation
-        Structure and excitation; see `Problem`.
-    discretization, integrator, observation, prior, score, multistart, windows
-        Methods; see `Problem`.
-    sample, bootstrap : mapping, optional
-        Settings of the records: `n`, `seed`, `kind`, `block`; `sample` is not used here.
-    units, **other
-        Labels of units, and any other group; see `Problem`.
+    bootstrap : mapping, optional
+        Settings of the resampled records: `n`, `seed`, `kind`, `block`.
     progress : bool or callable, optional
         See `Problem.fit`; for the fit and for the inference.
 

@@ -34,16 +34,16 @@ def response(t: ArrayLike, *, derivatives: Names = (), beam: Group = None, tip: 
              observation: Group = None, units: Group = None, **other: Any) -> Response:
     """Compute the response of a structure to a known excitation.
 
+    The other arguments are those of `Problem`, which describes them with their units: `beam`,
+    `tip`, `hose`, `sensor`, `support`, `gravity`, `axial`, `along`, `excitation`; `discretization`,
+    `integrator`, `observation`; `units`; and any other group, `other`.
+
     Parameters
     ----------
-    t : array_like, shape (n,)
+    t : array_like of shape (n,)
         Times, ascending [time].
     derivatives : str or sequence of str
         Names of the parameters with respect to which the acceleration is differentiated.
-    beam, tip, hose, sensor, support, gravity, axial, along, excitation
-        Structure and excitation; see `Problem`.
-    discretization, integrator, observation, units, **other
-        Methods, labels of units, and any other group; see `Problem`.
 
     Returns
     -------

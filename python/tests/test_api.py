@@ -558,3 +558,23 @@ def test_results_of_a_command_are_no_fit():
     assert library.text_of(handle, "names") == ""
     with pytest.raises(beamid.InputError, match="found another command"):
         _run("identify", [_opened(NOISY)], "", None)
+
+
+def test_examples_of_the_readme(monkeypatch, tmp_path):
+    """Every block of the README runs, one after the other; the truth is inside the intervals."""
+    pytest.importorskip("matplotlib").use("Agg")
+    pytest.importorskip("pandas")
+    pytest.importorskip("arviz")
+    text = (CHECKOUT / "python" / "README.md").read_text()
+    blocks = [part.partition("```")[0] for part in text.split("```python\n")[1:]]
+    assert len(blocks) > 5
+    monkeypatch.chdir(tmp_path)
+    space = {}
+    for block in blocks:
+        exec(compile(block, "README.md", "exec"), space)
+    fit, truth = space["copy"], dict(E=2.05e11, c_D=1e7, m_S=0.012, offset=0)
+    for name, true in truth.items():
+        lower, upper = fit[name].interval
+        assert lower < true < upper, name
+    from matplotlib import pyplot
+    pyplot.close("all")

@@ -203,6 +203,9 @@ def test_nothing_leaks(problem, record):
         for k in range(times):
             _ = problem.fit(judge=False).residuals
             if k % 20 == 0:
+                _ = beamid.modes(problem).tables
+                _ = beamid.ensemble(record[0], noise=dict(sd=0.01), free="c_D",
+                                    ensemble=dict(members=5), **MODEL).tables
                 _ = beamid.Problem(*record, free=FREE, **MODEL).fit().estimates
                 with pytest.raises(beamid.InputError):
                     beamid.Problem(*record, free=["none"], **MODEL)
@@ -400,6 +403,9 @@ def slow(record, kind):
         return beamid.bootstrap(*record, bootstrap=dict(n=10**6), **keys)
     if kind == "sample":
         return beamid.sample(*record, sample=dict(draws=10**7, method="chains"), **keys)
+    if kind == "ensemble":
+        return beamid.ensemble(record[0], noise=dict(sd=0.01), free=FREE,
+                               ensemble=dict(members=10**6), **MODEL)
     if kind == "multistart":
         return beamid.fit(*record, multistart=dict(n=10**5), **keys)
     keys["integrator"] = dict(method="cvode", rtol=1e-11)
@@ -407,7 +413,7 @@ def slow(record, kind):
     return beamid.fit(*record, **keys)
 
 
-@pytest.mark.parametrize("kind", ["bootstrap", "sample", "multistart", "cvode"])
+@pytest.mark.parametrize("kind", ["bootstrap", "sample", "ensemble", "multistart", "cvode"])
 @pytest.mark.parametrize("after", [0.0, 0.02, 0.3])
 def test_interrupt(record, problem, fit, kind, after):
     """Ctrl-C ends each of them, and the next fit finds the same as ever."""
