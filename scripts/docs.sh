@@ -3,11 +3,13 @@
 # groups, keys and parameters; it is built first if it is missing or out of date. The exit status is 1
 # if a link, an anchor or a page of the navigation is missing.
 #
-# pip installs mkdocs and its theme into .venv. Their versions are fixed, because a new version may
-# warn about something else. NO_MKDOCS_2_WARNING hides the theme's notice about its successor.
+# pip installs mkdocs, its theme, and mkdocstrings for the page of the Python package into .venv; ruff
+# breaks the lines of signatures. Their versions are fixed, because a new version may warn about
+# something else. NO_MKDOCS_2_WARNING hides the theme's notice about its successor.
 set -euo pipefail
 
-packages=(mkdocs==1.6.1 mkdocs-material==9.8.2)
+packages=(mkdocs==1.6.1 mkdocs-material==9.8.2 mkdocstrings==1.0.8 mkdocstrings-python==2.0.11
+   ruff==0.17.6)
 page=docs/reference/case-file.md
 
 cd "$(dirname "$(dirname "$(realpath "${BASH_SOURCE[0]}")")")"
