@@ -176,9 +176,36 @@ def open_case(path: str, text: str | bytes, records: Sequence[Record], *, fits: 
     return handle
 
 
-def as_list(value: Any) -> list[Any]:
-    """Return one mapping or record, or several, as a list."""
-    return [value] if isinstance(value, (Mapping, Record)) else list(value)
+def as_list(value: Any, what: str) -> list[Any]:
+    """Return one mapping or record, or several, as a list.
+
+    Parameters
+    ----------
+    value
+        The argument of the user.
+    what
+        Its name, for messages.
+    """
+    if isinstance(value, (Mapping, Record)):
+        return [value]
+    if isinstance(value, str) or not isinstance(value, Iterable):
+        raise InputError(f"{what}: found {value!r}, expected one or several of them")
+    return list(value)
+
+
+def records_of(t: Any, a: Any, record: Any, records: Any) -> list[Record]:
+    """Return the records that the arguments of a function describe; see `Problem`."""
+    if records is None:
+        if record is not None and not isinstance(record, Mapping):
+            raise InputError(f"record: found {record!r}, expected its keys, as in record=dict(...)")
+        return [Record([] if t is None else t, [] if a is None else a, **(record or {}))]
+    if t is not None or a is not None or record is not None:
+        raise InputError("found records beside t, a or record, expected one or the other")
+    items = as_list(records, "records")
+    for item in items:
+        if not isinstance(item, Record):
+            raise InputError(f"records: found {item!r}, expected beamid.Record(t, a, ...)")
+    return items
 
 
 def given(arguments: Mapping[str, Any], *left_out: str) -> dict[str, Any]:

@@ -9,14 +9,14 @@ from ctypes import byref, c_longlong
 from dataclasses import dataclass, field
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, Union
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Union
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from . import _plots
-from ._cases import (IN_MEMORY, Group, Groups, Names, Record, as_list, case_text, given,
-                     open_case)
+from ._cases import (IN_MEMORY, Group, Groups, Names, Record, as_list, case_text, given, open_case,
+                     records_of)
 from ._fits import Fit, Problem
 from ._library import Handle, InputError, Progress, compute, optional, text_of
 
@@ -34,6 +34,7 @@ class Results:
     text: str = field(repr=False)
     tables: dict[str, str] = field(repr=False)
     """Tables that the program writes, by the name of the file."""
+    _table: ClassVar[str] = ""    #: name of the main table
 
     def summary(self) -> str:
         """Return the summary that the program prints."""
@@ -45,7 +46,8 @@ class Results:
         Parameters
         ----------
         table : str, optional
-            Name of a table without '.csv'. Default: the first of `tables`.
+            Name of a table without '.csv'. Default: the main table, that of the response, modes,
+            experiments, models or members.
 
         Raises
         ------
@@ -55,10 +57,10 @@ class Results:
             If there is no such table.
         """
         pandas = optional("pandas", "to_pandas")
-        name = next(iter(self.tables)) if table is None else table + ".csv"
-        if name not in self.tables:
-            raise KeyError(f"{table}: expected one of {', '.join(self.tables)}")
-        return pandas.read_csv(io.StringIO(self.tables[name]))
+        name = self._table if table is None else table
+        if name + ".csv" not in self.tables:
+            raise KeyError(f"{name}: expected one of {', '.join(self.tables)}")
+        return pandas.read_csv(io.StringIO(self.tables[name + ".csv"]))
 
     def _rows(self, table: str) -> list[dict[str, str]]:
         return list(csv.DictReader(io.StringIO(self.tables[table])))
@@ -74,6 +76,7 @@ class Results:
 class Simulation(Results):
     """A simulated record, and the response that it comes from, on the finest mesh."""
 
+    _table: ClassVar[str] = "response"
     t: np.ndarray = field(default_factory=lambda: np.empty(0))
     """Sample times, shape (m,) [time]."""
     record: np.ndarray = field(default_factory=lambda: np.empty(0), repr=False)
@@ -92,6 +95,7 @@ class Simulation(Results):
 class Modes(Results):
     """Natural modes of a structure, on the finest mesh."""
 
+    _table: ClassVar[str] = "modes"
     s: np.ndarray = field(default_factory=lambda: np.empty(0), repr=False)
     """Roots of the characteristic equation, shape (modes,) [1/time]."""
     frequencies: np.ndarray = field(default_factory=lambda: np.empty(0))
@@ -132,6 +136,7 @@ class Modes(Results):
 class Design(Results):
     """Predicted errors of candidate experiments."""
 
+    _table: ClassVar[str] = "design"
     settings: list[dict[str, float]] = field(default_factory=list, repr=False)
     """Settings of each experiment: `x_S`, `x_F` [length], `duration`, `t_first`, `t_last`,
     `t_step` [time], `samples`. Experiment 0 is the present one."""
@@ -181,6 +186,7 @@ class NestedPair(NamedTuple):
 class Comparison(Results):
     """Several models of the same records."""
 
+    _table: ClassVar[str] = "models"
     models: list[ComparedModel] = field(default_factory=list)
     """The models, in the order of the arguments."""
     nested: list[NestedPair] = field(default_factory=list)
@@ -221,6 +227,7 @@ class MemberStatistics(NamedTuple):
 class Ensemble(Results):
     """A command on many records."""
 
+    _table: ClassVar[str] = "members"
     statistics: list[MemberStatistics] = field(default_factory=list)
     """Statistics of each parameter on each mesh."""
     estimates: dict[str, np.ndarray] = field(default_factory=dict, repr=False)
@@ -274,16 +281,14 @@ def _case_of(first: str, arguments: dict[str, Any]) -> Handle:
     stages = keys.pop("stages", None)
     if stages is None:
         stages = [stage] if stage["free"] is not None else []
-    if records is not None:
-        held = as_list(records)
-    elif case is not None:
-        held = [Record(case, case, **(record or {}))]
-    else:
-        held = []
+    held = []
+    if records is not None or case is not None:
+        held = records_of(case, case, record, records)
     described = [item.keys for item in held]
     if not held and record is not None:
-        described = as_list(record)
-    return open_case(IN_MEMORY, case_text(described, as_list(stages), keys), held, fits=False)
+        described = as_list(record, "record")
+    text = case_text(described, as_list(stages, "stages"), keys)
+    return open_case(IN_MEMORY, text, held, fits=False)
 
 
 def simulate(t: ArrayLike | Case | None = None, *, record: Group = None, beam: Group = None,
@@ -529,9 +534,6 @@ def ensemble(t: ArrayLike | Case | None = None, *, record: Group = None,
         If every member fails.
     """
     found = Ensemble(**_results("ensemble", [_case_of("t", locals())], progress))
-    # members.csv first, as it is what `to_pandas` returns by default.
-    found.tables = {name: found.tables[name] for name in sorted(
-        found.tables, key=lambda name: name != "members.csv")}
     found.statistics = [MemberStatistics(
         int(row["elements"]), row["parameter"], int(row["members"]),
         *(float(row[name] or "nan") for name in MemberStatistics._fields[3:]))

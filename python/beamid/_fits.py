@@ -10,15 +10,16 @@ from contextlib import suppress
 from ctypes import byref
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, Union
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from . import _plots
-from ._cases import (IN_MEMORY, Group, Groups, Names, Record, as_list, case_text, given,
-                     open_case)
-from ._library import (Handle, NoFit, Progress, array_of, compute, numbers, optional, text_of)
+from ._cases import (IN_MEMORY, Group, Groups, Names, Record, as_list, case_text, given, open_case,
+                     records_of)
+from ._library import (Handle, InputError, NoFit, Progress, array_of, compute, numbers, optional,
+                       text_of)
 
 if TYPE_CHECKING:
     import pandas
@@ -446,12 +447,13 @@ class Problem:
                  **other: Any) -> None:
         groups = given(locals(), "t", "a", "record", "records", "free", "start", "lower", "upper",
                        "shared", "stages")
-        if records is None:
-            records = [Record([] if t is None else t, [] if a is None else a, **(record or {}))]
+        items = records_of(t, a, record, records)
+        stage = dict(free=free, start=start, lower=lower, upper=upper, shared=shared)
         if stages is None:
-            stages = [dict(free=free, start=start, lower=lower, upper=upper, shared=shared)]
-        items = as_list(records)
-        text = case_text([item.keys for item in items], as_list(stages), groups)
+            stages = stage
+        elif any(value is not None for value in stage.values()):
+            raise InputError(f"found stages beside {', '.join(stage)}, expected one or the other")
+        text = case_text([item.keys for item in items], as_list(stages, "stages"), groups)
         self._set(IN_MEMORY, text, items)
 
     def _set(self, path: str, text: str | bytes, records: Sequence[Record]) -> None:
@@ -532,6 +534,10 @@ class Problem:
         return found
 
 
+#: The first argument of a fit or an inference: times of a record, a case file, a problem or a fit.
+Subject = Union[ArrayLike, str, "PathLike[str]", Problem, Fit, None]
+
+
 def load(path: str | PathLike[str]) -> Problem:
     """Prepare the problem of a case file, with the records that it names.
 
@@ -550,7 +556,7 @@ def load(path: str | PathLike[str]) -> Problem:
     return problem
 
 
-def fit(t: ArrayLike | None = None, a: ArrayLike | None = None, *,
+def fit(t: Subject = None, a: ArrayLike | None = None, *,
         record: Group = None, records: Record | Sequence[Record] | None = None,
         free: Names | None = None, start: Any = None, lower: Any = None, upper: Any = None,
         shared: Names | None = None, stages: Groups = None, beam: Group = None, tip: Group = None,
@@ -571,6 +577,8 @@ def fit(t: ArrayLike | None = None, a: ArrayLike | None = None, *,
 
     Parameters
     ----------
+    t : array_like, str, os.PathLike or Problem
+        Times of a record [time]; or, as the only argument, the path of a case file or a `Problem`.
     progress : bool or callable, optional
         See `Problem.fit`.
 
@@ -587,4 +595,26 @@ def fit(t: ArrayLike | None = None, a: ArrayLike | None = None, *,
     NoFit
         If the search ends, but does not explain the records; its `fit` holds the evidence.
     """
-    return Problem(**given(locals(), "progress")).fit(progress=progress)
+    return fitted(locals(), progress)
+
+
+def fitted(arguments: dict[str, Any], progress: Progress | None) -> Fit:
+    """Return the fit that the arguments of a function describe.
+
+    Parameters
+    ----------
+    arguments
+        `locals()` at the beginning of the function.
+    progress
+        See `Problem.fit`.
+    """
+    case = arguments["t"]
+    keys = given(arguments, "progress")
+    if not isinstance(case, (Fit, Problem, str, PathLike)):
+        return Problem(**keys).fit(progress=progress)
+    if any(value is not None for name, value in keys.items() if name != "t"):
+        kind = "a case file" if isinstance(case, (str, PathLike)) else f"a {type(case).__name__}"
+        raise TypeError(f"found arguments behind {kind}, expected none: it has its own")
+    if isinstance(case, Fit):
+        return case
+    return (case if isinstance(case, Problem) else load(case)).fit(progress=progress)

@@ -4,14 +4,13 @@ from __future__ import annotations
 import io
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from os import PathLike
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple, Union, overload
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, overload
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ._cases import Group, Groups, Names, Record, given
-from ._fits import Fit, Problem, load
+from ._cases import Group, Groups, Names, Record
+from ._fits import Fit, Subject, fitted
 from ._library import Progress, optional
 
 if TYPE_CHECKING:
@@ -19,10 +18,6 @@ if TYPE_CHECKING:
     import pandas
 
 CHAINS = 4
-
-
-#: The first argument of an inference: times of a record, a case file, a problem or a fit.
-Subject = Union[ArrayLike, str, "PathLike[str]", Problem, Fit, None]
 
 
 class Interval(NamedTuple):
@@ -223,20 +218,6 @@ def infer(command: str, fit: Fit, progress: Progress | None) -> Inference:
                      **known)
 
 
-def _fitted(arguments: dict[str, Any], progress: Progress | None) -> Fit:
-    """Return the fit that an inference starts from; the arguments are those of its function."""
-    case = arguments["t"]
-    keys = given(arguments, "progress")
-    if not isinstance(case, (Fit, Problem, str, PathLike)):
-        return Problem(**keys).fit(progress=progress)
-    if any(value is not None for name, value in keys.items() if name != "t"):
-        kind = "a case file" if isinstance(case, (str, PathLike)) else f"a {type(case).__name__}"
-        raise TypeError(f"found arguments behind {kind}, expected none: it has its own")
-    if isinstance(case, Fit):
-        return case
-    return (case if isinstance(case, Problem) else load(case)).fit(progress=progress)
-
-
 def profile(t: Subject = None, a: ArrayLike | None = None, *,
         record: Group = None, records: Record | Sequence[Record] | None = None,
         free: Names | None = None, start: Any = None, lower: Any = None, upper: Any = None,
@@ -277,7 +258,7 @@ def profile(t: Subject = None, a: ArrayLike | None = None, *,
     NoFit
         If the search ends, but does not explain the records.
     """
-    return infer("profile", _fitted(locals(), progress), progress)
+    return infer("profile", fitted(locals(), progress), progress)
 
 
 def sample(t: Subject = None, a: ArrayLike | None = None, *,
@@ -321,7 +302,7 @@ def sample(t: Subject = None, a: ArrayLike | None = None, *,
     NoFit
         If the search ends, but does not explain the records.
     """
-    return infer("sample", _fitted(locals(), progress), progress)
+    return infer("sample", fitted(locals(), progress), progress)
 
 
 def bootstrap(t: Subject = None, a: ArrayLike | None = None, *,
@@ -365,4 +346,4 @@ def bootstrap(t: Subject = None, a: ArrayLike | None = None, *,
     NoFit
         If the search ends, but does not explain the records.
     """
-    return infer("bootstrap", _fitted(locals(), progress), progress)
+    return infer("bootstrap", fitted(locals(), progress), progress)

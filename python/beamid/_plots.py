@@ -56,7 +56,8 @@ def shapes(table: str, attachments: str, labels: str, modes: Sequence[tuple[floa
     columns = read(table)
     x = columns["x"]
     units = read_units(labels)
-    hertz = "Hz" if units.get("time") == "s" else f"1/{units.get('time') or 'time'}"
+    unit = units.get("time")
+    hertz = " Hz" if unit == "s" else f" 1/{unit}" if unit else ""
     count = min((len(columns) - 1)//2, len(modes))
     drawn = panels(count, axes, "plot_modes", figsize=(7, 1 + 1.4*count))
     places = [float(line.rsplit(",", 1)[1]) for line in attachments.splitlines()[1:]]
@@ -65,7 +66,7 @@ def shapes(table: str, attachments: str, labels: str, modes: Sequence[tuple[floa
         panel.axhline(0, color="grey", linewidth=0.6)
         panel.plot(x, shape, color="tab:blue", label=f"mode {k}")
         panel.plot(places, np.interp(places, x, shape), "ks", markersize=5)
-        panel.set_title(f"mode {k}: {frequency:.5g} {hertz}, damping ratio {damping:.3g}",
+        panel.set_title(f"mode {k}: {frequency:.5g}{hertz}, damping ratio {damping:.3g}",
                         fontsize=10)
         panel.set_yticks([])
     drawn[-1].set_xlabel(labelled("x", units.get("length")))

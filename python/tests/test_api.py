@@ -6,6 +6,7 @@ import multiprocessing
 import os
 import pickle
 import subprocess
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -62,6 +63,7 @@ def same_tables(found, files):
     assert set(found.tables) == set(files) - {"summary.txt", "manifest.txt"}
     for name, text in found.tables.items():
         assert text == files[name], name
+    assert found._table + ".csv" in files
 
 
 def test_simulate_is_that_of_the_program(program, tmp_path):
@@ -498,6 +500,47 @@ def test_one_name_is_enough(record):
     grid = dict(t_first=0.2, t_last=5.0, t_step=0.1)
     keys = dict(record=grid, noise=dict(sd=0.02), design=dict(duration=0.05), **MODEL)
     assert beamid.design(free="c_D", **keys).tables == beamid.design(free=["c_D"], **keys).tables
+
+
+@pytest.mark.parametrize("keys, message", [
+    (dict(record=4), "record: found 4, expected its keys"),
+    (dict(records=4), "records: found 4, expected one or several"),
+    (dict(records=[dict(t=1)]), r"records: found \{'t': 1\}, expected beamid.Record"),
+    (dict(stages=4), "stages: found 4, expected one or several"),
+    (dict(stages="E"), "stages: found 'E', expected one or several"),
+    (dict(stages=[dict(free="E")], free="E"), "found stages beside free"),
+    (dict(t=[0, 1], records=[]), "found records beside t, a or record"),
+    (dict(beam=dict(E=None, length=np.ma.masked)), "found a masked value"),
+    (dict(beam=dict(E=[np.nan])), "&beam E: found 'nan', expected a number"),
+])
+def test_bad_arguments(keys, message):
+    """An InputError says what is wrong, instead of an error deep inside."""
+    free = {} if "stages" in keys else dict(free="E")
+    with pytest.raises(beamid.InputError, match=message):
+        beamid.fit(**{**MODEL, **free, **keys})
+
+
+def test_a_fit_of_a_case_file(fit):
+    """A path or a problem in place of the record."""
+    loaded = beamid.fit(NOISY)
+    assert loaded.names == fit.names
+    np.testing.assert_allclose(loaded.values, fit.values, rtol=1e-5)
+    assert (beamid.fit(beamid.load(str(NOISY))).values == loaded.values).all()
+    with pytest.raises(TypeError, match="found arguments behind a case file"):
+        beamid.fit(NOISY, free="E")
+
+
+def test_commands_in_two_threads(rivals):
+    """The same tables from two threads at once as from one."""
+    def work(_):
+        t = np.linspace(0.2, 5, 49)
+        return [found.tables for found in (
+            beamid.modes(NOISY), beamid.compare(*rivals), beamid.simulate(t, **MODEL),
+            beamid.ensemble(t, **{**ENSEMBLE, "ensemble": dict(members=30)}))]
+
+    expected = work(0)
+    with ThreadPoolExecutor(2) as pool:
+        assert all(found == expected for found in pool.map(work, range(6)))
 
 
 ALIKE = [beamid.Problem, beamid.fit, beamid.profile, beamid.sample, beamid.bootstrap]
