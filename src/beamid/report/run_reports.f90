@@ -30,8 +30,10 @@ contains
       type(output_t), intent(inout) :: output
       character(len=:), allocatable, intent(out) :: summary
       type(text_t) :: text
+      integer, allocatable :: elements(:)
 
-      call output%add('response.csv', response_table(case%meshes%elements, simulated%simulations))
+      elements = case%meshes%elements
+      call output%add('response.csv', response_table(elements, simulated%simulations))
       ! The record is in the units of the sensor: `identify` undoes scale and offset.
       associate (recording => case%recordings(1), &
          last => simulated%simulations(size(simulated%simulations)))
