@@ -78,12 +78,13 @@ contains
 
    !> Returns all options, separated by blanks.
    pure function option_words() result(words)
-      character(len=:), allocatable :: words
+      character(len=:), allocatable :: option, words
       integer :: k
 
       words = ''
       do k = 1, size(options)
-         words = words//options(k)%name(:index(options(k)%name//' ', ' '))
+         option = trim(options(k)%name)//' '
+         words = words//option(:index(option, ' '))
       end do
       words = words//'--help'
    end function option_words

@@ -69,7 +69,7 @@ contains
       call block%get('width', width, no_dip, 'standard deviation of the dip, '// &
          'at least half an element', positive)
       call block%get('depth', depth, no_dip, &
-         'share of E that is missing in the middle of the dip, below 1', range_t(0))
+         'share of E that is missing in the middle of the dip', range_t(0))
       call block%close()
       if (block%failed()) return
       found%is_dip = kind == 'dip'
