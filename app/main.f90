@@ -2,13 +2,14 @@
 !> calls the routine of the command, prints an error message and sets the exit status.
 program beamid_main
    use beamid, only: error_t, version
+   use beamid_command_table, only: command_names, commands_in_words
    use beamid_commands, only: run_design, run_identify, run_inference, run_modes, run_simulate, &
       settings_t
    use beamid_comparison, only: run_compare
    use beamid_ensemble, only: run_ensemble
    use beamid_errors, only: bad_input
    use beamid_interrupts, only: check_interrupt
-   use beamid_manual, only: command_names, commands_in_words, run_help
+   use beamid_manual, only: run_help
    use beamid_new_case, only: check_new, run_new
    use beamid_reproduction, only: reproducible, run_reproduce
    use beamid_signals, only: catch_signals, end_by_signal, stop_patience

@@ -11,7 +11,7 @@ module beamid_terminal
    implicit none
    private
 
-   public :: progress_t, new_progress, print_text, tell, complain
+   public :: progress_t, new_progress, page_width, print_text, tell, complain
 
    !> Progress of a computation on standard error, one line for each report. In a terminal each line
    !> overwrites the one before.
@@ -89,7 +89,7 @@ contains
          return
       end if
       ! A line as wide as the terminal would wrap.
-      length = min(len(line), terminal_width() - 1)
+      length = min(len(line), terminal_width(standard_error) - 1)
       call show(carriage_return//line(:length)//repeat(' ', max(0, self%last_length - length)))
       self%last_length = length
    end subroutine write_over
@@ -132,24 +132,39 @@ contains
       self%begin = now
    end subroutine done
 
-   !> Returns the width of the terminal at standard error [characters]; 80 if it is not known.
-   integer function terminal_width() result(width)
+   !> Returns the width of the terminal at a descriptor [characters]; 80 if it is not known.
+   integer function terminal_width(descriptor) result(width)
+      integer(c_int), intent(in) :: descriptor
       integer(c_long), parameter :: ask_size = int(z'5413', c_long)   ! TIOCGWINSZ of Linux
       integer(c_short) :: size(4)
 
       size = 0
       width = 80
-      if (c_ioctl(standard_error, ask_size, size) /= 0) return
+      if (c_ioctl(descriptor, ask_size, size) /= 0) return
       if (size(2) > 20) width = size(2)
    end function terminal_width
+
+   !> Returns the width of pages on standard output [characters]: that of the environment variable
+   !> COLUMNS or of the terminal, but at least 40; 80 if neither is known.
+   integer function page_width() result(width)
+      integer, parameter :: least = 40, most = 10000
+      character(len=6) :: columns
+      integer :: length, status
+
+      width = terminal_width(standard_output)
+      call get_environment_variable('COLUMNS', columns, length, status)
+      if (status == 0 .and. length > 0 .and. verify(trim(columns), '0123456789') == 0) &
+         read (columns, *) width
+      width = min(max(width, least), most)
+   end function page_width
 
    !> Clears the line that would be overwritten.
    subroutine finish(self)
       class(progress_t), intent(inout) :: self
 
       if (self%last_length == 0) return
-      call show(carriage_return//repeat(' ', min(self%last_length, terminal_width() - 1))// &
-         carriage_return)
+      call show(carriage_return//repeat(' ', min(self%last_length, &
+         terminal_width(standard_error) - 1))//carriage_return)
       self%last_length = 0
    end subroutine finish
 

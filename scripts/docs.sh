@@ -21,11 +21,7 @@ done
 [[ ${#missing[@]} == 0 ]] || scripts/setup.sh packages "${missing[@]}"
 
 reference=$(scripts/run.sh help --markdown)
-{
-   head -n 1 <<<"$reference"
-   printf '\n%s\n' '[Groups in detail](groups.md) has the rules that do not fit into a table.'
-   tail -n +2 <<<"$reference"
-} >"$page"
+printf '%s\n' "$reference" >"$page"
 
 # mkdocs tells warnings among much else. (With --quiet it neither tells nor counts them.)
 log=$(mktemp)

@@ -154,7 +154,7 @@ contains
          do k = 1, size(groups(g)%keys)
             associate (keys => groups(g)%keys)
                call check('&'//name//' '//trim(keys(k)%name)//': has a line of help', &
-                  len(keys(k)%help) > 0 .and. len(keys(k)%default) <= 60)
+                  len(keys(k)%help) > 0 .and. len(keys(k)%default) <= 80)
                call check('&'//name//' '//trim(keys(k)%name)//': asked for once', &
                   count([(keys(i)%name == keys(k)%name, i=1, size(keys))]) == 1)
             end associate

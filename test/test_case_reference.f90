@@ -1,16 +1,17 @@
 !> `help --markdown` prints a complete reference: every group, key and parameter of the tables has
 !> one row in its section, the rows of a table have as many columns as its header, and no cell is
-!> too long to be read.
+!> too long to be read. The page in docs/ is the page that the program prints.
 program test_case_reference
    use bad_cases, only: refused_command
    use beamid_blocks, only: block_t
    use beamid_case_files, only: groups, list_keys
    use beamid_case_reference, only: as_cell
+   use beamid_key_facts, only: allowed_of, default_of, example_of, unit_of
    use beamid_parameters, only: key_of, parameters
    use beamid_structure, only: is_coefficient
-   use beamid_values, only: key_t, kind_real
+   use beamid_values, only: key_t
    use checks, only: check, finish, skip
-   use shell, only: beamid, close_shell, line_count, open_shell, outcome_t, replaced
+   use shell, only: beamid, close_shell, line_count, open_shell, outcome_t, read_file, replaced
    use tables, only: line
    implicit none
 
@@ -28,6 +29,8 @@ program test_case_reference
       outcome = beamid('help --markdown')
       call check('help --markdown', outcome%status == 0 .and. outcome%err == '', outcome%err)
       page = outcome%out
+      call check('docs/reference/case-file.md is what help --markdown prints', page == &
+         read_file('../../docs/reference/case-file.md'), 'scripts/docs.sh writes the page')
       call test_groups()
       call test_parameters()
       call test_lines()
@@ -73,25 +76,19 @@ contains
       call check('as many sections as groups', count_of(nl//'## `&') == size(groups))
    end subroutine test_groups
 
-   !> One row, with the unit of a number and all words that the key allows.
+   !> One row, with meaning, unit, allowed values, default and example.
    subroutine check_key(part, group, key)
       character(len=*), intent(in) :: part, group
       type(key_t), intent(in) :: key
       character(len=:), allocatable :: row
-      integer :: k
 
       call check('&'//group//' '//trim(key%name)//': one row', rows_with(part, &
          '| `'//trim(key%name)//'` |') == 1)
       row = row_with(part, '| `'//trim(key%name)//'` |')
-      call check('&'//group//' '//trim(key%name)//': its meaning', index(row, &
-         as_cell(key%help)) > 0, row)
-      if (key%kind == kind_real) call check('&'//group//' '//trim(key%name)//': its unit', &
-         index(row, '| number') > 0 .and. index(row, '?') == 0, row)
-      if (.not. allocated(key%choices)) return
-      do k = 1, size(key%choices)
-         call check('&'//group//' '//trim(key%name)//': '//trim(key%choices(k)), &
-            index(row, trim(key%choices(k))) > 0, row)
-      end do
+      call check('&'//group//' '//trim(key%name)//': its cells', index(row, ' | '// &
+         as_cell(key%help)//' | '//as_cell(unit_of(group, key))//' | '// &
+         as_cell(allowed_of(group, key))//' | '//as_cell(default_of(key))//' | `'// &
+         example_of(group, key)//'` |') > 0, row)
    end subroutine check_key
 
    !> Every parameter that a fit may estimate has one row.

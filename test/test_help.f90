@@ -1,16 +1,19 @@
 !> What the program says about itself is whole: every command, group, key and parameter of the
 !> tables has its help and its place in the manual page, and every group and free parameter stands
-!> among the rules for groups in docs/; a misspelt word gets the
+!> among the rules for groups in docs/. No line is wider than the terminal. A misspelt word gets the
 !> nearest one. And what `new` writes runs as it is and finds what its record was made from.
 program test_help
    use bad_cases, only: refused_command
    use beamid_blocks, only: block_t
    use beamid_case_files, only: list_keys
+   use beamid_key_facts, only: allowed_of, default_of, example_of, is_listed, unit_of
+   use beamid_key_help, only: key_line, known_words, symbol_of
    use beamid_kinds, only: wp
    use beamid_parameters, only: parameters
+   use beamid_texts, only: left
    use checks, only: check, finish, skip
-   use shell, only: beamid, close_shell, exists, line_count, open_shell, outcome_t, read_file, &
-      run, write_file
+   use shell, only: beamid, close_shell, exists, has_all, line_count, open_shell, outcome_t, &
+      program_path, read_file, replaced, run, write_file
    use tables, only: field, longest, number
    implicit none
 
@@ -23,6 +26,7 @@ program test_help
       call skip('help', reason)
    else
       call test_words()
+      call test_widths()
       call test_nearest()
       call test_shells()
       call test_new()
@@ -41,45 +45,85 @@ contains
       integer :: g, k
 
       outcome = beamid('help man')
-      manual = outcome%out
-      call check('manual: every byte can be printed', prints(manual))
-      call check('words in the place of numbers', index(manual, '''auto'' ''case''') > 0)
+      call check('manual: every byte can be printed', prints(outcome%out))
+      call check('manual: installed', index(read_file('../../scripts/install.sh'), &
+         'help man >"$share/man/man1/beamid.1"') > 0)
+      manual = replaced(replaced(outcome%out, '\-', '-'), nl//'\&', nl)
+      call check('words in the place of numbers', index(manual, '''auto'' or ''case''') > 0)
       rules = read_file('../../docs/reference/groups.md')
       call list_keys(blocks)
       do g = 1, size(blocks)
          group = trim(blocks(g)%name)
-         outcome = beamid('help '//group)
+         outcome = wide('help '//group)
          call check('help '//group, outcome%status == 0 .and. outcome%err == '' .and. &
-            index(outcome%out, 'group &'//group) > 0 .and. longest(outcome%out) <= 100)
+            index(outcome%out, 'group &'//group) > 0)
          call check('help '//group//': every byte can be printed', prints(outcome%out))
          call check('manual: '//group, index(manual, '.SS &'//group) > 0)
          call check('rules: '//group, index(rules, '&'//group) > 0)
          do k = 1, size(blocks(g)%keys)
             associate (key => blocks(g)%keys(k))
-               page = beamid('help '//trim(key%name))
+               page = wide('help '//trim(key%name))
                call check('help '//trim(key%name)//': every byte can be printed', &
-                  page%status == 0 .and. prints(page%out), page%out)
-               call check('help '//group//': '//trim(key%name), &
-                  index(outcome%out, nl//'  '//trim(key%name)//' ') > 0)
+                  page%status == 0 .and. prints(page%out))
+               call check('help '//trim(key%name)//' of '//group, has_all(page%out, &
+                  trim(key%name)//', key of &'//group//'|  '//key%help//'|unit      '// &
+                  unit_of(group, key)//'|allowed   '//allowed_of(group, key)//'|default   '// &
+                  default_of(key)//'|example   '//example_of(group, key)//'|see also '))
+               call check('help '//group//': '//trim(key%name), index(outcome%out, nl// &
+                  left('  '//trim(key%name), 17)//key%help//nl//repeat(' ', 17)// &
+                  key_line(group, key)//nl//repeat(' ', 17)//example_of(group, key)//nl) > 0)
                call check('manual: '//group//' '//trim(key%name), index(manual, &
-                  '.B '//trim(key%name)//nl) > 0)
+                  '.B '//trim(key%name)//nl//key%help//nl//'.br'//nl//key_line(group, key)//nl// &
+                  '.br'//nl//example_of(group, key)//nl) > 0)
                call check('rules: '//group//' '//trim(key%name), &
                   index(rules, '`'//trim(key%name)//'`') > 0 .or. &
                   index(rules, '`'//trim(key%name)//'=') > 0)
-               call check('means something: '//group//' '//trim(key%name), len(key%help) > 3)
             end associate
          end do
       end do
       do k = 1, size(parameters)
-         if (.not. parameters(k)%is_free .or. parameters(k)%item > 1) cycle
-         outcome = beamid('help '//trim(parameters(k)%name))
-         call check('help '//trim(parameters(k)%name), outcome%status == 0 .and. &
-            index(outcome%out, 'free in &stage as '''//trim(parameters(k)%name)//'''') > 0 .and. &
-            longest(outcome%out) <= 100, outcome%out)
+         if (.not. is_listed(k)) cycle
+         outcome = wide('help '''//symbol_of(k)//'''')
+         call check('help '//symbol_of(k), outcome%status == 0 .and. has_all(outcome%out, &
+            'free in &stage as '''//symbol_of(k)//'''|example   &stage free='''//symbol_of(k)// &
+            ''' /'))
+         call check('manual: '//symbol_of(k), index(manual, nl//'&stage free='''//symbol_of(k)// &
+            ''' /'//nl) > 0)
          call check('rules: '//trim(parameters(k)%name), &
             index(rules, '`'//trim(parameters(k)%name)//'`') > 0)
       end do
    end subroutine test_words
+
+   !> Runs the program in a terminal of 10000 columns, in which no line is broken.
+   function wide(arguments) result(outcome)
+      character(len=*), intent(in) :: arguments
+      type(outcome_t) :: outcome
+
+      outcome = run('COLUMNS=10000 '//program_path//' '//arguments)
+   end function wide
+
+   !> No line of the help on any word is wider than the terminal, whose width COLUMNS gives: at
+   !> least 40 characters, and 80 if COLUMNS is no number.
+   subroutine test_widths()
+      character(len=*), parameter :: columns(*) = [character(len=5) :: '40', '57', '80', '133', &
+         '7', 'wide', '""']
+      integer, parameter :: widths(*) = [40, 57, 80, 133, 40, 80, 80]
+      character(len=20), allocatable :: words(:)
+      character(len=:), allocatable :: list
+      integer :: k
+
+      call known_words(words)
+      list = 'identify simulate modes profile bootstrap compare reproduce new help version'
+      do k = 1, size(words)
+         list = list//' '''//trim(words(k))//''''
+      end do
+      do k = 1, size(columns)
+         outcome = run('COLUMNS='//trim(columns(k))//' '//program_path//' help '//list//' && '// &
+            'COLUMNS='//trim(columns(k))//' '//program_path//' help')
+         call check('no line is wider than COLUMNS='//trim(columns(k)), outcome%status == 0 .and. &
+            longest(outcome%out) <= widths(k) .and. longest(outcome%out) > widths(k) - 5)
+      end do
+   end subroutine test_widths
 
    !> Whether a page is printable characters and ends of lines; UTF-8 is not.
    pure logical function prints(page)
@@ -101,7 +145,7 @@ contains
          outcome = beamid('help '//trim(commands(k)))
          call check('help '//trim(commands(k)), outcome%status == 0 .and. &
             index(outcome%out, 'beamid '//trim(commands(k))) == 1 .and. &
-            longest(outcome%out) <= 100)
+            has_all(outcome%out, 'example  |beamid '//trim(commands(k))//'|see also '))
          call check(trim(commands(k))//' --help', same_as(trim(commands(k))//' --help', &
             outcome%out))
       end do

@@ -1,5 +1,5 @@
-!> Whether a fit is one: what is said of records that hold both modes, of one in which a multiple of
-!> the first mode stands for the second, and of one that is nothing like the model.
+!> Judges fits: of records that contain both modes, of one in which a multiple of the first mode
+!> takes the place of the second, and of one that the model cannot describe.
 program test_verdicts
    use beamid_decaying_lines, only: find_lines
    use beamid_errors, only: error_t

@@ -53,21 +53,23 @@ contains
          no_dip = 'required with kind=''dip'''
 
       kind = 'linear'
-      call block%get('parameter', found%parameter, 'property that varies', [character(len=6) :: &
-         'E', 'c_D', 'rho', 'gamma', 'width', 'height'], &
+      call block%get('parameter', found%parameter, 'property that varies along the beam', &
+         [character(len=6) :: 'E', 'c_D', 'rho', 'gamma', 'width', 'height'], &
          default='required; ''E'' with kind=''dip''')
-      call block%get('kind', kind, 'shape: straight lines, a natural cubic spline, or steps '// &
-         'between the positions; or a Gaussian dip of E', &
+      call block%get('kind', kind, 'shape of the variation: ''linear'', straight lines; '// &
+         '''spline'', a natural cubic spline; ''steps'', constant from each position to the '// &
+         'next; ''dip'', a Gaussian dip of E', &
          [character(len=6) :: 'linear', 'spline', 'steps', 'dip'])
-      call block%get('x', found%x, no_table, 'positions, ascending from 0 to the length; of '// &
-         'steps, the start of each', most)
+      call block%get('x', found%x, no_table, 'positions, ascending from 0 to the length; with '// &
+         'kind=''steps'' the start of each step', most)
       call block%get('value', found%value, no_table, 'value of the property at each position', most)
-      call block%get_file('file', file, 'table with the columns x and value', default='none')
+      call block%get_file('file', file, 'path of a table with the columns x and value, which '// &
+         'replaces these keys', default='none')
       call block%get('place', place, no_dip, 'position of the middle of the dip', positive)
       call block%get('width', width, no_dip, 'standard deviation of the dip, '// &
          'at least half an element', positive)
       call block%get('depth', depth, no_dip, &
-         'share of E that is missing in the middle of the dip, below 1', range_t(0))
+         'share of E that is missing in the middle of the dip', range_t(0))
       call block%close()
       if (block%failed()) return
       found%is_dip = kind == 'dip'

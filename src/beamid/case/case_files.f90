@@ -62,7 +62,7 @@ module beamid_case_files
       group_t('stage', may_repeat=.true., purpose= &
       'Lists the parameters that a stage of the fit estimates, with their starts and bounds.'), &
       group_t('prior', may_repeat=.true., purpose= &
-      'States what other sources than the records say about a parameter.'), &
+      'States what is known about a parameter from other sources than the records.'), &
       group_t('multistart', purpose='Repeats the fit from several start values.'), &
       group_t('windows', purpose= &
       'Repeats the last stage in consecutive windows of equal duration.'), &

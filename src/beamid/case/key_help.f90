@@ -1,25 +1,31 @@
-!> The help for groups, keys and parameters, made from their tables, for `help` and the manual.
+!> The help for groups, keys and parameters, made from their tables.
 module beamid_key_help
    use beamid_blocks, only: block_t
    use beamid_case_files, only: groups, list_keys
-   use beamid_parameters, only: free_names, key_of, parameters
+   use beamid_help_pages, only: help_page_t
+   use beamid_key_facts, only: allowed_of, default_of, example_of, is_listed, parameter_example, &
+      parameter_range, parameter_unit, unit_of
+   use beamid_parameters, only: key_of, parameters
+   use beamid_see_also, only: a_group, a_parameter, related_words
    use beamid_strings, only: lower
-   use beamid_texts, only: left, text_t, wrapped
-   use beamid_units, only: units_t
-   use beamid_values, only: key_t, kind_text, listed, name_length, one_of
+   use beamid_structure, only: is_coefficient
+   use beamid_values, only: key_t, listed, name_length
    implicit none
    private
 
-   public :: add_help_on, add_group_list, known_words, key_line
+   public :: add_help_on, add_group_list, add_see_also, key_line, known_words, meaning_of, symbol_of
+
+   !> Column of the explanations of keys, and that of their properties.
+   integer, parameter :: key_column = 17, fact_column = 14
 
 contains
 
    !> Adds the help for every group, key and free parameter of a name, in upper or lower case.
    !>
    !> found  set to .true. if there is one; otherwise unchanged
-   subroutine add_help_on(word, text, found)
+   subroutine add_help_on(word, page, found)
       character(len=*), intent(in) :: word
-      type(text_t), intent(inout) :: text
+      type(help_page_t), intent(inout) :: page
       logical, intent(inout) :: found
       type(block_t), allocatable :: blocks(:)
       integer :: g, k
@@ -27,42 +33,50 @@ contains
       call list_keys(blocks)
       do g = 1, size(blocks)
          if (lower(trim(blocks(g)%name)) /= lower(word)) cycle
-         if (found) call text%line()
+         if (found) call page%line()
          found = .true.
-         call text%line('group &'//trim(blocks(g)%name)//trim(merge(', required   ', &
-            '             ', groups(g)%required))//trim(merge(', may repeat', '            ', &
-            groups(g)%may_repeat)))
-         call text%line('  '//trim(groups(g)%purpose))
-         do k = 1, size(blocks(g)%keys)
-            call add_key(text, blocks(g)%keys(k))
-         end do
+         call add_group(page, g, blocks(g))
       end do
       do g = 1, size(blocks)
          do k = 1, size(blocks(g)%keys)
             if (lower(trim(blocks(g)%keys(k)%name)) /= lower(word)) cycle
-            if (found) call text%line()
+            if (found) call page%line()
             found = .true.
-            call text%line('key of &'//trim(blocks(g)%name))
-            call add_key(text, blocks(g)%keys(k))
+            call add_key(page, blocks(g)%name, blocks(g)%keys(k))
          end do
       end do
       do k = 1, size(parameters)
-         if (lower(trim(parameters(k)%name)) /= lower(word) .or. .not. parameters(k)%is_free) cycle
-         if (found) call text%line()
+         if (lower(symbol_of(k)) /= lower(word) .or. .not. is_listed(k)) cycle
+         if (found) call page%line()
          found = .true.
-         call add_parameter(text, k)
-         exit
+         call add_parameter(page, k)
       end do
    end subroutine add_help_on
 
    !> Adds the list of all groups as a paragraph.
-   subroutine add_group_list(text)
-      type(text_t), intent(inout) :: text
+   subroutine add_group_list(page)
+      type(help_page_t), intent(inout) :: page
       integer :: g
 
-      call text%add(wrapped('  groups: '//listed([('&'//groups(g)%name, g=1, size(groups))], &
-         ' ')//new_line('a'), 10))
+      call page%labelled(2, 'groups:', 10, listed([('&'//groups(g)%name, g=1, size(groups))], ' '))
    end subroutine add_group_list
+
+   !> Adds the command that prints the help on related words.
+   !>
+   !> of, topic  as for `related_words`
+   !> column     column before which the command begins; default `fact_column`
+   subroutine add_see_also(page, of, topic, column)
+      type(help_page_t), intent(inout) :: page
+      character(len=*), intent(in) :: of, topic
+      integer, intent(in), optional :: column
+      character(len=:), allocatable :: words
+      integer :: place
+
+      place = fact_column
+      if (present(column)) place = column
+      words = related_words(of, topic)
+      if (words /= '') call page%labelled(4, 'see also', place, 'beamid help '//words)
+   end subroutine add_see_also
 
    !> Returns all names of groups, keys and free parameters, each once.
    subroutine known_words(words)
@@ -78,8 +92,8 @@ contains
             call add_word(words, blocks(g)%keys(k)%name)
          end do
       end do
-      do k = 1, size(free_names)
-         call add_word(words, free_names(k))
+      do k = 1, size(parameters)
+         if (is_listed(k)) call add_word(words, symbol_of(k))
       end do
    end subroutine known_words
 
@@ -91,73 +105,109 @@ contains
       if (.not. any(words == word)) words = [character(len=name_length) :: words, word]
    end subroutine add_word
 
-   !> Returns a key in one sentence: its meaning, the values that it takes, and its default. A
-   !> default that begins with `required` is the condition under which the key is required.
-   function key_line(key) result(line)
+   !> Returns the unit of a key, if it has one, the values that it allows, and its default.
+   !>
+   !> group  name of the key's group
+   function key_line(group, key) result(line)
+      character(len=*), intent(in) :: group
       type(key_t), intent(in) :: key
-      character(len=:), allocatable :: line
-      integer :: k
+      character(len=:), allocatable :: line, default, unit
 
-      line = takes(key)
-      if (key%required) then
-         line = line//', required'
-      else if (index(key%default, 'required') == 1) then
-         line = line//', '//key%default
-      else if (key%default /= '') then
-         line = line//', default: '//key%default
-      end if
-      line = key%help//' ('//line//')'
-      if (.not. allocated(key%words) .or. key%kind == kind_text) return
-      line = line//'; or'
-      do k = 1, size(key%words)
-         line = line//' '''//trim(key%words(k))//''''
-      end do
+      line = allowed_of(group, key)
+      unit = unit_of(group, key)
+      if (index(unit, 'unit') /= 1) unit = 'unit: '//unit
+      if (unit /= 'unit: none') line = unit//'; '//line
+      default = default_of(key)
+      if (index(default, 'required') /= 1) default = 'default: '//default
+      line = line//'; '//default
    end function key_line
 
-   !> Returns the kind of the values of a key, with their range or with the words that it allows.
-   function takes(key) result(text)
+   !> Adds the help for a group: its purpose and all its keys.
+   !>
+   !> g  its row in `groups`
+   subroutine add_group(page, g, block)
+      type(help_page_t), intent(inout) :: page
+      integer, intent(in) :: g
+      type(block_t), intent(in) :: block
+      character(len=:), allocatable :: title
+      integer :: k
+
+      title = 'group &'//block%name
+      if (groups(g)%required) title = title//' (required)'
+      if (groups(g)%may_repeat) title = title//' (may repeat)'
+      call page%line(title)
+      call page%paragraph(2, groups(g)%purpose)
+      call page%line()
+      do k = 1, size(block%keys)
+         associate (key => block%keys(k))
+            call page%labelled(2, key%name, key_column, key%help)
+            call page%labelled(2, '', key_column, key_line(block%name, key))
+            call page%labelled(2, '', key_column, example_of(block%name, key))
+         end associate
+      end do
+      call page%line()
+      call add_see_also(page, a_group, block%name)
+   end subroutine add_group
+
+   !> Adds the help for a key: the definition, and a line for each of its properties.
+   !>
+   !> group  name of the key's group
+   subroutine add_key(page, group, key)
+      type(help_page_t), intent(inout) :: page
+      character(len=*), intent(in) :: group
       type(key_t), intent(in) :: key
-      character(len=:), allocatable :: text
 
-      if (allocated(key%choices)) then
-         text = one_of(key%choices, trim(merge('''', ' ', key%kind == kind_text)))
-         return
-      end if
-      text = key%kind_in_words()
-      if (key%range%limits() /= '') text = text//' '//key%range%limits()
-      if (key%infinite) text = text//' or inf'
-   end function takes
-
-   !> Adds the help for a key.
-   subroutine add_key(text, key)
-      type(text_t), intent(inout) :: text
-      type(key_t), intent(in) :: key
-      integer, parameter :: column = 19
-
-      call text%add(wrapped(left('  '//trim(key%name), column)//key_line(key)//new_line('a'), &
-         column))
+      call page%line(trim(key%name)//', key of &'//group)
+      call page%paragraph(2, key%help)
+      call page%labelled(4, 'unit', fact_column, unit_of(group, key))
+      call page%labelled(4, 'allowed', fact_column, allowed_of(group, key))
+      call page%labelled(4, 'default', fact_column, default_of(key))
+      call page%labelled(4, 'example', fact_column, example_of(group, key))
+      call add_see_also(page, group, trim(key%name))
    end subroutine add_key
 
-   !> Adds the help for a parameter that a fit may estimate, parameter k of the table.
-   subroutine add_parameter(text, k)
-      type(text_t), intent(inout) :: text
+   !> Returns the name by which a stage estimates parameter k.
+   pure function symbol_of(k) result(symbol)
       integer, intent(in) :: k
-      type(units_t) :: units
-      character(len=:), allocatable :: unit
+      character(len=:), allocatable :: symbol
 
-      units = units_t(length='m', force='N', time='s', mass='kg')
+      symbol = trim(parameters(k)%name)
+      if (is_coefficient(k)) symbol = trim(parameters(k)%group)
+   end function symbol_of
+
+   !> Returns the definition of parameter k.
+   pure function meaning_of(k) result(meaning)
+      integer, intent(in) :: k
+      character(len=:), allocatable :: meaning
+
+      meaning = trim(parameters(k)%help)
+      if (is_coefficient(k)) meaning = trim(parameters(k)%name)//' as a function along the '// &
+         'beam, with its coefficients'
+   end function meaning_of
+
+   !> Adds the help for a parameter that a fit may estimate, parameter k of the table.
+   subroutine add_parameter(page, k)
+      type(help_page_t), intent(inout) :: page
+      integer, intent(in) :: k
+      character(len=:), allocatable :: allowed
+
       associate (row => parameters(k))
-         call text%line('parameter, free in &stage as '''//trim(row%name)//'''')
-         unit = units%of_parameter(k)
-         if (unit == '') unit = '-'
-         call text%add(wrapped('  '//trim(row%help)//'; '//key_of(k)//' of &'//trim(row%group)// &
-            '; in metres, seconds and kilograms its unit is '//unit//new_line('a'), 2))
-         if (row%is_reciprocal) call text%line( &
-            '  searched for as its reciprocal, so that it may reach infinity (inf), which is rigid')
-         if (all(row%needs /= [0, k])) call text%line('  needs '// &
+         call page%paragraph(0, symbol_of(k)//', parameter, free in &stage as '''//symbol_of(k)// &
+            '''', 2)
+         call page%paragraph(2, meaning_of(k))
+         call page%labelled(4, 'unit', fact_column, parameter_unit(k))
+         allowed = trim('number '//parameter_range(k))
+         if (row%is_reciprocal) allowed = allowed//', or inf (rigid)'
+         call page%labelled(4, 'allowed', fact_column, allowed)
+         if (.not. is_coefficient(k)) call page%labelled(4, 'key', fact_column, key_of(k)// &
+            ' of &'//row%group)
+         call page%labelled(4, 'example', fact_column, parameter_example(k))
+         if (all(row%needs /= [0, k])) call page%labelled(4, 'requires', fact_column, &
             trim(parameters(row%needs)%name)//' above 0')
-         if (row%item > 0) call text%line('  of several '//trim(row%group)// &
-            's: '''//trim(row%name)//'.a'' is that of the one named a')
+         if (row%item > 0 .and. .not. is_coefficient(k)) call page%labelled(4, 'several', &
+            fact_column, 'with several groups &'//trim(row%group)//', '''//symbol_of(k)// &
+            '.a'' is the parameter of the group with name=''a''')
+         call add_see_also(page, a_parameter, symbol_of(k))
       end associate
    end subroutine add_parameter
 

@@ -40,12 +40,12 @@ contains
 
       call block%get('degree', mesh%degree, 'degree of the splines', &
          choices=['3', '5', '7'])
-      call block%get('elements', elements, '''auto''', 'number of elements; of several '// &
-         'numbers, everything is done for each. ''auto'': identify, compare and simulate '// &
-         'refine the mesh until it does not matter, the other commands use 8', 50, &
+      call block%get('elements', elements, '''auto''', 'number of elements, or several '// &
+         'numbers to compute with each; ''auto'': identify, compare and simulate refine the '// &
+         'mesh until their results converge, and other commands use 8 elements', 50, &
          range_t(1, 10000), ['auto'], word)
       call block%get('gauss_points', mesh%gauss_points, 'number of Gauss points in each panel', &
-         range_t(1, 64), default='degree + 1, exact')
+         range_t(1, 64), default='degree + 1, which integrates exactly')
       call block%get('panels', mesh%panels, 'number of panels in each element', range_t(1, 1000))
       if (all(mesh%degree /= [3, 5, 7])) call block%refuse('degree', to_text(mesh%degree), &
          '3, 5 or 7')
@@ -77,10 +77,12 @@ contains
 
       method = 'modal'
       max_steps = int(solver%max_steps)
-      call block%get('method', method, 'solver: exact in time, or step by step', ['modal', 'cvode'])
-      call block%get('rtol', solver%rtol, 'relative tolerance of cvode', range_t(1e-14_wp, 0.1_wp))
-      call block%get('atol', atol, 'rtol times the estimated displacement', &
-         'absolute tolerance of cvode, on the displacement', positive)
+      call block%get('method', method, 'method of the response in time: ''modal'', exact; '// &
+         '''cvode'', integration step by step', ['modal', 'cvode'])
+      call block%get('rtol', solver%rtol, 'relative tolerance of cvode', &
+         range_t(1e-14_wp, 0.1_wp))
+      call block%get('atol', atol, 'rtol times an estimate of the displacement', &
+         'absolute tolerance of cvode for the displacement', positive)
       call block%get('max_order', solver%max_order, 'highest order of cvode', range_t(1, 5))
       call block%get('max_steps', max_steps, 'largest number of steps of cvode', &
          range_t(1, huge(max_steps)))
@@ -102,8 +104,8 @@ contains
       plan%n = 20
       call block%get('n', plan%n, 'number of starts', range_t(1, 100000))
       call block%get('seed', plan%seed, 'seed of the random numbers')
-      call block%get('spread', plan%spread, 'ratio: starts lie between the declared start '// &
-         'divided by it and multiplied by it', range_t(1, 1e6_wp, open=.true.))
+      call block%get('spread', plan%spread, 'factor s of the range of start values, from '// &
+         'value/s to value*s around the declared start value', range_t(1, 1e6_wp, open=.true.))
       call block%close()
    end subroutine read_multistart
 
@@ -115,7 +117,7 @@ contains
       integer, intent(inout) :: n
 
       n = 4
-      call block%get('n', n, 'number of consecutive windows, of equal duration', &
+      call block%get('n', n, 'number of consecutive windows of equal duration', &
          range_t(2, 100))
       call block%close()
    end subroutine read_windows
@@ -131,11 +133,12 @@ contains
       call block%get('draws', plan%draws, 'number of draws from the posterior', &
          range_t(100*chains, 10000000))
       call block%get('seed', plan%seed, 'seed of the random numbers')
-      call block%get('method', method, 'method: importance sampling, or Markov chains if its '// &
-         'weights degenerate; ''chains'': always Markov chains', [character(len=6) :: 'auto', &
-         'chains'])
-      call block%get('noise', noise, 'model of the noise: white, or (''auto'') autoregressive '// &
-         'if the residuals are not white', [character(len=5) :: 'auto', 'white'])
+      call block%get('method', method, 'sampling method: ''auto'', importance sampling, or '// &
+         'Markov chains if the weights degenerate; ''chains'', always Markov chains', &
+         [character(len=6) :: 'auto', 'chains'])
+      call block%get('noise', noise, 'model of the noise: ''auto'', autoregressive if the '// &
+         'residuals are not white, else white; ''white'', always white', &
+         [character(len=5) :: 'auto', 'white'])
       call block%close()
       plan%draws = chains*((plan%draws + chains - 1)/chains)
       plan%importance = method == 'auto'
@@ -151,9 +154,9 @@ contains
       kind = 'auto'
       call block%get('n', plan%n, 'number of resampled records', range_t(100, 1000000))
       call block%get('seed', plan%seed, 'seed of the random numbers')
-      call block%get('kind', kind, 'resampling: normal noise, or blocks of the residuals; '// &
-         '''auto'': blocks if the residuals are not white', [character(len=10) :: 'auto', &
-         'parametric', 'blocks'])
+      call block%get('kind', kind, 'resampling method: ''parametric'', normal noise; '// &
+         '''blocks'', blocks of the residuals; ''auto'', blocks if the residuals are not white', &
+         [character(len=10) :: 'auto', 'parametric', 'blocks'])
       call block%get('block', plan%block, 'number of samples in a block', range_t(1, huge(1)), &
          default='chosen from the residuals')
       call block%close()
@@ -170,13 +173,14 @@ contains
       real(wp), allocatable :: delta
 
       formula = trim(formula_names(observed%formula))
-      call block%get('formula', formula, 'formula of the observed acceleration: (4.1), (4.2) '// &
-         'or (3.13) of the paper', formula_names)
+      call block%get('formula', formula, 'formula of the observed acceleration: by the '// &
+         'differences (4.1) of the displacement or (4.2) of the velocity, or by equation '// &
+         '(3.13) of the paper', formula_names)
       call block%get('delta', delta, 'required with both difference formulas', &
          'time step of the difference formulas', positive)
       frame = 'absolute'
-      call block%get('frame', frame, 'frame of reference of the acceleration: the ground, or a '// &
-         'base that moves', ['absolute', 'relative'])
+      call block%get('frame', frame, 'frame of reference of the acceleration: ''absolute'', '// &
+         'the ground; ''relative'', the base that moves', ['absolute', 'relative'])
       call block%close()
       if (block%failed()) return
       observed%relative = frame == 'relative'

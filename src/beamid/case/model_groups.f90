@@ -65,15 +65,15 @@ contains
       end if
       if (block%name == 'gravity') then
          direction = 'hanging'
-         call block%get('direction', direction, 'position of the beam: below its root, or '// &
-            'above it', [character(len=8) :: 'hanging', 'standing'])
+         call block%get('direction', direction, 'direction of the beam: ''hanging'' below '// &
+            'its root, or ''standing'' above it', [character(len=8) :: 'hanging', 'standing'])
          structure%stands = direction == 'standing'
       end if
       if (block%name == 'beam') then
-         call block%get('width', width, 'required without I', 'width of a rectangular section', &
+         call block%get('width', width, 'required without I', 'width of the rectangular section', &
             positive)
-         call block%get('height', height, 'required without I', 'height of a rectangular section', &
-            positive)
+         call block%get('height', height, 'required without I', &
+            'height of the rectangular section, in the direction of the vibration', positive)
          call block%get('density', density, 'required without rho', 'mass per unit volume', &
             positive)
       end if
@@ -190,8 +190,8 @@ contains
       character(len=:), allocatable :: name
       integer :: k
 
-      call block%get('name', name, 'name for records and parameters: letters, digits and _', &
-         default='none; required with several groups')
+      call block%get('name', name, 'name of the '//block%name//', by which other groups '// &
+         'refer to it', default='none; required with several groups')
       if (allocated(name)) then
          if (verify(name, letters//digits) > 0 .or. len(name) > item_name_length .or. name == '') &
             call block%refuse('name', shown(name), 'at most '//to_text(item_name_length)// &
@@ -232,25 +232,28 @@ contains
       power = 2
       time = 0
       modes = 2
-      call block%get('kind', kind, 'kind of excitation: a force that is a pulse or a table, a '// &
-         'release of the tip, a free motion, or a motion of the base', &
+      call block%get('kind', kind, 'kind of excitation: ''pulse'' or ''table'', a force; '// &
+         '''release'' of the deflected beam; ''free'', an unknown initial state; ''base'', a '// &
+         'motion of the base', &
          [character(len=7) :: 'pulse', 'table', 'release', 'free', 'base'], required=.true.)
-      call block%get('amplitude', amplitude, no_pulse, 'force of the pulse')
+      call block%get('amplitude', amplitude, no_pulse, 'constant force of the pulse')
       call block%get('duration', duration, no_pulse, 'duration of the pulse, from t = 0', positive)
-      call block%get_file('file', file, 'table of time and force, or of time and base '// &
-         'acceleration; linear between the rows', &
+      call block%get_file('file', file, 'path of the table of time and force, or of time and '// &
+         'base acceleration; linear between the rows', &
          default='required with kind=''table'' and kind=''base''')
       columns = ''
-      call get_columns(block, columns(1), columns(2), rate)
-      call block%get('load', load, 'load of a pulse or a table: a point force, or a '// &
-         'distributed force', [character(len=11) :: 'point', 'distributed'])
-      call block%get('power', power, 'exponent p of the distributed load (x/l)^p', range_t(2))
+      call get_columns(block, 'force or base acceleration', columns(1), columns(2), rate)
+      call block%get('load', load, 'load of a pulse or a table: ''point'', a force at x_F; '// &
+         '''distributed'', a force along the beam', [character(len=11) :: 'point', 'distributed'])
+      call block%get('power', power, 'exponent p of a distributed load of the shape (x/l)^p', &
+         range_t(2))
       call block%get('force', force, 'required with kind=''release'' without displacement', &
-         'static force before the release')
+         'static force at x_F before the release')
       call block%get('displacement', displacement, 'required with kind=''release'' without force', &
-         'static displacement before the release')
+         'static displacement at x_F before the release')
       call block%get('time', time, 'time of the release')
-      call block%get('modes', modes, 'number of modes in the free motion', range_t(1, 20))
+      call block%get('modes', modes, 'number of modes whose initial amplitude and phase are '// &
+         'estimated, with kind=''free''', range_t(1, 20))
       call read_parameter(block, of_x_F, x_F)
       call block%close()
       if (block%failed()) return
@@ -369,7 +372,7 @@ contains
          character(len=*), intent(inout) :: label
          character(len=:), allocatable :: text
 
-         call block%get(key, text, 'label of the unit of '//key, default='none')
+         call block%get(key, text, 'label of the unit of '//key//' in the output', default='none')
          if (.not. allocated(text)) return
          if (scan(text, ',"') > 0 .or. len(text) > label_length) call block%refuse(key, &
             shown(text), 'a label without commas and double quotes, of at most '// &

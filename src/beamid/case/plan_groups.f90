@@ -59,7 +59,7 @@ contains
       type(prior_t), intent(out) :: found
       character(len=:), allocatable :: name
 
-      call block%get('parameter', name, 'name of the parameter, or I, width, height or density', &
+      call block%get('parameter', name, 'name of the parameter that the prior is about', &
          required=.true.)
       call block%get('sd', found%sd, 'standard deviation of the prior', positive, required=.true.)
       call block%get('value', found%value, 'the value of the case', 'mean of the prior')
@@ -138,14 +138,14 @@ contains
 
       found%command = 'identify'
       found%line = block%line
-      call block%get('command', found%command, 'command that is run on each member', &
+      call block%get('command', found%command, 'command that is run for each member', &
          [character(len=9) :: 'identify', 'profile', 'sample', 'bootstrap', 'modes'])
       call block%get('members', found%members, 'number of members', range_t(1, 999999999))
       call block%get('seed', found%seed, 'seed of the random numbers')
       call block%get('elements', found%elements, 'number of elements of the mesh that '// &
-         'simulates a record', range_t(1, 10000), default='that of the fit')
-      call block%get_file('cases', found%cases, 'file with the path of a case in each line; '// &
-         'each case is a member', default='none, the members are simulated from this case')
+         'simulates the records', range_t(1, 10000), default='elements of &discretization')
+      call block%get_file('cases', found%cases, 'path of a file with the path of a case in '// &
+         'each line; each case is a member', default='none, the members are simulated')
       call block%close()
       if (block%failed()) return
       if (allocated(found%cases)) then
@@ -173,7 +173,7 @@ contains
       type(draw_t), intent(out) :: found
       character(len=:), allocatable :: name
 
-      call block%get('parameter', name, 'name of the parameter to draw', required=.true.)
+      call block%get('parameter', name, 'name of the parameter that is drawn', required=.true.)
       call block%get('low', found%low, 'lower end of the uniform distribution', required=.true.)
       call block%get('high', found%high, 'upper end of the uniform distribution', required=.true.)
       call block%close()
@@ -230,28 +230,29 @@ contains
       real(wp), allocatable :: noise, wanted
       integer :: k
 
-      call block%get('x_S', box%x_S, 'that of the case', 'positions of the sensor; ''auto'': '// &
+      call block%get('x_S', box%x_S, 'x_S of the case', 'positions of the sensor; ''auto'': '// &
          to_text(places)//' along the beam', most, ['auto'], word_S, positive)
-      call block%get('x_F', box%x_F, 'that of the case', 'positions of the force; ''auto'': '// &
+      call block%get('x_F', box%x_F, 'x_F of the case', 'positions of the force; ''auto'': '// &
          to_text(places)//' along the beam', most, ['auto'], word_F, positive)
-      call block%get('duration', box%duration, 'that of the case', 'durations of the pulse', most, &
-         range=positive)
-      call block%get('t_first', box%t_first, 'that of the record', 'times of the first sample', &
-         most)
-      call block%get('t_last', box%t_last, 'that of the record', 'times of the last sample', most)
-      call block%get('t_step', box%t_step, 'that of the record', 'time steps of the samples', &
+      call block%get('duration', box%duration, 'duration of the case', 'durations of the pulse', &
          most, range=positive)
-      call block%get('sensors', box%sensors, 'number of positions that are observed at once', &
+      call block%get('t_first', box%t_first, 't_first of the record', 'times of the first sample', &
+         most)
+      call block%get('t_last', box%t_last, 't_last of the record', 'times of the last sample', &
+         most)
+      call block%get('t_step', box%t_step, 't_step of the record', 'time steps of the samples', &
+         most, range=positive)
+      call block%get('sensors', box%sensors, 'number of sensors that observe the beam at once', &
          range_t(1, 2))
       call block%get('modes', box%modes, 'number of modes whose initial amplitude and phase '// &
          'are treated as unknown, as with kind=''free''', range_t(0, 20))
-      call block%get('noise_sd', noise, 'sd of &noise, or of the record', &
+      call block%get('noise_sd', noise, 'sd of &noise or of the record', &
          'standard deviation of the noise of each sensor', positive)
       call block%get('parameters', names, 'all that are free in the last stage', &
          'names of the parameters of interest; the other free parameters are nuisance '// &
          'parameters', size(parameters))
-      call block%get('target', wanted, 'none', 'relative standard error that is wanted for '// &
-         'each parameter', positive)
+      call block%get('target', wanted, 'none', 'relative standard error that each parameter '// &
+         'should have', positive)
       call block%close()
       if (block%failed() .or. .not. sound) return
       if (allocated(noise)) box%noise_sd = noise

@@ -20,30 +20,33 @@ contains
       type(recording_t), intent(out) :: found
 
       found%line = block%line
-      call block%get_file('file', found%path, 'table with columns of numbers', &
+      call block%get_file('file', found%path, 'path of the table with the measured values', &
          default='required, except by simulate')
       call get_window(block, found%window)
-      call block%get('scale', found%scale, 'factor: acceleration = scale (value - offset)')
-      call block%get('offset', found%offset, 'offset of the sensor, in the unit of the record')
-      call get_columns(block, found%time_column, found%value_column, found%rate)
-      call block%get('clip_low', found%clip_low, 'found from flats of the signal', &
-         'lower limit: samples at or below it are left out')
-      call block%get('clip_high', found%clip_high, 'found from flats of the signal', &
-         'upper limit: samples at or above it are left out')
-      call block%get('thin', found%thin, 'number n: every n-th sample is used, after a '// &
-         'low-pass filter', range_t(2, 100000))
-      call block%get('sd', found%sd, 'estimated if there are several records', &
+      call block%get('scale', found%scale, 'factor that converts the record into an '// &
+         'acceleration: acceleration = scale (value - offset)')
+      call block%get('offset', found%offset, 'offset of the sensor: value of the '// &
+         'record at zero acceleration')
+      call get_columns(block, 'measured values', found%time_column, found%value_column, found%rate)
+      call block%get('clip_low', found%clip_low, 'detected from flat parts of the signal', &
+         'lower limit of the recorder; samples at or below it are left out')
+      call block%get('clip_high', found%clip_high, 'detected from flat parts of the signal', &
+         'upper limit of the recorder; samples at or above it are left out')
+      call block%get('thin', found%thin, 'reduction factor n: after a low-pass filter, every '// &
+         'n-th sample is used', range_t(2, 100000), default='every sample, without a filter')
+      call block%get('sd', found%sd, 'estimated by the fit', &
          'standard deviation of the noise of the acceleration', positive)
-      call block%get('length', found%length, 'that of &beam', 'length of the beam in this record', &
+      call block%get('length', found%length, 'length of &beam', &
+         'length of the beam in this record', positive)
+      call block%get('x_S', found%x_S, 'x_S of &sensor', 'position of the sensor in this record', &
          positive)
-      call block%get('x_S', found%x_S, 'that of &sensor', 'position of the sensor in this record', &
-         positive)
-      call block%get('x_P', found%x_P, 'that of &support', &
+      call block%get('x_P', found%x_P, 'x_P of &support', &
          'position of the support in this record', positive)
-      call block%get('sensor', found%sensor, 'name of the sensor of this record', &
-         default='the only sensor; required with several')
-      call block%get('experiment', found%experiment, 'number of the experiment: records with '// &
-         'the same number share one motion', range_t(1, huge(1)), default='a motion of its own')
+      call block%get('sensor', found%sensor, 'name of the sensor that made this record', &
+         default='the only sensor; required with several sensors')
+      call block%get('experiment', found%experiment, 'number of the experiment; records with '// &
+         'the same number are channels of one motion', range_t(1, huge(1)), &
+         default='a motion of its own')
       call block%close()
       if (.not. abs(found%scale) > 0) call block%refuse('scale', to_text(found%scale), &
          'a value other than 0')
@@ -56,28 +59,32 @@ contains
 
    !> Gets the keys that describe the columns of a table.
    !>
+   !> values                     content of the value column, for the help
    !> time_column, value_column  name or number of a column; '': default
    !> rate                       samples per unit of time, if there is no time column
-   subroutine get_columns(block, time_column, value_column, rate)
+   subroutine get_columns(block, values, time_column, value_column, rate)
       type(block_t), intent(inout) :: block
+      character(len=*), intent(in) :: values
       character(len=*), intent(inout) :: time_column, value_column
       real(wp), allocatable, intent(inout) :: rate
 
-      call read_column('time_column', time_column, 'the first')
-      call read_column('value_column', value_column, 'the second; with rate, the only one')
-      call block%get('rate', rate, 'none, there is a time column', &
-         'number of samples per unit of time; the first is at t = 0', positive)
+      call read_column('time_column', time_column, 'times', 'the first column')
+      call read_column('value_column', value_column, values, &
+         'the second column; with rate, the only one')
+      call block%get('rate', rate, 'none, with a time column', 'sampling rate of a '// &
+         'file without a time column; the first sample is at t = 0', positive)
       if (block%has('rate')) call block%exclude('time_column', 'beside rate')
 
    contains
 
       !> Gets the name of a column; refuses an empty name and a name that would be truncated.
-      subroutine read_column(key, column, default)
-         character(len=*), intent(in) :: key, default
+      subroutine read_column(key, column, content, default)
+         character(len=*), intent(in) :: key, content, default
          character(len=*), intent(inout) :: column
          character(len=:), allocatable :: name
 
-         call block%get(key, name, 'name, in any case, or number of the column', default=default)
+         call block%get(key, name, 'name (upper or lower case) or number of the column with '// &
+            'the '//content, default=default)
          if (.not. allocated(name)) return
          if (name == '' .or. len_trim(adjustl(name)) > len(column)) call block%refuse(key, &
             shown(name), 'the name of a column, of at most '//to_text(len(column))// &
@@ -91,13 +98,16 @@ contains
    subroutine get_window(block, window)
       type(block_t), intent(inout) :: block
       type(window_t), intent(inout) :: window
+      character(len=:), allocatable :: required
 
-      call block%get('t_first', window%t_first, 'the first of the record', &
-         'time of the first sample')
-      call block%get('t_last', window%t_last, 'the last of the record', &
-         'time of the last sample')
-      call block%get('t_step', window%t_step, 'every sample', &
-         'time step of the samples that are used', positive)
+      required = ''
+      if (block%name == 'record') required = '; required without file'
+      call block%get('t_first', window%t_first, 'start of the record'//required, &
+         'time of the first sample that is used')
+      call block%get('t_last', window%t_last, 'end of the record'//required, &
+         'time of the last sample that is used')
+      call block%get('t_step', window%t_step, 'every sample'//required, &
+         'time step between the samples that are used', positive)
       if (.not. (allocated(window%t_first) .and. allocated(window%t_last))) return
       if (window%t_last < window%t_first) call block%refuse('t_last', to_text(window%t_last), &
          'no less than t_first = '//to_text(window%t_first))

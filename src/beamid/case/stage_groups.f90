@@ -44,25 +44,27 @@ contains
       integer, allocatable :: places(:)
       integer :: coefficients, k
 
-      call block%get('free', free, '', 'names of the parameters to estimate', most_free, &
+      call block%get('free', free, '', 'names of the parameters that are estimated', most_free, &
          required=.true.)
-      call block%get('shared', shared, 'all of free', &
+      call block%get('shared', shared, 'all in free', &
          'names of the free parameters that all records have in common', most_free)
       call block%get('start', found%start, &
-         'the stage before, else the case; with kind=''free'' ''auto''', &
-         'start values, one for each name in free; ''auto'': from the spectral lines of the '// &
-         'record; ''case'': the values of the case', most_free, ['auto', 'case'], word)
+         'estimates of the previous stage; first stage: ''case'', or ''auto'' with '// &
+         'kind=''free''', 'start values, one for each name in free; ''auto'': values from the '// &
+         'spectral lines of the record; ''case'': the values of the case', most_free, &
+         ['auto', 'case'], word)
       found%automatic = word == 'auto'
       found%declared = word == 'case'
-      call block%get('lower', found%lower, '0; none for T, amplitude and offset', &
+      call block%get('lower', found%lower, '0, or none for T, amplitude and offset', &
          'lower bounds, one for each name in free', most_free)
       call block%get('upper', found%upper, 'none', &
          'upper bounds, one for each name in free', most_free)
       coefficients = 16
       kind = 'spline'
-      call block%get('coefficients', coefficients, 'number of coefficients of E(x), and of '// &
+      call block%get('coefficients', coefficients, 'number of coefficients of E(x) and of '// &
          'c_D(x)', range_t(4, most_coefficients))
-      call block%get('kind', kind, 'form of E(x) and c_D(x): cubic spline, or straight lines', &
+      call block%get('kind', kind, 'form of E(x) and c_D(x): ''spline'', a cubic spline; '// &
+         '''linear'', straight lines', &
          [character(len=6) :: 'spline', 'linear'])
       call block%close()
       if (block%failed()) return

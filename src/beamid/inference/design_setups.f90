@@ -67,7 +67,8 @@ contains
       call new_residuals(model, mesh, unforced, setup%problem, error, root_is_free)
    end subroutine new_setup
 
-   !> Refuses samples before the force has ended, for a motion whose start counts as unknown.
+   !> Refuses samples before the force has ended, for a motion with unknown initial
+   !> amplitudes and phases.
    !>
    !> first   first sample time [time]
    !> finish  end of the force [time]

@@ -85,21 +85,23 @@ contains
       first = first + length + 1
    end function next_line
 
-   !> Returns text in which lines of more than 100 characters are broken between words.
+   !> Returns text in which long lines are broken between words.
    !>
-   !> indent  indentation of the continuation lines; default 4
-   function wrapped(content, indent)
+   !> indent   indentation of the continuation lines; default 4
+   !> longest  largest length of a line; default 100 [characters]
+   function wrapped(content, indent, longest)
       character(len=*), intent(in) :: content
-      integer, intent(in), optional :: indent
+      integer, intent(in), optional :: indent, longest
       character(len=:), allocatable :: wrapped
-      integer, parameter :: most = 100
       character(len=:), allocatable :: line
       type(text_t) :: text
       integer(ip) :: first
-      integer :: cut, margin
+      integer :: cut, margin, most
 
       margin = 4
       if (present(indent)) margin = indent
+      most = 100
+      if (present(longest)) most = longest
       first = 1
       do while (next_line(content, first, line))
          do while (len(line) > most)

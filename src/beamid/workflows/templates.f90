@@ -28,15 +28,15 @@ module beamid_templates
       '!', &
       '!    beamid identify case.nml', &
       '!', &
-      '! fits it. Then put your record in the place of record.csv, and your own numbers here.', &
-      '! `beamid help beam` lists the keys of &beam, and so on for every group and key.']
+      '! fits it. Then replace record.csv by your own record, and the numbers by your own.', &
+      '! `beamid help beam` explains the group &beam; it does so for every group and key.']
 
    character(len=width), parameter :: strip(*) = [character(len=width) :: &
       '', &
       '! Metres, seconds, newtons and kilograms; any other consistent set would do.', &
       '&units  length=''m'', force=''N'', time=''s'', mass=''kg'' /', &
       '', &
-      '! An aluminium strip, clamped at one end. What is free below is a guess here.', &
+      '! An aluminium strip, clamped at one end. Values of free parameters are guesses.', &
       '&beam', &
       '   length=0.5, width=0.05, height=0.002', &
       '   density=2700', &
@@ -53,20 +53,32 @@ module beamid_templates
       '&sensor m_S=0.005, x_S=0.44 /', &
       '&discretization degree=5, elements=16 /']
 
+   ! The group &record with the keys that the user's own record most likely needs, without t_first.
+   character(len=width), parameter :: record_keys(*) = [character(len=width) :: &
+      '', &
+      '&record', &
+      '   file=''record.csv''              ! columns of times and measured values', &
+      '   value_column=''acceleration''    ! name or number of the column; default: the second', &
+      '   scale=1                        ! acceleration = scale (value - offset); default: 1', &
+      '   offset=0                       ! value of the record at zero acceleration; default: 0']
+
    character(len=width), parameter :: prior_knowledge(*) = [character(len=width) :: &
       '', &
-      '! How well the rest is known, as standard deviations: it counts in the total intervals.', &
+      '! Standard deviations of fixed parameters. The total intervals include them.', &
       '&prior  parameter=''length'', sd=0.001 /', &
       '&prior  parameter=''height'', sd=0.00002 /']
 
    ! Lines of the case file of each kind, and of the case that its record is simulated with.
    character(len=width), parameter :: free_decay_case(*) = [character(len=width) :: &
-      '! A strip was pulled aside and let go; an accelerometer recorded how it swings.', &
+      '! The tip of a strip was deflected and released; an accelerometer recorded the motion.', &
       begin, strip, '', &
-      '! Nothing is known of how it was set in motion: amplitudes and phases of three', &
-      '! modes are found with the rest, start values come from the lines of the record.', &
+      '! The initial state is unknown: amplitudes and phases of three modes are estimated', &
+      '! with the parameters. Start values come from the spectral lines of the record.', &
       '&excitation  kind=''free'', modes=3 /', &
-      '&record      file=''record.csv'' /', &
+      record_keys, &
+      '   t_first=0.2                    ! first time that is used; default: start of the record', &
+      '/', &
+      '', &
       '&stage       free=''E'',''m_S'',''c_D'',''gamma'' /', &
       prior_knowledge]
 
@@ -77,12 +89,15 @@ module beamid_templates
       '&noise sd=0.05, seed=1 /']
 
    character(len=width), parameter :: impulse_case(*) = [character(len=width) :: &
-      '! A strip was struck 200 mm from its clamp: 1 N for 10 ms, from t = 0 on.', &
+      '! A strip was struck 200 mm from its clamp, with 1 N for 10 ms from t = 0 on.', &
       begin, strip, '', &
-      '! A force that was measured: kind=''table'', file=''...'', columns time and force.', &
+      '! For a measured force: kind=''table'', file=''...'' with columns of time and force.', &
       '&excitation  kind=''pulse'', amplitude=1, duration=0.01, x_F=0.2 /', &
-      '&record      file=''record.csv'' /', &
-      '! Starts come from the lines of the record.', &
+      record_keys, &
+      '   t_first=0                      ! first time that is used; default: start of the record', &
+      '/', &
+      '', &
+      '! Start values come from the spectral lines of the record.', &
       '&stage       free=''E'',''m_S'',''c_D'',''gamma'', start=''auto'' /', &
       prior_knowledge]
 
@@ -98,7 +113,10 @@ module beamid_templates
       '! The column ''base'' of the same file is the acceleration of the base.', &
       '&excitation  kind=''base'', file=''record.csv'', value_column=''base'' /', &
       '&discretization degree=5 /', &
-      '&record      file=''record.csv'', value_column=''acceleration'' /', &
+      record_keys, &
+      '   t_first=0                      ! first time that is used; default: start of the record', &
+      '/', &
+      '', &
       '&stage       free=''E'',''m_S'',''c_D'',''gamma'', start=''auto'' /', &
       prior_knowledge]
 
@@ -108,8 +126,8 @@ module beamid_templates
       '&noise sd=0.1, seed=3 /']
 
    character(len=width), parameter :: paper_case(*) = [character(len=width) :: &
-      '! The structure of NASA CR-178199, Table 4.1: a thruster at the tip fires for', &
-      '! .05 s, a hose hangs there, an accelerometer records it; with 2 % of noise.', &
+      '! The structure of NASA CR-178199, Table 4.1: a beam with a hose at the tip. A thruster', &
+      '! at the tip fires for 0.05 s. The record has 2 % of noise.', &
       begin, '', &
       '&units  length=''ft'', force=''lb'', time=''s'', mass=''slug'' /', &
       '&beam   length=4.0, rho=0.03, E=80.0, I=1.0, c_D=0.0035 /', &
@@ -117,7 +135,10 @@ module beamid_templates
       '&hose   m_H=0.035, c_H=0.0035, k_H=0.4 /', &
       '&excitation  kind=''pulse'', amplitude=1.0, duration=0.05 /', &
       '&discretization degree=5 /', &
-      '&record      file=''record.csv'' /', &
+      record_keys, &
+      '   t_first=0.02                   ! first time that is used; default: start of the record', &
+      '/', &
+      '', &
       '&stage       free=''c_D'',''m_H'',''c_H'',''k_H'' /']
 
    character(len=width), parameter :: paper_truth(*) = [character(len=width) :: &
