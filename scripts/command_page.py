@@ -3,6 +3,7 @@ modes, profile, sample, bootstrap, compare, design, ensemble."""
 
 import html
 import math
+import re
 
 import figures as f
 import fit_page
@@ -13,6 +14,7 @@ import plotting as p
 import numpy as np
 import signals as s
 from fit_page import value
+from model_curve import even, interpolated
 from output_folder import find_case, has_rows
 from program import read_text
 from units import Units
@@ -61,36 +63,39 @@ def simulated(outputs):
         for mesh in meshes:
             mine = rows[:, rows[0] == mesh]
             t, y = mine[1], mine[places[quantity]]
-            curves.append((f"<i>N</i> = {mesh}", t, y))
+            if not y.any():
+                continue
+            between = (interpolated(t, y) if quantity != force and even(t) and len(t) < f.MARKED
+                       else (t, y))
+            curves.append((f"<i>N</i> = {mesh}", t, y, between))
             peak = int(np.argmax(np.abs(y)))
             cells.append([quantity, f"{mesh}", h.significant(abs(y[peak])),
-                          h.raised(units.get(unit)), h.significant(t[peak])])
+                          h.raised(units.get(unit)), p.plain_number(t[peak], 5)])
         if quantity == "acceleration" and outputs.written_by("record.csv", "simulate"):
             t, noisy = s.read_columns(outputs.folder / "record.csv", "t", "acceleration")
-            if len(t) == len(curves[-1][1]) and np.abs(noisy - curves[-1][2]).max() > 0:
-                curves.insert(0, ("with noise", t, noisy))
-        if any(np.any(y) for _, _, y in curves):
+            if curves and len(t) == len(curves[-1][1]) and np.any(noisy != curves[-1][2]):
+                curves.insert(0, ("with noise", t, noisy, None))
+        if curves:
             panels.append((quantity, units.get(unit), curves))
     t = rows[1, rows[0] == meshes[-1]]
-    span = f"{h.significant(t[0])} to {h.significant(t[-1])} {units.get('time')}".strip()
-    noise = any(name == "with noise" for _, _, curves in panels for name, _, _ in curves)
+    span = f"{p.plain_number(t[0], 5)} to {p.plain_number(t[-1], 5)} {units.get('time')}".strip()
+    noise = any(curve[0] == "with noise" for panel in panels for curve in panel[2])
     box = h.box("good", f"The response is computed at {plural(len(t), 'time')}, {span}.",
                 [f"Mesh: {', '.join(map(str, meshes))} elements.",
                  *["`record.csv` has the acceleration with the noise of `&noise`."] * noise])
     text = h.table(["quantity", "elements", "largest magnitude", "unit",
                     f"at time ({units.get('time') or 'unit of the case'})"], [cells], left=1)
-    text += h.figure(f.response(t, panels, units), "Motion at the sensor" + (
-        ", and the excitation." if panels[-1][0] == force else "."))
-    if len(t) >= 8 and fine_steps(t):
-        last = next(curves[-1][2] for quantity, _, curves in panels if quantity == "acceleration")
-        text += h.figure(f.spectra(t, (last, last, last)[:1] * 3, [], units, ("acceleration",)),
+    if panels:
+        few = even(t) and len(t) < f.MARKED
+        text += h.figure(f.response(panels, units), "Motion at the sensor"
+                         + ", and the excitation" * (panels[-1][0] == force) + "."
+                         + " Between the samples, the curves are a band-limited interpolation."
+                         * few)
+    if len(t) >= s.FEW and panels and panels[0][0] == "acceleration":
+        last = panels[0][2][-1][2]
+        text += h.figure(f.spectra(t, [last], [], units, ["acceleration"]),
                          "Amplitude spectrum of the acceleration.")
     return box, [("response", "Response", text)]
-
-
-def fine_steps(t):
-    """Tells whether times are close enough for a spectrum to be of use."""
-    return len(t) >= 200
 
 
 # -- modes
@@ -266,28 +271,36 @@ def experiments(outputs):
     if summary:
         points += [line for line in fit_page.unwrapped(summary.text)
                    if line.startswith("a standard error of")]
-        points += [line for line in fit_page.unwrapped(summary.text) if "is at the end of" in line]
+        at_end = re.findall(r"(?m)^design (\d+) is at the end of (.+): beyond", summary.text)
+        ends = ", ".join(dict.fromkeys(name for _, what in at_end for name in what.split(", ")))
+        points += [f"The best experiments lie at the end of the list of {ends}: beyond it there may "
+                   "be better ones."] * bool(at_end)
     kind = "bad" if not determined else "" if present["determined"] != "yes" else "good"
-    settings = [name for name in plot_design.SETTINGS if present[name] or
-                any(row[name] for row in rows[1:])]
+    settings = [name for name in plot_design.SETTINGS if len({row[name] for row in rows}) > 1]
+    constant = [name for name in plot_design.SETTINGS if name not in settings and present[name]]
     cells = [[("the case" if row is present else row["design"]),
-              *(h.significant(number) if (number := value(row, name)) is not None else ""
+              *(p.plain_number(number, 4) if (number := value(row, name)) is not None else ""
                 for name in settings), row["samples"], *(relative(row, name) for name in names),
               ", ".join(reasons)]
-             for row, reasons in [(present, ["present"]), *chosen.values()]]
-    header = ["experiment", *(f"{plot_design.SETTINGS[name][0]} "
-                              f"{name + ' ' if '_' in name and name[0] == 'x' else ''}"
-                              f"({h.raised(units.get(plot_design.SETTINGS[name][1]))})"
-                              .replace("()", "") for name in settings),
+             for row, reasons in [(present, []), *chosen.values()]]
+    header = ["experiment", *(h.Raw(setting_title(name, units)) for name in settings),
               "samples", *(h.Raw(f"error of {h.symbol(name)}") for name in names), "best for"]
+    same = ", ".join(f"{plot_design.SETTINGS[name][0]} {p.plain_number(p.number(present, name), 4)} "
+                     f"{units.get(plot_design.SETTINGS[name][1])}".strip() for name in constant)
     text = h.paragraph("Predicted standard errors, relative to the values of the parameters, of the "
                        "experiment in the case and of the best ones. D, A and E are the criteria of "
                        "optimal design: the determinant of the information, the sum of the relative "
                        "variances, and the least eigenvalue of the information.")
     text += h.table(header, [cells], wrap=(len(header) - 1,))
+    text += h.paragraph(f"The same in all experiments: {same}.") if same else ""
     text += maps(outputs, rows, names)
-    return h.box(kind, headline, points), [("experiments", "Experiments", text),
-                                           *printed(summary, "design")]
+    return h.box(kind, headline, points), [("experiments", "Experiments", text)]
+
+
+def setting_title(name, units):
+    """Returns the name of a setting of an experiment with its symbol and unit, as HTML."""
+    what, quantity = plot_design.SETTINGS[name]
+    return f.label(f"{what} {h.symbol(name)}" if name[0] == "x" else what, units.get(quantity))
 
 
 def relative(row, name):
@@ -304,10 +317,8 @@ def maps(outputs, rows, names):
         return ""
     over, units = settings[:2], outputs.units
     axes = [plot_design.values_of(rows, name) for name in over]
-    titles = [f.label(f"{plot_design.SETTINGS[name][0]}"
-                      f"{' ' + h.symbol(name) if name[0] == 'x' else ''}",
-                      units.get(plot_design.SETTINGS[name][1])) for name in over]
-    text = ""
+    titles = [setting_title(name, units) for name in over]
+    charts = []
     for name in names:
         best = np.full([len(values) for values in axes], np.inf)
         for row in rows[1:]:
@@ -318,29 +329,23 @@ def maps(outputs, rows, names):
         best[~np.isfinite(best)] = np.nan
         if np.isnan(best).all():
             continue
-        rest = settings[2:]
-        others = (" The best values of " + ", ".join(plot_design.SETTINGS[key][0] for key in rest)
-                  + " are taken at each point.") * bool(rest)
-        caption = (f"Lowest standard error of {name} (%).{others} An empty field: no such "
-                   "experiment determines all parameters.")
         if len(over) == 1:
-            text += h.figure(f.error_curve(axes[0], best, titles[0],
-                                           f"standard error of {h.symbol(name)} (%)"), caption)
+            charts.append(h.figure(f.error_curve(axes[0], best, titles[0],
+                                                 f"standard error of {h.symbol(name)} (%)"),
+                                   name=f"Standard error of {name}"))
             continue
         where = np.unravel_index(np.nanargmin(best), best.shape)
         marks = [(f"best: {h.significant(best[where], 3)} %", "star", "#ffffff", where)]
         at = [value(rows[0], setting) for setting in over]
         if all(x in values for x, values in zip(at, axes)):
-            marks.append((f"as in the case: {relative(rows[0], name)}", "circle-open", "#000000",
+            marks.append((f"the case: {relative(rows[0], name)}", "circle", "#ffffff",
                           tuple(values.index(x) for x, values in zip(at, axes))))
-        text += h.figure(f.error_map(axes, best, titles, marks), caption)
-    return text
-
-
-def printed(summary, command):
-    """Returns a section with all that a command printed."""
-    return [("printed", "The program's summary", h.preformatted(summary.text))] * bool(
-        summary and command)
+        charts.append(h.figure(f.error_map(axes, best, titles, marks),
+                               f"Standard error of {name}"))
+    rest = ", ".join(plot_design.SETTINGS[key][0] for key in settings[2:])
+    return h.panels(charts, "Lowest predicted standard errors, relative to the values of the "
+                    "parameters." + f" At each point, the best {rest} counts." * bool(rest)
+                    + " An empty field: no such experiment determines every parameter.")
 
 
 # -- ensemble
@@ -364,7 +369,8 @@ def ensemble(outputs):
     if known and not off:
         points.append("For every parameter, the share of 95 % intervals that hold the true value "
                       f"is within {WORST_COVERAGE} standard errors of 95 %.")
-    text = statistics_table(outputs, rows, bool(known)) if not cases or len(cases) > 1 else ""
+    text = statistics_table(outputs, [row for row in rows if row["members"] != "1"] if cases
+                            else rows, bool(known))
     text += fleet(outputs, members, cases) if cases else histograms(outputs, members)
     sections = [("members", "Cases" if cases else "Members", text)]
     if has_rows(outputs.folder / "changed.csv"):
@@ -391,6 +397,8 @@ def short(text):
 def statistics_table(outputs, rows, known):
     """Returns the table of ensemble.csv; with the bias and the coverage if the truth is known."""
     cells = []
+    if not rows:
+        return ""
     for row in rows:
         name = row["parameter"]
         mean, sd, error, bias, bias_error = (
@@ -399,7 +407,8 @@ def statistics_table(outputs, rows, known):
         ten = 10.0**power
         decimals = None
         if sd:
-            decimals = min(max(2 - math.floor(math.log10(sd / ten)), 0), 12)
+            decimals = max(2 - math.floor(math.log10(sd / ten)), 0)
+            decimals = None if decimals > h.MOST_DIGITS else decimals
 
         def text(number, decimals=decimals, ten=ten):
             return "" if number is None else h.significant(number / ten) if decimals is None \
@@ -417,6 +426,8 @@ def statistics_table(outputs, rows, known):
     note = ("Standard deviation: of the estimates over all members, which includes the spread of "
             "drawn parameters. Mean standard error: as the fits state it.")
     more = " Bias: mean of estimate minus truth." * known
+    if any(row["parameter"].startswith("frequency_") for row in rows):
+        more += " f: natural frequency, ζ: damping ratio of a mode."
     return h.table(header, [cells]) + h.paragraph(note + more)
 
 
@@ -429,6 +440,12 @@ def grouped(members):
     return found
 
 
+def spread_of(rows):
+    """Returns the range of the estimates relative to the largest one."""
+    values = [p.number(row, "estimate") for row in rows]
+    return (max(values) - min(values)) / (max(map(abs, values)) or 1.0)
+
+
 def histograms(outputs, members):
     """Returns small histograms: of scaled errors if the truth is known, else of the estimates."""
     charts, scaled = [], False
@@ -439,7 +456,7 @@ def histograms(outputs, members):
             scaled = True
             title = f"(estimate − truth) / standard error of {h.symbol(name)}"
             charts.append(h.figure(f.pulls(np.array(errors), title), name=f"Errors of {name}"))
-        elif len(rows) > 1:
+        elif len(rows) > 1 and spread_of(rows) > 1e-6:
             values = np.array([p.number(row, "estimate") for row in rows])
             power = h.common_power(values)
             title = f.label(h.symbol(name), h.scaled_unit(power, outputs.units.of(name)))
@@ -454,40 +471,45 @@ def histograms(outputs, members):
 
 
 def fleet(outputs, members, cases):
-    """Returns the estimates of each case, as tables and as figures of one parameter each."""
-    text, charts = "", []
-    for name, rows in grouped(members).items():
-        if name.startswith(("cos_", "sin_")) or len(rows) < 2:
-            continue
-        shown = rows[:MOST_CASES]
-        ends = [[value(row, f"total_{end}95") if value(row, f"total_{end}95") is not None else
-                 value(row, f"{end}95") for end in ("lower", "upper")] for row in shown]
-        values = [p.number(row, "estimate") for row in shown]
-        low, high = ([x if (x := pair[k]) is not None else middle for pair, middle in
-                      zip(ends, values)] for k in (0, 1))
-        power = h.common_power([*values, *low, *high])
-        ten = 10.0**power
-        title = f.label(h.symbol(name), h.scaled_unit(power, outputs.units.of(name)))
-        charts.append(h.figure(f.forest(
-            [stem(cases[row["member"]]) for row in shown], np.array(values) / ten,
-            np.array(low) / ten, np.array(high) / ten, title), name=f"Estimates of {name}"))
-    if charts:
-        text += h.panels(charts, "Estimates of each case with their 95 % intervals.")
-    cells = []
+    """Returns the estimates of each case on its finest mesh, as figures and as a table."""
+    units = {member: Units.of_case(case_text(case)) for member, case in cases.items()}
+    finest = {}
+    for row in members:
+        if row["status"] == "ok" and value(row, "estimate") is not None:
+            mesh = p.number(row, "elements", int)
+            finest[row["member"]] = max(mesh, finest.get(row["member"], mesh))
+    shown = [row for row in members if row["member"] in finest
+             and row["elements"] == str(finest[row["member"]])
+             and not row["parameter"].startswith(("cos_", "sin_"))]
+    alike, tables = {}, []
     for member, case in cases.items():
-        for row in (row for row in members if row["member"] == member):
-            if row["status"] != "ok" or row["parameter"].startswith(("cos_", "sin_")):
-                continue
-            ends = [value(row, f"total_{end}95") if value(row, f"total_{end}95") is not None else
-                    value(row, f"{end}95") for end in ("lower", "upper")]
-            power = h.common_power([value(row, "estimate"), *ends])
-            shown, around = h.measured(value(row, "estimate"), *ends, power)
-            unit = Units.of_case(case_text(case)).of(row["parameter"]) or outputs.units.of(
-                row["parameter"])
-            cells.append([f"`{stem(case)}`", h.name_cell(row["parameter"]), shown, around,
+        lines = []
+        for row in (row for row in shown if row["member"] == member):
+            name = row["parameter"]
+            estimate, low, high = (value(row, key) for key in ("estimate", *(
+                ("total_lower95", "total_upper95") if row.get("total_lower95") else
+                ("lower95", "upper95"))))
+            unit = units[member].of(name)
+            alike.setdefault((name, unit), []).append((stem(case), estimate, low, high))
+            power = h.common_power([estimate, low, high])
+            lines.append(["" if lines else f"`{stem(case)}`", h.name_cell(name),
+                          *h.measured(estimate, low, high, power),
                           h.Raw(h.scaled_unit(power, unit))])
-    return text + h.table(["case", "parameter", "estimate", "95 % interval", "unit"], [cells],
-                          left=2)
+        tables.append(lines)
+    charts = []
+    for (name, unit), rows in alike.items():
+        if len(rows) < 2:
+            continue
+        names, *columns = zip(*((case, x, x if low is None else low, x if high is None else high)
+                                for case, x, low, high in rows[:MOST_CASES]))
+        power = h.common_power([x for column in columns for x in column])
+        title = f.label(h.symbol(name), h.scaled_unit(power, unit))
+        charts.append(h.figure(f.forest(names, *(np.array(column) / 10.0**power
+                                                 for column in columns), title),
+                               name=f"Estimates of {name}"))
+    text = h.panels(charts, "Estimates of each case with their 95 % intervals.") if charts else ""
+    return text + h.table(["case", "parameter", "estimate", "95 % interval", "unit"],
+                          [lines for lines in tables if lines], left=2)
 
 
 def stem(path):

@@ -134,14 +134,17 @@ def add_record(figure, t, values, name="record", row=None):
 
 # -- a fit
 
-def record_and_model(t, measured, residual, curve, units, elements):
+def record_and_model(t, measured, residual, curve, units, elements, band=None):
     """Draws a record with the fitted model, and below it the residuals.
 
-    `curve` has the times and values of the model.
+    `curve` has the times and values of the model, `band` (or None) times, lower and upper ends of
+    the prediction band.
     """
     acceleration = units.get("acceleration")
     figure = stacked([0.68, 0.32], label("time", units.get("time")),
                      [label("acceleration", acceleration), label("residual", acceleration)], 470)
+    if band is not None:
+        add_band(figure, *band, "95 % prediction band", row=1)
     add_record(figure, t, measured, row=1)
     add_line(figure, *curve, f"model, <i>N</i> = {elements}", colour("blue"), row=1,
              width=1.6 if len(t) < MARKED else 1)
@@ -223,7 +226,7 @@ def shapes(x, curves, names, attached, units):
                        line=dict(color=colour("ink"), width=3))
     for k, (curve, name) in enumerate(zip(curves, names)):
         figure.add_scatter(x=numbers(x), y=numbers(curve), name=name, mode="lines",
-                           line=dict(color=cycle(k), width=1.8, dash=DASHES[k // 6 % 3]))
+                           line=dict(color=cycle(k), width=2, dash=DASHES[k % 3]))
     add_attached(figure, x, attached)
     figure.update_yaxes(range=[-1.12, 1.12])
     return figure
@@ -295,6 +298,11 @@ def add_resolution(figure, values, value, row):
                        col=1)
 
 
+def no_legend(figure):
+    """Takes away the legend and its margin."""
+    figure.update_layout(showlegend=False, margin_t=10)
+
+
 def hide_repeated(figure):
     """Shows each entry of the legend once."""
     seen = set()
@@ -330,7 +338,7 @@ def profile(value, rise, curve, parabola, ends, estimate, title):
     figure.add_hline(y=1, line_color=colour("grey"), line_dash="dash", line_width=1)
     for place, text, side in ends:
         figure.add_annotation(x=place, y=1, text=text, showarrow=False, yshift=9, font_size=11.5,
-                              xanchor=side)
+                              xanchor=side, bgcolor=colour("back"), borderpad=1)
     figure.update_yaxes(range=[0, 1.42], tickvals=[0, 0.5, 1])
     return figure
 
@@ -344,7 +352,7 @@ def corner(names, titles, draws, others, levels, density, spans, best):
     n = len(names)
     side = 190 if n < 4 else 160
     figure = make_subplots(n, n, horizontal_spacing=0.02, vertical_spacing=0.02)
-    style(figure, max(side * n + 90, 330))
+    style(figure, max(side * n + 60, 330), margin=dict(t=10))
     figure.update_layout(showlegend=False, bargap=0)
     for i, row in enumerate(names):
         for j, column in enumerate(names):
@@ -440,20 +448,21 @@ def motion(t, low, middle, high, measured, noise, units):
 
 # -- other commands
 
-def response(t, panels, units):
-    """Draws a response: panels of (quantity, unit, [(name, times, values)])."""
+def response(panels, units):
+    """Draws a response: panels of (quantity, unit, [(name, times, values, curve)]), where `curve`
+    has the times and values between the samples."""
     figure = stacked([1] * len(panels), label("time", units.get("time")),
                      [label(quantity, unit) for quantity, unit, _ in panels],
                      80 + 165 * len(panels))
     for row, (_, _, curves) in enumerate(panels, 1):
-        for k, (name, x, y) in enumerate(curves):
+        for k, (name, x, y, curve) in enumerate(curves):
             if name == "with noise":
                 add_record(figure, x, y, name, row=row)
-            else:
-                few = len(x) < MARKED
-                add_line(figure, x, y, name, cycle(k), row=row, width=1.4)
-                if few:
-                    figure.data[-1].update(mode="lines+markers", marker_size=4)
+                continue
+            add_line(figure, *curve, name, cycle(k), row=row, width=1.4)
+            if len(x) < MARKED:
+                figure.add_scatter(x=numbers(x), y=numbers(y), name="samples", mode="markers",
+                                   marker=dict(size=4, color=cycle(k)), row=row, col=1)
     hide_repeated(figure)
     return figure
 
@@ -470,13 +479,13 @@ def criteria(models, columns):
     return figure
 
 
-def error_map(axes, best, titles, marks):
+def error_map(axes, best, titles, marks, height=330):
     """Draws a map of standard errors in per cent over two settings.
 
     `axes` has the values of both settings, `best` the error at each pair (nan: not determined),
     `marks` lists (name, symbol, place) with places as indices.
     """
-    figure = new(400, *titles)
+    figure = new(height, *titles)
     logs = np.log10(best)
     low, high = math.floor(np.nanmin(logs)), math.ceil(np.nanmax(logs) + 1e-9)
     ticks = [base * 10.0**k for k in range(low, high + 1) for base in (1, 2, 5)]
@@ -493,7 +502,7 @@ def error_map(axes, best, titles, marks):
                       ticktext=[f"{tick:g} %" for tick in ticks], thickness=14, outlinewidth=0))
     for name, mark, tone, place in marks:
         figure.add_scatter(x=[place[0]], y=[place[1]], mode="markers", name=name, marker=dict(
-            symbol=mark, size=13, color=tone, line=dict(color="#000000", width=1.6)))
+            symbol=mark, size=13, color=tone, line=dict(color="#222222", width=1.6)))
     for values, update in zip(shown, (figure.update_xaxes, figure.update_yaxes)):
         step = -(-len(values) // 10)
         at = list(range((len(values) - 1) % step, len(values), step))
@@ -526,7 +535,8 @@ def pulls(values, title):
     figure.add_scatter(x=numbers(z), y=numbers(np.exp(-z**2 / 2) / math.sqrt(2 * math.pi)),
                        mode="lines", line=dict(color=colour("blue"), width=1.8), name="normal",
                        hoverinfo="skip")
-    figure.update_yaxes(showticklabels=False, ticks="", showgrid=False)
+    figure.update_yaxes(showticklabels=False, ticks="", showgrid=False,
+                        range=[0, 1.08 * max(0.4, density.max())])
     figure.update_xaxes(range=[-5, 5], tickvals=[-4, -2, 0, 2, 4])
     return figure
 
@@ -565,12 +575,11 @@ def convergence(ours, paper, x, y, title_of):
     for k, (name, (n, values)) in enumerate(ours.items()):
         figure.add_scatter(x=list(map(int, n)), y=list(map(float, values)), name=title_of(name),
                            mode="lines+markers", line=dict(color=cycle(k), width=1.8),
-                           marker=dict(symbol=SYMBOLS[k % len(SYMBOLS)], size=8),
-                           legendgroup=name)
+                           marker=dict(symbol=SYMBOLS[k % len(SYMBOLS)], size=8))
         if name in paper:
             n, values = paper[name]
             figure.add_scatter(x=list(map(int, n)), y=list(map(float, values)),
-                               name=f"{title_of(name)}, paper", mode="markers", legendgroup=name,
+                               name=f"{title_of(name)}, paper", mode="markers",
                                marker=dict(symbol=SYMBOLS[k % len(SYMBOLS)] + "-open", size=11,
                                            color=cycle(k), line_width=1.6))
     figure.update_yaxes(type="log", dtick=1)

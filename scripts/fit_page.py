@@ -25,6 +25,8 @@ CHECKS = ("determined", "not determined", "white noise", "NOT white", "records d
 CURVES = {"computed": "The program computed the model's curve at ten times for each sample interval.",
           "interpolated": "Between the samples, the model's curve is a band-limited interpolation.",
           "samples": "Straight lines join the model's values at the samples."}
+BAND = ("The prediction band holds 95 % of the measured values; it includes the noise and the "
+        "uncertainty of the parameters.")
 #: Colours and marks of the methods of intervals.csv, in figures.
 METHODS = {"linear": ("ink", "circle"), "profile": ("vermilion", "square"),
            "posterior": ("blue", "diamond"), "bca": ("green", "triangle-up")}
@@ -165,10 +167,17 @@ class Fit:
             t, measured, model, residual, by_parameters = meshes[self.elements]
             fine, values, how = model_curve(self.outputs.case, estimates, self.elements, t, model)
             whole = (fine, values) if len(fine) <= f.MOST_POINTS else (t, model)
+            half = 1.96 * np.sqrt(np.mean(residual**2) + np.nan_to_num(by_parameters)**2)
+            width = np.interp(fine, t, half)
+            band = fine, values - width, values + width
+            short = len(t) < f.MARKED
             text += h.figure(
-                f.record_and_model(t, measured, residual, whole, self.units, self.elements),
-                f"{of[0].upper()}{of[1:]}, the fitted model and the residuals. {CURVES[how]}")
-            text += self.cycles(of, t, measured, residual, by_parameters, (fine, values))
+                f.record_and_model(t, measured, residual, whole, self.units, self.elements,
+                                   band if short else None),
+                f"{of[0].upper()}{of[1:]}, the fitted model and the residuals. {CURVES[how]}"
+                + f" {BAND}" * short)
+            if not short:
+                text += self.cycles(of, t, measured, band, (fine, values))
             if len(t) >= plot_fit.LEAST:
                 modes = plot_fit.read_modes(self.folder, self.elements, record)
                 text += h.figure(
@@ -177,21 +186,13 @@ class Fit:
                     + " Dashed: the modes of the fitted structure." * bool(modes))
         return text + self.autocorrelation()
 
-    def cycles(self, of, t, measured, residual, by_parameters, curve):
-        """Returns the figure of some cycles with the prediction band, if that shows more."""
-        span = s.some_cycles(t, measured)
-        if span is None and len(t) < 2 * f.MARKED:
-            span = t[0], t[-1]
-        span = span or (t[0], t[min(len(t) - 1, 200)])
-        half = 1.96 * np.sqrt(np.mean(residual**2) + np.nan_to_num(by_parameters)**2)
+    def cycles(self, of, t, measured, band, curve):
+        """Returns the figure of some cycles with the prediction band."""
+        span = s.some_cycles(t, measured) or (t[0], t[min(len(t) - 1, 200)])
         seen, near = ((x >= span[0]) & (x <= span[1]) for x in (t, curve[0]))
-        x, y = curve[0][near], curve[1][near]
-        width = np.interp(x, t, half)
-        return h.figure(
-            f.cycles(t[seen], measured[seen], (x, y - width, y + width), (x, y), self.units),
-            f"{'All' if seen.all() else 'Some cycles'} of {of} with the prediction band, which "
-            "holds 95 % of the measured values. The band includes the noise and the uncertainty of "
-            "the parameters.")
+        parts = [[series[near] for series in group] for group in (band, curve)]
+        return h.figure(f.cycles(t[seen], measured[seen], *parts, self.units),
+                        f"Some cycles of {of}, sample by sample. {BAND}")
 
     def autocorrelation(self):
         """Returns the figure of the autocorrelation of the residuals."""
@@ -248,6 +249,55 @@ class Fit:
                         "includes noise and parameters that are held fixed. Bars: the length over "
                         "which the fit averages. Below: the beam and what is attached to it.")
 
+    def windows(self):
+        """Returns figures of the estimates in each window of the record, with &windows."""
+        if not has_rows(self.folder / "windows.csv"):
+            return ""
+        by_name = {}
+        for row in self.outputs.table("windows.csv", "record", "window", "t_first", "t_last",
+                                      "parameter", "estimate", "std_error"):
+            if value(row, "estimate") is not None and not plot_fit.NUISANCE.match(row["parameter"]):
+                by_name.setdefault(row["parameter"], []).append(row)
+        time = self.units.get("time")
+        charts = []
+        for name, rows in by_name.items():
+            spans = [f"{p.plain_number(p.number(row, 't_first'), 3)} to "
+                     f"{p.plain_number(p.number(row, 't_last'), 3)} {time}".strip() for row in rows]
+            whole = next((row for row in self.main if row["parameter"] == name), None)
+            shown = [(span, p.number(row, "estimate"), value(row, "std_error") or 0.0)
+                     for span, row in zip(spans, rows)]
+            if whole is not None:
+                shown.insert(0, ("whole record", p.number(whole, "estimate"),
+                                 value(whole, "std_error") or 0.0))
+            names, at, errors = (np.array(column) for column in zip(*shown))
+            power = h.common_power(at)
+            at, half = at / 10.0**power, 1.96 * errors / 10.0**power
+            charts.append(h.figure(
+                f.forest(names, at, at - half, at + half,
+                         f.label(h.symbol(name), h.scaled_unit(power, self.units.of(name)))),
+                name=f"{name} in each window"))
+        return h.panels(charts, "Estimates in each window of the record, with 95 % intervals from "
+                        "noise alone. A parameter whose estimates differ by more than their "
+                        "intervals is not constant during the motion.")
+
+    def minima(self):
+        """Returns the table of the minima that the starts of &multistart have found."""
+        if not has_rows(self.folder / "minima.csv"):
+            return ""
+        names = [row["parameter"] for row in self.main]
+        found = {}
+        for row in self.outputs.table("minima.csv", "elements", "minimum", "count", "J",
+                                      "parameter", "estimate"):
+            if row["elements"] == str(self.elements):
+                found.setdefault(row["minimum"], [row["count"], p.number(row, "J"), {}])[2][
+                    row["parameter"]] = p.number(row, "estimate")
+        rows = [[minimum, count, h.significant(J, 6),
+                 *(h.significant(values.get(name), 5) for name in names)]
+                for minimum, (count, J, values) in found.items()]
+        units = [h.scaled_unit(0, self.units.of(name)) for name in names]
+        return h.table(["minimum", "starts", "J", *(
+            h.Raw(f.label(h.symbol(name), unit)) for name, unit in zip(names, units))], [rows])
+
     def correlations(self):
         """Returns the matrix of correlations, strong ones stressed."""
         names = [row["parameter"] for row in self.main]
@@ -278,6 +328,9 @@ class Fit:
                 ("curves", "Record and model", self.curves()),
                 *[("beyond", "Beyond linear theory", text)
                   for text in [intervals(self.outputs, self.elements, self.main)] if text],
+                *[("windows", "Windows of the record", text)
+                  for text in [self.windows()] if text],
+                *[("minima", "Minima", text) for text in [self.minima()] if text],
                 *[("modes", "Modes", text) for text in [self.modes()] if text],
                 ("correlations", "Correlations", self.correlations())]
 

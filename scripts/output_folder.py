@@ -1,5 +1,6 @@
 """An output folder as report.py sees it: which command wrote each file, the case file, the units."""
 
+import re
 from pathlib import Path
 
 import plotting as p
@@ -24,8 +25,8 @@ def find_case(name):
 class Outputs:
     """The files of an output folder.
 
-    `cases` are the case files that the user named; without them the folder's own case.txt counts,
-    then a case file with the name of the folder.
+    `cases` are the case files that the user named. Without them the folder's own case.txt counts,
+    then a case file with the name that the command printed, or with the name of the folder.
     """
 
     def __init__(self, folder, cases=()):
@@ -44,7 +45,10 @@ class Outputs:
             return next(iter(self.case_files.values())), ""
         if (self.folder / "case.txt").exists():
             return read_text(self.folder / "case.txt"), ""
-        path = find_case(self.name)
+        printed = [read_text(self.folder / name) for name in ("summary.txt", "intervals.txt")
+                   if self.has(name)]
+        names = [match[1] for text in printed for match in [re.match(r"(\S+): ", text)] if match]
+        path = next(filter(None, map(find_case, [*names, self.name])), None)
         if path is None:
             return None, ""
         return read_text(path), (f"This is `{path.name}` as it is now; the command keeps no copy "

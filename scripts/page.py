@@ -16,6 +16,7 @@ from plotting import SUPERSCRIPTS
 
 INDEPENDENT = '<span class="badge free">independent</span>'
 REBUILT = '<span class="badge rebuilt">reconstructed record</span>'
+MOST_DIGITS = 9    # of a number with an interval
 GREEK = {"gamma": "γ", "rho": "ρ", "kappa": "κ", "omega": "ω", "Delta": "Δ"}
 
 LIGHT = """--text: #1c1c1e; --soft: #5b5f66; --line: #d4d7dc; --grid: #e6e8eb;
@@ -52,6 +53,7 @@ a { color: var(--link); }
 .rebuilt { color: var(--warn); background: var(--warn-back); }
 .box { border: 1px solid var(--warn-line); border-left-width: .45rem; background: var(--warn-back);
   border-radius: .35rem; padding: .8rem 1.1rem; margin: 1.5rem 0; }
+.box code { background: none; padding: 0; }
 .box strong:first-child { color: var(--warn); } .box ul { margin-bottom: 0; }
 .box ul, .box li { padding-left: 0; } .box ul { padding-left: 1.1rem; }
 .bad { border-color: var(--bad); background: var(--bad-back); }
@@ -182,6 +184,7 @@ def symbol(name):
     if not match:
         return html.escape(name)
     letter, index, rest = match.groups()
+    letter = {"frequency": "f", "damping": "ζ"}.get(letter, letter) if index else letter
     letter = GREEK.get(letter, letter)
     letter = f"<i>{letter}</i>" if len(letter) == 1 else letter
     index = f"<sub>{index}</sub>" if index else ""
@@ -192,7 +195,8 @@ def symbol(name):
 def raised(unit):
     """Returns a unit with its powers raised and its factors apart: N s/m^2 becomes N·s/m²."""
     unit = re.sub(r"\^(-?\d+)", lambda match: match[1].translate(SUPERSCRIPTS), unit or "")
-    return re.sub(r"(?<=[^\s,]) (?=[^\s,])", "·", unit.strip())
+    ten, unit = re.fullmatch(r"(10[⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+ ?)?(.*)", unit.strip()).groups()
+    return (ten or "") + unit.replace(" ", "·")
 
 
 def _readable(text):
@@ -226,10 +230,15 @@ def paragraph(*texts, badge=""):
     return f"<p>{badge}{' ' * bool(badge)}{rich(' '.join(texts))}</p>\n"
 
 
+def capital(text):
+    """Returns a sentence with a capital, unless it begins with a symbol."""
+    return text[0].upper() + text[1:] if re.match(r"[a-z]+[\s:,]", text) else text
+
+
 def box(kind, headline, points=()):
     """Returns a box with a headline and a list of points; `kind` is "good" (green), "" (amber) or
     "bad" (red)."""
-    items = "".join(f"<li>{rich(point)}</li>" for point in points)
+    items = "".join(f"<li>{rich(capital(point))}</li>" for point in points)
     return (f'<div class="box{f" {kind}" if kind else ""}"><strong>{rich(headline)}</strong>'
             + f"<ul>{items}</ul>" * bool(items) + "</div>\n")
 
@@ -327,8 +336,9 @@ def decimals_of(low, high, power=0):
     an interval."""
     if low is None or high is None or not 0 < high - low < math.inf:
         return None
-    half = 0.5 * (high - low) / 10.0**power
-    return min(max(1 - math.floor(math.log10(half) + 1e-9), 0), 12)
+    half, largest = (x / 10.0**power for x in (0.5 * (high - low), max(abs(low), abs(high))))
+    most = MOST_DIGITS - 1 - math.floor(math.log10(largest))
+    return max(min(1 - math.floor(math.log10(half) + 1e-9), most), 0)
 
 
 def interval(low, high, decimals=None, power=0):

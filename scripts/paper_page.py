@@ -143,7 +143,6 @@ class SimulatedData:
         ours = plot_convergence.series(self.meshes)
         paper = plot_convergence.read_paper(self.folder / "paper.csv")
         n, J = ours["J"]
-        sums = {"16 J": (n, FACTOR * J)}
         truth = self.truth or {name: values[-1] for name, (_, values) in ours.items()}
         free = [name for name in ours if name != "J" and truth.get(name)]
 
@@ -157,11 +156,11 @@ class SimulatedData:
 
         what = "the true values" if self.truth else "the finest mesh"
         return h.figure(
-            f.convergence(sums, {"16 J": paper["J"]} if "J" in paper else {},
-                          "number of elements <i>N</i>",
-                          f.label("sum of squares", self.rows[-1].get("unit", "")),
-                          lambda _: f"{FACTOR} <i>J</i>, ours"),
-            "The sum of squared residuals over the number of elements.") + h.figure(
+            f.convergence({"sum of squares": (n, FACTOR * J)},
+                          {"sum of squares": paper["J"]} if "J" in paper else {},
+                          "number of elements <i>N</i>", f"{FACTOR} <i>J</i>", str),
+            f"{FACTOR} times the sum of squared residuals over the number of elements, and the "
+            "paper's sum (hollow).") + h.figure(
             f.convergence(errors(ours), errors(paper), "number of elements <i>N</i>",
                           "relative error", h.symbol),
             f"Relative differences of the estimates from {what}; hollow: the paper's.")
