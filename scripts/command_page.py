@@ -30,7 +30,12 @@ LEADS = {
     "compare": "compared several models of one record",
     "design": "compared experiments by the standard errors that they would give",
     "ensemble": "ran a command on many records"}
+#: Settings of an experiment in few words.
+SETTINGS = {"x_S": "sensor at", "x_S_2": "second sensor at", "x_F": "force at",
+            "duration": "duration of the pulse", "t_first": "first sample",
+            "t_last": "last sample", "t_step": "time step"}
 MOST_CASES = 40      # of a fleet, in a figure
+MOST_ERROR = 100     # per cent, in a map of standard errors
 WORST_COVERAGE = 3   # standard errors between the coverage and 95 %
 
 
@@ -120,7 +125,7 @@ def natural_modes(outputs):
     if len(meshes) > 1:
         text += "<h3>Convergence with the mesh</h3>\n" + mesh_table(rows, meshes, hertz)
     text += "<h3>Mode shapes</h3>\n" + fit_page.shapes(outputs)
-    sections = [("modes", "Modes", text)]
+    sections = [("modes", "Natural modes", text)]
     if outputs.has("modes_fitted.csv") and has_rows(outputs.folder / "modes_fitted.csv"):
         sections.append(("modes-fitted", "Modes of the fitted structure", h.paragraph(
             "The case says how to fit its record. These are the modes at the estimates, with 95 % "
@@ -285,12 +290,12 @@ def experiments(outputs):
              for row, reasons in [(present, []), *chosen.values()]]
     header = ["experiment", *(h.Raw(setting_title(name, units)) for name in settings),
               "samples", *(h.Raw(f"error of {h.symbol(name)}") for name in names), "best for"]
-    same = ", ".join(f"{plot_design.SETTINGS[name][0]} {p.plain_number(p.number(present, name), 4)} "
+    same = ", ".join(f"{SETTINGS[name]} {p.plain_number(p.number(present, name), 4)} "
                      f"{units.get(plot_design.SETTINGS[name][1])}".strip() for name in constant)
     text = h.paragraph("Predicted standard errors, relative to the values of the parameters, of the "
-                       "experiment in the case and of the best ones. D, A and E are the criteria of "
-                       "optimal design: the determinant of the information, the sum of the relative "
-                       "variances, and the least eigenvalue of the information.")
+                       "experiment in the case and of the best ones. *D*, *A* and *E* are the "
+                       "criteria of optimal design: the determinant of the information, the sum of "
+                       "the relative variances, and the least eigenvalue of the information.")
     text += h.table(header, [cells], wrap=(len(header) - 1,))
     text += h.paragraph(f"The same in all experiments: {same}.") if same else ""
     text += maps(outputs, rows, names)
@@ -299,8 +304,8 @@ def experiments(outputs):
 
 def setting_title(name, units):
     """Returns the name of a setting of an experiment with its symbol and unit, as HTML."""
-    what, quantity = plot_design.SETTINGS[name]
-    return f.label(f"{what} {h.symbol(name)}" if name[0] == "x" else what, units.get(quantity))
+    symbol = f" {h.symbol(name.removesuffix('_2'))}" if name[0] == "x" else ""
+    return f.label(SETTINGS[name] + symbol, units.get(plot_design.SETTINGS[name][1]))
 
 
 def relative(row, name):
@@ -323,12 +328,13 @@ def maps(outputs, rows, names):
         best = np.full([len(values) for values in axes], np.inf)
         for row in rows[1:]:
             at = [row[setting] for setting in over]
-            if row["determined"] == "yes" and all(at):
+            if all(at):
                 place = tuple(values.index(float(x)) for values, x in zip(axes, at))
                 best[place] = min(best[place], 100 * (value(row, f"relative_{name}") or np.inf))
-        best[~np.isfinite(best)] = np.nan
-        if np.isnan(best).all():
+        if not np.isfinite(best).any():
             continue
+        cap = max(MOST_ERROR, 10 * best.min())
+        best[best > cap] = np.nan
         if len(over) == 1:
             charts.append(h.figure(f.error_curve(axes[0], best, titles[0],
                                                  f"standard error of {h.symbol(name)} (%)"),
@@ -342,10 +348,12 @@ def maps(outputs, rows, names):
                           tuple(values.index(x) for x, values in zip(at, axes))))
         charts.append(h.figure(f.error_map(axes, best, titles, marks),
                                f"Standard error of {name}"))
-    rest = ", ".join(plot_design.SETTINGS[key][0] for key in settings[2:])
+    if not charts:
+        return ""
+    rest = " and ".join(SETTINGS[key] for key in settings[2:])
     return h.panels(charts, "Lowest predicted standard errors, relative to the values of the "
                     "parameters." + f" At each point, the best {rest} counts." * bool(rest)
-                    + " An empty field: no such experiment determines every parameter.")
+                    + f" An empty field: no such error is below {MOST_ERROR} %.")
 
 
 # -- ensemble

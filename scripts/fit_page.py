@@ -284,13 +284,14 @@ class Fit:
         """Returns the table of the minima that the starts of &multistart have found."""
         if not has_rows(self.folder / "minima.csv"):
             return ""
-        names = [row["parameter"] for row in self.main]
         found = {}
         for row in self.outputs.table("minima.csv", "elements", "minimum", "count", "J",
                                       "parameter", "estimate"):
             if row["elements"] == str(self.elements):
                 found.setdefault(row["minimum"], [row["count"], p.number(row, "J"), {}])[2][
                     row["parameter"]] = p.number(row, "estimate")
+        names = [name for name in (row["parameter"] for row in self.main)
+                 if any(name in values for _, _, values in found.values())]
         rows = [[minimum, count, h.significant(J, 6),
                  *(h.significant(values.get(name), 5) for name in names)]
                 for minimum, (count, J, values) in found.items()]
