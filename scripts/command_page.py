@@ -1,5 +1,5 @@
-"""The page of an output folder for report.py, whatever commands have written it: identify, simulate,
-modes, profile, sample, bootstrap, compare, design, ensemble."""
+"""The page of an output folder for report.py, of whatever commands have written it: identify,
+simulate, modes, profile, sample, bootstrap, compare, design, ensemble."""
 
 import html
 import math
@@ -195,21 +195,22 @@ def comparison(outputs):
                 f"`{names['aicc']}` has the lowest AICc, `{names['bic']}` the lowest BIC.")
     close = [row["model"] for row in rows if row["model"] != names["aicc"]
              and p.number(row, "aicc") - p.number(best["aicc"], "aicc") < 2]
-    points = [f"{', '.join(f'`{name}`' for name in close)} "
-              f"{'is' if len(close) == 1 else 'are'} within 2 of the lowest AICc: the record hardly "
-              "tells these models apart."] * bool(close)
+    verb = "is" if len(close) == 1 else "are"
+    listed = ", ".join(f"`{name}`" for name in close)
+    points = [(f"{listed} {verb} within 2 of the lowest AICc: the record hardly tells these models "
+               "apart.")] * bool(close)
     unit = acceleration_squared(outputs, rows)
     power = h.common_power([p.number(row, "J") for row in rows])
-    cells = []
-    for row in sorted(rows, key=lambda row: p.number(row, "aicc")):
-        cells.append([f"`{row['model']}`", row["elements"], row["parameters"],
-                      h.significant(p.number(row, "J") / 10.0**power, 6),
-                      *(text for column in ("aicc", "bic") for text in (
-                          h.fixed(p.number(row, column), 2),
-                          h.fixed(p.number(row, column) - p.number(best[column], column), 2)))])
+    cells = [[f"`{row['model']}`", row["elements"], row["parameters"],
+              h.significant(p.number(row, "J") / 10.0**power, 6),
+              *(text for column in ("aicc", "bic") for text in (
+                  h.fixed(p.number(row, column), 2),
+                  h.fixed(p.number(row, column) - p.number(best[column], column), 2)))]
+             for row in sorted(rows, key=lambda row: p.number(row, "aicc"))]
     head = f"J ({h.scaled_unit(power, unit)})" if power or unit else "J"
     text = h.paragraph("AICc and BIC weigh the sum of squared residuals J against the number of "
-                       "free parameters. Lower is better; a difference above 10 is strong evidence.")
+                       "free parameters. Lower is better; a difference above 10 is strong "
+                       "evidence.")
     text += h.table(["model", "elements", "free parameters", head, "AICc", "to the best", "BIC",
                      "to the best"], [cells])
     columns = [(name, [p.number(row, key) - p.number(best[key], key) for row in rows])
@@ -278,8 +279,8 @@ def experiments(outputs):
                    if line.startswith("a standard error of")]
         at_end = re.findall(r"(?m)^design (\d+) is at the end of (.+): beyond", summary.text)
         ends = ", ".join(dict.fromkeys(name for _, what in at_end for name in what.split(", ")))
-        points += [f"The best experiments lie at the end of the list of {ends}: beyond it there may "
-                   "be better ones."] * bool(at_end)
+        points += [(f"The best experiments lie at the end of the list of {ends}: beyond it there "
+                    "may be better ones.")] * bool(at_end)
     kind = "bad" if not determined else "" if present["determined"] != "yes" else "good"
     settings = [name for name in plot_design.SETTINGS if len({row[name] for row in rows}) > 1]
     constant = [name for name in plot_design.SETTINGS if name not in settings and present[name]]
@@ -292,8 +293,8 @@ def experiments(outputs):
               "samples", *(h.Raw(f"error of {h.symbol(name)}") for name in names), "best for"]
     same = ", ".join(f"{SETTINGS[name]} {p.plain_number(p.number(present, name), 4)} "
                      f"{units.get(plot_design.SETTINGS[name][1])}".strip() for name in constant)
-    text = h.paragraph("Predicted standard errors, relative to the values of the parameters, of the "
-                       "experiment in the case and of the best ones. *D*, *A* and *E* are the "
+    text = h.paragraph("Predicted standard errors, relative to the values of the parameters, of "
+                       "the experiment in the case and of the best ones. *D*, *A* and *E* are the "
                        "criteria of optimal design: the determinant of the information, the sum of "
                        "the relative variances, and the least eigenvalue of the information.")
     text += h.table(header, [cells], wrap=(len(header) - 1,))
@@ -323,7 +324,7 @@ def maps(outputs, rows, names):
     over, units = settings[:2], outputs.units
     axes = [plot_design.values_of(rows, name) for name in over]
     titles = [setting_title(name, units) for name in over]
-    charts = []
+    charts, highest = [], MOST_ERROR
     for name in names:
         best = np.full([len(values) for values in axes], np.inf)
         for row in rows[1:]:
@@ -333,19 +334,19 @@ def maps(outputs, rows, names):
                 best[place] = min(best[place], 100 * (value(row, f"relative_{name}") or np.inf))
         if not np.isfinite(best).any():
             continue
-        cap = max(MOST_ERROR, 10 * best.min())
-        best[best > cap] = np.nan
+        highest = max(highest, 10 * best.min())
+        best[best > max(MOST_ERROR, 10 * best.min())] = np.nan
         if len(over) == 1:
             charts.append(h.figure(f.error_curve(axes[0], best, titles[0],
                                                  f"standard error of {h.symbol(name)} (%)"),
                                    name=f"Standard error of {name}"))
             continue
         where = np.unravel_index(np.nanargmin(best), best.shape)
-        marks = [(f"best: {h.significant(best[where], 3)} %", "star", "#ffffff", where)]
+        marks = [(f"best: {h.significant(best[where], 3)} %", "star", 11, where)]
         at = [value(rows[0], setting) for setting in over]
         if all(x in values for x, values in zip(at, axes)):
-            marks.append((f"the case: {relative(rows[0], name)}", "circle", "#ffffff",
-                          tuple(values.index(x) for x, values in zip(at, axes))))
+            marks.insert(0, (f"the case: {relative(rows[0], name)}", "circle", 17,
+                             [values.index(x) for x, values in zip(at, axes)]))
         charts.append(h.figure(f.error_map(axes, best, titles, marks),
                                f"Standard error of {name}"))
     if not charts:
@@ -353,7 +354,7 @@ def maps(outputs, rows, names):
     rest = " and ".join(SETTINGS[key] for key in settings[2:])
     return h.panels(charts, "Lowest predicted standard errors, relative to the values of the "
                     "parameters." + f" At each point, the best {rest} counts." * bool(rest)
-                    + f" An empty field: no such error is below {MOST_ERROR} %.")
+                    + f" An empty field: no such error is below {h.significant(highest, 3)} %.")
 
 
 # -- ensemble

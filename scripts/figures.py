@@ -6,7 +6,6 @@ the plotted area, so that they never cover data.
 
 import math
 
-import plotting as p
 import numpy as np
 import signals as s
 from page import raised, scaled_unit, symbol
@@ -469,10 +468,10 @@ def response(panels, units):
 
 def criteria(models, columns):
     """Draws differences of information criteria from the best model, as bars."""
-    figure = new(110 + 46 * len(models), "difference from the best model", "",
-                 margin=dict(l=120))
+    figure = new(110 + 46 * len(models), "difference", "")
+    models = [name if len(name) < 24 else name[:22] + "…" for name in models]
     for k, (name, values) in enumerate(columns):
-        figure.add_bar(y=list(models), x=numbers(values), name=name, orientation="h",
+        figure.add_bar(y=models, x=numbers(values), name=name, orientation="h",
                        marker_color=cycle(k))
     figure.update_layout(barmode="group", bargap=0.35)
     figure.update_yaxes(autorange="reversed", showgrid=False)
@@ -483,7 +482,7 @@ def error_map(axes, best, titles, marks, height=330):
     """Draws a map of standard errors in per cent over two settings.
 
     `axes` has the values of both settings, `best` the error at each pair (nan: not determined),
-    `marks` lists (name, symbol, place) with places as indices.
+    `marks` lists (name, symbol, size, place) with places as indices.
     """
     figure = new(height, *titles)
     logs = np.log10(best)
@@ -500,9 +499,10 @@ def error_map(axes, best, titles, marks, height=330):
         hovertemplate="%{customdata:.3g} %<extra></extra>",
         colorbar=dict(tickvals=[math.log10(tick) for tick in ticks],
                       ticktext=[f"{tick:g} %" for tick in ticks], thickness=14, outlinewidth=0))
-    for name, mark, tone, place in marks:
-        figure.add_scatter(x=[place[0]], y=[place[1]], mode="markers", name=name, marker=dict(
-            symbol=mark, size=13, color=tone, line=dict(color="#222222", width=1.6)))
+    for name, mark, size, place in marks:
+        figure.add_scatter(x=[int(place[0])], y=[int(place[1])], mode="markers", name=name,
+                           cliponaxis=False, marker=dict(symbol=mark, size=size, color="#ffffff",
+                                                         line=dict(color="#222222", width=1.5)))
     for values, update in zip(shown, (figure.update_xaxes, figure.update_yaxes)):
         step = -(-len(values) // 10)
         at = list(range((len(values) - 1) % step, len(values), step))
@@ -582,7 +582,7 @@ def convergence(ours, paper, x, y, title_of):
                                name=f"{title_of(name)}, paper", mode="markers",
                                marker=dict(symbol=SYMBOLS[k % len(SYMBOLS)] + "-open", size=11,
                                            color=cycle(k), line_width=1.6))
-    figure.update_yaxes(type="log", dtick=1)
+    figure.update_yaxes(type="log", dtick=1, tickfont_size=10)
     meshes = sorted({int(n) for series in ours.values() for n in series[0]})
     if len(meshes) <= 12:
         figure.update_xaxes(tickvals=meshes)

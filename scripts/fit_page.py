@@ -22,7 +22,7 @@ SOURCES = (("noise", "blue"), ("coloured residuals", "sky"), ("held parameters",
 LONG = 75    # a line shorter than that has no other one behind it that goes on with it
 CHECKS = ("determined", "not determined", "white noise", "NOT white", "records disagree", "moves",
           "held at")
-CURVES = {"computed": "The program computed the model's curve at ten times for each sample interval.",
+CURVES = {"computed": "The model's curve is computed at ten times for each sample interval.",
           "interpolated": "Between the samples, the model's curve is a band-limited interpolation.",
           "samples": "Straight lines join the model's values at the samples."}
 BAND = ("The prediction band holds 95 % of the measured values; it includes the noise and the "
@@ -77,8 +77,9 @@ class Fit:
         headline = f"The model explains {least:.1f} %{many} of the signal."
         summary = self.outputs.summary("identify")
         if summary is None:
-            return h.box("", headline, ["summary.txt is of another command: repeat `identify` for "
-                                        "the warnings of the fit"]) + self.quality_table()
+            note = ("summary.txt is of another command: repeat `identify` for the warnings of the "
+                    "fit")
+            return h.box("", headline, [note]) + self.quality_table()
         first = summary.text.split("\n", 1)[0]
         warnings, _, statistics = summary.text.rpartition("\nStatistics for")
         lines = [line for line in unwrapped(warnings) if line.startswith("warning")]
@@ -99,10 +100,12 @@ class Fit:
         """Returns a line "0.001 in length moves E by 0.77 %" with the unit of its number."""
         match = re.match(r"(\S+) in (\w+) moves", line)
         unit = self.units.of(match[2]) if match else ""
-        return line.replace(f"{match[1]} in", f"{match[1]} {h.raised(unit)} in", 1) if unit else line
+        if not unit:
+            return line
+        return line.replace(f"{match[1]} in", f"{match[1]} {h.raised(unit)} in", 1)
 
     def quality_table(self):
-        """Returns a table with a row for each record: samples, signal, residual, share explained."""
+        """Returns a table with a row for each record: samples, signal, residual, explained."""
         unit = h.raised(self.units.get("acceleration"))
         rows = [[row["record"], row["samples"], *(h.significant(p.number(row, name)) for name in
                  ("rms_signal", "rms_residual")), f"{p.number(row, 'fit_percent'):.2f} %"]
@@ -217,7 +220,8 @@ class Fit:
         hertz = self.units.hertz
         if has_rows(self.folder / "modes_seen.csv"):
             rows = []
-            for row in self.outputs.table("modes_seen.csv", "record", "mode", "model_hz", "verdict"):
+            for row in self.outputs.table("modes_seen.csv", "record", "mode", "model_hz",
+                                          "verdict"):
                 peak, share = value(row, "peak_hz"), value(row, "energy_share")
                 is_mode = row["mode"] != "0"
                 rows.append([row["record"], row["mode"] if is_mode else "none",

@@ -102,8 +102,8 @@ def interpolated(t, values):
 
 
 def model_curve(case, estimates, elements, t, model):
-    """Returns fine times, the values of the fitted model there, and how they were found: "computed",
-    "interpolated" or "samples".
+    """Returns fine times, the values of the fitted model there, and how they were found:
+    "computed", "interpolated" or "samples".
 
     `case` is the text of the case file or None, `estimates` are the free parameters by name, `t`
     and `model` are the samples.

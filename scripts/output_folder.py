@@ -1,4 +1,4 @@
-"""An output folder as report.py sees it: which command wrote each file, the case file, the units."""
+"""An output folder for report.py: which command wrote each file, the case file, the units."""
 
 import re
 from pathlib import Path

@@ -1,8 +1,8 @@
-"""HTML for report.py: text, symbols, numbers, tables, figures and the page around them, in one file.
+"""HTML for report.py: text, symbols, numbers, tables, figures and the page around them.
 
 The figures are drawn by Plotly in the browser. The page holds Plotly itself, compressed, and the
 data of each figure as JSON, so that it needs no network. A colour in a figure is a variable of the
-style sheet, such as `var(--blue)`, which the page resolves for light and dark screens and for print.
+style sheet, such as `var(--blue)`, which the page resolves for light and dark screens and paper.
 """
 
 import base64
@@ -34,8 +34,8 @@ DARK = """--text: #e7e8ea; --soft: #a7acb5; --line: #3b3f46; --grid: #2c3036;
 
 STYLE = """
 :root { color-scheme: light dark; }
-:root, .paper { %s }
-@media (prefers-color-scheme: dark) { :root { %s } }
+:root, .paper { @LIGHT@ }
+@media (prefers-color-scheme: dark) { :root { @DARK@ } }
 * { box-sizing: border-box; }
 body { margin: 0 auto; padding: 2.5rem 1.25rem 5rem; max-width: 56rem; background: var(--back);
   color: var(--text); font: 1rem/1.55 system-ui, -apple-system, "Segoe UI", Roboto,
@@ -80,13 +80,13 @@ pre { background: var(--panel); border-radius: .35rem; padding: .7rem .9rem; ove
 code { font-family: ui-monospace, SFMono-Regular, Menlo, Consolas, "DejaVu Sans Mono", monospace;
   font-size: .88em; background: var(--panel); padding: .1em .3em; border-radius: .2rem; }
 figure { margin: 1.3rem 0; min-width: 0; }
-.plot { overflow-x: auto; } .live { width: 100%%; } .still { display: none; width: 100%%; }
-.grid { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(20rem, 100%%), 1fr));
+.plot { overflow-x: auto; } .live { width: 100%; } .still { display: none; width: 100%; }
+.grid { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(20rem, 100%), 1fr));
   gap: .6rem 1rem; margin: 1.3rem 0 .4rem; } .grid figure { margin: 0; }
 .keys { display: flex; flex-wrap: wrap; gap: .1rem 1.2rem; font-size: .85rem; margin: 1.2rem 0 0;
   padding: 0; list-style: none; }
 .keys svg { width: 1.7rem; height: .8rem; vertical-align: -.05rem; margin-right: .4rem; }
-figure > svg { display: block; width: 100%%; height: auto; }
+figure > svg { display: block; width: 100%; height: auto; }
 figcaption { font-size: .88rem; color: var(--soft); margin-top: .3rem; }
 summary { cursor: pointer; font-weight: 600; margin: .5rem 0; }
 @media (min-width: 50rem) { pre { white-space: pre-wrap; } }
@@ -94,17 +94,17 @@ summary { cursor: pointer; font-weight: 600; margin: .5rem 0; }
   .bars { grid-template-columns: auto 1fr; } .bars small { grid-column: 2; margin-top: -.3rem; }
   h1 { font-size: 1.5rem; } th, td { padding: .2rem .5rem; } pre { font-size: .7rem; } }
 @page { margin: 16mm 15mm; }
-@media print { :root { color-scheme: light; %s --back: #fff; --warn-back: #fff;
+@media print { :root { color-scheme: light; @LIGHT@ --back: #fff; --warn-back: #fff;
     --bad-back: #fff; --free-back: #fff; --link: #000; }
   body { max-width: none; padding: 0; font-size: 10.5pt; } nav, details { display: none; }
-  table { font-size: 9pt; } th, td { padding: .15rem .5rem; }
-  td { white-space: normal; } td:first-child { white-space: nowrap; }
+  table { font-size: 8.5pt; } th, td { padding: .12rem .45rem; } .many td { white-space: normal; }
+  h2 { margin-top: 1.6rem; } h3 { margin-top: 1.2rem; } figure, .grid { margin: .8rem 0 .4rem; }
   .live { display: none; } .still { display: block; } .scroll, .plot { overflow: visible; }
-  .grid { grid-template-columns: 1fr 1fr; } .grid .still { width: 100%%; }
+  .grid { grid-template-columns: 1fr 1fr; } .grid .still { width: 100%; }
   pre { white-space: pre-wrap; font-size: 7.6pt; } h2, h3 { break-after: avoid; }
-  figure, tbody, tr, .box { break-inside: avoid; }
+  figure, tbody, tr, .box, pre { break-inside: avoid; }
   .bars span { print-color-adjust: exact; -webkit-print-color-adjust: exact; } }
-""" % (LIGHT, DARK, LIGHT)
+""".replace("@LIGHT@", LIGHT).replace("@DARK@", DARK)
 
 # Unpacks Plotly, draws every figure in the colours of the screen, and keeps a still picture of each
 # figure in the colours of paper for print. A finger scrolls the page instead of zooming a figure.
@@ -141,7 +141,7 @@ SCRIPT = """
     const small = live.closest(".grid");
     const { data, layout } = resolve(spec, getComputedStyle(paper));
     still.src = await Plotly.toImage({ data, layout }, { format: "svg",
-      width: small ? 380 : Math.max(700, parseInt(live.style.minWidth) || 0),
+      width: small ? 400 : Math.max(780, parseInt(live.style.minWidth) || 0),
       height: layout.height });
   }
   document.documentElement.dataset.drawn = figures.length;
@@ -399,7 +399,8 @@ def table(header, groups, left=1, wrap=()):
         return f"<tr{soft}>{''.join(cells)}</tr>\n"
 
     bodies = (f"<tbody>{''.join(line(row, 'td') for row in rows)}</tbody>\n" for rows in groups)
-    return (f'<div class="scroll"><table>\n<thead>{line(header, "th")}</thead>\n'
+    many = ' class="many"' if len(header) > 8 else ""
+    return (f'<div class="scroll"><table{many}>\n<thead>{line(header, "th")}</thead>\n'
             f"{''.join(bodies)}</table></div>\n")
 
 
@@ -445,7 +446,8 @@ def panels(figures, caption, keys=()):
              "square": '<path d="M8 2h8v8h-8z" fill="currentColor" stroke="none"/>',
              "area": '<path d="M0 0h24v12h-24z" fill="currentColor" stroke="none"/>'}
     legend = "".join(f'<li><svg viewBox="0 0 24 12" style="color:var(--{colour})" fill="none" '
-                     f'stroke="currentColor" aria-hidden="true">{marks[mark]}</svg>{rich(text)}</li>'
+                     f'stroke="currentColor" aria-hidden="true">{marks[mark]}</svg>'
+                     f"{rich(text)}</li>"
                      for colour, mark, text in keys)
     legend = f'<ul class="keys">{legend}</ul>\n' if legend else ""
     return (f'{legend}<div class="grid">\n{"".join(figures)}</div>\n'
@@ -462,7 +464,7 @@ def document(title, sections):
     if 'class="plot"' in body:
         from plotly.offline import get_plotlyjs
         packed = base64.b64encode(gzip.compress(get_plotlyjs().encode(), 9, mtime=0)).decode()
-        body += ('<noscript><p class="box">The figures need JavaScript, which is switched off here. '
+        body += ('<noscript><p class="box">The figures need JavaScript, which is off here. '
                  "<code>scripts/plot_*.py</code> draw them as pictures.</p></noscript>\n"
                  f'<script type="text/plain" id="plotly">{packed}</script>\n'
                  f"<script>{SCRIPT}</script>\n")

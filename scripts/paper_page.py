@@ -1,4 +1,4 @@
-"""The page about NASA CR-178199 for report.py, and the pages of its parts (reproduce table-4.1, ...)."""
+"""The page about NASA CR-178199 for report.py, and pages of its parts (reproduce table-4.1)."""
 
 import html
 import re
@@ -48,7 +48,8 @@ STUDIES = {    # part: its heading, text, the function that draws it, the captio
         "Three formulas for the acceleration",
         ("The paper prefers differences of the displacement (4.1) or of the velocity (4.2) to the "
          "equation of motion itself (3.13), as more stable. This compares the three."),
-        studies.acceleration, "Error of the tip acceleration over the tolerance of the integrator."),
+        studies.acceleration,
+        "Error of the tip acceleration over the tolerance of the integrator."),
     "convergence": (
         "Convergence",
         "How fast the splines converge to the solution, in the norms of the paper's theory.",
@@ -58,8 +59,7 @@ STUDIES = {    # part: its heading, text, the function that draws it, the captio
         ("What the theorem says of parameters that vary along the beam: the distance of E(x) and "
          "c_D(x) from the truth as the meshes of the state and of the functions are refined."),
         studies.varying,
-        ("First row: distances over the number of coefficients, both axes logarithmic. Below: the "
-         "functions on the finest mesh of the state.")),
+        "Distances over the number of coefficients, both axes logarithmic."),
 }
 
 
@@ -482,10 +482,10 @@ def part_document(outputs, part):
         shared, damping = simulated.worst()
         heading = "Table 4.1: four parameters from simulated data"
         case = read_text(CASE_4_1) if CASE_4_1.exists() else None
+        point = (f"c_D, which such a record hardly determines, differs by {damping} at most; N = "
+                 f"{MISPRINTED} is left out as a misprint.")
         verdict = h.box("good", f"m_H, c_H and k_H differ from the paper's by {shared} at most, on "
-                        "every mesh.", [f"c_D, which such a record hardly determines, differs by "
-                                        f"{damping} at most; N = {MISPRINTED} is left out as a "
-                                        "misprint."])
+                        "every mesh.", [point])
         text = simulated.section()
     elif part in STUDIES:
         heading = STUDIES[part][0]

@@ -20,8 +20,8 @@ def chart(lines, x, y, ticks=(), logarithmic=True):
                                line=dict(color=f.cycle(k), width=1.6, dash=f.DASHES[k // 6 % 3]),
                                marker=dict(symbol=MARKS[k % 6], size=6))
     if logarithmic:
-        figure.update_xaxes(type="log", dtick=1)
-        figure.update_yaxes(type="log", dtick=1)
+        figure.update_xaxes(type="log", dtick=2, tickfont_size=10)
+        figure.update_yaxes(type="log", dtick=1, tickfont_size=10)
     if ticks:
         figure.update_xaxes(tickvals=list(ticks), ticktext=[f"{tick:g}" for tick in ticks],
                             dtick=None)
