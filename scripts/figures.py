@@ -55,7 +55,7 @@ def style(figure, height, *, margin=None, hover="closest"):
     figure.update_xaxes(**axis)
     figure.update_yaxes(**axis)
     figure.update_layout(
-        template=None, height=height, hovermode=hover,
+        template=None, height=height, hovermode=hover, uirevision="kept",
         margin=dict(l=56, r=12, t=34, b=44) | (margin or {}),
         paper_bgcolor="rgba(0,0,0,0)", plot_bgcolor="rgba(0,0,0,0)",
         font=dict(family="system-ui, Segoe UI, Roboto, Noto Sans, Liberation Sans, DejaVu Sans, "

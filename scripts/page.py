@@ -127,7 +127,7 @@ SCRIPT = """
   const figures = [...document.querySelectorAll(".plot")].map((figure) => ({
     live: figure.querySelector(".live"), still: figure.querySelector(".still"),
     spec: JSON.parse(figure.querySelector("script").textContent) }));
-  const config = { responsive: true, displaylogo: false,
+  const config = { displaylogo: false,
     modeBarButtonsToRemove: ["select2d", "lasso2d", "autoScale2d"] };
 
   const draw = () => Promise.all(figures.map(({ live, spec }) => {
@@ -135,8 +135,22 @@ SCRIPT = """
     if (matchMedia("(pointer: coarse)").matches) layout.dragmode = false;
     return Plotly.react(live, data, layout, config);
   }));
+  const root = document.documentElement;
+  // Plotly's own resizing leaves a legend that has got fewer rows inside the plotted area.
+  const fit = async () => {
+    const width = innerWidth;
+    for (const { live } of figures) if (live.offsetWidth) await Plotly.Plots.resize(live);
+    await draw();
+    root.dataset.width = width;
+  };
   await draw();
+  root.dataset.width = innerWidth;
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", draw);
+  let timer;
+  addEventListener("resize", () => {
+    clearTimeout(timer);
+    if (Number(root.dataset.width) !== innerWidth) timer = setTimeout(fit, 200);
+  });
   for (const { live, still, spec } of figures) {
     const small = live.closest(".grid");
     const { data, layout } = resolve(spec, getComputedStyle(paper));
@@ -144,7 +158,7 @@ SCRIPT = """
       width: small ? 400 : Math.max(780, parseInt(live.style.minWidth) || 0),
       height: layout.height });
   }
-  document.documentElement.dataset.drawn = figures.length;
+  root.dataset.drawn = figures.length;
 })();
 """
 

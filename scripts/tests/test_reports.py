@@ -59,9 +59,6 @@ VIEWS = {"360": (360, "light", "screen"), "360-dark": (360, "dark", "screen"),
          "1200": (1200, "light", "screen"), "1200-dark": (1200, "dark", "screen"),
          "a4": (680, "light", "print")}
 
-# Figures follow the width of the window after a delay; this does not wait for it.
-RESIZE = """() => Promise.all([...document.querySelectorAll(".js-plotly-plot")].map(
-  (chart) => Plotly.Plots.resize(chart)))"""
 # Boxes of a page: widths, legends that overlap the plotted area, texts that are cut off.
 INSPECT = """() => {
   const root = document.documentElement, found = { wide: [], covered: [], cut: [] };
@@ -175,8 +172,9 @@ def test_view(tab, page, view):
     tab, faults, requests = tab
     tab.set_viewport_size({"width": width, "height": 900})
     tab.emulate_media(media=medium, color_scheme=scheme)
-    if medium == "screen":
-        tab.evaluate(RESIZE)
+    if medium == "screen":    # figures follow the width of the window after a delay
+        tab.wait_for_function("!document.querySelector('.plot') || "
+                              "Number(document.documentElement.dataset.width) === innerWidth")
     found = tab.evaluate(INSPECT)
     target = OUT / f"{page.parent.name}-{view}"
     tab.screenshot(path=f"{target}.png", full_page=True)
