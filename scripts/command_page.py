@@ -4,6 +4,7 @@ simulate, modes, profile, sample, bootstrap, compare, design, ensemble."""
 import html
 import math
 import re
+from pathlib import Path
 
 import figures as f
 import fit_page
@@ -260,7 +261,7 @@ def experiments(outputs):
     present = rows[0]
     determined = [row for row in rows[1:] if row["determined"] == "yes"]
     chosen = {}
-    for criterion, key, sign in (("D", "D", -1), ("A", "A", 1), ("E", "E", -1),
+    for criterion, key, sign in (("*D*", "D", -1), ("*A*", "A", 1), ("*E*", "E", -1),
                                  *((name, f"relative_{name}", 1) for name in names)):
         known = [row for row in determined or rows[1:] if value(row, key) is not None]
         if known:
@@ -528,7 +529,7 @@ def stem(path):
 
 def case_text(path):
     """Returns the text of a case file if it is at hand."""
-    found = find_case(stem(path))
+    found = Path(path) if Path(path).is_file() else find_case(stem(path))
     return read_text(found) if found else ""
 
 

@@ -454,10 +454,10 @@ def response(panels, units):
                      [label(quantity, unit) for quantity, unit, _ in panels],
                      80 + 165 * len(panels))
     for row, (_, _, curves) in enumerate(panels, 1):
-        for k, (name, x, y, curve) in enumerate(curves):
+        for name, x, y, _ in curves:
             if name == "with noise":
                 add_record(figure, x, y, name, row=row)
-                continue
+        for k, (name, x, y, curve) in enumerate(each for each in curves if each[3] is not None):
             add_line(figure, *curve, name, cycle(k), row=row, width=1.4)
             if len(x) < MARKED:
                 figure.add_scatter(x=numbers(x), y=numbers(y), name="samples", mode="markers",

@@ -53,7 +53,6 @@ PAGES = {
     "table-4.1": [["reproduce", "table-4.1"]],
     "section-4": [["reproduce", "section-4"]],
 }
-CASES = {"ensemble": ["ensemble.nml"]}    # case files that report.py is given
 # View: width in pixels, colour scheme, medium.
 VIEWS = {"360": (360, "light", "screen"), "360-dark": (360, "dark", "screen"),
          "1200": (1200, "light", "screen"), "1200-dark": (1200, "dark", "screen"),
@@ -140,8 +139,10 @@ def page(request, browser):
     shutil.rmtree(folder, ignore_errors=True)
     for command in PAGES[request.param]:
         run(program(), *command, "--out", folder, "--quiet")
-    cases = ["--case", *CASES[request.param]] if request.param in CASES else []
-    report = [sys.executable, CHECKOUT / "scripts" / "report.py", folder, *cases]
+    command, *cases = PAGES[request.param][-1]
+    report = [sys.executable, CHECKOUT / "scripts" / "report.py", folder]
+    if command not in ("identify", "reproduce"):
+        report += ["--case", *cases]
     path = Path(run(*report).strip())
     first = path.read_bytes()
     run(*report)
