@@ -297,11 +297,6 @@ def add_resolution(figure, values, value, row):
                        col=1)
 
 
-def no_legend(figure):
-    """Takes away the legend and its margin."""
-    figure.update_layout(showlegend=False, margin_t=10)
-
-
 def hide_repeated(figure):
     """Shows each entry of the legend once."""
     seen = set()
