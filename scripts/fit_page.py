@@ -1,10 +1,11 @@
-"""The page of a fit for report.py: verdict, estimates with where their errors come from, curves,
-spectra, mode shapes, correlations, the case file."""
+"""The sections of a fit for report.py: verdict, estimates and the sources of their errors, record
+and model, spectra, modes, correlations; and the intervals of profile, sample and bootstrap."""
 
 import html
 import math
 import re
 
+import figures as f
 import plotting as p
 import page as h
 import plot_along
@@ -13,17 +14,26 @@ import plot_intervals
 import plot_modes
 import signals as s
 import numpy as np
+from model_curve import model_curve
+from output_folder import has_rows
 
-SIZE = (5.4, 3.0)    # of a picture [in]: legible on a telephone
-SOURCES = (("noise", p.BLUE), ("coloured residuals", p.SKY), ("held parameters", p.ORANGE),
-           ("mesh", p.PURPLE))
+SOURCES = (("noise", "blue"), ("coloured residuals", "sky"), ("held parameters", "orange"),
+           ("mesh", "purple"))
 LONG = 75    # a line shorter than that has no other one behind it that goes on with it
 CHECKS = ("determined", "not determined", "white noise", "NOT white", "records disagree", "moves",
           "held at")
+CURVES = {"computed": "The model's curve is computed at ten times for each sample interval.",
+          "interpolated": "Between the samples, the model's curve is a band-limited interpolation.",
+          "samples": "Straight lines join the model's values at the samples."}
+BAND = ("The prediction band holds 95 % of the measured values; it includes the noise and the "
+        "uncertainty of the parameters.")
+#: Colours and marks of the methods of intervals.csv, in figures.
+METHODS = {"linear": ("ink", "circle"), "profile": ("vermilion", "square"),
+           "posterior": ("blue", "diamond"), "bca": ("green", "triangle-up")}
 
 
 def unwrapped(text):
-    """Lines as they were before long ones were made to go on, four columns in."""
+    """Returns lines as they were before long ones were continued, four columns in."""
     lines, last = [], ""
     for line in text.splitlines():
         if len(last) > LONG and re.match(r" {4}\S", line) and lines:
@@ -34,13 +44,8 @@ def unwrapped(text):
     return lines
 
 
-def has_rows(path):
-    """Whether a table has anything below its header."""
-    return len(p.read_text(path).splitlines()) > 1
-
-
 def value(row, column):
-    """A finite number of a row, or None where the field is empty or infinite."""
+    """Returns a finite number of a row, or None where the field is empty or infinite."""
     text = (row.get(column) or "").strip()
     try:
         found = float(text)
@@ -49,100 +54,89 @@ def value(row, column):
     return found if math.isfinite(found) else None
 
 
-def digits_of(estimate, low, high):
-    """As many significant digits as an interval leaves: two of its width."""
-    if low is None or high is None or not high > low or not estimate:
-        return 5
-    return min(max(2 + math.ceil(math.log10(max(abs(low), abs(high)) / (high - low))), 3), 9)
-
-
-def raised(unit):
-    """A unit with its powers raised: m/s²."""
-    return re.sub(r"\^(-?\d+)", lambda match: match[1].translate(p.SUPERSCRIPTS), unit or "")
-
-
-def between(low, high, digits, above="∞"):
-    """An interval as text."""
-    if low is None and high is None:
-        return "unbounded"
-    ends = (p.plain_number(end, digits) if end is not None else other
-            for end, other in ((low, "−∞"), (high, above)))
-    return " to ".join(ends)
-
-
 class Fit:
-    """The outputs of `identify` in a folder, of the last stage on the finest mesh."""
+    """A fit in an output folder, of the last stage on the finest mesh."""
 
-    def __init__(self, folder):
-        self.folder = folder
-        self.name = folder.resolve().name
-        self.summary = h.Summary(p.read_text(folder / "summary.txt"))
-        self.elements, rows = list(p.last_stage(folder).items())[-1]
+    def __init__(self, outputs):
+        self.outputs, self.folder = outputs, outputs.folder
+        self.units = outputs.units
+        self.elements, rows = list(p.last_stage(self.folder).items())[-1]
         self.stage = rows[0]["stage"]
-        self.J = next((row for row in rows if row["parameter"] == "J"), None)
         self.rows = [row for row in rows if not row["parameter"].startswith("J")]
         self.main = [row for row in self.rows if not plot_fit.NUISANCE.match(row["parameter"])]
-        self.quality = p.read_table(folder / "quality.csv", "record", "fit_percent")
-        self.units = plot_fit.read_units(folder)
-        self.records = plot_fit.read_fit(folder)
+        self.quality = (outputs.table("quality.csv", "record", "fit_percent")
+                        if outputs.has("quality.csv") else [])
+        self.records = plot_fit.read_fit(self.folder)
 
     # -- what came out
 
     def verdict(self):
-        """The first lines of the summary, how good each record is, and what limits the fit."""
-        first = self.summary.text.split("\n", 1)[0]
-        warnings, _, statistics = self.summary.text.rpartition("\nStatistics for")
+        """Returns the verdict box: how much of the signal is explained, and what limits the fit."""
+        least = min(p.number(row, "fit_percent") for row in self.quality)
+        many = f" of every one of {len(self.quality)} records" * (len(self.quality) > 1)
+        headline = f"The model explains {least:.1f} %{many} of the signal."
+        summary = self.outputs.summary("identify")
+        if summary is None:
+            note = ("summary.txt is of another command: repeat `identify` for the warnings of the "
+                    "fit")
+            return h.box("", headline, [note]) + self.quality_table()
+        first = summary.text.split("\n", 1)[0]
+        warnings, _, statistics = summary.text.rpartition("\nStatistics for")
         lines = [line for line in unwrapped(warnings) if line.startswith("warning")]
         lines += [line for line in unwrapped(statistics)
                   if any(word in line for word in CHECKS) and not line.startswith(" ")]
         # What stands above the quality of the records makes reservations about the fit.
-        above = self.summary.text.partition("\nrecord 1:")[0] * (not first.startswith("record 1:"))
+        above = summary.text.partition("\nrecord 1:")[0] * (not first.startswith("record 1:"))
         lines = [line for line in unwrapped(above) if not line.startswith("no fit")] + lines
         good = not above and not any(
             line.startswith("warning") or "not determined" in line or "disagree" in line
             or "another minimum" in line for line in lines)
-        least = min(p.number(row, "fit_percent") for row in self.quality)
-        many = f" of every one of {len(self.quality)} records" * (len(self.quality) > 1)
-        say = f"<strong>The model explains {least:.1f} %{many} of the signal.</strong>"
-        if first.startswith("no fit"):
-            say = f"<strong>{h.rich(first)}</strong>"
-        points = "".join(f"<li>{h.rich(line)}</li>" for line in dict.fromkeys(lines))
-        box = "box good" if good else "box bad" if first.startswith("no fit") else "box"
-        return (f"<h1>{html.escape(self.name)}</h1>\n"
-                f'<p class="lead">Parameters of a beam from its record, found by '
-                f"<code>beamid</code>, with {self.elements} elements.</p>\n"
-                f'<div class="{box}">{say}<ul>{points}</ul></div>\n' + self.quality_table())
+        failed = first.startswith("no fit")
+        points = [h.shortened(self.with_unit(line)) for line in dict.fromkeys(lines)]
+        return (h.box("good" if good else "bad" if failed else "", first if failed else headline,
+                      points) + self.quality_table())
+
+    def with_unit(self, line):
+        """Returns a line "0.001 in length moves E by 0.77 %" with the unit of its number."""
+        match = re.match(r"(\S+) in (\w+) moves", line)
+        unit = self.units.of(match[2]) if match else ""
+        if not unit:
+            return line
+        return line.replace(f"{match[1]} in", f"{match[1]} {h.raised(unit)} in", 1)
 
     def quality_table(self):
-        """A row for each record: samples, how large, how much is explained."""
-        unit = raised(self.units.get("acceleration"))
-        rows = [[row["record"], row["samples"], *(p.plain_number(p.number(row, name), 4) for name in
+        """Returns a table with a row for each record: samples, signal, residual, explained."""
+        unit = h.raised(self.units.get("acceleration"))
+        rows = [[row["record"], row["samples"], *(h.significant(p.number(row, name)) for name in
                  ("rms_signal", "rms_residual")), f"{p.number(row, 'fit_percent'):.2f} %"]
                 for row in self.quality]
         return h.table(["record", "samples", f"signal, rms ({unit})", f"residual, rms ({unit})",
-                        "fit"], [rows])
+                        "explained"], [rows])
 
     def estimates(self):
-        """The table: value, interval with every source of error, interval from noise alone."""
+        """Returns the table of estimates with their intervals, and the sources of their errors."""
         rows = []
         for row in self.main:
             estimate = value(row, "estimate")
             noise = [value(row, f"{end}95_corrected") for end in ("lower", "upper")]
+            if not any(end is not None for end in noise):
+                noise = [value(row, f"{end}95") for end in ("lower", "upper")]
             total = [value(row, f"total_{end}95") for end in ("lower", "upper")]
             if not any(end is not None for end in total):
                 total = noise
-            digits = digits_of(estimate, *total)
-            fine = digits_of(estimate, *noise)
-            shown = "∞" if estimate is None else p.plain_number(estimate, max(digits, 3))
-            rows.append([row["parameter"], shown, raised(row["unit"]), between(*total, digits),
-                         between(*noise, fine), row["determined"] or ""])
-        note = h.paragraph("The first interval counts every source of error that is stated, the "
-                           "second the noise of the record alone. Both hold if the model is right.")
-        return h.table(["parameter", "estimate", "unit", "95 % interval", "from noise alone",
-                        "determined"], [rows]) + note + self.sources()
+            power = h.common_power([estimate, *(end for end in total if end)])
+            shown, around = h.measured(estimate, *total, power)
+            fine = h.measured(estimate, *noise, power)[1]
+            rows.append([h.name_cell(row["parameter"]), shown, around,
+                         h.Raw(h.scaled_unit(power, row["unit"])), fine, row["determined"] or ""])
+        note = h.paragraph("The first interval counts every source of error that the case states, "
+                           "the second the noise of the record alone. Both hold if the model is "
+                           "right. Each number has as many digits as its interval leaves.")
+        return h.table(["parameter", "estimate", "95 % interval", "unit",
+                        "from noise alone", "determined"], [rows]) + note + self.sources()
 
     def sources(self):
-        """A bar for each parameter: which part of its interval comes from where."""
+        """Returns a bar for each parameter: the shares of its variance by source."""
         bars = []
         for row in self.main:
             plain, corrected, held, mesh = (
@@ -154,228 +148,456 @@ class Fit:
             shares = [100 * part / sum(parts) for part in parts]
             told = ", ".join(f"{name} {share:.0f} %" for (name, _), share in zip(SOURCES, shares)
                              if share >= 0.5)
-            pieces = "".join(f'<span style="width:{share:.2f}%;background:{colour}"></span>'
-                             for (_, colour), share in zip(SOURCES, shares) if share >= 0.05)
-            bars.append(f'<div class="bar"><b>{h.rich(row["parameter"])}</b>'
-                        f'<div role="img" aria-label="{row["parameter"]}: {told}">{pieces}</div>'
-                        f"<small>{told}</small></div>\n")
+            pieces = "".join(f'<span style="width:{share:.2f}%;background:var(--{tone})"></span>'
+                             for (_, tone), share in zip(SOURCES, shares) if share >= 0.05)
+            bars.append(f'<b>{h.symbol(row["parameter"])}</b>'
+                        f'<div role="img" aria-label="{html.escape(row["parameter"])}: {told}">'
+                        f"{pieces}</div><small>{told}</small>\n")
         if not bars:
             return ""
         return ("<h3>Where the error comes from</h3>\n" + h.paragraph(
-            "Shares of the variance. What is held counts as far as `&prior` says how well it is "
-            "known.") + "".join(bars))
+            "Shares of the variance. A parameter that is held fixed counts as far as `&prior` says "
+            "how well it is known.") + f'<div class="bars">{"".join(bars)}</div>\n')
 
-    def beyond(self):
-        """What profile, sample and bootstrap have added: the table of all intervals, profiles,
-        draws, the motion that they predict."""
-        found = plot_intervals.Found(self.folder, self.elements)
-        if not found.anything() or not found.rows:
-            return ""
-        if not all(self.same(found.interval("linear", row["parameter"]), row)
-                   for row in self.main if found.interval("linear", row["parameter"])):
-            return h.paragraph("`intervals.csv` is of another fit than `estimates.csv`: repeat "
-                               "`profile`, `sample` or `bootstrap`.")
-        captions = {
-            "profiles": "Profiles: how far the least J rises when one parameter is held and all "
-            "others are fitted again; at 1 ends the interval. Dotted: what linear theory "
-            "takes it for.",
-            "posterior": "Draws from the posterior: histograms with the intervals of all methods "
-            "below them, and pairs of parameters with contours about half and 95 % of the draws.",
-            "bootstrap": "Estimates of resampled records, and the intervals of all methods.",
-            "posterior_motion": "What the draws predict: the band of the model's motion, the wider "
-            "one of what is measured, and the record; below less the median."}
-        text = self.interval_table(found)
-        for name, figure in plot_intervals.pictures(found):
-            stem = re.sub(r"_\d+$", "", name.removesuffix(".png"))
-            text += h.picture(p.png(figure), captions[stem])
-        printed = self.folder / "intervals.txt"
-        if printed.exists():
-            text += h.unfolded("What the last of these commands printed", p.read_text(printed))
-        return text
-
-    @staticmethod
-    def same(interval, row):
-        """Whether a row of intervals.csv is of this fit."""
-        estimate = value(row, "estimate")
-        return estimate is None or math.isclose(interval.estimate, estimate, rel_tol=1e-12)
-
-    def interval_table(self, found):
-        """A row for each parameter, a column for each method; ends as the methods found them."""
-        methods = [method for method in plot_intervals.METHODS
-                   if any(row["method"] == method for row in found.rows)]
-        names = list(dict.fromkeys(row["parameter"] for row in found.rows))
-        rows = [[name, *(self.told(found.interval(method, name)) for method in methods),
-                 raised(found.unit(name))] for name in names]
-        note = ("*Linear theory* takes J for a parabola. The *profile* fits all other parameters "
-                "again at each value of one; an end may be a bound (b), or there may be none. The "
-                "*posterior* weighs all values that go with the record, each as likely as any "
-                "other beforehand. The *bootstrap* fits records that are made of the model and its "
-                "residuals. Where they agree, any of them will do.")
-        heads = [plot_intervals.METHODS[method][0] for method in methods]
-        return h.table(["parameter", *heads, "unit"], [rows]) + h.paragraph(note)
-
-    @staticmethod
-    def told(interval):
-        """Both ends of an interval as text, and how each came about."""
-        if interval is None:
-            return ""
-        low, high = (end if math.isfinite(end) else None for end in interval.ends)
-        digits = digits_of(interval.estimate, low, high)
-        words = []
-        for end, state, infinite in zip((low, high), interval.states, ("−∞", "∞")):
-            number = infinite if end is None else p.plain_number(end, digits)
-            words.append({"bound": number + " (b)", "unknown": "?",
-                          "unbounded": infinite}.get(state, number))
-        return " to ".join(words)
-
-    # -- pictures
-
-    def axes(self, height=1.0):
-        """A figure with one panel."""
-        figure = p.plt.figure(figsize=(SIZE[0], height * SIZE[1]))
-        return figure, figure.add_subplot()
+    # -- record and model
 
     def curves(self):
-        """Record and model, some cycles with the band, residuals, spectra, of each record."""
+        """Returns the figures of each record: record and model, some cycles, spectra."""
         text = ""
+        estimates = {row["parameter"]: p.number(row, "estimate") for row in self.rows}
         for record, meshes in self.records.items():
-            of = f" {record}" if len(self.records) > 1 else ""
+            of = f"record {record}" if len(self.records) > 1 else "the record"
             t, measured, model, residual, by_parameters = meshes[self.elements]
-            band = 1.96 * np.sqrt(np.mean(residual**2) + np.nan_to_num(by_parameters)**2)
-            label = p.with_unit("acceleration", self.units.get("acceleration"))
-            time = p.with_unit("time", self.units.get("time"))
-            hertz = p.frequency_unit(self.units.get("time"))
-
-            figure, axes = self.axes()
-            plot_fit.draw_overview(axes, t, measured, model, self.elements)
-            axes.set(xlabel=time, ylabel=label)
-            axes.legend(loc="upper right")
-            text += h.picture(p.png(figure), f"Record{of} and model.")
-
-            span = s.some_cycles(t, measured) or (t[0], t[min(len(t) - 1, 200)])
-            figure, axes = self.axes()
-            part = (t >= span[0]) & (t <= span[1])
-            axes.fill_between(t[part], (model - band)[part], (model + band)[part], color=p.SKY,
-                              alpha=0.4, linewidth=0)
-            plot_fit.draw_zoom(axes, t, measured, model, span, hertz)
-            axes.set_title("")
-            axes.set(xlabel=time, ylabel=label)
-            text += h.picture(p.png(figure), f"Some cycles of record{of}. The prediction band "
-                              "holds 95 % of what is measured, by the residuals and by what the "
-                              "record leaves open of the parameters.")
-
-            figure, axes = self.axes(0.75)
-            axes.axhline(0, color=p.GREY, linewidth=0.8)
-            axes.plot(*s.envelope(t, residual), color=p.BLUE, linewidth=0.6)
-            axes.set(xlabel=time, ylabel=p.with_unit("residual", self.units.get("acceleration")))
-            text += h.picture(p.png(figure), f"Residuals of record{of}, record less model.")
-
+            fine, values, how = model_curve(self.outputs.case, estimates, self.elements, t, model)
+            whole = (fine, values) if len(fine) <= f.MOST_POINTS else (t, model)
+            half = 1.96 * np.sqrt(np.mean(residual**2) + np.nan_to_num(by_parameters)**2)
+            width = np.interp(fine, t, half)
+            band = fine, values - width, values + width
+            short = len(t) < f.MARKED
+            text += h.figure(
+                f.record_and_model(t, measured, residual, whole, self.units, self.elements,
+                                   band if short else None),
+                f"{of[0].upper()}{of[1:]}, the fitted model and the residuals. {CURVES[how]}"
+                + f" {BAND}" * short)
+            if not short:
+                text += self.cycles(of, t, measured, band, (fine, values))
             if len(t) >= plot_fit.LEAST:
-                figure, axes = self.axes(1.1)
-                plot_fit.draw_spectra(axes, t, measured, model, residual, plot_fit.read_modes(
-                    self.folder, self.elements, record))
-                axes.set(xlabel=p.with_unit("frequency", hertz), ylabel=p.with_unit(
-                    "amplitude", self.units.get("acceleration")))
-                axes.legend(loc="upper left", fontsize=8)
-                text += h.picture(p.png(figure), f"Spectra of record{of}; dashed: the modes of the "
-                                  "fitted structure.")
-        return text
+                modes = plot_fit.read_modes(self.folder, self.elements, record)
+                text += h.figure(
+                    f.spectra(t, (measured, model, residual), modes, self.units),
+                    f"Amplitude spectra of {of}, the model and the residual."
+                    + " Dashed: the modes of the fitted structure." * bool(modes))
+        return text + self.autocorrelation()
+
+    def cycles(self, of, t, measured, band, curve):
+        """Returns the figure of some cycles with the prediction band."""
+        span = s.some_cycles(t, measured) or (t[0], t[min(len(t) - 1, 200)])
+        seen, near = ((x >= span[0]) & (x <= span[1]) for x in (t, curve[0]))
+        parts = [[series[near] for series in group] for group in (band, curve)]
+        return h.figure(f.cycles(t[seen], measured[seen], *parts, self.units),
+                        f"Some cycles of {of}, sample by sample. {BAND}")
+
+    def autocorrelation(self):
+        """Returns the figure of the autocorrelation of the residuals."""
+        if not has_rows(self.folder / "autocorrelation.csv"):
+            return ""
+        rows = [row for row in self.outputs.table("autocorrelation.csv", "elements", "lag",
+                                                  "autocorrelation", "band95")
+                if row["elements"] == str(self.elements)][:120]
+        if not rows:
+            return ""
+        return h.figure(f.autocorrelation(
+            [p.number(row, "lag", int) for row in rows],
+            [p.number(row, "autocorrelation") for row in rows], p.number(rows[0], "band95")),
+            "Autocorrelation of the residuals. Residuals of a good model look like white noise; "
+            "the intervals are wider if they do not.")
+
+    # -- modes
 
     def modes(self):
-        """Which modes the records show, and those of the fitted structure with their intervals."""
+        """Returns the modes that the records show, and those of the fitted structure."""
         text = ""
-        path = self.folder / "modes_seen.csv"
-        if has_rows(path):
+        hertz = self.units.hertz
+        if has_rows(self.folder / "modes_seen.csv"):
             rows = []
-            for row in p.read_table(path, "record", "mode", "model_hz", "verdict"):
+            for row in self.outputs.table("modes_seen.csv", "record", "mode", "model_hz",
+                                          "verdict"):
                 peak, share = value(row, "peak_hz"), value(row, "energy_share")
                 is_mode = row["mode"] != "0"
                 rows.append([row["record"], row["mode"] if is_mode else "none",
-                             p.plain_number(p.number(row, "model_hz"), 6) if is_mode else "",
-                             p.plain_number(peak, 6) if peak else "none",
+                             h.significant(p.number(row, "model_hz"), 6) if is_mode else "",
+                             h.significant(peak, 6) if peak else "none",
                              f"{100 * (share or 0):.3g} %", row["verdict"]])
-            text += h.table(["record", "mode", "model", "peak of the record", "energy", "verdict"],
-                            [rows])
-        rows = []
-        if not has_rows(self.folder / "modes.csv"):
+            text += "<h3>Modes in the record</h3>\n" + h.table(
+                ["record", "mode", f"model ({hertz})", f"peak of the record ({hertz})",
+                 "share of the energy", "verdict"], [rows])
+        if not self.outputs.written_by("modes.csv", "identify"):
             return text
-        for row in p.read_table(self.folder / "modes.csv", "elements", "mode", "frequency_hz"):
-            if row["elements"] != str(self.elements) or int(row["mode"]) > 8:
-                continue
-            frequency, damping = (p.number(row, name) for name in ("frequency_hz", "damping_ratio"))
-            f95 = [value(row, f"frequency_{end}95") for end in ("lower", "upper")]
-            d95 = [value(row, f"damping_{end}95") for end in ("lower", "upper")]
-            outside = frequency > self.highest_frequency(int(row.get("record") or 1))
-            rows.append([row.get("record", "1"), row["mode"],
-                         p.plain_number(frequency, digits_of(frequency, *f95))
-                         + " (extrapolated)" * outside,
-                         between(*f95, digits_of(frequency, *f95)) if f95[0] else "",
-                         p.plain_number(damping, digits_of(damping, *d95)),
-                         between(*d95, digits_of(damping, *d95)) if f95[0] else ""])
-        hertz = p.frequency_unit(self.units.get("time"))
-        return (text + "<h3>Modes of the fitted structure</h3>\n" + h.table(
-            ["record", "mode", f"frequency ({hertz})", "95 % interval", "damping ratio",
-             "95 % interval"], [rows]) + self.shapes())
+        return text + "<h3>Modes of the fitted structure</h3>\n" + mode_table(
+            self.outputs, "modes.csv", self.elements, self.highest_frequency) + shapes(
+                self.outputs)
 
     def highest_frequency(self, record):
-        """Half the sampling rate of a record; a mode above it is extrapolated by the model."""
+        """Returns half the sampling rate of a record."""
         times = self.records[record][int(self.elements)][0]
         return 0.5 / float(np.median(np.diff(times))) if len(times) > 1 else math.inf
 
-    def shapes(self):
-        """The lowest modes over the beam and what sits on it."""
-        if not (self.folder / "shapes.csv").exists():
-            return ""
-        figure, axes = self.axes(1.1)
-        plot_modes.draw_together(axes, self.folder, self.units)
-        return h.picture(p.png(figure), "Mode shapes over the beam, each to a largest "
-                         "displacement of 1; squares: what sits on it.")
-
     def along(self):
-        """What varies along the beam, with its band."""
-        if not (self.folder / "along.csv").exists():
+        """Returns the figure of what varies along the beam."""
+        if not self.outputs.has("along.csv"):
             return ""
-        figure = plot_along.draw(self.folder, self.elements, SIZE[0])
-        return h.picture(p.png(figure), "Along the beam: the start, the fit and its 95 % band, by "
-                         "noise and by what is held. Bars: over what length the fit averages.")
+        functions = plot_along.read_along(self.folder, self.elements)
+        figure = f.along(functions, plot_along.read_attached(self.folder), self.units,
+                         plot_along.HIGHEST)
+        return h.figure(figure, "Along the beam: the start, the fit and its 95 % band, which "
+                        "includes noise and parameters that are held fixed. Bars: the length over "
+                        "which the fit averages. Below: the beam and what is attached to it.")
+
+    def windows(self):
+        """Returns figures of the estimates in each window of the record, with &windows."""
+        if not has_rows(self.folder / "windows.csv"):
+            return ""
+        by_name = {}
+        for row in self.outputs.table("windows.csv", "record", "window", "t_first", "t_last",
+                                      "parameter", "estimate", "std_error"):
+            if value(row, "estimate") is not None and not plot_fit.NUISANCE.match(row["parameter"]):
+                by_name.setdefault(row["parameter"], []).append(row)
+        time = self.units.get("time")
+        charts = []
+        for name, rows in by_name.items():
+            spans = [f"{p.plain_number(p.number(row, 't_first'), 3)} to "
+                     f"{p.plain_number(p.number(row, 't_last'), 3)} {time}".strip() for row in rows]
+            whole = next((row for row in self.main if row["parameter"] == name), None)
+            shown = [(span, p.number(row, "estimate"), value(row, "std_error") or 0.0)
+                     for span, row in zip(spans, rows)]
+            if whole is not None:
+                shown.insert(0, ("whole record", p.number(whole, "estimate"),
+                                 value(whole, "std_error") or 0.0))
+            names, at, errors = (np.array(column) for column in zip(*shown))
+            power = h.common_power(at)
+            at, half = at / 10.0**power, 1.96 * errors / 10.0**power
+            charts.append(h.figure(
+                f.forest(names, at, at - half, at + half,
+                         f.label(h.symbol(name), h.scaled_unit(power, self.units.of(name)))),
+                name=f"{name} in each window"))
+        return h.panels(charts, "Estimates in each window of the record, with 95 % intervals from "
+                        "noise alone. A parameter whose estimates differ by more than their "
+                        "intervals is not constant during the motion.")
+
+    def minima(self):
+        """Returns the table of the minima that the starts of &multistart have found."""
+        if not has_rows(self.folder / "minima.csv"):
+            return ""
+        found = {}
+        for row in self.outputs.table("minima.csv", "elements", "minimum", "count", "J",
+                                      "parameter", "estimate"):
+            if row["elements"] == str(self.elements):
+                found.setdefault(row["minimum"], [row["count"], p.number(row, "J"), {}])[2][
+                    row["parameter"]] = p.number(row, "estimate")
+        names = [name for name in (row["parameter"] for row in self.main)
+                 if any(name in values for _, _, values in found.values())]
+        rows = [[minimum, count, h.significant(J, 6),
+                 *(h.significant(values.get(name), 5) for name in names)]
+                for minimum, (count, J, values) in found.items()]
+        units = [h.scaled_unit(0, self.units.of(name)) for name in names]
+        return h.table(["minimum", "starts", "J", *(
+            h.Raw(f.label(h.symbol(name), unit)) for name, unit in zip(names, units))], [rows])
 
     def correlations(self):
-        """The matrix, strong ones marked."""
+        """Returns the matrix of correlations, strong ones stressed."""
         names = [row["parameter"] for row in self.main]
         if not has_rows(self.folder / "correlations.csv"):
-            return h.paragraph("No degree of freedom is left for them.")
+            return h.paragraph("The fit leaves no degree of freedom for correlations.")
         matrix = {(row["parameter"], row["other"]): p.number(row, "correlation")
-                  for row in p.read_table(self.folder / "correlations.csv", "stage", "elements",
-                                          "parameter", "other", "correlation")
+                  for row in self.outputs.table("correlations.csv", "stage", "elements",
+                                                "parameter", "other", "correlation")
                   if row["stage"] == self.stage and row["elements"] == str(self.elements)}
-        rows = [[name] + [self.mark(matrix.get((name, other)), name == other) for other in names]
-                for name in names]
-        return h.table(["", *names], [rows]) + h.paragraph(
-            "*Stressed*: above .9. Parameters that go together so closely can be moved together "
-            "almost without effect; hold one of them at a value that you know.")
+        rows = [[h.name_cell(name), *(self.mark(matrix.get((name, other)), name == other)
+                                      for other in names)] for name in names]
+        return h.table(["", *map(h.name_cell, names)], [rows]) + h.paragraph(
+            "*Stressed*: above 0.9 in magnitude. Two parameters with such a correlation can be "
+            "moved together almost without effect on the fit; hold one of them at a known value.")
 
     @staticmethod
     def mark(number, same):
-        """One correlation as text."""
+        """Returns one correlation as a cell."""
         if number is None or same:
             return ""
         text = h.fixed(number, 3)
-        return f"*{text}*" if abs(number) > 0.9 else text
+        return h.Raw(f"<b><em>{text}</em></b>") if abs(number) > 0.9 else text
 
-    def ending(self):
-        """The case file, and all that was printed."""
-        case = self.folder / "case.txt"
-        text = h.preformatted(p.read_text(case)) if case.exists() else ""
-        return text + h.unfolded("All that the program printed", self.summary.text)
+    def sections(self):
+        """Returns the sections of the page below the verdict."""
+        return [("estimates", "Estimates", self.estimates()),
+                *[("along", "Along the beam", text) for text in [self.along()] if text],
+                ("curves", "Record and model", self.curves()),
+                *[("beyond", "Beyond linear theory", text)
+                  for text in [intervals(self.outputs, self.elements, self.main)] if text],
+                *[("windows", "Windows of the record", text)
+                  for text in [self.windows()] if text],
+                *[("minima", "Minima", text) for text in [self.minima()] if text],
+                *[("modes", "Modes", text) for text in [self.modes()] if text],
+                ("correlations", "Correlations", self.correlations())]
 
-    def document(self):
-        """The whole page."""
-        return h.document(f"{self.name}: a fit by beamid", [
-            ("top", "", self.verdict()),
-            ("estimates", "Estimates", self.estimates()),
-            *[("along", "Along the beam", text) for text in [self.along()] if text],
-            ("curves", "Record and model", self.curves()),
-            *[("beyond", "Beyond one fit", text) for text in [self.beyond()] if text],
-            ("modes", "Modes", self.modes()),
-            ("correlations", "Correlations", self.correlations()),
-            ("case", "The case file", self.ending())])
+
+# -- modes, of a fit and of a structure
+
+def mode_table(outputs, name, elements=None, highest=None):
+    """Returns a table of modes with their intervals, if the file has them.
+
+    `highest` returns half the sampling rate of a record; a mode above it is extrapolated.
+    """
+    rows = outputs.table(name, "elements", "mode", "frequency_hz", "damping_ratio")
+    elements = elements or max(p.number(row, "elements", int) for row in rows)
+    rows = [row for row in rows if row["elements"] == str(elements)]
+    several = len({row.get("record", "1") for row in rows}) > 1
+    with_intervals = any(value(row, "frequency_lower95") is not None for row in rows)
+    cells = []
+    for row in rows:
+        if int(row["mode"]) > 10:
+            continue
+        frequency, damping = (p.number(row, key) for key in ("frequency_hz", "damping_ratio"))
+        line = [row.get("record", "1")] * several + [row["mode"]]
+        for number, stem in ((frequency, "frequency"), (damping, "damping")):
+            ends = [value(row, f"{stem}_{end}95") for end in ("lower", "upper")]
+            if with_intervals:
+                line += h.measured(number, *ends)
+            else:
+                line.append(h.significant(number, 6 if stem == "frequency" else 4))
+        if highest:
+            line.append("extrapolated" if frequency > highest(int(row.get("record") or 1)) else "")
+        cells.append(line)
+    more = ["95 % interval"] * with_intervals
+    noted = bool(highest) and any(line[-1] for line in cells)
+    cells = cells if noted or not highest else [line[:-1] for line in cells]
+    note = h.paragraph("*Extrapolated*: above half the sampling rate; no sample shows this mode, "
+                       "the model alone predicts it.") if noted else ""
+    return h.table(["record"] * several + ["mode", f"frequency ({outputs.units.hertz or '1/time'})",
+                                           *more, "damping ratio", *more, *[""] * noted],
+                   [cells]) + note
+
+
+def shapes(outputs):
+    """Returns the figure of the lowest mode shapes."""
+    if not outputs.has("shapes.csv"):
+        return ""
+    x, curves, attached = plot_modes.read_shapes(outputs.folder)
+    numbers = plot_modes.read_numbers(outputs.folder)
+    hertz = outputs.units.hertz
+    count = min(curves.shape[1], plot_modes.MOST, len(numbers))
+    names = [f"mode {k + 1}: {h.significant(numbers[k][0])} {hertz}".strip() for k in range(count)]
+    return h.figure(f.shapes(x, curves[:, :count].T.real, names, attached, outputs.units),
+                    "Mode shapes over the beam, each to a largest displacement of 1. Squares: what "
+                    "is attached to the beam.")
+
+
+# -- intervals of profile, sample and bootstrap
+
+def intervals(outputs, elements=None, fit_rows=()):
+    """Returns the section on what profile, sample and bootstrap have found; empty without one.
+
+    `fit_rows` are the rows of the fit in the same folder, with which the intervals must agree.
+    """
+    found = plot_intervals.Found(outputs.folder, elements)
+    if not found.anything() or not found.rows:
+        return ""
+    for row in fit_rows:
+        linear, estimate = found.interval("linear", row["parameter"]), value(row, "estimate")
+        if linear and estimate is not None and not math.isclose(linear.estimate, estimate,
+                                                                rel_tol=1e-12):
+            return h.paragraph("`intervals.csv` is of another fit than `estimates.csv`: repeat "
+                               "`profile`, `sample` or `bootstrap`.")
+    text = interval_table(found) + interval_figures(found)
+    if found.profiles:
+        text += profiles(found)
+    if found.draws or found.resampled:
+        text += corner(found)
+    if found.motion is not None:
+        text += "".join(motion(found, outputs.units, int(record))
+                        for record in np.unique(found.motion[0]))
+    if outputs.has("intervals.txt"):
+        text += h.unfolded("What the last of these commands printed",
+                           p.read_text(outputs.folder / "intervals.txt"))
+    return text
+
+
+def methods_of(found):
+    """Returns the methods that have intervals."""
+    return [method for method in plot_intervals.METHODS
+            if any(row["method"] == method for row in found.rows)]
+
+
+def parameters_of(found):
+    """Returns the parameters that have intervals."""
+    return list(dict.fromkeys(row["parameter"] for row in found.rows))
+
+
+def interval_table(found):
+    """Returns a table with a row for each parameter and a column for each method."""
+    methods = methods_of(found)
+    rows = []
+    for name in parameters_of(found):
+        known = [found.interval(method, name) for method in methods]
+        ends = [end for interval in known if interval for end in interval.ends]
+        power = h.common_power(ends)
+        decimals = [h.decimals_of(*interval.ends, power) for interval in known if interval]
+        finest = max((number for number in decimals if number is not None), default=None)
+        rows.append([h.name_cell(name), *(told(interval, finest, power) for interval in known),
+                     h.Raw(h.scaled_unit(power, found.unit(name)))])
+    note = ("*Linear theory* approximates J by a parabola. The *profile* fits all other parameters "
+            "again at each value of one; an end may be a bound (b), or may not exist. The "
+            "*posterior* weighs all values that agree with the record. The *bootstrap* fits "
+            "records that are made of the model and resampled residuals. Where the methods agree, "
+            "linear theory is good enough.")
+    heads = [plot_intervals.METHODS[method][0] for method in methods]
+    return h.table(["95 % interval", *heads, "unit"], [rows]) + h.paragraph(note)
+
+
+def told(interval, decimals, power):
+    """Returns both ends of an interval as text, and how each came about."""
+    if interval is None:
+        return ""
+    words = []
+    for end, state, infinite in zip(interval.ends, interval.states, ("\u2212∞", "∞")):
+        number = infinite
+        if math.isfinite(end):
+            scaled = end / 10.0**power
+            number = h.significant(scaled) if decimals is None else h.fixed(scaled, decimals)
+        words.append({"bound": number + " (b)", "unknown": "?", "unbounded": infinite}.get(
+            state, number))
+    return " to ".join(words)
+
+
+def interval_figures(found):
+    """Returns small figures of the intervals of all methods, one for each parameter."""
+    methods = methods_of(found)
+    if len(methods) < 2:
+        return ""
+    charts = []
+    for name in parameters_of(found):
+        known = [(method, found.interval(method, name)) for method in methods]
+        known = [(method, interval) for method, interval in known if interval]
+        values = [x for _, interval in known for x in (interval.estimate, *interval.ends)
+                  if math.isfinite(x)]
+        if not values:
+            continue
+        power = h.common_power(values)
+        ten = 10.0**power
+        lines = [(plot_intervals.METHODS[method][0], *METHODS[method], interval.estimate / ten,
+                  *(end / ten if math.isfinite(end) else
+                    math.copysign(math.inf, -1 if k == 0 else 1)
+                    for k, end in enumerate(interval.ends))) for method, interval in known]
+        title = f.label(h.symbol(name), h.scaled_unit(power, found.unit(name)))
+        charts.append(h.figure(f.intervals(lines, title), name=f"Intervals of {name}"))
+    return h.panels(charts, "95 % intervals of each parameter by each method. A triangle stands "
+                    "for an end that does not exist.")
+
+
+def profiles(found):
+    """Returns the figures of the profiles."""
+    by_name = {}
+    for row in found.profiles:
+        by_name.setdefault(row["parameter"], []).append(row)
+    charts = [h.figure(profile(found, name, rows), name=f"Profile of J over {name}")
+              for name, rows in by_name.items()]
+    keys = [("vermilion", "line", "profile: least J at each value"),
+            ("ink", "dot", "parabola of linear theory"), ("ink", "point", "estimate")]
+    return "<h3>Profiles of <i>J</i></h3>\n" + h.panels(
+        charts, "How far the least J rises when one parameter is held and all others are fitted "
+        "again. The 95 % interval ends where the rise is 1.", keys)
+
+
+def profile(found, name, rows):
+    """Returns the figure of one profile."""
+    at, z = (np.array([p.number(row, key) for row in rows]) for key in ("value", "distance"))
+    states = (rows[0]["lower_end"], rows[0]["upper_end"])
+    best = int(np.argmin(np.abs(z)))
+    outer = [plot_intervals.shown_side(at[best::-1], z[best::-1], states[0]),
+             plot_intervals.shown_side(at[best:], z[best:], states[1])]
+    own = found.interval("profile", name)
+    for k in (0, 1):    # the last fit may have been just inside the bound
+        if own and states[k] == "bound" and math.isfinite(own.ends[k]):
+            outer[k] = own.ends[k]
+    low, high = outer
+    logarithmic = low > 0 and high > 30 * at[best]
+    power = 0 if logarithmic else h.common_power(outer)
+    ten = 10.0**power
+    spaced = np.geomspace if logarithmic else np.linspace
+    fine = spaced(low, high, 200)
+    fine = fine[(fine >= at[0]) & (fine <= at[-1])]
+    margin = 0.17 * (high - low)
+    shown = (low / 1.6, high * 1.6) if logarithmic else (low - margin, high + margin)
+    linear = found.interval("linear", name)
+    parabola = None
+    if linear and linear.half_width() > 0:
+        wide = spaced(*shown, 200)
+        rise = ((wide - linear.estimate) / linear.half_width())**2
+        near = rise < 1.5
+        parabola = wide[near] / ten, rise[near]
+    inside = (at >= low) & (at <= high)
+    decimals = h.decimals_of(low, high, power)
+    ends = []
+    for end, state, side in zip(outer, states, ("left", "right")):
+        number = h.significant(end / ten) if decimals is None else h.fixed(end / ten, decimals)
+        text = {"bound": f"bound {number}", "unknown": f"lost at {number}", "unbounded":
+                "no limit →" if side == "right" else "← no limit"}.get(state, number)
+        ends.append((math.log10(end) if logarithmic else end / ten, text, side))
+    title = f.label(h.symbol(name), h.scaled_unit(power, found.unit(name)))
+    # The distance is nearly straight, so its square is smooth between points.
+    figure = f.profile(at[inside] / ten, z[inside]**2,
+                       (fine / ten, plot_intervals.curve(at, z, fine)**2), parabola, ends,
+                       at[best] / ten, title)
+    if logarithmic:
+        figure.update_xaxes(type="log", range=[math.log10(x) for x in shown])
+    else:
+        figure.update_xaxes(range=[x / ten for x in shown])
+    return figure
+
+
+def corner(found):
+    """Returns the figure of the draws, or of the estimates of resampled records."""
+    draws = found.draws or found.resampled
+    names = list(draws)[:plot_intervals.MOST]
+    hidden = list(draws)[plot_intervals.MOST:]
+    powers = {name: h.common_power(np.quantile(draws[name], (0.001, 0.999))) for name in names}
+    scaled = {name: draws[name] / 10.0**powers[name] for name in names}
+    others = found.resampled if found.draws else None
+    others = others and {name: others[name] / 10.0**powers[name] for name in names
+                         if name in others}
+    spans = {name: plot_intervals.range_of(scaled[name]) for name in names}
+    titles = {name: f.label(h.symbol(name), h.scaled_unit(powers[name], found.unit(name)))
+              for name in names}
+    best = {name: getattr(found.interval("linear", name), "estimate", math.nan)
+            / 10.0**powers[name] for name in names}
+
+    def density(x, y, x_span, y_span):
+        counts, *edges = np.histogram2d(x, y, bins=plot_intervals.BINS, range=(x_span, y_span))
+        smooth = plot_intervals.smooth(counts).T
+        return (*((edge[1:] + edge[:-1]) / 2 for edge in edges), smooth,
+                plot_intervals.heights_of(smooth))
+
+    figure = f.corner(names, titles, scaled, others, plot_intervals.LEVELS, density, spans, best)
+    count = len(next(iter(draws.values())))
+    many = f"{count} " + ("draws from the posterior" if found.draws else
+                          "estimates of resampled records")
+    more = (f" The green outlines are {len(next(iter(others.values())))} estimates of resampled "
+            "records." if others else "")
+    left = f" Not shown: {', '.join(hidden)}." if hidden else ""
+    heading = "Posterior" if found.draws else "Resampled records"
+    return f"<h3>{heading}</h3>\n" + h.figure(
+        figure, f"Histograms of {many}, and pairs of parameters; the contours enclose 50 % (solid) "
+        f"and 95 % (dashed), the cross is the estimate.{more}{left}",
+        width=150 * len(names) + 60 if len(names) > 2 else 0)
+
+
+def motion(found, units, record):
+    """Returns the figure of the motion that the draws predict for one record."""
+    t, low, middle, high = found.motion[1:, found.motion[0] == record]
+    measured = noise = None
+    if found.record is not None:
+        mine = found.record[:, found.record[3] == record]
+        if mine.shape[1] == len(t) and np.allclose(mine[0], t):
+            measured, noise = mine[1], math.sqrt(np.mean(mine[2]**2))
+    return h.figure(f.motion(t, low, middle, high, measured, noise, units),
+                    "The motion that the draws predict, and the record. Below: both less the "
+                    "median of the draws.")

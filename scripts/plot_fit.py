@@ -296,11 +296,6 @@ def pictures(directory, chosen=None):
         yield draw(directory, meshes, chosen, mine, corrected, record, len(records))
 
 
-def picture(directory, chosen=None):
-    """The figure of an output folder, of its first record."""
-    return next(pictures(directory, chosen))
-
-
 def main():
     parser = p.new_parser(__doc__.replace("\n", " "))
     parser.add_argument("directory", metavar="DIR", type=p.outputs, help="output folder of a fit")

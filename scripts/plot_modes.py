@@ -40,19 +40,6 @@ def draw_beam(axes, x):
     axes.plot([x[0], x[0]], [-0.6, 0.6], color="black", linewidth=2)
 
 
-def draw_together(axes, directory, units):
-    """The lowest modes over the beam and what sits on it."""
-    x, shapes, attached = read_shapes(directory)
-    draw_beam(axes, x)
-    for k in range(min(shapes.shape[1], MOST)):
-        axes.plot(x, shapes[:, k].real, color=p.COLOURS[k], label=f"mode {k + 1}")
-    axes.plot([place for _, place in attached], [0] * len(attached), "ks", markersize=6)
-    name_attached(axes, attached, x[-1], 7)
-    axes.set(xlabel=p.with_unit("x", units.get("length")), ylabel="displacement",
-             ylim=(-1.2, 1.45))
-    axes.legend(ncols=4, loc="upper left", fontsize=8, columnspacing=0.9, handlelength=1.2)
-
-
 def name_attached(axes, attached, length, offset):
     """Names at their places; those at one place share a line, which ends at the tip."""
     for place in sorted({place for _, place in attached}):

@@ -4,7 +4,6 @@ Import this module before numpy or matplotlib: where one is missing, it restarts
 with the Python of the checkout's environment. Also what `program` shares is here, as p.fail etc.
 """
 
-import io
 import re
 from pathlib import Path
 
@@ -134,11 +133,3 @@ def save(figure, path):
         fail(f"{path}: {reason(error)}")
     plt.close(figure)
     print(path)
-
-
-def png(figure):
-    """The figure as the bytes of a picture."""
-    picture = io.BytesIO()
-    figure.savefig(picture, format="png", metadata={"Software": None})
-    plt.close(figure)
-    return picture.getvalue()

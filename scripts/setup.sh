@@ -2,7 +2,8 @@
 # Finds what beamid is built with and installs what is missing: by apt where there is apt.
 #
 #     scripts/setup.sh             what the program and the tests need
-#     scripts/setup.sh pictures    that, and numpy and matplotlib for the plotting scripts
+#     scripts/setup.sh pictures    that, and numpy, matplotlib and Plotly for pictures and reports
+#     scripts/setup.sh browser     that, and Chromium with Playwright for scripts/tests
 #     scripts/setup.sh mpi         that, and Open MPI with mpi4py for scripts/ensemble_mpi.py
 #     scripts/setup.sh files       lists the files of the system that a build uses
 #     scripts/setup.sh flags       what a linker needs beside the library
@@ -16,7 +17,8 @@ set -euo pipefail
 checkout=$(dirname "$(dirname "$(realpath "${BASH_SOURCE[0]}")")")
 packages=(gfortran libsundials-fortran-dev libsundials-dev liblapack-dev libblas-dev minpack-dev)
 fpm_version=0.12.0
-plotting=('numpy>=1.24' 'matplotlib>=3.6')
+plotting=('numpy>=1.24' 'matplotlib>=3.6' 'plotly>=6')
+browsing=('pytest' 'playwright>=1.40')
 compiler=${FPM_FC:-gfortran}
 binding=$checkout/external/sundials
 venv=$checkout/.venv
@@ -139,8 +141,8 @@ install_fpm() {
 }
 
 wanted=${1:-}
-[[ $wanted =~ ^(pictures|mpi|files|flags|packages|)$ ]] || {
-   say "found '$wanted', expected nothing, 'pictures', 'mpi', 'files', 'flags' or 'packages'"
+[[ $wanted =~ ^(pictures|browser|mpi|files|flags|packages|)$ ]] || {
+   say "found '$wanted', expected nothing, 'pictures', 'browser', 'mpi', 'files', 'flags' or 'packages'"
    exit 2
 }
 
@@ -180,8 +182,16 @@ if [[ $fpm == "$venv"/* ]]; then
    is_fpm fpm || say "to call fpm yourself: export PATH=\"$prefix/bin:\$PATH\""
 fi
 
-if [[ $wanted == pictures ]] && ! "$venv/bin/python" -c 'import numpy, matplotlib' 2>/dev/null; then
+if [[ $wanted =~ ^(pictures|browser)$ ]] &&
+   ! "$venv/bin/python" -c 'import numpy, matplotlib, plotly' 2>/dev/null; then
    pip_install "${plotting[@]}" || fail "pictures need Python 3 with venv and ${plotting[*]}"
+fi
+# Playwright drives the Chromium of the system; it needs no browser of its own.
+if [[ $wanted == browser ]]; then
+   have chromium || have google-chrome || apt_install chromium fonts-dejavu-core ||
+      fail 'missing: Chromium, on Debian sudo apt-get install chromium'
+   "$venv/bin/python" -c 'import pytest, playwright' 2>/dev/null || pip_install "${browsing[@]}" ||
+      fail "the tests of the reports need Python 3 with venv and ${browsing[*]}"
 fi
 if [[ $wanted == mpi ]] && ! { have mpiexec && /usr/bin/python3 -c 'import mpi4py' 2>/dev/null; }; then
    apt_install openmpi-bin python3-mpi4py ||
