@@ -33,9 +33,18 @@ rm -rf "$checkout"/python/build/lib* "$checkout"/python/build/bdist*
 PATH=$bin:$PATH "$bin/auditwheel" repair --strip -w "$work/repaired" "$work"/built/*.whl \
    >"$work/log" 2>&1 || { cat "$work/log" >&2 && exit 1; }
 
-# The licences of the libraries ask for a copy of their text. Debian has it beside each package.
 (cd "$work" && "$bin/python" -m wheel unpack repaired/*.whl >/dev/null)
 tree=$(echo "$work"/beamid-*)
+
+# glibc 2.41 and newer load no library that wants to execute code on the stack.
+for file in "$tree"/beamid/lib/* "$tree"/beamid.libs/*; do
+   [[ $(readelf -lW "$file") != *GNU_STACK*RWE* ]] || {
+      echo "wheel.sh: ${file##*/} has an executable stack; gfortran -Wtrampolines tells why" >&2
+      exit 1
+   }
+done
+
+# The licences of the libraries ask for a copy of their text. Debian has it beside each package.
 licences=$(echo "$tree"/beamid-*.dist-info)/licenses
 mkdir -p "$licences"
 cp "$checkout/LICENSE" "$licences/"
