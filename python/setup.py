@@ -1,4 +1,5 @@
-"""Has the shared library built by the project's own script, and puts it into the package."""
+"""Has the library and the program built by the project's own script, and puts them into the
+package, with the scripts that draw."""
 import subprocess
 from pathlib import Path
 
@@ -16,15 +17,17 @@ HERE = Path(__file__).resolve().parent
 
 class BuildWithLibrary(build_py):
     def run(self):
-        script = HERE.parent / "scripts" / "library.sh"
-        if not script.exists():
-            raise SystemExit(f"found no {script}, expected to be installed from a checkout: "
-                             "pip install ./python")
+        scripts = HERE.parent / "scripts"
+        if not (scripts / "library.sh").exists():
+            raise SystemExit(f"found no {scripts / 'library.sh'}, expected to be installed from a "
+                             "checkout: pip install ./python")
         super().run()
-        folder = Path(self.build_lib, "beamid", "lib")
+        package = Path(self.build_lib, "beamid")
         if self.editable_mode:
-            folder = HERE / "beamid" / "lib"
-        subprocess.run([str(script), str(folder)], check=True)
+            package = HERE / "beamid"
+        else:
+            subprocess.run([scripts / "copy_scripts.sh", package / "scripts"], check=True)
+        subprocess.run([scripts / "library.sh", package / "lib"], check=True)
 
 
 class WheelOfThisMachine(bdist_wheel):

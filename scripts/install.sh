@@ -26,7 +26,7 @@ options_of release
 share=$prefix/share
 program=$prefix/bin/beamid
 mkdir -p "$prefix/lib/pkgconfig" "$share/man/man1" "$share/bash-completion/completions" \
-   "$share/zsh/site-functions" "$share/beamid/scripts"
+   "$share/zsh/site-functions"
 version=$("$program" version)
 cat >"$prefix/lib/pkgconfig/beamid.pc" <<END
 prefix=$prefix
@@ -39,9 +39,5 @@ END
 "$program" help man >"$share/man/man1/beamid.1"
 "$program" help bash >"$share/bash-completion/completions/beamid"
 "$program" help zsh >"$share/zsh/site-functions/_beamid"
-for script in cases command_page ensemble_mpi figures fit_page model_curve output_folder page paper_page \
-   plot_along plot_convergence plot_design plot_fit plot_intervals plot_modes plot_paper plot_record \
-   plotting program report roller_beam signals studies to_csv units; do
-   cp "$checkout/scripts/$script.py" "$share/beamid/scripts/"
-done
+"$checkout/scripts/copy_scripts.sh" "$share/beamid/scripts"
 echo "$program"

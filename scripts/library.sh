@@ -1,7 +1,9 @@
 #!/usr/bin/env bash
-# Builds the library with its interface for C as shared libraries, and copies them.
+# Builds the library with its interface for C as shared libraries, and the program that uses the same
+# library. Copies both.
 #
-#     scripts/library.sh FOLDER      FOLDER/libbeamid_c.so and what it needs beside it
+#     scripts/library.sh FOLDER      FOLDER/libbeamid_c.so, the libraries that it needs, and the
+#                                    program FOLDER/beamid
 set -euo pipefail
 
 if [[ $# != 1 || $1 == -* ]]; then
@@ -16,7 +18,10 @@ folder=$(realpath "$1")
 source "$checkout/scripts/fpm.sh"
 find_fpm
 checkout=$checkout/python/library
-sources=(src ../../src)
+sources=(src ../../src ../../app)
 build release
 newest=$(ls -t "$checkout"/build/gfortran_*/libbeamid_c.so | head -n 1)
 cp "${newest%/*}"/lib*.so "$folder/"
+# fpm names a program that it finds by itself after the package.
+program=$(ls -t "$checkout"/build/gfortran_*/app/beamid_c | head -n 1)
+cp "$program" "$folder/beamid"

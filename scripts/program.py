@@ -6,6 +6,7 @@ import csv
 import importlib
 import math
 import os
+import shlex
 import subprocess
 import sys
 import zlib
@@ -41,7 +42,7 @@ def need(*modules):
             importlib.import_module(module)
     except ImportError as missing:
         if not IN_CHECKOUT:
-            fail(f"no module {missing.name}, expected {', '.join(modules)}, as by pip install", 1)
+            fail(f"no module {missing.name}; install it by {pip_install(*modules)}", 1)
         if Path(sys.prefix).resolve() == PYTHON.parent.parent.resolve():
             fail(f"no module {missing.name}, expected {', '.join(modules)} in .venv", 1)
         if subprocess.run([CHECKOUT / "scripts" / "setup.sh", "pictures"]).returncode:
@@ -49,8 +50,15 @@ def need(*modules):
         os.execv(PYTHON, [str(PYTHON), *sys.argv])
 
 
+def pip_install(*packages):
+    """The command that adds packages to the Python that runs the script."""
+    return shlex.join([sys.executable, "-m", "pip", "install", *packages])
+
+
 def new_parser(description, **options):
-    """A command line; what it does not understand is one line and exit status 2."""
+    """A command line; what it does not understand is one line and exit status 2. The command
+    `beamid` of the Python package says by BEAMID_COMMAND how the user has called the script."""
+    options.setdefault("prog", os.environ.get("BEAMID_COMMAND"))
     parser = argparse.ArgumentParser(description=description, allow_abbrev=False, **options)
     parser.error = fail
     return parser

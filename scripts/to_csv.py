@@ -16,7 +16,8 @@ from dataclasses import dataclass, field
 from importlib.util import find_spec
 from pathlib import Path
 
-from program import CHECKOUT, PYTHON, fail, new_parser, tell, write_text
+from program import (CHECKOUT, IN_CHECKOUT, PYTHON, fail, new_parser, pip_install, tell,
+                     write_text)
 
 # By suffix: the reader's name, the modules that it imports and what pip installs.
 FORMATS = {**dict.fromkeys((".uff", ".unv", ".uf"), ("uff", "pyuff", "pyuff>=2.4")),
@@ -55,6 +56,8 @@ def need(module, package, install):
     asked to."""
     if find_spec(module):
         return
+    if not IN_CHECKOUT:
+        fail(f"no module {module}; install it by {pip_install(package)}", 1)
     if Path(sys.prefix).resolve() != PYTHON.parent.parent.resolve():
         if install:
             setup = [CHECKOUT / "scripts" / "setup.sh", "packages", package]

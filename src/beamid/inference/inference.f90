@@ -260,24 +260,25 @@ contains
       !> Returns the logarithm of the integral of the density over the parameters `over` near q,
       !> `impossible` if it cannot be computed. No parameter contributes more than the range up to
       !> its artificial end.
-      real(wp) function log_volume(q, over)
+      function log_volume(q, over) result(volume)
          real(wp), intent(in) :: q(:)
          integer, intent(in) :: over(:)
+         real(wp) :: volume
          real(wp) :: gradient(size(q)), H(size(q), size(q)), part(size(over), size(over))
          integer :: info, j
 
-         call density%evaluate(q, log_volume, gradient, H)
-         if (.not. log_volume > impossible) return
+         call density%evaluate(q, volume, gradient, H)
+         if (.not. volume > impossible) return
          part = H(over, over)
          call add_diagonal(part, [(1/(widest*max(abs(estimate(over(j))), &
             variables(over(j))%magnitude))**2, j=1, size(over))])
          call dpotrf('L', size(over), part, max(1, size(over)), info)
          if (info /= 0) then
-            log_volume = impossible
+            volume = impossible
             return
          end if
          do j = 1, size(over)
-            log_volume = log_volume + log(two_pi)/2 - log(part(j, j))
+            volume = volume + log(two_pi)/2 - log(part(j, j))
          end do
       end function log_volume
 
