@@ -10,8 +10,8 @@ the places with the voltage that was recorded of the roller. Writes
     places.csv       voltage, place and the place's distance from a straight line, of joint.nml
     roller_beam.png  the same as a picture
 
-The record is that of Vereen, Downey, Dodson and Moura. docs/tutorials/record-to-parameters.md says
-where it is to be had."""
+The record is that of Vereen, Downey, Dodson and Moura. docs/tutorials/moving-support.md says where
+to find it."""
 
 import os
 import subprocess
