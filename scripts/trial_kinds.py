@@ -204,12 +204,15 @@ def damage(random, _):
 
 
 def coverage(random, k):
-    """A strip whose dimensions are known as well as the priors say; if m_S is not free, one or two
-    modes are visible."""
+    """A strip whose dimensions are known as well as the priors say. If m_S is not free, one or two
+    modes are visible; with one, c_D is not free either."""
     sort, modes = (("free", 2), ("fixed", 1), ("fixed", 2))[k % 3]
     stated = laboratory(random)
     errors = dict(length=between(random, 2e-4, 1e-3), height=0.01 * stated.height,
                   m_S=between(random, 0.03, 0.2) * stated.m_S)
+    wrong = guesses(random, stated, 0.1, 0, 2)
+    if modes == 1:
+        errors["c_D"], wrong["c_D"] = 0.2 * stated.c_D, stated.c_D
     true = Strip(**vars(stated) | {name: random.normal(getattr(stated, name), sd)
                                    for name, sd in errors.items()})
     motion = Motion(true)
@@ -217,7 +220,7 @@ def coverage(random, k):
     a = motion.free(t, motion.deflected(0.02, [1, between(random, 0.05, 0.5)][:modes]))
     free = FREE if sort == "free" else FREE.replace("'m_S',", "")
     trial = decay_case(
-        true, modes, vars(stated) | guesses(random, stated, 0.1, 0, 2),
+        true, modes, vars(stated) | wrong,
         {"record": (t, twelve_bits(random, a, 0.3))},
         *(("prior", dict(parameter=f"'{name}'", sd=sd)) for name, sd in errors.items()),
         free=free if modes > 1 else free.replace("'c_D',", ""))
