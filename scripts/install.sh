@@ -39,8 +39,9 @@ END
 "$program" help man >"$share/man/man1/beamid.1"
 "$program" help bash >"$share/bash-completion/completions/beamid"
 "$program" help zsh >"$share/zsh/site-functions/_beamid"
-for script in cases ensemble_mpi fit_page page plot_along plot_convergence plot_design plot_fit \
-   plot_intervals plot_modes plot_paper plot_record plot_studies plotting program report roller_beam signals to_csv; do
+for script in cases channels clocks ensemble_mpi fit_page labview page plot_along plot_convergence plot_design plot_fit \
+   plot_intervals plot_modes plot_paper plot_record plot_studies plotting program report roller_beam signals text_tables \
+   to_csv; do
    cp "$checkout/scripts/$script.py" "$share/beamid/scripts/"
 done
 echo "$program"
