@@ -6,6 +6,8 @@ program test_time_stamps
    use beamid_outputs, only: output_t
    use beamid_records, only: load_recording, note_length, recording_t
    use checks, only: check, finish
+   use damaged_texts, only: any_byte, damage, doubled, dropped, exchanged, likely_byte
+   use random_numbers, only: start_random
    use shell, only: own_path
    implicit none
 
@@ -21,6 +23,7 @@ program test_time_stamps
    call test_ambiguous_dates()
    call test_mixtures()
    call test_bad_stamps()
+   call test_mutations()
    call execute_command_line('rm -r '//scratch)
    call finish('time_stamps')
 
@@ -136,6 +139,38 @@ contains
       call refused('a day back', stamps('2024-05-02 12:00:01', '2024-05-01 12:00:02', ''), &
          ':3: column 1 (''t''): found ''2024-05-01 12:00:02'', expected a time stamp like')
    end subroutine test_bad_stamps
+
+   !> Damaged tables end in one line, or in times that increase from 0; the same 3000 in every run.
+   subroutine test_mutations()
+      character(len=*), parameter :: valid(3) = [character(len=160) :: &
+         't,a'//nl//'2024-05-01T23:59:59.5Z,1'//nl//'2024-05-02T00:00:00Z,-2'//nl// &
+         '2024-05-02T00:00:00.5Z,4'//nl, &
+         't;a'//nl//'31.12.2023 23:59:59,5;1'//nl//'01.01.2024 00:00:00;-2'//nl// &
+         '01.01.2024 00:00:00,5;4'//nl, &
+         't,a'//nl//'"11:59:59.5 PM",1'//nl//'"12:00:00 AM",-2'//nl//'"12:00:00.5 AM",4'//nl]
+      character(len=:), allocatable :: text
+      integer :: at, n_read, trial, way
+      logical :: ok
+
+      call start_random(20240501, 16807)
+      ok = .true.
+      n_read = 0
+      do trial = 1, 3000
+         text = trim(valid(1 + modulo(trial, 3)))
+         call damage(text, [dropped, doubled, any_byte, likely_byte, exchanged], &
+            '0123456789:.,-/+ TZAPM"'//nl, at, way)
+         call load(text)
+         if (message /= '') then
+            ok = index(message, nl) == 0
+         else
+            n_read = n_read + 1
+            ok = t(1) >= 0 .and. t(1) <= 0 .and. all(t(2:) > t(:size(t) - 1))
+         end if
+         if (.not. ok) exit
+      end do
+      call check('damaged stamps: an error or increasing times', ok, text)
+      call check('damaged stamps: some are read, some are not', n_read > 100 .and. n_read < 2900)
+   end subroutine test_mutations
 
    !> A table with three rows: these times, and `values`.
    pure function stamps(first, second, third) result(text)

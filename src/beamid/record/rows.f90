@@ -247,15 +247,9 @@ contains
       integer(ip), intent(inout) :: left, right
       integer(ip) :: first, last
 
-      first = left
-      last = right
-      do while (first < last .and. scan(text(first:first), ' '//tab) > 0)
-         first = first + 1
-      end do
-      do while (last > first .and. scan(text(last:last), ' '//tab) > 0)
-         last = last - 1
-      end do
-      if (first >= last) return
+      first = left + verify(text(left:right), ' '//tab, kind=ip) - 1
+      last = left + verify(text(left:right), ' '//tab, back=.true., kind=ip) - 1
+      if (first < left .or. first == last) return
       if (text(first:first) /= '"' .or. text(last:last) /= '"') return
       left = first + 1
       right = last - 1

@@ -253,8 +253,11 @@ contains
       if (text(at:at) == ' ' .and. at < len(text)) at = at + 1
       stamp%has_zone = .true.
       ok = text(at:) == 'Z' .or. text(at:) == 'z' .or. lower(text(at:)) == 'utc'
-      if (ok) at = len(text) + 1
-      if (ok .or. scan(text(at:at), '+-') == 0) return
+      if (ok) then
+         at = len(text) + 1
+         return
+      end if
+      if (scan(text(at:at), '+-') == 0) return
       direction = merge(1, -1, text(at:at) == '+')
       at = at + 1
       call read_digits(text, at, 2, hours, width)
