@@ -1,7 +1,7 @@
 !> Units in the names of columns: what is recognised, and what is compared with the case.
 program test_column_units
-   use bad_cases, only: accepted, case_text, folder, nl, record_text, refused_case, refused_record, &
-      write_good_files
+   use bad_cases, only: accepted, case_text, folder, nl, record_text, refused_case, &
+      refused_record, write_good_files
    use beamid_column_units, only: are_units, bare_name, column_unit_t, no_unit, other_unit, &
       unit_of_acceleration, unit_of_column, unit_of_raw_values, unit_of_time
    use beamid_kinds, only: wp

@@ -125,8 +125,8 @@ contains
       outcome = beamid('identify case.nml --quiet --out columns')
       call check('a free decay in g: fitted, as without a unit', outcome%status == 0 .and. &
          plain /= '' .and. read_file('columns/estimates.csv') == plain, outcome%err)
-      call check('a free decay in g: said', index(outcome%out, 'the column is in g, but scale = '// &
-         '1 (expected 9.80665)') > 0, outcome%out(:min(300, len(outcome%out))))
+      call check('a free decay in g: said', index(outcome%out, 'the column is in g, but scale'// &
+         ' = 1 (expected 9.80665)') > 0, outcome%out(:min(300, len(outcome%out))))
       call refused('a known noise in g', 'record.csv''', 'record.csv'', sd=0.03', &
          '&record scale: found 1 for a column in g (''Acceleration z (g)''), expected 9.80665')
       call refused('a known release in g', 'kind=''free'', modes=3', &
