@@ -9,7 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from program import fail, reason
+import text_tables
+from program import fail
 
 TOKEN = re.compile(r"""'(?:[^']|'')*'|"(?:[^"]|"")*"|![^\n]*|&\w+|/|=|[^\s,=/'"!]+""")
 
@@ -59,88 +60,36 @@ def real(keys, key, default):
     return float(values[0].lower().replace("d", "e")) if values else default
 
 
-def is_number(text):
-    """Whether a field holds a number."""
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
-
-
-def column_of(name, default, header, path):
-    """The place of a column that has a name or a number."""
+def column_of(name, default, table):
+    """Returns the place of a column that has a name, with or without its unit, or a number."""
     if not name:
         return default
-    names = [title.strip().strip("\"'").lower() for title in header]
-    if name.strip().lower() in names:
-        return names.index(name.strip().lower())
-    if name.strip().isdigit() and 0 < int(name) <= len(header):
+    wanted = name.strip().lower()
+    for names in (table.names, [text_tables.split_unit(title)[0] for title in table.names]):
+        places = [k for k, title in enumerate(names) if title.strip().lower() == wanted]
+        if len(places) == 1:
+            return places[0]
+        if places:
+            break
+    if name.strip().isdigit() and 0 < int(name) <= max(len(table.names), len(table.rows[0][1])):
         return int(name) - 1
-    fail(f"{path}: no column '{name}' (found: {', '.join(header)})")
-
-
-def data_lines(path):
-    """The lines of a table, with their numbers, that are neither blank nor a comment."""
-    try:
-        with open(path, encoding="utf-8-sig", errors="replace") as file:
-            for k, line in enumerate(file):
-                if line.strip() and not line.lstrip().startswith("#"):
-                    yield k + 1, line
-    except OSError as error:
-        fail(f"{path}: {reason(error)}")
-
-
-def fields_of(line, mark):
-    """The fields of a line; between semicolons and tabs a comma is a decimal sign."""
-    return (line if mark == "," else line.replace(",", ".")).rstrip("\r\n").split(mark)
-
-
-def find_rows(lines, least):
-    """What separates the columns, the place of the first line of numbers, and the names above."""
-    for k, line in enumerate(lines):
-        for mark in ",;\t":
-            filled = [field for field in fields_of(line, mark) if field.strip()]
-            if len(filled) >= least and all(map(is_number, filled[:max(2, least)])):
-                wide = len(line.rstrip().split(mark))
-                names = [above.rstrip("\r\n").split(mark) for above in lines[:k]
-                         if len(above.rstrip().split(mark)) in (wide, wide + 1) or k == 1]
-                return mark, k, names[-1] if names else line.split(mark)
-    mark = next((mark for mark in ",;\t" if mark in lines[0]), ",")
-    return mark, 1, lines[0].rstrip("\r\n").split(mark)
-
-
-def complain(path, skipped, mark, places):
-    """Ends the script with the first line that lacks its two numbers."""
-    for n, line in list(data_lines(path))[skipped:]:
-        fields = fields_of(line, mark)
-        if len(fields) <= max(places) or not all(is_number(fields[k]) for k in places):
-            fail(f"{path}:{n}: found {line.strip()[:40]!a}, expected numbers in columns "
-                 + " and ".join(str(k + 1) for k in places))
-    fail(f"{path}: found no numbers, expected columns of them")
+    fail(f"{table.place}: no column '{name}' (found: {', '.join(table.names)})")
 
 
 def read_samples(case, keys):
-    """Times and calibrated accelerations of a &record group: the whole file, no window."""
+    """Returns times and calibrated accelerations of a &record group: the whole file, no window."""
     if "file" not in keys:
         fail(f"{case}: &record: no file, nothing to draw")
     path = Path(case).parent / unquoted(keys["file"])
-    lines = [line for _, line in data_lines(path)]
-    if not lines:
-        fail(f"{path}: no data")
     rate = real(keys, "rate", 0)
     columns = ("value_column",) if rate else ("time_column", "value_column")
-    mark, skipped, names = find_rows(lines, len(columns))
-    places = [column_of(unquoted(keys.get(key)), k, names, path)
-              for k, key in enumerate(columns)]
-    rows = lines[skipped:] if mark == "," else [line.replace(",", ".") for line in lines[skipped:]]
-    try:
-        *t, z = np.loadtxt(rows, delimiter=mark, usecols=places, ndmin=2, comments=None).T
-    except ValueError:
-        complain(path, skipped, mark, places)
-    t = t[0] if t else np.arange(len(z)) / rate
-    if len(t) < 8 or not (np.isfinite(t).all() and np.isfinite(z).all()):
-        fail(f"{path}: {len(t)} samples, expected 8 or more, all of them numbers")
-    if not (np.diff(t) > 0).all():
-        fail(f"{path}: time does not grow from sample {1 + np.argmin(np.diff(t) > 0)} to the next")
+    table = text_tables.read(path, len(columns))
+    places = [column_of(unquoted(keys.get(key)), k, table) for k, key in enumerate(columns)]
+    z = text_tables.numbers(table, places[-1])
+    if z is None or len(z) < 8 or not np.isfinite(z).all():
+        fail(f"{path}: column {places[-1] + 1}: found {0 if z is None else np.isfinite(z).sum()} "
+             f"numbers in {len(table.rows)} rows, expected 8 or more, and one in each row")
+    t = np.arange(len(z)) / rate if rate else text_tables.times_of(table, places[0])[0]
+    if t is None:
+        fail(f"{path}: column {places[0] + 1}: found text, expected times")
     return t, real(keys, "scale", 1.0) * (z - real(keys, "offset", 0.0))

@@ -1,29 +1,34 @@
 #!/usr/bin/env python3
 """Turns a recorder's file into columns that beamid reads: UFF 58 and 58b (.uff .unv .uf), .mat,
-.wav, .npy, .npz, .tdms.
+.wav, .npy, .npz, .tdms, LabVIEW's .lvm, text (.csv .txt .tsv), and zip archives of text.
 
 Every channel becomes a column, named with its unit; times come from the file, or from the rate that
-it states, in its own unit. What else the file says of its channels stands above them, behind '#'.
-Nothing is converted. Channels with other times go into a file of their own.
+it states. Text above the columns, behind '#', contains all else that the file says. Channels with
+other times go into a file of their own. Values are not converted. Times of text become seconds if
+they are time stamps, or if their column states another unit of time.
 """
 
-import math
 import os
 import re
 import subprocess
 import sys
-from dataclasses import dataclass, field
 from importlib.util import find_spec
 from pathlib import Path
 
-from program import (CHECKOUT, IN_CHECKOUT, PYTHON, fail, new_parser, pip_install, tell,
+from channels import REMARKS, BadTimes, Channel, stepped, text_of
+from labview import read_lvm
+from program import (CHECKOUT, IN_CHECKOUT, PYTHON, fail, new_parser, pip_install, reason, tell,
                      write_text)
+from text_tables import MULTIPLES, PARTS, read_text, read_zip
 
 # By suffix: the reader's name, the modules that it imports and what pip installs.
 FORMATS = {**dict.fromkeys((".uff", ".unv", ".uf"), ("uff", "pyuff", "pyuff>=2.4")),
            ".mat": ("mat", "scipy", "scipy>=1.9"), ".wav": ("wav", "scipy", "scipy>=1.9"),
            ".npy": ("numpy", "numpy", "numpy>=1.24"), ".npz": ("numpy", "numpy", "numpy>=1.24"),
-           ".tdms": ("tdms", "nptdms", "npTDMS>=1.6")}
+           ".tdms": ("tdms", "nptdms", "npTDMS>=1.6"),
+           ".lvm": ("lvm", "numpy", "numpy>=1.24"), ".zip": ("zip", "numpy", "numpy>=1.24"),
+           **dict.fromkeys((".csv", ".txt", ".tsv"), ("text", "numpy", "numpy>=1.24"))}
+READERS = {"lvm": read_lvm, "text": read_text, "zip": read_zip}    # the others are below
 # Names of variables, without case, blanks and underscores.
 TIMES = {"t", "time", "times", "timestamp", "timestamps"}
 RATES = {"fs", "rate", "samplerate", "samplingrate", "samplingfrequency", "samplefrequency", "sr"}
@@ -31,24 +36,7 @@ STEPS = {"dt", "ts", "increment", "deltat", "deltax", "sampletime", "samplingtim
 STARTS = {"t0", "tstart", "starttime", "startvalue"}
 UNITS = {"unit", "units", "unitlabel", "label"}
 DIRECTIONS = ["", "+X", "+Y", "+Z", "+RX", "+RY", "+RZ", "-RZ", "-RY", "-RX", "-Z", "-Y", "-X"]
-REMARKS: list[str] = []             # on what is left out
 LONGEST = 90             # of the name of a column; beamid tells them apart by 100 bytes
-
-
-@dataclass
-class Channel:
-    """Samples; their times, where the file states them; what it says of them."""
-
-    name: str
-    values: object
-    unit: str = ""
-    times: object = None
-    time_unit: str = ""
-    notes: list = field(default_factory=list)
-
-
-class BadTimes(Exception):
-    """A rate, a step or times that cannot be those of a record."""
 
 
 def need(module, package, install):
@@ -69,27 +57,6 @@ def need(module, package, install):
     elif install:
         fail(f"no module {module} in .venv, where pip was to install it", 1)
     fail(f"no module {module}: install it by --install, or by .venv/bin/pip install '{package}'", 1)
-
-
-def stepped(n, step, start=0.0, rate=None, name="the step"):
-    """Returns the times of n samples; by the rate where the file has that, so that they are rounded
-    once. Raises BadTimes if they do not grow; `name` is that of the rate or step in the file."""
-    import numpy as np
-    given = step if rate is None else rate
-    if not 0 < given < math.inf:
-        raise BadTimes(f"{name}: found {given}, expected a finite value above 0")
-    times = start + (np.arange(n) / rate if rate else np.arange(n) * step)
-    if not np.isfinite(times).all() or (np.diff(times) <= 0).any():
-        raise BadTimes(f"{name}: found {given}, which with the start {start} makes no times that "
-                       "grow from sample to sample")
-    return times
-
-
-def text_of(value):
-    """Text as one line."""
-    if isinstance(value, bytes):
-        value = value.decode("utf-8", "replace")
-    return " ".join(str(value).split())
 
 
 def read_uff(path):
@@ -357,26 +324,40 @@ def main():
     parser.add_argument("--out", metavar="FILE", help="columns to write (default: FILE with .csv)")
     parser.add_argument("--channel", metavar="NAME", nargs="+",
                         help="only these channels, by name or number")
+    parser.add_argument("--time-unit", metavar="UNIT", choices=[*PARTS, *MULTIPLES],
+                        help="unit of the times of a text that states none: "
+                        + ", ".join((*PARTS, *MULTIPLES)))
     parser.add_argument("--install", action="store_true",
                         help="installs the library that reads this format into .venv")
     arguments = parser.parse_args()
 
     path = Path(arguments.file)
     if path.suffix.lower() not in FORMATS:
-        fail(f"{path}: found '{path.suffix}', expected one of {' '.join(FORMATS)}")
+        fail(f"{path}: found '{path.suffix}', expected one of {' '.join(FORMATS)}"
+             + "; export the sheet as CSV" * path.suffix.lower().startswith((".xls", ".ods")))
     if not path.is_file():
         fail(f"{path}: no such file")
     out = Path(arguments.out or path.with_suffix(".csv"))
+    if out == path and not arguments.out:
+        out = path.with_stem(f"{path.stem}_seconds")
     if out.exists() and not arguments.out:
         fail(f"{out}: exists; --out {out} replaces it")
+    if out.exists() and out.samefile(path):
+        fail(f"{out}: is the file to read, expected --out to name another")
     reader, module, package = FORMATS[path.suffix.lower()]
+    if arguments.time_unit and reader not in ("text", "zip"):
+        fail(f"--time-unit is for text, and {path} is not")
     need(module, package, arguments.install)
     try:
-        channels, texts = globals()[f"read_{reader}"](path)
+        channels, texts = (READERS.get(reader) or globals()[f"read_{reader}"])(
+            path, *[arguments.time_unit] * bool(arguments.time_unit))
     except BadTimes as error:
         fail(f"{path}: {error}")
+    except OSError as error:
+        fail(f"{path}: {reason(error)}")
     except Exception as error:    # what the libraries raise is of every kind
-        fail(f"{path}: {module} cannot read it: {text_of(error) or type(error).__name__}")
+        who = f"{module} cannot read it" if reader not in READERS else "cannot be read"
+        fail(f"{path}: {who}: {text_of(error) or type(error).__name__}")
     if not channels:
         fail(f"{path}: found no series of real numbers in time, expected one or more"
              + "".join(f"; {remark}" for remark in REMARKS))

@@ -26,6 +26,8 @@ program test_csv
    call test_mutations('a header', 'Recorder'//tab//'5'//lf//'Rate'//tab//'10'//tab//lf// &
       't'//tab//'a'//tab//'Comment'//lf//'0,0'//tab//'1,5e-3'//tab//lf//'0,1'//tab//'-2,25'//lf// &
       '0,2'//tab//'3,125'//tab//'end'//lf)
+   call test_mutations('quotes', '"t, s","a"'//lf//'"0,0","1,5e-3"'//lf//'"0,1",'//'"-2,25"'//lf// &
+      '"0,2" ,"3,125"'//lf//'"0,3","4"'//lf)
    call test_size()
    call execute_command_line('rm -r '//scratch)
    call finish('csv')

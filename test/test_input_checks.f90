@@ -8,7 +8,7 @@ program test_input_checks
    use beamid_strings, only: to_text
    use case_answers, only: nl, ruler
    use checks, only: check, finish, skip
-   use shell, only: beamid, close_shell, open_shell, outcome_t, replaced, write_file
+   use shell, only: beamid, close_shell, open_shell, outcome_t, read_file, replaced, write_file
    implicit none
 
    real(wp), parameter :: two_pi = 2*acos(-1.0_wp)
@@ -26,6 +26,7 @@ program test_input_checks
       call write_record(0.002_wp, 0)
       call test_units()
       call test_guesses()
+      call test_columns()
       call test_stamps()
       call test_lead_in()
       call close_shell()
@@ -81,7 +82,8 @@ contains
       character(len=*), intent(in) :: what, old, new, expected
       type(outcome_t) :: outcome
 
-      call write_file('case.nml', replaced(ruler, old, new))
+      call write_file('case.nml', ruler)
+      if (old /= '') call write_file('case.nml', replaced(ruler, old, new))
       outcome = beamid('identify case.nml --quiet --out refused')
       call check(what//': status 2', outcome%status == 2, outcome%err)
       call check(what//': named', index(outcome%err, expected) > 0 .and. &
@@ -108,6 +110,31 @@ contains
       outcome = beamid('identify case.nml --quiet --out accepted')
       call check(what//': no error of units', outcome%status /= 2, outcome%err)
    end subroutine accepted
+
+   !> A column in g without a scale: a free decay gives the same parameters and says so; with a
+   !> known release or noise, it is refused.
+   subroutine test_columns()
+      type(outcome_t) :: outcome
+      character(len=:), allocatable :: text, plain
+
+      call write_file('case.nml', ruler)
+      outcome = beamid('identify case.nml --quiet --out plain')
+      plain = read_file('plain/estimates.csv')
+      text = read_file('record.csv')
+      call write_file('record.csv', replaced(text, 't,a'//nl, 'Time (s),Acceleration z (g)'//nl))
+      outcome = beamid('identify case.nml --quiet --out columns')
+      call check('a free decay in g: fitted, as without a unit', outcome%status == 0 .and. &
+         plain /= '' .and. read_file('columns/estimates.csv') == plain, outcome%err)
+      call check('a free decay in g: said', index(outcome%out, 'the column is in g, but scale'// &
+         ' = 1 (expected 9.80665)') > 0, outcome%out(:min(300, len(outcome%out))))
+      call refused('a known noise in g', 'record.csv''', 'record.csv'', sd=0.03', &
+         '&record scale: found 1 for a column in g (''Acceleration z (g)''), expected 9.80665')
+      call refused('a known release in g', 'kind=''free'', modes=3', &
+         'kind=''release'', displacement=0.01', '&record scale: found 1 for a column in g')
+      call write_file('record.csv', replaced(text, 't,a'//nl, 'Time (ms),a (m/s^2)'//nl))
+      call refused('a column in ms', '', '', 'found times in ms, expected s, as &units says')
+      call write_file('record.csv', text)
+   end subroutine test_columns
 
    !> Time stamps in milliseconds, or sample numbers.
    subroutine test_stamps()

@@ -191,8 +191,8 @@ contains
          '1 line of a header skipped')
       call headed('another separator in the header', 'Recorder; model 5; made, 2020'//nl// &
          'Rate, 2000'//nl//changed(three, ',', tab), '2 lines of a header skipped')
-      call columns('the last of the lines names the columns', 'time,Temp,acc'//nl//'s,C,g'//nl// &
-         three(15:), 's', 'G', [0.0_wp, 0.5_wp, 1.25_wp], [1.0_wp, -2.0_wp, 4.0_wp])
+      call columns('the last of the lines names the columns', 'p,q,r'//nl//'time,Temp,acc'//nl// &
+         three(15:), 'time', 'Acc', [0.0_wp, 0.5_wp, 1.25_wp], [1.0_wp, -2.0_wp, 4.0_wp])
       call columns('text beside the numbers', 'Recorder'//nl//'time,note,acc'//nl//'0,start,1'//nl &
          //'0.5,,-2'//nl//'1.25,x,4'//nl, 'time', 'acc', [0.0_wp, 0.5_wp, 1.25_wp], &
          [1.0_wp, -2.0_wp, 4.0_wp])

@@ -54,8 +54,8 @@ contains
       python = 'python3'
       call refused('no file', '', 2, 'arguments are required: FILE')
       call refused('no such file', 'none.wav', 2, 'none.wav: no such file')
-      call write_file('a.txt', 'a'//nl)
-      call refused('another format', 'a.txt', 2, 'a.txt: found ''.txt''|expected one of .uff')
+      call write_file('a.doc', 'a'//nl)
+      call refused('another format', 'a.doc', 2, 'a.doc: found ''.doc''|expected one of .uff')
       call write_file('a.wav', '')
       call write_file('a.csv', 'mine'//nl)
       call refused('a file is there', 'a.wav', 2, 'a.csv: exists; --out a.csv replaces it')

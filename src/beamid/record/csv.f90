@@ -9,6 +9,7 @@ module beamid_csv
    use beamid_numbers, only: is_decimal, parse_number, shown, trim_blanks, with_point
    use beamid_rows, only: column_length, reader_t, tab
    use beamid_strings, only: to_text
+   use beamid_time_stamps, only: is_stamp
    implicit none
    private
 
@@ -76,13 +77,24 @@ contains
       if (.not. allocated(error)) call find_rows(reader, n_columns, error)
    end subroutine open_table
 
-   !> Refuses a file with control characters, which is not text.
+   !> Refuses a file with control characters, which is not text, and text in UTF-16.
    subroutine refuse_binary(reader, error)
       type(reader_t), intent(inout) :: reader
       type(error_t), allocatable, intent(out) :: error
+      character(len=4) :: start
       integer(ip) :: at
       integer :: code
 
+      start = reader%text
+      if (start(:2) == char(255)//char(254) .or. start(:2) == char(254)//char(255)) then
+         call bad_input(error, reader%path//': found text in UTF-16, expected UTF-8 '// &
+            '(scripts/to_csv.py converts it)')
+      else if (start == 'PK'//achar(3)//achar(4)) then
+         call bad_input(error, reader%path// &
+            ': found a zip archive or a workbook, expected text '// &
+            '(scripts/to_csv.py reads archives of text; export a sheet as CSV)')
+      end if
+      if (allocated(error)) return
       reader%line = 1
       do at = 1, len(reader%text, ip)
          code = iachar(reader%text(at:at))
@@ -137,8 +149,24 @@ contains
          end if
          if (.not. reader%next_row()) exit
       end do
+      if (.not. allocated(error)) call refuse_thousands(reader, error)
+      if (allocated(error)) kept = 0
       values = values(:, :kept)
    end subroutine read_rows
+
+   !> Refuses a table of which each number with a comma looks like thousands, as '1,234' does,
+   !> because the comma may be no decimal sign. Semicolons between the fields are evidence that it
+   !> is one.
+   subroutine refuse_thousands(reader, error)
+      type(reader_t), intent(in) :: reader
+      type(error_t), allocatable, intent(out) :: error
+
+      if (reader%thousands == 0 .or. reader%thousands < reader%commas) return
+      if (reader%separator == ';') return
+      call bad_input(error, reader%path//': found a comma before three digits in every number '// &
+         'with a comma, expected clear decimal commas (1,5) or decimal points: '// &
+         '''1,234'' may be 1.234 or 1234')
+   end subroutine refuse_thousands
 
    !> Reads some numbers of the current line.
    subroutine read_row(reader, columns, values, error)
@@ -151,7 +179,6 @@ contains
       !> that does not increase.
       type(error_t), allocatable, intent(out) :: error
       integer :: column, k
-      logical :: ok
 
       values = 0
       if (columns(1) == 0) then
@@ -171,28 +198,66 @@ contains
          end if
          do k = 1, size(columns)
             if (columns(k) /= column) cycle
-            call parse_field(reader, reader%text(reader%left:reader%right), values(k), ok)
-            if (.not. ok) then
-               call report_number(reader, reader%text(reader%left:reader%right), column, error)
-               return
-            end if
-            if (k > 1 .or. .not. reader%ordered) cycle
-            if (reader%previous_field(2) > 0 .and. values(1) <= reader%previous) then
-               call report_order(reader, column, error)
-               return
-            end if
-            reader%previous_field = [reader%left, reader%right]
-            reader%previous = values(1)
+            call take_number(reader, column, k, values, error)
+            if (allocated(error)) return
          end do
       end do
       if (size(reader%header) == 0) return
-      if (reader%count_fields() == 2*size(reader%header)) call reader%problem(error, &
+      if (reader%count_fields() /= 2*size(reader%header)) return
+      if (reader%count_filled() == 2*size(reader%header)) call reader%problem(error, &
          'found twice as many fields as names, expected as many (with a decimal point, not a '// &
          'decimal comma)')
    end subroutine read_row
 
-   !> Reads a number. Its decimal sign must be that of the numbers before; it can be a comma only if
-   !> commas do not separate fields.
+   !> Reads the number of the current field, and checks that the times increase.
+   !>
+   !> column  number of the column of the field
+   !> k       place of the number in `values`; 1 is the time
+   !> error   as in `read_row`
+   subroutine take_number(reader, column, k, values, error)
+      type(reader_t), intent(inout) :: reader
+      integer, intent(in) :: column, k
+      real(wp), intent(inout) :: values(:)
+      type(error_t), allocatable, intent(out) :: error
+      logical :: ok
+
+      if (k == 1 .and. reader%allows_stamps) then
+         call parse_time(reader, reader%text(reader%left:reader%right), values(k), ok)
+      else
+         call parse_field(reader, reader%text(reader%left:reader%right), values(k), ok)
+      end if
+      if (.not. ok) then
+         call report_number(reader, reader%text(reader%left:reader%right), column, error, &
+            is_time=k == 1 .and. reader%ordered)
+         return
+      end if
+      if (k > 1 .or. .not. reader%ordered) return
+      if (reader%previous_field(2) > 0 .and. values(1) <= reader%previous) then
+         call report_order(reader, column, error)
+         return
+      end if
+      reader%previous_field = [reader%left, reader%right]
+      reader%previous = values(1)
+   end subroutine take_number
+
+   !> Reads a time: a number, or a time stamp if the first time is one.
+   !>
+   !> value  the number, or the seconds since the first time stamp
+   subroutine parse_time(reader, field, value, ok)
+      type(reader_t), intent(inout) :: reader
+      character(len=*), intent(in) :: field
+      real(wp), intent(out) :: value
+      logical, intent(out) :: ok
+
+      if (.not. reader%clock%is_running) then
+         call parse_field(reader, field, value, ok)
+         if (ok .or. reader%previous_field(2) > 0) return
+      end if
+      call reader%clock%read(trim_blanks(field), value, ok)
+   end subroutine parse_time
+
+   !> Reads a number. Its decimal sign must be that of the numbers before. It can be a comma if
+   !> commas do not separate fields, or if the field is in quotes.
    subroutine parse_field(reader, field, value, ok)
       type(reader_t), intent(inout) :: reader
       character(len=*), intent(in) :: field
@@ -202,18 +267,35 @@ contains
       character(len=1) :: sign
 
       comma = 0
-      if (reader%separator /= ',') comma = index(field, ',')
+      if (reader%separator /= ',' .or. reader%is_quoted) comma = index(field, ',')
       if (comma == 0) then
          call parse_number(field, value, ok)
-         if (reader%separator == ',') return
+         if (reader%separator == ',' .and. .not. reader%is_quoted) return
       else
          call parse_number(with_point(field), value, ok)
       end if
       if (comma == 0 .and. index(field, '.') == 0) return
       sign = merge('.', ',', comma == 0)
       ok = ok .and. (reader%decimal == ' ' .or. reader%decimal == sign)
-      if (ok) reader%decimal = sign
+      if (.not. ok) return
+      reader%decimal = sign
+      if (comma == 0) return
+      reader%commas = reader%commas + 1
+      if (looks_like_thousands(trim_blanks(field))) reader%thousands = reader%thousands + 1
    end subroutine parse_field
+
+   !> Returns whether a number with a comma could have it between thousands and hundreds.
+   pure logical function looks_like_thousands(number) result(yes)
+      character(len=*), intent(in) :: number
+      integer :: comma, first
+
+      comma = index(number, ',')
+      first = 1
+      if (scan(number(:1), '+-') > 0) first = 2
+      yes = comma - first >= 1 .and. comma - first <= 3 .and. len(number) == comma + 3
+      if (yes) yes = verify(number(first:comma - 1)//number(comma + 1:), '0123456789') == 0 .and. &
+         number(first:first) /= '0'
+   end function looks_like_thousands
 
    !> Makes the error of a field that is not larger than the field of the row before.
    subroutine report_order(reader, column, error)
@@ -223,6 +305,8 @@ contains
       character(len=:), allocatable :: expected
 
       expected = ', expected a larger number'
+      if (reader%clock%is_running) expected = ', expected a later time (with all fractions of '// &
+         'the second)'
       if (reader%has_decimal_comma()) expected = expected//' (or a decimal point in '// &
          shown(trim_blanks(reader%row()))//' in place of the decimal comma)'
       call reader%problem(error, 'found '//shown(reader%text(reader%left:reader%right))// &
@@ -231,12 +315,14 @@ contains
    end subroutine report_order
 
    !> Makes the error of a field that is no number, with the reason.
-   subroutine report_number(reader, field, k, error)
+   subroutine report_number(reader, field, k, error, is_time)
       type(reader_t), intent(in) :: reader
       !> The field as in the file, and the number of its column.
       character(len=*), intent(in) :: field
       integer, intent(in) :: k
       type(error_t), allocatable, intent(out) :: error
+      !> Whether the column contains times.
+      logical, intent(in) :: is_time
       character(len=*), parameter :: one = ', expected one separator', &
          point = ' (a decimal point is ''.'')'
       character(len=:), allocatable :: trimmed, separator, expected
@@ -255,7 +341,10 @@ contains
          call reader%problem(error, 'found an empty field, expected a number', k)
       else
          expected = ', expected a number'
-         if (reader%decimal == ',') then
+         if (is_time .and. (reader%clock%is_running .or. scan(trimmed, ':/') > 0 .or. &
+            scan(trimmed(2:), '-') > 1)) then
+            expected = expected_time(reader, trimmed)
+         else if (reader%decimal == ',') then
             expected = expected//' (a decimal sign is '','' as in the lines above)'
          else if (index(trimmed, ',') > 0) then
             expected = expected//point
@@ -265,5 +354,23 @@ contains
          call reader%problem(error, 'found '//shown(trimmed)//expected, k)
       end if
    end subroutine report_number
+
+   !> Returns what a message expects in place of a text that looks like a date or a time of day.
+   pure function expected_time(reader, text) result(expected)
+      type(reader_t), intent(in) :: reader
+      character(len=*), intent(in) :: text
+      character(len=:), allocatable :: expected
+
+      if (reader%clock%is_running) then
+         expected = ', expected a time stamp like '//shown(reader%clock%beginning)// &
+            ', of the same or the next day'
+      else if (reader%allows_stamps .and. reader%previous_field(2) == 0) then
+         expected = ', expected a number or a time stamp (12:00:00.123, 2024-05-01T12:00:00.123)'
+      else if (is_stamp(text) .and. .not. reader%allows_stamps) then
+         expected = ', expected a number (scripts/to_csv.py turns time stamps into seconds)'
+      else
+         expected = ', expected a number'
+      end if
+   end function expected_time
 
 end module beamid_csv

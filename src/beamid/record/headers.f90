@@ -1,15 +1,20 @@
 !> Finds the first row of numbers and the names of the columns of a text table.
 !>
+!> A line of units, below the line of names and as wide, becomes part of the names: 't [s]'.
+!>
 !> The first row is the first line of numbers. The lines before it are a header, which is skipped;
 !> the last header line with as many fields as the row contains the names of the columns. A line
 !> between these two that begins like a number, or has as many fields, is not part of the header but
 !> a row with a mistake.
 module beamid_headers
+   use beamid_column_units, only: are_units, column_unit_t, no_unit, &
+      unit_of_column, without_brackets
    use beamid_errors, only: error_t, bad_input
    use beamid_kinds, only: ip
    use beamid_numbers, only: is_decimal, shown, trim_blanks, with_point
-   use beamid_rows, only: reader_t, separators
+   use beamid_rows, only: column_length, reader_t, separators
    use beamid_strings, only: to_text
+   use beamid_time_stamps, only: is_stamp
    implicit none
    private
 
@@ -23,6 +28,7 @@ module beamid_headers
       integer :: filled = 0          !< number of its fields up to the last that is not blank
       integer :: lines = 0           !< number of lines above it that are neither blank nor comments
       integer(ip) :: names = 0       !< number of the line of names; 0: there is none
+      integer(ip) :: names_above = 0 !< number of such a line directly above it; 0: there is none
    end type header_t
 
 contains
@@ -43,6 +49,8 @@ contains
          if (header%names > 0) then
             call reader%go_to(header%names, header%separator)
             call read_header(reader, n_columns, error)
+            if (header%names_above > 0 .and. .not. allocated(error)) &
+               call join_units(reader, n_columns, header, error)
          end if
          call reader%go_to(header%row, header%separator)
          reader%skipped = header%lines - merge(1, 0, header%names > 0)
@@ -111,7 +119,7 @@ contains
    end function is_row
 
    !> Returns whether the first fields of the current line that are not blank are numbers: at least
-   !> `n_columns`, and two if there are two.
+   !> `n_columns`, and two if there are two. The first of them may be a time stamp instead.
    !>
    !> comma  whether the decimal sign is a comma
    logical function begins_with_numbers(reader, n_columns, comma) result(yes)
@@ -122,13 +130,14 @@ contains
       integer :: found
 
       found = 0
-      yes = .not. (comma .and. reader%separator == ',')
+      yes = .not. comma .or. reader%separator /= ',' .or. reader%is_quoted
       do while (yes .and. found < max(2, n_columns))
          if (.not. reader%next_field()) exit
          field = trim_blanks(reader%text(reader%left:reader%right))
          if (field == '') cycle
          yes = is_decimal(field)
          if (comma) yes = is_decimal(with_point(field))
+         if (found == 0 .and. .not. yes) yes = is_stamp(field)
          found = found + 1
       end do
       yes = yes .and. found >= n_columns
@@ -153,10 +162,11 @@ contains
       integer, intent(in) :: n_columns
       type(header_t), intent(inout) :: header
       integer(ip) :: row, mistaken_row
-      integer :: lines_above, lines
+      integer :: lines_above, lines, line_of_names
       logical :: may_be_names, is_wide
 
       row = header%row
+      line_of_names = -1
       mistaken_row = 0
       lines_above = 0
       lines = 0
@@ -172,7 +182,9 @@ contains
             header%separator == ',' .and. header%fields == 2*reader%count_fields()
          if (may_be_names .and. is_header(reader, n_columns) .and. &
             reader%count_fields() >= n_columns) then
+            header%names_above = merge(header%names, 0_ip, lines == line_of_names + 1)
             header%names = reader%line
+            line_of_names = lines
             mistaken_row = 0
          else if (mistaken_row == 0 .and. (begins_like_number(reader) .and. &
             (header%names > 0 .or. is_wide) .or. header%names > 0 .and. is_wide)) then
@@ -242,12 +254,37 @@ contains
       call reader%restart_row()
    end function is_header
 
+   !> If the line that was taken for names contains units only, reads the line of names above it,
+   !> and appends the units to the names.
+   !>
+   !> header  its number of lines is one less on return if the units are appended
+   subroutine join_units(reader, n_columns, header, error)
+      type(reader_t), intent(inout) :: reader
+      integer, intent(in) :: n_columns
+      type(header_t), intent(inout) :: header
+      type(error_t), allocatable, intent(out) :: error
+      character(len=column_length), allocatable :: units(:)
+      type(column_unit_t) :: unit
+      integer :: k
+
+      if (.not. are_units(reader%header)) return
+      units = reader%header
+      call reader%go_to(header%names_above, header%separator)
+      call read_header(reader, n_columns, error)
+      if (allocated(error)) return
+      header%lines = header%lines - 1
+      do k = 1, min(size(units), size(reader%header))
+         unit = unit_of_column(reader%header(k))
+         if (units(k) /= '' .and. unit%kind == no_unit) reader%header(k) = &
+            trim(reader%header(k))//' ['//without_brackets(units(k))//']'
+      end do
+   end subroutine join_units
+
    !> Reads the names of all columns, without surrounding blanks and quotation marks.
    subroutine read_header(reader, n_columns, error)
       type(reader_t), intent(inout) :: reader
       integer, intent(in) :: n_columns
       type(error_t), allocatable, intent(out) :: error
-      character(len=:), allocatable :: name
       integer :: k, n
 
       n = reader%count_fields()
@@ -260,9 +297,7 @@ contains
       allocate (reader%header(n))
       do k = 1, n
          if (.not. reader%next_field()) exit
-         name = trim_blanks(reader%text(reader%left:reader%right))
-         if (len(name) >= 2 .and. index(name, '"') == 1) name = name(2:len(name) - 1)
-         reader%header(k) = name
+         reader%header(k) = trim_blanks(reader%text(reader%left:reader%right))
       end do
    end subroutine read_header
 

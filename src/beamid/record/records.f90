@@ -5,15 +5,16 @@ module beamid_records
    use beamid_clipping, only: find_limit
    use beamid_errors, only: error_t, bad_input
    use beamid_kinds, only: wp
+   use beamid_numbers, only: shown
    use beamid_rows, only: column_length
-   use beamid_series, only: part_t, read_series, series_of, series_t
+   use beamid_series, only: columns_t, part_t, read_series, series_of, series_t
    use beamid_strings, only: to_text
    use beamid_thinning, only: gap_limit, margin_of, thin_out, thinned_t
    use beamid_windows, only: choose_rows, grid, window_t
    implicit none
    private
 
-   public :: window_t, recording_t, read_record, load_recording, grid
+   public :: window_t, recording_t, columns_t, read_record, load_recording, grid
    public :: add_note, append_recording, note_length, column_length
 
    !> Length of a note about a record.
@@ -76,12 +77,14 @@ contains
    !> notes     sentences about the processing and about anything unusual in the record
    !> error     `file:line: ...` of a mistake in the file, or `place` and `file: ...`
    !> place     text before messages about the window: where the window was requested; default ''
-   subroutine load_recording(recording, samples, measured, notes, error, place)
+   !> columns   the columns of the file that were read; of a record in memory without names
+   subroutine load_recording(recording, samples, measured, notes, error, place, columns)
       type(recording_t), intent(in) :: recording
       real(wp), allocatable, intent(out) :: samples(:), measured(:)
       character(len=note_length), allocatable, intent(out) :: notes(:)
       type(error_t), allocatable, intent(out) :: error
       character(len=*), intent(in), optional :: place
+      type(columns_t), intent(out), optional :: columns
       type(series_t) :: series
       type(part_t) :: part
       logical, allocatable :: clipped(:)
@@ -99,6 +102,8 @@ contains
          if (allocated(error)) return
          if (series%skipped > 0) call add_note(notes, to_text(series%skipped)//' line'// &
             trim(merge('s', ' ', series%skipped > 1))//' of a header skipped')
+         call note_columns(recording, series%columns, notes)
+         if (present(columns)) columns = series%columns
          call choose_rows(window, series, rows, error)
          if (.not. allocated(error)) call refuse_constant(series%z(rows), error)
          if (.not. allocated(error)) call find_clipped(recording, series%z, rows, clipped, &
@@ -147,8 +152,21 @@ contains
          return
       end if
       call read_series(recording%path, [recording%time_column, recording%value_column], part, &
-         series, error, recording%rate)
+         series, error, recording%rate, stamps=.true.)
    end subroutine read_part
+
+   !> Adds notes on time stamps, and on the value column if it was chosen by default from several.
+   subroutine note_columns(recording, columns, notes)
+      type(recording_t), intent(in) :: recording
+      type(columns_t), intent(in) :: columns
+      character(len=note_length), allocatable, intent(inout) :: notes(:)
+
+      if (allocated(columns%clock)) call add_note(notes, 'time stamps: t is in seconds from '// &
+         columns%clock)
+      if (columns%count > 2 .and. recording%value_column == '') call add_note(notes, &
+         'column '//to_text(columns%places(2))//' ('//shown(trim(columns%names(2)))//') of '// &
+         to_text(columns%count)//' is the record: value_column names another')
+   end subroutine note_columns
 
    !> Refuses a constant signal, z (m).
    subroutine refuse_constant(z, error)

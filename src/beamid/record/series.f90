@@ -2,22 +2,32 @@
 !> requested part is kept.
 module beamid_series
    use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
+   use beamid_column_units, only: bare_name
    use beamid_csv, only: extent_t, open_table, part_t, read_rows
    use beamid_errors, only: error_t, bad_input
    use beamid_kinds, only: ip, wp
    use beamid_numbers, only: shown
-   use beamid_rows, only: reader_t
+   use beamid_rows, only: column_length, reader_t
    use beamid_strings, only: lower, to_text
    implicit none
    private
 
-   public :: series_t, part_t, read_series, series_of
+   public :: columns_t, series_t, part_t, read_series, series_of
+
+   !> The two columns of a file that a series was read from.
+   type :: columns_t
+      integer :: count = 0                     !< number of named columns of the file; 0: no names
+      integer :: places(2) = 0                 !< numbers of the time and value column; 0: a rate
+      character(len=column_length) :: names(2) = ''   !< their names; '': none
+      character(len=:), allocatable :: clock   !< first time stamp; not allocated: times are numbers
+   end type columns_t
 
    !> The rows kept of a time series, and the extent of the whole series.
    type, extends(extent_t) :: series_t
       real(wp), allocatable :: t(:)       !< (rows) strictly increasing [time]
       real(wp), allocatable :: z(:)       !< (rows) values, as in the file
-      integer :: skipped = 0              !< lines of the header, without the line of names
+      integer :: skipped = 0              !< lines of the header, without those of names and units
+      type(columns_t) :: columns          !< where it was read from
    end type series_t
 
 contains
@@ -25,31 +35,42 @@ contains
    !> Reads a time series. Every row of the file is checked, whether it is kept or not.
    !>
    !> path    of the file
-   !> names   time column and value column: a name in the header in upper or lower case, a number
-   !>         from '1', or '' for the first and the second column
+   !> names   time column and value column: a name in the header in upper or lower case, with or
+   !>         without its unit, a number from '1', or '' for the first and the second column
    !> part    rows to keep
    !> series  on return the rows kept and the extent of the file
    !> error   `path:line: ...` of the first mistake
    !> rate    > 0: rows per unit of time, the first at 0. The file then has no time column; if it
    !>         has more than one column, the value column must be named
-   subroutine read_series(path, names, part, series, error, rate)
+   !> stamps  whether the times may be time stamps, which become seconds since the first; default
+   !>         .false.
+   subroutine read_series(path, names, part, series, error, rate, stamps)
       character(len=*), intent(in) :: path, names(2)
       type(part_t), intent(in) :: part
       type(series_t), intent(out) :: series
       type(error_t), allocatable, intent(out) :: error
       real(wp), intent(in), optional :: rate
+      logical, intent(in), optional :: stamps
       type(reader_t) :: reader
       real(wp), allocatable :: values(:, :)
-      integer :: columns(2)
+      integer :: columns(2), k
 
       call open_table(path, merge(1, 2, present(rate)), reader, error)
       reader%ordered = .true.
       if (present(rate)) reader%rate = rate
+      if (present(stamps)) reader%allows_stamps = stamps .and. .not. present(rate)
       if (.not. allocated(error)) call find_columns(reader, names, columns, error)
       if (.not. allocated(error)) call read_rows(reader, columns, part, values, &
          series%extent_t, error)
       if (allocated(error)) return
       series%skipped = reader%skipped
+      series%columns%count = size(reader%header)
+      series%columns%places = columns
+      do k = 1, 2
+         if (columns(k) > 0 .and. columns(k) <= size(reader%header)) &
+            series%columns%names(k) = reader%header(columns(k))
+      end do
+      if (reader%clock%is_running) series%columns%clock = reader%clock%beginning
       call keep_part(values(1, :), values(2, :), part, series)
    end subroutine read_series
 
@@ -137,9 +158,10 @@ contains
          ', expected two columns')
    end subroutine find_columns
 
-   !> Finds the number of a column. A name in the header takes precedence over a number.
+   !> Finds the number of a column. A name in the header takes precedence over a name without its
+   !> unit, and both over a number.
    !>
-   !> name    of the column, or its number
+   !> name    of the column, with or without its unit, or its number
    !> key     of the case file, for messages
    !> column  its number
    !> error   no such column, or several of this name
@@ -148,16 +170,22 @@ contains
       character(len=*), intent(in) :: name, key
       integer, intent(out) :: column
       type(error_t), allocatable, intent(out) :: error
-      integer :: k, found, status
+      integer :: k, found, pass, status
+      logical :: is_wanted
       character(len=len(name)) :: wanted
 
       found = 0
       column = 0
       wanted = lower(adjustl(name))
-      do k = 1, size(reader%header)
-         if (lower(adjustl(reader%header(k))) /= wanted) cycle
-         found = found + 1
-         column = k
+      do pass = 1, 2
+         do k = 1, size(reader%header)
+            if (pass == 1) is_wanted = lower(adjustl(reader%header(k))) == wanted
+            if (pass == 2) is_wanted = lower(bare_name(adjustl(reader%header(k)))) == wanted
+            if (.not. is_wanted) cycle
+            found = found + 1
+            column = k
+         end do
+         if (found > 0) exit
       end do
       if (found == 0 .and. verify(trim(name), '0123456789') == 0) then
          read (name, *, iostat=status) column

@@ -7,6 +7,7 @@ module beamid_cases
       needs_modes, needs_nothing, needs_response, place_experiment, settle_box, &
       settle_variations
    use beamid_case_files, only: case_t, groups, new_case, read_group
+   use beamid_column_checks, only: check_columns
    use beamid_errors, only: error_t, locate
    use beamid_experiment_checks, only: check_channels, check_free_places
    use beamid_experiments, only: experiment_t, is_first
@@ -14,7 +15,7 @@ module beamid_cases
    use beamid_input_checks, only: leave_out_lead_in
    use beamid_kinds, only: wp
    use beamid_namelist, only: scan_namelist
-   use beamid_records, only: grid, load_recording, note_length, recording_t
+   use beamid_records, only: columns_t, grid, load_recording, note_length, recording_t
    use beamid_refusals, only: refusals_t, refuse
    use beamid_strings, only: to_text
    use beamid_unknowns, only: stage_t
@@ -195,7 +196,7 @@ contains
       allocate (experiments(size(case%recordings)), notes(0))
       do k = 1, size(experiments)
          associate (experiment => experiments(k), recording => case%recordings(k))
-            call load_samples(case, recording, 'record', recording%line, experiment%samples, &
+            call load_samples(case, recording, k, 'record', experiment%samples, &
                experiment%measured, sentences, error)
             if (allocated(error)) return
             experiment%offset = recording%offset
@@ -245,7 +246,7 @@ contains
       do k = 1, size(experiments)
          associate (experiment => experiments(k), recording => case%recordings(k))
             if (allocated(recording%path)) then
-               call load_samples(case, recording, 'record', recording%line, experiment%samples, &
+               call load_samples(case, recording, k, 'record', experiment%samples, &
                   experiment%measured, notes, error)
             else
                call grid_times(case, recording, experiment%samples, error)
@@ -317,31 +318,35 @@ contains
       end if
       recording = case%recordings(1)
       recording%window = case%score
-      call load_samples(case, recording, 'score', case%score_line, samples, measured, notes, error)
+      recording%line = case%score_line
+      call load_samples(case, recording, 1, 'score', samples, measured, notes, error)
    end subroutine scored_samples
 
    !> Loads the samples of a record in its window.
    !>
+   !> k         number of the record
    !> group     name of the group that the window comes from, for messages
-   !> line      line of that group in the case file
    !> samples   (m) sample times, ascending [time]
    !> measured  (m) acceleration [length/time**2]
    !> notes     one sentence for each change made to the record
-   !> error     a record that cannot be read, or an unresolved time step (`check_delta`)
-   subroutine load_samples(case, recording, group, line, samples, measured, notes, error)
+   !> error     a record that cannot be read, columns in other units than those of the case, or an
+   !>           unresolved time step (`check_delta`)
+   subroutine load_samples(case, recording, k, group, samples, measured, notes, error)
       type(case_t), intent(in) :: case
       type(recording_t), intent(in) :: recording
+      integer, intent(in) :: k
       character(len=*), intent(in) :: group
-      integer, intent(in) :: line
       real(wp), allocatable, intent(out) :: samples(:), measured(:)
       character(len=note_length), allocatable, intent(out) :: notes(:)
       type(error_t), allocatable, intent(out) :: error
       type(recording_t) :: labelled
+      type(columns_t) :: columns
 
       labelled = recording
       labelled%time_unit = case%units%time
       call load_recording(labelled, samples, measured, notes, error, &
-         place=case%path//':'//to_text(line)//': &'//group//': ')
+         place=case%path//':'//to_text(recording%line)//': &'//group//': ', columns=columns)
+      if (.not. allocated(error)) call check_columns(case, k, columns, samples, notes, error)
       if (.not. allocated(error)) call check_delta(case, samples, error)
    end subroutine load_samples
 
