@@ -122,6 +122,25 @@ def careless(random, _):
     return [trial]
 
 
+def folds(random, _):
+    """A plain strip with two visible modes, whose frequencies belong to two values of m_S."""
+    factors = np.array([1, 0.25, 0.5, 0.75, 1.33, 2, 3, 4, 6])
+    sides = np.zeros(9)
+    while not (np.ptp(sides[1:4]) or np.ptp(sides[4:])):    # a frequency ratio has an extremum
+        strip = laboratory(random)
+        first, second = np.transpose([Motion(Strip(
+            **vars(strip) | dict(m_S=factor * strip.m_S)), 24).omega[:2] for factor in factors])
+        sides = np.sign(second / first - second[0] / first[0])
+    motion, modes = Motion(strip), 2
+    t = sampled(random, motion, modes)
+    a = motion.free(t, motion.deflected(0.02, np.ones(modes)))
+    wrong = guesses(random, strip, 0.3, 0, 2)
+    wrong["m_S"] *= random.choice([3, 1 / 3])
+    trial = decay_case(strip, modes, wrong, {"record": (t, twelve_bits(random, a, 0.3))})
+    trial.sort = "more" if wrong["m_S"] > strip.m_S else "less"
+    return [trial]
+
+
 def joint(random, _):
     """Four lengths of a strip in one elastic clamp."""
     strip = laboratory(random)
@@ -295,5 +314,5 @@ def generator(random, k):
         ("record", dict(t_first=t[0], t_last=t[-1], t_step=0.001))], tables, {}, "simulate")]
 
 
-KINDS = {f.__name__: f for f in (hard, careless, joint, errors, damage, coverage, meshes, perfect,
-                                 generator)}
+KINDS = {f.__name__: f for f in (hard, careless, folds, joint, errors, damage, coverage, meshes,
+                                 perfect, generator)}

@@ -5,6 +5,7 @@ compares the total intervals with the true values. Prints a row for each trial a
   hard       strips of a laboratory: weak mode 2, multiples of mode 1, mains hum, gaps, 12 bits
   careless   plain strips; E in the case is wrong by up to 30 %, m_S by a factor of 3; one to three
              modes are visible, and the window begins up to 6 s late
+  folds      the same with two visible modes, whose frequencies belong to two values of m_S
   joint      four strips of uncertain lengths in an elastic clamp, fitted together, with the default
              start and with start='case'
   errors     four errors of the model: damping that grows by 10 % at full amplitude, a frequency
