@@ -79,7 +79,7 @@ contains
       type(verdict_t), intent(in) :: verdict
       type(stage_fit_t), intent(in) :: fit
       character(len=:), allocatable, intent(out) :: reason
-      real(wp), parameter :: improbable = 0.01_wp, near = 1e-3_wp
+      real(wp), parameter :: near = 1e-3_wp
       integer :: k
 
       reason = ''
@@ -87,12 +87,11 @@ contains
          reason = 'the residuals are '//to_text(anint(10*verdict%misfit)/10)//' times the noise'
       else if (verdict%departures /= '') then
          reason = 'the residuals exceed the noise around '//verdict%departures
-      else if (fit%check%probability < improbable) then
+      else
          k = findloc(fit%free, of_w_D, dim=1)
          if (k == 0) return
          associate (w => fit%quantities(k))
-            if (w%searched < (1 + near)*w%lower) reason = &
-               'its width is the least that the mesh allows, and the residuals are not white'
+            if (w%searched < (1 + near)*w%lower) reason = 'its width is the least that the mesh allows'
          end associate
       end if
    end subroutine object_to_dip

@@ -235,6 +235,8 @@ contains
       call identify(model, mesh, [stage], experiments, fits, error, check=.false.)
       if (allocated(error)) return
       if (size(fits(1)%free) /= n + 1) return
+      ! A search that ends with a larger J has not found the minimum with one more parameter.
+      if (.not. sum(fits(1)%residual**2) < sum(fit%residual**2)) return
       ratio = 0
       first = 1
       do r = 1, size(experiments)
