@@ -59,7 +59,7 @@ contains
          do i = 1, size(names)
             e = experiment_on(everything)
             e%mesh = coarse
-            if (root == 2) e%structure%kappa_R = 0
+            if (root == 2) e%structure%end(1)%kappa_R = 0
             associate (s => e%structure)
                if (any(i == [1, 4, 6, 9])) s%J_T = 0
                if (any(i == [2, 4, 9])) s%sensor(1)%m_S = 0

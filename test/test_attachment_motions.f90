@@ -43,7 +43,7 @@ contains
             select case (i)
             case (2); structure%gamma = 0.3_wp
             case (3); structure%J_T = 0.05_wp
-            case (4); structure%kappa_R = 0.5_wp
+            case (4); structure%end(1)%kappa_R = 0.5_wp
             case (5); structure%sensor(1)%m_S = 0.2_wp
             case (7); structure%gamma = 100
             case (8); structure%m_H = 0.1_wp
@@ -149,7 +149,7 @@ contains
       do root = 1, 2
          e = experiment_on(everything)
          e%mesh = coarse
-         if (root == 2) e%structure%kappa_R = 0
+         if (root == 2) e%structure%end(1)%kappa_R = 0
          call prepare(e)
          walker = solver
          worst = 0

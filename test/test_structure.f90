@@ -294,8 +294,8 @@ contains
          case ('rho'); direct = s%rho
          case ('gamma'); direct = s%gamma
          case ('J_T'); direct = s%J_T
-         case ('k_R'); direct = s%kappa_R
-         case ('c_R'); direct = s%c_R
+         case ('k_R'); direct = s%end(1)%kappa_R
+         case ('c_R'); direct = s%end(1)%c_R
          case ('m_S'); direct = s%sensor(1)%m_S
          case ('J_S'); direct = s%sensor(1)%J_S
          case ('x_F'); direct = s%x_F

@@ -91,10 +91,13 @@ contains
       if (allocated(error)) then
          associate (row => parameters(place))
             k = place_of(blocks, row%group, max(1, row%item))
+            if (row%group == 'end') k = findloc([(blocks(j)%name == row%group .and. &
+               blocks(j)%has(key_of(place)), j=1, size(blocks))], .true., dim=1)
+            if (row%group == 'end' .and. k == 0) k = place_of(blocks, 'beam', 1)
             if (row%group == 'along') k = findloc([(blocks(j)%name == row%group .and. &
                blocks(j)%has(key_of(place)), j=1, size(blocks))], .true., dim=1)
             if (k > 0) call blocks(k)%refusals%add(blocks(k)%line_of(key_of(place)), '&'// &
-               trim(row%group)//' '//error%message)
+               trim(blocks(k)%name)//' '//error%message)
          end associate
          return
       end if
@@ -109,6 +112,7 @@ contains
       call check_dip(blocks, case)
       call check_forces(blocks, case)
       call check_rigid(blocks, case)
+      call check_held(blocks, case)
       if (case%model%observation%relative .and. size(case%excitations) > 0 .and. &
          .not. any(case%excitations%is_base)) then
          k = place_of(blocks, 'observation', 1)
@@ -181,10 +185,53 @@ contains
          unknowns = unknowns_of(mesh, structure) + rigid - merge(1, 0, structure%has_hose())
          if (rigid < unknowns) return
          k = place_of(blocks, 'support', structure%supports)
-         if (k > 0) call blocks(k)%refuse('', to_text(rigid)//' rigid ones', 'at most '// &
-            to_text(unknowns - 1)//' on a mesh of '//to_text(mesh%elements)//' elements')
+         if (unknowns < 1) then
+            k = place_of(blocks, 'beam', 1)
+            call blocks(k)%refuse('', 'conditions at the ends that leave no unknown on a mesh of '// &
+               to_text(mesh%elements)//' elements', 'more elements')
+         else if (k > 0) then
+            call blocks(k)%refuse('', to_text(rigid)//' rigid ones', 'at most '// &
+               to_text(unknowns - 1)//' on a mesh of '//to_text(mesh%elements)//' elements')
+         end if
       end associate
    end subroutine check_rigid
+
+   !> Refuses loads for which the ends must hold the beam, and a release whose static shape is not
+   !> computed.
+   subroutine check_held(blocks, case)
+      type(block_t), intent(inout) :: blocks(:)
+      type(case_t), intent(in) :: case
+      character(len=*), parameter :: free = 'a beam that can move as a rigid body', &
+         held = 'ends or supports that hold it'
+      integer :: j, k
+
+      associate (s => case%model%structure)
+         do k = 1, size(case%excitations)
+            associate (e => case%excitations(k))
+               j = place_of(blocks, 'excitation', k)
+               if (s%rigid_body_modes() > 0 .and. (e%is_release .or. e%is_base)) &
+                  call blocks(j)%refuse('kind', free, held)
+               if (e%by_displacement .and. abs(s%g) + abs(s%T) > 0 .and. .not. s%is_cantilever()) &
+                  call blocks(j)%refuse('displacement', 'it of a beam under weight or an axial '// &
+                  'force that is not a cantilever', 'force')
+            end associate
+         end do
+         if (s%rigid_body_modes() == 0) return
+         if (s%g > 0) call refuse_group('gravity')
+         if (abs(s%T) > 0) call refuse_group('axial')
+      end associate
+
+   contains
+
+      !> Refuses a group that loads a beam which nothing holds.
+      subroutine refuse_group(name)
+         character(len=*), intent(in) :: name
+
+         j = place_of(blocks, name, 1)
+         if (j > 0) call blocks(j)%refuse('', free, held)
+      end subroutine refuse_group
+
+   end subroutine check_held
 
    !> Refuses a case that lacks something that the command needs.
    !>
