@@ -178,6 +178,14 @@ contains
          unit = si_unit(k)
          return
       end do
+      ! &beam has short forms of keys of &end.
+      if (group == 'beam') then
+         do k = 1, size(parameters)
+            if (parameters(k)%group /= 'end' .or. key_of(k) /= name) cycle
+            unit = si_unit(k)
+            return
+         end do
+      end if
       unit = '?'
       do k = 1, size(key_units)
          if (key_units(k)%key /= name) cycle
