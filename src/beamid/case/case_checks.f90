@@ -16,7 +16,7 @@ module beamid_case_checks
    use beamid_responses, only: is_exact
    use beamid_stage_groups, only: narrowest_dip
    use beamid_strings, only: lower, to_text
-   use beamid_structure, only: is_coefficient, of_g, of_T, of_w_D, of_x_F, structure_t
+   use beamid_structure, only: is_coefficient, of_g, of_T, of_w_D, of_x_F, structure_t, tip
    use beamid_structure_checks, only: add_unit_hint, check_structure
    implicit none
    private
@@ -91,8 +91,7 @@ contains
       if (allocated(error)) then
          associate (row => parameters(place))
             k = place_of(blocks, row%group, max(1, row%item))
-            if (row%group == 'end') k = findloc([(blocks(j)%name == row%group .and. &
-               blocks(j)%has(key_of(place)), j=1, size(blocks))], .true., dim=1)
+            if (row%group == 'end') k = place_of_end(blocks, row%item)
             if (row%group == 'end' .and. k == 0) k = place_of(blocks, 'beam', 1)
             if (row%group == 'along') k = findloc([(blocks(j)%name == row%group .and. &
                blocks(j)%has(key_of(place)), j=1, size(blocks))], .true., dim=1)
@@ -187,14 +186,29 @@ contains
          k = place_of(blocks, 'support', structure%supports)
          if (unknowns < 1) then
             k = place_of(blocks, 'beam', 1)
-            call blocks(k)%refuse('', 'conditions at the ends that leave no unknown on a mesh of '// &
-               to_text(mesh%elements)//' elements', 'more elements')
+            call blocks(k)%refuse('', 'conditions at the ends that leave no unknown on a mesh '// &
+               'of '//to_text(mesh%elements)//' elements', 'more elements')
          else if (k > 0) then
             call blocks(k)%refuse('', to_text(rigid)//' rigid ones', 'at most '// &
                to_text(unknowns - 1)//' on a mesh of '//to_text(mesh%elements)//' elements')
          end if
       end associate
    end subroutine check_rigid
+
+   !> Returns the number of the group &end that describes an end; 0: none.
+   integer function place_of_end(blocks, end) result(place)
+      type(block_t), intent(inout) :: blocks(:)
+      integer, intent(in) :: end
+      character(len=:), allocatable :: at
+
+      do place = size(blocks), 1, -1
+         if (blocks(place)%name /= 'end') cycle
+         if (allocated(at)) deallocate (at)
+         call blocks(place)%get('at', at, 'end of the beam')
+         if (.not. allocated(at)) cycle
+         if ((at == 'tip') .eqv. (end == tip)) return
+      end do
+   end function place_of_end
 
    !> Refuses loads for which the ends must hold the beam, and a release whose static shape is not
    !> computed.

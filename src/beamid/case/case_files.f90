@@ -38,7 +38,7 @@ module beamid_case_files
       group_t('beam', required=.true., purpose= &
       'Describes the beam: its length, cross section, material, damping and root.'), &
       group_t('end', may_repeat=.true., purpose= &
-      'Describes what holds an end of the beam. Without it the root is clamped and the tip free.'), &
+      'Describes what holds an end of the beam. Without it the root is clamped, the tip free.'), &
       group_t('tip', purpose='Describes a mass at the tip, the other end of the beam.'), &
       group_t('hose', purpose= &
       'Describes a hose at the tip: a mass that a spring and a damper connect to the beam.'), &

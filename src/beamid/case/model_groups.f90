@@ -100,9 +100,9 @@ contains
 
       call block%get('at', at, 'end of the beam', [character(len=4) :: 'root', 'tip'], &
          required=.true.)
-      call block%get('kind', kind, 'what the end cannot do: ''clamped'': neither move nor rotate; '// &
-         '''pinned'': not move; ''guided'': not rotate; ''free'': nothing. Springs and dampers of '// &
-         'this group replace or add to it', [character(len=7) :: 'clamped', 'pinned', 'guided', &
+      call block%get('kind', kind, 'motion that the end cannot make: ''clamped'': deflection '// &
+         'and rotation; ''pinned'': deflection; ''guided'': rotation; ''free'': none. Springs of '// &
+         'this group replace it', [character(len=7) :: 'clamped', 'pinned', 'guided', &
          'free'], default='''clamped'' at the root, ''free'' at the tip')
       ! The springs are listed in any case, for the help.
       item = root
@@ -195,9 +195,10 @@ contains
 
    !> Reads the value of parameter k of the table `parameters`.
    !>
-   !> value  as named in the case file; not allocated: not given
-   !> along  properties that vary along the beam, whose values there make the key optional
-   !> default, help  texts for the help; default: those of the table
+   !> value    as named in the case file; not allocated: not given
+   !> along    properties that vary along the beam, whose values there make the key optional
+   !> default  text for the help; absent: that of the table
+   !> help     text to follow that of the table
    subroutine read_parameter(block, k, value, along, default, help)
       type(block_t), intent(inout) :: block
       integer, intent(in) :: k
@@ -217,7 +218,8 @@ contains
       if (present(default)) default_text = default
       help_text = trim(parameters(k)%help)
       if (present(help)) help_text = help_text//', '//help
-      call block%get(key_of(k), value, default_text, help_text, range, required=required, infinite=parameters(k)%is_reciprocal)
+      call block%get(key_of(k), value, default_text, help_text, range, required=required, &
+         infinite=parameters(k)%is_reciprocal)
       if (present(along) .and. parameters(k)%group == 'beam') call take_reference(along, &
          key_of(k), value)
    end subroutine read_parameter

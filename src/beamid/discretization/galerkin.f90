@@ -81,7 +81,7 @@ contains
    !> Returns the integrals for a beam.
    !>
    !> length      length of the beam [length]
-   !> essential   (condition, end) conditions as in `spline_space_t`; default: clamped root, free tip
+   !> essential   (condition, end) conditions as in `spline_space_t`; absent: root clamped, tip free
    !> variations  variation along the beam; default: none
    pure function new_galerkin(mesh, length, essential, variations) result(self)
       type(mesh_t), intent(in) :: mesh

@@ -65,7 +65,8 @@ contains
    !> degree        degree of the splines, odd, >= 3
    !> elements      number of mesh intervals N, >= 1
    !> length        length l of the beam, > 0 [length]
-   !> essential     (condition, end) conditions as in `spline_space_t`; default: clamped root, free tip
+   !> essential     (condition, end) conditions as in `spline_space_t`; absent: root clamped, tip
+   !>               free
    !> breaks        positions x/l, ascending, of knots in addition to those of the mesh; a break
    !>               replaces a mesh knot that is close to it
    !> multiplicity  multiplicity of each break, 1 .. degree - 1

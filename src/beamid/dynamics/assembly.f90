@@ -24,8 +24,9 @@ module beamid_assembly
    use beamid_matrices, only: add_diagonal, outer
    use beamid_modes, only: beam_modes_t
    use beamid_structure, only: is_coefficient, of_g, of_length, structure_t
-   use beamid_terms, only: bending, end_condition, force_value, hose, inertia, is_axial_force, is_grounded, &
-      is_spring, load_shape, of_compliance, of_damping, of_load, of_mass, of_stiffness, operators, &
+   use beamid_terms, only: bending, end_condition, force_value, hose, inertia, is_axial_force, &
+      is_grounded, is_spring, load_shape, of_compliance, of_damping, of_load, of_mass, &
+      of_stiffness, operators, &
       place_on_mesh, is_end_condition, sensor_slope, sensor_value, strengths_and_slopes, stretch, &
       tip_slope, tip_value, weight
    implicit none

@@ -273,8 +273,8 @@ contains
       call find_static_shape(stiffness, springs, rows, values, shape)
    end subroutine bend_at_supports
 
-   !> Returns the operators of the rigid springs (compliance 0), without those conditions at the ends
-   !> which the spline space itself satisfies.
+   !> Returns the operators of the rigid springs (compliance 0), without those conditions at the
+   !> ends which the spline space itself satisfies.
    pure function rigid_operators(self) result(rigid)
       type(equations_t), intent(in) :: self
       integer, allocatable :: rigid(:)

@@ -24,8 +24,8 @@ module beamid_modes
 
    !> The modes phi of the bare beam, held by the conditions that its spline space satisfies, of the
    !> eigenvalue problem B phi = mu G phi with the integrals B (bending) and G (inertia) of the mesh
-   !> alone. E I mu/rho are the squares of the natural angular frequencies. If the beam can move as a
-   !> rigid body, the first modes are these motions, with mu = 0.
+   !> alone. E I mu/rho are the squares of the natural angular frequencies. If the beam can move as
+   !> a rigid body, the first modes are these motions, with mu = 0.
    type :: beam_modes_t
       real(wp), allocatable :: mu(:)           !< (n) eigenvalues, ascending [1/length**4]
       real(wp), allocatable :: shapes(:, :)    !< (n, n) columns phi with phi' G phi = 1

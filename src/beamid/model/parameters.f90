@@ -11,13 +11,13 @@ module beamid_parameters
    use beamid_structure, only: item_name_length, most_sensors, most_supports, n_parameters, &
       of_c_D, function_of, is_coefficient, of_c_H, c_P_at, c_R_at, c_w_at, of_E, of_g, of_gamma, &
       of_I, J_S_at, of_J_T, of_k_H, kappa_P_at, kappa_R_at, kappa_w_at, of_length, of_m_H, m_S_at, &
-      of_m_T, no_spring, of_rho, of_T, of_x_F, x_P_at, x_S_at, c_D_at, E_at, most_coefficients, of_d_D, &
-      of_w_D, of_x_D, structure_t, tip, values_of
+      of_m_T, no_spring, of_rho, of_T, of_x_F, x_P_at, x_S_at, c_D_at, E_at, most_coefficients, &
+      of_d_D, of_w_D, of_x_D, root, structure_t, tip, values_of
    implicit none
    private
 
-   public :: parameter_t, parameters, key_of, as_named, free_names, free_index, name_of_parameter, &
-      place_of_name, is_there, get_free, set_free, free_magnitude, magnitude, may_be_negative, &
+   public :: parameter_t, parameters, key_of, group_of, as_named, free_names, free_index, &
+      name_of_parameter, place_of_name, is_there, get_free, set_free, free_magnitude, magnitude, may_be_negative, &
       belongs_to_hose
    public :: amplitude, offset, positive, not_negative, on_beam, any_value, share
 
@@ -115,7 +115,7 @@ module beamid_parameters
          is_reciprocal=.true., help='stiffness of the spring that holds the deflection of the '// &
          'end', item=nth(i)), &
       parameter_t(c_w_at(i), 'c_w', 'end', [1, 0, -1], not_negative, '0', &
-         monomial_t(0.2_wp, [the_stiffness, the_omega, 0], [1, -1, 1]), &
+         monomial_t(0.2_wp, [the_stiffness, the_omega, 0], [1, -1, 1]), needs=kappa_w_at(i), &
          help='damping coefficient of the deflection of the end', item=nth(i)), &
       parameter_t(kappa_R_at(i), 'k_R', 'end', [1, 2, -2], not_negative, 'of the kind', &
          monomial_t(0.1_wp, [of_length, of_E, of_I], [1, -1, -1]), needs=kappa_R_at(i), &
@@ -123,7 +123,8 @@ module beamid_parameters
          item=nth(i)), &
       parameter_t(c_R_at(i), 'c_R', 'end', [1, 2, -1], not_negative, '0', &
          monomial_t(6e-2_wp, [the_stiffness, of_length, the_omega], [1, 2, -1]), &
-         help='damping coefficient of the rotation of the end', item=nth(i)), i=1, 2), &
+         needs=kappa_R_at(i), help='damping coefficient of the rotation of the end', &
+         item=nth(i)), i=1, 2), &
       (parameter_t(m_S_at(i), 'm_S', 'sensor', [1, 0, 0], not_negative, '0', tenth_of_mass, &
          help='mass of the sensor', item=nth(i)), &
       parameter_t(J_S_at(i), 'J_S', 'sensor', [1, 2, 0], not_negative, '0', &
@@ -170,6 +171,18 @@ contains
       key = trim(parameters(k)%name)
       if (parameters(k)%key /= '') key = trim(parameters(k)%key)
    end function key_of
+
+   !> Returns the group of the case file that gives parameter k: &beam for the rotation of a root
+   !> that the case does not describe by &end.
+   pure function group_of(structure, k) result(group)
+      type(structure_t), intent(in) :: structure
+      integer, intent(in) :: k
+      character(len=:), allocatable :: group
+
+      group = trim(parameters(k)%group)
+      if (any(k == [kappa_R_at(root), c_R_at(root)]) .and. .not. structure%described(root)) &
+         group = 'beam'
+   end function group_of
 
    !> Returns the number of the first parameter of a name (in any case) that a fit may estimate, or
    !> 0.
@@ -248,7 +261,8 @@ contains
       associate (item => parameters(k)%item)
          if (parameters(k)%group == 'sensor') name = trim(name)//'.'//structure%sensor_name(item)
          if (parameters(k)%group == 'support') name = trim(name)//'.'//structure%support_name(item)
-         if (parameters(k)%group == 'end') name = trim(name)//'.'//merge('tip ', 'root', item == tip)
+         if (parameters(k)%group == 'end') name = trim(name)//'.'// &
+            merge('tip ', 'root', item == tip)
       end associate
    end function labelled
 

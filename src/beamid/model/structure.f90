@@ -3,8 +3,8 @@
 !> The structure of Figure 2.3 is a clamped beam with Kelvin-Voigt damping, a tip mass, and a hose
 !> modelled as a mass on a dashpot and a spring at the tip; its parameters are
 !> q = (m_T, E, c_D, m_H, c_H, k_H) of Section 2. A beam on a test bench may also have air damping,
-!> rotary inertia at the tip, other conditions at its ends (each end clamped, pinned, guided, free or
-!> elastic), sensors with mass at any position, supports, its own weight, and an axial force.
+!> rotary inertia at the tip, other conditions at its ends (each end clamped, pinned, guided, free
+!> or elastic), sensors with mass at any position, supports, its own weight, and an axial force.
 !>
 !> `beamid_parameters` describes each parameter (name, unit, range, help), and `beamid_terms` states
 !> how the parameters enter M, C, K and F. This module also computes static deflections.
@@ -184,8 +184,8 @@ contains
       has_hose = self%m_H > 0
    end function has_hose
 
-   !> Returns the conditions, (condition, end), that hold exactly: their compliance is 0 and stays 0.
-   !> The spline space satisfies them.
+   !> Returns the conditions, (condition, end), that hold exactly: their compliance is 0 and stays
+   !> 0. The spline space satisfies them.
    pure function essential(self)
       class(structure_t), intent(in) :: self
       logical :: essential(2, 2)
@@ -417,8 +417,8 @@ contains
       end do
    end function factor_slopes
 
-   !> Returns the static stiffness at the position of the force, x_F [force/length]; 0 up to round-off
-   !> if the beam is not supported.
+   !> Returns the static stiffness at the position of the force, x_F [force/length]; 0 up to
+   !> round-off if the beam is not supported.
    pure real(wp) function stiffness(self)
       class(structure_t), intent(in) :: self
 

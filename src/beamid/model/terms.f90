@@ -7,9 +7,9 @@ module beamid_terms
    use beamid_kinds, only: wp
    use beamid_monomials, only: monomial_t, slope_of, value_of
    use beamid_structure, only: most_sensors, most_supports, n_parameters, of_c_D, of_c_H, c_P_at, &
-      c_R_at, c_w_at, of_E, of_g, of_gamma, of_I, J_S_at, of_J_T, of_k_H, kappa_P_at, kappa_R_at, kappa_w_at, &
-      of_length, of_m_H, m_S_at, of_m_T, of_rho, of_T, of_x_F, x_P_at, x_S_at, structure_t, &
-      root, tip, deflection, rotation, values_of
+      c_R_at, c_w_at, of_E, of_g, of_gamma, of_I, J_S_at, of_J_T, of_k_H, kappa_P_at, kappa_R_at, &
+      kappa_w_at, of_length, of_m_H, m_S_at, of_m_T, of_rho, of_T, of_x_F, x_P_at, x_S_at, &
+      structure_t, root, tip, deflection, rotation, values_of
    implicit none
    private
 
@@ -17,7 +17,8 @@ module beamid_terms
       is_axial_force, tilting, operators, operator_t, place_on_mesh
    public :: of_mass, of_damping, of_stiffness, of_load, of_compliance
    public :: inertia, bending, tip_value, tip_slope, end_condition, hose, stretch, load_shape, &
-      is_end_condition, force_value, tension, weight, sensor_value, sensor_slope, support_value, sensor_weight
+      is_end_condition, force_value, tension, weight, sensor_value, sensor_slope, support_value, &
+      sensor_weight
 
    !> Targets of a term: M, C, K, F, and the compliance of a spring to the ground, whose reciprocal
    !> enters K.
@@ -200,8 +201,8 @@ contains
          < max(1, structure%sensors)
    end function is_there
 
-   !> Returns whether an operator is a spring to the ground, which may be rigid: the spring of an end
-   !> or of a support.
+   !> Returns whether an operator is a spring to the ground, which may be rigid: the spring of an
+   !> end or of a support.
    pure logical function is_spring(operator, structure)
       integer, intent(in) :: operator
       type(structure_t), intent(in) :: structure
