@@ -166,7 +166,8 @@ contains
       places = pack(places, [(abs(s%get(places(k))) > 0 .and. s%get(places(k)) < no_spring, &
          k=1, size(places))])
       ! On a mesh of another length: the structure's changes, the mesh stays.
-      galerkin = new_galerkin(mesh_t(3, 3, 4, 1), 1.3_wp*s%length, held_root((s%end(1)%kappa_R > 0)))
+      galerkin = new_galerkin(mesh_t(3, 3, 4, 1), 1.3_wp*s%length, &
+         held_root(s%end(1)%kappa_R > 0))
       call solver%prepare(galerkin, error)
       equations = new_equations(galerkin, s, excitation)
       call solver%differentiate(equations, excitation, times, places, response, slopes, work, error)

@@ -56,7 +56,8 @@ contains
       call solver%prepare(integrals, error)
       if (.not. allocated(error)) call solver%differentiate(equations, new_pulse(1.0_wp, &
          times(2)), times, [of_kappa_R], response, all, work, error)
-      call check('a response, compliance '//to_text(structure%end(1)%kappa_R), .not. allocated(error))
+      call check('a response, compliance '//to_text(structure%end(1)%kappa_R), &
+         .not. allocated(error))
       if (.not. allocated(error)) sensitivity = all(1)
    end subroutine respond
 

@@ -59,8 +59,8 @@ contains
    end function end_of
 
    !> Uniform beams with every pair of ends, modes 1 to 5, against the roots beta l of the
-   !> characteristic equations, computed with mpmath (40 digits). The discretization error of quintic
-   !> splines on 40 elements is 3e-10 in the fifth mode.
+   !> characteristic equations, computed with mpmath (40 digits). The discretization error of
+   !> quintic splines on 40 elements is 3e-10 in the fifth mode.
    subroutine test_frequencies()
       real(wp), parameter :: roots(5, 10) = reshape([ &
          4.730040744862704_wp, 7.8532046240958376_wp, 10.995607838001671_wp, &
@@ -85,7 +85,8 @@ contains
          14.137165491257464_wp, 17.278759657399481_wp], [5, 10])
       !> Column of `roots` for each pair of kinds, and the number of motions as a rigid body.
       integer, parameter :: column(4, 4) = reshape([1, 2, 3, 4, 2, 5, 6, 7, 3, 6, 8, 9, 4, 7, 9, &
-         10], [4, 4]), rigid(4, 4) = reshape([0, 0, 0, 0, 0, 0, 0, 1, 0, 0, 1, 1, 0, 1, 1, 2], [4, 4])
+         10], [4, 4]), rigid(4, 4) = reshape([0, 0, 0, 0, 0, 0, 0, 1, 0, 0, 1, 1, 0, 1, 1, 2], &
+         [4, 4])
       type(structure_t) :: s
       type(galerkin_t), target :: galerkin
       type(error_t), allocatable :: error
@@ -153,8 +154,8 @@ contains
       end if
    end function random_beam
 
-   !> Both solvers under a force and, if the ends hold the beam, under a base that moves; derivatives
-   !> of the exact response by fourth-order differences.
+   !> Both solvers under a force and, if the ends hold the beam, under a base that moves;
+   !> derivatives of the exact response by fourth-order differences.
    subroutine test_motion(number)
       integer, intent(in) :: number
       type(structure_t) :: s

@@ -187,8 +187,8 @@ contains
       s%end(1)%kappa_R = 0
       s%sensor(1)%x_S = at_tip
       exact = strength_slopes(s, s%length, of_kappa_R)
-      call check('rigid root: a compliance of 0 may grow', exact(end_condition(2, 1), of_compliance) > 0 &
-         .and. count(abs(exact) > 0) == 1)
+      call check('rigid root: a compliance of 0 may grow', exact(end_condition(2, 1), &
+         of_compliance) > 0 .and. count(abs(exact) > 0) == 1)
       call check('length matters', any(abs(strength_slopes(s, s%length, of_length)) > 0))
    end subroutine test_derivatives
 

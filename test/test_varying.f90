@@ -264,8 +264,8 @@ contains
       type(structure_t) :: s
       integer :: j
 
-      s = structure_t(length=1.3_wp, rho=1, E=2, I=1, c_D=1e-2_wp, m_T=0.1_wp, end=[end_t(kappa_R=0.1_wp), free_end], &
-         x_F=0.975_wp)
+      s = structure_t(length=1.3_wp, rho=1, E=2, I=1, c_D=1e-2_wp, m_T=0.1_wp, &
+         end=[end_t(kappa_R=0.1_wp), free_end], x_F=0.975_wp)
       s%supports = 1
       s%support(1)%x_P = 0.325_wp
       s%support(1)%kappa_P = 0.02_wp

@@ -172,8 +172,8 @@ contains
    subroutine test_statics()
       type(structure_t) :: s
 
-      s = structure_t(length=1.3_wp, rho=1, E=1, I=1, m_T=0.1_wp, end=[end_t(kappa_R=0.1_wp), free_end], T=0.2_wp, &
-         g=0.5_wp, x_F=0.975_wp)
+      s = structure_t(length=1.3_wp, rho=1, E=1, I=1, m_T=0.1_wp, &
+         end=[end_t(kappa_R=0.1_wp), free_end], T=0.2_wp, g=0.5_wp, x_F=0.975_wp)
       s%stands = .true.
       s%sensor(1) = sensor_t(m_S=0.3_wp, x_S=0.65_wp)
       s%supports = 1
@@ -300,7 +300,8 @@ contains
       worst = 0
       do number = 1, 400
          s = random_structure()
-         galerkin = new_galerkin(mesh_t(3, 2 + modulo(number, 7), 4, 1), s%length, held_root(.true.))
+         galerkin = new_galerkin(mesh_t(3, 2 + modulo(number, 7), 4, 1), s%length, &
+            held_root(.true.))
          call bare_beam_modes(galerkin, modes, error)
          assembly = new_assembly(s, modes, [of_E, of_c_D, of_length])
          call find_poles(assembly, sparse, error)
