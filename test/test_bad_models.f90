@@ -314,6 +314,8 @@ contains
          '3: &beam gamma: found -0.001|0 or more')
       ! Without its spring the root is pinned.
       call accepted('pinned root', 'modes', replaced(case_text, beam, beam//', k_R=0'))
+      call refused('two descriptions of the root', beam, beam//', k_R=5 /'//nl// &
+         '&end at=''root'', kind=''pinned''', '3: &beam k_R: found it beside &end|expected it in')
       call refused('negative spring at the root', beam, beam//', k_R=-5', &
          '3: &beam k_R: found -5|0 or more')
       call refused('damper at a rigid root', beam, beam//', c_R=0.5', &

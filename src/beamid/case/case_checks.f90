@@ -16,7 +16,7 @@ module beamid_case_checks
    use beamid_responses, only: is_exact
    use beamid_stage_groups, only: narrowest_dip
    use beamid_strings, only: lower, to_text
-   use beamid_structure, only: is_coefficient, of_g, of_T, of_w_D, of_x_F, structure_t, tip
+   use beamid_structure, only: is_coefficient, of_g, of_T, of_w_D, of_x_F, root, structure_t, tip
    use beamid_structure_checks, only: add_unit_hint, check_structure
    implicit none
    private
@@ -86,6 +86,7 @@ contains
       type(error_t), allocatable :: error
       integer :: place, j, k
 
+      call check_short_forms(blocks, case%model%structure)
       call check_structure(case%model%structure, error, place)
       call add_unit_hint(case%model%structure, place, case%units, error)
       if (allocated(error)) then
@@ -194,6 +195,21 @@ contains
          end if
       end associate
    end subroutine check_rigid
+
+   !> Refuses k_R and c_R of &beam beside a group &end for the root, in either order.
+   subroutine check_short_forms(blocks, structure)
+      type(block_t), intent(inout) :: blocks(:)
+      type(structure_t), intent(in) :: structure
+      character(len=*), parameter :: keys(2) = ['k_R', 'c_R']
+      integer :: j, k
+
+      k = place_of(blocks, 'beam', 1)
+      if (k == 0 .or. .not. structure%described(root)) return
+      do j = 1, size(keys)
+         if (blocks(k)%has(keys(j))) call blocks(k)%refuse(keys(j), &
+            'it beside &end at=''root''', 'it in &end')
+      end do
+   end subroutine check_short_forms
 
    !> Returns the number of the group &end that describes an end; 0: none.
    integer function place_of_end(blocks, end) result(place)

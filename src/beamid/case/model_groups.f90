@@ -132,8 +132,6 @@ contains
          call read_parameter(block, k, value, default=trim(merge('a rigid clamp', '0            ', &
             k == kappa_R_at(root))), help='of the root, as in &end')
          if (.not. allocated(value)) cycle
-         if (structure%described(root)) call block%refuse(key_of(k), 'it beside &end at=''root''', &
-            'it in &end')
          call structure%set(k, min(as_named(k, value), huge(value)))
       end do
    end subroutine read_root
