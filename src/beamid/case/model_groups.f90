@@ -101,8 +101,8 @@ contains
       call block%get('at', at, 'end of the beam', [character(len=4) :: 'root', 'tip'], &
          required=.true.)
       call block%get('kind', kind, 'motion that the end cannot make: ''clamped'': deflection '// &
-         'and rotation; ''pinned'': deflection; ''guided'': rotation; ''free'': none. Springs of '// &
-         'this group replace it', [character(len=7) :: 'clamped', 'pinned', 'guided', &
+         'and rotation; ''pinned'': deflection; ''guided'': rotation; ''free'': none. Springs '// &
+         'of this group replace it', [character(len=7) :: 'clamped', 'pinned', 'guided', &
          'free'], default='''clamped'' at the root, ''free'' at the tip')
       ! The springs are listed in any case, for the help.
       item = root

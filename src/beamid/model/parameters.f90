@@ -17,8 +17,8 @@ module beamid_parameters
    private
 
    public :: parameter_t, parameters, key_of, group_of, as_named, free_names, free_index, &
-      name_of_parameter, place_of_name, is_there, get_free, set_free, free_magnitude, magnitude, may_be_negative, &
-      belongs_to_hose
+      name_of_parameter, place_of_name, is_there, get_free, set_free, free_magnitude, &
+      magnitude, may_be_negative, belongs_to_hose
    public :: amplitude, offset, positive, not_negative, on_beam, any_value, share
 
    !> Allowed ranges of a parameter: > 0; >= 0; a position, 0 < x <= length; any value; a share,
