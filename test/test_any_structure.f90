@@ -45,7 +45,7 @@ contains
       type(mesh_t) :: mesh
 
       s = wide_structure()
-      if (uniform() < 0.1_wp) s%kappa_R = s%kappa_R*decades(-12.0_wp, 0.0_wp)
+      if (uniform() < 0.1_wp) s%end(1)%kappa_R = s%end(1)%kappa_R*decades(-12.0_wp, 0.0_wp)
       mesh = mesh_t(3, int(decades(log10(2.0_wp), log10(most + 1.0_wp))), 4, 1)
       if (uniform() < 0.3_wp) mesh = mesh_t(5, mesh%elements, 6, 1)
       galerkin = galerkin_of(mesh, s)
@@ -141,7 +141,7 @@ contains
             associate (at => free(p))
                if (.not. s%get(at) > 0 .or. s%follows_tip(at)) cycle
                step = 1e-12_wp*s%get(at)
-               if (s%kappa_R*s%E*s%I < 1e-8_wp*s%length) step = 1e-9_wp*s%get(at)
+               if (s%end(1)%kappa_R*s%E*s%I < 1e-8_wp*s%length) step = 1e-9_wp*s%get(at)
                moved = full
                moved%q(at) = full%q(at) + step
                call moved%assemble()

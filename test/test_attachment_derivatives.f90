@@ -15,10 +15,11 @@ program test_attachment_derivatives
    use random_numbers, only: start_random
    implicit none
 
-   !> Those that do not act between all modes at once, and how many.
+   !> Those that do not act between all modes at once, of structures with a soft root, and how many.
    integer :: k
    integer, parameter :: all(*) = pack([(k, k=1, of_x_S)], [(k /= of_g .and. k /= of_T &
-      .and. parameters(k)%group /= 'along', k=1, of_x_S)]), every = size(all)
+      .and. parameters(k)%group /= 'along' .and. (parameters(k)%group /= 'end' .or. &
+      k == of_kappa_R .or. k == of_c_R), k=1, of_x_S)]), every = size(all)
 
    !> What many structures showed of one motion or its derivative.
    type :: tally_t
@@ -59,7 +60,7 @@ contains
          do i = 1, size(names)
             e = experiment_on(everything)
             e%mesh = coarse
-            if (root == 2) e%structure%kappa_R = 0
+            if (root == 2) e%structure%end(1)%kappa_R = 0
             associate (s => e%structure)
                if (any(i == [1, 4, 6, 9])) s%J_T = 0
                if (any(i == [2, 4, 9])) s%sensor(1)%m_S = 0

@@ -6,7 +6,7 @@ program test_attachment_motions
    use beamid_galerkin, only: mesh_t
    use beamid_kinds, only: wp
    use beamid_modal, only: modal_t
-   use beamid_parameters, only: free_names
+   use beamid_parameters, only: free_names, is_there
    use beamid_strings, only: to_text
    use beamid_structure, only: of_c_R, of_gamma, of_J_T, of_kappa_R, of_length, of_m_S, of_x_S, &
       structure_t
@@ -43,7 +43,7 @@ contains
             select case (i)
             case (2); structure%gamma = 0.3_wp
             case (3); structure%J_T = 0.05_wp
-            case (4); structure%kappa_R = 0.5_wp
+            case (4); structure%end(1)%kappa_R = 0.5_wp
             case (5); structure%sensor(1)%m_S = 0.2_wp
             case (7); structure%gamma = 100
             case (8); structure%m_H = 0.1_wp
@@ -149,7 +149,7 @@ contains
       do root = 1, 2
          e = experiment_on(everything)
          e%mesh = coarse
-         if (root == 2) e%structure%kappa_R = 0
+         if (root == 2) e%structure%end(1)%kappa_R = 0
          call prepare(e)
          walker = solver
          worst = 0
@@ -158,7 +158,7 @@ contains
             far = merge(2.0_wp, 0.1_wp, modulo(step, 50) == 0)
             do k = 1, of_x_S
                ! The mesh is prepared for one beam.
-               if (k == of_length) cycle
+               if (k == of_length .or. .not. is_there(everything, k)) cycle
                if (k == of_x_S) then
                   call e%structure%set(k, between(0.1_wp, 1.0_wp))
                else if (root == 1 .or. k /= of_kappa_R) then

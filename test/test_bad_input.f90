@@ -108,7 +108,7 @@ contains
 
    subroutine test_groups_and_keys()
       call refused('unknown group', '&tip ', '&tipp ', &
-         '4: found unknown group ''&tipp''|expected &beam, &tip')
+         '4: found unknown group ''&tipp''|expected &beam, &end, &tip')
       call refused('unknown key', 'm_T=', 'mass=', &
          '4: &tip mass: found an unknown key|expected m_T')
       call refused('repeated group', '&tip ', '&tip m_T=0.1 /'//nl//'&tip ', &

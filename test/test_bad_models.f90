@@ -312,9 +312,12 @@ contains
          '&sensor m_S=0.01, x_S=4 /'))
       call refused('negative air damping', beam, beam//', gamma=-1e-3', &
          '3: &beam gamma: found -0.001|0 or more')
-      call refused('soft root of nothing', beam, beam//', k_R=0', '3: &beam k_R: found 0|above 0')
+      ! Without its spring the root is pinned.
+      call accepted('pinned root', 'modes', replaced(case_text, beam, beam//', k_R=0'))
+      call refused('two descriptions of the root', beam, beam//', k_R=5 /'//nl// &
+         '&end at=''root'', kind=''pinned''', '3: &beam k_R: found it beside &end|expected it in')
       call refused('negative spring at the root', beam, beam//', k_R=-5', &
-         '3: &beam k_R: found -5|above 0')
+         '3: &beam k_R: found -5|0 or more')
       call refused('damper at a rigid root', beam, beam//', c_R=0.5', &
          '3: &beam c_R: found a value without k_R|expected both')
       call refused('negative damper at the root', beam, beam//', k_R=5, c_R=-0.5', &

@@ -15,7 +15,7 @@ program test_benches
    use beamid_roots, only: damped_roots
    use beamid_strings, only: to_text
    use beamid_structure, only: n_parameters, no_spring, structure_t
-   use checks, only: check, check_close, finish
+   use checks, only: check, check_close, finish, held_root
    use full_benches, only: bench_motion
    use full_matrices, only: qp
    use hermite_beams, only: hermite_frequencies
@@ -63,8 +63,8 @@ contains
       s%m_T = decades(-1.5_wp, 0.0_wp)*s%rho*s%length
       s%J_T = decades(-3.0_wp, -1.5_wp)*s%rho*s%length**3
       if (modulo(number, 2) == 0) then
-         s%kappa_R = s%length/(decades(0.5_wp, 1.5_wp)*s%E*s%I)
-         s%c_R = decades(-2.0_wp, -1.0_wp)/s%kappa_R
+         s%end(1)%kappa_R = s%length/(decades(0.5_wp, 1.5_wp)*s%E*s%I)
+         s%end(1)%c_R = decades(-2.0_wp, -1.0_wp)/s%end(1)%kappa_R
       end if
       if (modulo(number, 3) == 0) then
          s%m_H = decades(-1.5_wp, -0.5_wp)*s%rho*s%length
@@ -99,7 +99,7 @@ contains
       ! The dashpots of the supports are all that damps.
       s%c_D = 0
       s%gamma = 0
-      s%c_R = 0
+      s%end(1)%c_R = 0
    end function bench
 
    !> Weight, one in two upside down, and an axial force of either sign: at most .3 and .2 of what
@@ -166,7 +166,8 @@ contains
       places = pack(places, [(abs(s%get(places(k))) > 0 .and. s%get(places(k)) < no_spring, &
          k=1, size(places))])
       ! On a mesh of another length: the structure's changes, the mesh stays.
-      galerkin = new_galerkin(mesh_t(3, 3, 4, 1), 1.3_wp*s%length, s%has_root_spring())
+      galerkin = new_galerkin(mesh_t(3, 3, 4, 1), 1.3_wp*s%length, &
+         held_root(s%end(1)%kappa_R > 0))
       call solver%prepare(galerkin, error)
       equations = new_equations(galerkin, s, excitation)
       call solver%differentiate(equations, excitation, times, places, response, slopes, work, error)
@@ -243,7 +244,7 @@ contains
          s%m_H = 0
          s%c_D = 0
          s%gamma = 0
-         s%c_R = 0
+         s%end(1)%c_R = 0
          s%sensor%J_S = 1e-7_wp*s%rho*s%length**3
          s%support%c_P = 0
          do k = 1, 2

@@ -17,7 +17,7 @@ program test_clamps
    use beamid_responses, only: response_t, work_t
    use beamid_strings, only: to_text
    use beamid_structure, only: of_kappa_R, structure_t
-   use checks, only: check, check_close, finish
+   use checks, only: check, check_close, finish, held_root
    use exact_motions, only: grid => galerkin
    use models, only: model_of, stage_of
    use random_experiments, only: random_structure
@@ -56,7 +56,8 @@ contains
       call solver%prepare(integrals, error)
       if (.not. allocated(error)) call solver%differentiate(equations, new_pulse(1.0_wp, &
          times(2)), times, [of_kappa_R], response, all, work, error)
-      call check('a response, compliance '//to_text(structure%kappa_R), .not. allocated(error))
+      call check('a response, compliance '//to_text(structure%end(1)%kappa_R), &
+         .not. allocated(error))
       if (.not. allocated(error)) sensitivity = all(1)
    end subroutine respond
 
@@ -76,13 +77,13 @@ contains
 
       do n = 1, 3
          s = random_structure()
-         s%kappa_R = 0
-         s%c_R = 0
+         s%end(1)%kappa_R = 0
+         s%end(1)%c_R = 0
          if (n == 3) s = strip()
          times = [(0.2_wp*i/s%omega(), i=1, size(times))]
          k = 4**n
          clamped = new_galerkin(mesh_t(3, k, 4, 1), s%length)
-         turning = new_galerkin(mesh_t(3, k, 4, 1), s%length, root_rotation=.true.)
+         turning = new_galerkin(mesh_t(3, k, 4, 1), s%length, held_root(.true.))
          call respond(s, clamped, times, exact, unused)
          call respond(s, turning, times, held, slope)
          associate (name => 'clamp '//to_text(n)//', ')
@@ -92,7 +93,7 @@ contains
             size_of_slope = maxval(abs(slope%displacement))
             do i = 1, 3
                kappa = 10.0_wp**(-i - 3)*maxval(abs(exact%displacement))/size_of_slope
-               s%kappa_R = kappa
+               s%end(1)%kappa_R = kappa
                call respond(s, turning, times, near, unused)
                ! The second derivative is a few times the square of the first over the motion, since
                ! all modes move; 1e-10 as above.
@@ -101,7 +102,7 @@ contains
                   100*10.0_wp**(-i - 3) + 1e-10_wp*10.0_wp**(i + 3))
             end do
          end associate
-         s%kappa_R = 0
+         s%end(1)%kappa_R = 0
          if (n > 1) cycle
          integrator = cvode_t(rtol=1e-10_wp)
          equations = new_equations(turning, s, new_pulse(1.0_wp, times(2)))
@@ -125,7 +126,7 @@ contains
       refused = 0
       do number = 1, 400
          s = random_structure()
-         if (uniform() < 0.1_wp) s%kappa_R = s%kappa_R*decades(-12.0_wp, 0.0_wp)
+         if (uniform() < 0.1_wp) s%end(1)%kappa_R = s%end(1)%kappa_R*decades(-12.0_wp, 0.0_wp)
          elements = int(decades(log10(2.0_wp), log10(41.0_wp)))
          grid = galerkin_of(mesh_t(3, elements, 4, 1), s)
          if (uniform() < 0.3_wp) grid = galerkin_of(mesh_t(5, elements, 6, 1), s)
@@ -150,7 +151,7 @@ contains
 
       times = [(0.02_wp + 0.005_wp*i, i=1, 400)]
       model = model_of(strip(), new_pulse(1.0_wp, 0.01_wp), observation_t(3, 0.0_wp))
-      model%structure%kappa_R = 1/5000.0_wp
+      model%structure%end(1)%kappa_R = 1/5000.0_wp
       call simulate(model, mesh, times, clean, error)
       call check('a record', .not. allocated(error))
       if (allocated(error)) return

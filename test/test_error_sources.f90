@@ -296,7 +296,7 @@ contains
          one = truth
          one%length = length(k) + wrong(k)
          one%sensor(1)%x_S = length(k) - 0.06_wp
-         one%kappa_R = 1/2000.0_wp
+         one%end(1)%kappa_R = 1/2000.0_wp
          records(k) = made_of(one, 2100 + k)
          records(k)%length = length(k)
          records(k)%x_S = length(k) - 0.06_wp

@@ -4,7 +4,7 @@ program test_galerkin
    use beamid_galerkin, only: galerkin_t, mesh_t, new_galerkin
    use beamid_kinds, only: wp
    use beamid_strings, only: to_text
-   use checks, only: check, check_close, finish, of_mesh
+   use checks, only: check, check_close, finish, held_root, of_mesh
    use dense_matrices, only: dense_of
    implicit none
 
@@ -105,7 +105,7 @@ contains
       real(wp) :: allowed
       integer :: k
 
-      galerkin = new_galerkin(exact_mesh(degree, elements), length, turning)
+      galerkin = new_galerkin(exact_mesh(degree, elements), length, held_root(turning))
       ! Romberg's sums of up to 129 terms keep some tens of units of round-off of the largest entry.
       call romberg(galerkin, 0, gram)
       call check_close(of_mesh(degree, elements, turning)//'inertia by Romberg', &
@@ -211,7 +211,7 @@ contains
       type(band_t) :: inertia, bending
       logical :: positive
 
-      galerkin = new_galerkin(exact_mesh(degree, elements), length, turning)
+      galerkin = new_galerkin(exact_mesh(degree, elements), length, held_root(turning))
       inertia = galerkin%inertia
       bending = galerkin%bending
       call inertia%factor(positive)
@@ -231,7 +231,7 @@ contains
       real(wp) :: form
       integer :: k
 
-      galerkin = new_galerkin(exact_mesh(degree, elements), length, turning)
+      galerkin = new_galerkin(exact_mesh(degree, elements), length, held_root(turning))
       x = [(sin(7.3_wp*k), k=1, galerkin%space%n)]
       form = dot_product(x, galerkin%bending%times(x))
       ! Irregular coefficients: the form does not cancel, but its terms are up to 16 times as large.
@@ -256,7 +256,7 @@ contains
          mesh = exact_mesh(degree, elements)
          ! At least as many points as functions on an element, but none of x**2 exact.
          if (rule == 2) mesh = mesh_t(degree, elements, 1, 2*degree + 2)
-         galerkin = new_galerkin(mesh, length, .true.)
+         galerkin = new_galerkin(mesh, length, held_root(.true.))
          name = of_mesh(degree, elements, .true.)//merge('exact', 'rough', rule == 1)//' rule, '
          factor = galerkin%inertia
          call factor%factor(positive)

@@ -15,10 +15,10 @@ program test_release
    use beamid_observation, only: observation_t
    use beamid_observed_data, only: seen_modes_t
    use beamid_parameters, only: amplitude, free_index, free_names, get_free, &
-      set_free
+      is_there, set_free
    use beamid_responses, only: response_t, solver_t, work_t
    use beamid_strings, only: to_text
-   use beamid_structure, only: at_tip, of_length, of_x_S, sensor_t, structure_t
+   use beamid_structure, only: end_t, free_end, at_tip, of_length, of_x_S, sensor_t, structure_t
    use beamid_variables, only: unbounded
    use checks, only: check, check_close, finish, skip
    use shell, only: close_shell, in_scratch, open_shell, write_file
@@ -31,7 +31,8 @@ program test_release
       sensor=sensor_t(m_S=0.004_wp, x_S=0.44_wp))
    type(structure_t), parameter :: loaded = structure_t(length=0.5_wp, rho=0.27_wp, E=6.4e10_wp, &
       I=0.05_wp*0.002_wp**3/12, c_D=6e6_wp, m_T=0.02_wp, m_H=0.01_wp, c_H=0.02_wp, k_H=3.0_wp, &
-      gamma=0.07_wp, J_T=2e-5_wp, kappa_R=1/60.0_wp, sensor=sensor_t(m_S=0.004_wp, x_S=0.3_wp))
+      gamma=0.07_wp, J_T=2e-5_wp, end=[end_t(kappa_R=1/60.0_wp), free_end], &
+      sensor=sensor_t(m_S=0.004_wp, x_S=0.3_wp))
    type(mesh_t), parameter :: mesh = mesh_t(3, 4, 4, 1)
    type(observation_t), parameter :: by_equation = observation_t(3, 0.0_wp)
    integer :: k
@@ -96,7 +97,7 @@ contains
 
       associate (s => structure)
          stiffness = s%length**3/(3*s%E*s%I)
-         stiffness = stiffness + s%length**2*s%kappa_R
+         stiffness = stiffness + s%length**2*s%end(1)%kappa_R
          stiffness = 1/stiffness
       end associate
    end function tip_stiffness
@@ -110,7 +111,7 @@ contains
          x = s%length
          if (.not. s%sensor(1)%x_S < 0) x = s%sensor(1)%x_S
          deflection = x**2*(3*s%length - x)/(6*s%E*s%I)
-         deflection = deflection + s%length*x*s%kappa_R
+         deflection = deflection + s%length*x*s%end(1)%kappa_R
       end associate
    end function deflection
 
@@ -355,7 +356,7 @@ contains
       integer, intent(in) :: p
 
       matters = p == amplitude
-      if (p <= of_x_S) matters = structure%get(p) > 0
+      if (p <= of_x_S) matters = is_there(structure, p) .and. structure%get(p) > 0
    end function matters
 
    !> The amplitude among the free parameters, with E and k_R, which act on the force of a
@@ -375,8 +376,8 @@ contains
       model%structure = loaded
       model%excitation = new_release(aside, 0.1_wp, by_displacement)
       allocate (modal_t :: model%solver)
-      truth = [loaded%E, 1/loaded%kappa_R, aside]
-      searched = [loaded%E, loaded%kappa_R, aside]
+      truth = [loaded%E, 1/loaded%end(1)%kappa_R, aside]
+      searched = [loaded%E, loaded%end(1)%kappa_R, aside]
       clean = respond(loaded, model%excitation, times)
       stage%free = [free_index('E'), free_index('k_R'), free_index('amplitude')]
       stage%start = truth*[1.01_wp, 0.95_wp, -0.5_wp]

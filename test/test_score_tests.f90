@@ -61,7 +61,7 @@ contains
       structure = strip
       select case (name)
       case ('k_R')
-         structure%kappa_R = 0.2_wp*strip%length/(strip%E*strip%I)
+         structure%end(1)%kappa_R = 0.2_wp*strip%length/(strip%E*strip%I)
       case ('J_S')
          structure%sensor(1)%J_S = 4e-6_wp
       case ('gamma')
@@ -95,7 +95,7 @@ contains
       type(score_test_t), allocatable :: tests(:)
 
       structure = strip
-      structure%kappa_R = 0.2_wp*strip%length/(strip%E*strip%I)
+      structure%end(1)%kappa_R = 0.2_wp*strip%length/(strip%E*strip%I)
       call test_record(structure, 2, 31, .true., tests)
       call check('two modes do not show the clamp', .not. any(tests%name == 'k_R' .and. &
          tests%matters))

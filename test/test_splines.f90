@@ -5,7 +5,7 @@ program test_splines
    use beamid_lapack, only: dgels
    use beamid_splines, only: new_spline_space, spline_space_t
    use beamid_strings, only: to_text
-   use checks, only: check, check_close, finish, of_mesh
+   use checks, only: check, check_close, finish, held_root, of_mesh
    implicit none
 
    integer, parameter :: degrees(*) = [3, 5, 7], meshes(*) = [1, 2, 3, 5, 16]
@@ -136,8 +136,8 @@ contains
       real(wp) :: largest, x, slope(elements + degree - 1)
       integer :: k, order
 
-      space = new_spline_space(degree, elements, length, .true.)
-      clamped = new_spline_space(degree, elements, length, .false.)
+      space = new_spline_space(degree, elements, length, held_root(.true.))
+      clamped = new_spline_space(degree, elements, length, held_root(.false.))
       call check(of_mesh(degree, elements, .true.)//'dimension', space%n == clamped%n + 1 .and. &
          clamped%n == elements + degree - 2, to_text(space%n))
       ! As in test_root.
@@ -194,7 +194,7 @@ contains
       real(wp) :: largest
       integer :: order, e, k
 
-      space = new_spline_space(degree, elements, length, root_rotation)
+      space = new_spline_space(degree, elements, length, held_root(root_rotation))
       do order = 1, degree
          largest = 0
          do e = 0, elements - 1
@@ -225,7 +225,7 @@ contains
       integer :: order, e
 
       if (elements == 1) return
-      space = new_spline_space(degree, elements, length, root_rotation)
+      space = new_spline_space(degree, elements, length, held_root(root_rotation))
       do order = 0, degree
          unit = 2.0_wp**order*gamma(degree + 1.0_wp)*(elements/length)**order
          largest = 0
@@ -275,8 +275,8 @@ contains
       real(wp) :: largest(0:degree - 1)
       integer :: rows, powers, k, order, power, info
 
-      space = new_spline_space(degree, elements, length, root_rotation)
-      powers = degree - 1 + space%root_rotation
+      space = new_spline_space(degree, elements, length, held_root(root_rotation))
+      powers = degree - 1 + merge(0, 1, space%essential(2, 1))
       rows = 2*degree*elements + 1
       allocate (a(rows, space%n), b(rows, powers), work(64*(rows + space%n)))
       do k = 1, rows
@@ -324,7 +324,7 @@ contains
 
       ! A jump, one that moves a knot of the mesh (.4), and a kink.
       times = [degree - 1, degree - 1, degree - 2]
-      space = new_spline_space(degree, elements, length, root_rotation, breaks, times)
+      space = new_spline_space(degree, elements, length, held_root(root_rotation), breaks, times)
       associate (name => of_mesh(degree, elements, root_rotation)//'knots at breaks, ')
          call check(name//'dimension', space%n == elements + degree - 2 + sum(times) - 1 + &
             merge(1, 0, root_rotation) .and. space%elements == elements + 2, to_text(space%n))
@@ -336,7 +336,7 @@ contains
          unity = 0
          do e = 0, space%elements - 1
             ! Behind the functions at the root, which are combinations.
-            if (space%first_on_element(e) < degree - 1 + space%root_rotation) cycle
+            if (space%first_on_element(e) < degree - 1 + merge(0, 1, space%essential(2, 1))) cycle
             do k = 0, 10
                unity = max(unity, abs(sum(space%on_element(e, k/10.0_wp, 0))/gamma(degree &
                   + 1.0_wp) - 1))
@@ -363,7 +363,7 @@ contains
                to_text(worst(degree - times(k) + 1)))
          end do
 
-         powers = degree - 1 + space%root_rotation
+         powers = degree - 1 + merge(0, 1, space%essential(2, 1))
          n = powers + sum(times) + 3
          rows = 40*space%elements
          allocate (a(rows, space%n), b(rows, n), work(64*(rows + space%n + n)))

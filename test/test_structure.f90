@@ -5,10 +5,11 @@ program test_structure
    use beamid_excitation, only: excitation_t, new_pulse
    use beamid_galerkin, only: galerkin_t, mesh_t, new_galerkin
    use beamid_kinds, only: wp
-   use beamid_parameters, only: free_index, magnitude, free_names, parameters
+   use beamid_parameters, only: free_index, magnitude, name_length, name_of_parameter, parameters, &
+      place_of_name
    use beamid_quadrature, only: gauss_legendre, rule_t
    use beamid_strings, only: to_text
-   use beamid_structure, only: of_x_S, structure_t
+   use beamid_structure, only: of_c_R, of_kappa_R, of_x_S, structure_t
    use beamid_structure_checks, only: check_structure
    use checks, only: check, check_close, finish, of_mesh
    use dense_matrices, only: dense_of, half_bandwidth
@@ -274,17 +275,22 @@ contains
 
    !> Each name reaches its own component, and no other.
    subroutine test_parameters()
-      type(structure_t) :: s
+      type(structure_t) :: s, held
+      character(len=name_length) :: name
       real(wp) :: before(of_x_S), direct
       integer :: k, j
 
+      ! Both ends described: the names of their parameters say which.
+      held = assembly
+      held%described = .true.
       do k = 1, of_x_S
+         name = name_of_parameter(held, k)
          s = assembly
          s%sensor(1)%x_S = 1
          s%x_F = 2
          before = [(s%get(j), j=1, size(before))]
          call s%set(k, 123.5_wp + k)
-         select case (trim(free_names(k)))
+         select case (trim(name))
          case ('m_T'); direct = s%m_T
          case ('E'); direct = s%E
          case ('c_D'); direct = s%c_D
@@ -294,8 +300,14 @@ contains
          case ('rho'); direct = s%rho
          case ('gamma'); direct = s%gamma
          case ('J_T'); direct = s%J_T
-         case ('k_R'); direct = s%kappa_R
-         case ('c_R'); direct = s%c_R
+         case ('k_w.root'); direct = s%end(1)%kappa_w
+         case ('c_w.root'); direct = s%end(1)%c_w
+         case ('k_R.root'); direct = s%end(1)%kappa_R
+         case ('c_R.root'); direct = s%end(1)%c_R
+         case ('k_w.tip'); direct = s%end(2)%kappa_w
+         case ('c_w.tip'); direct = s%end(2)%c_w
+         case ('k_R.tip'); direct = s%end(2)%kappa_R
+         case ('c_R.tip'); direct = s%end(2)%c_R
          case ('m_S'); direct = s%sensor(1)%m_S
          case ('J_S'); direct = s%sensor(1)%J_S
          case ('x_F'); direct = s%x_F
@@ -311,14 +323,20 @@ contains
          end select
          before(k) = 123.5_wp + k
          ! Copies, not computations: exact.
-         call check_close('set '//trim(free_names(k)), direct, 123.5_wp + k, 0.0_wp)
-         call check_close('get '//trim(free_names(k))//' and all others', &
+         call check_close('set '//trim(name), direct, 123.5_wp + k, 0.0_wp)
+         call check_close('get '//trim(name)//' and all others', &
             maxval(abs([(s%get(j), j=1, size(before))] - before)), 0.0_wp, 0.0_wp)
-         call check('index of '//trim(free_names(k)), free_index(free_names(k)) &
-            == merge(k, 0, parameters(k)%is_free))
-         call check('magnitude of '//trim(free_names(k))//' is positive', &
+         if (parameters(k)%group == 'end') then
+            call check('place of '//trim(name), place_of_name(held, name) == k)
+         else
+            call check('index of '//trim(name), free_index(name) == merge(k, 0, &
+               parameters(k)%is_free))
+         end if
+         call check('magnitude of '//trim(name)//' is positive', &
             magnitude(assembly, k) > 0)
       end do
+      call check('the root of &beam', place_of_name(assembly, 'k_R') == of_kappa_R .and. &
+         place_of_name(assembly, 'c_R') == of_c_R .and. place_of_name(assembly, 'k_w.tip') == 0)
       call check('any case', free_index('M_h') == free_index('m_H') &
          .and. free_index('e') == free_index('E'))
       call check('no such parameter', free_index('m') == 0 .and. free_index('') == 0 &

@@ -62,10 +62,10 @@ program test_terms
    use beamid_structure, only: at_tip, n_parameters, of_c_R, of_g, of_kappa_R, of_length, &
       of_T, of_x_F, structure_t, x_S_at
    use beamid_structure_checks, only: check_structure
-   use beamid_terms, only: of_compliance, operators, root_slope, strengths, strengths_and_slopes
+   use beamid_terms, only: of_compliance, operators, end_condition, strengths, strengths_and_slopes
    use beamid_units, only: units_t
    use beamid_variables, only: new_variable, unbounded, variable_t
-   use checks, only: check, check_close, finish, in_long_run
+   use checks, only: check, check_close, finish, held_root, in_long_run
    use mistakes, only: mistaken_t
    use models, only: model_of
    use random_numbers, only: decades, start_random, uniform
@@ -123,7 +123,7 @@ contains
 
       call list_keys(groups)
       s = random_structure(0.5_wp)
-      galerkin = new_galerkin(mesh_t(3, 4, 4, 1), s%length, root_rotation=.true.)
+      galerkin = new_galerkin(mesh_t(3, 4, 4, 1), s%length, held_root(.true.))
       call bare_beam_modes(galerkin, modes, error)
       call check('a structure of everything', .not. allocated(error))
       assembly = new_assembly(s, modes, [(k, k=1, n_parameters)])
@@ -184,11 +184,11 @@ contains
          call check_close('strengths, d/d '//trim(parameters(k)%name), maxval(abs(exact &
             - approximate))/maxval(abs(exact)), 0.0_wp, 3e-7_wp)
       end do
-      s%kappa_R = 0
+      s%end(1)%kappa_R = 0
       s%sensor(1)%x_S = at_tip
       exact = strength_slopes(s, s%length, of_kappa_R)
-      call check('rigid root: a compliance of 0 may grow', exact(root_slope, of_compliance) > 0 &
-         .and. count(abs(exact) > 0) == 1)
+      call check('rigid root: a compliance of 0 may grow', exact(end_condition(2, 1), &
+         of_compliance) > 0 .and. count(abs(exact) > 0) == 1)
       call check('length matters', any(abs(strength_slopes(s, s%length, of_length)) > 0))
    end subroutine test_derivatives
 

@@ -12,7 +12,7 @@ program test_varying
    use beamid_roots, only: damped_roots
    use beamid_simulation, only: simulate, simulation_t
    use beamid_strings, only: to_text
-   use beamid_structure, only: E_at, of_d_D, of_w_D, of_x_D, structure_t
+   use beamid_structure, only: end_t, free_end, E_at, of_d_D, of_w_D, of_x_D, structure_t
    use beamid_variations, only: as_spline, field_modulus, in_lines, in_steps, new_variation, &
       variations_t
    use checks, only: check, check_close, finish, of_mesh
@@ -264,8 +264,8 @@ contains
       type(structure_t) :: s
       integer :: j
 
-      s = structure_t(length=1.3_wp, rho=1, E=2, I=1, c_D=1e-2_wp, m_T=0.1_wp, kappa_R=0.1_wp, &
-         x_F=0.975_wp)
+      s = structure_t(length=1.3_wp, rho=1, E=2, I=1, c_D=1e-2_wp, m_T=0.1_wp, &
+         end=[end_t(kappa_R=0.1_wp), free_end], x_F=0.975_wp)
       s%supports = 1
       s%support(1)%x_P = 0.325_wp
       s%support(1)%kappa_P = 0.02_wp

@@ -93,8 +93,8 @@ contains
          associate (s => e%structure)
             select case (i)
             case (2)
-               s%kappa_R = 0.2_wp
-               s%c_R = 0.05_wp
+               s%end(1)%kappa_R = 0.2_wp
+               s%end(1)%c_R = 0.05_wp
             case (3)
                s%supports = 1
                s%support(1)%x_P = 0.3_wp
@@ -177,7 +177,7 @@ contains
       s%sensor(1)%m_S = s%rho*s%length*decades(-2.0_wp, -0.5_wp)
       s%sensor(1)%x_S = s%length*between(0.3_wp, 0.95_wp)
       unit = s%length/(s%E*s%I)
-      if (uniform() < 0.5_wp) s%kappa_R = unit*decades(-2.0_wp, 0.0_wp)
+      if (uniform() < 0.5_wp) s%end(1)%kappa_R = unit*decades(-2.0_wp, 0.0_wp)
       if (uniform() < 0.3_wp) s%g = 0.5_wp*omega**2*s%length*uniform()
       if (uniform() < 0.3_wp) then
          s%m_H = s%rho*s%length*decades(-1.0_wp, 0.0_wp)
@@ -210,7 +210,7 @@ contains
 
       associate (v => s%variations)
          free = [of_E, of_c_D, of_length, of_rho, of_gamma, of_m_T, of_x_S, &
-            pack([of_kappa_R], [s%kappa_R > 0]), pack([of_g], [s%g > 0]), &
+            pack([of_kappa_R], [s%end(1)%kappa_R > 0]), pack([of_g], [s%g > 0]), &
             pack([of_k_H, of_c_H], spread(s%m_H > 0, 1, 2)), &
             pack([of_x_D, of_w_D, of_d_D], spread(s%has_dip(), 1, 3)), &
             E_at(:v%along(field_modulus)%coefficients), &
@@ -277,7 +277,7 @@ contains
             call check('derivatives of number '//to_text(number), .false., error%message)
             cycle
          end if
-         if (e%structure%kappa_R > 0) turning = turning + 1
+         if (e%structure%end(1)%kappa_R > 0) turning = turning + 1
          do k = 1, size(free)
             value = e%structure%get(free(k))
             unit = abs(value)
@@ -366,7 +366,7 @@ contains
 
       do turning = 0, 1
          e%structure = beam(plain)
-         if (turning == 1) e%structure%kappa_R = 0.2_wp
+         if (turning == 1) e%structure%end(1)%kappa_R = 0.2_wp
          e%mesh = mesh_t(3, 5, 6, 1)
          e%excitation = new_pulse(1.0_wp, 0.5_wp)
          e%sampling = new_sampling(observation_t(), [(0.4_wp*k, k=1, 12)])
@@ -375,7 +375,7 @@ contains
          call check('the plain beam', .not. allocated(error))
          do i = 1, 3
             e%structure = beam(plain)
-            if (turning == 1) e%structure%kappa_R = 0.2_wp
+            if (turning == 1) e%structure%end(1)%kappa_R = 0.2_wp
             free = others(:7 + turning)
             if (i == 1) then
                call e%structure%set(of_x_D, 0.4_wp)

@@ -98,7 +98,7 @@ contains
       call new_residuals(hosed(1, rtol), mesh, experiments, problem, error)
       problem%free = stage%free
       problem%record = stage%owners()
-      call exact_counterpart(hosed(1), mesh, experiments, .false., exact)
+      call exact_counterpart(hosed(1), mesh, experiments, [integer ::], exact)
       call variables_of(stage, problem%scenario, variables, quantities, error)
       call fit(problem, size(measured), variables, options_t(relative_error=rtol), found, error)
       call check('rtol = '//to_text(rtol)//': the fit converges', .not. allocated(error))

@@ -17,10 +17,10 @@ program test_weight
    use beamid_poles, only: poles_t
    use beamid_responses, only: response_t, work_t
    use beamid_roots, only: damped_roots
-   use beamid_structure, only: of_c_D, of_E, of_length, sensor_t, structure_t
+   use beamid_structure, only: end_t, free_end, of_c_D, of_E, of_length, sensor_t, structure_t
    use beamid_structure_checks, only: check_structure
    use beamid_variations, only: as_spline, in_lines, new_variation, variations_t
-   use checks, only: check, check_close, finish
+   use checks, only: check, check_close, finish, held_root
    use hermite_beams, only: hermite_frequencies
    use integration_errors, only: accumulated_error
    use random_experiments, only: random_structure
@@ -172,8 +172,8 @@ contains
    subroutine test_statics()
       type(structure_t) :: s
 
-      s = structure_t(length=1.3_wp, rho=1, E=1, I=1, m_T=0.1_wp, kappa_R=0.1_wp, T=0.2_wp, &
-         g=0.5_wp, x_F=0.975_wp)
+      s = structure_t(length=1.3_wp, rho=1, E=1, I=1, m_T=0.1_wp, &
+         end=[end_t(kappa_R=0.1_wp), free_end], T=0.2_wp, g=0.5_wp, x_F=0.975_wp)
       s%stands = .true.
       s%sensor(1) = sensor_t(m_S=0.3_wp, x_S=0.65_wp)
       s%supports = 1
@@ -300,7 +300,8 @@ contains
       worst = 0
       do number = 1, 400
          s = random_structure()
-         galerkin = new_galerkin(mesh_t(3, 2 + modulo(number, 7), 4, 1), s%length, .true.)
+         galerkin = new_galerkin(mesh_t(3, 2 + modulo(number, 7), 4, 1), s%length, &
+            held_root(.true.))
          call bare_beam_modes(galerkin, modes, error)
          assembly = new_assembly(s, modes, [of_E, of_c_D, of_length])
          call find_poles(assembly, sparse, error)
@@ -362,8 +363,8 @@ contains
       pulse = new_pulse(1.0_wp, 0.5_wp)
       s = structure_t(length=1, rho=1, E=1, I=1, c_D=2e-3_wp, gamma=0.1_wp, m_T=0.2_wp)
       do k = 1, 2
-         if (k == 2) s%kappa_R = 0.2_wp
-         galerkin = new_galerkin(mesh_t(3, 6, 6, 1), 1.2_wp, k == 2, varied)
+         if (k == 2) s%end(1)%kappa_R = 0.2_wp
+         galerkin = new_galerkin(mesh_t(3, 6, 6, 1), 1.2_wp, held_root(k == 2), varied)
          equations = new_equations(galerkin, s, pulse)
          call modal%prepare(galerkin, error)
          call modal%respond(equations, pulse, times, summed, work, error)

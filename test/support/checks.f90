@@ -6,7 +6,7 @@ module checks
    implicit none
    private
 
-   public :: check, check_close, skip, finish, in_long_run, of_mesh
+   public :: check, check_close, skip, finish, in_long_run, of_mesh, held_root
 
    integer :: passed = 0, failed = 0, skipped = 0
 
@@ -47,6 +47,16 @@ contains
       skipped = skipped + 1
       write (output_unit, '(4a)') 'skip  ', name, ' | ', reason
    end subroutine skip
+
+   !> Returns the conditions of a beam whose root does not move and whose tip is free, (condition,
+   !> end).
+   pure function held_root(may_rotate) result(essential)
+      logical, intent(in) :: may_rotate
+      logical :: essential(2, 2)
+
+      essential = .false.
+      essential(:, 1) = [.true., .not. may_rotate]
+   end function held_root
 
    !> "degree 3, N = 5: ", for the names of checks.
    function of_mesh(degree, elements, turning) result(text)

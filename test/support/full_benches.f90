@@ -106,9 +106,9 @@ contains
       M = M + s%m_T*square(tip) + s%J_T*square(at(galerkin%space%length + 0.0_qp, &
          galerkin%space%length, 1)/longer)
       v = s%rho*whole + s%m_T*tip
-      if (s%has_root_spring()) then
-         K = K + 1/real(s%kappa_R, qp)*square(at(0.0_qp, 0.0_wp, 1)/longer)
-         C = C + s%c_R*square(at(0.0_qp, 0.0_wp, 1)/longer)
+      if ((s%end(1)%kappa_R > 0)) then
+         K = K + 1/real(s%end(1)%kappa_R, qp)*square(at(0.0_qp, 0.0_wp, 1)/longer)
+         C = C + s%end(1)%c_R*square(at(0.0_qp, 0.0_wp, 1)/longer)
       end if
       if (s%has_hose()) then
          y(n + 1) = 1

@@ -52,7 +52,7 @@ contains
       real(wp) :: b(galerkin%mesh%degree + 1), d2b(galerkin%mesh%degree + 1)
       integer :: e, p, i, j, first, m
 
-      self%soft = structure%has_root_spring()
+      self%soft = (structure%end(1)%kappa_R > 0)
       self%hose = structure%has_hose()
       self%length = galerkin%space%length
       self%x_S = structure%sensor_place()

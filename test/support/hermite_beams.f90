@@ -48,8 +48,8 @@ contains
       end do
       held = .false.
       held(1) = .true.
-      held(2) = .not. s%has_root_spring()
-      if (s%has_root_spring()) K(2, 2) = K(2, 2) + 1/s%kappa_R
+      held(2) = .not. (s%end(1)%kappa_R > 0)
+      if ((s%end(1)%kappa_R > 0)) K(2, 2) = K(2, 2) + 1/s%end(1)%kappa_R
       n = 2*elements
       M(n + 1, n + 1) = M(n + 1, n + 1) + s%m_T
       M(n + 2, n + 2) = M(n + 2, n + 2) + s%J_T

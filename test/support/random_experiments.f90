@@ -46,8 +46,8 @@ contains
       mass = s%rho*s%length
       s%m_T = mass*decades(-3.0_wp, 2.0_wp)
       s%J_T = (mass + s%m_T)*(s%length*decades(-3.0_wp, -0.5_wp))**2
-      s%kappa_R = s%length/(s%E*s%I*decades(-2.0_wp, 3.0_wp))
-      s%c_R = 0.05_wp/(s%kappa_R*s%omega())
+      s%end(1)%kappa_R = s%length/(s%E*s%I*decades(-2.0_wp, 3.0_wp))
+      s%end(1)%c_R = 0.05_wp/(s%end(1)%kappa_R*s%omega())
       s%sensor(1)%m_S = mass*decades(-3.0_wp, 0.0_wp)
       s%sensor(1)%x_S = s%length*between(0.05_wp, 1.0_wp)
       s%c_D = 2*s%E/s%omega()*decades(-5.0_wp, 0.0_wp)
@@ -66,8 +66,8 @@ contains
       mass = s%rho*s%length
       s%m_T = mass*decades(-3.0_wp, 3.0_wp)
       s%J_T = mass*s%length**2*decades(-5.0_wp, 1.0_wp)
-      s%kappa_R = s%length/(s%E*s%I*decades(-3.0_wp, 3.0_wp))
-      s%c_R = 0.1_wp/(s%kappa_R*s%omega())
+      s%end(1)%kappa_R = s%length/(s%E*s%I*decades(-3.0_wp, 3.0_wp))
+      s%end(1)%c_R = 0.1_wp/(s%end(1)%kappa_R*s%omega())
       s%sensor(1)%m_S = mass*decades(-4.0_wp, 2.0_wp)
       s%sensor(1)%x_S = s%length*decades(-2.0_wp, 0.0_wp)
       s%c_D = 2*s%E/s%omega()*decades(-5.0_wp, 1.0_wp)
@@ -77,7 +77,7 @@ contains
       s%c_H = 2*sqrt(s%k_H*s%m_H)*decades(-4.0_wp, 2.0_wp)
       if (uniform() < 0.1_wp) s%m_T = 0
       if (uniform() < 0.1_wp) s%J_T = 0
-      if (uniform() < 0.1_wp) s%kappa_R = 0
+      if (uniform() < 0.1_wp) s%end(1)%kappa_R = 0
       if (uniform() < 0.1_wp) s%sensor(1)%m_S = 0
       if (uniform() < 0.1_wp) s%sensor(1)%x_S = at_tip
       if (uniform() < 0.1_wp) s%c_D = 0

@@ -177,7 +177,7 @@ contains
       complex(wp), allocatable :: found(:), ds(:, :)
       logical, allocatable :: together(:)
 
-      galerkin = new_galerkin(mesh, structure%length, .false.)
+      galerkin = new_galerkin(mesh, structure%length)
       call solver%prepare(galerkin, error)
       equations = new_equations(galerkin, structure, new_pulse(0.0_wp, 1.0_wp))
       call solver%lowest_roots(equations, [integer ::], 3, found, ds, together, work, error)

@@ -16,7 +16,6 @@ module beamid_c_responses
    use beamid_residuals, only: new_residuals, residual_t
    use beamid_responses, only: is_exact
    use beamid_strings, only: to_text
-   use beamid_structure, only: of_kappa_R
    implicit none
    private
 
@@ -127,7 +126,7 @@ contains
       experiment%excitation = case%model%excitation
       associate (free => case%stages(1)%free)
          call new_residuals(case%model, case%meshes(size(case%meshes)), [experiment], problem, &
-            error, turning=any(free == of_kappa_R))
+            error, free)
          if (allocated(error)) return
          problem%free = free
          problem%record = 0*free

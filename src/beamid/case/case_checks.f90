@@ -16,7 +16,7 @@ module beamid_case_checks
    use beamid_responses, only: is_exact
    use beamid_stage_groups, only: narrowest_dip
    use beamid_strings, only: lower, to_text
-   use beamid_structure, only: is_coefficient, of_g, of_T, of_w_D, of_x_F, structure_t
+   use beamid_structure, only: is_coefficient, of_g, of_T, of_w_D, of_x_F, root, structure_t, tip
    use beamid_structure_checks, only: add_unit_hint, check_structure
    implicit none
    private
@@ -86,15 +86,18 @@ contains
       type(error_t), allocatable :: error
       integer :: place, j, k
 
+      call check_short_forms(blocks, case%model%structure)
       call check_structure(case%model%structure, error, place)
       call add_unit_hint(case%model%structure, place, case%units, error)
       if (allocated(error)) then
          associate (row => parameters(place))
             k = place_of(blocks, row%group, max(1, row%item))
+            if (row%group == 'end') k = place_of_end(blocks, row%item)
+            if (row%group == 'end' .and. k == 0) k = place_of(blocks, 'beam', 1)
             if (row%group == 'along') k = findloc([(blocks(j)%name == row%group .and. &
                blocks(j)%has(key_of(place)), j=1, size(blocks))], .true., dim=1)
             if (k > 0) call blocks(k)%refusals%add(blocks(k)%line_of(key_of(place)), '&'// &
-               trim(row%group)//' '//error%message)
+               trim(blocks(k)%name)//' '//error%message)
          end associate
          return
       end if
@@ -109,6 +112,7 @@ contains
       call check_dip(blocks, case)
       call check_forces(blocks, case)
       call check_rigid(blocks, case)
+      call check_held(blocks, case)
       if (case%model%observation%relative .and. size(case%excitations) > 0 .and. &
          .not. any(case%excitations%is_base)) then
          k = place_of(blocks, 'observation', 1)
@@ -181,10 +185,83 @@ contains
          unknowns = unknowns_of(mesh, structure) + rigid - merge(1, 0, structure%has_hose())
          if (rigid < unknowns) return
          k = place_of(blocks, 'support', structure%supports)
-         if (k > 0) call blocks(k)%refuse('', to_text(rigid)//' rigid ones', 'at most '// &
-            to_text(unknowns - 1)//' on a mesh of '//to_text(mesh%elements)//' elements')
+         if (unknowns < 1) then
+            k = place_of(blocks, 'beam', 1)
+            call blocks(k)%refuse('', 'conditions at the ends that leave no unknown on a mesh '// &
+               'of '//to_text(mesh%elements)//' elements', 'more elements')
+         else if (k > 0) then
+            call blocks(k)%refuse('', to_text(rigid)//' rigid ones', 'at most '// &
+               to_text(unknowns - 1)//' on a mesh of '//to_text(mesh%elements)//' elements')
+         end if
       end associate
    end subroutine check_rigid
+
+   !> Refuses k_R and c_R of &beam beside a group &end for the root, in either order.
+   subroutine check_short_forms(blocks, structure)
+      type(block_t), intent(inout) :: blocks(:)
+      type(structure_t), intent(in) :: structure
+      character(len=*), parameter :: keys(2) = ['k_R', 'c_R']
+      integer :: j, k
+
+      k = place_of(blocks, 'beam', 1)
+      if (k == 0 .or. .not. structure%described(root)) return
+      do j = 1, size(keys)
+         if (blocks(k)%has(keys(j))) call blocks(k)%refuse(keys(j), &
+            'it beside &end at=''root''', 'it in &end')
+      end do
+   end subroutine check_short_forms
+
+   !> Returns the number of the group &end that describes an end; 0: none.
+   integer function place_of_end(blocks, end) result(place)
+      type(block_t), intent(inout) :: blocks(:)
+      integer, intent(in) :: end
+      character(len=:), allocatable :: at
+
+      do place = size(blocks), 1, -1
+         if (blocks(place)%name /= 'end') cycle
+         if (allocated(at)) deallocate (at)
+         call blocks(place)%get('at', at, 'end of the beam')
+         if (.not. allocated(at)) cycle
+         if ((at == 'tip') .eqv. (end == tip)) return
+      end do
+   end function place_of_end
+
+   !> Refuses loads for which the ends must hold the beam, and a release whose static shape is not
+   !> computed.
+   subroutine check_held(blocks, case)
+      type(block_t), intent(inout) :: blocks(:)
+      type(case_t), intent(in) :: case
+      character(len=*), parameter :: free = 'a beam that can move as a rigid body', &
+         held = 'ends or supports that hold it'
+      integer :: j, k
+
+      associate (s => case%model%structure)
+         do k = 1, size(case%excitations)
+            associate (e => case%excitations(k))
+               j = place_of(blocks, 'excitation', k)
+               if (s%rigid_body_modes() > 0 .and. (e%is_release .or. e%is_base)) &
+                  call blocks(j)%refuse('kind', free, held)
+               if (e%by_displacement .and. abs(s%g) + abs(s%T) > 0 .and. .not. s%is_cantilever()) &
+                  call blocks(j)%refuse('displacement', 'it of a beam under weight or an axial '// &
+                  'force that is not a cantilever', 'force')
+            end associate
+         end do
+         if (s%rigid_body_modes() == 0) return
+         if (s%g > 0) call refuse_group('gravity')
+         if (abs(s%T) > 0) call refuse_group('axial')
+      end associate
+
+   contains
+
+      !> Refuses a group that loads a beam which nothing holds.
+      subroutine refuse_group(name)
+         character(len=*), intent(in) :: name
+
+         j = place_of(blocks, name, 1)
+         if (j > 0) call blocks(j)%refuse('', free, held)
+      end subroutine refuse_group
+
+   end subroutine check_held
 
    !> Refuses a case that lacks something that the command needs.
    !>

@@ -37,7 +37,9 @@ module beamid_case_files
    type(group_t), parameter, public :: groups(*) = [ &
       group_t('beam', required=.true., purpose= &
       'Describes the beam: its length, cross section, material, damping and root.'), &
-      group_t('tip', purpose='Describes a mass at the tip, the free end of the beam.'), &
+      group_t('end', may_repeat=.true., purpose= &
+      'Describes what holds an end of the beam. Without it the root is clamped, the tip free.'), &
+      group_t('tip', purpose='Describes a mass at the tip, the other end of the beam.'), &
       group_t('hose', purpose= &
       'Describes a hose at the tip: a mass that a spring and a damper connect to the beam.'), &
       group_t('sensor', may_repeat=.true., purpose= &
@@ -164,7 +166,7 @@ contains
       call move_alloc(case%files, block%files)
       associate (model => case%model)
          select case (block%name)
-         case ('beam', 'tip', 'hose', 'sensor', 'support', 'gravity', 'axial')
+         case ('beam', 'end', 'tip', 'hose', 'sensor', 'support', 'gravity', 'axial')
             call read_structure(block, model%structure, case%section, case%along)
          case ('discretization'); call read_discretization(block, case%meshes, case%refines)
          case ('integrator'); call read_integrator(block, model%solver)

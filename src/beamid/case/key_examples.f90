@@ -54,6 +54,12 @@ module beamid_key_examples
       key_example_t('beam', 'width', section, 'length'), &
       key_example_t('beam', 'height', section, 'length'), &
       key_example_t('beam', 'density', section, 'mass/length^3'), &
+      key_example_t('end', 'at', 'at=''tip'', kind=''pinned'''), &
+      key_example_t('end', 'kind', 'at=''root'', kind=''free'''), &
+      key_example_t('end', 'k_w', 'at=''tip'', k_w=200'), &
+      key_example_t('end', 'c_w', 'at=''tip'', k_w=200, c_w=0.1'), &
+      key_example_t('end', 'k_R', 'at=''root'', k_R=50'), &
+      key_example_t('end', 'c_R', 'at=''root'', k_R=50, c_R=0.01'), &
       key_example_t('tip', 'm_T', 'm_T=0.01'), &
       key_example_t('tip', 'J_T', 'm_T=0.01, J_T=2e-6'), &
       key_example_t('hose', 'm_H', 'm_H=0.004'), &

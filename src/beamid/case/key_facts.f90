@@ -35,7 +35,10 @@ contains
       end if
       if (unit /= 'none') return
       do k = 1, size(parameters)
-         if (parameters(k)%group /= group .or. key_of(k) /= key%name) cycle
+         if (key_of(k) /= key%name) cycle
+         ! &beam has short forms of keys of &end.
+         if (parameters(k)%group /= group .and. .not. (group == 'beam' .and. &
+            parameters(k)%group == 'end')) cycle
          unit = parameter_unit(k)
          return
       end do

@@ -204,9 +204,14 @@ contains
          call page%labelled(4, 'example', fact_column, parameter_example(k))
          if (all(row%needs /= [0, k])) call page%labelled(4, 'requires', fact_column, &
             trim(parameters(row%needs)%name)//' above 0')
-         if (row%item > 0 .and. .not. is_coefficient(k)) call page%labelled(4, 'several', &
+         if (row%group == 'end') then
+            call page%labelled(4, 'ends', fact_column, ''''//symbol_of(k)//'.root'' and '''// &
+               symbol_of(k)//'.tip'' with a group &end for this end')
+         else if (row%item > 0 .and. .not. is_coefficient(k)) then
+            call page%labelled(4, 'several', &
             fact_column, 'with several groups &'//trim(row%group)//', '''//symbol_of(k)// &
             '.a'' is the parameter of the group with name=''a''')
+         end if
          call add_see_also(page, a_parameter, symbol_of(k))
       end associate
    end subroutine add_parameter

@@ -14,7 +14,8 @@ module beamid_model_groups
    use beamid_records, only: column_length
    use beamid_series, only: part_t, read_series, series_t
    use beamid_strings, only: lower, to_text
-   use beamid_structure, only: item_name_length, n_parameters, no_spring, of_x_F, structure_t
+   use beamid_structure, only: c_R_at, item_name_length, kappa_R_at, n_parameters, no_spring, &
+      of_x_F, root, structure_t, tip
    use beamid_tokens, only: digits, letters
    use beamid_units, only: label_length, units_t
    use beamid_values, only: not_negative, positive, range_t
@@ -52,6 +53,7 @@ contains
          item)
       if (block%name == 'support') call read_name(block, structure%supports, &
          structure%support_name, item)
+      if (block%name == 'end') call read_kind_of_end(block, structure, item)
       do k = 1, n_parameters
          if (parameters(k)%group /= block%name .or. parameters(k)%item /= item) cycle
          call read_parameter(block, k, value, along)
@@ -70,6 +72,7 @@ contains
          structure%stands = direction == 'standing'
       end if
       if (block%name == 'beam') then
+         call read_root(block, structure)
          call block%get('width', width, 'required without I', 'width of the rectangular section', &
             positive)
          call block%get('height', height, 'required without I', &
@@ -84,6 +87,54 @@ contains
       call check_dimension(block, 'density', density)
       call set_section(block, structure, section, along, width, height, density)
    end subroutine read_structure
+
+   !> Reads which end a group &end describes, and the kind of the end, which sets its springs: rigid
+   !> or none.
+   !>
+   !> item  number of the end, `root` or `tip`
+   subroutine read_kind_of_end(block, structure, item)
+      type(block_t), intent(inout) :: block
+      type(structure_t), intent(inout) :: structure
+      integer, intent(out) :: item
+      character(len=:), allocatable :: at, kind
+
+      call block%get('at', at, 'end of the beam', [character(len=4) :: 'root', 'tip'], &
+         required=.true.)
+      call block%get('kind', kind, 'motion that the end cannot make: ''clamped'': deflection '// &
+         'and rotation; ''pinned'': deflection; ''guided'': rotation; ''free'': none. Springs '// &
+         'of this group replace it', [character(len=7) :: 'clamped', 'pinned', 'guided', &
+         'free'], default='''clamped'' at the root, ''free'' at the tip')
+      ! The springs are listed in any case, for the help.
+      item = root
+      if (allocated(at)) item = merge(tip, root, at == 'tip')
+      if (block%failed() .or. .not. allocated(at)) return
+      if (structure%described(item)) then
+         call block%refuse('at', shown(at)//' twice', 'one group for each end')
+         return
+      end if
+      structure%described(item) = .true.
+      if (.not. allocated(kind)) return
+      associate (end => structure%end(item))
+         end%kappa_w = merge(0.0_wp, no_spring, kind == 'clamped' .or. kind == 'pinned')
+         end%kappa_R = merge(0.0_wp, no_spring, kind == 'clamped' .or. kind == 'guided')
+      end associate
+   end subroutine read_kind_of_end
+
+   !> Reads k_R and c_R of &beam, the short form of a root that does not move and rotates against a
+   !> spring.
+   subroutine read_root(block, structure)
+      type(block_t), intent(inout) :: block
+      type(structure_t), intent(inout) :: structure
+      real(wp), allocatable :: value
+      integer :: k
+
+      do k = kappa_R_at(root), c_R_at(root)
+         call read_parameter(block, k, value, default=trim(merge('a rigid clamp', '0            ', &
+            k == kappa_R_at(root))), help='of the root, as in &end')
+         if (.not. allocated(value)) cycle
+         call structure%set(k, min(as_named(k, value), huge(value)))
+      end do
+   end subroutine read_root
 
    !> Sets I and rho of a structure, either as given or from the rectangular cross section; refuses
    !> the group &beam if it gives too many or too few of these keys.
@@ -142,13 +193,17 @@ contains
 
    !> Reads the value of parameter k of the table `parameters`.
    !>
-   !> value  as named in the case file; not allocated: not given
-   !> along  properties that vary along the beam, whose values there make the key optional
-   subroutine read_parameter(block, k, value, along)
+   !> value    as named in the case file; not allocated: not given
+   !> along    properties that vary along the beam, whose values there make the key optional
+   !> default  text for the help; absent: that of the table
+   !> help     text to follow that of the table
+   subroutine read_parameter(block, k, value, along, default, help)
       type(block_t), intent(inout) :: block
       integer, intent(in) :: k
       real(wp), allocatable, intent(inout) :: value
       type(along_t), intent(in), optional :: along(:)
+      character(len=*), intent(in), optional :: default, help
+      character(len=:), allocatable :: default_text, help_text
       type(range_t) :: range
       logical :: required
 
@@ -157,8 +212,12 @@ contains
       if (present(along)) required = required .and. .not. reference_of(along, key_of(k)) > 0
       range = range_t(0, open=parameters(k)%range /= zero_or_more)
       if (parameters(k)%range == any_value) range = range_t()
-      call block%get(key_of(k), value, trim(parameters(k)%default), trim(parameters(k)%help), &
-         range, required=required, infinite=parameters(k)%is_reciprocal)
+      default_text = trim(parameters(k)%default)
+      if (present(default)) default_text = default
+      help_text = trim(parameters(k)%help)
+      if (present(help)) help_text = help_text//', '//help
+      call block%get(key_of(k), value, default_text, help_text, range, required=required, &
+         infinite=parameters(k)%is_reciprocal)
       if (present(along) .and. parameters(k)%group == 'beam') call take_reference(along, &
          key_of(k), value)
    end subroutine read_parameter

@@ -34,7 +34,8 @@ module beamid_see_also
       related_t(a_command, 'version', 'help')]
 
    type(related_t), parameter :: group_rows(*) = [ &
-      related_t(a_group, 'beam', 'tip sensor support along units'), &
+      related_t(a_group, 'beam', 'end tip sensor support along units'), &
+      related_t(a_group, 'end', 'beam support k_R'), &
       related_t(a_group, 'tip', 'beam hose sensor'), &
       related_t(a_group, 'hose', 'tip'), &
       related_t(a_group, 'sensor', 'record observation'), &
@@ -69,8 +70,12 @@ module beamid_see_also
       related_t('beam', 'E', 'coefficients along'), &
       related_t('beam', 'c_D', 'gamma coefficients along'), &
       related_t('beam', 'gamma', 'c_D'), &
-      related_t('beam', 'k_R', 'c_R support'), &
-      related_t('beam', 'c_R', 'k_R'), &
+      related_t('beam', 'k_R', 'c_R end support'), &
+      related_t('beam', 'c_R', 'k_R end'), &
+      related_t('end', 'k_w', 'c_w kind'), &
+      related_t('end', 'c_w', 'k_w'), &
+      related_t('end', 'k_R', 'c_R kind'), &
+      related_t('end', 'c_R', 'k_R'), &
       related_t('sensor', 'name', 'record'), &
       related_t('support', 'name', 'x_P'), &
       related_t('support', 'k_P', 'c_P k_R'), &

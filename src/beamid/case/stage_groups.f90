@@ -6,7 +6,7 @@ module beamid_stage_groups
    use beamid_identification, only: stage_t
    use beamid_kinds, only: wp
    use beamid_numbers, only: shown
-   use beamid_parameters, only: amplitude, belongs_to_hose, is_there, may_be_negative, &
+   use beamid_parameters, only: amplitude, belongs_to_hose, group_of, is_there, may_be_negative, &
       name_length, name_of_parameter, offset, parameters, place_of_name, share
    use beamid_spelling, only: or_nearest
    use beamid_strings, only: lower, to_text
@@ -301,7 +301,7 @@ contains
          if (needs > 0) then
             if (.not. (structure%get(needs) > 0 .or. any(free == needs))) lacking = &
                'a value of '// &
-               trim(parameters(needs)%name)//' in &'//trim(parameters(needs)%group)//' for it'
+               trim(parameters(needs)%name)//' in &'//group_of(structure, needs)//' for it'
          end if
          if (parameters(free(k))%is_reciprocal) then
             if (structure%get(free(k)) >= no_spring) lacking = 'a value above 0 to start from'

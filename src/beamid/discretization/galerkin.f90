@@ -68,26 +68,25 @@ contains
                       [b%degree, b%elements, b%gauss_points, b%panels])
    end function same_mesh
 
-   !> Returns the integrals for the beam of a structure, with its variation along the beam. The root
-   !> may rotate if the clamp is compliant.
+   !> Returns the integrals for the beam of a structure, with its conditions at the ends and
+   !> its variation along the beam.
    pure function galerkin_of(mesh, structure) result(self)
       type(mesh_t), intent(in) :: mesh
       type(structure_t), intent(in) :: structure
       type(galerkin_t) :: self
 
-      self = new_galerkin(mesh, structure%length, structure%has_root_spring(), &
-         structure%variations)
+      self = new_galerkin(mesh, structure%length, structure%essential(), structure%variations)
    end function galerkin_of
 
    !> Returns the integrals for a beam.
    !>
    !> length      length of the beam [length]
-   !> root_rotation     whether the root may rotate; default .false.
+   !> essential   (condition, end) conditions as in `spline_space_t`; absent: root clamped, tip free
    !> variations  variation along the beam; default: none
-   pure function new_galerkin(mesh, length, root_rotation, variations) result(self)
+   pure function new_galerkin(mesh, length, essential, variations) result(self)
       type(mesh_t), intent(in) :: mesh
       real(wp), intent(in) :: length
-      logical, intent(in), optional :: root_rotation
+      logical, intent(in), optional :: essential(2, 2)
       type(variations_t), intent(in), optional :: variations
       type(galerkin_t) :: self
       type(rule_t) :: rule
@@ -100,7 +99,7 @@ contains
       if (present(variations)) self%variations = variations
       self%varies = self%variations%are_known()
       call self%variations%breaks(mesh%degree, breaks, knots)
-      self%space = new_spline_space(mesh%degree, mesh%elements, length, root_rotation, &
+      self%space = new_spline_space(mesh%degree, mesh%elements, length, essential, &
          pack(breaks, knots > 0), pack(knots, knots > 0))
       rule = composite(mesh%gauss_points, mesh%panels)
       self%points = new_points(self%space, rule, pack(breaks, knots == 0))

@@ -1,18 +1,17 @@
 !> The spline space V^N: B-splines of odd degree on a mesh of [0, l], combined so that every basis
-!> function satisfies the essential boundary conditions of a clamped root, phi(0) = phi'(0) = 0
-!> (Section 3 of CR-178199).
+!> function satisfies the essential boundary conditions at root and tip. For the clamped root of
+!> Section 3 of CR-178199 these are phi(0) = phi'(0) = 0.
 !>
 !> The mesh is uniform, h = l/N. Where a property of the beam has a jump or a kink, w'' has one too;
 !> an element then ends there, at a knot of the multiplicity that this continuity requires.
 !>
 !> B_j is scaled by degree!. For cubics on the uniform mesh this is the paper's scaling,
-!> B_j(x_j) = 4, B_j(x_j +- h) = 1. As many B-splines as the degree do not vanish at the root. They
-!> are replaced by combinations of three neighbours, for cubics b_1 = B_0 - 2 B_1 - 2 B_{-1}, so
-!> that the Gram matrices keep the half-bandwidth `degree`. The dimension is N + degree - 2, plus
-!> one for each additional knot.
-!>
-!> If the root may rotate (phi(0) = 0 is the only condition), the basis has one more function, the
-!> first: for cubics B_{-1} - B_0/4.
+!> B_j(x_j) = 4, B_j(x_j +- h) = 1. As many B-splines as the degree do not vanish at an end. A
+!> clamped end replaces them by combinations of three neighbours, for cubics
+!> b_1 = B_0 - 2 B_1 - 2 B_{-1}, so that the Gram matrices keep the half-bandwidth `degree`. An end
+!> with a single condition has one more function, a combination of the two outermost B-splines: for
+!> cubics and phi(0) = 0, B_{-1} - B_0/4. A free end keeps all B-splines. The dimension is
+!> N + degree less the number of conditions, plus one for each additional knot.
 module beamid_splines
    use beamid_b_splines, only: b_splines
    use beamid_kinds, only: wp
@@ -21,13 +20,23 @@ module beamid_splines
 
    public :: spline_space_t, new_spline_space
 
+   !> The conditions of a beam with a clamped root and a free tip.
+   logical, parameter, public :: clamped_root(2, 2) = reshape([.true., .true., .false., .false.], &
+      [2, 2])
+
+   !> Largest number of B-splines in a basis function: three at one end, if the mesh is so coarse
+   !> that both ends meet combinations of combinations.
+   integer, parameter :: widest = 5
+
    !> A spline space. At most degree + 1 consecutive basis functions are nonzero on an element.
    type :: spline_space_t
       integer :: degree = 0                    !< degree of the splines, odd, >= 3
       !> number of elements: the mesh intervals, and the parts into which breaks divide them
       integer :: elements = 0
       integer :: n = 0                         !< dimension
-      integer :: root_rotation = 0                   !< 1: the root may rotate; 0: it is clamped
+      !> (condition, end) whether the deflection (condition 1) or the rotation (2) is 0 at the root
+      !> (end 1) or at the tip (2)
+      logical :: essential(2, 2) = clamped_root
       real(wp) :: length = 0                   !< length l of the beam [length]
       real(wp), allocatable :: ends(:)         !< (0:elements) ends of the elements [length]
       real(wp), private :: scale = 1           !< mesh intervals per unit of x, N/l [1/length]
@@ -36,9 +45,14 @@ module beamid_splines
       integer, allocatable, private :: left(:)
       !> (0:elements - 1) number of B-splines whose support ends before an element
       integer, allocatable, private :: before(:)
-      !> (degree - 2, 3) row i: coefficients of the B-splines i, i + 1, i + 2, counted from the
-      !> root, in the combination b_i
-      real(wp), allocatable, private :: root(:, :)
+      !> (n) first B-spline of each basis function, and (widest, n) the coefficients of this and the
+      !> following B-splines
+      integer, allocatable, private :: start(:)
+      real(wp), allocatable, private :: weight(:, :)
+      !> (0:elements - 1) first and last basis function that is nonzero on an element
+      integer, allocatable, private :: first(:), last(:)
+      !> (0:elements - 1) whether the basis functions of an element are B-splines
+      logical, allocatable, private :: is_plain(:)
    contains
       procedure :: first_on_element, last_on_element, on_element, element_of, at
       procedure, private :: plain
@@ -51,30 +65,30 @@ contains
    !> degree        degree of the splines, odd, >= 3
    !> elements      number of mesh intervals N, >= 1
    !> length        length l of the beam, > 0 [length]
-   !> root_rotation       whether the root may rotate; default .false.
+   !> essential     (condition, end) conditions as in `spline_space_t`; absent: root clamped, tip
+   !>               free
    !> breaks        positions x/l, ascending, of knots in addition to those of the mesh; a break
    !>               replaces a mesh knot that is close to it
    !> multiplicity  multiplicity of each break, 1 .. degree - 1
-   pure function new_spline_space(degree, elements, length, root_rotation, breaks, multiplicity) &
+   pure function new_spline_space(degree, elements, length, essential, breaks, multiplicity) &
       result(space)
       integer, intent(in) :: degree, elements
       real(wp), intent(in) :: length
-      logical, intent(in), optional :: root_rotation
+      logical, intent(in), optional :: essential(2, 2)
       real(wp), intent(in), optional :: breaks(:)
       integer, intent(in), optional :: multiplicity(:)
       type(spline_space_t) :: space
-      real(wp) :: value(degree + 1), slope(degree + 1), determinant
       real(wp), allocatable :: nodes(:)
       integer, allocatable :: times(:)
       integer :: e, i
 
       space%degree = degree
-      if (present(root_rotation)) space%root_rotation = merge(1, 0, root_rotation)
+      if (present(essential)) space%essential = essential
       space%length = length
       space%scale = elements/length
       call mesh_knots(elements, nodes, times, breaks, multiplicity)
       space%elements = size(nodes) - 1
-      space%n = space%elements + sum(times - 1) + degree - 2 + space%root_rotation
+      space%n = space%elements + sum(times - 1) + degree
       allocate (space%ends(0:space%elements), space%left(0:space%elements - 1), &
          space%before(0:space%elements - 1))
       space%ends = nodes/elements*length
@@ -88,18 +102,155 @@ contains
       end do
       space%knots = [space%knots, [(real(elements + i, wp), i=0, degree)]]
 
-      ! value(i) and slope(i) are those of B-spline i at the root, i = 1 .. degree. The combination
-      ! of three neighbours, the middle one with coefficient 1, has value and slope 0.
-      value = space%plain(0, 0.0_wp, 0)
-      slope = space%plain(0, 0.0_wp, 1)
-      allocate (space%root(degree - 2, 3))
-      do i = 1, degree - 2
-         determinant = value(i)*slope(i + 2) - value(i + 2)*slope(i)
-         space%root(i, 1) = (value(i + 2)*slope(i + 1) - value(i + 1)*slope(i + 2))/determinant
-         space%root(i, 2) = 1
-         space%root(i, 3) = (value(i + 1)*slope(i) - value(i)*slope(i + 1))/determinant
-      end do
+      space%start = [(i, i=1, space%n)]
+      allocate (space%weight(widest, space%n), source=0.0_wp)
+      space%weight(1, :) = 1
+      call combine_at_root(space)
+      call combine_at_tip(space)
+      space%n = size(space%start)
+      call find_nonzero_functions(space)
    end function new_spline_space
+
+   !> Replaces the functions that do not vanish at the root by combinations that satisfy the
+   !> conditions there.
+   pure subroutine combine_at_root(space)
+      type(spline_space_t), intent(inout) :: space
+      real(wp) :: values(2, space%n)
+      integer, allocatable :: start(:)
+      real(wp), allocatable :: weight(:, :)
+      integer :: i
+
+      values = values_at_end(space, 1)
+      call combine(space%degree, space%essential(:, 1), [(i, i=1, space%n)], values, space%start, &
+         space%weight, start, weight)
+      call move_alloc(start, space%start)
+      call move_alloc(weight, space%weight)
+   end subroutine combine_at_root
+
+   !> Replaces the functions that do not vanish at the tip, counted from the tip inwards.
+   pure subroutine combine_at_tip(space)
+      type(spline_space_t), intent(inout) :: space
+      real(wp) :: values(2, size(space%start))
+      integer, allocatable :: start(:)
+      real(wp), allocatable :: weight(:, :)
+      integer :: i, n
+
+      n = size(space%start)
+      values = values_at_end(space, 2)
+      call combine(space%degree, space%essential(:, 2), [(i, i=n, 1, -1)], values, space%start, &
+         space%weight, start, weight)
+      n = size(start)
+      space%start = start(n:1:-1)
+      space%weight = weight(:, n:1:-1)
+   end subroutine combine_at_tip
+
+   !> Returns value and slope of all functions at an end, (2, functions).
+   !>
+   !> end  1: root, 2: tip
+   pure function values_at_end(space, end) result(values)
+      type(spline_space_t), intent(in) :: space
+      integer, intent(in) :: end
+      real(wp) :: values(2, size(space%start))
+      real(wp) :: plain(space%degree + 1)
+      integer :: c, d, element, i, k
+
+      element = merge(0, space%elements - 1, end == 1)
+      values = 0
+      do d = 1, 2
+         plain = space%plain(element, real(end - 1, wp), d - 1)
+         ! The B-spline that vanishes at the end, up to round-off.
+         plain(merge(space%degree + 1, 1, end == 1)) = 0
+         do i = 1, size(space%start)
+            do k = 1, widest
+               c = space%start(i) + k - 1 - space%before(element)
+               if (c < 1 .or. c > space%degree + 1) cycle
+               values(d, i) = values(d, i) + space%weight(k, i)*plain(c)
+            end do
+         end do
+      end do
+   end function values_at_end
+
+   !> Combines functions so that they satisfy the conditions at an end.
+   !>
+   !> essential      (2) whether the deflection and the rotation are 0
+   !> order          (functions) numbers of the functions, from the end inwards
+   !> values         (2, functions) values and slopes at the end
+   !> start, weight  the functions
+   !> new_start, new_weight  the combinations, from the end inwards
+   pure subroutine combine(degree, essential, order, values, start, weight, new_start, new_weight)
+      integer, intent(in) :: degree, order(:), start(:)
+      logical, intent(in) :: essential(2)
+      real(wp), intent(in) :: values(:, :), weight(:, :)
+      integer, allocatable, intent(out) :: new_start(:)
+      real(wp), allocatable, intent(out) :: new_weight(:, :)
+      real(wp) :: determinant, outer(2)
+      integer :: i, n, nonzero
+
+      nonzero = 0
+      if (any(essential)) nonzero = min(degree, size(order))
+      n = size(order) - count(essential)
+      allocate (new_start(max(n, 0)), new_weight(widest, max(n, 0)))
+      if (n < 1) return
+      n = 0
+      associate (v => values(1, order), s => values(2, order))
+         if (count(essential) == 1) then
+            n = 1
+            outer = [-merge(v(2), s(2), essential(1)), merge(v(1), s(1), essential(1))]
+            call add_up(outer/outer(maxloc(abs(outer), dim=1)), start(order(:2)), &
+               weight(:, order(:2)), new_start(1), new_weight(:, 1))
+         end if
+         do i = 1, nonzero - 2
+            n = n + 1
+            determinant = v(i)*s(i + 2) - v(i + 2)*s(i)
+            call add_up([(v(i + 2)*s(i + 1) - v(i + 1)*s(i + 2))/determinant, 1.0_wp, &
+               (v(i + 1)*s(i) - v(i)*s(i + 1))/determinant], start(order(i:i + 2)), &
+               weight(:, order(i:i + 2)), new_start(n), new_weight(:, n))
+         end do
+         new_start(n + 1:) = start(order(nonzero + 1:))
+         new_weight(:, n + 1:) = weight(:, order(nonzero + 1:))
+      end associate
+
+   end subroutine combine
+
+   !> Computes a sum of coefficients times functions.
+   !>
+   !> starts, weights  the functions
+   !> start, weight    the sum
+   pure subroutine add_up(coefficients, starts, weights, start, weight)
+      real(wp), intent(in) :: coefficients(:), weights(:, :)
+      integer, intent(in) :: starts(:)
+      integer, intent(out) :: start
+      real(wp), intent(out) :: weight(:)
+      integer :: j
+
+      start = minval(starts)
+      weight = 0
+      do j = 1, size(starts)
+         associate (shift => starts(j) - start)
+            weight(shift + 1:) = weight(shift + 1:) + coefficients(j)*weights(:widest - shift, j)
+         end associate
+      end do
+   end subroutine add_up
+
+   !> Finds the basis functions that are nonzero on each element.
+   pure subroutine find_nonzero_functions(space)
+      type(spline_space_t), intent(inout) :: space
+      integer :: e, finish(space%n), i
+
+      finish = [(space%start(i) - 1 + findloc(abs(space%weight(:, i)) > 0, .true., dim=1, &
+         back=.true.), i=1, space%n)]
+      allocate (space%first(0:space%elements - 1), space%last(0:space%elements - 1), &
+         space%is_plain(0:space%elements - 1))
+      do e = 0, space%elements - 1
+         space%first(e) = findloc(finish > space%before(e), .true., dim=1)
+         space%last(e) = findloc(space%start <= space%before(e) + space%degree + 1, .true., dim=1, &
+            back=.true.)
+         associate (i => space%first(e), j => space%last(e))
+            space%is_plain(e) = j - i == space%degree .and. all(finish(i:j) == space%start(i:j)) &
+               .and. all(abs(space%weight(1, i:j) - 1) <= 0)
+         end associate
+      end do
+   end subroutine find_nonzero_functions
 
    !> Computes the ends of the elements, in mesh intervals from the root. A break replaces the
    !> nearest node of the mesh if it is within a twentieth of an interval; otherwise it is an
@@ -147,7 +298,7 @@ contains
       class(spline_space_t), intent(in) :: self
       integer, intent(in) :: element
 
-      first_on_element = max(1, self%before(element) - 1 + self%root_rotation)
+      first_on_element = self%first(element)
    end function first_on_element
 
    !> Returns the index of the last basis function that is nonzero on an element.
@@ -155,7 +306,7 @@ contains
       class(spline_space_t), intent(in) :: self
       integer, intent(in) :: element
 
-      last_on_element = self%before(element) + self%degree - 1 + self%root_rotation
+      last_on_element = self%last(element)
    end function last_on_element
 
    !> Returns the element that contains a position.
@@ -188,37 +339,23 @@ contains
       integer, intent(in) :: element, derivative
       real(wp), intent(in) :: s
       real(wp) :: values(self%degree + 1)
-      real(wp) :: plain(self%degree + 1), at_root(self%degree + 1)
-      integer :: i, c, k, row, first, functions
+      real(wp) :: plain(self%degree + 1)
+      integer :: c, i, k
 
       plain = self%plain(element, s, derivative)
-      associate (before => self%before(element))
-         if (before >= self%degree) then
-            values = plain
-            return
-         end if
-
-         ! plain(c) is B-spline number before + c; b_i is B-spline number i + 2 for i > degree - 2.
-         values = 0
-         first = max(1, before - 1)
-         do row = 1, before + self%degree - first
-            i = first + row - 1
-            if (i > self%degree - 2) then
-               values(row) = plain(i - before + 2)
-            else
-               do k = 1, 3
-                  c = i + k - 1 - before
-                  if (c >= 1) values(row) = values(row) + self%root(i, k)*plain(c)
-               end do
-            end if
+      if (self%is_plain(element)) then
+         values = plain
+         return
+      end if
+      values = 0
+      associate (before => self%before(element), first => self%first(element))
+         do i = first, self%last(element)
+            do k = 1, widest
+               c = self%start(i) + k - 1 - before
+               if (c >= 1 .and. c <= self%degree + 1) values(i - first + 1) = &
+                  values(i - first + 1) + self%weight(k, i)*plain(c)
+            end do
          end do
-         if (self%root_rotation == 0 .or. before > 1) return
-         ! The first basis function, which rotates the root, is nonzero on the first two elements.
-         functions = before + self%degree - 1
-         values(2:functions + 1) = values(:functions)
-         at_root = self%plain(0, 0.0_wp, 0)
-         if (before == 0) values(1) = plain(1) - at_root(1)/at_root(2)*plain(2)
-         if (before == 1) values(1) = -at_root(1)/at_root(2)*plain(1)
       end associate
    end function on_element
 
@@ -246,7 +383,7 @@ contains
    end function at
 
    !> Returns a derivative of the degree + 1 B-splines that are nonzero on an element, from left to
-   !> right, before they are combined at the root.
+   !> right, before they are combined at the ends.
    pure function plain(self, element, s, derivative) result(values)
       class(spline_space_t), intent(in) :: self
       integer, intent(in) :: element, derivative

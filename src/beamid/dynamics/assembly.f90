@@ -24,9 +24,10 @@ module beamid_assembly
    use beamid_matrices, only: add_diagonal, outer
    use beamid_modes, only: beam_modes_t
    use beamid_structure, only: is_coefficient, of_g, of_length, structure_t
-   use beamid_terms, only: bending, force_value, hose, inertia, is_axial_force, is_grounded, &
-      is_spring, load_shape, of_compliance, of_damping, of_load, of_mass, of_stiffness, operators, &
-      place_on_mesh, root_slope, sensor_slope, sensor_value, strengths_and_slopes, stretch, &
+   use beamid_terms, only: bending, end_condition, force_value, hose, inertia, is_axial_force, &
+      is_grounded, is_spring, load_shape, of_compliance, of_damping, of_load, of_mass, &
+      of_stiffness, operators, &
+      place_on_mesh, is_end_condition, sensor_slope, sensor_value, strengths_and_slopes, stretch, &
       tip_slope, tip_value, weight
    implicit none
    private
@@ -162,7 +163,7 @@ contains
          magnitude = magnitude + abs(self%strength(:, matrix))
       end do
       needed = magnitude > 0
-      do i = root_slope, size(operators)
+      do i = 1, size(operators)
          needed(i) = needed(i) .or. is_spring(i, structure)
       end do
       call set_rows(self, modes, needed)
@@ -211,10 +212,10 @@ contains
          end if
          do k = 1, size(operators)
             if (k == force_value .or. operators(k)%derivative < 0 .or. self%row(k) > 0 .or. &
-               k == root_slope .and. modes%space%root_rotation == 0) cycle
+               is_essential(modes, k)) cycle
             if (.not. (needed(k) .or. k == sensor_value(s%observer) .or. reads_gravity .and. &
                k == sensor_slope(s%observer))) cycle
-            if (k == root_slope .or. is_grounded(k) .or. &
+            if (is_end_condition(k) .or. is_grounded(k) .or. &
                .not. stays_at_tip(self, operators(k)%place)) then
                r = r + 1
                self%row(k) = r
@@ -233,6 +234,14 @@ contains
       end associate
       call set_v(self, modes, r)
    end subroutine set_rows
+
+   !> Returns whether an operator is a condition at an end that the spline space itself satisfies.
+   pure logical function is_essential(modes, operator)
+      type(beam_modes_t), intent(in) :: modes
+      integer, intent(in) :: operator
+
+      is_essential = any(end_condition == operator .and. modes%space%essential)
+   end function is_essential
 
    !> Sets V, its products, and its derivatives with respect to the positions of the points.
    !>

@@ -7,7 +7,8 @@
 module beamid_characteristic
    use beamid_assembly, only: assembly_t, pencil_t
    use beamid_kinds, only: wp
-   use beamid_vectors, only: couplings, eliminate, most, root_t
+   use beamid_matrices, only: eliminate
+   use beamid_vectors, only: couplings, most, root_t
    implicit none
    private
 

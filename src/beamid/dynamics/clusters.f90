@@ -18,7 +18,7 @@ module beamid_clusters
    implicit none
    private
 
-   public :: cluster_t, find_clusters, base_cluster
+   public :: cluster_t, find_clusters, origin_cluster
 
    !> One cluster.
    type :: cluster_t
@@ -27,9 +27,10 @@ module beamid_clusters
       type(root_t) :: centre                   !< centre c [1/time]
       real(wp) :: radius = 0                   !< radius R [1/time]
       logical :: on_axis = .false.             !< c is real
-      !> not roots of the structure, but the double pole at 0, through which velocity and
-      !> displacement of the base follow from its acceleration
-      logical :: is_base = .false.
+      !> the poles at 0: the roots 0 of the motion as a rigid body, `zeros` of them, and the double
+      !> pole through which velocity and displacement of the base follow from its acceleration
+      logical :: is_origin = .false.
+      integer :: zeros = 0                     !< number of roots 0 of the structure in it
       complex(wp) :: counted = 0   !< number of roots in the disc, by a contour integral (S_0)
       complex(wp), allocatable :: a(:)         !< (m + 1) coefficients of P, ascending powers
       complex(wp), allocatable :: da(:, :)     !< (m + 1, parameters) their derivatives
@@ -78,22 +79,23 @@ contains
       end do
    end subroutine find_clusters
 
-   !> Returns the disc around 0 for a base that moves.
+   !> Returns the disc around 0 for a base that moves and for the motion as a rigid body.
    !>
    !> s  roots of the structure [1/time]
-   function base_cluster(assembly, s) result(cluster)
+   function origin_cluster(assembly, s) result(cluster)
       type(assembly_t), intent(in) :: assembly
       complex(wp), intent(in) :: s(:)
       type(cluster_t) :: cluster
 
-      cluster%is_base = .true.
-      cluster%m = 2
+      cluster%is_origin = .true.
+      cluster%zeros = assembly%structure%zero_roots()
+      cluster%m = cluster%zeros + merge(2, 0, assembly%feels_base)
       cluster%on_axis = .true.
-      cluster%radius = minval(abs(s))/4
+      cluster%radius = minval(abs(s), mask=abs(s) > 0)/4
       ! The error is 4**(-2 points) < 1e-17, with a reserve for the powers of z.
       cluster%points = 20
       call nearest_pole(assembly, cluster%centre)
-   end function base_cluster
+   end function origin_cluster
 
    !> Finds the smallest group of roots around a flagged root that is well apart from all others. A
    !> disc that touches the real axis is moved onto it.
@@ -207,12 +209,12 @@ contains
       if (knows) knows = all(self%parameters == parameters)
    end function knows
 
-   !> Returns whether the contour integral counts as many roots as were gathered; none for the disc
-   !> around 0 of the base.
+   !> Returns whether the contour integral counts as many roots as were gathered; in the disc around
+   !> 0, only those of the structure.
    elemental logical function is_complete(self)
       class(cluster_t), intent(in) :: self
 
-      is_complete = abs(self%counted - merge(0, self%m, self%is_base)) < 1e-3_wp
+      is_complete = abs(self%counted - merge(self%zeros, self%m, self%is_origin)) < 1e-3_wp
    end function is_complete
 
    !> Returns the factor that includes the mirror image: 1 on the real axis, otherwise 2.
@@ -222,12 +224,13 @@ contains
       weight = merge(1.0_wp, 2.0_wp, self%on_axis)
    end function weight
 
-   !> Returns the number of modes: pairs of roots.
+   !> Returns the number of modes: pairs of roots, none in the disc around 0.
    elemental integer function modes(self)
       class(cluster_t), intent(in) :: self
 
       modes = self%m
       if (self%on_axis) modes = self%m/2
+      if (self%is_origin) modes = 0
    end function modes
 
    !> Returns the derivative of the mean of the roots with respect to a parameter [1/time per unit].

@@ -45,6 +45,13 @@ contains
       if (2*size(root) - count(.not. abs(aimag(root%s)) > 0) /= assembly%roots() .or. &
          assembly%is_bare()) return
       do k = 1, size(root)
+         if (.not. abs(root(k)%s) > 0 .and. assembly%structure%zero_roots() > 0) then
+            ! A root 0 of the motion as a rigid body stays there.
+            root(k)%origin = 0
+            call nearest_pole(assembly, root(k))
+            followed(k) = .true.
+            cycle
+         end if
          expected = root(k)
          call follow(assembly, root(k), vector(k), followed(k))
          if (followed(k)) followed(k) = .not. coincides(root(k), root(:k - 1), followed(:k - 1))

@@ -84,10 +84,12 @@ contains
       end if
       self%counted = S(0)
       self%moments = [mu(0), self%centre%s*mu(0) + self%radius*mu(1)]
-      if (self%is_base) then
-         ! P = z**2, independent of the parameters.
+      if (self%is_origin) then
+         ! P = z**m, independent of the parameters. A pole at 0 is at most a double one.
          S = 0
          dS = 0
+         mu(2:) = 0
+         dmu(2:, :) = 0
       end if
       call newton_identities(S(1:), dS, self%a, self%da)
       call rows_of(self, mu, dmu, self%row, self%drow)

@@ -13,7 +13,7 @@ module beamid_equations
    use beamid_structure, only: structure_t
    use beamid_terms, only: bending, force_value, hose, inertia, is_axial_force, is_spring, &
       load_shape, of_compliance, of_damping, of_load, of_mass, of_stiffness, operators, &
-      place_on_mesh, root_slope, sensor_slope, sensor_value, strengths, stretch, tilting, &
+      place_on_mesh, end_condition, sensor_slope, sensor_value, strengths, stretch, tilting, &
       tip_value, weight
    implicit none
    private
@@ -69,9 +69,9 @@ contains
    !> Assembles the equations (3.11) with a force at a point, the distributed load (3.10), or a base
    !> that moves.
    !>
-   !> galerkin    integrals of the mesh. The result points to them, so they must outlive it. If the
-   !>             root is not rigid, its space must have `root_rotation`. Its length may differ from
-   !>             the structure's.
+   !> galerkin    integrals of the mesh. The result points to them, so they must outlive it. Its
+   !>             space must not satisfy conditions at the ends that are not `essential` for the
+   !>             structure. Its length may differ from the structure's.
    !> structure   beam and attachments
    !> excitation  force or base motion
    !> matrices    .false.: leave out M, C and K, for a solver that works in modes; default .true.
@@ -122,9 +122,12 @@ contains
       self%n = self%mass%n
       self%tip = self%point(:, tip_value)
       self%omega = structure%omega()
-      ! Limited because a force at a support moves other points by more than the support itself.
-      self%displacement = excitation%size_scale(min(abs(structure%stiffness()), &
-         1e4_wp*structure%tip_stiffness()), self%omega)
+      ! Limited because a force at a support moves other points by more than the support itself, and
+      ! because a beam that little or nothing holds does not reach its static deflection.
+      associate (scale => structure%tip_stiffness())
+         self%displacement = excitation%size_scale(max(1e-2_wp*scale, &
+            min(abs(structure%stiffness()), 1e4_wp*scale)), self%omega)
+      end associate
       if (excitation%is_base) self%displacement = self%displacement*(structure%m_T &
          + structure%rho*structure%length)
    end function new_equations
@@ -134,8 +137,8 @@ contains
       type(mesh_t), intent(in) :: mesh
       type(structure_t), intent(in) :: structure
 
-      unknowns_of = mesh%elements + mesh%degree - 2 + count([structure%has_root_spring(), &
-         structure%has_hose()]) - structure%rigid_supports()
+      unknowns_of = mesh%elements + mesh%degree - count(structure%essential()) &
+         + merge(1, 0, structure%has_hose()) - structure%rigid_supports()
    end function unknowns_of
 
    !> Sets the row vectors of the operators at points.
@@ -247,8 +250,8 @@ contains
       self%base_loads(:, 1) = self%base_loads(:, 1) - self%damping%times(bent)
    end subroutine set_base_loads
 
-   !> Computes the static shape of the beam with displacement -1 at every rigid support. A rigid
-   !> clamp rotates with the base, so its slope is 0.
+   !> Computes the static shape of the beam with displacement -1 at every rigid support. What holds
+   !> the ends moves with the base, so a rigid end has displacement or slope 0.
    !>
    !> shape  (n before the elimination) 0 if no support is rigid
    subroutine bend_at_supports(self, shape)
@@ -266,12 +269,12 @@ contains
       springs = self%structure%tip_stiffness()*self%galerkin%space%length &
          **(2*operators(rigid)%derivative)
       rows = self%point(:, rigid)
-      values = merge(0.0_wp, -1.0_wp, rigid == root_slope)
+      values = merge(-1.0_wp, 0.0_wp, operators(rigid)%moves_with_base)
       call find_static_shape(stiffness, springs, rows, values, shape)
    end subroutine bend_at_supports
 
-   !> Returns the operators of the rigid springs (compliance 0), without that of a clamp which the
-   !> spline space itself satisfies.
+   !> Returns the operators of the rigid springs (compliance 0), without those conditions at the
+   !> ends which the spline space itself satisfies.
    pure function rigid_operators(self) result(rigid)
       type(equations_t), intent(in) :: self
       integer, allocatable :: rigid(:)
@@ -279,7 +282,8 @@ contains
 
       rigid = pack([(k, k=1, size(operators))], [(is_spring(k, self%structure), &
          k=1, size(operators))] .and. .not. self%strength(:, of_compliance) > 0)
-      if (self%galerkin%space%root_rotation == 0) rigid = pack(rigid, rigid /= root_slope)
+      rigid = pack(rigid, [(.not. any(end_condition == rigid(k) .and. &
+         self%galerkin%space%essential), k=1, size(rigid))])
    end function rigid_operators
 
    !> Eliminates the constraints of the rigid supports from matrices and vectors.

@@ -62,7 +62,7 @@ contains
       do k = 1, n
          remaining(k) = aimag(poles%s(k)) > 0 .and. .not. any(poles%cluster%holds(poles%s(k)))
       end do
-      remaining(n + 1:) = .true.
+      remaining(n + 1:) = poles%cluster%modes() > 0
       found = count(remaining(:n)) + sum(poles%cluster%modes())
       if (found < wanted) then
          call failure(error, 'modal: found '//to_text(found)//' modes that oscillate, expected '// &

@@ -146,7 +146,7 @@ contains
       end if
       associate (galerkin => equations%galerkin, space => self%modes%space)
          if (.not. same_mesh(self%mesh, galerkin%mesh) .or. &
-            space%root_rotation /= galerkin%space%root_rotation .or. &
+            any(space%essential .neqv. galerkin%space%essential) .or. &
             abs(space%length - galerkin%space%length) > 0) then
             call failure(error, 'modal: prepared for another mesh')
             return
@@ -287,9 +287,9 @@ contains
       load%base = excitation%is_base
       if (excitation%distributed) then
          load%shape = matmul(equations%shape(:modes%space%n), modes%shapes)   ! (3.10)
-         ! The first mode of a beam with a rotating root is its rotation as a rigid body.
-         if (modes%rotation > 0) load%shape(1) = modes%rotation*modes%space%length &
-            *equations%galerkin%integral(excitation%power + 1)
+         ! The first modes are the motions as a rigid body.
+         load%shape(:size(modes%rigid, 2)) = matmul([equations%galerkin%integral( &
+            excitation%power), equations%galerkin%integral(excitation%power + 1)], modes%rigid)
       end if
       assembly = new_assembly(equations%structure, modes, parameters, load)
    end subroutine assemble

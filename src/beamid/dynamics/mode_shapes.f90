@@ -5,7 +5,7 @@ module beamid_mode_shapes
    use beamid_errors, only: error_t, failure
    use beamid_kinds, only: wp
    use beamid_strings, only: to_text
-   use beamid_vectors, only: eliminate
+   use beamid_matrices, only: eliminate
    implicit none
    private
 

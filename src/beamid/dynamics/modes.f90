@@ -10,6 +10,7 @@ module beamid_modes
    use beamid_kinds, only: wp
    use beamid_matrices, only: add_diagonal
    use beamid_splines, only: spline_space_t
+   use beamid_structure, only: deflection, root, rotation
    use beamid_structure_checks, only: check_axial_load
    use beamid_variations, only: variations_t
    implicit none
@@ -21,18 +22,19 @@ module beamid_modes
    character(len=*), parameter, public :: buckled = 'axial force and weight buckle the beam, '// &
       'expected a stiffness above 0'
 
-   !> The modes phi of the bare beam, clamped or pinned at the root, of the eigenvalue problem
-   !> B phi = mu G phi with the integrals B (bending) and G (inertia) of the mesh alone. E I mu/rho
-   !> are the squares of the natural angular frequencies. The first mode of the pinned beam is its
-   !> rotation as a rigid body, mu = 0.
+   !> The modes phi of the bare beam, held by the conditions that its spline space satisfies, of the
+   !> eigenvalue problem B phi = mu G phi with the integrals B (bending) and G (inertia) of the mesh
+   !> alone. E I mu/rho are the squares of the natural angular frequencies. If the beam can move as
+   !> a rigid body, the first modes are these motions, with mu = 0.
    type :: beam_modes_t
       real(wp), allocatable :: mu(:)           !< (n) eigenvalues, ascending [1/length**4]
       real(wp), allocatable :: shapes(:, :)    !< (n, n) columns phi with phi' G phi = 1
       real(wp), allocatable :: tip(:)          !< (n) values phi(l)
       !> (n, 2) integrals of phi over the beam, with the known factor of the mass and without
       real(wp), allocatable :: total(:, :)
-      !> The first mode of the pinned beam is rotation*x [length**(-3/2)]; 0: the beam is clamped.
-      real(wp) :: rotation = 0
+      !> (2, r) the first r modes are the motions rigid(1, :) + rigid(2, :) x/l of the beam as a
+      !> rigid body [length**(-1/2)]
+      real(wp), allocatable :: rigid(:, :)
       type(spline_space_t) :: space            !< spline space of the shapes
       type(variations_t) :: variations         !< variation of the properties along the beam
       !> (bending points) positions x/l, (bending points, 2) known factors of stiffness and
@@ -88,9 +90,10 @@ contains
       call shapes_of(equations%stiffness, equations%mass, equations%omega**2, shapes, error)
       if (allocated(error)) return
       omega = [(sqrt(equations%strain_energy(shapes(:, k))), k=1, equations%n)]
+      omega(:equations%structure%rigid_body_modes()) = 0
    end subroutine undamped_modes
 
-   !> Computes the modes of the bare beam. It is pinned if the root may rotate in the spline space.
+   !> Computes the modes of the bare beam.
    !>
    !> error  a matrix is not positive definite or not finite
    subroutine bare_beam_modes(galerkin, modes, error)
@@ -109,9 +112,9 @@ contains
          modes%total(:, 1) = modes%total(:, 2)
          if (galerkin%varies) modes%total(:, 1) = matmul(galerkin%moments(0.0_wp, mass=.true.), &
             modes%shapes)
-         if (galerkin%space%root_rotation > 0) call set_rotation(galerkin, modes)
+         call set_rigid_motions(galerkin, modes)
          modes%mu = [(galerkin%bending_energy(modes%shapes(:, k)), k=1, size(modes%shapes, 2))]
-         if (galerkin%space%root_rotation > 0) modes%mu(1) = 0
+         modes%mu(:size(modes%rigid, 2)) = 0
          modes%tip = modes%at(length, 0)
          if (galerkin%varies) then
             allocate (modes%damping_remainder(size(modes%mu), size(modes%mu), 2))
@@ -131,40 +134,68 @@ contains
                do k = 1, size(modes%mu)
                   modes%curvatures(:, k) = galerkin%curvatures(modes%shapes(:, k))
                end do
-               if (modes%rotation > 0) modes%curvatures(:, 1) = 0
+               modes%curvatures(:, :size(modes%rigid, 2)) = 0
             end if
          end associate
       end associate
    end subroutine bare_beam_modes
 
-   !> Replaces the first shape of a pinned beam by the rigid rotation w = x, which is known more
-   !> accurately than its computed coefficients, and makes the other shapes orthogonal to it.
-   subroutine set_rotation(galerkin, modes)
+   !> Returns the motions a + b x/l of a rigid body that satisfy conditions at the ends.
+   !>
+   !> essential  (condition, end)
+   !> motions    (2, r) coefficients a and b, r = 0, 1 or 2
+   pure function rigid_motions(essential) result(motions)
+      logical, intent(in) :: essential(2, 2)
+      real(wp), allocatable :: motions(:, :)
+      logical :: may_rotate
+
+      may_rotate = .not. any(essential(rotation, :))
+      if (all(essential(deflection, :))) then
+         allocate (motions(2, 0))
+      else if (any(essential(deflection, :))) then
+         allocate (motions(2, merge(1, 0, may_rotate)))
+         motions(1, :) = merge(0.0_wp, 1.0_wp, essential(deflection, root))
+         motions(2, :) = 1 - 2*motions(1, :)
+      else
+         motions = reshape([1.0_wp, 0.0_wp, 0.0_wp, 1.0_wp], [2, merge(2, 1, may_rotate)])
+      end if
+   end function rigid_motions
+
+   !> Replaces the first shapes by the motions of a rigid body, which are known more accurately than
+   !> their computed coefficients, and makes the other shapes orthogonal to them.
+   subroutine set_rigid_motions(galerkin, modes)
       type(galerkin_t), intent(in) :: galerkin
       type(beam_modes_t), intent(inout) :: modes
       type(band_t) :: factor
-      real(wp) :: rotation(size(modes%shapes, 1)), moment(size(modes%shapes, 1))
+      real(wp) :: I(0:2), moments(galerkin%space%n, 2), motion(galerkin%space%n)
       logical :: positive
-      integer :: k
+      integer :: j, k
 
-      associate (length => galerkin%space%length)
-         modes%rotation = 1/(length*sqrt(galerkin%integral(2.0_wp, mass=.true.)))
-         moment = modes%rotation*length*galerkin%moments(1.0_wp, mass=.true.)
-         modes%total(1, :) = modes%rotation*length*[galerkin%integral(1.0_wp, mass=.true.), &
-            galerkin%integral(1.0_wp)]
-      end associate
+      modes%rigid = rigid_motions(galerkin%space%essential)
+      if (size(modes%rigid) == 0) return
+      I = [(galerkin%integral(real(k, wp), mass=.true.), k=0, 2)]
+      if (size(modes%rigid, 2) == 2) modes%rigid(:, 2) = [-I(1)/I(0), 1.0_wp]
       factor = galerkin%inertia
       call factor%factor(positive)
-      rotation = moment
-      call factor%solve(rotation)
-      modes%shapes(:, 1) = rotation
-      do k = 2, size(modes%shapes, 2)
-         associate (share => dot_product(moment, modes%shapes(:, k)))
-            modes%shapes(:, k) = modes%shapes(:, k) - share*rotation
-            modes%total(k, :) = modes%total(k, :) - share*modes%total(1, :)
+      moments(:, 1) = galerkin%moments(0.0_wp, mass=.true.)
+      moments(:, 2) = galerkin%moments(1.0_wp, mass=.true.)
+      do j = 1, size(modes%rigid, 2)
+         associate (a => modes%rigid(1, j), b => modes%rigid(2, j))
+            modes%rigid(:, j) = modes%rigid(:, j)/sqrt(a**2*I(0) + 2*a*b*I(1) + b**2*I(2))
+            modes%total(j, :) = [a*I(0) + b*I(1), a*galerkin%integral(0.0_wp) &
+               + b*galerkin%integral(1.0_wp)]
          end associate
+         motion = matmul(moments, modes%rigid(:, j))
+         modes%shapes(:, j) = motion
+         call factor%solve(modes%shapes(:, j))
+         do k = size(modes%rigid, 2) + 1, size(modes%shapes, 2)
+            associate (share => dot_product(motion, modes%shapes(:, k)))
+               modes%total(k, :) = modes%total(k, :) - share*modes%total(j, :)
+               modes%shapes(:, k) = modes%shapes(:, k) - share*modes%shapes(:, j)
+            end associate
+         end do
       end do
-   end subroutine set_rotation
+   end subroutine set_rigid_motions
 
    !> Returns the integrals of (a + b m) phi_i' phi_j' from the root to a position x; m is the mass
    !> beyond a point, divided by rho.
@@ -229,8 +260,11 @@ contains
 
       b = self%space%at(x, derivative)
       values = matmul(b, self%shapes)
-      if (self%rotation > 0) values(1) = self%rotation*merge(x, &
-         merge(1.0_wp, 0.0_wp, derivative == 1), derivative == 0)
+      associate (r => size(self%rigid, 2), l => self%space%length)
+         if (derivative == 0) values(:r) = self%rigid(1, :) + self%rigid(2, :)*(x/l)
+         if (derivative == 1) values(:r) = self%rigid(2, :)/l
+         if (derivative > 1) values(:r) = 0
+      end associate
    end function at
 
    !> Computes the eigenvectors of K x = lambda M x, in ascending order of lambda, with x' M x = 1.

@@ -9,7 +9,7 @@
 !> `beamid_synthesis` computes the motion.
 module beamid_poles
    use beamid_assembly, only: assembly_t
-   use beamid_clusters, only: base_cluster, cluster_t, find_clusters
+   use beamid_clusters, only: cluster_t, find_clusters, origin_cluster
    use beamid_contours, only: measure
    use beamid_errors, only: error_t, failure
    use beamid_kinds, only: wp
@@ -100,10 +100,12 @@ contains
       call find_clusters(assembly, poles%all, pack(poles%root, near), pack(alone, near), &
          poles%cluster)
       if (assembly%feels_base .and. minval(abs(poles%s)) <= 1e-12_wp*maxval(abs(poles%s))) then
-         call failure(error, 'modal: a hose that drifts on a base that moves; expected k_H > 0')
+         call failure(error, 'modal: a hose or a beam that drifts on a base that moves; '// &
+            'expected k_H > 0 or a beam that is held')
          return
       end if
-      if (assembly%feels_base) poles%cluster = [poles%cluster, base_cluster(assembly, poles%s)]
+      if (assembly%feels_base .or. assembly%structure%zero_roots() > 0) &
+         poles%cluster = [poles%cluster, origin_cluster(assembly, poles%s)]
       do k = 1, size(poles%s)
          if (abs(poles%vector(k)%A) > tiny_A*undamped(k)) cycle
          if (any(poles%cluster%holds(poles%s(k)))) cycle

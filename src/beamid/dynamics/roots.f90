@@ -50,7 +50,11 @@ contains
       associate (structure => equations%structure)
          call find_roots(new_assembly(structure, modes, [integer ::]), all, half, error)
          if (allocated(error)) return
-         roots = half%s
+         ! A motion as a rigid body has one root 0 or two; it is one mode.
+         associate (twice => structure%zero_roots() - structure%rigid_body_modes())
+            roots = pack(half%s, abs(half%s) > 0 .or. structure%zero_roots() == 0)
+            roots = [roots, spread((0.0_wp, 0.0_wp), 1, size(half) - size(roots) - twice)]
+         end associate
          ! A hose without spring and dashpot drifts freely: a root 0 that does not move the tip.
          if (structure%has_hose() .and. .not. (structure%k_H > 0 .or. structure%c_H > 0)) &
             roots = [roots, (0.0_wp, 0.0_wp)]
@@ -82,6 +86,7 @@ contains
          call starting_points(assembly, all, error)
       end if
       if (allocated(error)) return
+      call set_zero_roots(assembly, all)
       if (assembly%is_dense()) then
          call improve(assembly, all)
       else
@@ -91,6 +96,7 @@ contains
             if (by_matrix .or. .not. doubtful) exit
             call roots_of_matrix(assembly, all, error)
             if (allocated(error)) return
+            call set_zero_roots(assembly, all)
             by_matrix = .true.
          end do
       end if
@@ -99,6 +105,24 @@ contains
       half = all
       call select_half(assembly, half)
    end subroutine find_roots
+
+   !> Sets the smallest roots to 0, as many as the motion as a rigid body has. No search approaches
+   !> them: they are exact.
+   subroutine set_zero_roots(assembly, roots)
+      type(assembly_t), intent(in) :: assembly
+      type(root_t), intent(inout) :: roots(:)
+      logical :: taken(size(roots))
+      integer :: i, k
+
+      taken = .false.
+      do i = 1, assembly%structure%zero_roots()
+         k = minloc(abs(roots%s), dim=1, mask=.not. taken)
+         taken(k) = .true.
+         roots(k)%s = 0
+         roots(k)%origin = 0
+         call nearest_pole(assembly, roots(k))
+      end do
+   end subroutine set_zero_roots
 
    !> Computes all roots if most of them are known, as after a small change of the structure.
    !>
@@ -141,10 +165,10 @@ contains
       half = size(roots)/2
       do k = 1, half
          if (interrupted()) return
-         call improve_root(assembly, roots(k))
+         if (abs(roots(k)%s) > 0) call improve_root(assembly, roots(k))
          if (abs(aimag(roots(k)%s)) > 0) then
             roots(k + half) = conjugate_of(assembly, roots(k))
-         else
+         else if (abs(roots(k + half)%s) > 0) then
             call improve_root(assembly, roots(k + half))
          end if
       end do
@@ -164,11 +188,13 @@ contains
       logical :: arrived, is_real
       integer :: half, k
 
-      allocate (done(size(roots)), source=.false.)
+      allocate (done(size(roots)))
+      done = abs(roots%s) <= 0 .and. assembly%structure%zero_roots() > 0
       if (assembly%is_bare()) return
       half = size(roots)/2
       do k = 1, size(roots)
          if (interrupted()) return
+         if (done(k)) cycle
          root = roots(k)
          is_real = abs(aimag(root%s)) <= nudge*abs(root%s)
          if (is_real) root%s = real(root%s)

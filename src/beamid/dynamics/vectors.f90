@@ -14,11 +14,12 @@ module beamid_vectors
    use beamid_assembly, only: assembly_t, pencil_t
    use beamid_kinds, only: wp
    use beamid_lapack, only: dgesv
+   use beamid_matrices, only: eliminate, size_of
    use beamid_structure, only: most_sensors, most_supports
    implicit none
    private
 
-   public :: root_t, vector_t, add_response, allocate_vector, couplings, eliminate, find_vector, &
+   public :: root_t, vector_t, add_response, allocate_vector, couplings, find_vector, &
       nearest_pole, solve_coupled, solve_mass
 
    !> Largest order of H: all rows of V that `beamid_assembly` can have.
@@ -110,64 +111,6 @@ contains
          end do
       end do
    end subroutine couplings
-
-   !> Solves a x = b in place for a small matrix, by elimination with partial pivoting. LAPACK takes
-   !> several times as long for these orders, and the last bits of the results of a threaded LAPACK
-   !> differ from run to run.
-   !>
-   !> r, m     order of a, and number of columns of b
-   !> a        (r, r) matrix, destroyed
-   !> b        (r, m) in: the right-hand sides; out: the solutions
-   !> regular  .false.: a is singular, and b is undefined
-   pure subroutine eliminate(r, m, a, b, regular)
-      integer, intent(in) :: r, m
-      complex(wp), intent(inout) :: a(:, :), b(:, :)
-      logical, intent(out) :: regular
-      complex(wp) :: factor, saved
-      integer :: i, k, l, pivot
-
-      regular = .true.
-      do k = 1, r
-         pivot = k
-         do i = k + 1, r
-            if (size_of(a(i, k)) > size_of(a(pivot, k))) pivot = i
-         end do
-         if (.not. size_of(a(pivot, k)) > 0) then
-            regular = .false.
-            return
-         end if
-         if (pivot /= k) then
-            do l = k, r
-               saved = a(k, l)
-               a(k, l) = a(pivot, l)
-               a(pivot, l) = saved
-            end do
-            do l = 1, m
-               saved = b(k, l)
-               b(k, l) = b(pivot, l)
-               b(pivot, l) = saved
-            end do
-         end if
-         a(k, k) = 1/a(k, k)
-         do i = k + 1, r
-            factor = a(i, k)*a(k, k)
-            a(i, k + 1:r) = a(i, k + 1:r) - factor*a(k, k + 1:r)
-            b(i, :m) = b(i, :m) - factor*b(k, :m)
-         end do
-      end do
-      do k = r, 1, -1
-         do l = 1, m
-            b(k, l) = (b(k, l) - sum(a(k, k + 1:r)*b(k + 1:r, l)))*a(k, k)
-         end do
-      end do
-   end subroutine eliminate
-
-   !> Returns |Re z| + |Im z|, a norm of z that needs no square root.
-   elemental real(wp) function size_of(z)
-      complex(wp), intent(in) :: z
-
-      size_of = abs(real(z)) + abs(aimag(z))
-   end function size_of
 
    !> Computes the vector of a root.
    !>

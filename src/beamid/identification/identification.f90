@@ -15,7 +15,6 @@ module beamid_identification
    use beamid_stages, only: run_stage
    use beamid_starts, only: check_frequencies
    use beamid_strings, only: to_text
-   use beamid_structure, only: of_kappa_R
    use beamid_unknowns, only: quantity_t, stage_t, scenario_t
    use beamid_verification, only: exact_counterpart
    implicit none
@@ -64,14 +63,14 @@ contains
       type(stage_t) :: stage
       type(scenario_t) :: given
       type(error_t), allocatable :: objection
-      logical :: root_is_free
+      integer, allocatable :: free(:)
       integer :: k, p
 
-      root_is_free = any([(any(stages(k)%free == of_kappa_R), k=1, size(stages))])
-      call new_residuals(model, mesh, experiments, problem, error, root_is_free)
+      free = [(stages(k)%free, k=1, size(stages))]
+      call new_residuals(model, mesh, experiments, problem, error, free)
       if (allocated(error)) return
       given = problem%scenario
-      if (.not. problem%exact) call exact_counterpart(model, mesh, experiments, root_is_free, &
+      if (.not. problem%exact) call exact_counterpart(model, mesh, experiments, free, &
          exact)
       options%relative_error = model%solver%relative_error()
       if (present(check)) options%check = check

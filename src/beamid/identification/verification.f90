@@ -30,13 +30,13 @@ contains
 
    !> Prepares the same fit with the exact response.
    !>
-   !> turning  whether the compliance of the clamp is free
+   !> free     numbers of parameters that may be free, as in `new_residuals`
    !> exact    the fit; without `parts` if the exact response cannot be prepared
-   subroutine exact_counterpart(model, mesh, experiments, turning, exact)
+   subroutine exact_counterpart(model, mesh, experiments, free, exact)
       type(model_t), intent(in) :: model
       type(mesh_t), intent(in) :: mesh
       type(experiment_t), intent(in) :: experiments(:)
-      logical, intent(in) :: turning
+      integer, intent(in) :: free(:)
       type(residual_t), intent(out) :: exact
       type(model_t) :: exact_model
       type(error_t), allocatable :: error
@@ -46,7 +46,7 @@ contains
       exact_model%observation = model%observation
       if (allocated(model%priors)) exact_model%priors = model%priors
       allocate (modal_t :: exact_model%solver)
-      call new_residuals(exact_model, mesh, experiments, exact, error, turning)
+      call new_residuals(exact_model, mesh, experiments, exact, error, free)
       if (allocated(error)) deallocate (exact%parts)
    end subroutine exact_counterpart
 

@@ -29,16 +29,16 @@ contains
    !> Makes a residual problem of experiments.
    !>
    !> experiments   (records) with sample times, noise and any measured values
-   !> root_is_free  whether the compliance of the root spring is free
+   !> free          numbers of the free parameters
    !> modes         number of modes whose initial amplitude and phase count as unknown, as with
    !>               kind='free'; 0: the force is known
    !> error         an experiment that cannot be computed, or with `modes` a sample before the force
    !>               has ended
-   subroutine new_setup(model, mesh, experiments, root_is_free, modes, setup, error)
+   subroutine new_setup(model, mesh, experiments, free, modes, setup, error)
       type(model_t), intent(in) :: model
       type(mesh_t), intent(in) :: mesh
       type(experiment_t), intent(in) :: experiments(:)
-      logical, intent(in) :: root_is_free
+      integer, intent(in) :: free(:)
       integer, intent(in) :: modes
       type(setup_t), intent(out) :: setup
       type(error_t), allocatable, intent(out) :: error
@@ -49,7 +49,7 @@ contains
       unforced = experiments
       if (modes > 0) then
          allocate (setup%cause)
-         call new_residuals(model, mesh, experiments, setup%cause, error, root_is_free)
+         call new_residuals(model, mesh, experiments, setup%cause, error, free)
          do k = 1, size(experiments)
             associate (force => experiments(k)%excitation)
                finish = force%t(merge(1, size(force%t), force%is_release))
@@ -64,7 +64,7 @@ contains
          setup%cause%free = [integer ::]
          setup%cause%record = [integer ::]
       end if
-      call new_residuals(model, mesh, unforced, setup%problem, error, root_is_free)
+      call new_residuals(model, mesh, unforced, setup%problem, error, free)
    end subroutine new_setup
 
    !> Refuses samples before the force has ended, for a motion with unknown initial

@@ -20,7 +20,7 @@ module beamid_designs
    use beamid_residuals, only: residual_t
    use beamid_simulation, only: model_t
    use beamid_strings, only: to_text
-   use beamid_structure, only: of_kappa_R, of_x_F
+   use beamid_structure, only: of_x_F
    use beamid_unknowns, only: quantity_t, stage_t
    implicit none
    private
@@ -83,11 +83,9 @@ contains
       type(window_times_t), allocatable :: windows(:)
       type(share_t), allocatable :: shares(:)
       real(wp), allocatable :: times(:)
-      logical :: root_is_free
       integer :: finished, k, n_F, n_S
 
-      root_is_free = any(stage%free == of_kappa_R)
-      call add_present(model, mesh, stage, experiments, root_is_free, box, designs, error)
+      call add_present(model, mesh, stage, experiments, box, designs, error)
       if (allocated(error)) return
       call complete(designs%box, experiments(1), model)
       if (box%modes > 0 .and. is_pulse(experiments(1)%excitation)) call check_begin(minval( &
@@ -100,7 +98,7 @@ contains
       one%sd = box%noise_sd
       one%samples = times
       one%measured = 0*times
-      call new_setup(model, mesh, [one], root_is_free, box%modes, setup, error)
+      call new_setup(model, mesh, [one], stage%free, box%modes, setup, error)
       if (allocated(error)) return
       call set_free(setup%problem, single_stage(stage))
       n_S = size(designs%box%x_S)
@@ -183,15 +181,13 @@ contains
 
    !> Lists the parameters with their scales and computes what the present experiments tell of them.
    !>
-   !> root_is_free  whether the compliance of the root spring is free
    !> designs       on return complete but for the list of designs
    !> error         a response that cannot be computed
-   subroutine add_present(model, mesh, stage, experiments, root_is_free, box, designs, error)
+   subroutine add_present(model, mesh, stage, experiments, box, designs, error)
       type(model_t), intent(in) :: model
       type(mesh_t), intent(in) :: mesh
       type(stage_t), intent(in) :: stage
       type(experiment_t), intent(in) :: experiments(:)
-      logical, intent(in) :: root_is_free
       type(box_t), intent(in) :: box
       type(designs_t), intent(inout) :: designs
       type(error_t), allocatable, intent(out) :: error
@@ -202,7 +198,7 @@ contains
       integer :: k
 
       designs%box = box
-      call new_setup(model, mesh, experiments, root_is_free, box%modes, setup, error)
+      call new_setup(model, mesh, experiments, stage%free, box%modes, setup, error)
       if (allocated(error)) return
       single = single_stage(stage)
       call list_quantities(single, setup%problem, experiments(1), designs%quantities)

@@ -19,7 +19,6 @@ module beamid_inference
    use beamid_simulation, only: model_t
    use beamid_stage_fits, only: stage_fit_t
    use beamid_statistics, only: unlimited
-   use beamid_structure, only: of_kappa_R
    use beamid_unknowns, only: quantity_t, variables_of
    use beamid_variables, only: variable_t
    implicit none
@@ -69,7 +68,7 @@ contains
          call failure(error, 'found residuals of 0, expected a record with noise')
          return
       end if
-      call new_residuals(model, mesh, experiments, problem, error, any(found%free == of_kappa_R))
+      call new_residuals(model, mesh, experiments, problem, error, found%free)
       if (allocated(error)) return
       call found%restore(problem)
       call variables_of(found%again(), problem%scenario, variables, quantities, error)

@@ -9,7 +9,6 @@ module beamid_refinement
    use beamid_least_squares, only: fit, fit_t, monitor_t, options_t
    use beamid_residuals, only: residual_t
    use beamid_strings, only: to_text
-   use beamid_structure, only: of_kappa_R
    use beamid_unknowns, only: name_length, quantity_t, variables_of
    use beamid_variables, only: variable_t
    use beamid_verification, only: exact_counterpart
@@ -93,7 +92,7 @@ contains
          character(len=name_length), allocatable :: names(:)
 
          moved = 0
-         call exact_counterpart(model, finer, experiments, any(found%free == of_kappa_R), problem)
+         call exact_counterpart(model, finer, experiments, found%free, problem)
          failed = .not. allocated(problem%parts)
          if (failed) return
          call found%restore(problem)

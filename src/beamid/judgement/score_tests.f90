@@ -25,7 +25,8 @@ module beamid_score_tests
    use beamid_residuals, only: residual_t
    use beamid_simulation, only: model_t
    use beamid_stage_fits, only: significant_decrease, stage_fit_t
-   use beamid_structure, only: J_S_at, of_gamma, of_kappa_R, structure_t, x_S_at
+   use beamid_structure, only: J_S_at, of_gamma, no_spring, of_kappa_R, structure_t, x_S_at, &
+      yielding
    use beamid_unknowns, only: stage_t
    use beamid_verification, only: exact_counterpart
    use beamid_whiteness, only: effective_samples
@@ -88,10 +89,12 @@ contains
          k=1, size(experiments))])) return
       ! If the start search has fixed a parameter, the tests would only find this parameter.
       if (fit%note /= '') return
-      call exact_counterpart(model, mesh, experiments, .true., problem)
+      call exact_counterpart(model, mesh, experiments, [fit%free, of_kappa_R], problem)
       if (.not. allocated(problem%parts)) return
       call fit%restore(problem)
-      problem%scenario%structures%root_is_free = .true.
+      do k = 1, size(problem%scenario%structures)
+         problem%scenario%structures(k)%yields = yielding([fit%free, of_kappa_R])
+      end do
       call choose_candidates(fit, fit%scenario%structures(1), candidates)
       deallocate (tests)
       allocate (tests(size(candidates) + merge(0, size(experiments), problem%offset)))
@@ -139,6 +142,9 @@ contains
       ! Without x_S the sensor is at the tip by definition.
       if (structure%follows_tip(x_S_at(structure%observer))) candidates = pack(candidates, &
          candidates /= x_S_at(structure%observer))
+      ! A root that turns freely has no spring to test.
+      if (structure%get(of_kappa_R) >= no_spring) candidates = pack(candidates, &
+         candidates /= of_kappa_R)
    end subroutine choose_candidates
 
    !> Differentiates the residuals of the fit with respect to a parameter that it has not estimated.

@@ -11,7 +11,6 @@ module beamid_window_fits
    use beamid_residuals, only: new_residuals, residual_t
    use beamid_stages, only: run_stage
    use beamid_strings, only: to_text
-   use beamid_structure, only: of_kappa_R
    use beamid_unknowns, only: stage_t
    use beamid_verdicts, only: new_verdict, verdict_t
    use beamid_verification, only: exact_counterpart
@@ -93,7 +92,6 @@ contains
       type(options_t) :: options
       logical, allocatable :: inside(:)
       real(wp) :: ends(2)
-      logical :: root_is_free
       integer :: i
 
       allocate (window%first(size(parts)), window%last(size(parts)))
@@ -115,10 +113,9 @@ contains
          window%first(i) = parts(i)%samples(1)
          window%last(i) = parts(i)%samples(size(parts(i)%samples))
       end do
-      root_is_free = any(fit%free == of_kappa_R)
-      call new_residuals(model, mesh, parts, problem, window%error, root_is_free)
+      call new_residuals(model, mesh, parts, problem, window%error, fit%free)
       if (allocated(window%error)) return
-      if (.not. problem%exact) call exact_counterpart(model, mesh, parts, root_is_free, exact)
+      if (.not. problem%exact) call exact_counterpart(model, mesh, parts, fit%free, exact)
       problem%scenario = fit%scenario
       options%relative_error = model%solver%relative_error()
       options%check = .false.

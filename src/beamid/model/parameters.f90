@@ -9,16 +9,16 @@ module beamid_parameters
    use beamid_monomials, only: monomial_t, value_of
    use beamid_strings, only: lower, to_text
    use beamid_structure, only: item_name_length, most_sensors, most_supports, n_parameters, &
-      of_c_D, function_of, is_coefficient, &
-      of_c_H, c_P_at, of_c_R, of_E, of_g, of_gamma, of_I, J_S_at, of_J_T, of_k_H, kappa_P_at, &
-      of_kappa_R, of_length, of_m_H, m_S_at, of_m_T, of_rho, of_T, of_x_F, x_P_at, x_S_at, &
-      c_D_at, E_at, most_coefficients, of_d_D, of_w_D, of_x_D, structure_t, values_of
+      of_c_D, function_of, is_coefficient, of_c_H, c_P_at, c_R_at, c_w_at, of_E, of_g, of_gamma, &
+      of_I, J_S_at, of_J_T, of_k_H, kappa_P_at, kappa_R_at, kappa_w_at, of_length, of_m_H, m_S_at, &
+      of_m_T, no_spring, of_rho, of_T, of_x_F, x_P_at, x_S_at, c_D_at, E_at, most_coefficients, &
+      of_d_D, of_w_D, of_x_D, root, structure_t, tip, values_of
    implicit none
    private
 
-   public :: parameter_t, parameters, key_of, as_named, free_names, free_index, name_of_parameter, &
-      place_of_name, is_there, get_free, set_free, free_magnitude, magnitude, may_be_negative, &
-      belongs_to_hose
+   public :: parameter_t, parameters, key_of, group_of, as_named, free_names, free_index, &
+      name_of_parameter, place_of_name, is_there, get_free, set_free, free_magnitude, &
+      magnitude, may_be_negative, belongs_to_hose
    public :: amplitude, offset, positive, not_negative, on_beam, any_value, share
 
    !> Allowed ranges of a parameter: > 0; >= 0; a position, 0 < x <= length; any value; a share,
@@ -90,13 +90,6 @@ module beamid_parameters
       parameter_t(of_J_T, 'J_T', 'tip', [1, 2, 0], not_negative, '0', &
          monomial_t(1e-2_wp, [the_mass, of_length, 0], [1, 2, 1]), &
          help='rotary inertia of the tip mass'), &
-      parameter_t(of_kappa_R, 'k_R', 'beam', [1, 2, -2], positive, 'a rigid clamp', &
-         monomial_t(0.1_wp, [of_length, of_E, of_I], [1, -1, -1]), needs=of_kappa_R, &
-         is_reciprocal=.true., help='stiffness of the torsional spring at the root'), &
-      parameter_t(of_c_R, 'c_R', 'beam', [1, 2, -1], not_negative, '0', &
-         monomial_t(6e-2_wp, [the_stiffness, of_length, the_omega], [1, 2, -1]), &
-         needs=of_kappa_R, &
-         help='damping coefficient of the damper at the root, beside k_R'), &
       parameter_t(of_length, 'length', 'beam', [0, 1, 0], positive, '', &
          monomial_t(place=[of_length, 0, 0]), help='length of the beam'), &
       parameter_t(of_I, 'I', 'beam', [0, 4, 0], positive, 'width*height^3/12', &
@@ -117,6 +110,21 @@ module beamid_parameters
          'at least half an element'), &
       parameter_t(of_d_D, 'depth', 'along', [0, 0, 0], share, 'x or a dip', &
          monomial_t(0.1_wp), help='share of E that is missing in the middle of the dip'), &
+      (parameter_t(kappa_w_at(i), 'k_w', 'end', [1, 0, -2], not_negative, 'of the kind', &
+         monomial_t(0.1_wp, [the_stiffness, 0, 0], [-1, 1, 1]), needs=kappa_w_at(i), &
+         is_reciprocal=.true., help='stiffness of the spring that holds the deflection of the '// &
+         'end', item=nth(i)), &
+      parameter_t(c_w_at(i), 'c_w', 'end', [1, 0, -1], not_negative, '0', &
+         monomial_t(0.2_wp, [the_stiffness, the_omega, 0], [1, -1, 1]), needs=kappa_w_at(i), &
+         help='damping coefficient of the deflection of the end', item=nth(i)), &
+      parameter_t(kappa_R_at(i), 'k_R', 'end', [1, 2, -2], not_negative, 'of the kind', &
+         monomial_t(0.1_wp, [of_length, of_E, of_I], [1, -1, -1]), needs=kappa_R_at(i), &
+         is_reciprocal=.true., help='stiffness of the spring that holds the rotation of the end', &
+         item=nth(i)), &
+      parameter_t(c_R_at(i), 'c_R', 'end', [1, 2, -1], not_negative, '0', &
+         monomial_t(6e-2_wp, [the_stiffness, of_length, the_omega], [1, 2, -1]), &
+         needs=kappa_R_at(i), help='damping coefficient of the rotation of the end', &
+         item=nth(i)), i=1, 2), &
       (parameter_t(m_S_at(i), 'm_S', 'sensor', [1, 0, 0], not_negative, '0', tenth_of_mass, &
          help='mass of the sensor', item=nth(i)), &
       parameter_t(J_S_at(i), 'J_S', 'sensor', [1, 2, 0], not_negative, '0', &
@@ -164,6 +172,18 @@ contains
       if (parameters(k)%key /= '') key = trim(parameters(k)%key)
    end function key_of
 
+   !> Returns the group of the case file that gives parameter k: &beam for the rotation of a root
+   !> that the case does not describe by &end.
+   pure function group_of(structure, k) result(group)
+      type(structure_t), intent(in) :: structure
+      integer, intent(in) :: k
+      character(len=:), allocatable :: group
+
+      group = trim(parameters(k)%group)
+      if (any(k == [kappa_R_at(root), c_R_at(root)]) .and. .not. structure%described(root)) &
+         group = 'beam'
+   end function group_of
+
    !> Returns the number of the first parameter of a name (in any case) that a fit may estimate, or
    !> 0.
    pure integer function free_index(key)
@@ -177,7 +197,8 @@ contains
    end function free_index
 
    !> Returns whether parameter k exists in a structure: its sensor (there is always one), support,
-   !> dip or coefficient must exist.
+   !> dip or coefficient must exist. Springs and dampers of an end exist if the case describes the
+   !> end, or if they are neither rigid nor absent; those of the rotation of the root always exist.
    elemental logical function is_there(structure, k)
       type(structure_t), intent(in) :: structure
       integer, intent(in) :: k
@@ -187,12 +208,17 @@ contains
          structure%sensors)
       if (parameters(k)%group == 'support') is_there = parameters(k)%item <= structure%supports
       if (parameters(k)%group == 'along') is_there = structure%has_dip()
+      if (parameters(k)%group == 'end' .and. all(k /= [kappa_R_at(1), c_R_at(1)])) is_there = &
+         structure%described(parameters(k)%item) .or. structure%get(k) > 0 .and. &
+         structure%get(k) < no_spring
       if (is_coefficient(k)) is_there = parameters(k)%item <= &
          structure%variations%along(function_of(k))%coefficients
    end function is_there
 
    !> Returns the printed name of parameter k. If there are several sensors or supports, the name of
-   !> the sensor or support follows ('m_S.a'); a coefficient is followed by its number ('E.3').
+   !> the sensor or support follows ('m_S.a'). The end follows the name of its springs and dashpots
+   !> ('k_R.tip'), except for k_R and c_R of &beam, and a coefficient is followed by its number
+   !> ('E.3').
    elemental function name_of_parameter(structure, k) result(name)
       type(structure_t), intent(in) :: structure
       integer, intent(in) :: k
@@ -202,6 +228,10 @@ contains
       if (parameters(k)%group == 'sensor' .and. structure%sensors > 1 .or. &
          parameters(k)%group == 'support' .and. structure%supports > 1) &
          name = labelled(structure, k)
+      if (parameters(k)%group == 'end') then
+         if (parameters(k)%item == tip .or. structure%described(1) .or. &
+            .not. any(k == [kappa_R_at(1), c_R_at(1)])) name = labelled(structure, k)
+      end if
       if (is_coefficient(k)) name = trim(name)//'.'//to_text(parameters(k)%item)
    end function name_of_parameter
 
@@ -221,7 +251,7 @@ contains
       end do
    end function place_of_name
 
-   !> Returns the name of parameter k with the name of its sensor or support as a suffix.
+   !> Returns the name of parameter k with the name of its sensor, support or end as a suffix.
    pure function labelled(structure, k) result(name)
       type(structure_t), intent(in) :: structure
       integer, intent(in) :: k
@@ -231,6 +261,8 @@ contains
       associate (item => parameters(k)%item)
          if (parameters(k)%group == 'sensor') name = trim(name)//'.'//structure%sensor_name(item)
          if (parameters(k)%group == 'support') name = trim(name)//'.'//structure%support_name(item)
+         if (parameters(k)%group == 'end') name = trim(name)//'.'// &
+            merge('tip ', 'root', item == tip)
       end associate
    end function labelled
 

@@ -3,26 +3,27 @@
 !> The structure of Figure 2.3 is a clamped beam with Kelvin-Voigt damping, a tip mass, and a hose
 !> modelled as a mass on a dashpot and a spring at the tip; its parameters are
 !> q = (m_T, E, c_D, m_H, c_H, k_H) of Section 2. A beam on a test bench may also have air damping,
-!> rotary inertia at the tip, a compliant clamp, sensors with mass at any position, supports, its
-!> own weight, and an axial force.
+!> rotary inertia at the tip, other conditions at its ends (each end clamped, pinned, guided, free
+!> or elastic), sensors with mass at any position, supports, its own weight, and an axial force.
 !>
 !> `beamid_parameters` describes each parameter (name, unit, range, help), and `beamid_terms` states
 !> how the parameters enter M, C, K and F. This module also computes static deflections.
 module beamid_structure
    use beamid_columns, only: column_buckles, column_deflection, column_t, new_column
    use beamid_kinds, only: wp
+   use beamid_matrices, only: eliminate
    use beamid_quadrature, only: gauss_legendre, rule_t
    use beamid_sorting, only: sort_by
    use beamid_variations, only: field_modulus, field_t, field_viscosity, variations_t
    implicit none
    private
 
-   public :: structure_t, same_structure, values_of, is_coefficient, function_of
+   public :: structure_t, same_structure, values_of, is_coefficient, function_of, yielding
 
    !> Value of a position that the user has not given; the position is then the tip.
    real(wp), parameter, public :: at_tip = -1
 
-   !> Compliance of a support without a spring.
+   !> Compliance of a support or of an end without a spring.
    real(wp), parameter, public :: no_spring = huge(1.0_wp)
    !> Largest number of sensors and of supports.
    integer, parameter, public :: most_sensors = 8, most_supports = 8
@@ -44,6 +45,23 @@ module beamid_structure
       real(wp) :: c_P = 0            !< damping coefficient [mass/time]
    end type support_t
 
+   !> The conditions at an end of the beam: springs and dashpots between the beam and what holds it,
+   !> which a base that moves carries along. A compliance of 0 is a rigid condition, `no_spring` a
+   !> free end.
+   type, public :: end_t
+      real(wp) :: kappa_w = 0        !< compliance of the deflection, 1/k_w [length/force]
+      real(wp) :: c_w = 0            !< damping coefficient of the deflection [mass/time]
+      real(wp) :: kappa_R = 0        !< compliance of the rotation, 1/k_R [1/(force length)]
+      real(wp) :: c_R = 0            !< damping coefficient of the rotation [force length time]
+   end type end_t
+
+   !> An end that nothing holds.
+   type(end_t), parameter, public :: free_end = end_t(kappa_w=no_spring, kappa_R=no_spring)
+
+   !> The two ends, and the two quantities that each may hold: arrays over conditions and ends are
+   !> indexed (condition, end).
+   integer, parameter, public :: root = 1, tip = 2, deflection = 1, rotation = 2
+
    !> The values of all parameters, in any consistent set of units. Every component is of kind
    !> real(wp); the order of the components defines the number of each parameter (see `values_of`).
    type :: values_t
@@ -56,8 +74,6 @@ module beamid_structure
       real(wp) :: rho = 0            !< mass per unit length [mass/length]
       real(wp) :: gamma = 0          !< air damping, a force gamma u_t per length [mass/length/time]
       real(wp) :: J_T = 0            !< rotary inertia at the tip [mass length**2]
-      real(wp) :: kappa_R = 0        !< compliance of the clamp, 1/k_R [1/(force length)]; 0: rigid
-      real(wp) :: c_R = 0            !< rotational viscous damper at the root [force length time]
       real(wp) :: length = 0         !< length l of the beam [length]
       real(wp) :: I = 0              !< second moment of area of the cross section [length**4]
       real(wp) :: x_F = at_tip       !< position where a force acts [length]
@@ -66,6 +82,8 @@ module beamid_structure
       real(wp) :: x_D = 0            !< centre of a local reduction (dip) of the stiffness [length]
       real(wp) :: w_D = 0            !< width of the dip, a standard deviation [length]; 0: no dip
       real(wp) :: d_D = 0            !< depth of the dip, as a share of E [1]
+      !> conditions at root and tip
+      type(end_t) :: end(2) = [end_t(), free_end]
       !> the sensors; `structure_t%sensors` exist
       type(sensor_t) :: sensor(most_sensors) = sensor_t()
       !> the supports; `structure_t%supports` exist
@@ -79,16 +97,20 @@ module beamid_structure
       integer :: observer = 1        !< number of the sensor whose motion is observed
       !> .true.: the beam stands on its root, so that its weight compresses it; .false.: it hangs
       logical :: stands = .false.
-      !> a fit estimates the compliance of the clamp, which may become 0 in the search
-      logical :: root_is_free = .false.
+      !> (condition, end) whether a fit estimates the compliance, which may become 0 in the search
+      logical :: yields(2, 2) = .false.
+      !> (end) whether the case describes the end by a group of its own; the names of the parameters
+      !> of such a root end with '.root'
+      logical :: described(2) = .false.
       character(len=item_name_length) :: sensor_name(most_sensors) = '', &   !< names of sensors
          support_name(most_supports) = ''                                    !< names of supports
       !> variation of the properties along the beam
       type(variations_t) :: variations = variations_t()
    contains
-      procedure :: has_hose, has_root_spring, has_spring, rigid_supports, place, &
+      procedure :: has_hose, essential, has_end_spring, has_spring, rigid_supports, place, &
          follows_tip, sensor_place, get, set, stiffness, stiffening, static_deflection, &
-         tip_stiffness, omega, axial_load, buckles, has_dip, has_fields, factors, factor_slopes
+         tip_stiffness, omega, axial_load, buckles, is_cantilever, rigid_body_modes, zero_roots, &
+         has_dip, has_fields, factors, factor_slopes
    end type structure_t
 
    !> Number of all parameters, and number of parameters that belong to no sensor or support.
@@ -102,10 +124,16 @@ module beamid_structure
    integer, parameter, public :: of_m_T = nint(of%m_T), of_E = nint(of%E), &
       of_c_D = nint(of%c_D), of_m_H = nint(of%m_H), of_c_H = nint(of%c_H), &
       of_k_H = nint(of%k_H), of_rho = nint(of%rho), of_gamma = nint(of%gamma), &
-      of_J_T = nint(of%J_T), of_kappa_R = nint(of%kappa_R), of_c_R = nint(of%c_R), &
+      of_J_T = nint(of%J_T), &
       of_length = nint(of%length), of_I = nint(of%I), of_x_F = nint(of%x_F), &
       of_g = nint(of%g), of_T = nint(of%T), of_x_D = nint(of%x_D), of_w_D = nint(of%w_D), &
       of_d_D = nint(of%d_D)
+   !> Numbers of the parameters of each end, (end) and (condition, end).
+   integer, parameter, public :: kappa_w_at(2) = [nint(of%end(1)%kappa_w), &
+      nint(of%end(2)%kappa_w)], c_w_at(2) = kappa_w_at + 1, kappa_R_at(2) = kappa_w_at + 2, &
+      c_R_at(2) = kappa_w_at + 3, of_kappa_R = kappa_R_at(1), of_c_R = c_R_at(1), &
+      compliance_at(2, 2) = reshape([kappa_w_at(1), kappa_R_at(1), kappa_w_at(2), kappa_R_at(2)], &
+      [2, 2])
    !> Numbers of the parameters of each sensor and of each support.
    integer, parameter, public :: &
       m_S_at(most_sensors) = [(n_single + 3*i - 2, i=1, most_sensors)], &
@@ -156,12 +184,38 @@ contains
       has_hose = self%m_H > 0
    end function has_hose
 
-   !> Returns whether the clamp is compliant, or may become so in a fit.
-   pure logical function has_root_spring(self)
+   !> Returns the conditions, (condition, end), that hold exactly: their compliance is 0 and stays
+   !> 0. The spline space satisfies them.
+   pure function essential(self)
       class(structure_t), intent(in) :: self
+      logical :: essential(2, 2)
 
-      has_root_spring = self%kappa_R > 0 .or. self%root_is_free
-   end function has_root_spring
+      essential = reshape([self%end(root)%kappa_w, self%end(root)%kappa_R, &
+         self%end(tip)%kappa_w, self%end(tip)%kappa_R] <= 0, [2, 2]) .and. .not. self%yields
+   end function essential
+
+   !> Returns which conditions, (condition, end), have a compliance that is among the given
+   !> parameters.
+   !>
+   !> parameters  (:) numbers of parameters
+   pure function yielding(parameters)
+      integer, intent(in) :: parameters(:)
+      logical :: yielding(2, 2)
+      integer :: c, e
+
+      do e = root, tip
+         yielding(:, e) = [(any(parameters == compliance_at(c, e)), c=deflection, rotation)]
+      end do
+   end function yielding
+
+   !> Returns whether an end has a spring, rigid or not, for its deflection or its rotation.
+   pure logical function has_end_spring(self, condition, end)
+      class(structure_t), intent(in) :: self
+      integer, intent(in) :: condition, end
+
+      has_end_spring = merge(self%end(end)%kappa_w, self%end(end)%kappa_R, &
+         condition == deflection) < no_spring
+   end function has_end_spring
 
    !> Returns whether support p has a spring, rigid or not; a support may have a damper alone.
    pure logical function has_spring(self, p)
@@ -363,7 +417,8 @@ contains
       end do
    end function factor_slopes
 
-   !> Returns the static stiffness at the position of the force, x_F [force/length].
+   !> Returns the static stiffness at the position of the force, x_F [force/length]; 0 up to
+   !> round-off if the beam is not supported.
    pure real(wp) function stiffness(self)
       class(structure_t), intent(in) :: self
 
@@ -402,19 +457,111 @@ contains
          wp)))
    end function static_deflection
 
-   !> Returns the static stiffness of the tip without supports [force/length]; it is 3 E I/l**3 if
-   !> the clamp is rigid and the beam uniform.
+   !> Returns the static stiffness of the tip of a cantilever [force/length], the scale of all
+   !> stiffnesses: 3 E I/l**3 if the beam is uniform and the root does not rotate. Conditions at the
+   !> tip and supports do not count, and a soft root counts only up to a compliance of 10 l/(E I).
    pure real(wp) function tip_stiffness(self)
       class(structure_t), intent(in) :: self
       complex(wp) :: q(n_parameters)
+      real(wp) :: soft
 
       q = values_of(self)
-      tip_stiffness = 1/real(bare_influence(self, q, q(of_length), q(of_length)))
+      soft = 10*self%length/(self%E*self%I)
+      tip_stiffness = 1/(real(flexibility(self, q, [q(of_length), q(of_length)], [0, 0])) &
+         + self%length**2*min(self%end(root)%kappa_R, soft))
    end function tip_stiffness
 
-   !> Returns the influence function: the deflection at x under a unit force at xi, supports
-   !> included [length/force]. The flexibility matrix of the positions x, xi and x_P is that of the
-   !> beam without supports, from which a rank-one update eliminates each support in turn.
+   !> Returns whether the beam is held at the root alone, where its deflection is 0 and its rotation
+   !> is 0 or held by a spring.
+   pure logical function is_cantilever(self)
+      class(structure_t), intent(in) :: self
+
+      is_cantilever = .not. self%end(root)%kappa_w > 0 .and. self%end(root)%kappa_R < no_spring &
+         .and. self%end(tip)%kappa_w >= no_spring .and. self%end(tip)%kappa_R >= no_spring
+   end function is_cantilever
+
+   !> Finds all springs to the ground, rigid or not, at the ends and at supports.
+   !>
+   !> place       (springs) numbers of the parameters for their positions; 0: root, -1: tip
+   !> slope       (springs) 1: the spring holds the rotation; 0: the deflection
+   !> compliance  (springs) numbers of the parameters for their compliance
+   pure subroutine find_springs(self, place, slope, compliance)
+      class(structure_t), intent(in) :: self
+      integer, allocatable, intent(out) :: place(:), slope(:), compliance(:)
+      logical :: there(4 + self%supports)
+      integer :: p
+
+      there = [self%has_end_spring(deflection, root), self%has_end_spring(rotation, root), &
+         self%has_end_spring(deflection, tip), self%has_end_spring(rotation, tip), &
+         [(self%has_spring(p), p=1, self%supports)]]
+      place = pack([0, 0, -1, -1, x_P_at(:self%supports)], there)
+      slope = pack([0, 1, 0, 1, [(0, p=1, self%supports)]], there)
+      compliance = pack([compliance_at, kappa_P_at(:self%supports)], there)
+   end subroutine find_springs
+
+   !> Returns the number of motions as a rigid body, 0 to 2, that no spring to the ground resists.
+   pure integer function rigid_body_modes(self)
+      class(structure_t), intent(in) :: self
+      integer, allocatable :: place(:), slope(:), compliance(:)
+
+      call find_springs(self, place, slope, compliance)
+      rigid_body_modes = 2 - rank_of(self, place, slope)
+   end function rigid_body_modes
+
+   !> Returns the number of roots 0 of the equations of motion: two for each rigid-body mode, less
+   !> one for each that a damper to the ground resists.
+   pure integer function zero_roots(self)
+      class(structure_t), intent(in) :: self
+      integer, allocatable :: place(:), slope(:), compliance(:)
+      logical :: there(4 + self%supports)
+      integer :: p, springs
+
+      call find_springs(self, place, slope, compliance)
+      springs = rank_of(self, place, slope)
+      zero_roots = 2*(2 - springs)
+      if (zero_roots == 0) return
+      if (self%gamma > 0) then
+         zero_roots = zero_roots/2
+      else
+         there = [self%end(root)%c_w > 0, self%end(root)%c_R > 0, self%end(tip)%c_w > 0, &
+            self%end(tip)%c_R > 0, self%support(:self%supports)%c_P > 0]
+         place = [place, pack([0, 0, -1, -1, x_P_at(:self%supports)], there)]
+         slope = [slope, pack([0, 1, 0, 1, [(0, p=1, self%supports)]], there)]
+         zero_roots = zero_roots - (rank_of(self, place, slope) - springs)
+      end if
+   end function zero_roots
+
+   !> Returns the number of independent motions as a rigid body that springs or dampers resist.
+   !>
+   !> place, slope  as in `find_springs`
+   pure integer function rank_of(self, place, slope) result(rank)
+      class(structure_t), intent(in) :: self
+      integer, intent(in) :: place(:), slope(:)
+      real(wp) :: rows(2, size(place))
+      integer :: i, j
+
+      ! Motion of a point by a unit deflection, and by a unit rotation about the root times l.
+      do i = 1, size(place)
+         rows(:, i) = [1 - slope(i), 1]
+         if (slope(i) > 0 .or. place(i) < 0) cycle
+         rows(2, i) = 0
+         if (place(i) > 0) rows(2, i) = self%get(place(i))/self%length
+      end do
+      rank = min(1, size(place))
+      do j = 2, size(place)
+         do i = 1, j - 1
+            if (abs(rows(1, i)*rows(2, j) - rows(2, i)*rows(1, j)) > 1e-9_wp) rank = 2
+         end do
+      end do
+   end function rank_of
+
+   !> Returns the influence function: the static deflection at x under a unit force at xi
+   !> [length/force]; `huge` if the beam is not supported.
+   !>
+   !> The beam is taken as a cantilever that moves as a rigid body, w = v + a + b x, and each spring
+   !> to the ground, those of a clamped root included, as an unknown reaction. The springs give one
+   !> equation each, and equilibrium gives two, because the imagined clamp carries nothing. A beam
+   !> with an axial force must be a cantilever; its supports are the only reactions.
    !>
    !> q         (n_parameters) values of the parameters, which may carry an imaginary step
    !> x, xi     positions of the deflection and of the force [length]
@@ -424,27 +571,58 @@ contains
       complex(wp), intent(in) :: q(:), x, xi
       integer, intent(in), optional :: k
       real(wp), intent(in), optional :: moved
-      complex(wp) :: places(self%supports + 2), a(self%supports + 2, self%supports + 2)
-      complex(wp) :: total_compliance
-      integer :: i, j, p
+      complex(wp), allocatable :: points(:), a(:, :), b(:, :), rigid(:, :), row(:)
+      integer, allocatable :: place(:), slope(:), compliance(:)
+      real(wp) :: l, unit
+      logical :: is_column, regular
+      integer :: i, j, n
 
-      places = [x, xi, q(x_P_at(:self%supports))]
-      do j = 1, size(places)
-         if (abs(q(of_g)) + abs(q(of_T)) > 0) then
-            a(:, j) = [(column_deflection(column_of(self, q, places), places(i), places(j)), &
-               i=1, size(places))]
-         else
-            a(:, j) = [(bare_influence(self, q, places(i), places(j), k, moved), &
-               i=1, size(places))]
-         end if
+      call find_springs(self, place, slope, compliance)
+      is_column = abs(q(of_g)) + abs(q(of_T)) > 0 .and. self%is_cantilever()
+      if (is_column) then
+         ! The column includes the root.
+         slope = pack(slope, place > 0)
+         compliance = pack(compliance, place > 0)
+         place = pack(place, place > 0)
+      end if
+      n = size(place)
+      allocate (points(n + 2), a(n + 2, n + 2), b(n + 2, 1), rigid(n + 2, 2))
+      do i = 1, n
+         points(i) = 0
+         if (place(i) < 0) points(i) = q(of_length)
+         if (place(i) > 0) points(i) = q(place(i))
       end do
-      do p = 1, self%supports
-         if (.not. self%has_spring(p)) cycle
-         i = p + 2
-         total_compliance = a(i, i) + q(kappa_P_at(p))
-         a = a - spread(a(:, i), 2, size(places))*spread(a(i, :), 1, size(places))/total_compliance
+      points(n + 1:) = [x, xi]
+      slope = [slope, 0, 0]
+      ! Lengths in l, forces in E I/l**2.
+      l = self%length
+      unit = l**3/(self%E*self%I)
+      do j = 1, n + 2
+         do i = 1, n + 2
+            if (is_column) then
+               a(i, j) = column_deflection(column_of(self, q, points), points(i), points(j))
+            else
+               a(i, j) = flexibility(self, q, points([i, j]), slope([i, j]), k, moved)
+            end if
+            a(i, j) = a(i, j)*l**(slope(i) + slope(j))/unit
+         end do
+         rigid(j, :) = [cmplx(1 - slope(j), 0, wp), points(j)/l]
+         if (slope(j) > 0) rigid(j, 2) = 1
       end do
-      influence = a(1, 2)
+      influence = a(n + 1, n + 2)
+      row = [a(n + 1, :n), rigid(n + 1, :)]
+      b(:n, 1) = -a(:n, n + 2)
+      b(n + 1:, 1) = -rigid(n + 2, :)
+      do i = 1, n
+         a(i, i) = a(i, i) + q(compliance(i))*l**(2*slope(i))/unit
+      end do
+      a(:n, n + 1:) = rigid(:n, :)
+      a(n + 1:, :n) = transpose(rigid(:n, :))
+      a(n + 1:, n + 1:) = 0
+      j = merge(n, n + 2, is_column)
+      call eliminate(j, 1, a, b, regular)
+      influence = (influence + sum(row(:j)*b(:j, 1)))*unit
+      if (.not. regular) influence = huge(unit)
    end function influence
 
    !> Returns the beam under its axial force and weight as a `column_t`. Its pieces end at the
@@ -485,72 +663,106 @@ contains
    end function axial_load
 
    !> Returns whether axial force and weight buckle the beam without its supports. The result is
-   !> .false. for a beam whose stiffness varies: its roots show whether it buckles.
+   !> .false. for a beam whose stiffness varies or that is no cantilever: its roots show whether it
+   !> buckles.
    pure logical function buckles(self)
       class(structure_t), intent(in) :: self
       complex(wp) :: q(n_parameters)
 
       buckles = .false.
+      if (.not. self%is_cantilever()) return
       if (self%variations%are_known() .or. self%has_fields()) return
       if (.not. (self%T < 0 .or. self%stands .and. self%g > 0)) return
       q = values_of(self)
       buckles = column_buckles(column_of(self, q, q(of_length:of_length)))
    end function buckles
 
-   !> Returns the influence function without supports and axial force (arguments of `influence`).
-   pure complex(wp) function bare_influence(self, q, x, xi, k, moved)
+   !> Returns the deflection or slope of a cantilever without springs and axial force at points(1)
+   !> under a unit force or moment at points(2).
+   !>
+   !> q         (n_parameters) values of the parameters
+   !> points    (2) positions [length]
+   !> slope     (2) 1: slope or moment; 0: deflection or force
+   !> k, moved  as in `influence`
+   pure complex(wp) function flexibility(self, q, points, slope, k, moved)
       type(structure_t), intent(in) :: self
-      complex(wp), intent(in) :: q(:), x, xi
+      complex(wp), intent(in) :: q(:), points(2)
+      integer, intent(in) :: slope(2)
       integer, intent(in), optional :: k
       real(wp), intent(in), optional :: moved
-      complex(wp) :: near, far, bent
+      complex(wp) :: near, far
 
-      near = merge(x, xi, real(x) <= real(xi))
-      far = merge(xi, x, real(x) <= real(xi))
-      bent = near**2*(3*far - near)/6
-      if (self%variations%are_known() .or. self%has_fields()) &
-         bent = varied_bending(self, q(of_length), near, far, k, moved)
-      bare_influence = bent/(q(of_E)*q(of_I)) + near*far*q(of_kappa_R)
-   end function bare_influence
+      associate (first => merge(1, 2, real(points(1)) <= real(points(2))))
+         near = points(first)
+         far = points(3 - first)
+      end associate
+      if (self%variations%are_known() .or. self%has_fields()) then
+         flexibility = varied_bending(self, q(of_length), near, points, slope, k, moved)
+      else if (all(slope == 0)) then
+         flexibility = near**2*(3*far - near)/6
+      else if (all(slope == 1)) then
+         flexibility = near
+      else
+         flexibility = near*sum(points, mask=slope == 0) - near**2/2
+      end if
+      flexibility = flexibility/(q(of_E)*q(of_I))
+   end function flexibility
 
-   !> Returns the integral of (near - t)(far - t)/f(t), t from the root to `near`; f is the factor
-   !> of the stiffness. Gauss-Legendre quadrature is applied between the positions where f is not
-   !> smooth. The integrand vanishes at t = near, so that the imaginary part of this end does not
-   !> contribute.
-   pure complex(wp) function varied_bending(self, length, near, far, k, moved) result(bent)
+   !> Returns the integral from the root to `near` of the product of two bending moments over f, the
+   !> factor of the stiffness. A unit force at p causes the moment p - t at t, a unit moment 1.
+   !> Gauss-Legendre quadrature is applied between the positions where f is not smooth.
+   !>
+   !> near           the smaller of the two positions [length]
+   !> points, slope  as in `flexibility`
+   pure complex(wp) function varied_bending(self, length, near, points, slope, k, moved) &
+      result(bent)
       type(structure_t), intent(in) :: self
-      complex(wp), intent(in) :: length, near, far
+      complex(wp), intent(in) :: length, near, points(2)
+      integer, intent(in) :: slope(2)
       integer, intent(in), optional :: k
       real(wp), intent(in), optional :: moved
-      integer, parameter :: parts = 16, points = 8
+      integer, parameter :: parts = 16, order = 8
       type(rule_t) :: rule
       real(wp), allocatable :: ends(:)
       integer, allocatable :: knots(:)
-      real(wp) :: h, last, slopes(2, 1), values(2), xi
-      complex(wp) :: factor
+      real(wp) :: h, last
       integer :: i, p, q
 
       call self%variations%breaks(3, ends, knots)
       last = min(real(near)/real(length), 1.0_wp)
       ends = [0.0_wp, pack(ends, ends < last), last]
-      rule = gauss_legendre(points)
+      rule = gauss_legendre(order)
       bent = 0
       do i = 1, size(ends) - 1
          h = (ends(i + 1) - ends(i))/parts
          do p = 1, parts
-            do q = 1, points
-               xi = ends(i) + h*(p - 1 + rule%points(q))
-               values = self%factors(xi)
-               factor = values(1)
-               if (present(k)) then
-                  slopes = self%factor_slopes(xi, [k])
-                  factor = cmplx(values(1), slopes(1, 1)*moved, wp)
-               end if
-               bent = bent + h*rule%weights(q)*length*(near - length*xi)*(far - length*xi) &
-                  /(self%variations%bending(xi)*factor)
+            do q = 1, order
+               bent = bent + h*rule%weights(q)*length &
+                  *integrand(ends(i) + h*(p - 1 + rule%points(q)))
             end do
          end do
       end do
+      ! The step of the upper end of the integral in xi, which is first order.
+      bent = bent + length*cmplx(0, aimag(near/length), wp)*real(integrand(last))
+
+   contains
+
+      !> Returns the product of the moments over f, at t = length*xi.
+      pure complex(wp) function integrand(xi)
+         real(wp), intent(in) :: xi
+         real(wp) :: slopes(2, 1), values(2)
+         complex(wp) :: factor
+
+         values = self%factors(xi)
+         factor = values(1)
+         if (present(k)) then
+            slopes = self%factor_slopes(xi, [k])
+            factor = cmplx(values(1), slopes(1, 1)*moved, wp)
+         end if
+         integrand = product(merge(points - length*xi, (1.0_wp, 0.0_wp), slope == 0)) &
+            /(self%variations%bending(xi)*factor)
+      end function integrand
+
    end function varied_bending
 
    !> Returns Rayleigh's estimate of the first natural angular frequency without supports [1/time],

@@ -7,7 +7,7 @@ module beamid_structure_checks
       positive, share
    use beamid_strings, only: to_text
    use beamid_structure, only: n_parameters, no_spring, of_E, of_g, of_I, of_length, of_rho, of_T, &
-      structure_t, x_P_at
+      structure_t, x_P_at, deflection, tip
    use beamid_units, only: units_t
    implicit none
    private
@@ -98,6 +98,9 @@ contains
                trim(parameters(needs)%name)//', expected both')
          end if
          if (allocated(error) .or. .not. any(x_P_at == k)) return
+         if (structure%support(item)%x_P >= structure%length*(1 - 1e-6_wp) .and. &
+            structure%has_end_spring(deflection, tip)) call bad_input(error, 'x_P: found a '// &
+            'support at the tip, which &end holds already, expected one of the two')
          if (any(abs(structure%support(:item - 1)%x_P - structure%support(item)%x_P) <= &
             1e-6_wp*structure%length)) call bad_input(error, 'x_P: found two supports at '// &
             to_text(structure%support(item)%x_P)//', expected one in one place')
@@ -192,8 +195,8 @@ contains
       bare = bare_beam(structure)
       do k = 1, n_parameters
          value = abs(structure%get(k))
-         if (is_there(structure, k) .and. value > 0) ratios(k) = abs(log(value) &
-            - log(magnitude(bare, k)))
+         if (is_there(structure, k) .and. value > 0 .and. value < no_spring) &
+            ratios(k) = abs(log(value) - log(magnitude(bare, k)))
       end do
       place = maxloc(ratios, dim=1)
       if (.not. ratios(place) > log(far)) place = 0

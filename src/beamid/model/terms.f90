@@ -7,17 +7,18 @@ module beamid_terms
    use beamid_kinds, only: wp
    use beamid_monomials, only: monomial_t, slope_of, value_of
    use beamid_structure, only: most_sensors, most_supports, n_parameters, of_c_D, of_c_H, c_P_at, &
-      of_c_R, of_E, of_g, of_gamma, of_I, J_S_at, of_J_T, of_k_H, kappa_P_at, of_kappa_R, &
-      of_length, of_m_H, m_S_at, of_m_T, of_rho, of_T, of_x_F, x_P_at, x_S_at, structure_t, &
-      values_of
+      c_R_at, c_w_at, of_E, of_g, of_gamma, of_I, J_S_at, of_J_T, of_k_H, kappa_P_at, kappa_R_at, &
+      kappa_w_at, of_length, of_m_H, m_S_at, of_m_T, of_rho, of_T, of_x_F, x_P_at, x_S_at, &
+      structure_t, root, tip, deflection, rotation, values_of
    implicit none
    private
 
    public :: term_t, terms, strengths, strengths_and_slopes, is_spring, is_grounded, &
       is_axial_force, tilting, operators, operator_t, place_on_mesh
    public :: of_mass, of_damping, of_stiffness, of_load, of_compliance
-   public :: inertia, bending, tip_value, tip_slope, root_slope, hose, stretch, load_shape, &
-      force_value, tension, weight, sensor_value, sensor_slope, support_value, sensor_weight
+   public :: inertia, bending, tip_value, tip_slope, end_condition, hose, stretch, load_shape, &
+      is_end_condition, force_value, tension, weight, sensor_value, sensor_slope, support_value, &
+      sensor_weight
 
    !> Targets of a term: M, C, K, F, and the compliance of a spring to the ground, whose reciprocal
    !> enters K.
@@ -27,16 +28,18 @@ module beamid_terms
    !> Operators along the beam: `inertia` <b, b>, `bending` <b'', b''>, `tension` <b', b'>, `weight`
    !> <(l - x) b', b'> (l - x: the part of the beam beyond x), and `load_shape` <theta, b> of a
    !> distributed load. Operators at a point, products of the value or slope there (in F the value
-   !> itself): `tip_value`, `tip_slope`, `root_slope`, `force_value`. Operators of the hose: `hose`
-   !> in its coordinate y, `stretch` in y - u(l).
-   integer, parameter :: inertia = 1, bending = 2, tip_value = 3, tip_slope = 4, root_slope = 5, &
-      hose = 6, stretch = 7, load_shape = 8, force_value = 9, tension = 10, weight = 11
+   !> itself): `tip_value`, `tip_slope`, `force_value`. Operators of the hose: `hose` in its
+   !> coordinate y, `stretch` in y - u(l).
+   integer, parameter :: inertia = 1, bending = 2, tip_value = 3, tip_slope = 4, hose = 5, &
+      stretch = 6, load_shape = 7, force_value = 8, tension = 9, weight = 10
+   !> Value and slope at root and tip, the springs and dashpots that hold an end, (condition, end).
+   integer, parameter :: end_condition(2, 2) = reshape([11, 12, 13, 14], [2, 2])
    !> Operators of each sensor and each support: value and slope at the sensor, value at the
    !> support, and `sensor_weight`, <b', b'> between the root and the sensor.
    integer :: i
-   integer, parameter :: sensor_value(most_sensors) = [(11 + i, i=1, most_sensors)], &
+   integer, parameter :: sensor_value(most_sensors) = [(14 + i, i=1, most_sensors)], &
       sensor_slope(most_sensors) = sensor_value + most_sensors, &
-      support_value(most_supports) = [(11 + 2*most_sensors + i, i=1, most_supports)], &
+      support_value(most_supports) = [(14 + 2*most_sensors + i, i=1, most_supports)], &
       sensor_weight(most_sensors) = sensor_value + 2*most_sensors + most_supports
 
    !> Properties of an operator.
@@ -49,16 +52,17 @@ module beamid_terms
       !> root or tip
       integer :: place = 0
       !> whether it responds to a displacement of the whole structure: masses, air damping, and
-      !> supports, which are connected to the ground
+      !> supports, which are connected to the ground; what holds an end moves with the base
       logical :: moves_with_base = .false.
    end type operator_t
 
    !> The operators, in the order of their numbers.
    type(operator_t), parameter :: operators(*) = [ &
       operator_t(1, moves_with_base=.true.), operator_t(-3), &
-      operator_t(0, 0, moves_with_base=.true.), operator_t(-2, 1), operator_t(-2, 1), &
+      operator_t(0, 0, moves_with_base=.true.), operator_t(-2, 1), &
       operator_t(moves_with_base=.true.), operator_t(0), &
       operator_t(1), operator_t(0, 0, of_x_F), operator_t(-1), operator_t(0), &
+      operator_t(0, 0), operator_t(-2, 1), operator_t(0, 0), operator_t(-2, 1), &
       (operator_t(0, 0, x_S_at(i), .true.), i=1, most_sensors), &
       (operator_t(-2, 1, x_S_at(i)), i=1, most_sensors), &
       (operator_t(0, 0, x_P_at(i), .true.), i=1, most_supports), &
@@ -82,10 +86,15 @@ module beamid_terms
       term_t(of_mass, hose, monomial_t(place=[of_m_H, 0, 0])), &
       term_t(of_damping, stretch, monomial_t(place=[of_c_H, 0, 0])), &
       term_t(of_stiffness, stretch, monomial_t(place=[of_k_H, 0, 0])), &
-      term_t(of_compliance, root_slope, monomial_t(place=[of_kappa_R, 0, 0])), &
-      term_t(of_damping, root_slope, monomial_t(place=[of_c_R, 0, 0])), &
       term_t(of_load, force_value), &
       term_t(of_load, load_shape), &
+      (term_t(of_compliance, end_condition(deflection, i), &
+      monomial_t(place=[kappa_w_at(i), 0, 0])), &
+      term_t(of_damping, end_condition(deflection, i), monomial_t(place=[c_w_at(i), 0, 0])), &
+      term_t(of_compliance, end_condition(rotation, i), &
+      monomial_t(place=[kappa_R_at(i), 0, 0])), &
+      term_t(of_damping, end_condition(rotation, i), monomial_t(place=[c_R_at(i), 0, 0])), &
+      i=root, tip), &
       term_t(of_stiffness, tension, monomial_t(place=[of_T, 0, 0])), &
       term_t(of_stiffness, tension, monomial_t(place=[of_g, of_m_T, 0])), &
       term_t(of_stiffness, weight, monomial_t(place=[of_g, of_rho, 0])), &
@@ -170,7 +179,7 @@ contains
       type(structure_t), intent(in) :: structure
       real(wp), intent(in) :: mesh_length
 
-      x = merge(0.0_wp, mesh_length, operator == root_slope)
+      x = merge(0.0_wp, mesh_length, any(operator == end_condition(:, root)))
       associate (place => operators(operator)%place)
          if (place == 0) return
          ! A point at the tip stays at mesh_length: round-off must not move it off the mesh.
@@ -192,17 +201,29 @@ contains
          < max(1, structure%sensors)
    end function is_there
 
-   !> Returns whether an operator is a spring to the ground, which may be rigid: the spring of the
-   !> clamp or of a support.
+   !> Returns whether an operator is a spring to the ground, which may be rigid: the spring of an
+   !> end or of a support.
    pure logical function is_spring(operator, structure)
       integer, intent(in) :: operator
       type(structure_t), intent(in) :: structure
+      integer :: at(2)
 
-      is_spring = operator == root_slope
-      if (operator < support_value(1) .or. operator >= sensor_weight(1)) return
-      is_spring = is_there(operator, structure)
-      if (is_spring) is_spring = structure%has_spring(operator - support_value(1) + 1)
+      is_spring = is_end_condition(operator)
+      if (is_spring) then
+         at = findloc(end_condition, operator)
+         is_spring = structure%has_end_spring(at(1), at(2))
+      else if (operator >= support_value(1) .and. operator < sensor_weight(1)) then
+         is_spring = is_there(operator, structure)
+         if (is_spring) is_spring = structure%has_spring(operator - support_value(1) + 1)
+      end if
    end function is_spring
+
+   !> Returns whether an operator holds an end of the beam.
+   elemental logical function is_end_condition(operator)
+      integer, intent(in) :: operator
+
+      is_end_condition = any(end_condition == operator)
+   end function is_end_condition
 
    !> Returns whether an operator at a point is connected to the ground: it responds to a motion of
    !> the base, and has a damper or a spring. Its row of V then holds the motion relative to the

@@ -20,7 +20,7 @@ module beamid_beam_motions
    use beamid_poles, only: poles_t
    use beamid_quadrature, only: gauss_legendre, rule_t
    use beamid_responses, only: response_t
-   use beamid_splines, only: spline_space_t
+   use beamid_splines, only: clamped_root, spline_space_t
    use beamid_synthesis, only: at_rest, states_t
    use beamid_transfer, only: transfer_at, transfer_t
    use beamid_vectors, only: root_t, solve_mass
@@ -61,7 +61,7 @@ contains
       real(wp), allocatable :: direct_term(:)   ! M**-1 F
       integer :: k, order, states
 
-      if (equations%structure%has_root_spring() .or. excitation%is_base .or. &
+      if (any(equations%galerkin%space%essential .neqv. clamped_root) .or. excitation%is_base .or. &
          equations%constraints%number() > 0) then
          call failure(error, 'field: found a root or a base that moves, or a rigid support; '// &
             'expected a clamp and a force')

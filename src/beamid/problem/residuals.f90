@@ -18,6 +18,7 @@ module beamid_residuals
    use beamid_responses, only: is_exact, work_t
    use beamid_simulation, only: model_t
    use beamid_smoothing, only: difference_rows
+   use beamid_structure, only: yielding
    use beamid_unknowns, only: scenario_t
    implicit none
    private
@@ -52,15 +53,16 @@ contains
    !>
    !> model    structure, observation, solver and priors; its excitation is not used, because each
    !>          experiment has its own
-   !> turning  whether the compliance of the clamp is free; default .false.
+   !> free     numbers of parameters that may be free, so that compliances of the ends among them
+   !>          may become 0; default: none
    !> error    the solver of the model cannot compute an experiment
-   subroutine new_residuals(model, mesh, experiments, problem, error, turning)
+   subroutine new_residuals(model, mesh, experiments, problem, error, free)
       type(model_t), intent(in) :: model
       type(mesh_t), intent(in) :: mesh
       type(experiment_t), intent(in) :: experiments(:)
       type(residual_t), intent(out) :: problem
       type(error_t), allocatable, intent(out) :: error
-      logical, intent(in), optional :: turning
+      integer, intent(in), optional :: free(:)
       integer :: i
 
       problem%exact = is_exact(model%solver)
@@ -69,7 +71,7 @@ contains
       allocate (problem%scenario%excitations(size(experiments)))
       do i = 1, size(experiments)
          problem%scenario%structures(i) = experiments(i)%structure_of(model%structure)
-         if (present(turning)) problem%scenario%structures(i)%root_is_free = turning
+         if (present(free)) problem%scenario%structures(i)%yields = yielding(free)
          problem%scenario%excitations(i) = experiments(i)%excitation
          call prepare_experiment(experiments(i), problem%scenario%structures(i), mesh, &
             model%observation, model%solver, problem%parts(i), error)

@@ -13,7 +13,8 @@ module beamid_summaries
    use beamid_statistics, only: unlimited
    use beamid_statistics_reports, only: add_statistics, scalar_parameters
    use beamid_strings, only: rounded, to_text
-   use beamid_structure, only: is_coefficient, of_E, of_kappa_R
+   use beamid_splines, only: clamped_root
+   use beamid_structure, only: is_coefficient, of_E
    use beamid_texts, only: left, right, text_t
    use beamid_verdict_reports, only: verdict_summary
    use beamid_verdicts, only: verdict_t
@@ -102,8 +103,8 @@ contains
          end associate
       end do
       ! A free decay has no force as a scale, so that E follows the mass.
-      if (.not. all(fit%scenario%excitations%modes > 0) .or. any(fit%free == of_kappa_R) .or. &
-         fit%scenario%structures(1)%kappa_R > 0) return
+      if (.not. all(fit%scenario%excitations%modes > 0) .or. &
+         any(fit%scenario%structures(1)%essential() .neqv. clamped_root)) return
       if (any(fit%free == of_E)) call text%line( &
          'not in these intervals: a clamp that yields, and mass that the model lacks; they '// &
          'show in a second length or sensor position, or by weighing')

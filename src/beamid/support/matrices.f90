@@ -1,10 +1,10 @@
-!> Small matrices: the identity, outer products, and sums with a diagonal matrix.
+!> Small matrices: the identity, outer products, sums with a diagonal matrix, and elimination.
 module beamid_matrices
    use beamid_kinds, only: wp
    implicit none
    private
 
-   public :: add_diagonal, identity, outer
+   public :: add_diagonal, eliminate, identity, outer, size_of
 
    !> Adds d (n) to the diagonal of a (n, n).
    interface add_diagonal
@@ -54,5 +54,63 @@ contains
          a(k, k) = a(k, k) + d(k)
       end do
    end subroutine add_complex_diagonal
+
+   !> Solves a x = b in place for a small matrix, by elimination with partial pivoting. LAPACK takes
+   !> several times as long for these orders, and the last bits of the results of a threaded LAPACK
+   !> differ from run to run.
+   !>
+   !> r, m     order of a, and number of columns of b
+   !> a        (r, r) matrix, destroyed
+   !> b        (r, m) in: the right-hand sides; out: the solutions
+   !> regular  .false.: a is singular, and b is undefined
+   pure subroutine eliminate(r, m, a, b, regular)
+      integer, intent(in) :: r, m
+      complex(wp), intent(inout) :: a(:, :), b(:, :)
+      logical, intent(out) :: regular
+      complex(wp) :: factor, saved
+      integer :: i, k, l, pivot
+
+      regular = .true.
+      do k = 1, r
+         pivot = k
+         do i = k + 1, r
+            if (size_of(a(i, k)) > size_of(a(pivot, k))) pivot = i
+         end do
+         if (.not. size_of(a(pivot, k)) > 0) then
+            regular = .false.
+            return
+         end if
+         if (pivot /= k) then
+            do l = k, r
+               saved = a(k, l)
+               a(k, l) = a(pivot, l)
+               a(pivot, l) = saved
+            end do
+            do l = 1, m
+               saved = b(k, l)
+               b(k, l) = b(pivot, l)
+               b(pivot, l) = saved
+            end do
+         end if
+         a(k, k) = 1/a(k, k)
+         do i = k + 1, r
+            factor = a(i, k)*a(k, k)
+            a(i, k + 1:r) = a(i, k + 1:r) - factor*a(k, k + 1:r)
+            b(i, :m) = b(i, :m) - factor*b(k, :m)
+         end do
+      end do
+      do k = r, 1, -1
+         do l = 1, m
+            b(k, l) = (b(k, l) - sum(a(k, k + 1:r)*b(k + 1:r, l)))*a(k, k)
+         end do
+      end do
+   end subroutine eliminate
+
+   !> Returns |Re z| + |Im z|, a norm of z that needs no square root.
+   elemental real(wp) function size_of(z)
+      complex(wp), intent(in) :: z
+
+      size_of = abs(real(z)) + abs(aimag(z))
+   end function size_of
 
 end module beamid_matrices

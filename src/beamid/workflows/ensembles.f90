@@ -23,7 +23,7 @@ module beamid_ensembles
    use beamid_records, only: note_length
    use beamid_refusals, only: refuse
    use beamid_responses, only: work_t
-   use beamid_structure, only: of_kappa_R
+   use beamid_structure, only: yielding
    use beamid_structure_checks, only: check_structure
    use beamid_unknowns, only: scenario_t
    implicit none
@@ -94,7 +94,7 @@ contains
          do i = 1, size(experiments)
             structures(i) = experiments(i)%structure_of(case%model%structure)
             maker%scenario%excitations(i) = experiments(i)%excitation
-            structures(i)%root_is_free = any(case%draws%parameter == of_kappa_R)
+            structures(i)%yields = yielding(case%draws%parameter)
             if (.not. needs_records(case)) cycle
             experiments(i)%measured = 0*experiments(i)%samples
             call prepare_experiment(experiments(i), structures(i), mesh, case%model%observation, &
