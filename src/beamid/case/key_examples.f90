@@ -55,7 +55,7 @@ module beamid_key_examples
       key_example_t('beam', 'height', section, 'length'), &
       key_example_t('beam', 'density', section, 'mass/length^3'), &
       key_example_t('end', 'at', 'at=''tip'', kind=''pinned'''), &
-      key_example_t('end', 'kind', 'at=''root'', kind=''free'''), &
+      key_example_t('end', 'kind', 'at=''tip'', kind=''guided'''), &
       key_example_t('end', 'k_w', 'at=''tip'', k_w=200'), &
       key_example_t('end', 'c_w', 'at=''tip'', k_w=200, c_w=0.1'), &
       key_example_t('end', 'k_R', 'at=''root'', k_R=50'), &

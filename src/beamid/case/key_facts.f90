@@ -211,6 +211,9 @@ contains
 
       line = '&stage free='''//trim(parameters(k)%name)//''' /'
       if (is_coefficient(k)) line = '&stage free='''//trim(parameters(k)%group)//''' /'
+      ! The short form of &beam has k_R and c_R alone.
+      if (any(parameters(k)%name == ['k_w', 'c_w'])) line = '&stage free='''// &
+         trim(parameters(k)%name)//'.tip'' /'
    end function parameter_example
 
 end module beamid_key_facts

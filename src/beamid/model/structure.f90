@@ -459,16 +459,18 @@ contains
 
    !> Returns the static stiffness of the tip of a cantilever [force/length], the scale of all
    !> stiffnesses: 3 E I/l**3 if the beam is uniform and the root does not rotate. Conditions at the
-   !> tip and supports do not count, and a soft root counts only up to a compliance of 10 l/(E I).
+   !> tip and supports do not count; a root that rotates freely counts as one with the compliance
+   !> 10 l/(E I).
    pure real(wp) function tip_stiffness(self)
       class(structure_t), intent(in) :: self
       complex(wp) :: q(n_parameters)
-      real(wp) :: soft
+      real(wp) :: compliance
 
       q = values_of(self)
-      soft = 10*self%length/(self%E*self%I)
+      compliance = self%end(root)%kappa_R
+      if (compliance >= no_spring) compliance = 10*self%length/(self%E*self%I)
       tip_stiffness = 1/(real(flexibility(self, q, [q(of_length), q(of_length)], [0, 0])) &
-         + self%length**2*min(self%end(root)%kappa_R, soft))
+         + self%length**2*compliance)
    end function tip_stiffness
 
    !> Returns whether the beam is held at the root alone, where its deflection is 0 and its rotation
