@@ -23,7 +23,7 @@ program test_key_examples
    character(len=*), parameter :: small_case(*) = [character(len=60) :: &
       '&beam length=0.5, E=7e10, rho=0.27, I=3.3e-11, c_D=2e6 /', &
       '&hose m_H=0.004, k_H=5 /', '&sensor name=''tip'', x_S=0.44 /', &
-      '&end at=''tip'', k_w=200, c_w=0.1 /', '&support x_P=0.3, k_P=200 /', &
+      '&support x_P=0.3, k_P=200 /', &
       '&gravity g=9.81 /', '&axial force=-0.2 /', &
       '&excitation kind=''pulse'', amplitude=1, duration=0.01 /', &
       '&record file=''record.csv'' /', '&stage free=''E'',''c_D'' /', '&noise sd=0.1 /', &
@@ -116,6 +116,8 @@ contains
          else if (parameters(p)%name == 'c_R') then
             problem = problem_of('stage', '&beam length=0.5, E=7e10, rho=0.27, I=3.3e-11, '// &
                'k_R=50 /'//nl//example)
+         else if (parameters(p)%group == 'end') then
+            problem = problem_of('stage', '&end at=''tip'', k_w=200, c_w=0.1 /'//nl//example)
          else
             problem = problem_of('stage', example)
          end if

@@ -50,16 +50,14 @@ contains
       associate (structure => equations%structure)
          call find_roots(new_assembly(structure, modes, [integer ::]), all, half, error)
          if (allocated(error)) return
-         ! A motion as a rigid body has one root 0 or two; it is one mode.
-         associate (twice => structure%zero_roots() - structure%rigid_body_modes())
-            roots = pack(half%s, abs(half%s) > 0 .or. structure%zero_roots() == 0)
-            roots = [roots, spread((0.0_wp, 0.0_wp), 1, size(half) - size(roots) - twice)]
-         end associate
+         roots = half%s
          ! A hose without spring and dashpot drifts freely: a root 0 that does not move the tip.
          if (structure%has_hose() .and. .not. (structure%k_H > 0 .or. structure%c_H > 0)) &
             roots = [roots, (0.0_wp, 0.0_wp)]
+         call sort_by(abs(roots), roots)
+         ! A motion as a rigid body has one root 0 or two; it is one mode.
+         roots = roots(1 + structure%zero_roots() - structure%rigid_body_modes():)
       end associate
-      call sort_by(abs(roots), roots)
    end subroutine damped_roots
 
    !> Computes all roots of an assembly.
