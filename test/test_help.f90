@@ -6,7 +6,8 @@ program test_help
    use bad_cases, only: refused_command
    use beamid_blocks, only: block_t
    use beamid_case_files, only: list_keys
-   use beamid_key_facts, only: allowed_of, default_of, example_of, is_listed, unit_of
+   use beamid_key_facts, only: allowed_of, default_of, example_of, is_listed, &
+      parameter_example, unit_of
    use beamid_key_help, only: key_line, known_words, symbol_of
    use beamid_kinds, only: wp
    use beamid_parameters, only: parameters
@@ -85,10 +86,9 @@ contains
          if (.not. is_listed(k)) cycle
          outcome = wide('help '''//symbol_of(k)//'''')
          call check('help '//symbol_of(k), outcome%status == 0 .and. has_all(outcome%out, &
-            'free in &stage as '''//symbol_of(k)//'''|example   &stage free='''//symbol_of(k)// &
-            ''' /'))
-         call check('manual: '//symbol_of(k), index(manual, nl//'&stage free='''//symbol_of(k)// &
-            ''' /'//nl) > 0)
+            'free in &stage as '''//symbol_of(k)//'''|example   '//parameter_example(k)))
+         call check('manual: '//symbol_of(k), index(manual, nl// &
+            parameter_example(k)//nl) > 0)
          call check('rules: '//trim(parameters(k)%name), &
             index(rules, '`'//trim(parameters(k)%name)//'`') > 0)
       end do

@@ -94,7 +94,7 @@ contains
          do i = 1, size(experiments)
             structures(i) = experiments(i)%structure_of(case%model%structure)
             maker%scenario%excitations(i) = experiments(i)%excitation
-            structures(i)%yields = yielding(case%draws%parameter)
+            structures(i)%yields = yielding([case%draws%parameter])
             if (.not. needs_records(case)) cycle
             experiments(i)%measured = 0*experiments(i)%samples
             call prepare_experiment(experiments(i), structures(i), mesh, case%model%observation, &
