@@ -4,8 +4,8 @@ module beamid_mode_shapes
    use beamid_equations, only: equations_t
    use beamid_errors, only: error_t, failure
    use beamid_kinds, only: wp
-   use beamid_strings, only: to_text
    use beamid_matrices, only: eliminate
+   use beamid_strings, only: to_text
    implicit none
    private
 

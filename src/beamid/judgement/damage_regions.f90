@@ -91,7 +91,8 @@ contains
          k = findloc(fit%free, of_w_D, dim=1)
          if (k == 0) return
          associate (w => fit%quantities(k))
-            if (w%searched < (1 + near)*w%lower) reason = 'its width is the least that the mesh allows'
+            if (w%searched < (1 + near)*w%lower) &
+               reason = 'its width is the least that the mesh allows'
          end associate
       end if
    end subroutine object_to_dip

@@ -10,10 +10,10 @@ module beamid_summaries
    use beamid_lines, only: columns, unit_suffix
    use beamid_method_groups, only: formula_names
    use beamid_responses, only: work_t
+   use beamid_splines, only: clamped_root
    use beamid_statistics, only: unlimited
    use beamid_statistics_reports, only: add_statistics, scalar_parameters
    use beamid_strings, only: rounded, to_text
-   use beamid_splines, only: clamped_root
    use beamid_structure, only: is_coefficient, of_E
    use beamid_texts, only: left, right, text_t
    use beamid_verdict_reports, only: verdict_summary
