@@ -1,6 +1,6 @@
 !> The groups of a case file and the reader of each. Every key is required or has a documented
 !> default, and every value is checked where it is read. `workflows/cases` calls these readers;
-!> `beamid_case_checks` then checks that the groups fit together.
+!> `beamid_group_checks` then checks that the groups go together.
 module beamid_case_files
    use beamid_along_groups, only: along_t, read_along
    use beamid_blocks, only: block_t
@@ -8,6 +8,7 @@ module beamid_case_files
    use beamid_boxes, only: box_t
    use beamid_errors, only: error_t
    use beamid_excitation, only: excitation_t
+   use beamid_excitation_groups, only: read_excitation
    use beamid_fingerprints, only: fingerprint_t
    use beamid_galerkin, only: mesh_t
    use beamid_identification, only: model_t, stage_t
@@ -15,7 +16,7 @@ module beamid_case_files
    use beamid_method_groups, only: read_bootstrap, read_discretization, read_integrator, &
       read_multistart, read_observation, read_sample, read_windows
    use beamid_modal, only: modal_t
-   use beamid_model_groups, only: read_excitation, read_noise, read_structure, read_units, section_t
+   use beamid_model_groups, only: read_noise, read_structure, read_units, section_t
    use beamid_multistart, only: multistart_t
    use beamid_namelist, only: group_t
    use beamid_paths, only: directory_of

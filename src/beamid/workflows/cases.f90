@@ -3,15 +3,15 @@
 module beamid_cases
    use beamid_blocks, only: block_t
    use beamid_boxes, only: box_t
-   use beamid_case_checks, only: can_be_fitted, check_needs, check_whole, needs_design, needs_fit, &
-      needs_modes, needs_nothing, needs_response, place_experiment, settle_box, &
-      settle_variations
+   use beamid_case_checks, only: can_be_fitted, check_needs, needs_design, needs_fit, needs_modes, &
+      needs_nothing, needs_response, place_experiment, settle_box
    use beamid_case_files, only: case_t, groups, new_case, read_group
    use beamid_column_checks, only: check_columns
    use beamid_errors, only: error_t, locate
    use beamid_experiment_checks, only: check_channels, check_free_places
    use beamid_experiments, only: experiment_t, is_first
    use beamid_files, only: read_text
+   use beamid_group_checks, only: check_whole, settle_variations
    use beamid_input_checks, only: leave_out_lead_in
    use beamid_kinds, only: wp
    use beamid_namelist, only: scan_namelist
