@@ -105,44 +105,32 @@ contains
       space%start = [(i, i=1, space%n)]
       allocate (space%weight(widest, space%n), source=0.0_wp)
       space%weight(1, :) = 1
-      call combine_at_root(space)
-      call combine_at_tip(space)
+      call combine_at(space, 1)
+      call combine_at(space, 2)
       space%n = size(space%start)
       call find_nonzero_functions(space)
    end function new_spline_space
 
-   !> Replaces the functions that do not vanish at the root by combinations that satisfy the
-   !> conditions there.
-   pure subroutine combine_at_root(space)
+   !> Replaces the functions that do not vanish at an end by combinations that satisfy the conditions
+   !> there.
+   !>
+   !> end  1: root, 2: tip
+   pure subroutine combine_at(space, end)
       type(spline_space_t), intent(inout) :: space
-      real(wp) :: values(2, space%n)
-      integer, allocatable :: start(:)
+      integer, intent(in) :: end
+      integer, allocatable :: order(:), start(:)
       real(wp), allocatable :: weight(:, :)
       integer :: i
 
-      values = values_at_end(space, 1)
-      call combine(space%degree, space%essential(:, 1), [(i, i=1, space%n)], values, space%start, &
-         space%weight, start, weight)
-      call move_alloc(start, space%start)
-      call move_alloc(weight, space%weight)
-   end subroutine combine_at_root
-
-   !> Replaces the functions that do not vanish at the tip, counted from the tip inwards.
-   pure subroutine combine_at_tip(space)
-      type(spline_space_t), intent(inout) :: space
-      real(wp) :: values(2, size(space%start))
-      integer, allocatable :: start(:)
-      real(wp), allocatable :: weight(:, :)
-      integer :: i, n
-
-      n = size(space%start)
-      values = values_at_end(space, 2)
-      call combine(space%degree, space%essential(:, 2), [(i, i=n, 1, -1)], values, space%start, &
-         space%weight, start, weight)
-      n = size(start)
-      space%start = start(n:1:-1)
-      space%weight = weight(:, n:1:-1)
-   end subroutine combine_at_tip
+      order = [(i, i=1, size(space%start))]
+      if (end == 2) order = order(size(order):1:-1)
+      call combine(space%degree, space%essential(:, end), order, values_at_end(space, end), &
+         space%start, space%weight, start, weight)
+      order = [(i, i=1, size(start))]
+      if (end == 2) order = order(size(order):1:-1)
+      space%start = start(order)
+      space%weight = weight(:, order)
+   end subroutine combine_at
 
    !> Returns value and slope of all functions at an end, (2, functions).
    !>
