@@ -1,4 +1,5 @@
-!> Finds damping, and what hangs on the tip, from the record of Table 4.1; from the project's root.
+!> Estimates the viscosity of the beam and the parameters of the hose from the record of Table 4.1.
+!> Run it in the root folder of the project.
 program fit_record
    use beamid, only: error_t, free_index, free_names, identify, mesh_t, modal_t, model_t, &
       new_pulse, observation_t, read_record, recording_t, stage_fit_t, stage_t, structure_t, wp

@@ -57,6 +57,7 @@ module beamid_assembly
       !> (operators, matrices) coefficients, from `beamid_terms`
       real(wp), allocatable :: strength(:, :)
       integer :: n = 0                         !< number of oscillators
+      integer :: zeros = 0   !< number of roots 0, those of the motion as a rigid body
       integer :: beam = 0   !< number of modes of the bare beam; these oscillators come first
       type(pencil_t) :: pencil(2)   !< D and H; form 1: hose by y, form 2: hose by y - u(l)
       !> (beam, beam, 2) E in C and K, and (beam, beam, 2, parameters) its slopes; not allocated: no
@@ -147,6 +148,7 @@ contains
 
       if (present(load)) applied = load
       self%structure = structure
+      self%zeros = structure%zero_roots()
       self%parameters = parameters
       self%beam = size(modes%mu)
       allocate (self%strength(size(operators), of_compliance), &

@@ -88,7 +88,7 @@ contains
       type(cluster_t) :: cluster
 
       cluster%is_origin = .true.
-      cluster%zeros = assembly%structure%zero_roots()
+      cluster%zeros = assembly%zeros
       cluster%m = cluster%zeros + merge(2, 0, assembly%feels_base)
       cluster%on_axis = .true.
       cluster%radius = minval(abs(s), mask=abs(s) > 0)/4

@@ -45,7 +45,7 @@ contains
       if (2*size(root) - count(.not. abs(aimag(root%s)) > 0) /= assembly%roots() .or. &
          assembly%is_bare()) return
       do k = 1, size(root)
-         if (.not. abs(root(k)%s) > 0 .and. assembly%structure%zero_roots() > 0) then
+         if (.not. abs(root(k)%s) > 0 .and. assembly%zeros > 0) then
             ! A root 0 of the motion as a rigid body stays there.
             root(k)%origin = 0
             call nearest_pole(assembly, root(k))

@@ -104,7 +104,7 @@ contains
             'expected k_H > 0 or a beam that is held')
          return
       end if
-      if (assembly%feels_base .or. assembly%structure%zero_roots() > 0) &
+      if (assembly%feels_base .or. assembly%zeros > 0) &
          poles%cluster = [poles%cluster, origin_cluster(assembly, poles%s)]
       do k = 1, size(poles%s)
          if (abs(poles%vector(k)%A) > tiny_A*undamped(k)) cycle

@@ -113,7 +113,7 @@ contains
       integer :: i, k
 
       taken = .false.
-      do i = 1, assembly%structure%zero_roots()
+      do i = 1, assembly%zeros
          k = minloc(abs(roots%s), dim=1, mask=.not. taken)
          taken(k) = .true.
          roots(k)%s = 0
@@ -187,7 +187,7 @@ contains
       integer :: half, k
 
       allocate (done(size(roots)))
-      done = abs(roots%s) <= 0 .and. assembly%structure%zero_roots() > 0
+      done = abs(roots%s) <= 0 .and. assembly%zeros > 0
       if (assembly%is_bare()) return
       half = size(roots)/2
       do k = 1, size(roots)

@@ -482,66 +482,63 @@ contains
          .and. self%end(tip)%kappa_w >= no_spring .and. self%end(tip)%kappa_R >= no_spring
    end function is_cantilever
 
-   !> Finds all springs to the ground, rigid or not, at the ends and at supports.
-   !>
-   !> place       (springs) numbers of the parameters for their positions; 0: root, -1: tip
-   !> slope       (springs) 1: the spring holds the rotation; 0: the deflection
-   !> compliance  (springs) numbers of the parameters for their compliance
-   pure subroutine find_springs(self, place, slope, compliance)
+   !> Returns which springs to the ground there are, rigid or not: those of deflection and rotation at
+   !> the root, the same at the tip, and those of the supports.
+   pure function springs(self) result(there)
       class(structure_t), intent(in) :: self
-      integer, allocatable, intent(out) :: place(:), slope(:), compliance(:)
       logical :: there(4 + self%supports)
+      integer :: c, e, p
+
+      there = [((self%has_end_spring(c, e), c=deflection, rotation), e=root, tip), &
+         (self%has_spring(p), p=1, self%supports)]
+   end function springs
+
+   !> Finds where springs or dampers to the ground act.
+   !>
+   !> there  (4 + supports) which of them exist, in the order of `springs`
+   !> place  (count(there)) numbers of the parameters for their positions; 0: root, -1: tip
+   !> slope  (count(there)) 1: it resists the rotation; 0: the deflection
+   pure subroutine find_places(self, there, place, slope)
+      class(structure_t), intent(in) :: self
+      logical, intent(in) :: there(:)
+      integer, allocatable, intent(out) :: place(:), slope(:)
       integer :: p
 
-      there = [self%has_end_spring(deflection, root), self%has_end_spring(rotation, root), &
-         self%has_end_spring(deflection, tip), self%has_end_spring(rotation, tip), &
-         [(self%has_spring(p), p=1, self%supports)]]
       place = pack([0, 0, -1, -1, x_P_at(:self%supports)], there)
-      slope = pack([0, 1, 0, 1, [(0, p=1, self%supports)]], there)
-      compliance = pack([compliance_at, kappa_P_at(:self%supports)], there)
-   end subroutine find_springs
+      slope = pack([0, 1, 0, 1, (0, p=1, self%supports)], there)
+   end subroutine find_places
 
    !> Returns the number of motions as a rigid body, 0 to 2, that no spring to the ground resists.
    pure integer function rigid_body_modes(self)
       class(structure_t), intent(in) :: self
-      integer, allocatable :: place(:), slope(:), compliance(:)
 
-      call find_springs(self, place, slope, compliance)
-      rigid_body_modes = 2 - rank_of(self, place, slope)
+      rigid_body_modes = 2 - resisted(self, springs(self))
    end function rigid_body_modes
 
    !> Returns the number of roots 0 of the equations of motion: two for each rigid-body mode, less
    !> one for each that a damper to the ground resists.
    pure integer function zero_roots(self)
       class(structure_t), intent(in) :: self
-      integer, allocatable :: place(:), slope(:), compliance(:)
-      logical :: there(4 + self%supports)
-      integer :: p, springs
+      logical :: dampers(4 + self%supports)
 
-      call find_springs(self, place, slope, compliance)
-      springs = rank_of(self, place, slope)
-      zero_roots = 2*(2 - springs)
-      if (zero_roots == 0) return
-      if (self%gamma > 0) then
-         zero_roots = zero_roots/2
-      else
-         there = [self%end(root)%c_w > 0, self%end(root)%c_R > 0, self%end(tip)%c_w > 0, &
-            self%end(tip)%c_R > 0, self%support(:self%supports)%c_P > 0]
-         place = [place, pack([0, 0, -1, -1, x_P_at(:self%supports)], there)]
-         slope = [slope, pack([0, 1, 0, 1, [(0, p=1, self%supports)]], there)]
-         zero_roots = zero_roots - (rank_of(self, place, slope) - springs)
-      end if
+      zero_roots = self%rigid_body_modes()
+      if (zero_roots == 0 .or. self%gamma > 0) return
+      dampers = [self%end(root)%c_w > 0, self%end(root)%c_R > 0, self%end(tip)%c_w > 0, &
+         self%end(tip)%c_R > 0, self%support(:self%supports)%c_P > 0]
+      zero_roots = zero_roots + 2 - resisted(self, springs(self) .or. dampers)
    end function zero_roots
 
    !> Returns the number of independent motions as a rigid body that springs or dampers resist.
    !>
-   !> place, slope  as in `find_springs`
-   pure integer function rank_of(self, place, slope) result(rank)
+   !> there  (4 + supports) which of them exist, in the order of `springs`
+   pure integer function resisted(self, there)
       class(structure_t), intent(in) :: self
-      integer, intent(in) :: place(:), slope(:)
-      real(wp) :: rows(2, size(place))
+      logical, intent(in) :: there(:)
+      integer, allocatable :: place(:), slope(:)
+      real(wp) :: rows(2, count(there))
       integer :: i, j
 
+      call find_places(self, there, place, slope)
       ! Motion of a point by a unit deflection, and by a unit rotation about the root times l.
       do i = 1, size(place)
          rows(:, i) = [1 - slope(i), 1]
@@ -549,13 +546,13 @@ contains
          rows(2, i) = 0
          if (place(i) > 0) rows(2, i) = self%get(place(i))/self%length
       end do
-      rank = min(1, size(place))
+      resisted = min(1, size(place))
       do j = 2, size(place)
          do i = 1, j - 1
-            if (abs(rows(1, i)*rows(2, j) - rows(2, i)*rows(1, j)) > 1e-9_wp) rank = 2
+            if (abs(rows(1, i)*rows(2, j) - rows(2, i)*rows(1, j)) > 1e-9_wp) resisted = 2
          end do
       end do
-   end function rank_of
+   end function resisted
 
    !> Returns the influence function: the static deflection at x under a unit force at xi
    !> [length/force]; `huge` if the beam is not supported.
@@ -575,18 +572,17 @@ contains
       real(wp), intent(in), optional :: moved
       complex(wp), allocatable :: points(:), a(:, :), b(:, :), rigid(:, :), row(:)
       integer, allocatable :: place(:), slope(:), compliance(:)
+      type(column_t) :: column
       real(wp) :: l, unit
-      logical :: is_column, regular
+      logical :: there(4 + self%supports), is_column, regular
       integer :: i, j, n
 
-      call find_springs(self, place, slope, compliance)
+      there = springs(self)
       is_column = abs(q(of_g)) + abs(q(of_T)) > 0 .and. self%is_cantilever()
-      if (is_column) then
-         ! The column includes the root.
-         slope = pack(slope, place > 0)
-         compliance = pack(compliance, place > 0)
-         place = pack(place, place > 0)
-      end if
+      ! The column includes the root.
+      if (is_column) there(:4) = .false.
+      call find_places(self, there, place, slope)
+      compliance = pack([compliance_at, kappa_P_at(:self%supports)], there)
       n = size(place)
       allocate (points(n + 2), a(n + 2, n + 2), b(n + 2, 1), rigid(n + 2, 2))
       do i = 1, n
@@ -599,10 +595,11 @@ contains
       ! Lengths in l, forces in E I/l**2.
       l = self%length
       unit = l**3/(self%E*self%I)
+      if (is_column) column = column_of(self, q, points)
       do j = 1, n + 2
          do i = 1, n + 2
             if (is_column) then
-               a(i, j) = column_deflection(column_of(self, q, points), points(i), points(j))
+               a(i, j) = column_deflection(column, points(i), points(j))
             else
                a(i, j) = flexibility(self, q, points([i, j]), slope([i, j]), k, moved)
             end if
