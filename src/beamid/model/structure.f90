@@ -81,9 +81,10 @@ module beamid_structure
    !> indexed (condition, end).
    integer, parameter, public :: root = 1, tip = 2, deflection = 1, rotation = 2
 
-   !> The values of all parameters, in any consistent set of units. Every component is of kind
-   !> real(wp); the order of the components defines the number of each parameter (see `values_of`).
-   type :: values_t
+   !> The values of the parameters that belong to no attachment, in any consistent set of units.
+   !> Every component is of kind real(wp); the order of the components defines the number of each
+   !> parameter (see `values_of`).
+   type :: beam_values_t
       real(wp) :: m_T = 0            !< tip mass [mass]
       real(wp) :: E = 0              !< modulus of elasticity [force/length**2]
       real(wp) :: c_D = 0            !< Kelvin-Voigt viscosity [force time/length**2]
@@ -100,6 +101,10 @@ module beamid_structure
       real(wp) :: d_D = 0            !< depth of the dip, as a share of E [1]
       !> conditions at root and tip
       type(end_t) :: end(2) = [end_t(), free_end]
+   end type beam_values_t
+
+   !> The values of all parameters: those of the attachments follow.
+   type, extends(beam_values_t) :: values_t
       !> the sensors; `structure_t%sensors` exist, but at least one
       type(sensor_t) :: sensor(most_items) = sensor_t()
       !> the supports; `structure_t%supports` exist
@@ -137,8 +142,12 @@ module beamid_structure
          has_dip, has_fields, factors, factor_slopes
    end type structure_t
 
-   !> Number of all parameters.
+   !> Number of all parameters, and number of those that belong to no attachment.
    integer, parameter, public :: n_parameters = storage_size(values_t())/storage_size(1.0_wp)
+   integer, parameter :: n_beam = storage_size(beam_values_t())/storage_size(1.0_wp)
+   !> Number of values of each attachment, in the order of `values_t`.
+   integer, parameter :: n_of(4) = [storage_size(sensor_t()), storage_size(support_t()), &
+      storage_size(mass_t()), storage_size(hose_t())]/storage_size(1.0_wp)
 
    !> Numbers of the parameters. Every component of `of` holds its own position in `values_t`.
    integer :: i
@@ -270,24 +279,99 @@ contains
       end associate
    end function rigid_supports
 
+   !> Finds the attachment to which parameter k belongs.
+   !>
+   !> kind       1: sensor, 2: support, 3: mass, 4: hose; 0: parameter k belongs to no attachment
+   !> item       number of the attachment
+   !> component  number of the value
+   pure subroutine find_item(k, kind, item, component)
+      integer, intent(in) :: k
+      integer, intent(out) :: kind, item, component
+
+      kind = 0
+      item = 0
+      component = k
+      if (k <= n_beam) return
+      component = k - n_beam
+      do kind = 1, size(n_of)
+         if (component <= n_of(kind)*most_items) exit
+         component = component - n_of(kind)*most_items
+      end do
+      item = (component - 1)/n_of(kind) + 1
+      component = component - (item - 1)*n_of(kind)
+   end subroutine find_item
+
+   !> Returns the value of parameter k as it is stored.
+   pure real(wp) function stored(self, k)
+      class(structure_t), intent(in) :: self
+      integer, intent(in) :: k
+      real(wp) :: q(n_beam)
+      integer :: kind, item, component
+
+      call find_item(k, kind, item, component)
+      select case (kind)
+      case (0)
+         q = transfer(self%beam_values_t, q)
+      case (1)
+         q(:n_of(1)) = transfer(self%sensor(item), q, n_of(1))
+      case (2)
+         q(:n_of(2)) = transfer(self%support(item), q, n_of(2))
+      case (3)
+         q(:n_of(3)) = transfer(self%mass(item), q, n_of(3))
+      case (4)
+         q(:n_of(4)) = transfer(self%hose(item), q, n_of(4))
+      end select
+      stored = q(component)
+   end function stored
+
+   !> Sets the stored value of parameter k.
+   pure subroutine store(self, k, value)
+      class(structure_t), intent(inout) :: self
+      integer, intent(in) :: k
+      real(wp), intent(in) :: value
+      real(wp) :: q(n_beam)
+      integer :: kind, item, component
+
+      call find_item(k, kind, item, component)
+      select case (kind)
+      case (0)
+         q = transfer(self%beam_values_t, q)
+         q(component) = value
+         self%beam_values_t = transfer(q, beam_values_t())
+      case (1)
+         q(:n_of(1)) = transfer(self%sensor(item), q, n_of(1))
+         q(component) = value
+         self%sensor(item) = transfer(q, sensor_t())
+      case (2)
+         q(:n_of(2)) = transfer(self%support(item), q, n_of(2))
+         q(component) = value
+         self%support(item) = transfer(q, support_t())
+      case (3)
+         q(:n_of(3)) = transfer(self%mass(item), q, n_of(3))
+         q(component) = value
+         self%mass(item) = transfer(q, mass_t())
+      case (4)
+         q(:n_of(4)) = transfer(self%hose(item), q, n_of(4))
+         q(component) = value
+         self%hose(item) = transfer(q, hose_t())
+      end select
+   end subroutine store
+
    !> Returns the position on the beam that parameter k stands for [length].
    pure real(wp) function place(self, k)
       class(structure_t), intent(in) :: self
       integer, intent(in) :: k
-      real(wp) :: q(n_parameters)
 
-      q = values_of(self)
-      place = merge(self%length, q(k), q(k) < 0)
+      place = stored(self, k)
+      if (place < 0) place = self%length
    end function place
 
    !> Returns whether the position that parameter k stands for is the tip because none was given.
    pure logical function follows_tip(self, k)
       class(structure_t), intent(in) :: self
       integer, intent(in) :: k
-      real(wp) :: q(n_parameters)
 
-      q = values_of(self)
-      follows_tip = q(k) < 0
+      follows_tip = stored(self, k) < 0
    end function follows_tip
 
    !> Returns the position of the observing sensor [length].
@@ -302,20 +386,17 @@ contains
    pure real(wp) function get(self, k)
       class(structure_t), intent(in) :: self
       integer, intent(in) :: k
-      real(wp) :: q(n_parameters)
       integer :: a
 
-      q = values_of(self)
       a = function_of(k)
       if (a > 0) then
-         get = q(common_of(a))
+         get = merge(self%E, self%c_D, a == field_modulus)
          if (allocated(self%variations%along(a)%value)) &
             get = self%variations%along(a)%value(k - coefficient_at(1, a) + 1)
          return
       end if
-      get = q(k)
-      if (k == of_x_F .or. any(x_S_at == k) .or. any(x_M_at == k) .or. any(x_H_at == k)) &
-         get = merge(self%length, q(k), q(k) < 0)
+      get = stored(self, k)
+      if (get < 0) get = merge(self%length, get, any(k == [of_x_F, x_S_at, x_M_at, x_H_at]))
    end function get
 
    !> Sets parameter k to a value.
@@ -323,21 +404,19 @@ contains
       class(structure_t), intent(inout) :: self
       integer, intent(in) :: k
       real(wp), intent(in) :: value
-      real(wp) :: q(n_parameters)
       integer :: a
 
-      q = values_of(self)
       a = function_of(k)
       if (a > 0) then
          ! If no coefficient was set before, the others become the value of the uniform property.
          associate (along => self%variations%along(a))
             if (.not. allocated(along%value)) &
-               allocate (along%value(along%coefficients), source=q(common_of(a)))
+               allocate (along%value(along%coefficients), source=merge(self%E, self%c_D, &
+               a == field_modulus))
             along%value(k - coefficient_at(1, a) + 1) = value
          end associate
       else
-         q(k) = value
-         self%values_t = transfer(q, values_t())
+         call store(self, k, value)
          if (k == of_w_D) self%variations%dips = value > 0
       end if
    end subroutine set
