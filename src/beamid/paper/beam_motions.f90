@@ -78,14 +78,15 @@ contains
       allocate (motion%w(size(times), equations%n, 0:2), shapes(states, equations%n, 0:2), &
          z(size(times), states))
       states = size(poles%s)
-      call shapes_of_poles(shapes(:states, :, :))
+      call shapes_of_poles(assembly, modes, poles, shapes(:states, :, :), direct_term)
       do k = 1, size(poles%cluster)
          associate (cluster => poles%cluster(k))
-            call shapes_of_cluster(cluster, shapes(states + 1:states + cluster%m, :, :))
+            call shapes_of_cluster(assembly, modes, cluster, &
+               shapes(states + 1:states + cluster%m, :, :))
             states = states + cluster%m
          end associate
       end do
-      call compute_states()
+      call compute_states(poles, excitation, times, z)
       do order = 0, 2
          motion%w(:, :, order) = matmul(real(z), real(shapes(:, :, order))) &
             - matmul(aimag(z), aimag(shapes(:, :, order)))
@@ -93,112 +94,123 @@ contains
       do k = 1, equations%n
          motion%w(:, k, 2) = motion%w(:, k, 2) + excitation%force(times)*direct_term(k)
       end do
-
-   contains
-
-      !> Computes the motion of the unknowns of (3.13) per unit state z of each pole, and M**-1 F.
-      !>
-      !> shapes       (poles, unknowns, 0:2) of w, w' and w''; 0 for poles that belong to a cluster
-      subroutine shapes_of_poles(shapes)
-         complex(wp), intent(out) :: shapes(:, :, 0:)
-         real(wp) :: x(assembly%n, 1), y(size(assembly%v, 1), 1)
-         complex(wp) :: factor
-         integer :: k, n, unknowns
-
-         n = size(modes%shapes, 1)
-         unknowns = size(shapes, 2)
-         shapes = 0
-         do k = 1, size(poles%s)
-            if (any(poles%cluster%holds(poles%s(k)))) cycle
-            associate (vector => poles%vector(k))
-               factor = sum(assembly%load(:, 1, vector%form)*vector%x)/vector%A
-               if (abs(aimag(poles%s(k))) > 0) factor = 2*factor
-               shapes(k, :, 0) = factor*to_unknowns(vector%form, vector%x, vector%y(assembly%tip), &
-                  unknowns)
-               shapes(k, :, 1) = poles%s(k)*shapes(k, :, 0)
-               shapes(k, :, 2) = poles%s(k)*shapes(k, :, 1)
-            end associate
-         end do
-         allocate (direct_term(unknowns), source=0.0_wp)
-         x(:, 1) = assembly%load(:, 1, 1)
-         call solve_mass(assembly, x, y)
-         direct_term(:n) = matmul(modes%shapes, x(:n, 1))
-         if (assembly%hose > 0) direct_term(unknowns) = x(n + 1, 1)
-      end subroutine shapes_of_poles
-
-      !> Computes the motion of the unknowns of (3.13) per unit state of a cluster, from the moments
-      !> of Q**-1 F over its contour.
-      !>
-      !> shapes  (m, unknowns, 3) of w, w' and w'' for the m roots of the cluster
-      subroutine shapes_of_cluster(cluster, shapes)
-         type(cluster_t), intent(in) :: cluster
-         complex(wp), intent(out) :: shapes(:, :, :)
-         complex(wp) :: mu(cluster%m + 2, size(shapes, 2)), none(cluster%m + 2, 0), z
-         complex(wp), allocatable :: row(:, :), drow(:, :, :)
-         type(transfer_t) :: value
-         type(root_t) :: point
-         integer :: i, k
-
-         mu = 0
-         do i = 1, cluster%points
-            call contour_point(cluster, i, z, point)
-            call transfer_at(assembly, point, .false., value)
-            do k = 1, size(mu, 1)
-               mu(k, :) = mu(k, :) + cluster%radius/cluster%points*z**k*to_unknowns(value%form, &
-                  value%q, value%u(assembly%tip), size(mu, 2))
-            end do
-         end do
-         mu = cluster%weight()*mu
-         if (cluster%on_axis) mu = real(mu)
-         do i = 1, size(mu, 2)
-            call rows_of(cluster, mu(:, i), none, row, drow)
-            shapes(:, i, :) = row
-         end do
-      end subroutine shapes_of_cluster
-
-      !> Returns the unknowns of (3.13), spline coefficients and hose, from the modal coordinates.
-      !>
-      !> form      form of the pencil: in the second form the hose is relative to the tip
-      !> x         modal coordinates, then the hose if there is one
-      !> tip       displacement of the tip
-      !> unknowns  their number
-      function to_unknowns(form, x, tip, unknowns) result(w)
-         integer, intent(in) :: form, unknowns
-         complex(wp), intent(in) :: x(:), tip
-         complex(wp) :: w(unknowns)
-         integer :: n
-
-         n = size(modes%shapes, 1)
-         w = 0
-         w(:n) = cmplx(matmul(modes%shapes, real(x(:n))), matmul(modes%shapes, aimag(x(:n))), wp)
-         if (assembly%hose == 0) return
-         w(unknowns) = x(n + 1)
-         if (form == 2) w(unknowns) = w(unknowns) + tip
-      end function to_unknowns
-
-      !> Computes the states z of all poles, z' = s z + f from rest, followed by those of the
-      !> clusters.
-      subroutine compute_states()
-         type(states_t) :: states
-         real(wp), allocatable :: x(:, :)   ! real, then imaginary parts of each group of states
-         integer :: column, i, m, state
-
-         states = at_rest(poles, excitation, .false.)
-         allocate (x(size(times), states%columns()))
-         call states%through(poles, excitation, times, x)
-         state = 0
-         column = 0
-         do i = 0, size(states%cluster)
-            m = size(poles%s)
-            if (i > 0) m = size(states%cluster(i)%x)
-            z(:, state + 1:state + m) = cmplx(x(:, column + 1:column + m), &
-               x(:, column + m + 1:column + 2*m), wp)
-            state = state + m
-            column = column + 2*m
-         end do
-      end subroutine compute_states
-
    end subroutine find_motion
+
+   !> Computes the motion of the unknowns of (3.13) per unit state z of each pole, and M**-1 F.
+   !>
+   !> shapes       (poles, unknowns, 0:2) of w, w' and w''; 0 for poles that belong to a cluster
+   !> direct_term  (unknowns) M**-1 F
+   subroutine shapes_of_poles(assembly, modes, poles, shapes, direct_term)
+      type(assembly_t), intent(in) :: assembly
+      type(beam_modes_t), intent(in) :: modes
+      type(poles_t), intent(in) :: poles
+      complex(wp), intent(out) :: shapes(:, :, 0:)
+      real(wp), allocatable, intent(out) :: direct_term(:)
+      real(wp) :: x(assembly%n, 1), y(size(assembly%v, 1), 1)
+      complex(wp) :: factor
+      integer :: k, n, unknowns
+
+      n = size(modes%shapes, 1)
+      unknowns = size(shapes, 2)
+      shapes = 0
+      do k = 1, size(poles%s)
+         if (any(poles%cluster%holds(poles%s(k)))) cycle
+         associate (vector => poles%vector(k))
+            factor = sum(assembly%load(:, 1, vector%form)*vector%x)/vector%A
+            if (abs(aimag(poles%s(k))) > 0) factor = 2*factor
+            shapes(k, :, 0) = factor*to_unknowns(assembly, modes, vector%form, vector%x, &
+               vector%y(assembly%tip), unknowns)
+            shapes(k, :, 1) = poles%s(k)*shapes(k, :, 0)
+            shapes(k, :, 2) = poles%s(k)*shapes(k, :, 1)
+         end associate
+      end do
+      allocate (direct_term(unknowns), source=0.0_wp)
+      x(:, 1) = assembly%load(:, 1, 1)
+      call solve_mass(assembly, x, y)
+      direct_term(:n) = matmul(modes%shapes, x(:n, 1))
+      if (assembly%hose > 0) direct_term(unknowns) = x(n + 1, 1)
+   end subroutine shapes_of_poles
+
+   !> Computes the motion of the unknowns of (3.13) per unit state of a cluster, from the moments of
+   !> Q**-1 F over its contour.
+   !>
+   !> shapes  (m, unknowns, 3) of w, w' and w'' for the m roots of the cluster
+   subroutine shapes_of_cluster(assembly, modes, cluster, shapes)
+      type(assembly_t), intent(in) :: assembly
+      type(beam_modes_t), intent(in) :: modes
+      type(cluster_t), intent(in) :: cluster
+      complex(wp), intent(out) :: shapes(:, :, :)
+      complex(wp) :: mu(cluster%m + 2, size(shapes, 2)), none(cluster%m + 2, 0), z
+      complex(wp), allocatable :: row(:, :), drow(:, :, :)
+      type(transfer_t) :: value
+      type(root_t) :: point
+      integer :: i, k
+
+      mu = 0
+      do i = 1, cluster%points
+         call contour_point(cluster, i, z, point)
+         call transfer_at(assembly, point, .false., value)
+         do k = 1, size(mu, 1)
+            mu(k, :) = mu(k, :) + cluster%radius/cluster%points*z**k*to_unknowns(assembly, modes, &
+               value%form, value%q, value%u(assembly%tip), size(mu, 2))
+         end do
+      end do
+      mu = cluster%weight()*mu
+      if (cluster%on_axis) mu = real(mu)
+      do i = 1, size(mu, 2)
+         call rows_of(cluster, mu(:, i), none, row, drow)
+         shapes(:, i, :) = row
+      end do
+   end subroutine shapes_of_cluster
+
+   !> Returns the unknowns of (3.13), spline coefficients and hose, from the modal coordinates.
+   !>
+   !> form      form of the pencil: in the second form the hose is relative to the tip
+   !> x         modal coordinates, then the hose if there is one
+   !> tip       displacement of the tip
+   !> unknowns  their number
+   function to_unknowns(assembly, modes, form, x, tip, unknowns) result(w)
+      type(assembly_t), intent(in) :: assembly
+      type(beam_modes_t), intent(in) :: modes
+      integer, intent(in) :: form, unknowns
+      complex(wp), intent(in) :: x(:), tip
+      complex(wp) :: w(unknowns)
+      integer :: n
+
+      n = size(modes%shapes, 1)
+      w = 0
+      w(:n) = cmplx(matmul(modes%shapes, real(x(:n))), matmul(modes%shapes, aimag(x(:n))), wp)
+      if (assembly%hose == 0) return
+      w(unknowns) = x(n + 1)
+      if (form == 2) w(unknowns) = w(unknowns) + tip
+   end function to_unknowns
+
+   !> Computes the states z of all poles, z' = s z + f from rest, followed by those of the clusters.
+   !>
+   !> z  (times, states)
+   subroutine compute_states(poles, excitation, times, z)
+      type(poles_t), intent(in) :: poles
+      type(excitation_t), intent(in) :: excitation
+      real(wp), intent(in) :: times(:)
+      complex(wp), intent(out) :: z(:, :)
+      type(states_t) :: states
+      real(wp), allocatable :: x(:, :)   ! real parts, then imaginary parts, of each group of states
+      integer :: column, i, m, state
+
+      states = at_rest(poles, excitation, .false.)
+      allocate (x(size(times), states%columns()))
+      call states%through(poles, excitation, times, x)
+      state = 0
+      column = 0
+      do i = 0, size(states%cluster)
+         m = size(poles%s)
+         if (i > 0) m = size(states%cluster(i)%x)
+         z(:, state + 1:state + m) = cmplx(x(:, column + 1:column + m), &
+            x(:, column + m + 1:column + 2*m), wp)
+         state = state + m
+         column = column + 2*m
+      end do
+   end subroutine compute_states
 
    !> Returns the deflection of the beam at one point, or a derivative of it, at all times.
    !>
