@@ -7,8 +7,6 @@ module beamid_commands
    use beamid
    use beamid_case_fits, only: add_score_tests, case_fit_t, fit_case, judge_case, load_case
    use beamid_case_inferences, only: case_inference_t, infer
-   use beamid_case_runs, only: case_modes_t, design_case, modes_of_case, planned_t, &
-      prepare_design, prepare_modes, prepare_simulation, simulate_case, simulated_t
    use beamid_errors, only: locate
    use beamid_files, only: read_text
    use beamid_fit_reports, only: report_fit
@@ -16,7 +14,7 @@ module beamid_commands
    use beamid_interrupts, only: check_interrupt
    use beamid_outputs, only: output_t
    use beamid_paths, only: join_path
-   use beamid_run_reports, only: report_design, report_modes, report_simulation
+   use beamid_run_reports, only: run_case
    use beamid_sorting, only: median
    use beamid_strings, only: string_t, to_text
    use beamid_terminal, only: new_progress, print_text, progress_t, tell
@@ -24,7 +22,7 @@ module beamid_commands
    implicit none
    private
 
-   public :: settings_t, run_identify, run_inference, run_simulate, run_modes, run_design
+   public :: settings_t, run_identify, run_inference, run_on_case
    public :: deliver, folder_of
 
    !> The parsed command line.
@@ -135,68 +133,23 @@ contains
       call deliver(output, summary, settings, case%name, error, case%recordings)
    end subroutine run_inference
 
-   !> Runs `beamid simulate`: computes the response on each mesh, or without `elements` on a mesh
-   !> that is refined until the response no longer changes, and a record of the last mesh.
-   subroutine run_simulate(settings, error)
+   !> Runs `beamid simulate`, `beamid modes` or `beamid design`.
+   subroutine run_on_case(settings, error)
       type(settings_t), intent(in) :: settings
       type(error_t), allocatable, intent(out) :: error
       type(case_t) :: case
-      type(simulated_t) :: simulated
-      type(output_t) :: output
-      character(len=:), allocatable :: summary
-
-      call read_case(settings%subject, needs_nothing, case, error)
-      if (.not. allocated(error)) call prepare_simulation(case, simulated, error)
-      if (.not. allocated(error)) call simulate_case(case, simulated, error)
-      if (allocated(error)) return
-      call report_simulation(case, simulated, output, summary)
-      call deliver(output, summary, settings, case%name, error, case%recordings)
-   end subroutine run_simulate
-
-   !> Runs `beamid modes`: computes the natural modes of the structure and, if the case can be
-   !> fitted, of the fitted structure.
-   subroutine run_modes(settings, error)
-      type(settings_t), intent(in) :: settings
-      type(error_t), allocatable, intent(out) :: error
-      type(case_t) :: case
-      type(case_modes_t) :: found
       type(progress_t) :: progress
       type(output_t) :: output
       character(len=:), allocatable :: summary
 
       call read_case(settings%subject, needs_nothing, case, error)
-      if (.not. allocated(error)) call prepare_modes(case, found, error)
       if (allocated(error)) return
       progress = new_progress(settings%quiet)
-      call modes_of_case(case, found, error, progress)
+      call run_case(settings%command, case, output, summary, error, progress)
       call progress%finish()
-      if (allocated(error)) return
-      call report_modes(case, found, output, summary)
-      call deliver(output, summary, settings, case%name, error, case%recordings)
-   end subroutine run_modes
-
-   !> Runs `beamid design`: predicts the standard errors that candidate experiments would give, with
-   !> the exact solver on the last mesh of the case, whatever solver the case names.
-   subroutine run_design(settings, error)
-      type(settings_t), intent(in) :: settings
-      type(error_t), allocatable, intent(out) :: error
-      type(case_t) :: case
-      type(planned_t) :: planned
-      type(designs_t) :: designs
-      type(progress_t) :: progress
-      type(output_t) :: output
-      character(len=:), allocatable :: summary
-
-      call read_case(settings%subject, needs_nothing, case, error)
-      if (.not. allocated(error)) call prepare_design(case, planned, error)
-      if (allocated(error)) return
-      progress = new_progress(settings%quiet)
-      call design_case(case, planned, designs, error, progress)
-      call progress%finish()
-      if (allocated(error)) return
-      call report_design(case, designs, output, summary)
-      call deliver(output, summary, settings, case%name, error, case%recordings)
-   end subroutine run_design
+      if (.not. allocated(error)) call deliver(output, summary, settings, case%name, error, &
+         case%recordings)
+   end subroutine run_on_case
 
    !> Writes all outputs to the output folder, all or none, and then prints the summary.
    !>

@@ -37,19 +37,6 @@ module beamid_ensemble
    !> Number of members of the first block, and largest number.
    integer, parameter :: first_block = 16, largest_block = 20000
 
-   !> The members of an ensemble and the folders of its results.
-   type :: ensemble_run_t
-      !> Listed cases; not associated: random records, from which `maker` makes members. (Both are
-      !> pointers, because gfortran would emit deep copies of allocatable components.)
-      type(fleet_case_t), pointer :: fleet(:) => null()
-      type(ensemble_maker_t), pointer :: maker => null()
-      integer :: members = 0                       !< number of members
-      character(len=:), allocatable :: folder      !< output folder
-      character(len=:), allocatable :: shards      !< folder of the shards
-      !> Fingerprint of everything that the results depend on.
-      character(len=fingerprint_length) :: fingerprint = ''
-   end type ensemble_run_t
-
 contains
 
    !> Runs `beamid ensemble`.
@@ -57,9 +44,11 @@ contains
       type(settings_t), intent(in) :: settings
       type(error_t), allocatable, intent(out) :: error
       type(case_t) :: case
-      type(ensemble_maker_t), target :: maker
-      type(fleet_case_t), allocatable, target :: fleet(:)
-      type(ensemble_run_t) :: run
+      type(ensemble_maker_t) :: maker                  ! makes the members of random records
+      type(fleet_case_t), allocatable :: fleet(:)      ! listed cases, instead of random records
+      integer :: n_members
+      character(len=:), allocatable :: output_folder, shard_folder
+      character(len=fingerprint_length) :: fingerprint   ! of everything that the results depend on
       type(range_of_members_t) :: missing, wanted
       type(range_of_members_t), allocatable :: shards(:)
       integer, allocatable :: created(:)
@@ -77,199 +66,210 @@ contains
          case%ensemble%line, 'ensemble cases', 'nothing', 'a list of cases beside --only-new', &
          error)
       if (allocated(error)) return
-      run%folder = folder_of(settings, case%name)
-      run%shards = join_path(run%folder, 'shards')
-      call prepare(case, settings%only_new, maker, fleet, run, error)
-      if (.not. allocated(error)) call read_part(settings, run%members, wanted, error)
+      output_folder = folder_of(settings, case%name)
+      shard_folder = join_path(output_folder, 'shards')
+      call prepare()
+      if (.not. allocated(error)) call read_part()
       if (allocated(error)) return
-      call make_folders(run%shards, created, code)
+      call make_folders(shard_folder, created, code)
       if (code /= 0) then
-         call bad_input(error, run%shards//': the folder cannot be written: '//reason(code))
+         call bad_input(error, shard_folder//': the folder cannot be written: '//reason(code))
          return
       end if
-      call list_shards(run%shards, run%fingerprint, shards, others, error)
+      call list_shards(shard_folder, fingerprint, shards, others, error)
       if (allocated(error)) return
-      if (others > 0) call tell('beamid: '//run%shards//': found members of another case or of '// &
-         'other files; they are ignored, and will be removed when this ensemble is complete')
+      if (others > 0) call tell('beamid: '//shard_folder//': found members of another case or '// &
+         'of other files; they are ignored, and will be removed when this ensemble is complete')
       missing = wanted
-      call drop_damaged(run, missing, shards, error)
+      call drop_damaged(missing)
       if (allocated(error)) return
       do round = 1, most_rounds
-         call compute(run, gaps(shards, missing), settings%quiet, error)
-         if (.not. allocated(error)) call complete(case, run, wanted, settings, shards, is_done, &
-            error)
+         call compute(gaps(shards, missing))
+         if (.not. allocated(error)) call complete()
          if (allocated(error) .or. is_done) return
-         missing = range_of_members_t(1, run%members)
+         missing = range_of_members_t(1, n_members)
       end do
-      call failure(error, run%shards//': found damaged shards again after their members had '// &
+      call failure(error, shard_folder//': found damaged shards again after their members had '// &
          'been computed '//to_text(most_rounds)//' times; check the disk')
+
+   contains
+
+      !> Merges the shards and writes the tables if no member is missing; otherwise prints a
+      !> message.
+      subroutine complete()
+         type(range_of_members_t) :: members
+         type(c_ptr) :: folder
+         integer(c_int) :: code, ignored
+         integer :: others
+         logical :: locked
+
+         is_done = .true.
+         members = range_of_members_t(1, n_members)
+         ! The lock serves programs that end at the same time: one of them makes the tables, the
+         ! next one then finds them complete.
+         code = open_folder(shard_folder, folder)
+         if (code == 0) locked = lock_folder(folder)
+         call list_shards(shard_folder, fingerprint, shards, others, error)
+         if (.not. allocated(error) .and. size(gaps(shards, members)) > 0) then
+            call print_text(case%name//': members '//to_text(wanted%first)//' to '// &
+               to_text(wanted%last)//' of '//to_text(n_members)//' are done; the tables '// &
+               'follow when all are'//new_line('a'), error)
+         else if (.not. allocated(error)) then
+            call drop_damaged(members)
+            is_done = size(gaps(shards, members)) == 0
+            if (is_done .and. .not. allocated(error)) call finish()
+         end if
+         if (c_associated(folder)) ignored = c_closedir(folder)
+      end subroutine complete
+
+      !> Removes damaged shards that hold members of a range, and says so on standard error.
+      !>
+      !> range  on return it includes all members of the removed shards
+      subroutine drop_damaged(range)
+         type(range_of_members_t), intent(inout) :: range
+         character(len=:), allocatable :: first
+         integer :: removed
+
+         call remove_damaged(shard_folder, fingerprint, range, shards, removed, first, error)
+         range%last = min(range%last, n_members)
+         if (removed == 1) call tell('beamid: '//first//': found a damaged shard; it has been '// &
+            'removed, and its members are computed again')
+         if (removed > 1) call tell('beamid: '//first//': found a damaged shard, and '// &
+            to_text(removed - 1)//' more; they have been removed, and their members are '// &
+            'computed again')
+      end subroutine drop_damaged
+
+      !> Reads the members that this program computes from `--only i:j`; without it, all members.
+      subroutine read_part()
+         integer :: colon, status
+
+         wanted = range_of_members_t(1, n_members)
+         if (.not. allocated(settings%only)) return
+         associate (text => settings%only)
+            colon = index(text, ':')
+            status = 1
+            if (colon > 1 .and. colon < len(text) .and. verify(text, '0123456789:') == 0 .and. &
+               index(text, ':', back=.true.) == colon) then
+               read (text(:colon - 1), '(i12)', iostat=status) wanted%first
+               if (status == 0) read (text(colon + 1:), '(i12)', iostat=status) wanted%last
+            end if
+            if (status /= 0 .or. wanted%first < 1 .or. wanted%first > min(wanted%last, n_members)) &
+               call bad_input(error, 'command line: --only: found '//shown(text)// &
+               ', expected i:j with i from 1 to '//to_text(n_members)//' and j no smaller')
+         end associate
+         wanted%last = min(wanted%last, n_members)
+      end subroutine read_part
+
+      !> Reads the input that all members need, and computes the fingerprint of the ensemble.
+      subroutine prepare()
+         type(fingerprint_t) :: input
+         character(len=:), allocatable :: tables
+         integer :: k
+
+         call input%add(version)
+         if (allocated(case%ensemble%cases)) then
+            call read_fleet(case%ensemble%cases, version, fleet, error)
+            call locate(error, case%path//':'//to_text(case%ensemble%line)//': &ensemble cases')
+            if (allocated(error)) return
+            n_members = size(fleet)
+            do k = 1, size(fleet)
+               call input%add(fleet(k)%name)
+               call input%add(fleet(k)%fingerprint)
+            end do
+            if (settings%only_new) then
+               call recall_fleet(output_folder, fleet, tables, error)
+               if (allocated(error)) then
+                  call tell('beamid: '//error%message//'; all cases are fitted as if they were new')
+                  deallocate (error)
+               end if
+               call input%add(tables)
+            end if
+         else
+            call new_ensemble(case, maker, error)
+            if (allocated(error)) return
+            n_members = case%ensemble%members
+         end if
+         call add_case(input, case)
+         fingerprint = input%digits()
+      end subroutine prepare
+
+      !> Computes the missing members, and writes a shard for each block of them.
+      subroutine compute(missing)
+         type(range_of_members_t), intent(in) :: missing(:)
+         type(progress_t) :: progress
+         type(range_of_members_t) :: block
+         character(len=:), allocatable :: rows
+         integer(int64) :: begin, now, rate
+         integer(c_int) :: code
+         integer :: done, k, total
+
+         progress = new_progress(settings%quiet)
+         total = sum(missing%last - missing%first + 1)
+         done = 0
+         do k = 1, size(missing)
+            block = range_of_members_t(missing(k)%first, missing(k)%first + first_block - 1)
+            do while (block%first <= missing(k)%last .and. .not. allocated(error))
+               block%last = min(block%last, missing(k)%last)
+               call system_clock(begin, rate)
+               call run_block(block, rows)
+               call check_interrupt(error)
+               if (.not. allocated(error)) then
+                  code = write_shard(shard_folder, fingerprint, block, rows)
+                  if (code /= 0) call failure(error, shard_path(shard_folder, fingerprint, &
+                     block)//': cannot be written: '//reason(code))
+               end if
+               if (allocated(error)) exit
+               call system_clock(now)
+               done = done + block%last - block%first + 1
+               call progress%advanced(done, total, 'members')
+               block = range_of_members_t(block%last + 1, block%last + next_size( &
+                  block%last - block%first + 1, real(now - begin, wp)/rate))
+            end do
+         end do
+         call progress%finish()
+      end subroutine compute
+
+      !> Computes the members of a block, and returns their rows.
+      subroutine run_block(block, rows)
+         type(range_of_members_t), intent(in) :: block
+         character(len=:), allocatable, intent(out) :: rows
+         type(member_t), allocatable :: members(:)
+
+         allocate (members(block%last - block%first + 1))
+         if (allocated(fleet)) then
+            call run_fleet(fleet(block%first:block%last), members, error)
+         else
+            call run_members(maker, block%first, members)
+         end if
+         rows = rows_of(members, block%first)
+      end subroutine run_block
+
+      !> Writes the tables and the summary of a complete ensemble, and removes its shards.
+      subroutine finish()
+         type(output_t) :: output
+         type(tally_t) :: tally
+         type(text_t) :: summary
+         character(len=:), allocatable :: path
+
+         path = temporary_path(join_path(shard_folder, 'members-all.csv'))
+         call merge_shards(shard_folder, fingerprint, shards, n_members, path, tally, error)
+         if (allocated(error)) return
+         call report_ensemble(case, tally, output, summary, error)
+         if (allocated(error)) return
+         call output%add_file('members.csv', path)
+         if (allocated(fleet)) call add_fleet(fleet, path, settings%only_new, output, &
+            summary, error)
+         if (allocated(error)) return
+         call deliver(output, summary%content(), settings, case%name, error, case%recordings)
+         if (allocated(error)) return
+         if (allocated(fleet)) then
+            call remove_shards(shard_folder, but_of='')
+         else
+            call remove_shards(shard_folder, but_of=fingerprint)
+         end if
+      end subroutine finish
+
    end subroutine run_ensemble
-
-   !> Merges the shards and writes the tables if no member is missing; otherwise prints a message.
-   !>
-   !> wanted   members that this program computes, for the message
-   !> shards   on return the shards that are not damaged
-   !> is_done  .false.: shards were damaged, and their members must be computed again
-   subroutine complete(case, run, wanted, settings, shards, is_done, error)
-      type(case_t), intent(in) :: case
-      type(ensemble_run_t), intent(in) :: run
-      type(range_of_members_t), intent(in) :: wanted
-      type(settings_t), intent(in) :: settings
-      type(range_of_members_t), allocatable, intent(inout) :: shards(:)
-      logical, intent(out) :: is_done
-      type(error_t), allocatable, intent(out) :: error
-      type(range_of_members_t) :: members
-      type(c_ptr) :: folder
-      integer(c_int) :: code, ignored
-      integer :: others
-      logical :: locked
-
-      is_done = .true.
-      members = range_of_members_t(1, run%members)
-      ! The lock serves programs that end at the same time: one of them makes the tables, the next
-      ! one then finds them complete.
-      code = open_folder(run%shards, folder)
-      if (code == 0) locked = lock_folder(folder)
-      call list_shards(run%shards, run%fingerprint, shards, others, error)
-      if (.not. allocated(error) .and. size(gaps(shards, members)) > 0) then
-         call print_text(case%name//': members '//to_text(wanted%first)//' to '// &
-            to_text(wanted%last)//' of '//to_text(run%members)//' are done; the tables follow '// &
-            'when all are'//new_line('a'), error)
-      else if (.not. allocated(error)) then
-         call drop_damaged(run, members, shards, error)
-         is_done = size(gaps(shards, members)) == 0
-         if (is_done .and. .not. allocated(error)) call finish(case, run, shards, settings, error)
-      end if
-      if (c_associated(folder)) ignored = c_closedir(folder)
-   end subroutine complete
-
-   !> Removes damaged shards that hold members of a range, and says so on standard error.
-   !>
-   !> range   on return it includes all members of the removed shards
-   !> shards  on return without the removed shards
-   subroutine drop_damaged(run, range, shards, error)
-      type(ensemble_run_t), intent(in) :: run
-      type(range_of_members_t), intent(inout) :: range
-      type(range_of_members_t), allocatable, intent(inout) :: shards(:)
-      type(error_t), allocatable, intent(out) :: error
-      character(len=:), allocatable :: first
-      integer :: removed
-
-      call remove_damaged(run%shards, run%fingerprint, range, shards, removed, first, error)
-      range%last = min(range%last, run%members)
-      if (removed == 1) call tell('beamid: '//first//': found a damaged shard; it has been '// &
-         'removed, and its members are computed again')
-      if (removed > 1) call tell('beamid: '//first//': found a damaged shard, and '// &
-         to_text(removed - 1)//' more; they have been removed, and their members are computed '// &
-         'again')
-   end subroutine drop_damaged
-
-   !> Reads the members that this program computes from `--only i:j`; without it, all members.
-   subroutine read_part(settings, members, wanted, error)
-      type(settings_t), intent(in) :: settings
-      integer, intent(in) :: members
-      type(range_of_members_t), intent(out) :: wanted
-      type(error_t), allocatable, intent(out) :: error
-      integer :: colon, status
-
-      wanted = range_of_members_t(1, members)
-      if (.not. allocated(settings%only)) return
-      associate (text => settings%only)
-         colon = index(text, ':')
-         status = 1
-         if (colon > 1 .and. colon < len(text) .and. verify(text, '0123456789:') == 0 .and. &
-            index(text, ':', back=.true.) == colon) then
-            read (text(:colon - 1), '(i12)', iostat=status) wanted%first
-            if (status == 0) read (text(colon + 1:), '(i12)', iostat=status) wanted%last
-         end if
-         if (status /= 0 .or. wanted%first < 1 .or. wanted%first > min(wanted%last, members)) &
-            call bad_input(error, 'command line: --only: found '//shown(text)// &
-            ', expected i:j with i from 1 to '//to_text(members)//' and j no smaller')
-      end associate
-      wanted%last = min(wanted%last, members)
-   end subroutine read_part
-
-   !> Reads the input that all members need, and computes the fingerprint of the ensemble.
-   !>
-   !> maker, fleet  members from random records, or listed cases; `run` points to one of them
-   subroutine prepare(case, only_new, maker, fleet, run, error)
-      type(case_t), intent(in) :: case
-      logical, intent(in) :: only_new
-      type(ensemble_maker_t), target, intent(inout) :: maker
-      type(fleet_case_t), allocatable, target, intent(inout) :: fleet(:)
-      type(ensemble_run_t), intent(inout) :: run
-      type(error_t), allocatable, intent(out) :: error
-      type(fingerprint_t) :: fingerprint
-      character(len=:), allocatable :: tables
-      integer :: k
-
-      call fingerprint%add(version)
-      if (allocated(case%ensemble%cases)) then
-         call read_fleet(case%ensemble%cases, version, fleet, error)
-         call locate(error, case%path//':'//to_text(case%ensemble%line)//': &ensemble cases')
-         if (allocated(error)) return
-         run%fleet => fleet
-         run%members = size(fleet)
-         do k = 1, size(fleet)
-            call fingerprint%add(fleet(k)%name)
-            call fingerprint%add(fleet(k)%fingerprint)
-         end do
-         if (only_new) then
-            call recall_fleet(run%folder, fleet, tables, error)
-            if (allocated(error)) then
-               call tell('beamid: '//error%message//'; all cases are fitted as if they were new')
-               deallocate (error)
-            end if
-            call fingerprint%add(tables)
-         end if
-      else
-         call new_ensemble(case, maker, error)
-         if (allocated(error)) return
-         run%maker => maker
-         run%members = case%ensemble%members
-      end if
-      call add_case(fingerprint, case)
-      run%fingerprint = fingerprint%digits()
-   end subroutine prepare
-
-   !> Computes the missing members, and writes a shard for each block of them.
-   subroutine compute(run, missing, quiet, error)
-      type(ensemble_run_t), intent(inout) :: run
-      type(range_of_members_t), intent(in) :: missing(:)
-      logical, intent(in) :: quiet
-      type(error_t), allocatable, intent(out) :: error
-      type(progress_t) :: progress
-      type(range_of_members_t) :: block
-      character(len=:), allocatable :: rows
-      integer(int64) :: begin, now, rate
-      integer(c_int) :: code
-      integer :: done, k, total
-
-      progress = new_progress(quiet)
-      total = sum(missing%last - missing%first + 1)
-      done = 0
-      do k = 1, size(missing)
-         block = range_of_members_t(missing(k)%first, missing(k)%first + first_block - 1)
-         do while (block%first <= missing(k)%last .and. .not. allocated(error))
-            block%last = min(block%last, missing(k)%last)
-            call system_clock(begin, rate)
-            call run_block(run, block, rows, error)
-            call check_interrupt(error)
-            if (.not. allocated(error)) then
-               code = write_shard(run%shards, run%fingerprint, block, rows)
-               if (code /= 0) call failure(error, shard_path(run%shards, run%fingerprint, block)// &
-                  ': cannot be written: '//reason(code))
-            end if
-            if (allocated(error)) exit
-            call system_clock(now)
-            done = done + block%last - block%first + 1
-            call progress%advanced(done, total, 'members')
-            block = range_of_members_t(block%last + 1, block%last + next_size( &
-               block%last - block%first + 1, real(now - begin, wp)/rate))
-         end do
-      end do
-      call progress%finish()
-   end subroutine compute
 
    !> Returns the size of the next block, given the size and the time [s] of the last one.
    pure integer function next_size(members, seconds)
@@ -280,56 +280,5 @@ contains
       if (seconds*next_size > block_seconds*members) next_size = max(1, nint(block_seconds &
          *members/seconds))
    end function next_size
-
-   !> Computes the members of a block, and returns their rows.
-   subroutine run_block(run, block, rows, error)
-      type(ensemble_run_t), intent(inout) :: run
-      type(range_of_members_t), intent(in) :: block
-      character(len=:), allocatable, intent(out) :: rows
-      type(error_t), allocatable, intent(out) :: error
-      type(member_t), allocatable :: members(:)
-      integer :: k
-
-      allocate (members(block%first:block%last))
-      if (associated(run%fleet)) then
-         call run_fleet(run%fleet(block%first:block%last), error)
-         do k = block%first, block%last
-            members(k) = run%fleet(k)%member
-         end do
-      else
-         call run_members(run%maker, block%first, members)
-      end if
-      rows = rows_of(members, block%first)
-   end subroutine run_block
-
-   !> Writes the tables and the summary of a complete ensemble, and removes its shards.
-   subroutine finish(case, run, shards, settings, error)
-      type(case_t), intent(in) :: case
-      type(ensemble_run_t), intent(in) :: run
-      type(range_of_members_t), intent(in) :: shards(:)
-      type(settings_t), intent(in) :: settings
-      type(error_t), allocatable, intent(out) :: error
-      type(output_t) :: output
-      type(tally_t) :: tally
-      type(text_t) :: summary
-      character(len=:), allocatable :: path
-
-      path = temporary_path(join_path(run%shards, 'members-all.csv'))
-      call merge_shards(run%shards, run%fingerprint, shards, run%members, path, tally, error)
-      if (allocated(error)) return
-      call report_ensemble(case, tally, output, summary, error)
-      if (allocated(error)) return
-      call output%add_file('members.csv', path)
-      if (associated(run%fleet)) call add_fleet(run%fleet, path, settings%only_new, output, &
-         summary, error)
-      if (allocated(error)) return
-      call deliver(output, summary%content(), settings, case%name, error, case%recordings)
-      if (allocated(error)) return
-      if (associated(run%fleet)) then
-         call remove_shards(run%shards, but_of='')
-      else
-         call remove_shards(run%shards, but_of=run%fingerprint)
-      end if
-   end subroutine finish
 
 end module beamid_ensemble

@@ -3,8 +3,7 @@
 program beamid_main
    use beamid, only: error_t, version
    use beamid_command_table, only: command_names, commands_in_words
-   use beamid_commands, only: run_design, run_identify, run_inference, run_modes, run_simulate, &
-      settings_t
+   use beamid_commands, only: run_identify, run_inference, run_on_case, settings_t
    use beamid_comparison, only: run_compare
    use beamid_ensemble, only: run_ensemble
    use beamid_errors, only: bad_input
@@ -28,11 +27,9 @@ program beamid_main
    else
       select case (settings%command)
       case ('identify'); call run_identify(settings, error)
-      case ('simulate'); call run_simulate(settings, error)
-      case ('modes'); call run_modes(settings, error)
+      case ('simulate', 'modes', 'design'); call run_on_case(settings, error)
       case ('profile', 'sample', 'bootstrap'); call run_inference(settings, error)
       case ('compare'); call run_compare(settings, error)
-      case ('design'); call run_design(settings, error)
       case ('reproduce'); call run_reproduce(settings, error)
       case ('ensemble'); call run_ensemble(settings, error)
       case ('new'); call run_new(settings, error)

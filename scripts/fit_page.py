@@ -592,12 +592,6 @@ def corner(found):
 
 def motion(found, units, record):
     """Returns the figure of the motion that the draws predict for one record."""
-    t, low, middle, high = found.motion[1:, found.motion[0] == record]
-    measured = noise = None
-    if found.record is not None:
-        mine = found.record[:, found.record[3] == record]
-        if mine.shape[1] == len(t) and np.allclose(mine[0], t):
-            measured, noise = mine[1], math.sqrt(np.mean(mine[2]**2))
-    return h.figure(f.motion(t, low, middle, high, measured, noise, units),
+    return h.figure(f.motion(*plot_intervals.motion_of(found, record), units),
                     "The motion that the draws predict, and the record. Below: both less the "
                     "median of the draws.")

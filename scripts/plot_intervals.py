@@ -404,14 +404,24 @@ def corner_legend(found, names, count, others, hidden):
 
 # -- motion
 
-def draw_motion(found, record, of):
-    """A record and the model's band; below both less the band's middle, where it can be seen."""
+def motion_of(found, record):
+    """Returns the motion that the draws predict for one record, and the record.
+
+    The motion is times and three quantiles. Measured values and standard deviation of the noise are
+    None without a fit at the same times.
+    """
     t, low, middle, high = found.motion[1:, found.motion[0] == record]
     measured = noise = None
     if found.record is not None:
         mine = found.record[:, found.record[3] == record]
         if mine.shape[1] == len(t) and np.allclose(mine[0], t):
             measured, noise = mine[1], math.sqrt(np.mean(mine[2]**2))
+    return t, low, middle, high, measured, noise
+
+
+def draw_motion(found, record, of):
+    """A record and the model's band; below both less the band's middle, where it can be seen."""
+    t, low, middle, high, measured, noise = motion_of(found, record)
     few = len(t) < plot_fit.MARKED
     figure, (above, below) = p.plt.subplots(2, 1, figsize=(8.6, 5.6), sharex=True,
                                             height_ratios=(1.5, 1))

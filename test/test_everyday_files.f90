@@ -1,12 +1,10 @@
 !> Records as phones, spreadsheets and oscilloscopes export them: quotes, names with units, lines of
 !> units, decimal commas; and files that only look like records.
 program test_everyday_files
-   use beamid_errors, only: error_t
    use beamid_kinds, only: wp
-   use beamid_outputs, only: output_t
-   use beamid_records, only: load_recording, note_length, recording_t
    use checks, only: check, finish
-   use shell, only: own_path
+   use loaded_records, only: check_loaded, load, message, notes
+   use shell, only: own_path, replaced
    implicit none
 
    character(len=*), parameter :: nl = achar(10), cr = achar(13), tab = achar(9), q = '"', &
@@ -21,9 +19,7 @@ program test_everyday_files
       '0.000000000E0,8.000000000E-1,7.000000000E-2,1.000000000E0,1.282536549E0'//nl// &
       '5.000000000E-1,8.000000000E-1,7.000000000E-2,-2.500000000E0,2.625766935E0'//nl// &
       '1.250000000E0,9.000000000E-1,7.000000000E-2,4.000000000E0,4.100597517E0'//nl
-   character(len=:), allocatable :: scratch, message
-   character(len=note_length), allocatable :: notes(:)
-   real(wp), allocatable :: t(:), z(:)
+   character(len=:), allocatable :: scratch
 
    scratch = own_path('everyday_files')
    call test_phyphox()
@@ -43,20 +39,21 @@ contains
       character(len=*), parameter :: column = 'Acceleration z (m/s^2)'
 
       call read_as('phyphox: comma, point', phyphox, '', column)
-      call read_as('phyphox: tab, point', changed(phyphox, ',', tab), '', column)
-      call read_as('phyphox: semicolon, point', changed(phyphox, ',', ';'), '', column)
-      call read_as('phyphox: tab, comma', changed(changed(phyphox, ',', tab), '.', ','), '', column)
-      call read_as('phyphox: semicolon, comma', changed(changed(phyphox, ',', ';'), '.', ','), '', &
+      call read_as('phyphox: tab, point', replaced(phyphox, ',', tab), '', column)
+      call read_as('phyphox: semicolon, point', replaced(phyphox, ',', ';'), '', column)
+      call read_as('phyphox: tab, comma', replaced(replaced(phyphox, ',', tab), '.', ','), '', &
          column)
-      call read_as('phyphox: CRLF and a byte order mark', mark//changed(phyphox, nl, cr//nl), '', &
+      call read_as('phyphox: semicolon, comma', replaced(replaced(phyphox, ',', ';'), '.', ','), &
+         '', column)
+      call read_as('phyphox: CRLF and a byte order mark', mark//replaced(phyphox, nl, cr//nl), '', &
          column)
       call read_as('phyphox: without the unit', phyphox, 'Time', 'Acceleration z')
       call read_as('phyphox: in lower case', phyphox, 'time (S)', 'acceleration Z')
       call read_as('phyphox: by number', phyphox, '1', '4')
-      call load(phyphox)
+      call load(phyphox, scratch)
       call check('phyphox: the default is said', any(notes == 'column 2 (''Acceleration x '// &
          '(m/s^2)'') of 5 is the record: value_column names another'))
-      call refused('a sensor that has no value', changed(phyphox, '4.000000000E0', 'NaN'), &
+      call refused('a sensor that has no value', replaced(phyphox, '4.000000000E0', 'NaN'), &
          'record.csv:4: column 4 (''Acceleration z (m/s^2)''): found ''NaN'', expected a number', &
          '', column)
       call refused('no such name without unit', phyphox, 'found the columns ''Time (s)'', '// &
@@ -136,7 +133,7 @@ contains
       call read_as('units without brackets, behind a header', 'Logger 3'//nl//'t,p,a'//nl// &
          's,C,m/s2'//nl//rows, 't', 'a')
       call check('  one line is skipped', any(notes == '1 line of a header skipped'))
-      call read_as('a unit for some columns', 'n;T;a'//nl//'s;;g'//nl//changed(rows, ',', ';'), &
+      call read_as('a unit for some columns', 'n;T;a'//nl//'s;;g'//nl//replaced(rows, ',', ';'), &
          'n', 'a')
       call read_as('two lines of names', 'first,second,third'//nl//'t,p,a'//nl//rows, 't', 'a')
       call read_as('names that are units', 's,C,g'//nl//rows, 's', 'g')
@@ -178,59 +175,18 @@ contains
    subroutine read_as(what, text, time_column, value_column)
       character(len=*), intent(in) :: what, text
       character(len=*), intent(in), optional :: time_column, value_column
-      logical :: ok
 
-      call load(text, time_column, value_column)
-      ok = message == ''
-      if (ok) ok = size(t) == size(times) .and. size(z) == size(times)
-      if (ok) ok = maxval(abs(t - times)) <= 0 .and. maxval(abs(z - values)) <= 0
-      call check('read: '//what, ok, message)
+      call load(text, scratch, time_column, value_column)
+      call check_loaded('read: '//what, times, values)
    end subroutine read_as
 
    subroutine refused(what, text, words, time_column, value_column)
       character(len=*), intent(in) :: what, text, words
       character(len=*), intent(in), optional :: time_column, value_column
 
-      call load(text, time_column, value_column)
+      call load(text, scratch, time_column, value_column)
       call check('refused: '//what, index(message, words) > 0 .and. index(message, nl) == 0, &
          message)
    end subroutine refused
-
-   subroutine load(text, time_column, value_column)
-      character(len=*), intent(in) :: text
-      character(len=*), intent(in), optional :: time_column, value_column
-      type(recording_t) :: recording
-      type(output_t) :: output
-      type(error_t), allocatable :: error
-
-      call output%add('record.csv', text)
-      call output%commit(scratch, error)
-      if (allocated(error)) error stop 'scratch folder'
-      recording%path = scratch//'/record.csv'
-      if (present(time_column)) recording%time_column = time_column
-      if (present(value_column)) recording%value_column = value_column
-      call load_recording(recording, t, z, notes, error)
-      message = ''
-      if (allocated(error)) message = error%message
-   end subroutine load
-
-   !> A text with every occurrence of `old` replaced.
-   pure function changed(text, old, new) result(other)
-      character(len=*), intent(in) :: text, old, new
-      character(len=:), allocatable :: other
-      integer :: at
-
-      other = ''
-      at = 1
-      do while (at <= len(text))
-         if (text(at:min(len(text), at + len(old) - 1)) == old) then
-            other = other//new
-            at = at + len(old)
-         else
-            other = other//text(at:at)
-            at = at + 1
-         end if
-      end do
-   end function changed
 
 end program test_everyday_files

@@ -66,12 +66,13 @@ contains
       text = read_file('x.csv')
       call check('lvm: what the file says is kept', has_all(text, '# operator = B'//nl//'|'// &
          'Date 2024/05/01; Time 12:00:00,5'//nl//'|'//nl//'t [s],acc [g],force [N]'//nl), text)
-      call converted('lvm: decimal commas, line ends of Windows', 'c.lvm', windows(replaced(head, &
-         'Separator'//tab//'.', 'Separator'//tab//',')//commas(segment//names//rows)))
+      call converted('lvm: decimal commas, line ends of Windows', 'c.lvm', replaced( &
+         replaced(head, 'Separator'//tab//'.', 'Separator'//tab//',')// &
+         replaced(segment//names//rows, '.', ','), nl, cr//nl))
       call column('lvm: decimal commas', 'c.csv', 'acc', halves, a)
-      call converted('lvm: commas between the fields', 'k.lvm', between_commas(replaced(replaced( &
-         head, 'Separator'//tab//'Tab', 'Separator'//tab//'Comma')//segment//names//rows, &
-         'begun, by hand', 'begun')))
+      call converted('lvm: commas between the fields', 'k.lvm', replaced(replaced( &
+         replaced(replaced(head, 'Separator'//tab//'Tab', 'Separator'//tab//'Comma')//segment// &
+         names//rows, 'begun, by hand', 'begun'), ',', ';'), tab, ','))
       call column('lvm: commas between the fields', 'k.csv', 'force', halves, f)
       call converted('lvm: times for each channel', 'm.lvm', replaced(head, 'X_Columns'//tab// &
          'One', 'X_Columns'//tab//'Multi')//segment//'X_Value'//tab//'acc'//tab//'X_Value'//tab// &
@@ -324,41 +325,5 @@ contains
       if (ok) ok = maxval(abs(t - times)) <= 0 .and. maxval(abs(z - values)) <= 0
       call check(what, ok)
    end subroutine column
-
-   !> A text with the line ends of Windows.
-   pure function windows(text) result(other)
-      character(len=*), intent(in) :: text
-      character(len=:), allocatable :: other
-      integer :: k
-
-      other = ''
-      do k = 1, len(text)
-         if (text(k:k) == nl) other = other//cr
-         other = other//text(k:k)
-      end do
-   end function windows
-
-   !> A text with commas in place of points.
-   pure function commas(text) result(other)
-      character(len=*), intent(in) :: text
-      character(len=len(text)) :: other
-      integer :: k
-
-      do k = 1, len(text)
-         other(k:k) = merge(',', text(k:k), text(k:k) == '.')
-      end do
-   end function commas
-
-   !> A text with commas in place of tabs, and semicolons in place of commas.
-   pure function between_commas(text) result(other)
-      character(len=*), intent(in) :: text
-      character(len=len(text)) :: other
-      integer :: k
-
-      do k = 1, len(text)
-         other(k:k) = merge(';', text(k:k), text(k:k) == ',')
-         other(k:k) = merge(',', other(k:k), text(k:k) == tab)
-      end do
-   end function between_commas
 
 end program test_text_to_csv

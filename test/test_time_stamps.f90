@@ -1,21 +1,17 @@
 !> Records whose times are dates or times of day: the seconds since the first row, as differences of
 !> clocks by hand, and what is refused.
 program test_time_stamps
-   use beamid_errors, only: error_t
    use beamid_kinds, only: wp
-   use beamid_outputs, only: output_t
-   use beamid_records, only: load_recording, note_length, recording_t
    use checks, only: check, finish
    use damaged_texts, only: any_byte, damage, doubled, dropped, exchanged, likely_byte
+   use loaded_records, only: check_loaded, load, message, notes, t
    use random_numbers, only: start_random
    use shell, only: own_path
    implicit none
 
    character(len=*), parameter :: nl = achar(10), tab = achar(9)
    real(wp), parameter :: values(3) = [1, -2, 4]
-   character(len=:), allocatable :: scratch, message
-   character(len=note_length), allocatable :: notes(:)
-   real(wp), allocatable :: t(:), z(:)
+   character(len=:), allocatable :: scratch
 
    scratch = own_path('time_stamps')
    call test_dates()
@@ -159,7 +155,7 @@ contains
          text = trim(valid(1 + modulo(trial, 3)))
          call damage(text, [dropped, doubled, any_byte, likely_byte, exchanged], &
             '0123456789:.,-/+ TZAPM"'//nl, at, way)
-         call load(text)
+         call load(text, scratch)
          if (message /= '') then
             ok = index(message, nl) == 0
          else
@@ -185,39 +181,17 @@ contains
       character(len=*), intent(in) :: what, text
       real(wp), intent(in) :: times(:)
       character(len=*), intent(in), optional :: time_column, value_column
-      logical :: ok
 
-      call load(text, time_column, value_column)
-      ok = message == ''
-      if (ok) ok = size(t) == size(times) .and. size(z) == size(times)
-      if (ok) ok = maxval(abs(t - times)) <= 0 .and. maxval(abs(z - values)) <= 0
-      call check('stamps: '//what, ok, message)
+      call load(text, scratch, time_column, value_column)
+      call check_loaded('stamps: '//what, times, values)
    end subroutine read_as
 
    subroutine refused(what, text, words)
       character(len=*), intent(in) :: what, text, words
 
-      call load(text)
+      call load(text, scratch)
       call check('refused: '//what, index(message, 'record.csv'//words) > 0 .and. &
          index(message, nl) == 0, message)
    end subroutine refused
-
-   subroutine load(text, time_column, value_column)
-      character(len=*), intent(in) :: text
-      character(len=*), intent(in), optional :: time_column, value_column
-      type(recording_t) :: recording
-      type(output_t) :: output
-      type(error_t), allocatable :: error
-
-      call output%add('record.csv', text)
-      call output%commit(scratch, error)
-      if (allocated(error)) error stop 'scratch folder'
-      recording%path = scratch//'/record.csv'
-      if (present(time_column)) recording%time_column = time_column
-      if (present(value_column)) recording%value_column = value_column
-      call load_recording(recording, t, z, notes, error)
-      message = ''
-      if (allocated(error)) message = error%message
-   end subroutine load
 
 end program test_time_stamps

@@ -4,9 +4,8 @@ module beamid_c_responses
    use, intrinsic :: iso_c_binding, only: c_char, c_double, c_int, c_int64_t
    use beamid_c_calls, only: told
    use beamid_c_handles, only: borrow_problem, give_back, problem_t
-   use beamid_case_checks, only: check_needs, place_experiment
    use beamid_case_files, only: case_t
-   use beamid_cases, only: needs_response
+   use beamid_case_runs, only: place_response
    use beamid_errors, only: bad_input, error_t
    use beamid_experiments, only: experiment_t
    use beamid_identification, only: simulate, simulation_t
@@ -19,7 +18,7 @@ module beamid_c_responses
    implicit none
    private
 
-   public :: beamid_respond
+   public :: beamid_respond, check_times
 
 contains
 
@@ -51,7 +50,7 @@ contains
          case = problem%case
          call give_back(of)
          !$omp critical (texts_of_beamid)
-         call prepare_response(case, t, k, error)
+         call prepare_response()
          !$omp end critical (texts_of_beamid)
       end if
       if (.not. allocated(error)) call simulate(case%model, case%meshes(size(case%meshes)), t, &
@@ -61,84 +60,73 @@ contains
          motion(:, 1) = simulation%acceleration
          motion(:, 2) = simulation%response%displacement
          motion(:, 3) = simulation%response%velocity
-         if (k > 0) call differentiate(case, t, derivatives, error)
+         if (k > 0) call differentiate()
          call check_interrupt(error)
       end if
       status = told(error, message)
+
+   contains
+
+      !> Checks that a case has everything that a response at given times needs, and puts the
+      !> record's own beam into its structure.
+      subroutine prepare_response()
+         integer :: columns
+
+         columns = 0
+         if (size(case%stages) > 0) columns = size(case%stages(1)%free)
+         call check_times(case, t, error)
+         if (.not. allocated(error) .and. k /= 0 .and. k /= columns) then
+            call bad_input(error, case%path//': derivatives: found '//to_text(k)//' names for '// &
+               to_text(columns)//' parameters, expected names of single parameters (E(x) '// &
+               'stands for several, offset for none)')
+         end if
+         if (.not. allocated(error)) call place_response(case, error, t)
+         if (allocated(error)) return
+         if (k > 0 .and. .not. is_exact(case%model%solver)) call bad_input(error, case%path// &
+            ': &integrator method: found ''cvode'', expected ''modal'' for exact derivatives')
+      end subroutine prepare_response
+
+      !> Computes the derivatives of the observed acceleration.
+      subroutine differentiate()
+         type(residual_t) :: problem
+         type(experiment_t) :: experiment
+         real(wp), allocatable :: p(:), y(:)
+         integer :: k
+
+         experiment%samples = t
+         experiment%measured = 0*t
+         experiment%excitation = case%model%excitation
+         associate (free => case%stages(1)%free)
+            call new_residuals(case%model, case%meshes(size(case%meshes)), [experiment], problem, &
+               error, free)
+            if (allocated(error)) return
+            problem%free = free
+            problem%record = 0*free
+            p = [(get_free(problem%scenario%structures(1), problem%scenario%excitations(1), &
+               free(k)), k=1, size(free))]
+            allocate (y(size(t)))
+            call problem%jacobian(p, y, derivatives, error)
+            if (allocated(error)) return
+            do k = 1, size(free)
+               if (parameters(free(k))%is_reciprocal) derivatives(:, k) = -p(k)**2*derivatives(:, k)
+            end do
+         end associate
+      end subroutine differentiate
+
    end function beamid_respond
 
-   !> Checks that a case has everything that a response at given times needs, and puts the record's
-   !> own beam into its structure.
-   !>
-   !> k  number of columns for derivatives; 0: none
-   subroutine prepare_response(case, t, k, error)
-      type(case_t), intent(inout) :: case
+   !> Refuses times at which no response can be computed.
+   subroutine check_times(case, t, error)
+      type(case_t), intent(in) :: case
       real(wp), intent(in) :: t(:)
-      integer, intent(in) :: k
       type(error_t), allocatable, intent(out) :: error
-      type(experiment_t) :: experiment
-      integer :: columns
 
-      columns = 0
-      if (size(case%stages) > 0) columns = size(case%stages(1)%free)
       if (size(t) == 0) then
          call bad_input(error, case%path//': found no time, expected one or more')
       else if (.not. all(ieee_is_finite(t)) .or. any(t(2:) <= t(:size(t) - 1))) then
          call bad_input(error, case%path//': found times that are not ascending, expected '// &
             'finite ascending ones')
-      else if (k /= 0 .and. k /= columns) then
-         call bad_input(error, case%path//': derivatives: found '//to_text(k)//' names for '// &
-            to_text(columns)//' parameters, expected names of single parameters (E(x) stands '// &
-            'for several, offset for none)')
       end if
-      if (allocated(error)) return
-      if (size(case%recordings) == 1) then
-         associate (window => case%recordings(1)%window)
-            window%t_first = t(1)
-            window%t_last = t(size(t))
-            window%t_step = 1.0_wp
-         end associate
-      end if
-      call check_needs(case, needs_response, error)
-      if (allocated(error)) return
-      call place_experiment(case, 1, experiment, error)
-      if (allocated(error)) return
-      case%model%structure = experiment%structure_of(case%model%structure)
-      if (k > 0 .and. .not. is_exact(case%model%solver)) call bad_input(error, case%path// &
-         ': &integrator method: found ''cvode'', expected ''modal'' for exact derivatives')
-   end subroutine prepare_response
-
-   !> Computes the derivatives of the observed acceleration.
-   !>
-   !> derivatives  (times, free parameters) derivatives with respect to each free parameter
-   subroutine differentiate(case, t, derivatives, error)
-      type(case_t), intent(in) :: case
-      real(wp), intent(in) :: t(:)
-      real(wp), intent(inout) :: derivatives(:, :)
-      type(error_t), allocatable, intent(out) :: error
-      type(residual_t) :: problem
-      type(experiment_t) :: experiment
-      real(wp), allocatable :: p(:), y(:)
-      integer :: k
-
-      experiment%samples = t
-      experiment%measured = 0*t
-      experiment%excitation = case%model%excitation
-      associate (free => case%stages(1)%free)
-         call new_residuals(case%model, case%meshes(size(case%meshes)), [experiment], problem, &
-            error, free)
-         if (allocated(error)) return
-         problem%free = free
-         problem%record = 0*free
-         p = [(get_free(problem%scenario%structures(1), problem%scenario%excitations(1), free(k)), &
-            k=1, size(free))]
-         allocate (y(size(t)))
-         call problem%jacobian(p, y, derivatives, error)
-         if (allocated(error)) return
-         do k = 1, size(free)
-            if (parameters(free(k))%is_reciprocal) derivatives(:, k) = -p(k)**2*derivatives(:, k)
-         end do
-      end associate
-   end subroutine differentiate
+   end subroutine check_times
 
 end module beamid_c_responses

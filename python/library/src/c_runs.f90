@@ -3,20 +3,17 @@
 !>
 !> The computations run outside the critical section of texts, because their progress calls back.
 module beamid_c_runs
-   use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
    use, intrinsic :: iso_c_binding, only: c_char, c_int, c_int64_t
    use, intrinsic :: iso_fortran_env, only: int64
    use beamid, only: version
    use beamid_c_calls, only: characters, end_progress, progress_of_call, progress_t, told
    use beamid_c_handles, only: borrow_problem, give_back, new_handle, outcome_t, problem_t
+   use beamid_c_responses, only: check_times
    use beamid_candidates, only: candidate_t
    use beamid_case_checks, only: check_needs, needs_fit
    use beamid_case_files, only: case_t
-   use beamid_case_runs, only: case_modes_t, design_case, modes_of_case, planned_t, &
-      prepare_design, prepare_modes, prepare_simulation, simulate_case, simulated_t
    use beamid_comparison_reports, only: report_comparison
    use beamid_comparisons, only: check_samples, fit_candidates, new_candidate, set_labels
-   use beamid_designs, only: designs_t
    use beamid_ensemble_reports, only: report_ensemble, tally_t
    use beamid_ensembles, only: ensemble_maker_t, member_t, new_ensemble, run_members
    use beamid_errors, only: bad_input, error_t
@@ -26,7 +23,7 @@ module beamid_c_runs
    use beamid_kinds, only: ip, wp
    use beamid_member_rows, only: members_header, rows_of
    use beamid_refusals, only: refuse
-   use beamid_run_reports, only: report_design, report_modes, report_simulation
+   use beamid_run_reports, only: run_case
    use beamid_strings, only: string_t, to_text
    use beamid_texts, only: next_line, text_t
    implicit none
@@ -73,9 +70,10 @@ contains
          call give_back(of(1))
          progress => progress_of_call()
          select case (characters(command))
-         case ('simulate'); call run_simulate(outcome, error)
-         case ('modes'); call run_modes(outcome, error, progress)
-         case ('design'); call run_design(outcome, error, progress)
+         case ('simulate', 'modes', 'design')
+            if (characters(command) == 'simulate') call check_records(outcome%case, error)
+            if (.not. allocated(error)) call run_case(characters(command), outcome%case, &
+               outcome%tables, outcome%summary, error, progress)
          case ('ensemble'); call run_ensemble(outcome, error, progress)
          case ('compare'); call run_compare(of, characters(labels), outcome, error, progress)
          case default
@@ -93,84 +91,17 @@ contains
       status = told(error, message)
    end function beamid_run
 
-   !> Computes a response at the times of the record, or at its grid.
-   subroutine run_simulate(outcome, error)
-      type(outcome_t), intent(inout) :: outcome
-      type(error_t), allocatable, intent(out) :: error
-      type(simulated_t) :: simulated
-
-      !$omp critical (texts_of_beamid)
-      call check_times(outcome%case, error)
-      if (.not. allocated(error)) call prepare_simulation(outcome%case, simulated, error)
-      !$omp end critical (texts_of_beamid)
-      if (.not. allocated(error)) call simulate_case(outcome%case, simulated, error)
-      call check_interrupt(error)
-      if (allocated(error)) return
-      !$omp critical (texts_of_beamid)
-      call report_simulation(outcome%case, simulated, outcome%tables, outcome%summary)
-      call outcome%tables%check_finite(error)
-      !$omp end critical (texts_of_beamid)
-   end subroutine run_simulate
-
-   !> Refuses times of a record in memory at which no response can be computed.
-   subroutine check_times(case, error)
+   !> Refuses times of records in memory at which no response can be computed.
+   subroutine check_records(case, error)
       type(case_t), intent(in) :: case
       type(error_t), allocatable, intent(out) :: error
       integer :: k
 
       do k = 1, size(case%recordings)
-         if (.not. allocated(case%recordings(k)%t)) cycle
-         associate (t => case%recordings(k)%t)
-            if (size(t) == 0) then
-               call bad_input(error, case%path//': found no time, expected one or more')
-            else if (.not. all(ieee_is_finite(t)) .or. any(t(2:) <= t(:size(t) - 1))) then
-               call bad_input(error, case%path//': found times that are not ascending, '// &
-                  'expected finite ascending ones')
-            end if
-         end associate
+         if (allocated(case%recordings(k)%t)) call check_times(case, case%recordings(k)%t, error)
          if (allocated(error)) return
       end do
-   end subroutine check_times
-
-   !> Computes natural modes, of the fitted structure as well if the case can be fitted.
-   subroutine run_modes(outcome, error, progress)
-      type(outcome_t), intent(inout) :: outcome
-      type(error_t), allocatable, intent(out) :: error
-      type(progress_t), pointer, intent(in) :: progress
-      type(case_modes_t) :: found
-
-      !$omp critical (texts_of_beamid)
-      call prepare_modes(outcome%case, found, error)
-      !$omp end critical (texts_of_beamid)
-      if (.not. allocated(error)) call modes_of_case(outcome%case, found, error, progress)
-      call check_interrupt(error)
-      if (allocated(error)) return
-      !$omp critical (texts_of_beamid)
-      call report_modes(outcome%case, found, outcome%tables, outcome%summary)
-      call outcome%tables%check_finite(error)
-      !$omp end critical (texts_of_beamid)
-   end subroutine run_modes
-
-   !> Compares candidate experiments.
-   subroutine run_design(outcome, error, progress)
-      type(outcome_t), intent(inout) :: outcome
-      type(error_t), allocatable, intent(out) :: error
-      type(progress_t), pointer, intent(in) :: progress
-      type(planned_t) :: planned
-      type(designs_t) :: designs
-
-      !$omp critical (texts_of_beamid)
-      call prepare_design(outcome%case, planned, error)
-      !$omp end critical (texts_of_beamid)
-      if (.not. allocated(error)) call design_case(outcome%case, planned, designs, error, &
-         progress)
-      call check_interrupt(error)
-      if (allocated(error)) return
-      !$omp critical (texts_of_beamid)
-      call report_design(outcome%case, designs, outcome%tables, outcome%summary)
-      call outcome%tables%check_finite(error)
-      !$omp end critical (texts_of_beamid)
-   end subroutine run_design
+   end subroutine check_records
 
    !> Fits several models of the same records and ranks them; `of` and `labels` as in `beamid_run`.
    subroutine run_compare(of, labels, outcome, error, progress)
@@ -253,7 +184,7 @@ contains
       integer :: first, last, length, n
 
       !$omp critical (texts_of_beamid)
-      call prepare_ensemble(outcome%case, maker, fleet, n, error)
+      call prepare_ensemble(outcome%case)
       !$omp end critical (texts_of_beamid)
       if (allocated(error)) return
       call rows%line(members_header)
@@ -263,12 +194,10 @@ contains
       do while (first <= n)
          last = min(n, first + length - 1)
          call system_clock(begin, rate)
-         if (.not. allocated(fleet)) then
-            allocate (members(last - first + 1))
-            call run_members(maker, first, members)
-         end if
+         allocate (members(last - first + 1))
+         if (.not. allocated(fleet)) call run_members(maker, first, members)
          !$omp critical (texts_of_beamid)
-         if (allocated(fleet)) call run_fleet_block(fleet, first, last, members, error)
+         if (allocated(fleet)) call run_fleet(fleet(first:last), members, error)
          if (.not. allocated(error)) call add_rows(rows_of(members, first))
          !$omp end critical (texts_of_beamid)
          deallocate (members)
@@ -304,50 +233,28 @@ contains
          end do
       end subroutine add_rows
 
+      !> Prepares the members of an ensemble.
+      subroutine prepare_ensemble(case)
+         type(case_t), intent(inout) :: case
+         integer :: k
+
+         n = 0
+         if (.not. allocated(case%ensemble%command)) then
+            call refuse(case%path, 0, 'ensemble', 'no such group', 'one', error)
+         else if (allocated(case%ensemble%cases)) then
+            call read_fleet(case%ensemble%cases, version, fleet, error)
+            if (.not. allocated(error)) n = size(fleet)
+         else
+            call check_records(case, error)
+            do k = 1, size(case%recordings)
+               ! The values are replaced by simulated ones.
+               if (allocated(case%recordings(k)%t)) case%recordings(k)%z = case%recordings(k)%t
+            end do
+            if (.not. allocated(error)) call new_ensemble(case, maker, error)
+            n = case%ensemble%members
+         end if
+      end subroutine prepare_ensemble
+
    end subroutine run_ensemble
-
-   !> Prepares the members of an ensemble.
-   !>
-   !> fleet  the listed cases; not allocated: members are made by `maker`
-   !> n      number of members
-   subroutine prepare_ensemble(case, maker, fleet, n, error)
-      type(case_t), intent(inout) :: case
-      type(ensemble_maker_t), intent(inout) :: maker
-      type(fleet_case_t), allocatable, intent(out) :: fleet(:)
-      integer, intent(out) :: n
-      type(error_t), allocatable, intent(out) :: error
-      integer :: k
-
-      n = 0
-      if (.not. allocated(case%ensemble%command)) then
-         call refuse(case%path, 0, 'ensemble', 'no such group', 'one', error)
-      else if (allocated(case%ensemble%cases)) then
-         call read_fleet(case%ensemble%cases, version, fleet, error)
-         if (.not. allocated(error)) n = size(fleet)
-      else
-         call check_times(case, error)
-         do k = 1, size(case%recordings)
-            ! The values are replaced by simulated ones.
-            if (allocated(case%recordings(k)%t)) case%recordings(k)%z = case%recordings(k)%t
-         end do
-         if (.not. allocated(error)) call new_ensemble(case, maker, error)
-         n = case%ensemble%members
-      end if
-   end subroutine prepare_ensemble
-
-   !> Fits the listed cases of a block.
-   subroutine run_fleet_block(fleet, first, last, members, error)
-      type(fleet_case_t), intent(inout) :: fleet(:)
-      integer, intent(in) :: first, last
-      type(member_t), allocatable, intent(out) :: members(:)
-      type(error_t), allocatable, intent(out) :: error
-      integer :: k
-
-      call run_fleet(fleet(first:last), error)
-      allocate (members(last - first + 1))
-      do k = first, last
-         members(k - first + 1) = fleet(k)%member
-      end do
-   end subroutine run_fleet_block
 
 end module beamid_c_runs

@@ -88,21 +88,21 @@ contains
             to_text(size(variables))//' parameters')
          return
       end if
-      call prepare(search, problem, variables, options, monitor, label, names)
+      call prepare()
       allocate (result%residual(m), result%jacobian(m, size(variables)))
       result%start = variables%start
       must_compare = associated(search%smooth) .and. options%check
       if (must_compare) then
          call search%evaluate_at(result%start, result%residual, error)
-         if (.not. allocated(error)) call check_derivatives(search, result%start, &
-            search%evaluated(search%here)%jacobian, at_start, error)
+         if (.not. allocated(error)) call check_derivatives(result%start, &
+            search%evaluated(search%here)%jacobian, at_start)
          if (allocated(error)) return
       end if
       do attempt = 1, size(first_steps)
          search%factor = first_steps(attempt)
          search%moving = [(k, k=1, size(variables))]
          search%was_fixed = spread(.false., 1, size(variables))
-         call minimise_with_bounds(search, options, result, info, error)
+         call minimise_with_bounds()
          if (allocated(error)) return
          objection = ''
          if (info == 0 .or. info == 5 .or. options%rough) exit
@@ -125,8 +125,174 @@ contains
       if (attempt > 1) result%reason = result%reason//'; search '//to_text(attempt)// &
          ', with shorter steps'
       if (.not. must_compare) return
-      call check_derivatives(search, result%estimate, result%jacobian, at_end, error)
+      call check_derivatives(result%estimate, result%jacobian, at_end)
       if (allocated(at_start) .and. allocated(at_end)) result%derivative_check = [at_start, at_end]
+
+   contains
+
+      !> Connects a search with its problem, its variables and the receiver of its reports.
+      subroutine prepare()
+         search%problem => problem
+         select type (problem)
+         class is (smooth_problem_t)
+            if (problem%exact) search%smooth => problem
+         end select
+         if (present(monitor)) search%monitor => monitor
+         search%label = ''
+         if (present(label)) search%label = label
+         allocate (search%names(size(variables)))
+         search%names = ''
+         if (present(names)) search%names = names
+         search%variables = variables
+         search%parameters = variables%start
+         ! The difference step, sqrt(relative_error) |z|, must be much larger than the error of the
+         ! model. If the step is lost in this error, MINPACK leaves the parameters unchanged and
+         ! still reports success.
+         if (options%relative_error > 0) search%relative_error = max(options%relative_error, &
+            1e-8_wp)
+      end subroutine prepare
+
+      !> Compares exact derivatives with central differences, because a fit with wrong derivatives
+      !> is wrong.
+      !>
+      !> parameters  (n) physical values
+      !> jacobian    (m, n) at the parameters
+      !> difference  largest relative difference of a column; not allocated if the differences
+      !>             cannot be computed
+      subroutine check_derivatives(parameters, jacobian, difference)
+         real(wp), intent(in) :: parameters(:), jacobian(:, :)
+         real(wp), allocatable, intent(out) :: difference
+         character(len=:), allocatable :: name
+         integer :: k
+
+         call compare_derivatives(search%problem, parameters, search%variables, jacobian, &
+            difference, k)
+         if (k == 0) return
+         name = trim(search%names(k))
+         if (name == '') name = 'parameter '//to_text(k)
+         call failure(error, 'least squares: the exact derivative by '//name// &
+            ' disagrees with differences of the residuals')
+      end subroutine check_derivatives
+
+      !> Runs searches until no variable at a bound must be released. At a bound the change of
+      !> variable has zero slope, so that a search would creep. Therefore a variable that stays at a
+      !> bound is fixed there while the others move, and is released once if J decreases towards the
+      !> inside.
+      subroutine minimise_with_bounds()
+         real(wp), allocatable :: z(:)
+         real(wp) :: tolerance
+         integer :: k
+
+         if (size(search%variables) == 0) then
+            ! All unknowns enter linearly and are eliminated.
+            result%estimate = search%parameters
+            call search%problem%residuals(search%parameters, result%residual, error)
+            info = nothing_to_search
+            return
+         end if
+         ! A tolerance of the square root of the integrator's error would end a search too early
+         ! where residuals are large and convergence is slow.
+         tolerance = max(options%tolerance, options%relative_error**0.75_wp)
+         do
+            search%variables(search%moving) = search%variables(search%moving)%from( &
+               search%parameters(search%moving))
+            allocate (z(size(search%moving)), source=1.0_wp)
+            search%near_bound = 0
+            search%iterations_at_bound = 0
+            call run_search(search, options, tolerance, z, result%residual, info)
+            if (info == 5 .and. options%persistent .and. associated(search%smooth)) &
+               call search_by_newton(search, z, result%residual, info)
+            if (allocated(search%error)) then
+               call move_alloc(search%error, error)
+               return
+            end if
+            search%parameters(search%moving) = search%variables(search%moving)%value(z)
+            deallocate (z)
+            if (info < 0) then
+               ! Stopped by `watch_bounds`: fix the variable at its bound and continue with the
+               ! others.
+               k = search%near_bound
+               search%was_fixed(k) = .true.
+               search%parameters(k) = search%variables(k)%nearest_bound(search%parameters(k))
+               search%moving = pack(search%moving, search%moving /= k)
+               if (size(search%moving) > 0) cycle
+               call search%problem%residuals(search%parameters, result%residual, error)
+               if (allocated(error)) return
+               info = 4
+            end if
+            result%estimate = search%parameters
+            call find_jacobian()
+            if (allocated(error)) return
+            k = variable_to_release()
+            if (k == 0) exit
+            search%moving = [search%moving, k]
+         end do
+         if (.not. associated(search%smooth)) call polish()
+      end subroutine minimise_with_bounds
+
+      !> Computes the Jacobian at the parameters of a search.
+      subroutine find_jacobian()
+         if (associated(search%smooth)) then
+            call search%evaluate_at(search%parameters, result%residual, error)
+            if (.not. allocated(error)) result%jacobian = &
+               search%evaluated(search%here)%jacobian
+         else
+            call differences(search%problem, search%parameters, search%variables, &
+               search%relative_error, result%jacobian, error)
+         end if
+      end subroutine find_jacobian
+
+      !> Refines an estimate by Gauss-Newton steps with the final Jacobian of central differences,
+      !> because `lmdif` with its one-sided differences stops a little beside the minimum. The steps
+      !> continue while they become shorter. A step is rejected if it is long or raises J by more
+      !> than the error of the residuals.
+      subroutine polish()
+         integer, parameter :: most = 30
+         real(wp) :: p(size(search%variables)), r(size(result%residual)), length, before
+         real(wp), allocatable :: a(:, :), step(:, :)
+         real(wp) :: work(64*(size(result%residual) + size(search%moving)))
+         type(error_t), allocatable :: error
+         integer :: k, m, n, info
+
+         m = size(r)
+         n = size(search%moving)
+         if (n == 0) return
+         before = huge(before)
+         do k = 1, most
+            a = result%jacobian(:, search%moving)
+            step = reshape(-result%residual, [m, 1])
+            call dgels('N', m, n, 1, a, m, step, m, work, size(work), info)
+            if (info /= 0 .or. .not. all(ieee_is_finite(step(:n, 1)))) return
+            p = result%estimate
+            p(search%moving) = p(search%moving) + step(:n, 1)
+            length = maxval(abs(p - result%estimate)/max(abs(result%estimate), tiny(length)))
+            if (length > min(1e-2_wp, 0.9_wp*before) .or. any(p < search%variables%lower .or. &
+               p > search%variables%upper)) return
+            call search%problem%residuals(p, r, error)
+            search%evaluations = search%evaluations + 1
+            if (allocated(error)) return
+            if (sum(r**2) > sum(result%residual**2)*(1 + 1e-6_wp)) return
+            result%estimate = p
+            result%residual = r
+            if (length <= 1e-9_wp) return
+            before = length
+         end do
+      end subroutine polish
+
+      !> Returns the index of a variable, fixed at a bound, for which J decreases towards the
+      !> inside; 0: none.
+      pure integer function variable_to_release() result(k)
+         real(wp) :: slope
+
+         do k = 1, size(search%variables)
+            if (any(search%moving == k)) cycle
+            slope = dot_product(result%jacobian(:, k), result%residual)
+            if (search%parameters(k) >= search%variables(k)%upper) slope = -slope
+            if (slope < 0) return
+         end do
+         k = 0
+      end function variable_to_release
+
    end subroutine fit
 
    !> Appends the names of the variables that a search has fixed at their bounds.
@@ -141,34 +307,6 @@ contains
       end do
    end subroutine name_variables_at_bounds
 
-   !> Connects a search with its problem, its variables and the receiver of its reports.
-   subroutine prepare(search, problem, variables, options, monitor, label, names)
-      type(search_t), intent(inout) :: search
-      class(problem_t), intent(inout), target :: problem
-      type(variable_t), intent(in) :: variables(:)
-      type(options_t), intent(in) :: options
-      class(monitor_t), intent(inout), target, optional :: monitor
-      character(len=*), intent(in), optional :: label, names(:)
-
-      search%problem => problem
-      select type (problem)
-      class is (smooth_problem_t)
-         if (problem%exact) search%smooth => problem
-      end select
-      if (present(monitor)) search%monitor => monitor
-      search%label = ''
-      if (present(label)) search%label = label
-      allocate (search%names(size(variables)))
-      search%names = ''
-      if (present(names)) search%names = names
-      search%variables = variables
-      search%parameters = variables%start
-      ! The difference step, sqrt(relative_error) |z|, must be much larger than the error of the
-      ! model. If the step is lost in this error, MINPACK leaves the parameters unchanged and still
-      ! reports success.
-      if (options%relative_error > 0) search%relative_error = max(options%relative_error, 1e-8_wp)
-   end subroutine prepare
-
    !> Adds the cost of an earlier search, from whose end this fit started, and takes over its
    !> comparison of derivatives.
    subroutine add_earlier(self, before)
@@ -180,164 +318,5 @@ contains
       self%shortened = self%shortened + before%shortened
       if (allocated(before%derivative_check)) self%derivative_check = before%derivative_check
    end subroutine add_earlier
-
-   !> Compares exact derivatives with central differences, because a fit with wrong derivatives is
-   !> wrong.
-   !>
-   !> parameters  (n) physical values
-   !> jacobian    (m, n) at the parameters
-   !> difference  largest relative difference of a column; not allocated if the differences cannot
-   !>             be computed
-   !> error       unchanged, or a derivative is wrong
-   subroutine check_derivatives(search, parameters, jacobian, difference, error)
-      type(search_t), intent(inout) :: search
-      real(wp), intent(in) :: parameters(:), jacobian(:, :)
-      real(wp), allocatable, intent(out) :: difference
-      type(error_t), allocatable, intent(inout) :: error
-      character(len=:), allocatable :: name
-      integer :: k
-
-      call compare_derivatives(search%problem, parameters, search%variables, jacobian, &
-         difference, k)
-      if (k == 0) return
-      name = trim(search%names(k))
-      if (name == '') name = 'parameter '//to_text(k)
-      call failure(error, 'least squares: the exact derivative by '//name// &
-         ' disagrees with differences of the residuals')
-   end subroutine check_derivatives
-
-   !> Runs searches until no variable at a bound must be released. At a bound the change of variable
-   !> has zero slope, so that a search would creep. Therefore a variable that stays at a bound is
-   !> fixed there while the others move, and is released once if J decreases towards the inside.
-   !>
-   !> search  with variables, and the indices of those that move
-   !> result  on return the estimate, the residuals and the Jacobian
-   !> info    MINPACK's code of the reason for stopping, or `nothing_to_search`
-   subroutine minimise_with_bounds(search, options, result, info, error)
-      type(search_t), intent(inout), target :: search
-      type(options_t), intent(in) :: options
-      type(fit_t), intent(inout) :: result
-      integer, intent(out) :: info
-      type(error_t), allocatable, intent(out) :: error
-      real(wp), allocatable :: z(:)
-      real(wp) :: tolerance
-      integer :: k
-
-      if (size(search%variables) == 0) then
-         ! All unknowns enter linearly and are eliminated.
-         result%estimate = search%parameters
-         call search%problem%residuals(search%parameters, result%residual, error)
-         info = nothing_to_search
-         return
-      end if
-      ! A tolerance of the square root of the integrator's error would end a search too early where
-      ! residuals are large and convergence is slow.
-      tolerance = max(options%tolerance, options%relative_error**0.75_wp)
-      do
-         search%variables(search%moving) = search%variables(search%moving)%from( &
-            search%parameters(search%moving))
-         allocate (z(size(search%moving)), source=1.0_wp)
-         search%near_bound = 0
-         search%iterations_at_bound = 0
-         call run_search(search, options, tolerance, z, result%residual, info)
-         if (info == 5 .and. options%persistent .and. associated(search%smooth)) &
-            call search_by_newton(search, z, result%residual, info)
-         if (allocated(search%error)) then
-            call move_alloc(search%error, error)
-            return
-         end if
-         search%parameters(search%moving) = search%variables(search%moving)%value(z)
-         deallocate (z)
-         if (info < 0) then
-            ! Stopped by `watch_bounds`: fix the variable at its bound and continue with the others.
-            k = search%near_bound
-            search%was_fixed(k) = .true.
-            search%parameters(k) = search%variables(k)%nearest_bound(search%parameters(k))
-            search%moving = pack(search%moving, search%moving /= k)
-            if (size(search%moving) > 0) cycle
-            call search%problem%residuals(search%parameters, result%residual, error)
-            if (allocated(error)) return
-            info = 4
-         end if
-         result%estimate = search%parameters
-         call find_jacobian(search, result, error)
-         if (allocated(error)) return
-         k = variable_to_release(search, result)
-         if (k == 0) exit
-         search%moving = [search%moving, k]
-      end do
-      if (.not. associated(search%smooth)) call polish(search, result)
-   end subroutine minimise_with_bounds
-
-   !> Computes the Jacobian at the parameters of a search.
-   subroutine find_jacobian(search, result, error)
-      type(search_t), intent(inout) :: search
-      type(fit_t), intent(inout) :: result
-      type(error_t), allocatable, intent(out) :: error
-
-      if (associated(search%smooth)) then
-         call search%evaluate_at(search%parameters, result%residual, error)
-         if (.not. allocated(error)) result%jacobian = &
-            search%evaluated(search%here)%jacobian
-      else
-         call differences(search%problem, search%parameters, search%variables, &
-            search%relative_error, result%jacobian, error)
-      end if
-   end subroutine find_jacobian
-
-   !> Refines an estimate by Gauss-Newton steps with the final Jacobian of central differences,
-   !> because `lmdif` with its one-sided differences stops a little beside the minimum. The steps
-   !> continue while they become shorter. A step is rejected if it is long or raises J by more than
-   !> the error of the residuals.
-   subroutine polish(search, result)
-      type(search_t), intent(inout) :: search
-      type(fit_t), intent(inout) :: result
-      integer, parameter :: most = 30
-      real(wp) :: p(size(search%variables)), r(size(result%residual)), length, before
-      real(wp), allocatable :: a(:, :), step(:, :)
-      real(wp) :: work(64*(size(result%residual) + size(search%moving)))
-      type(error_t), allocatable :: error
-      integer :: k, m, n, info
-
-      m = size(r)
-      n = size(search%moving)
-      if (n == 0) return
-      before = huge(before)
-      do k = 1, most
-         a = result%jacobian(:, search%moving)
-         step = reshape(-result%residual, [m, 1])
-         call dgels('N', m, n, 1, a, m, step, m, work, size(work), info)
-         if (info /= 0 .or. .not. all(ieee_is_finite(step(:n, 1)))) return
-         p = result%estimate
-         p(search%moving) = p(search%moving) + step(:n, 1)
-         length = maxval(abs(p - result%estimate)/max(abs(result%estimate), tiny(length)))
-         if (length > min(1e-2_wp, 0.9_wp*before) .or. any(p < search%variables%lower .or. &
-            p > search%variables%upper)) return
-         call search%problem%residuals(p, r, error)
-         search%evaluations = search%evaluations + 1
-         if (allocated(error)) return
-         if (sum(r**2) > sum(result%residual**2)*(1 + 1e-6_wp)) return
-         result%estimate = p
-         result%residual = r
-         if (length <= 1e-9_wp) return
-         before = length
-      end do
-   end subroutine polish
-
-   !> Returns the index of a variable, fixed at a bound, for which J decreases towards the inside;
-   !> 0: none.
-   pure integer function variable_to_release(search, result) result(k)
-      type(search_t), intent(in) :: search
-      type(fit_t), intent(in) :: result
-      real(wp) :: slope
-
-      do k = 1, size(search%variables)
-         if (any(search%moving == k)) cycle
-         slope = dot_product(result%jacobian(:, k), result%residual)
-         if (search%parameters(k) >= search%variables(k)%upper) slope = -slope
-         if (slope < 0) return
-      end do
-      k = 0
-   end function variable_to_release
 
 end module beamid_least_squares

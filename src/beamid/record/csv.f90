@@ -127,7 +127,7 @@ contains
       kept = 0
       rows_after = 0
       do
-         call read_row(reader, columns, row, error)
+         call read_row()
          call check_interrupt(error)
          if (allocated(error)) then
             kept = 0
@@ -149,96 +149,138 @@ contains
          end if
          if (.not. reader%next_row()) exit
       end do
-      if (.not. allocated(error)) call refuse_thousands(reader, error)
+      if (.not. allocated(error)) call refuse_thousands()
       if (allocated(error)) kept = 0
       values = values(:, :kept)
-   end subroutine read_rows
 
-   !> Refuses a table of which each number with a comma looks like thousands, as '1,234' does,
-   !> because the comma may be no decimal sign. Semicolons between the fields are evidence that it
-   !> is one.
-   subroutine refuse_thousands(reader, error)
-      type(reader_t), intent(in) :: reader
-      type(error_t), allocatable, intent(out) :: error
+   contains
 
-      if (reader%thousands == 0 .or. reader%thousands < reader%commas) return
-      if (reader%separator == ';') return
-      call bad_input(error, reader%path//': found a comma before three digits in every number '// &
-         'with a comma, expected clear decimal commas (1,5) or decimal points: '// &
-         '''1,234'' may be 1.234 or 1234')
-   end subroutine refuse_thousands
+      !> Refuses a table of which each number with a comma looks like thousands, as '1,234' does,
+      !> because the comma may be no decimal sign. Semicolons between the fields are evidence that
+      !> it is one.
+      subroutine refuse_thousands()
+         if (reader%thousands == 0 .or. reader%thousands < reader%commas) return
+         if (reader%separator == ';') return
+         call bad_input(error, reader%path//': found a comma before three digits in every '// &
+            'number with a comma, expected clear decimal commas (1,5) or decimal points: '// &
+            '''1,234'' may be 1.234 or 1234')
+      end subroutine refuse_thousands
 
-   !> Reads some numbers of the current line.
-   subroutine read_row(reader, columns, values, error)
-      type(reader_t), intent(inout) :: reader
-      !> Columns to read, in any order; 0: the time of the row.
-      integer, intent(in) :: columns(:)
-      !> The numbers, in the order of `columns`.
-      real(wp), intent(out) :: values(:)
-      !> `path:line: ...`: a row with too few fields, a field that is no finite number, or a time
-      !> that does not increase.
-      type(error_t), allocatable, intent(out) :: error
-      integer :: column, k
+      !> Reads some numbers of the current line.
+      subroutine read_row()
+         integer :: column, k
 
-      values = 0
-      if (columns(1) == 0) then
-         if (reader%rows > 0 .and. reader%line > reader%row_line + 1) then
-            call reader%problem(error, 'found a line without numbers before this one, expected '// &
-               'none, where rate counts the lines')
-            return
+         row = 0
+         if (columns(1) == 0) then
+            if (reader%rows > 0 .and. reader%line > reader%row_line + 1) then
+               call reader%problem(error, 'found a line without numbers before this one, '// &
+                  'expected none, where rate counts the lines')
+               return
+            end if
+            row(1) = real(reader%rows, wp)/reader%rate
+            reader%rows = reader%rows + 1
+            reader%row_line = reader%line
          end if
-         values(1) = real(reader%rows, wp)/reader%rate
-         reader%rows = reader%rows + 1
-         reader%row_line = reader%line
-      end if
-      do column = 1, maxval(columns)
-         if (.not. reader%next_field()) then
-            call reader%problem(error, 'found the end of the line, expected a number', column)
-            return
-         end if
-         do k = 1, size(columns)
-            if (columns(k) /= column) cycle
-            call take_number(reader, column, k, values, error)
-            if (allocated(error)) return
+         do column = 1, maxval(columns)
+            if (.not. reader%next_field()) then
+               call reader%problem(error, 'found the end of the line, expected a number', column)
+               return
+            end if
+            do k = 1, size(columns)
+               if (columns(k) /= column) cycle
+               call take_number(column, k)
+               if (allocated(error)) return
+            end do
          end do
-      end do
-      if (size(reader%header) == 0) return
-      if (reader%count_fields() /= 2*size(reader%header)) return
-      if (reader%count_filled() == 2*size(reader%header)) call reader%problem(error, &
-         'found twice as many fields as names, expected as many (with a decimal point, not a '// &
-         'decimal comma)')
-   end subroutine read_row
+         if (size(reader%header) == 0) return
+         if (reader%count_fields() /= 2*size(reader%header)) return
+         if (reader%count_filled() == 2*size(reader%header)) call reader%problem(error, &
+            'found twice as many fields as names, expected as many (with a decimal point, not '// &
+            'a decimal comma)')
+      end subroutine read_row
 
-   !> Reads the number of the current field, and checks that the times increase.
-   !>
-   !> column  number of the column of the field
-   !> k       place of the number in `values`; 1 is the time
-   !> error   as in `read_row`
-   subroutine take_number(reader, column, k, values, error)
-      type(reader_t), intent(inout) :: reader
-      integer, intent(in) :: column, k
-      real(wp), intent(inout) :: values(:)
-      type(error_t), allocatable, intent(out) :: error
-      logical :: ok
+      !> Reads the number of the current field, and checks that the times increase.
+      !>
+      !> column  number of the column of the field
+      !> k       place of the number in `row`; 1 is the time
+      subroutine take_number(column, k)
+         integer, intent(in) :: column, k
+         logical :: ok
 
-      if (k == 1 .and. reader%allows_stamps) then
-         call parse_time(reader, reader%text(reader%left:reader%right), values(k), ok)
-      else
-         call parse_field(reader, reader%text(reader%left:reader%right), values(k), ok)
-      end if
-      if (.not. ok) then
-         call report_number(reader, reader%text(reader%left:reader%right), column, error, &
-            is_time=k == 1 .and. reader%ordered)
-         return
-      end if
-      if (k > 1 .or. .not. reader%ordered) return
-      if (reader%previous_field(2) > 0 .and. values(1) <= reader%previous) then
-         call report_order(reader, column, error)
-         return
-      end if
-      reader%previous_field = [reader%left, reader%right]
-      reader%previous = values(1)
-   end subroutine take_number
+         if (k == 1 .and. reader%allows_stamps) then
+            call parse_time(reader, reader%text(reader%left:reader%right), row(k), ok)
+         else
+            call parse_field(reader, reader%text(reader%left:reader%right), row(k), ok)
+         end if
+         if (.not. ok) then
+            call report_number(reader%text(reader%left:reader%right), column, is_time=k == 1 .and. &
+               reader%ordered)
+            return
+         end if
+         if (k > 1 .or. .not. reader%ordered) return
+         if (reader%previous_field(2) > 0 .and. row(1) <= reader%previous) then
+            call report_order(column)
+            return
+         end if
+         reader%previous_field = [reader%left, reader%right]
+         reader%previous = row(1)
+      end subroutine take_number
+
+      !> Makes the error of a field that is not larger than the field of the row before.
+      subroutine report_order(column)
+         integer, intent(in) :: column
+         character(len=:), allocatable :: expected
+
+         expected = ', expected a larger number'
+         if (reader%clock%is_running) expected = ', expected a later time (with all fractions '// &
+            'of the second)'
+         if (reader%has_decimal_comma()) expected = expected//' (or a decimal point in '// &
+            shown(trim_blanks(reader%row()))//' in place of the decimal comma)'
+         call reader%problem(error, 'found '//shown(reader%text(reader%left:reader%right))// &
+            ' after '//shown(reader%text(reader%previous_field(1):reader%previous_field(2)))// &
+            expected, column)
+      end subroutine report_order
+
+      !> Makes the error of a field that is no number, with the reason.
+      subroutine report_number(field, k, is_time)
+         !> The field as in the file, and the number of its column.
+         character(len=*), intent(in) :: field
+         integer, intent(in) :: k
+         !> Whether the column contains times.
+         logical, intent(in) :: is_time
+         character(len=*), parameter :: one = ', expected one separator', &
+            point = ' (a decimal point is ''.'')'
+         character(len=:), allocatable :: trimmed, separator, expected
+
+         trimmed = trim_blanks(field)
+         separator = ''''//reader%separator//''''
+         if (reader%separator == tab) separator = 'a tab'
+         if (index(trimmed, ';') > 0 .and. reader%count_of(',') > 0) then
+            call reader%problem(error, 'found both '';'' and '','''//one//point)
+         else if (index(trimmed, ';') > 0) then
+            call reader%problem(error, 'fields are separated by '';'', expected '//separator// &
+               ' as in the lines above')
+         else if (index(trimmed, tab) > 0) then
+            call reader%problem(error, 'found both tabs and '//separator//one//point)
+         else if (trimmed == '') then
+            call reader%problem(error, 'found an empty field, expected a number', k)
+         else
+            expected = ', expected a number'
+            if (is_time .and. (reader%clock%is_running .or. scan(trimmed, ':/') > 0 .or. &
+               scan(trimmed(2:), '-') > 1)) then
+               expected = expected_time(reader, trimmed)
+            else if (reader%decimal == ',') then
+               expected = expected//' (a decimal sign is '','' as in the lines above)'
+            else if (index(trimmed, ',') > 0) then
+               expected = expected//point
+            else if (is_decimal(trimmed)) then
+               expected = expected//' of at most 1.79e308'
+            end if
+            call reader%problem(error, 'found '//shown(trimmed)//expected, k)
+         end if
+      end subroutine report_number
+
+   end subroutine read_rows
 
    !> Reads a time: a number, or a time stamp if the first time is one.
    !>
@@ -296,64 +338,6 @@ contains
       if (yes) yes = verify(number(first:comma - 1)//number(comma + 1:), '0123456789') == 0 .and. &
          number(first:first) /= '0'
    end function looks_like_thousands
-
-   !> Makes the error of a field that is not larger than the field of the row before.
-   subroutine report_order(reader, column, error)
-      type(reader_t), intent(in) :: reader
-      integer, intent(in) :: column
-      type(error_t), allocatable, intent(out) :: error
-      character(len=:), allocatable :: expected
-
-      expected = ', expected a larger number'
-      if (reader%clock%is_running) expected = ', expected a later time (with all fractions of '// &
-         'the second)'
-      if (reader%has_decimal_comma()) expected = expected//' (or a decimal point in '// &
-         shown(trim_blanks(reader%row()))//' in place of the decimal comma)'
-      call reader%problem(error, 'found '//shown(reader%text(reader%left:reader%right))// &
-         ' after '//shown(reader%text(reader%previous_field(1):reader%previous_field(2)))// &
-         expected, column)
-   end subroutine report_order
-
-   !> Makes the error of a field that is no number, with the reason.
-   subroutine report_number(reader, field, k, error, is_time)
-      type(reader_t), intent(in) :: reader
-      !> The field as in the file, and the number of its column.
-      character(len=*), intent(in) :: field
-      integer, intent(in) :: k
-      type(error_t), allocatable, intent(out) :: error
-      !> Whether the column contains times.
-      logical, intent(in) :: is_time
-      character(len=*), parameter :: one = ', expected one separator', &
-         point = ' (a decimal point is ''.'')'
-      character(len=:), allocatable :: trimmed, separator, expected
-
-      trimmed = trim_blanks(field)
-      separator = ''''//reader%separator//''''
-      if (reader%separator == tab) separator = 'a tab'
-      if (index(trimmed, ';') > 0 .and. reader%count_of(',') > 0) then
-         call reader%problem(error, 'found both '';'' and '','''//one//point)
-      else if (index(trimmed, ';') > 0) then
-         call reader%problem(error, 'fields are separated by '';'', expected '//separator// &
-            ' as in the lines above')
-      else if (index(trimmed, tab) > 0) then
-         call reader%problem(error, 'found both tabs and '//separator//one//point)
-      else if (trimmed == '') then
-         call reader%problem(error, 'found an empty field, expected a number', k)
-      else
-         expected = ', expected a number'
-         if (is_time .and. (reader%clock%is_running .or. scan(trimmed, ':/') > 0 .or. &
-            scan(trimmed(2:), '-') > 1)) then
-            expected = expected_time(reader, trimmed)
-         else if (reader%decimal == ',') then
-            expected = expected//' (a decimal sign is '','' as in the lines above)'
-         else if (index(trimmed, ',') > 0) then
-            expected = expected//point
-         else if (is_decimal(trimmed)) then
-            expected = expected//' of at most 1.79e308'
-         end if
-         call reader%problem(error, 'found '//shown(trimmed)//expected, k)
-      end if
-   end subroutine report_number
 
    !> Returns what a message expects in place of a text that looks like a date or a time of day.
    pure function expected_time(reader, text) result(expected)

@@ -43,14 +43,13 @@ contains
       type(error_t), allocatable, intent(out) :: error
       type(header_t) :: header
 
-      call find_numbers(reader, n_columns, header)
-      if (header%row > 0) call find_names(reader, n_columns, header)
+      call find_numbers()
+      if (header%row > 0) call find_names()
       if (header%row > 0) then
          if (header%names > 0) then
             call reader%go_to(header%names, header%separator)
-            call read_header(reader, n_columns, error)
-            if (header%names_above > 0 .and. .not. allocated(error)) &
-               call join_units(reader, n_columns, header, error)
+            call read_header()
+            if (header%names_above > 0 .and. .not. allocated(error)) call join_units()
          end if
          call reader%go_to(header%row, header%separator)
          reader%skipped = header%lines - merge(1, 0, header%names > 0)
@@ -61,88 +60,195 @@ contains
          call bad_input(error, reader%path//': found no line of data, expected columns of numbers')
          return
       end if
-      if (.not. is_header(reader, n_columns)) return
-      call read_header(reader, n_columns, error)
+      if (.not. is_header()) return
+      call read_header()
       if (allocated(error)) return
       if (.not. reader%next_row()) call bad_input(error, reader%path// &
          ': found names of columns only, expected numbers below')
-   end subroutine find_rows
 
-   !> Finds the first line of numbers, and counts the lines above it.
-   subroutine find_numbers(reader, n_columns, header)
-      type(reader_t), intent(inout) :: reader
-      integer, intent(in) :: n_columns
-      type(header_t), intent(out) :: header
-      !> Number of fields of the line above, split at each separator, if that line contains words
-      !> only; otherwise 0.
-      integer :: fields_above(len(separators))
-      integer :: k
+   contains
 
-      fields_above = 0
-      call reader%rewind()
-      do while (reader%next_row())
-         if (is_row(reader, n_columns, fields_above)) then
-            header = header_t(reader%separator, reader%line, reader%count_fields(), &
-               reader%count_filled(), header%lines)
+      !> Finds the first line of numbers, and counts the lines above it.
+      subroutine find_numbers()
+         !> Number of fields of the line above, split at each separator, if that line contains words
+         !> only; otherwise 0.
+         integer :: fields_above(len(separators))
+         integer :: k
+
+         fields_above = 0
+         call reader%rewind()
+         do while (reader%next_row())
+            if (is_row(fields_above)) then
+               header = header_t(reader%separator, reader%line, reader%count_fields(), &
+                  reader%count_filled(), header%lines)
+               return
+            end if
+            do k = 1, len(separators)
+               call reader%split_at(separators(k:k))
+               fields_above(k) = merge(reader%count_fields(), 0, is_header())
+            end do
+            header%lines = header%lines + 1
+         end do
+      end subroutine find_numbers
+
+      !> Returns whether the current line is a row of numbers, and splits it at the separator for
+      !> which it is one. Numbers with decimal points are tried before those with decimal commas. A
+      !> line with as many fields as the line of words above it may contain time stamps and remarks,
+      !> if it begins like a number and at least one field is a number.
+      logical function is_row(fields_above) result(yes)
+         integer, intent(in) :: fields_above(:)
+         integer :: k, pass
+
+         do pass = 1, 3
+            do k = 1, len(separators)
+               call reader%split_at(separators(k:k))
+               yes = reader%count_fields() >= max(2, n_columns) .or. n_columns == 1 .and. k == 1
+               if (yes .and. pass < 3) then
+                  yes = begins_with_numbers(comma=pass == 2)
+               else if (yes) then
+                  yes = fields_above(k) == reader%count_fields() .and. fields_above(k) > 1 .and. &
+                     begins_like_number(reader) .and. contains_number(reader)
+               end if
+               if (yes) return
+            end do
+         end do
+      end function is_row
+
+      !> Returns whether the first fields of the current line that are not blank are numbers: at
+      !> least `n_columns`, and two if there are two. The first of them may be a time stamp instead.
+      !>
+      !> comma  whether the decimal sign is a comma
+      logical function begins_with_numbers(comma) result(yes)
+         logical, intent(in) :: comma
+         character(len=:), allocatable :: field
+         integer :: found
+
+         found = 0
+         yes = .not. comma .or. reader%separator /= ',' .or. reader%is_quoted
+         do while (yes .and. found < max(2, n_columns))
+            if (.not. reader%next_field()) exit
+            field = trim_blanks(reader%text(reader%left:reader%right))
+            if (field == '') cycle
+            yes = is_decimal(field)
+            if (comma) yes = is_decimal(with_point(field))
+            if (found == 0 .and. .not. yes) yes = is_stamp(field)
+            found = found + 1
+         end do
+         yes = yes .and. found >= n_columns
+         call reader%restart_row()
+      end function begins_with_numbers
+
+      !> Finds the line of names, and a row with a mistake above the first row of numbers.
+      subroutine find_names()
+         integer(ip) :: row, mistaken_row
+         integer :: lines_above, lines, line_of_names
+         logical :: may_be_names, is_wide
+
+         row = header%row
+         line_of_names = -1
+         mistaken_row = 0
+         lines_above = 0
+         lines = 0
+         call reader%rewind()
+         do while (reader%next_row())
+            if (reader%line == row) exit
+            call reader%split_at(header%separator)
+            is_wide = is_as_wide()
+            ! A single line of words contains the names. So does the last line above a row of twice
+            ! as many fields: its numbers have decimal commas and are separated by commas; they are
+            ! refused with the row.
+            may_be_names = is_wide .or. header%lines == 1 .or. lines + 1 == header%lines .and. &
+               header%separator == ',' .and. header%fields == 2*reader%count_fields()
+            if (may_be_names .and. is_header() .and. reader%count_fields() >= n_columns) then
+               header%names_above = merge(header%names, 0_ip, lines == line_of_names + 1)
+               header%names = reader%line
+               line_of_names = lines
+               mistaken_row = 0
+            else if (mistaken_row == 0 .and. (begins_like_number(reader) .and. &
+               (header%names > 0 .or. is_wide) .or. header%names > 0 .and. is_wide)) then
+               mistaken_row = reader%line
+               lines_above = lines
+            end if
+            lines = lines + 1
+         end do
+         if (mistaken_row > 0) then
+            header%row = mistaken_row
+            header%lines = lines_above
+         else if (header%lines == 1 .and. header%names == 0) then
+            ! A line of names with another separator than that of the rows is a mistake, not a
+            ! header.
+            call reader%rewind()
+            if (.not. reader%next_row()) return
+            if (is_header() .and. reader%count_fields() == header%fields .and. header%fields > 1) &
+               header%row = 0
+         end if
+      end subroutine find_names
+
+      !> Returns whether the current line has as many fields as the first row; the last field may be
+      !> missing if it is blank in that row.
+      logical function is_as_wide() result(yes)
+         integer :: n
+
+         n = reader%count_filled()
+         yes = any(n == [header%filled, header%filled + 1, header%fields])
+      end function is_as_wide
+
+      !> Returns whether the current line contains names: none of its first fields begins like a
+      !> number.
+      logical function is_header() result(yes)
+         integer :: k
+
+         yes = .false.
+         do k = 1, n_columns
+            if (.not. reader%next_field()) exit
+            if (is_number_like(reader%text(reader%left:reader%right))) then
+               yes = .false.
+               exit
+            end if
+            yes = yes .or. trim_blanks(reader%text(reader%left:reader%right)) /= ''
+         end do
+         call reader%restart_row()
+      end function is_header
+
+      !> If the line that was taken for names contains units only, reads the line of names above it,
+      !> and appends the units to the names.
+      subroutine join_units()
+         character(len=column_length), allocatable :: units(:)
+         type(column_unit_t) :: unit
+         integer :: k
+
+         if (.not. are_units(reader%header)) return
+         units = reader%header
+         call reader%go_to(header%names_above, header%separator)
+         call read_header()
+         if (allocated(error)) return
+         header%lines = header%lines - 1
+         do k = 1, min(size(units), size(reader%header))
+            unit = unit_of_column(reader%header(k))
+            if (units(k) /= '' .and. unit%kind == no_unit) reader%header(k) = &
+               trim(reader%header(k))//' ['//without_brackets(units(k))//']'
+         end do
+      end subroutine join_units
+
+      !> Reads the names of all columns, without surrounding blanks and quotation marks.
+      subroutine read_header()
+         integer :: k, n
+
+         n = reader%count_fields()
+         if (n < n_columns) then
+            call reader%problem(error, 'found '//shown(reader%row())//', expected '// &
+               to_text(n_columns)//' columns separated by '','', '';'' or a tab')
             return
          end if
-         do k = 1, len(separators)
-            call reader%split_at(separators(k:k))
-            fields_above(k) = merge(reader%count_fields(), 0, is_header(reader, n_columns))
+         deallocate (reader%header)
+         allocate (reader%header(n))
+         do k = 1, n
+            if (.not. reader%next_field()) exit
+            reader%header(k) = trim_blanks(reader%text(reader%left:reader%right))
          end do
-         header%lines = header%lines + 1
-      end do
-   end subroutine find_numbers
+      end subroutine read_header
 
-   !> Returns whether the current line is a row of numbers, and splits it at the separator for which
-   !> it is one. Numbers with decimal points are tried before those with decimal commas. A line with
-   !> as many fields as the line of words above it may contain time stamps and remarks, if it begins
-   !> like a number and at least one field is a number.
-   logical function is_row(reader, n_columns, fields_above) result(yes)
-      type(reader_t), intent(inout) :: reader
-      integer, intent(in) :: n_columns, fields_above(:)
-      integer :: k, pass
-
-      do pass = 1, 3
-         do k = 1, len(separators)
-            call reader%split_at(separators(k:k))
-            yes = reader%count_fields() >= max(2, n_columns) .or. n_columns == 1 .and. k == 1
-            if (yes .and. pass < 3) then
-               yes = begins_with_numbers(reader, n_columns, comma=pass == 2)
-            else if (yes) then
-               yes = fields_above(k) == reader%count_fields() .and. fields_above(k) > 1 .and. &
-                  begins_like_number(reader) .and. contains_number(reader)
-            end if
-            if (yes) return
-         end do
-      end do
-   end function is_row
-
-   !> Returns whether the first fields of the current line that are not blank are numbers: at least
-   !> `n_columns`, and two if there are two. The first of them may be a time stamp instead.
-   !>
-   !> comma  whether the decimal sign is a comma
-   logical function begins_with_numbers(reader, n_columns, comma) result(yes)
-      type(reader_t), intent(inout) :: reader
-      integer, intent(in) :: n_columns
-      logical, intent(in) :: comma
-      character(len=:), allocatable :: field
-      integer :: found
-
-      found = 0
-      yes = .not. comma .or. reader%separator /= ',' .or. reader%is_quoted
-      do while (yes .and. found < max(2, n_columns))
-         if (.not. reader%next_field()) exit
-         field = trim_blanks(reader%text(reader%left:reader%right))
-         if (field == '') cycle
-         yes = is_decimal(field)
-         if (comma) yes = is_decimal(with_point(field))
-         if (found == 0 .and. .not. yes) yes = is_stamp(field)
-         found = found + 1
-      end do
-      yes = yes .and. found >= n_columns
-      call reader%restart_row()
-   end function begins_with_numbers
+   end subroutine find_rows
 
    !> Returns whether any field of the current line is a number, with either decimal sign.
    logical function contains_number(reader) result(yes)
@@ -155,66 +261,6 @@ contains
       end do
       call reader%restart_row()
    end function contains_number
-
-   !> Finds the line of names, and a row with a mistake above the first row of numbers.
-   subroutine find_names(reader, n_columns, header)
-      type(reader_t), intent(inout) :: reader
-      integer, intent(in) :: n_columns
-      type(header_t), intent(inout) :: header
-      integer(ip) :: row, mistaken_row
-      integer :: lines_above, lines, line_of_names
-      logical :: may_be_names, is_wide
-
-      row = header%row
-      line_of_names = -1
-      mistaken_row = 0
-      lines_above = 0
-      lines = 0
-      call reader%rewind()
-      do while (reader%next_row())
-         if (reader%line == row) exit
-         call reader%split_at(header%separator)
-         is_wide = is_as_wide(reader, header)
-         ! A single line of words contains the names. So does the last line above a row of twice as
-         ! many fields: its numbers have decimal commas and are separated by commas; they are
-         ! refused with the row.
-         may_be_names = is_wide .or. header%lines == 1 .or. lines + 1 == header%lines .and. &
-            header%separator == ',' .and. header%fields == 2*reader%count_fields()
-         if (may_be_names .and. is_header(reader, n_columns) .and. &
-            reader%count_fields() >= n_columns) then
-            header%names_above = merge(header%names, 0_ip, lines == line_of_names + 1)
-            header%names = reader%line
-            line_of_names = lines
-            mistaken_row = 0
-         else if (mistaken_row == 0 .and. (begins_like_number(reader) .and. &
-            (header%names > 0 .or. is_wide) .or. header%names > 0 .and. is_wide)) then
-            mistaken_row = reader%line
-            lines_above = lines
-         end if
-         lines = lines + 1
-      end do
-      if (mistaken_row > 0) then
-         header%row = mistaken_row
-         header%lines = lines_above
-      else if (header%lines == 1 .and. header%names == 0) then
-         ! A line of names with another separator than that of the rows is a mistake, not a header.
-         call reader%rewind()
-         if (.not. reader%next_row()) return
-         if (is_header(reader, n_columns) .and. reader%count_fields() == header%fields .and. &
-            header%fields > 1) header%row = 0
-      end if
-   end subroutine find_names
-
-   !> Returns whether the current line has as many fields as the first row; the last field may be
-   !> missing if it is blank in that row.
-   logical function is_as_wide(reader, header) result(yes)
-      type(reader_t), intent(inout) :: reader
-      type(header_t), intent(in) :: header
-      integer :: n
-
-      n = reader%count_filled()
-      yes = any(n == [header%filled, header%filled + 1, header%fields])
-   end function is_as_wide
 
    !> Returns whether the first field of the current line begins like a number.
    logical function begins_like_number(reader) result(yes)
@@ -234,71 +280,5 @@ contains
       if (verify(start(:1), '+-.') == 0) start = start(2:)
       yes = verify(start(:1), '0123456789') == 0
    end function is_number_like
-
-   !> Returns whether the current line contains names: none of its first fields begins like a
-   !> number.
-   logical function is_header(reader, n_columns) result(yes)
-      type(reader_t), intent(inout) :: reader
-      integer, intent(in) :: n_columns
-      integer :: k
-
-      yes = .false.
-      do k = 1, n_columns
-         if (.not. reader%next_field()) exit
-         if (is_number_like(reader%text(reader%left:reader%right))) then
-            yes = .false.
-            exit
-         end if
-         yes = yes .or. trim_blanks(reader%text(reader%left:reader%right)) /= ''
-      end do
-      call reader%restart_row()
-   end function is_header
-
-   !> If the line that was taken for names contains units only, reads the line of names above it,
-   !> and appends the units to the names.
-   !>
-   !> header  its number of lines is one less on return if the units are appended
-   subroutine join_units(reader, n_columns, header, error)
-      type(reader_t), intent(inout) :: reader
-      integer, intent(in) :: n_columns
-      type(header_t), intent(inout) :: header
-      type(error_t), allocatable, intent(out) :: error
-      character(len=column_length), allocatable :: units(:)
-      type(column_unit_t) :: unit
-      integer :: k
-
-      if (.not. are_units(reader%header)) return
-      units = reader%header
-      call reader%go_to(header%names_above, header%separator)
-      call read_header(reader, n_columns, error)
-      if (allocated(error)) return
-      header%lines = header%lines - 1
-      do k = 1, min(size(units), size(reader%header))
-         unit = unit_of_column(reader%header(k))
-         if (units(k) /= '' .and. unit%kind == no_unit) reader%header(k) = &
-            trim(reader%header(k))//' ['//without_brackets(units(k))//']'
-      end do
-   end subroutine join_units
-
-   !> Reads the names of all columns, without surrounding blanks and quotation marks.
-   subroutine read_header(reader, n_columns, error)
-      type(reader_t), intent(inout) :: reader
-      integer, intent(in) :: n_columns
-      type(error_t), allocatable, intent(out) :: error
-      integer :: k, n
-
-      n = reader%count_fields()
-      if (n < n_columns) then
-         call reader%problem(error, 'found '//shown(reader%row())//', expected '// &
-            to_text(n_columns)//' columns separated by '','', '';'' or a tab')
-         return
-      end if
-      deallocate (reader%header)
-      allocate (reader%header(n))
-      do k = 1, n
-         if (.not. reader%next_field()) exit
-         reader%header(k) = trim_blanks(reader%text(reader%left:reader%right))
-      end do
-   end subroutine read_header
 
 end module beamid_headers

@@ -102,22 +102,108 @@ contains
          if (allocated(error)) return
          if (series%skipped > 0) call add_note(notes, to_text(series%skipped)//' line'// &
             trim(merge('s', ' ', series%skipped > 1))//' of a header skipped')
-         call note_columns(recording, series%columns, notes)
+         call note_columns(series%columns)
          if (present(columns)) columns = series%columns
          call choose_rows(window, series, rows, error)
          if (.not. allocated(error)) call refuse_constant(series%z(rows), error)
-         if (.not. allocated(error)) call find_clipped(recording, series%z, rows, clipped, &
-            notes, error)
+         if (.not. allocated(error)) call find_clipped(series%z)
       end associate
       if (.not. allocated(error)) then
          if (.not. allocated(recording%window%t_step)) &
             call note_gaps(series%t(rows(1):rows(size(rows))), notes)
-         call calibrate_samples(recording, series, rows, clipped, samples, measured, notes, error)
+         call calibrate_samples()
       end if
       if (allocated(error)) then
          error%message = recording%path//': '//error%message
          if (present(place)) error%message = place//error%message
       end if
+
+   contains
+
+      !> Adds notes on time stamps, and on the value column if it was chosen by default from
+      !> several.
+      subroutine note_columns(columns)
+         type(columns_t), intent(in) :: columns
+
+         if (allocated(columns%clock)) call add_note(notes, 'time stamps: t is in seconds from '// &
+            columns%clock)
+         if (columns%count > 2 .and. recording%value_column == '') call add_note(notes, &
+            'column '//to_text(columns%places(2))//' ('//shown(trim(columns%names(2)))//') of '// &
+            to_text(columns%count)//' is the record: value_column names another')
+      end subroutine note_columns
+
+      !> Finds the samples at the sensor's limit, and refuses a window without other samples.
+      !>
+      !> z  (rows kept) values in the record's unit
+      subroutine find_clipped(z)
+         real(wp), intent(in) :: z(:)
+         character(len=:), allocatable :: limits
+         real(wp) :: low, high
+         integer :: n
+
+         call find_limit(-z, low)
+         low = -low
+         call find_limit(z, high)
+         if (allocated(recording%clip_low)) low = recording%clip_low
+         if (allocated(recording%clip_high)) high = recording%clip_high
+         clipped = z <= low .or. z >= high
+         n = count(clipped(rows))
+         if (n == 0) return
+         limits = to_text(high)
+         if (any(z(rows) <= low)) limits = to_text(low)
+         if (any(z(rows) <= low) .and. any(z(rows) >= high)) limits = limits//' and '//to_text(high)
+         if (n == size(rows)) then
+            call bad_input(error, 'found all '//to_text(n)//' samples of the window at the '// &
+               'sensor''s limit ('//limits//'), expected some within it')
+            return
+         end if
+         call add_note(notes, to_text(n)//' of '//to_text(size(rows))// &
+            ' samples left out: at the sensor''s limit ('//limits//')')
+      end subroutine find_clipped
+
+      !> Takes the samples of some rows, thins them if requested, and calibrates them.
+      subroutine calibrate_samples()
+         type(thinned_t) :: thinned
+         integer, allocatable :: good(:)
+
+         if (is_thinned(recording)) then
+            call thin_out(series%t, series%z, clipped, rows, recording%thin, thinned)
+            if (size(thinned%t) == 0) then
+               call bad_input(error, 'found no sample for which the filter of thin = '// &
+                  to_text(recording%thin)//' has the record it needs, '// &
+                  to_text(thinned%half_width)//' on either side, expected a longer record or '// &
+                  'a smaller number')
+               return
+            end if
+            call note_thinning(thinned)
+            call move_alloc(thinned%t, samples)
+            call move_alloc(thinned%z, measured)
+         else
+            good = pack(rows, .not. clipped(rows))
+            samples = series%t(good)
+            measured = series%z(good)
+         end if
+         measured = recording%scale*(measured - recording%offset)
+      end subroutine calibrate_samples
+
+      !> Adds a note on the band of the filter, so that the user can see whether it contains the
+      !> modes.
+      subroutine note_thinning(thinned)
+         type(thinned_t), intent(in) :: thinned
+         character(len=:), allocatable :: unit
+
+         unit = 'cycles per unit of time'
+         if (recording%time_unit /= '') unit = 'cycles/'//trim(recording%time_unit)
+         if (recording%time_unit == 's') unit = 'Hz'
+         call add_note(notes, 'thinned by '//to_text(recording%thin)//': the filter passes up '// &
+            'to '//to_text(thinned%passes)//' '//unit//' within 1e-4, stops what lies above '// &
+            to_text(thinned%stops)//' and reaches over '//to_text(thinned%half_width)// &
+            ' either way')
+         if (thinned%lost > 0) call add_note(notes, to_text(thinned%lost)//' of '// &
+            to_text(thinned%lost + size(thinned%t))//' thinned samples left out: '// &
+            'the filter meets the record''s end, a gap or the sensor''s limit')
+      end subroutine note_thinning
+
    end subroutine load_recording
 
    !> Appends a recording. (An array constructor would not do for components of deferred length.)
@@ -155,19 +241,6 @@ contains
          series, error, recording%rate, stamps=.true.)
    end subroutine read_part
 
-   !> Adds notes on time stamps, and on the value column if it was chosen by default from several.
-   subroutine note_columns(recording, columns, notes)
-      type(recording_t), intent(in) :: recording
-      type(columns_t), intent(in) :: columns
-      character(len=note_length), allocatable, intent(inout) :: notes(:)
-
-      if (allocated(columns%clock)) call add_note(notes, 'time stamps: t is in seconds from '// &
-         columns%clock)
-      if (columns%count > 2 .and. recording%value_column == '') call add_note(notes, &
-         'column '//to_text(columns%places(2))//' ('//shown(trim(columns%names(2)))//') of '// &
-         to_text(columns%count)//' is the record: value_column names another')
-   end subroutine note_columns
-
    !> Refuses a constant signal, z (m).
    subroutine refuse_constant(z, error)
       real(wp), intent(in) :: z(:)
@@ -179,43 +252,6 @@ contains
       call bad_input(error, 'found a constant signal ('//to_text(z(1))//' in all '// &
          to_text(size(z))//' samples of the window), expected one that moves')
    end subroutine refuse_constant
-
-   !> Finds the samples at the sensor's limit, and refuses a window without other samples.
-   !>
-   !> z        (rows kept) values in the record's unit
-   !> rows     (m) indices in z of the samples in the window
-   !> clipped  (rows kept) whether a sample is at the limit
-   !> notes    on return with a note on samples that are left out
-   subroutine find_clipped(recording, z, rows, clipped, notes, error)
-      type(recording_t), intent(in) :: recording
-      real(wp), intent(in) :: z(:)
-      integer, intent(in) :: rows(:)
-      logical, allocatable, intent(out) :: clipped(:)
-      character(len=note_length), allocatable, intent(inout) :: notes(:)
-      type(error_t), allocatable, intent(inout) :: error
-      character(len=:), allocatable :: limits
-      real(wp) :: low, high
-      integer :: n
-
-      call find_limit(-z, low)
-      low = -low
-      call find_limit(z, high)
-      if (allocated(recording%clip_low)) low = recording%clip_low
-      if (allocated(recording%clip_high)) high = recording%clip_high
-      clipped = z <= low .or. z >= high
-      n = count(clipped(rows))
-      if (n == 0) return
-      limits = to_text(high)
-      if (any(z(rows) <= low)) limits = to_text(low)
-      if (any(z(rows) <= low) .and. any(z(rows) >= high)) limits = limits//' and '//to_text(high)
-      if (n == size(rows)) then
-         call bad_input(error, 'found all '//to_text(n)//' samples of the window at the '// &
-            'sensor''s limit ('//limits//'), expected some within it')
-         return
-      end if
-      call add_note(notes, to_text(n)//' of '//to_text(size(rows))// &
-         ' samples left out: at the sensor''s limit ('//limits//')')
-   end subroutine find_clipped
 
    !> Adds a note on the gaps of a record.
    !>
@@ -236,60 +272,6 @@ contains
          ' in the record, the longest from t = '//to_text(t(longest))//' to '// &
          to_text(t(longest + 1))//': more than 20 times the usual step')
    end subroutine note_gaps
-
-   !> Takes the samples of some rows, thins them if requested, and calibrates them.
-   !>
-   !> rows               (m) indices in the series
-   !> clipped            (rows kept) whether a sample is at the sensor's limit
-   !> samples, measured  as in `load_recording`
-   subroutine calibrate_samples(recording, series, rows, clipped, samples, measured, notes, error)
-      type(recording_t), intent(in) :: recording
-      type(series_t), intent(in) :: series
-      integer, intent(in) :: rows(:)
-      logical, intent(in) :: clipped(:)
-      real(wp), allocatable, intent(out) :: samples(:), measured(:)
-      character(len=note_length), allocatable, intent(inout) :: notes(:)
-      type(error_t), allocatable, intent(inout) :: error
-      type(thinned_t) :: thinned
-      integer, allocatable :: good(:)
-
-      if (is_thinned(recording)) then
-         call thin_out(series%t, series%z, clipped, rows, recording%thin, thinned)
-         if (size(thinned%t) == 0) then
-            call bad_input(error, 'found no sample for which the filter of thin = '// &
-               to_text(recording%thin)//' has the record it needs, '// &
-               to_text(thinned%half_width)//' on either side, expected a longer record or '// &
-               'a smaller number')
-            return
-         end if
-         call note_thinning(recording, thinned, notes)
-         call move_alloc(thinned%t, samples)
-         call move_alloc(thinned%z, measured)
-      else
-         good = pack(rows, .not. clipped(rows))
-         samples = series%t(good)
-         measured = series%z(good)
-      end if
-      measured = recording%scale*(measured - recording%offset)
-   end subroutine calibrate_samples
-
-   !> Adds a note on the band of the filter, so that the user can see whether it contains the modes.
-   subroutine note_thinning(recording, thinned, notes)
-      type(recording_t), intent(in) :: recording
-      type(thinned_t), intent(in) :: thinned
-      character(len=note_length), allocatable, intent(inout) :: notes(:)
-      character(len=:), allocatable :: unit
-
-      unit = 'cycles per unit of time'
-      if (recording%time_unit /= '') unit = 'cycles/'//trim(recording%time_unit)
-      if (recording%time_unit == 's') unit = 'Hz'
-      call add_note(notes, 'thinned by '//to_text(recording%thin)//': the filter passes up to '// &
-         to_text(thinned%passes)//' '//unit//' within 1e-4, stops what lies above '// &
-         to_text(thinned%stops)//' and reaches over '//to_text(thinned%half_width)//' either way')
-      if (thinned%lost > 0) call add_note(notes, to_text(thinned%lost)//' of '// &
-         to_text(thinned%lost + size(thinned%t))//' thinned samples left out: '// &
-         'the filter meets the record''s end, a gap or the sensor''s limit')
-   end subroutine note_thinning
 
    !> Appends a note.
    subroutine add_note(notes, text)

@@ -2,12 +2,15 @@
 !> the interface for C use the same reports.
 module beamid_run_reports
    use beamid_case_files, only: case_t
-   use beamid_case_runs, only: case_modes_t, simulated_t
+   use beamid_case_runs, only: case_modes_t, design_case, modes_of_case, planned_t, &
+      prepare_design, prepare_modes, prepare_simulation, simulate_case, simulated_t
    use beamid_design_reports, only: design_summary, design_table
    use beamid_designs, only: designs_t
    use beamid_errors, only: error_t
    use beamid_fit_reports, only: add_modes_of_fits
    use beamid_fitted_modes, only: fitted_mode_t
+   use beamid_interrupts, only: check_interrupt
+   use beamid_least_squares, only: monitor_t
    use beamid_mode_summaries, only: modes_summary
    use beamid_noise, only: gaussian_noise
    use beamid_outputs, only: output_t
@@ -19,9 +22,54 @@ module beamid_run_reports
    implicit none
    private
 
-   public :: report_simulation, report_modes, report_design
+   public :: run_case
 
 contains
+
+   !> Runs the command `simulate`, `modes` or `design` on a case, and reports the results.
+   !>
+   !> The critical sections are for programs that run several cases at a time. They work with text;
+   !> the computation does not, and may run beside others.
+   !>
+   !> case     read without its needs; on return as it was computed
+   !> output   on return with the tables of the command
+   !> summary  text for the user
+   subroutine run_case(command, case, output, summary, error, monitor)
+      character(len=*), intent(in) :: command
+      type(case_t), intent(inout) :: case
+      type(output_t), intent(inout) :: output
+      character(len=:), allocatable, intent(out) :: summary
+      type(error_t), allocatable, intent(out) :: error
+      class(monitor_t), intent(inout), optional :: monitor
+      type(simulated_t) :: simulated
+      type(case_modes_t) :: found
+      type(planned_t) :: planned
+      type(designs_t) :: designs
+
+      !$omp critical (texts_of_beamid)
+      select case (command)
+      case ('simulate'); call prepare_simulation(case, simulated, error)
+      case ('modes'); call prepare_modes(case, found, error)
+      case ('design'); call prepare_design(case, planned, error)
+      end select
+      !$omp end critical (texts_of_beamid)
+      if (allocated(error)) return
+      select case (command)
+      case ('simulate'); call simulate_case(case, simulated, error)
+      case ('modes'); call modes_of_case(case, found, error, monitor)
+      case ('design'); call design_case(case, planned, designs, error, monitor)
+      end select
+      call check_interrupt(error)
+      if (allocated(error)) return
+      !$omp critical (texts_of_beamid)
+      select case (command)
+      case ('simulate'); call report_simulation(case, simulated, output, summary)
+      case ('modes'); call report_modes(case, found, output, summary)
+      case ('design'); call report_design(case, designs, output, summary)
+      end select
+      call output%check_finite(error)
+      !$omp end critical (texts_of_beamid)
+   end subroutine run_case
 
    !> Reports a simulation: response.csv on every mesh, and record.csv with noise, of the last mesh.
    subroutine report_simulation(case, simulated, output, summary)

@@ -141,17 +141,17 @@ contains
 
       restarted = .false.
       asked = case%stages(size(case%stages))
-      call judge_fit(case, asked, found, error, monitor)
+      call judge_fit()
       if (allocated(error)) return
       if (found%verdict%no_fit /= '') then
-         call fit_from_lines(case, found, again, monitor)
-         if (again) call judge_fit(case, asked, found, error, monitor)
+         call fit_from_lines()
+         if (again) call judge_fit()
          restarted = again
          if (allocated(error)) return
       end if
       if (any(found%verdict%lost) .and. case%multistart%n == 0) then
-         call fit_without_lost(case, found, again, monitor)
-         if (again) call judge_fit(case, asked, found, error, monitor)
+         call fit_without_lost()
+         if (again) call judge_fit()
          if (allocated(error)) return
       end if
       found%verdict%starts_again = restarted
@@ -168,139 +168,114 @@ contains
          end if
       end associate
       call check_interrupt(error)
-   end subroutine judge_case
 
-   !> Adds the effect of the mesh, the errors of fixed parameters and the verdict to the last stage.
-   !>
-   !> asked  last stage of the case file
-   subroutine judge_fit(case, asked, found, error, monitor)
-      type(case_t), intent(in) :: case
-      type(stage_t), intent(in) :: asked
-      type(case_fit_t), intent(inout) :: found
-      type(error_t), allocatable, intent(out) :: error
-      class(monitor_t), intent(inout), optional :: monitor
-      character(len=:), allocatable :: hint
+   contains
 
-      call add_mesh_shifts(case, found, error, monitor)
-      if (allocated(error)) return
-      associate (mesh => case%meshes(size(case%meshes)), &
-         last => found%fits(size(found%fits, 1), size(found%fits, 2)))
-         call add_fixed_parameters(case%model, mesh, found%experiments, asked, last)
-         call new_verdict(found%experiments, mesh, last, found%verdict, error)
-         if (.not. allocated(error)) then
-            if (found%verdict%no_fit /= '') then
-               call describe_scale(case, found%experiments, hint)
-               if (hint /= '') found%verdict%no_fit = found%verdict%no_fit//'; '//hint
+      !> Adds the effect of the mesh, the errors of fixed parameters and the verdict to the last
+      !> stage.
+      subroutine judge_fit()
+         character(len=:), allocatable :: hint
+
+         call add_mesh_shifts(case, found, error, monitor)
+         if (allocated(error)) return
+         associate (mesh => case%meshes(size(case%meshes)), &
+            last => found%fits(size(found%fits, 1), size(found%fits, 2)))
+            call add_fixed_parameters(case%model, mesh, found%experiments, asked, last)
+            call new_verdict(found%experiments, mesh, last, found%verdict, error)
+            if (.not. allocated(error)) then
+               if (found%verdict%no_fit /= '') then
+                  call describe_scale(case, found%experiments, hint)
+                  if (hint /= '') found%verdict%no_fit = found%verdict%no_fit//'; '//hint
+               end if
+               if (found%verdict%caution /= '') last%statistics%determined = .false.
+               call judge_shape_of_dip(case%model, mesh, found%experiments, found%verdict, last)
             end if
-            if (found%verdict%caution /= '') last%statistics%determined = .false.
-            call judge_shape_of_dip(case%model, mesh, found%experiments, found%verdict, last)
+         end associate
+         call locate(error, case%path)
+         call check_interrupt(error)
+      end subroutine judge_fit
+
+      !> Fits a case again without the parameters that rest on modes which are not seen.
+      !>
+      !> If all these parameters belong to single records, they are fixed at the values of the case.
+      !> Otherwise the search for start values rejects the mode, and fixes what this mode alone
+      !> determines. This needs automatic start values.
+      subroutine fit_without_lost()
+         type(stage_t), allocatable :: stages(:)
+         integer, allocatable :: parameters(:), records(:), owners(:)
+         integer :: j, k
+
+         associate (last => found%fits(size(found%fits, 1), size(found%fits, 2)))
+            parameters = pack(last%free, found%verdict%lost)
+            records = pack(last%quantities(:size(last%free))%record, found%verdict%lost)
+         end associate
+         stages = case%stages
+         if (all(records > 0)) then
+            do k = 1, size(stages)
+               owners = case%stages(k)%owners()
+               stages(k) = case%stages(k)%without([(any(parameters == case%stages(k)%free(j) .and. &
+                  records == owners(j)), j=1, size(owners))])
+            end do
+            again = size(stages(size(stages))%free) > 0
+         else
+            stages(1)%rejected_mode = found%verdict%missing_mode
+            again = stages(1)%automatic .and. .not. any(case%stages%rejected_mode > 0)
          end if
-      end associate
-      call locate(error, case%path)
-      call check_interrupt(error)
-   end subroutine judge_fit
+         if (again) call fit_again(stages)
+         if (.not. again .or. .not. all(records > 0)) return
+         associate (last => found%fits(size(found%fits, 1), size(found%fits, 2)))
+            last%note = 'parameters that belong to one record are held at the values of the '// &
+               'case, because this record does not show the mode that determines them: '// &
+               found%verdict%lost_names
+         end associate
+      end subroutine fit_without_lost
 
-   !> Fits a case again without the parameters that rest on modes which are not seen.
-   !>
-   !> If all these parameters belong to single records, they are fixed at the values of the case.
-   !> Otherwise the search for start values rejects the mode, and fixes what this mode alone
-   !> determines. This needs automatic start values.
-   !>
-   !> case   on return with stages without these parameters, if `again`
-   !> found  with a verdict; on return with the new fits, if `again`
-   !> again  .false.: there is no such fit, and nothing has changed
-   subroutine fit_without_lost(case, found, again, monitor)
-      type(case_t), intent(inout) :: case
-      type(case_fit_t), intent(inout) :: found
-      logical, intent(out) :: again
-      class(monitor_t), intent(inout), optional :: monitor
-      type(stage_t), allocatable :: stages(:)
-      integer, allocatable :: parameters(:), records(:), owners(:)
-      integer :: j, k
+      !> Fits a case again from the spectral lines of its records, after a search from other values
+      !> has led to a fit that is rejected. Fields and dips have no such start.
+      subroutine fit_from_lines()
+         type(stage_t), allocatable :: stages(:)
 
-      associate (last => found%fits(size(found%fits, 1), size(found%fits, 2)))
-         parameters = pack(last%free, found%verdict%lost)
-         records = pack(last%quantities(:size(last%free))%record, found%verdict%lost)
-      end associate
-      stages = case%stages
-      if (all(records > 0)) then
-         do k = 1, size(stages)
-            owners = case%stages(k)%owners()
-            stages(k) = case%stages(k)%without([(any(parameters == case%stages(k)%free(j) .and. &
-               records == owners(j)), j=1, size(owners))])
-         end do
-         again = size(stages(size(stages))%free) > 0
-      else
-         stages(1)%rejected_mode = found%verdict%missing_mode
-         again = stages(1)%automatic .and. .not. any(case%stages%rejected_mode > 0)
-      end if
-      if (again) call fit_again(case, found, stages, again, monitor)
-      if (.not. again .or. .not. all(records > 0)) return
-      associate (last => found%fits(size(found%fits, 1), size(found%fits, 2)))
-         last%note = 'parameters that belong to one record are held at the values of the case, '// &
-            'because this record does not show the mode that determines them: '// &
-            found%verdict%lost_names
-      end associate
-   end subroutine fit_without_lost
+         associate (first => case%stages(1))
+            again = case%multistart%n == 0 .and. is_exact(case%model%solver) .and. &
+               .not. (first%automatic .or. any(is_coefficient(first%free) .or. &
+               first%free == of_x_D))
+         end associate
+         if (.not. again) return
+         stages = case%stages
+         stages(1)%automatic = .true.
+         if (allocated(stages(1)%start)) deallocate (stages(1)%start)
+         call fit_again(stages)
+      end subroutine fit_from_lines
 
-   !> Fits a case again from the spectral lines of its records, after a search from other values has
-   !> led to a fit that is rejected. Fields and dips have no such start.
-   !>
-   !> case   on return with automatic start values, if `again`
-   !> found  with a verdict; on return with the new fits, if `again`
-   !> again  .false.: there is no such fit, and nothing has changed
-   subroutine fit_from_lines(case, found, again, monitor)
-      type(case_t), intent(inout) :: case
-      type(case_fit_t), intent(inout) :: found
-      logical, intent(out) :: again
-      class(monitor_t), intent(inout), optional :: monitor
-      type(stage_t), allocatable :: stages(:)
+      !> Replaces the fits of a case by those with other stages, if the search converges and accepts
+      !> its own result.
+      !>
+      !> stages    (stages) of the new fits; not allocated on return
+      subroutine fit_again(stages)
+         type(stage_t), allocatable, intent(inout) :: stages(:)
+         type(stage_t), allocatable :: asked(:)
+         type(stage_fit_t), allocatable :: fits(:, :)
+         type(minima_t), allocatable :: minima(:)
+         type(mesh_t), allocatable :: meshes(:)
+         type(error_t), allocatable :: error
 
-      associate (first => case%stages(1))
-         again = case%multistart%n == 0 .and. is_exact(case%model%solver) .and. &
-            .not. (first%automatic .or. any(is_coefficient(first%free) .or. first%free == of_x_D))
-      end associate
-      if (.not. again) return
-      stages = case%stages
-      stages(1)%automatic = .true.
-      if (allocated(stages(1)%start)) deallocate (stages(1)%start)
-      call fit_again(case, found, stages, again, monitor)
-   end subroutine fit_from_lines
+         meshes = case%meshes
+         call move_alloc(case%stages, asked)
+         call move_alloc(stages, case%stages)
+         call find_fits(case, meshes, found%experiments, fits, minima, error, monitor)
+         if (.not. allocated(error)) call score_fits(case%model, meshes, found%scored, &
+            found%expected, fits, error)
+         again = .not. allocated(error)
+         if (again) again = fits(1, size(fits, 2))%doubt == ''
+         if (again) then
+            case%meshes = meshes
+            call move_alloc(fits, found%fits)
+         else
+            call move_alloc(asked, case%stages)
+         end if
+      end subroutine fit_again
 
-   !> Replaces the fits of a case by those with other stages, if the search converges and accepts
-   !> its own result.
-   !>
-   !> case      on return with the other stages, if accepted
-   !> found     on return with the new fits, if accepted
-   !> stages    (stages) of the new fits; not allocated on return
-   !> accepted  .false.: nothing has changed
-   subroutine fit_again(case, found, stages, accepted, monitor)
-      type(case_t), intent(inout) :: case
-      type(case_fit_t), intent(inout) :: found
-      type(stage_t), allocatable, intent(inout) :: stages(:)
-      logical, intent(out) :: accepted
-      class(monitor_t), intent(inout), optional :: monitor
-      type(stage_t), allocatable :: asked(:)
-      type(stage_fit_t), allocatable :: fits(:, :)
-      type(minima_t), allocatable :: minima(:)
-      type(mesh_t), allocatable :: meshes(:)
-      type(error_t), allocatable :: error
-
-      meshes = case%meshes
-      call move_alloc(case%stages, asked)
-      call move_alloc(stages, case%stages)
-      call find_fits(case, meshes, found%experiments, fits, minima, error, monitor)
-      if (.not. allocated(error)) call score_fits(case%model, meshes, found%scored, &
-         found%expected, fits, error)
-      accepted = .not. allocated(error)
-      if (accepted) accepted = fits(1, size(fits, 2))%doubt == ''
-      if (accepted) then
-         case%meshes = meshes
-         call move_alloc(fits, found%fits)
-      else
-         call move_alloc(asked, case%stages)
-      end if
-   end subroutine fit_again
+   end subroutine judge_case
 
    !> Adds the shift of the last stage's estimates on finer meshes, unless it is already known. May
    !> run beside other threads.

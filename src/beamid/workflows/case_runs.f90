@@ -26,7 +26,7 @@ module beamid_case_runs
    implicit none
    private
 
-   public :: simulated_t, prepare_simulation, simulate_case
+   public :: simulated_t, place_response, prepare_simulation, simulate_case
    public :: case_modes_t, prepare_modes, modes_of_case
    public :: planned_t, prepare_design, design_case
 
@@ -70,24 +70,37 @@ contains
       type(case_t), intent(inout) :: case
       type(simulated_t), intent(out) :: simulated
       type(error_t), allocatable, intent(out) :: error
-      type(experiment_t) :: experiment
+      real(wp), allocatable :: times(:)   ! not allocated: those of the grid
 
       if (size(case%recordings) == 1) then
-         associate (recording => case%recordings(1))
-            if (allocated(recording%t)) then
-               recording%window%t_first = recording%t(1)
-               recording%window%t_last = recording%t(size(recording%t))
-               recording%window%t_step = 1.0_wp
-            end if
+         if (allocated(case%recordings(1)%t)) times = case%recordings(1)%t
+      end if
+      call place_response(case, error, times)
+      if (.not. allocated(error)) call sample_times(case, simulated%times, error)
+   end subroutine prepare_simulation
+
+   !> Checks that a case has everything that a response needs, and puts the length and the positions
+   !> that its first record states into the model.
+   !>
+   !> times  (m) times of the response that replace the window of a single record [time]
+   subroutine place_response(case, error, times)
+      type(case_t), intent(inout) :: case
+      type(error_t), allocatable, intent(out) :: error
+      real(wp), intent(in), optional :: times(:)
+      type(experiment_t) :: experiment
+
+      if (present(times) .and. size(case%recordings) == 1) then
+         associate (window => case%recordings(1)%window)
+            window%t_first = times(1)
+            window%t_last = times(size(times))
+            window%t_step = 1.0_wp
          end associate
       end if
       call check_needs(case, needs_response, error)
-      if (allocated(error)) return
-      call place_experiment(case, 1, experiment, error)
-      if (allocated(error)) return
-      case%model%structure = experiment%structure_of(case%model%structure)
-      call sample_times(case, simulated%times, error)
-   end subroutine prepare_simulation
+      if (.not. allocated(error)) call place_experiment(case, 1, experiment, error)
+      if (.not. allocated(error)) case%model%structure = experiment%structure_of( &
+         case%model%structure)
+   end subroutine place_response
 
    !> Computes the response on each mesh; without `elements`, on a mesh that is refined until the
    !> response no longer changes.

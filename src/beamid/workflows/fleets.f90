@@ -89,10 +89,12 @@ contains
    !> fits run in parallel: the procedures that read and judge the cases have functions that return
    !> text.
    !>
-   !> fleet  the block; on return with the component `member`
-   !> error  a file has changed since the fingerprint of the fleet was taken
-   subroutine run_fleet(fleet, error)
+   !> fleet    the block; on return with the component `member`
+   !> members  (size of fleet) copies of this component
+   !> error    a file has changed since the fingerprint of the fleet was taken
+   subroutine run_fleet(fleet, members, error)
       type(fleet_case_t), intent(inout) :: fleet(:)
+      type(member_t), intent(inout) :: members(:)
       type(error_t), allocatable, intent(out) :: error
       character(len=fingerprint_length), allocatable :: expected(:)
       type(fleet_fit_t), allocatable :: fits(:)
@@ -118,6 +120,7 @@ contains
       end do
       do k = 1, size(fleet)
          if (fleet(k)%is_as_before) fleet(k)%member%rows = fleet(k)%before
+         members(k) = fleet(k)%member
       end do
    end subroutine run_fleet
 
