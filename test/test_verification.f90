@@ -68,7 +68,7 @@ contains
                   error%status == status_failed .and. (index(error%message, 'error of '// &
                   to_text(rtol(i))//' in the residuals lets it be seen') > 0 .or. &
                   index(error%message, 'of '//to_text(rtol(i))//' is too large') > 0 .and. &
-                  index(error%message, ' standard errors, seen from the exact response') > 0 .and. &
+                  index(error%message, ' standard errors, compared with the exact response') > 0 .and. &
                   index(error%message, 'or the modal response') > 0), error%message)
                cycle
             end if

@@ -33,7 +33,7 @@ contains
 
       if (fit%statistics%samples == 0) return
       if (allocated(fit%mesh_shift) .or. allocated(fit%held)) then
-         call text%line('with every source of error that the case states:')
+         call text%line('total intervals, with every source of error that the case states:')
          call text%line('              mesh shift     from held    total lower    total upper')
          do k = 1, size(fit%free)
             if (is_coefficient(fit%free(k))) cycle
@@ -89,9 +89,9 @@ contains
             distance = abs(q%searched - centre)/prior%width(centre)
             if (.not. distance > far_from_prior) cycle
             call text%line(trim(q%name)//' = '//to_text(q%value)//' lies '// &
-               to_text(nint(distance))//' prior standard deviations from its prior, '// &
-               to_text(as_named(q%parameter, centre))//' with sd = '//to_text(prior%sd)// &
-               '; the model or the prior is wrong')
+               to_text(nint(distance))//' prior standard deviations from the value of its '// &
+               'prior, '//to_text(as_named(q%parameter, centre))//' (sd = '// &
+               to_text(prior%sd)//'): check this prior; if it is right, the model is wrong')
          end associate
       end do
    end subroutine add_prior_conflicts
@@ -202,7 +202,8 @@ contains
 
       if (fit%statistics%samples > 0 .and. size(fit%free) > 0 .and. &
          .not. allocated(fit%mesh_shift)) call text%line('warning: mesh: N = '// &
-         to_text(fit%elements)//': a fit on a finer one fails, nothing tells what the mesh does')
+         to_text(fit%elements)//': the fit on a finer mesh failed, so that the error of the '// &
+         'mesh is unknown; try other elements')
       if (.not. fit%shifted()) return
       line = ''
       do k = 1, size(fit%mesh_shift)
@@ -222,7 +223,8 @@ contains
       else
          line = 'reduces J by '//rounded(100*fit%mesh_decrease, 2)//' %'
       end if
-      call text%line('warning: mesh: a finer one than N = '//to_text(fit%elements)//' '//line)
+      call text%line('warning: mesh: a finer mesh than N = '//to_text(fit%elements)//' '//line// &
+         '; use more elements, or elements=''auto''')
    end subroutine add_mesh_warning
 
 end module beamid_error_sources

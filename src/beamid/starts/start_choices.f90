@@ -193,7 +193,7 @@ contains
 
       text = 'start from the values of the case'
       if (k > size(assignments)) return
-      text = 'start from'
+      text = 'start from modes at'
       do r = 1, size(lines)
          do mode = 1, size(assignments(k)%place, 1)
             associate (place => assignments(k)%place(mode, r))
@@ -311,7 +311,7 @@ contains
                   t(size(t)) - t(1))
             end do
             if (.not. sum(gain) > least_gain) then
-               trial%objection = 'mode '//to_text(needed)//' gains nothing'
+               trial%objection = 'mode '//to_text(needed)//' does not improve the fit'
                trial%is_absent = .true.
             else if (sum(gain, mask=multiple) > sum(gain)/2) then
                trial%objection = 'mode '//to_text(needed)// &
