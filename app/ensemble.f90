@@ -323,7 +323,7 @@ contains
       if (associated(run%fleet)) call add_fleet(run%fleet, path, settings%only_new, output, &
          summary, error)
       if (allocated(error)) return
-      call deliver(output, summary%content(), settings, case%name, error, case%recordings)
+      call deliver(output, summary%content(), settings, case%name, error, case)
       if (allocated(error)) return
       if (associated(run%fleet)) then
          call remove_shards(run%shards, but_of='')

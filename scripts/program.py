@@ -108,8 +108,8 @@ def outputs(path):
     for line in lines:
         name, *size_and_checksum = line.rsplit(" ", 3)[:3]
         if size_and_checksum != list(size_and_crc32(directory / name)):
-            fail(f"{directory / name}: not as manifest.txt has it, changed or of another run; "
-                 "repeat the run")
+            fail(f"{directory / name}: not as manifest.txt has it: the file was changed, "
+                 "or is from another run; repeat the run")
     return directory
 
 

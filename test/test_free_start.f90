@@ -405,7 +405,7 @@ contains
 
       experiment%excitation = new_free(6)
       call refused('more modes than the mesh has', model, stage, [experiment], status_bad_input, &
-         'found 6 modes that move at the start, expected at most 5')
+         'found 6 modes, expected at most 5')
       experiment%excitation = new_free(2)
 
       deallocate (model%solver)

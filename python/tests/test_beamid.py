@@ -523,7 +523,7 @@ def test_fork_during_a_computation(record):
 def test_bad_responses():
     with pytest.raises(beamid.InputError, match="not ascending"):
         beamid.response([1.0, 0.5], **MODEL)
-    with pytest.raises(beamid.InputError, match="'free', expected a start that is known"):
+    with pytest.raises(beamid.InputError, match="'free', expected a known excitation"):
         beamid.response([0.0, 1.0], **{**MODEL, "excitation": dict(kind="free")})
     with pytest.raises(beamid.InputError, match="found 'cvode', expected 'modal'"):
         beamid.response([0.0, 1.0], derivatives="E", **MODEL, integrator=dict(method="cvode"))

@@ -61,7 +61,8 @@ contains
          call text%line()
          call add_stage(text, case, fits(k, :))
          call add_statistics(text, case, fits(k, size(fits, 2)), verdict)
-         if (k == size(fits, 1)) call add_error_sources(text, fits(k, size(fits, 2)))
+         if (k == size(fits, 1)) call add_error_sources(text, case%units, &
+            fits(k, size(fits, 2)))
          if (k == size(fits, 1)) call add_smoothing(text, fits(k, size(fits, 2)))
       end do
       do k = 1, size(fits, 2)

@@ -39,7 +39,7 @@ contains
       call add_prior_conflicts(text, fit)
       if (all(fit%scenario%excitations%modes > 0)) call add_far_values(text, &
          case%model%structure, fit)
-      call add_assumptions(text, fit)
+      call add_assumptions(text, case%units, fit)
       if (verdict%no_fit == '' .and. verdict%caution /= '') call text%line( &
          'no parameter counts as determined: '//verdict%caution)
       if (verdict%no_fit == '' .and. verdict%departures /= '') then

@@ -57,7 +57,7 @@ contains
          last = min(first + most - 1, size(windows))
          call add_block(first, last)
       end do
-      call text%line(left('all', 10)//right('scatter')//right('expected'))
+      call text%line(left('parameter', 10)//right('scatter')//right('expected'))
       do k = 1, size(fit%free)
          call text%line(left(trim(fit%quantities(k)%searched_name()), 10)// &
             columns([drift%scatter(k)%spread, drift%scatter(k)%expected], 14))
