@@ -54,9 +54,13 @@ contains
          end associate
       end do
       do k = 1, size(notes)
-         call text%line(notes(k))
+         if (index(notes(k), 'warning: ') == 1) then
+            call warnings%line(notes(k))
+         else
+            call text%line(notes(k))
+         end if
       end do
-      call text%line('observed: '//observed(case))
+call text%line('observed: '//observed(case))
       do k = 1, size(fits, 1)
          call text%line()
          call add_stage(text, case, fits(k, :))
