@@ -280,8 +280,7 @@ contains
       answer = identified(groups_of(guess)//two_modes)
       call check(what//': fitted', answer%status == 0, answer%err)
       call check(what//': used, or uncertain', answer%verdict_on_mode(2) == 'seen' .or. &
-         has_all(answer%out, ': '//verdict//', unless it is a mode that the model lacks'), &
-         answer%modes)
+         has_all(answer%out, ': '//verdict//', unless it is a mode'), answer%modes)
       call check(what//': the interval of E holds the truth', answer%holds('E', strip%E))
       call check(what//': E counts as determined only with the mode', &
          answer%verdict_on_mode(2) == 'seen' .or. .not. answer%is_determined('E'))

@@ -68,7 +68,7 @@ contains
             if (.not. s%peak > 0) line = line//'no peak, '
             line = line//to_text(100*s%share)//' % of the energy: '//trim(s%verdict)
             if (s%mode == 0 .and. s%verdict /= 'unexplained') line = line// &
-               ', unless it is a mode that the model lacks'
+               ', unless it is a mode'
             call text%line(line)
          end associate
       end do
