@@ -216,6 +216,8 @@ class Fit:
                 for name, unit, row in zip(names, self._text("units").split("\n"), rows)}
 
     def __getitem__(self, name: str) -> Estimate:
+        if name not in self.estimates:
+            raise KeyError(f"{name}: expected one of {', '.join(self.estimates)}")
         return self.estimates[name]
 
     def __iter__(self) -> Iterator[str]:

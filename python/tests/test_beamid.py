@@ -125,6 +125,11 @@ def test_modes_and_text(fit):
     assert all(name in repr(fit) for name in FREE)
 
 
+def test_unknown_parameter(fit):
+    with pytest.raises(KeyError, match=r"guess: expected one of .*c_D"):
+        fit["guess"]
+
+
 def test_pandas(fit):
     pandas = pytest.importorskip("pandas")
     frame = fit.to_pandas()
