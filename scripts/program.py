@@ -43,9 +43,9 @@ def need(*modules):
     except ImportError as missing:
         if not IN_CHECKOUT:
             fail(f"no module {missing.name}; install it by {pip_install(*modules)}", 1)
-        if Path(sys.prefix).resolve() == PYTHON.parent.parent.resolve():
-            fail(f"no module {missing.name}, expected {', '.join(modules)} in .venv", 1)
         wanted = ["packages", *modules] if "scipy" in modules else ["pictures"]
+        if Path(sys.prefix).resolve() == PYTHON.parent.parent.resolve():
+            fail(f"no module {missing.name} in .venv; run scripts/setup.sh {' '.join(wanted)}", 1)
         if subprocess.run([CHECKOUT / "scripts" / "setup.sh", *wanted]).returncode:
             raise SystemExit(1) from None
         os.execv(PYTHON, [str(PYTHON), *sys.argv])

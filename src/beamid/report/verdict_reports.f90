@@ -60,7 +60,7 @@ contains
       do k = 1, size(verdict%sightings)
          associate (s => verdict%sightings(k))
             line = '  mode '//to_text(s%mode)
-            if (s%mode == 0) line = '  spectral line without a mode'
+            if (s%mode == 0) line = '  spectral line, no mode'
             if (size(verdict%qualities) > 1) line = line//' in record '//to_text(s%record)
             line = line//': '
             if (s%mode > 0) line = line//filled('model #.4, ', [s%model])
