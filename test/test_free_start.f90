@@ -411,7 +411,7 @@ contains
       deallocate (model%solver)
       allocate (cvode_t :: model%solver)
       call refused('a free start by cvode', model, stage, [experiment], status_bad_input, &
-         'expected the modal response')
+         'expected method=''modal''')
 
       ! Samples a whole period of the first mode apart, undamped: it looks like an offset.
       undamped = truth
