@@ -17,6 +17,7 @@ module beamid_commands
    use beamid_run_reports, only: run_case
    use beamid_sorting, only: median
    use beamid_strings, only: string_t, to_text
+   use beamid_tables, only: labels_table
    use beamid_terminal, only: new_progress, print_text, progress_t, tell
    use beamid_texts, only: wrapped
    implicit none
@@ -58,7 +59,7 @@ contains
       call locate(error, case%path)
       if (allocated(error)) return
       if (settings%time) call time_fits(case, found%experiments)
-      call deliver(output, summary, settings, case%name, error, case%recordings)
+      call deliver(output, summary, settings, case%name, error, case)
       if (.not. allocated(error) .and. found%verdict%no_fit /= '') call failure(error, &
          case%path//': no fit: '//found%verdict%no_fit)
    end subroutine run_identify
@@ -130,7 +131,7 @@ contains
       call report_inferences(trim(settings%command), case, found, inferences, earlier, output, &
          summary, error)
       if (allocated(error)) return
-      call deliver(output, summary, settings, case%name, error, case%recordings)
+      call deliver(output, summary, settings, case%name, error, case)
    end subroutine run_inference
 
    !> Runs `beamid simulate`, `beamid modes` or `beamid design`.
@@ -147,20 +148,20 @@ contains
       progress = new_progress(settings%quiet)
       call run_case(settings%command, case, output, summary, error, progress)
       call progress%finish()
-      if (.not. allocated(error)) call deliver(output, summary, settings, case%name, error, &
-         case%recordings)
+      if (.not. allocated(error)) call deliver(output, summary, settings, case%name, error, case)
    end subroutine run_on_case
 
    !> Writes all outputs to the output folder, all or none, and then prints the summary.
    !>
-   !> name        name of the default folder in out/
-   !> recordings  inputs, which the outputs must not overwrite
-   subroutine deliver(output, summary, settings, name, error, recordings)
+   !> name  name of the default folder in out/
+   !> case  case file; its text and units are added for reports as case.txt and labels.csv, and the
+   !>       outputs must not overwrite its records
+   subroutine deliver(output, summary, settings, name, error, case)
       type(output_t), intent(inout) :: output
       character(len=*), intent(in) :: summary, name
       type(settings_t), intent(in) :: settings
       type(error_t), allocatable, intent(out) :: error
-      type(recording_t), intent(in), optional :: recordings(:)
+      type(case_t), intent(in), optional :: case
       character(len=:), allocatable :: folder, kind, lines, summary_file
       integer :: k
 
@@ -177,9 +178,11 @@ contains
          summary_file = 'summary.txt'
       end select
       call output%add(summary_file, lines)
-      if (present(recordings)) then
-         do k = 1, size(recordings)
-            if (allocated(recordings(k)%path)) call output%spare(recordings(k)%path)
+      if (present(case)) then
+         call output%add('case.txt', case%text, is_quoted=.true.)
+         call output%add('labels.csv', labels_table(case%units))
+         do k = 1, size(case%recordings)
+            if (allocated(case%recordings(k)%path)) call output%spare(case%recordings(k)%path)
          end do
       end if
       call output%commit(folder, error, kind)

@@ -8,7 +8,9 @@ module beamid_comparison
    use beamid_comparisons, only: check_samples, fit_candidates, new_candidate, set_labels
    use beamid_outputs, only: output_t
    use beamid_strings, only: string_t
+   use beamid_tables, only: labels_table
    use beamid_terminal, only: new_progress, progress_t
+   use beamid_texts, only: text_t
    implicit none
    private
 
@@ -26,6 +28,7 @@ contains
       type(progress_t) :: progress
       type(output_t) :: output
       character(len=:), allocatable :: summary
+      type(text_t) :: cases
       integer :: k
 
       associate (paths => settings%subjects)
@@ -37,6 +40,10 @@ contains
                paths(1)%text, error)
             if (allocated(error)) return
             names(k)%text = case%name
+            call cases%line('! '//paths(k)%text)
+            call cases%add(case%text)
+            call cases%line()
+            if (k == 1) call output%add('labels.csv', labels_table(case%units))
          end do
          call set_labels(names, paths, labels)
          progress = new_progress(settings%quiet)
@@ -45,6 +52,7 @@ contains
       end associate
       if (allocated(error)) return
       call report_comparison(models, labels, output, summary)
+      call output%add('case.txt', cases%content(), is_quoted=.true.)
       call deliver(output, summary, settings, 'compare', error)
    end subroutine run_compare
 

@@ -260,7 +260,7 @@ contains
          if (allocated(fleet)) call add_fleet(fleet, path, settings%only_new, output, &
             summary, error)
          if (allocated(error)) return
-         call deliver(output, summary%content(), settings, case%name, error, case%recordings)
+         call deliver(output, summary%content(), settings, case%name, error, case)
          if (allocated(error)) return
          if (allocated(fleet)) then
             call remove_shards(shard_folder, but_of='')

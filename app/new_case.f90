@@ -56,7 +56,7 @@ contains
       do k = 1, size(names)
          if (kind_there(join_path(folder, trim(names(k)))) == 0) cycle
          call bad_input(error, join_path(folder, trim(names(k)))// &
-            ': found a file that is there already, expected none: it is not replaced')
+            ': found a file that exists already, which is not replaced; expected another folder')
          return
       end do
       call new_template(kind, case, record, error)

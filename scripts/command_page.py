@@ -159,7 +159,7 @@ def intervals(outputs):
     names = fit_page.parameters_of(found)
     points = [f"No limit: the record does not bound {', '.join(open_ends)} on every side."
               ] * bool(open_ends)
-    points += [f"Lost: the search did not find an end for {', '.join(unknown)}."] * bool(unknown)
+    points += [f"Unknown: the search did not find an end for {', '.join(unknown)}."] * bool(unknown)
     points += [point for name in names for point in [disagreement(found, name)] if point]
     headline = (f"95 % intervals of {plural(len(names), 'parameter')} by {' and '.join(methods)}.")
     return h.box("" if open_ends or unknown else "good", headline, points), [
@@ -280,8 +280,8 @@ def experiments(outputs):
                    if line.startswith("a standard error of")]
         at_end = re.findall(r"(?m)^design (\d+) is at the end of (.+): beyond", summary.text)
         ends = ", ".join(dict.fromkeys(name for _, what in at_end for name in what.split(", ")))
-        points += [(f"The best experiments lie at the end of the list of {ends}: beyond it there "
-                    "may be better ones.")] * bool(at_end)
+        points += [(f"The best experiments lie at the end of the list of {ends}: a better "
+                    "experiment may lie beyond it.")] * bool(at_end)
     kind = "bad" if not determined else "" if present["determined"] != "yes" else "good"
     settings = [name for name in plot_design.SETTINGS if len({row[name] for row in rows}) > 1]
     constant = [name for name in plot_design.SETTINGS if name not in settings and present[name]]

@@ -420,11 +420,11 @@ def intervals(methods, title):
 
 
 def motion(t, low, middle, high, measured, noise, units):
-    """Draws the band of the model's motion with the record, and both less the median below."""
+    """Draws the band of the model's motion with the record, and both minus the median below."""
     acceleration = units.get("acceleration")
     figure = stacked([0.6, 0.4], label("time", units.get("time")),
                      [label("acceleration", acceleration),
-                      label("less the median", acceleration)], 470)
+                      label("minus the median", acceleration)], 470)
     for row, less in ((1, 0), (2, middle)):
         if noise is not None:
             wide = 1.96 * noise

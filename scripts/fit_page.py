@@ -73,12 +73,12 @@ class Fit:
     def verdict(self):
         """Returns the verdict box: how much of the signal is explained, and what limits the fit."""
         least = min(p.number(row, "fit_percent") for row in self.quality)
-        many = f" of every one of {len(self.quality)} records" * (len(self.quality) > 1)
+        many = f" of each of {len(self.quality)} records" * (len(self.quality) > 1)
         headline = f"The model explains {least:.1f} %{many} of the signal."
         summary = self.outputs.summary("identify")
         if summary is None:
-            note = ("summary.txt is of another command: repeat `identify` for the warnings of the "
-                    "fit")
+            note = ("summary.txt is from another command: run `identify` again for the warnings of "
+                    "the fit")
             return h.box("", headline, [note]) + self.quality_table()
         first = summary.text.split("\n", 1)[0]
         warnings, _, statistics = summary.text.rpartition("\nStatistics for")
@@ -92,17 +92,9 @@ class Fit:
             line.startswith("warning") or "not determined" in line or "disagree" in line
             or "another minimum" in line for line in lines)
         failed = first.startswith("no fit")
-        points = [h.shortened(self.with_unit(line)) for line in dict.fromkeys(lines)]
+        points = [h.shortened(line) for line in dict.fromkeys(lines)]
         return (h.box("good" if good else "bad" if failed else "", first if failed else headline,
                       points) + self.quality_table())
-
-    def with_unit(self, line):
-        """Returns a line "0.001 in length moves E by 0.77 %" with the unit of its number."""
-        match = re.match(r"(\S+) in (\w+) moves", line)
-        unit = self.units.of(match[2]) if match else ""
-        if not unit:
-            return line
-        return line.replace(f"{match[1]} in", f"{match[1]} {h.raised(unit)} in", 1)
 
     def quality_table(self):
         """Returns a table with a row for each record: samples, signal, residual, explained."""
@@ -129,9 +121,10 @@ class Fit:
             fine = h.measured(estimate, *noise, power)[1]
             rows.append([h.name_cell(row["parameter"]), shown, around,
                          h.Raw(h.scaled_unit(power, row["unit"])), fine, row["determined"] or ""])
-        note = h.paragraph("The first interval counts every source of error that the case states, "
-                           "the second the noise of the record alone. Both hold if the model is "
-                           "right. Each number has as many digits as its interval leaves.")
+        note = h.paragraph("The first interval includes every source of error that the case "
+                           "states, the second only the noise of the record. Both are valid only "
+                           "if the model is right. Numbers are rounded to the digits that their "
+                           "intervals justify.")
         return h.table(["parameter", "estimate", "95 % interval", "unit",
                         "from noise alone", "determined"], [rows]) + note + self.sources()
 
@@ -156,8 +149,8 @@ class Fit:
         if not bars:
             return ""
         return ("<h3>Where the error comes from</h3>\n" + h.paragraph(
-            "Shares of the variance. A parameter that is held fixed counts as far as `&prior` says "
-            "how well it is known.") + f'<div class="bars">{"".join(bars)}</div>\n')
+            "Shares of the variance. A fixed parameter contributes the error that its `&prior` "
+            "states.") + f'<div class="bars">{"".join(bars)}</div>\n')
 
     # -- record and model
 
@@ -316,7 +309,7 @@ class Fit:
                                       for other in names)] for name in names]
         return h.table(["", *map(h.name_cell, names)], [rows]) + h.paragraph(
             "*Stressed*: above 0.9 in magnitude. Two parameters with such a correlation can be "
-            "moved together almost without effect on the fit; hold one of them at a known value.")
+            "changed together almost without effect on the fit; fix one of them at a known value.")
 
     @staticmethod
     def mark(number, same):
@@ -405,8 +398,8 @@ def intervals(outputs, elements=None, fit_rows=()):
         linear, estimate = found.interval("linear", row["parameter"]), value(row, "estimate")
         if linear and estimate is not None and not math.isclose(linear.estimate, estimate,
                                                                 rel_tol=1e-12):
-            return h.paragraph("`intervals.csv` is of another fit than `estimates.csv`: repeat "
-                               "`profile`, `sample` or `bootstrap`.")
+            return h.paragraph("`intervals.csv` belongs to another fit than `estimates.csv`: "
+                               "repeat `profile`, `sample` or `bootstrap`.")
     text = interval_table(found) + interval_figures(found)
     if found.profiles:
         text += profiles(found)
@@ -503,8 +496,8 @@ def profiles(found):
     keys = [("vermilion", "line", "profile: least J at each value"),
             ("ink", "dot", "parabola of linear theory"), ("ink", "point", "estimate")]
     return "<h3>Profiles of <i>J</i></h3>\n" + h.panels(
-        charts, "How far the least J rises when one parameter is held and all others are fitted "
-        "again. The 95 % interval ends where the rise is 1.", keys)
+        charts, "Rise of the least J if one parameter is fixed at each value and all others are "
+        "fitted again. The 95 % interval ends where the rise is 1.", keys)
 
 
 def profile(found, name, rows):
@@ -593,5 +586,5 @@ def corner(found):
 def motion(found, units, record):
     """Returns the figure of the motion that the draws predict for one record."""
     return h.figure(f.motion(*plot_intervals.motion_of(found, record), units),
-                    "The motion that the draws predict, and the record. Below: both less the "
+                    "The motion that the draws predict, and the record. Below: both minus the "
                     "median of the draws.")

@@ -26,7 +26,8 @@ class Outputs:
     """The files of an output folder.
 
     `cases` are the case files that the user named. Without them the folder's own case.txt counts,
-    then a case file with the name that the command printed, or with the name of the folder.
+    then, for outputs of an earlier version, a case file with the name that the command printed, or
+    with the name of the folder.
     """
 
     def __init__(self, folder, cases=()):
@@ -44,15 +45,20 @@ class Outputs:
         if self.case_files:
             return next(iter(self.case_files.values())), ""
         if (self.folder / "case.txt").exists():
-            return read_text(self.folder / "case.txt"), ""
+            writer = self.writers.get("case.txt")
+            others = [name for name in self.commands() if name != writer]
+            return read_text(self.folder / "case.txt"), (
+                f"This is the case file of `{writer}`, the last command of this folder. That of "
+                f"{', '.join(f'`{name}`' for name in others)} may have been another one."
+                if others else "")
         printed = [read_text(self.folder / name) for name in ("summary.txt", "intervals.txt")
                    if self.has(name)]
         names = [match[1] for text in printed for match in [re.match(r"(\S+): ", text)] if match]
         path = next(filter(None, map(find_case, [*names, self.name])), None)
         if path is None:
             return None, ""
-        return read_text(path), (f"This is `{path.name}` as it is now; the command keeps no copy "
-                                 "of the case file.")
+        return read_text(path), (f"The outputs hold no copy of the case file; this is "
+                                 f"`{path.name}` as it is now.")
 
     def has(self, name):
         """Tells whether a file is there."""

@@ -189,7 +189,7 @@ def curve(x, y, at):
 
 
 def draw_profile(axes, rows, found, name):
-    """Rise of J over the parameter, the level of 95 %, the parabola of linear theory, the ends."""
+    """Rise of J over the parameter, the 95 % level, the parabola of linear theory, the ends."""
     value, z = (np.array([p.number(row, key) for row in rows]) for key in ("value", "distance"))
     states = (rows[0]["lower_end"], rows[0]["upper_end"])
     best = int(np.argmin(np.abs(z)))
@@ -443,7 +443,7 @@ def draw_motion(found, record, of):
                       markersize=4, linewidth=0.5, label="record", zorder=3 if few else 1)
     unit = found.units.get("acceleration")
     above.set_ylabel(p.with_unit("acceleration", unit))
-    below.set_ylabel(p.with_unit("less the median", unit))
+    below.set_ylabel(p.with_unit("minus the median", unit))
     below.set_xlabel(p.with_unit("time", found.units.get("time")))
     margin = 0.01 * (t[-1] - t[0] or 1.0)
     below.set_xlim(t[0] - margin, t[-1] + margin)

@@ -43,9 +43,9 @@ def need(*modules):
     except ImportError as missing:
         if not IN_CHECKOUT:
             fail(f"no module {missing.name}; install it by {pip_install(*modules)}", 1)
-        if Path(sys.prefix).resolve() == PYTHON.parent.parent.resolve():
-            fail(f"no module {missing.name}, expected {', '.join(modules)} in .venv", 1)
         wanted = ["packages", *modules] if "scipy" in modules else ["pictures"]
+        if Path(sys.prefix).resolve() == PYTHON.parent.parent.resolve():
+            fail(f"no module {missing.name} in .venv; run scripts/setup.sh {' '.join(wanted)}", 1)
         if subprocess.run([CHECKOUT / "scripts" / "setup.sh", *wanted]).returncode:
             raise SystemExit(1) from None
         os.execv(PYTHON, [str(PYTHON), *sys.argv])
@@ -108,8 +108,8 @@ def outputs(path):
     for line in lines:
         name, *size_and_checksum = line.rsplit(" ", 3)[:3]
         if size_and_checksum != list(size_and_crc32(directory / name)):
-            fail(f"{directory / name}: not as manifest.txt has it, changed or of another run; "
-                 "repeat the run")
+            fail(f"{directory / name}: not as manifest.txt has it: the file was changed, "
+                 "or is from another run; repeat the run")
     return directory
 
 

@@ -29,8 +29,8 @@ def main():
     parser = p.new_parser(__doc__.split("\n")[0])
     parser.add_argument("folder", nargs="?", default="out", help="outputs of a command, or of "
                         "`reproduce all` (default: out)")
-    parser.add_argument("--case", metavar="FILE", nargs="+", default=[], help="case files to show, "
-                        "of a command that keeps no copy (default: the one named like the folder)")
+    parser.add_argument("--case", metavar="FILE", nargs="+", default=[], help="case files to show "
+                        "(default: the copy in the folder)")
     parser.add_argument("--out", metavar="FILE", help="page to write (default: FOLDER/report.html)")
     arguments = parser.parse_args()
     folder = Path(arguments.folder)

@@ -260,7 +260,7 @@ contains
          if (outcome%status /= 0) cycle
          table = read_file('out/coarse'//coarse(j)//'/summary.txt')
          call check('too few coefficients: said so, '//coarse(j), has_all(table, &
-            'residuals are NOT white|would bend further|the least that is allowed'), table)
+            'residuals are NOT white|E(x) are too few to follow|the least that is allowed'), table)
          table = read_file('out/coarse'//coarse(j)//'/along.csv')
          call check('too few coefficients: no band, '//coarse(j), &
             number(part(line(table, 50), 5, ',')) <= 0 .and. &

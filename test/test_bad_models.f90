@@ -268,10 +268,10 @@ contains
       call refused_case('free start with an amplitude', freed('modes=1, amplitude=1'), place// &
          'amplitude: found a value|expected none')
       call refused_case('free start by cvode', replaced(freed(one), '''modal''', '''cvode'''), &
-         'case.nml: &integrator method: found ''cvode'' beside a start that is not known'// &
+         'case.nml: &integrator method: found ''cvode'' beside kind=''free'''// &
          '|expected ''modal''')
       call refused_case('free start', freed(one), &
-         'case.nml|&excitation kind: found ''free''|expected a start that is known', 'simulate')
+         'case.nml|&excitation kind: found ''free''|expected a known excitation', 'simulate')
       call refused_case('amplitude of a free start', replaced(freed(one), 'free=''m_H''', &
          'free=''m_H'',''amplitude'''), &
          '12: &stage free: found ''amplitude''|expected no amplitude')
@@ -283,10 +283,10 @@ contains
          '12: &stage free: found 7 unknowns for 6 samples|expected no more')
       call refused_case('score beside a free start', replaced(freed(one), '&units ', &
          '&score t_last=0.4 /'//nl//'&units '), &
-         '13: &score: found it beside|expected one record with a known start')
+         '13: &score: found the group beside|expected one record with a known excitation')
       call refused_case('score beside an offset', replaced(replaced(case_text, 'free=''m_H'',', &
          'free=''offset'','), '&units ', '&score t_last=0.4 /'//nl//'&units '), &
-         '13: &score: found it beside|expected one record with a known start')
+         '13: &score: found the group beside|expected one record with a known excitation')
    end subroutine test_free_start
 
    !> 51 samples from .1 s to .6 s.
@@ -315,7 +315,8 @@ contains
       ! Without its spring the root is pinned.
       call accepted('pinned root', 'modes', replaced(case_text, beam, beam//', k_R=0'))
       call refused('two descriptions of the root', beam, beam//', k_R=5 /'//nl// &
-         '&end at=''root'', kind=''pinned''', '3: &beam k_R: found it beside &end|expected it in')
+         '&end at=''root'', kind=''pinned''', '3: &beam k_R: found a value beside &end|'// &
+         'expected this key in')
       call refused('negative spring at the root', beam, beam//', k_R=-5', &
          '3: &beam k_R: found -5|0 or more')
       call refused('damper at a rigid root', beam, beam//', c_R=0.5', &
@@ -795,7 +796,7 @@ contains
       call refused_case('rho and density', replaced(dense, 'c_D=0.005', 'c_D=0.005, rho=1'), &
          '&beam rho: found both rho and density|expected either')
       call refused_case('density without a section', replaced(dense, 'width=12, height=1', &
-         'I=1'), '&beam density: found 0.0025|expected it beside width and height')
+         'I=1'), '&beam density: found 0.0025|expected width and height beside density')
       call refused_case('no mass', replaced(case_text, ' rho=0.03,', ''), &
          '&beam rho: found no mass|expected either rho or')
       call refused_case('one window', carrying(group('windows', 'n=1')), &
@@ -818,7 +819,7 @@ contains
       call refused_case('channels of two beams', replaced(two, again, again//', length=5'), &
          '&record experiment: found 1 with another beam than record 1|expected the same beam')
       call refused_case('channels far apart', replaced(two, again, nl//'&record '//line//' /'// &
-         again), '&record experiment: found 1 again|expected records of one experiment')
+         again), '&record experiment: found 1 again|expected the records of one experiment')
       call refused_case('channels that share not all', replaced(two, 'free=''m_H'',''k_H''', &
          'free=''m_H'',''k_H'', shared=''k_H'''), '&stage shared: found parameters that are not')
    end subroutine test_channels

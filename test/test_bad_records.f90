@@ -140,7 +140,7 @@ contains
       call refused('a record''s sensor beyond its tip', file, file//', length=2, x_S=3', &
          '11: &record x_S: found 3|up to the length 2')
       call refused('score beside two records', units, more//score//units, &
-         '14: &score: found it beside several records|expected one record')
+         '14: &score: found the group beside several records|expected one record')
       call refused('a response of two records', units, more//units, &
          '13: &record: found a second one|expected one for a response', command='simulate')
       call refused('the second record is missing', units, replaced(more, 'record.csv', &
@@ -183,17 +183,17 @@ contains
       call refused_case('a shared place of the support that records give differently', &
          freeing(replaced(held, units, another//', x_P=3 /'//nl//units), '''x_P'''), &
          '13: &stage free: found x_P shared by records that give it different values|'// &
-         'expected it left out of shared, or one value')
+         'expected the parameter left out of shared, or one value')
       call refused_case('a shared length that records give differently', &
          freeing(replaced(case_text, units, another//', length=3 /'//nl//units), '''length'''), &
          '12: &stage free: found length shared by records that give it different values|'// &
-         'expected it left out of shared, or one value')
+         'expected the parameter left out of shared, or one value')
       call refused_case('its support beyond its tip', replaced(held, file, &
          file//', length=2.5, x_P=3'), '12: &record x_P: found 3|up to the length 2.5')
       call refused('x_P without a support', file, file//', x_P=2', &
-         '11: &record x_P: found it beside 0 '//beside)
+         '11: &record x_P: found a value beside 0 '//beside)
       call refused_case('x_P beside two supports', replaced(replaced(case_text, tip, &
-         tip//supports), file, file//', x_P=2'), '13: &record x_P: found it beside 2 '//beside)
+         tip//supports), file, file//', x_P=2'), '13: &record x_P: found a value beside 2 '//beside)
       call refused_case('a force beyond its tip', replaced(replaced(case_text, pulse, &
          pulse//', x_F=2'), file, file//', length=1'), &
          '11: &record x_F: found 2|up to the length 1')

@@ -123,6 +123,8 @@ contains
       end do
       call check('response.csv: no force behind the pulse', all([(abs(number(field(table, k, &
          3))) <= 0, k=1, 6)]))
+      call check('simulate: a copy of the case', read_file('out/case/case.txt') == &
+         read_file('case.nml') .and. read_file('out/case/labels.csv') /= '')
       call write_file('record.csv', record_text)
    end subroutine test_simulate
 
@@ -175,6 +177,8 @@ contains
       call check('modes.csv: frequencies ascend', all([(number(field(table, k, 3)) < &
          number(field(table, k + 1, 3)), k=5, 12)]))
       call check('modes.csv: undamped', all([(abs(number(field(table, k, 4))) < 1e-9_wp, k=1, 19)]))
+      call check('modes: a copy of the case', read_file('out/alone/case.txt') == &
+         read_file('alone.nml') .and. read_file('out/alone/labels.csv') /= '')
    end subroutine test_modes
 
    !> Everything for each of the elements, and a row for each stage.

@@ -153,6 +153,9 @@ contains
          'the full model is better'))
       ! The order of the arguments is that of the rows, and alters nothing else.
       outcome = beamid('compare full.nml right.nml --quiet --out turned')
+      call check('copies of the cases', read_file('turned/case.txt') == '! full.nml'//line_feed// &
+         read_file('full.nml')//line_feed//'! right.nml'//line_feed//read_file('right.nml')// &
+         line_feed)
       call check('turned round', outcome%status == 0 .and. line(read_file('turned/models.csv'), 2) &
          == line(models, 3) .and. line(read_file('turned/nested.csv'), 2) == line(nested, 2))
    end subroutine test_models

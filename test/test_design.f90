@@ -459,8 +459,8 @@ contains
       outcome = beamid('design case.nml')
       call check('design: status 0', outcome%status == 0 .and. outcome%err == '', outcome%err)
       call check('design: summary', has_all(outcome%out, '80 experiments|of interest: c_D, m_H|'// &
-         'present|best by D|known least|is at the end of t_last|experiments reach it') .and. &
-         longest(outcome%out) <= 100, outcome%out)
+         'present|best by D|least known combination|is at the end of t_last|'// &
+         'experiments reach it') .and. longest(outcome%out) <= 100, outcome%out)
       table = read_file('out/case/design.csv')
       call check('design.csv: a row for each, and the present one', line_count(table) == 82)
       call check('design.csv: header', index(table, 'design,x_S,x_S_2,x_F,duration,t_first,'// &

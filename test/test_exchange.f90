@@ -322,7 +322,7 @@ contains
       outcome = hit('', 0, '')
       call check('files of others: the run', outcome%status == 0, outcome%err)
       outcome = run('cd work && rm manifest.txt modes.csv shapes.csv '// &
-         'attachments.csv summary.txt && ls -AR')
+         'attachments.csv case.txt labels.csv summary.txt && ls -AR')
       call check('files of others stay', outcome%out == before)
    end subroutine test_others
 

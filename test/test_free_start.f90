@@ -408,13 +408,13 @@ contains
 
       experiment%excitation = new_free(6)
       call refused('more modes than the mesh has', model, stage, [experiment], status_bad_input, &
-         'found 6 modes that move at the start, expected at most 5')
+         'found 6 modes, expected at most 5')
       experiment%excitation = new_free(2)
 
       deallocate (model%solver)
       allocate (cvode_t :: model%solver)
       call refused('a free start by cvode', model, stage, [experiment], status_bad_input, &
-         'expected the modal response')
+         'expected method=''modal''')
 
       ! Samples a whole period of the first mode apart, undamped: it looks like an offset.
       undamped = truth

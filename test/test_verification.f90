@@ -65,11 +65,11 @@ contains
             call identify(hosed(1, rtol(i)), mesh, [stage], samples, record_of(sd(j)), found, error)
             if (allocated(error)) then
                call check(name//': refused', i < size(rtol) .and. &
-                  error%status == status_failed .and. (index(error%message, 'error of '// &
-                  to_text(rtol(i))//' in the residuals lets it be seen') > 0 .or. &
+                  error%status == status_failed .and. (index(error%message, &
+                  'the residuals have a relative error of '//to_text(rtol(i))) > 0 .or. &
                   index(error%message, 'of '//to_text(rtol(i))//' is too large') > 0 .and. &
-                  index(error%message, ' standard errors, seen from the exact response') > 0 .and. &
-                  index(error%message, 'or the modal response') > 0), error%message)
+                  index(error%message, ' standard errors, compared with the exact response') > 0 &
+                  .and. index(error%message, 'or use method=''modal''') > 0), error%message)
                cycle
             end if
             distance = maxval(abs(found(1)%fit%estimate - exact(1)%fit%estimate) &
@@ -145,7 +145,7 @@ contains
          call check(name//'a smaller tolerance is the judge', (moved_too > 0.25_wp) .eqv. &
             allocated(error), to_text(moved_too))
          if (allocated(error)) call check(name//'and is named', index(error%message, &
-            'seen from a tolerance of '//to_text(rtol(i)/100)//';') > 0, error%message)
+            'compared with a tolerance of '//to_text(rtol(i)/100)//';') > 0, error%message)
          call check_close(name//'both say the same', moved_too*sqrt(finer%J/best%J), moved, &
             0.1_wp*moved + 0.4_wp)
       end do

@@ -293,7 +293,7 @@ def _case_of(first: str, arguments: dict[str, Any]) -> Handle:
 
 def simulate(t: ArrayLike | Case | None = None, *, record: Group = None, beam: Group = None,
              tip: Group = None, hose: Group = None, sensor: Groups = None, support: Groups = None,
-             gravity: Group = None, axial: Group = None, along: Groups = None,
+             end: Groups = None, gravity: Group = None, axial: Group = None, along: Groups = None,
              excitation: Groups = None, discretization: Group = None, integrator: Group = None,
              observation: Group = None, noise: Group = None, units: Group = None,
              **other: Any) -> Simulation:
@@ -303,8 +303,8 @@ def simulate(t: ArrayLike | Case | None = None, *, record: Group = None, beam: G
     changes. `response` computes a response on one mesh, with its derivatives.
 
     The other arguments are those of `Problem`, which describes them with their units: `beam`,
-    `tip`, `hose`, `sensor`, `support`, `gravity`, `axial`, `along`, `excitation`; `discretization`,
-    `integrator`, `observation`; `units`; and any other group, `other`.
+    `tip`, `hose`, `sensor`, `support`, `end`, `gravity`, `axial`, `along`, `excitation`;
+    `discretization`, `integrator`, `observation`; `units`; and any other group, `other`.
 
     Parameters
     ----------
@@ -337,7 +337,7 @@ def simulate(t: ArrayLike | Case | None = None, *, record: Group = None, beam: G
 
 
 def modes(case: Case | None = None, *, beam: Group = None, tip: Group = None, hose: Group = None,
-          sensor: Groups = None, support: Groups = None, gravity: Group = None,
+          sensor: Groups = None, support: Groups = None, end: Groups = None, gravity: Group = None,
           axial: Group = None, along: Groups = None, discretization: Group = None,
           units: Group = None, progress: Progress | None = None, **other: Any) -> Modes:
     """Compute the natural modes of a structure, as the command `modes` does.
@@ -346,8 +346,8 @@ def modes(case: Case | None = None, *, beam: Group = None, tip: Group = None, ho
     intervals, `modes_fitted.csv`.
 
     The other arguments are those of `Problem`, which describes them with their units: `beam`,
-    `tip`, `hose`, `sensor`, `support`, `gravity`, `axial`, `along`; `discretization`; `units`; and
-    any other group, `other`.
+    `tip`, `hose`, `sensor`, `support`, `end`, `gravity`, `axial`, `along`; `discretization`;
+    `units`; and any other group, `other`.
 
     Parameters
     ----------
@@ -381,7 +381,7 @@ def modes(case: Case | None = None, *, beam: Group = None, tip: Group = None, ho
 
 def design(case: Case | None = None, *, record: Groups = None, free: Names | None = None,
            stages: Groups = None, beam: Group = None, tip: Group = None, hose: Group = None,
-           sensor: Groups = None, support: Groups = None, gravity: Group = None,
+           sensor: Groups = None, support: Groups = None, end: Groups = None, gravity: Group = None,
            axial: Group = None, along: Groups = None, excitation: Groups = None,
            discretization: Group = None, observation: Group = None, prior: Groups = None,
            noise: Group = None, design: Group = None, units: Group = None,
@@ -389,8 +389,8 @@ def design(case: Case | None = None, *, record: Groups = None, free: Names | Non
     """Predict the errors that candidate experiments would give, as the command `design` does.
 
     The other arguments are those of `Problem`, which describes them with their units: `beam`,
-    `tip`, `hose`, `sensor`, `support`, `gravity`, `axial`, `along`, `excitation`; `discretization`,
-    `observation`, `prior`; `units`; and any other group, `other`.
+    `tip`, `hose`, `sensor`, `support`, `end`, `gravity`, `axial`, `along`, `excitation`;
+    `discretization`, `observation`, `prior`; `units`; and any other group, `other`.
 
     Parameters
     ----------
@@ -489,12 +489,13 @@ def ensemble(t: ArrayLike | Case | None = None, *, record: Group = None,
              records: Record | Sequence[Record] | None = None, free: Names | None = None,
              start: Any = None, lower: Any = None, upper: Any = None, shared: Names | None = None,
              stages: Groups = None, beam: Group = None, tip: Group = None, hose: Group = None,
-             sensor: Groups = None, support: Groups = None, gravity: Group = None,
-             axial: Group = None, along: Groups = None, excitation: Groups = None,
-             discretization: Group = None, integrator: Group = None, observation: Group = None,
-             prior: Groups = None, sample: Group = None, bootstrap: Group = None,
-             noise: Group = None, draw: Groups = None, ensemble: Group = None, units: Group = None,
-             progress: Progress | None = None, **other: Any) -> Ensemble:
+             sensor: Groups = None, support: Groups = None, end: Groups = None,
+             gravity: Group = None, axial: Group = None, along: Groups = None,
+             excitation: Groups = None, discretization: Group = None, integrator: Group = None,
+             observation: Group = None, prior: Groups = None, sample: Group = None,
+             bootstrap: Group = None, noise: Group = None, draw: Groups = None,
+             ensemble: Group = None, units: Group = None, progress: Progress | None = None,
+             **other: Any) -> Ensemble:
     """Run a command on many simulated records, or on a list of cases, as `ensemble` does.
 
     The members and their order are the same for any number of threads. All of them are kept in

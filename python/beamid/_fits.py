@@ -216,6 +216,8 @@ class Fit:
                 for name, unit, row in zip(names, self._text("units").split("\n"), rows)}
 
     def __getitem__(self, name: str) -> Estimate:
+        if name not in self.estimates:
+            raise KeyError(f"{name}: expected one of {', '.join(self.estimates)}")
         return self.estimates[name]
 
     def __iter__(self) -> Iterator[str]:
@@ -401,6 +403,10 @@ class Problem:
         Accelerometer: `x_S` [length], `m_S` [mass], `J_S` [mass length²], `name`.
     support : mapping or sequence of mappings, optional
         Support: `x_P` [length], `k_P` [force/length], `c_P` [force time/length], `name`.
+    end : mapping or sequence of mappings, optional
+        What holds an end of the beam: `at` ('root' or 'tip'), `kind` ('clamped', 'pinned', 'guided'
+        or 'free'), or the springs and dampers `k_w` [force/length], `c_w` [force time/length],
+        `k_R` [force length], `c_R` [force length time]. Default: the root is clamped, the tip free.
     gravity : mapping, optional
         Weight: `g` [length/time²], `direction` ('hanging' or 'standing').
     axial : mapping, optional
@@ -426,7 +432,8 @@ class Problem:
     units : mapping, optional
         Names of the units in texts and tables: `length`, `mass`, `time`, `force`.
     **other
-        Any other group of a case file.
+        Any other group of a case file. A fit ignores the groups of other functions: `noise`,
+        `design`, `ensemble` and `draw`.
 
     Raises
     ------
@@ -436,15 +443,15 @@ class Problem:
 
     def __init__(self, t: ArrayLike | None = None, a: ArrayLike | None = None, *,
                  record: Group = None, records: Record | Sequence[Record] | None = None,
-                 free: Names | None = None, start: Any = None, lower: Any = None,
-                 upper: Any = None, shared: Names | None = None, stages: Groups = None,
-                 beam: Group = None, tip: Group = None, hose: Group = None, sensor: Groups = None,
-                 support: Groups = None, gravity: Group = None, axial: Group = None,
-                 along: Groups = None, excitation: Groups = None, discretization: Group = None,
-                 integrator: Group = None, observation: Group = None, prior: Groups = None,
-                 score: Group = None, multistart: Group = None, windows: Group = None,
-                 sample: Group = None, bootstrap: Group = None, units: Group = None,
-                 **other: Any) -> None:
+                 free: Names | None = None, start: Any = None, lower: Any = None, upper: Any = None,
+                 shared: Names | None = None, stages: Groups = None, beam: Group = None,
+                 tip: Group = None, hose: Group = None, sensor: Groups = None,
+                 support: Groups = None, end: Groups = None, gravity: Group = None,
+                 axial: Group = None, along: Groups = None, excitation: Groups = None,
+                 discretization: Group = None, integrator: Group = None, observation: Group = None,
+                 prior: Groups = None, score: Group = None, multistart: Group = None,
+                 windows: Group = None, sample: Group = None, bootstrap: Group = None,
+                 units: Group = None, **other: Any) -> None:
         groups = given(locals(), "t", "a", "record", "records", "free", "start", "lower", "upper",
                        "shared", "stages")
         items = records_of(t, a, record, records)
@@ -560,8 +567,8 @@ def fit(t: Subject = None, a: ArrayLike | None = None, *,
         record: Group = None, records: Record | Sequence[Record] | None = None,
         free: Names | None = None, start: Any = None, lower: Any = None, upper: Any = None,
         shared: Names | None = None, stages: Groups = None, beam: Group = None, tip: Group = None,
-        hose: Group = None, sensor: Groups = None, support: Groups = None, gravity: Group = None,
-        axial: Group = None, along: Groups = None, excitation: Groups = None,
+        hose: Group = None, sensor: Groups = None, support: Groups = None, end: Groups = None,
+        gravity: Group = None, axial: Group = None, along: Groups = None, excitation: Groups = None,
         discretization: Group = None, integrator: Group = None, observation: Group = None,
         prior: Groups = None, score: Group = None, multistart: Group = None, windows: Group = None,
         sample: Group = None, bootstrap: Group = None, units: Group = None,
@@ -570,10 +577,10 @@ def fit(t: Subject = None, a: ArrayLike | None = None, *,
 
     The arguments are those of `Problem`, which describes them with their units. Records and
     parameters: `t`, `a`, `record`, `records`, `free`, `start`, `lower`, `upper`, `shared`,
-    `stages`. Structure and excitation: `beam`, `tip`, `hose`, `sensor`, `support`, `gravity`,
-    `axial`, `along`, `excitation`. Methods: `discretization`, `integrator`, `observation`, `prior`,
-    `score`, `multistart`, `windows`, `sample`, `bootstrap`. Labels of units: `units`. Any other
-    group: `other`.
+    `stages`. Structure and excitation: `beam`, `tip`, `hose`, `sensor`, `support`, `end`,
+    `gravity`, `axial`, `along`, `excitation`. Methods: `discretization`, `integrator`,
+    `observation`, `prior`, `score`, `multistart`, `windows`, `sample`, `bootstrap`. Labels of
+    units: `units`. Any other group: `other`.
 
     Parameters
     ----------

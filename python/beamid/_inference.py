@@ -222,8 +222,8 @@ def profile(t: Subject = None, a: ArrayLike | None = None, *,
         record: Group = None, records: Record | Sequence[Record] | None = None,
         free: Names | None = None, start: Any = None, lower: Any = None, upper: Any = None,
         shared: Names | None = None, stages: Groups = None, beam: Group = None, tip: Group = None,
-        hose: Group = None, sensor: Groups = None, support: Groups = None, gravity: Group = None,
-        axial: Group = None, along: Groups = None, excitation: Groups = None,
+        hose: Group = None, sensor: Groups = None, support: Groups = None, end: Groups = None,
+        gravity: Group = None, axial: Group = None, along: Groups = None, excitation: Groups = None,
         discretization: Group = None, integrator: Group = None, observation: Group = None,
         prior: Groups = None, score: Group = None, multistart: Group = None, windows: Group = None,
         sample: Group = None, bootstrap: Group = None, units: Group = None,
@@ -232,7 +232,7 @@ def profile(t: Subject = None, a: ArrayLike | None = None, *,
 
     The other arguments are those of `Problem`, which describes them with their units. Records and
     parameters: `a`, `record`, `records`, `free`, `start`, `lower`, `upper`, `shared`, `stages`.
-    Structure and excitation: `beam`, `tip`, `hose`, `sensor`, `support`, `gravity`, `axial`,
+    Structure and excitation: `beam`, `tip`, `hose`, `sensor`, `support`, `end`, `gravity`, `axial`,
     `along`, `excitation`. Methods: `discretization`, `integrator`, `observation`, `prior`, `score`,
     `multistart`, `windows`, `sample`, `bootstrap`. Labels of units: `units`. Any other group:
     `other`.
@@ -265,8 +265,8 @@ def sample(t: Subject = None, a: ArrayLike | None = None, *,
         record: Group = None, records: Record | Sequence[Record] | None = None,
         free: Names | None = None, start: Any = None, lower: Any = None, upper: Any = None,
         shared: Names | None = None, stages: Groups = None, beam: Group = None, tip: Group = None,
-        hose: Group = None, sensor: Groups = None, support: Groups = None, gravity: Group = None,
-        axial: Group = None, along: Groups = None, excitation: Groups = None,
+        hose: Group = None, sensor: Groups = None, support: Groups = None, end: Groups = None,
+        gravity: Group = None, axial: Group = None, along: Groups = None, excitation: Groups = None,
         discretization: Group = None, integrator: Group = None, observation: Group = None,
         prior: Groups = None, score: Group = None, multistart: Group = None, windows: Group = None,
         sample: Group = None, bootstrap: Group = None, units: Group = None,
@@ -275,7 +275,7 @@ def sample(t: Subject = None, a: ArrayLike | None = None, *,
 
     The other arguments are those of `Problem`, which describes them with their units. Records and
     parameters: `a`, `record`, `records`, `free`, `start`, `lower`, `upper`, `shared`, `stages`.
-    Structure and excitation: `beam`, `tip`, `hose`, `sensor`, `support`, `gravity`, `axial`,
+    Structure and excitation: `beam`, `tip`, `hose`, `sensor`, `support`, `end`, `gravity`, `axial`,
     `along`, `excitation`. Methods: `discretization`, `integrator`, `observation`, `prior`, `score`,
     `multistart`, `windows`, `bootstrap`. Labels of units: `units`. Any other group: `other`.
 
@@ -309,8 +309,8 @@ def bootstrap(t: Subject = None, a: ArrayLike | None = None, *,
         record: Group = None, records: Record | Sequence[Record] | None = None,
         free: Names | None = None, start: Any = None, lower: Any = None, upper: Any = None,
         shared: Names | None = None, stages: Groups = None, beam: Group = None, tip: Group = None,
-        hose: Group = None, sensor: Groups = None, support: Groups = None, gravity: Group = None,
-        axial: Group = None, along: Groups = None, excitation: Groups = None,
+        hose: Group = None, sensor: Groups = None, support: Groups = None, end: Groups = None,
+        gravity: Group = None, axial: Group = None, along: Groups = None, excitation: Groups = None,
         discretization: Group = None, integrator: Group = None, observation: Group = None,
         prior: Groups = None, score: Group = None, multistart: Group = None, windows: Group = None,
         sample: Group = None, bootstrap: Group = None, units: Group = None,
@@ -319,7 +319,7 @@ def bootstrap(t: Subject = None, a: ArrayLike | None = None, *,
 
     The other arguments are those of `Problem`, which describes them with their units. Records and
     parameters: `a`, `record`, `records`, `free`, `start`, `lower`, `upper`, `shared`, `stages`.
-    Structure and excitation: `beam`, `tip`, `hose`, `sensor`, `support`, `gravity`, `axial`,
+    Structure and excitation: `beam`, `tip`, `hose`, `sensor`, `support`, `end`, `gravity`, `axial`,
     `along`, `excitation`. Methods: `discretization`, `integrator`, `observation`, `prior`, `score`,
     `multistart`, `windows`, `sample`. Labels of units: `units`. Any other group: `other`.
 

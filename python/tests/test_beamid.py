@@ -125,6 +125,11 @@ def test_modes_and_text(fit):
     assert all(name in repr(fit) for name in FREE)
 
 
+def test_unknown_parameter(fit):
+    with pytest.raises(KeyError, match=r"guess: expected one of .*c_D"):
+        fit["guess"]
+
+
 def test_pandas(fit):
     pandas = pytest.importorskip("pandas")
     frame = fit.to_pandas()
@@ -523,7 +528,7 @@ def test_fork_during_a_computation(record):
 def test_bad_responses():
     with pytest.raises(beamid.InputError, match="not ascending"):
         beamid.response([1.0, 0.5], **MODEL)
-    with pytest.raises(beamid.InputError, match="'free', expected a start that is known"):
+    with pytest.raises(beamid.InputError, match="'free', expected a known excitation"):
         beamid.response([0.0, 1.0], **{**MODEL, "excitation": dict(kind="free")})
     with pytest.raises(beamid.InputError, match="found 'cvode', expected 'modal'"):
         beamid.response([0.0, 1.0], derivatives="E", **MODEL, integrator=dict(method="cvode"))

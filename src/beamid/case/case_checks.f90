@@ -58,21 +58,21 @@ contains
       if (size(case%stages) == 0) call refuse(case%path, 0, 'stage', 'no such group', &
          'one or more', error)
       if (any(case%excitations%modes > 0) .and. .not. is_exact(case%model%solver)) call refuse( &
-         case%path, 0, 'integrator method', '''cvode'' beside a start that is not known', &
-         '''modal'', which knows the modes', error)
+         case%path, 0, 'integrator method', '''cvode'' beside kind=''free'' in &excitation', &
+         '''modal'', which computes the modes', error)
       if (any([(any(is_coefficient(case%stages(k)%free)), k=1, size(case%stages))]) .and. .not. &
          is_exact(case%model%solver)) call refuse(case%path, 0, 'integrator method', &
-         '''cvode'' beside E(x) or c_D(x) to find', '''modal'', which has their derivatives', error)
+         '''cvode'' with E(x) or c_D(x) in free', '''modal'', which has their derivatives', error)
       if (allocated(error)) return
       most = unknowns_of(case%meshes(minloc(case%meshes%elements, dim=1)), case%model%structure)
       if (any(case%excitations%modes > most)) call refuse(case%path, 0, 'excitation modes', &
          to_text(maxval(case%excitations%modes)), 'at most '//to_text(most)// &
-         ', as many as the mesh has', error)
+         ', the number of modes of the mesh', error)
       if (.not. allocated(case%score)) return
       if (size(case%recordings) > 1 .or. any(case%excitations%modes > 0) .or. &
          any(case%stages%offset)) call refuse(case%path, case%score_line, 'score', &
-         'it beside several records, a free start or a free offset', &
-         'one record with a known start', error)
+         'the group beside several records, kind=''free'' or a free offset', &
+         'one record with a known excitation', error)
    end subroutine check_needs
 
    !> Refuses meshes on which one response of the exact solver, or all natural modes, would take
@@ -114,7 +114,7 @@ contains
       if (size(case%recordings) > 1) call refuse(case%path, case%recordings(2)%line, 'record', &
          'a second one', 'one for a response', error)
       if (case%excitations(1)%modes > 0) call refuse(case%path, 0, 'excitation kind', '''free''', &
-         'a start that is known for a response', error)
+         'a known excitation, which a response needs', error)
       if (.not. has_grid(case%recordings(1)%window)) call refuse(case%path, &
          case%recordings(1)%line, 'record', 'no grid of sample times', &
          't_first, t_last and t_step', error)
@@ -154,9 +154,9 @@ contains
          end do
          if (box%sensors == 2 .and. any(abs([s%sensor%m_S, s%sensor%J_S]) > 0)) call refuse( &
             case%path, case%design_line, 'design sensors', '2 with a mass, each of which '// &
-            'changes what the other reads', '1, or a sensor without m_S and J_S', error)
+            'changes the motion at the other', '1, or a sensor without m_S and J_S', error)
          if (box%sensors == 2 .and. box%modes > 0) call refuse(case%path, case%design_line, &
-            'design sensors', '2 beside modes, whose start they share', '1', error)
+            'design sensors', '2 beside modes', '1', error)
          if (box%sensors == 2 .and. any(parameters(case%stages(last)%free)%group == 'sensor')) &
             call refuse(case%path, case%design_line, 'design sensors', &
             '2 beside a free parameter of the sensor', '1', error)
@@ -222,7 +222,7 @@ contains
                'the name of one of '//to_text(structure%sensors)//' sensors', error)
          end if
          if (allocated(recording%x_P) .and. structure%supports /= 1) call refuse(case%path, &
-            recording%line, 'record x_P', 'it beside '//to_text(structure%supports)// &
+            recording%line, 'record x_P', 'a value beside '//to_text(structure%supports)// &
             ' groups &support', 'one such group', error)
          if (allocated(error)) return
          s = experiment%structure_of(structure)

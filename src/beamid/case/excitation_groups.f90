@@ -42,10 +42,12 @@ contains
          '''release'' of the deflected beam; ''free'', an unknown initial state; ''base'', a '// &
          'motion of the base', &
          [character(len=7) :: 'pulse', 'table', 'release', 'free', 'base'], required=.true.)
-      call block%get('amplitude', amplitude, no_pulse, 'constant force of the pulse')
+      call block%get('amplitude', amplitude, no_pulse, 'constant force of the pulse; with '// &
+         'load=''distributed'' a force per length, in force/length (N/m)')
       call block%get('duration', duration, no_pulse, 'duration of the pulse, from t = 0', positive)
-      call block%get_file('file', file, 'path of the table of time and force, or of time and '// &
-         'base acceleration; linear between the rows', &
+      call block%get_file('file', file, 'path of the table of time and force (or force per '// &
+         'length with load=''distributed''), or of time and base acceleration; linear between '// &
+         'the rows', &
          default='required with kind=''table'' and kind=''base''')
       columns = ''
       call get_columns(block, 'force or base acceleration', columns(1), columns(2), rate)

@@ -93,8 +93,8 @@ contains
          if ((s%variations%are_known() .or. s%has_dip()) .and. &
             any(case%excitations%by_displacement) .and. abs(s%g) + abs(s%T) > 0) then
             k = place_of(blocks, 'excitation', 1)
-            call blocks(k)%refuse('displacement', 'it of a beam that varies under gravity or '// &
-               'an axial force', 'force')
+            call blocks(k)%refuse('displacement', 'a value for a beam that varies, under '// &
+               'weight or an axial force', 'force')
          end if
       end associate
       call check_dip(blocks, case)
@@ -195,7 +195,7 @@ contains
       if (k == 0 .or. .not. structure%described(root)) return
       do j = 1, size(keys)
          if (blocks(k)%has(keys(j))) call blocks(k)%refuse(keys(j), &
-            'it beside &end at=''root''', 'it in &end')
+            'a value beside &end at=''root''', 'this key in &end')
       end do
    end subroutine check_short_forms
 
@@ -230,8 +230,8 @@ contains
                if (s%rigid_body_modes() > 0 .and. (e%is_release .or. e%is_base)) &
                   call blocks(j)%refuse('kind', free, held)
                if (e%by_displacement .and. abs(s%g) + abs(s%T) > 0 .and. .not. s%is_cantilever()) &
-                  call blocks(j)%refuse('displacement', 'it of a beam under weight or an axial '// &
-                  'force that is not a cantilever', 'force')
+                  call blocks(j)%refuse('displacement', 'a value for a beam under weight or '// &
+                  'an axial force that is not a cantilever', 'force')
             end associate
          end do
          if (s%rigid_body_modes() == 0) return

@@ -163,7 +163,7 @@ contains
             structure%rho > 0)), 'either rho or width, height and density')
       else if (allocated(density)) then
          if (.not. (allocated(width) .and. allocated(height))) then
-            call block%refuse('density', to_text(density), 'it beside width and height')
+            call block%refuse('density', to_text(density), 'width and height beside density')
          else if (.not. block%failed()) then
             structure%rho = density*width*height
          end if

@@ -247,8 +247,8 @@ contains
       integer(c_int) :: flag
 
       if (equations%constraints%too_many) then
-         call failure(error, 'the rigid supports stand so close together that the mesh has no '// &
-            'motion left between them, expected more elements')
+         call failure(error, 'the rigid supports are so close together that the mesh '// &
+            'allows no motion between them, expected more elements')
          return
       end if
       call check_axial_load(equations%structure, error)

@@ -66,7 +66,9 @@ contains
       found = count(remaining(:n)) + sum(poles%cluster%modes())
       if (found < wanted) then
          call failure(error, 'modal: found '//to_text(found)//' modes that oscillate, expected '// &
-            to_text(wanted))
+            to_text(wanted)//' for the free motion: the others are overdamped, or the mesh is '// &
+            'too coarse for them. Check c_D, gamma and other damping, their units, and '// &
+            'elements, or reduce modes in &excitation')
          return
       end if
       allocate (modes(wanted))

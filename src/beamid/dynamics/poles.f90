@@ -100,8 +100,8 @@ contains
       call find_clusters(assembly, poles%all, pack(poles%root, near), pack(alone, near), &
          poles%cluster)
       if (assembly%feels_base .and. minval(abs(poles%s)) <= 1e-12_wp*maxval(abs(poles%s))) then
-         call failure(error, 'modal: a hose or a beam that drifts on a base that moves; '// &
-            'expected k_H > 0 or a beam that is held')
+         call failure(error, 'modal: found a hose or a beam that is not held by the '// &
+            'moving base, expected k_H > 0, or &end and supports that hold the beam')
          return
       end if
       if (assembly%feels_base .or. assembly%zeros > 0) &

@@ -69,7 +69,7 @@ contains
       visible = max(visible**2, options%tolerance*J)
       variance = J/max(1, size(residual) - size(estimate))
       if (search%failures_in_a_row > 0) then
-         objection = ', but only for steps at which the model cannot be computed'
+         objection = ', but the model cannot be computed at the next steps'
       else if (.not. (ahead%distance <= merge(near, near_by_integrator, &
          options%relative_error <= 0) .or. gain <= visible)) then
          if (gain <= negligible*variance) then
@@ -77,10 +77,10 @@ contains
                'than '//to_text(gain/variance)//' times the variance of the noise'
             return
          end if
-         objection = ', but the derivatives promise a J that is '//to_text(100*gain/J)//' % smaller'
+         objection = ', but the derivatives predict that J can fall by '//to_text(100*gain/J)//' %'
          if (options%relative_error > 0) objection = objection// &
-            ', as far as a relative error of '//to_text(options%relative_error)// &
-            ' in the residuals lets it be seen: a smaller one may help'
+            '; the residuals have a relative error of '//to_text(options%relative_error)// &
+            ', and a smaller one may help'
       else if (ahead%rank < size(scales) .and. size(search%moving) == size(scales)) then
          call check_lost_effects(search, start, estimate, residual, ahead%rank, objection, error)
       end if
@@ -117,7 +117,7 @@ contains
       ahead = gauss_newton_step(jacobian, r, start, search%variables, &
          clearly*jacobian_error(search, size(r)))
       if (ahead%rank <= rank) return
-      objection = ', but where parameters that had an effect at the start have none'
+      objection = ', but parameters that had an effect at the start have none at the end'
       search%parameters = start
    end subroutine check_lost_effects
 

@@ -246,7 +246,7 @@ contains
       if (abs(distance - 1) > 1e-2_wp .and. abs(outer(k) - inner(k)) > 1e-3_wp &
          *abs(outer(k) - side%value(1))) then
          side%reason = 'between '//to_text(inner(k))//' and '//to_text(outer(k))// &
-            ' no value was found with J at the level of 95 %'
+            ' no value was found with J at the 95 % level'
          return
       end if
       call add_point(side, k, p, J, distance)

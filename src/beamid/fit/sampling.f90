@@ -111,7 +111,7 @@ contains
       if (all(draws%reduction <= max_reduction) .and. draws%effective >= min_effective) return
       call failure(error, 'sampling: the chains do not agree (potential scale reduction '// &
          to_text(maxval(draws%reduction))//', '//to_text(nint(draws%effective))// &
-         ' effective draws); the density may have several maxima, or none')
+         ' effective draws); the posterior may have several maxima, or none')
    end subroutine compute_diagnostics
 
    !> Draws from the proposal until the effective sample size suffices. If the weights are not

@@ -53,15 +53,15 @@ contains
                if (s%corrected_error(k) > 0) depth_ratio = min(depth_ratio, &
                   found%fit%estimate(k)/s%corrected_error(k))
                if (.not. chi_square_tail(depth_ratio**2, adapted) < chance) reason = &
-                  'this record does not tell that there is a dip: its depth is no more than '// &
-                  'noise would give one somewhere along the beam'
+                  'this record does not tell that there is a dip: noise alone would lead to a '// &
+                  'dip of this depth somewhere along the beam'
             end do
             do k = 1, size(trials)
                if (reason /= '' .or. .not. misfit > 0) exit
                if (abs(trials(k)%estimate(dip) - found%fit%estimate(dip))/2 &
                   <= s%corrected_half_width(dip)) cycle
                if (s%cannot_reject(trials(k)%misfit/misfit, dip, chance)) reason = 'a dip at '// &
-                  to_text(trials(k)%estimate(dip))//' does nearly as well'
+                  to_text(trials(k)%estimate(dip))//' fits nearly as well'
             end do
             if (reason == '') cycle
             if (found%other /= '') reason = found%other//'; '//reason

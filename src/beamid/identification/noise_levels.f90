@@ -66,8 +66,8 @@ contains
          found%start = previous%start
          call found%add_earlier(previous)
       end do
-      if (k > most) call failure(error, 'the noise of the records does not settle: it still '// &
-         'changes by '//to_text(100*change)//' %; expected sd of each record')
+      if (k > most) call failure(error, 'the estimated noise of the records does not '// &
+         'settle: it still changes by '//to_text(100*change)//' %; state it by sd in each &record')
       found%J = sum(found%residual(:problem%samples())**2)
    end subroutine fit_with_noise
 

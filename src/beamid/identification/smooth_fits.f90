@@ -109,7 +109,7 @@ contains
             'no convergence') + index(error%message, 'does not settle') == 0) return
          error%message = error%message//'; perhaps '//to_text(maxval([(size( &
             problem%field_columns(k)), k=1, fields)]))//' coefficients are too few for '// &
-            'what varies along the beam, or a shorter record does better'
+            'the variation along the beam: try more of them, or a shorter part of the record'
          return
       end if
       found%start = variables%start
@@ -270,7 +270,8 @@ contains
          if (allocated(error)) return
          call found%add_earlier(previous)
       end do
-      if (k > most) call failure(error, 'the strength of the smoothing does not settle')
+      if (k > most) call failure(error, 'the strength of the smoothing does not settle: try '// &
+         'another number of coefficients')
    end subroutine fit_with_strengths
 
    !> Returns the smallest strength of a penalty that is allowed.

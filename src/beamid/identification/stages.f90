@@ -95,7 +95,7 @@ contains
       if (.not. any([(found%statistics%cannot_reject(rival%ratio, k, level), &
          k=1, size(found%free))])) return
       call found%extend(rival%shift)
-      found%other = found%other//', which is as good; the intervals include it'
+      found%other = found%other//', which fits equally well; the intervals include it'
    end subroutine judge_rival
 
    !> Puts the estimates into the quantities and into the scenario, and copies the setup of the fit.

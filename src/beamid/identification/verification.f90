@@ -100,9 +100,9 @@ contains
          smaller = min(default%rtol, 10.0_wp**floor(log10(rtol*allowed/(3*ratio(k)))))
          call failure(error, 'a relative tolerance of '//to_text(rtol)//' is too large: the '// &
             'error of the integrator has moved '//trim(names(k))//' by '//to_text(shift(k))// &
-            ', '//to_text(ratio(k))//' standard errors, seen from '//reference// &
-            '; expected at most a quarter: '//to_text(max(1e-14_wp, smaller))// &
-            ' or less, or the modal response')
+            ', '//to_text(ratio(k))//' standard errors, compared with '//reference// &
+            '; expected at most a quarter of a standard error: set rtol to '// &
+            to_text(max(1e-14_wp, smaller))//' or less, or use method=''modal''')
       end associate
    end subroutine verify_integrator
 
@@ -150,8 +150,8 @@ contains
          call fit(finer, size(found%residual), start, options_t(relative_error=rtol, &
             check=.false.), better, error)
       end associate
-      if (allocated(error)) error%message = 'nothing tells how far the error of the integrator '// &
-         'has moved the estimates; '//reference//': '//error%message
+      if (allocated(error)) error%message = 'the error of the integrator cannot be measured, '// &
+         'because the fit with '//reference//' failed: '//error%message
    end subroutine refit
 
 end module beamid_verification

@@ -59,13 +59,14 @@ contains
       type(quantity_t), allocatable :: quantities(:)
 
       if (size(found%free) == 0 .or. found%statistics%samples == 0) then
-         call failure(error, 'found '//merge('nothing that is searched for      ', &
+         call failure(error, 'found '//merge('no free parameter                 ', &
             'no degree of freedom for the noise', size(found%free) == 0)// &
             ', expected free parameters and more samples than unknowns')
          return
       end if
       if (.not. found%statistics%variance > 0) then
-         call failure(error, 'found residuals of 0, expected a record with noise')
+         call failure(error, 'found residuals of 0, expected a record with noise, because '// &
+            'intervals without noise have no width')
          return
       end if
       call new_residuals(model, mesh, experiments, problem, error, found%free)
@@ -219,8 +220,8 @@ contains
          integer, intent(in) :: k
 
          call failure(error, 'posterior: the record sets '// &
-            trim(found%quantities(k)%searched_name())//' no limit that counts, and all values '// &
-            'up to infinity cannot be equally probable; expected a bound in its stage, or &prior')
+            trim(found%quantities(k)%searched_name())//' no limit, and a flat prior up to '// &
+            'infinity is no distribution; expected a bound in its stage, or &prior')
       end subroutine refuse_open
 
    end subroutine sample_fit

@@ -53,7 +53,7 @@ contains
       call object_to_dip(verdict, fit, reason)
       if (present(missing)) then
          if (reason /= '') return
-         reason = 'the records ask for another '//missing
+         reason = 'the records also need '//missing//' as a free parameter'
       end if
       if (reason == '') return
       if (verdict%misfit <= gross_for_dip .and. fit%statistics%is_withdrawn(k)) return
@@ -61,10 +61,10 @@ contains
          gross_for_dip/verdict%misfit), region)
       fit%other = 'something is there, but not a dip of this shape: '//reason
       if (size(region) == 2) then
-         fit%other = fit%other//'; a smooth E(x) that fits as well is lowest from '// &
-            to_text(region(1))//' to '//to_text(region(2))
+         fit%other = fit%other//'; a smooth E(x) that fits as well is lowest between x = '// &
+            to_text(region(1))//' and '//to_text(region(2))
       else
-         fit%other = fit%other//'; a smooth E(x) does not show where either'
+         fit%other = fit%other//'; a smooth E(x) does not locate it either'
       end if
       fit%statistics%determined = .false.
       do k = 1, size(fit%free)
@@ -92,7 +92,7 @@ contains
          if (k == 0) return
          associate (w => fit%quantities(k))
             if (w%searched < (1 + near)*w%lower) &
-               reason = 'its width is the least that the mesh allows'
+               reason = 'the width of the dip is at its lower bound, which the mesh sets'
          end associate
       end if
    end subroutine object_to_dip

@@ -254,7 +254,8 @@ contains
       r = minloc(qualities%fit_percent, dim=1)
       if (fit%check%white .or. .not. qualities(r)%fit_percent < least_percent) return
       text = 'the model explains '//to_text(nint(qualities(r)%fit_percent))// &
-         ' % of record '//to_text(r)//', and what is left is not noise'
+         ' % of record '//to_text(r)//', and the residuals are not noise: check the '// &
+         'start values, the units, and the parameters that are free'
    end subroutine describe_misfit
 
    !> Finds the parameters that all modes determine, but not the modes seen in the records, and
@@ -295,7 +296,8 @@ contains
          if (verdict%lost_names /= '') verdict%lost_names = verdict%lost_names//', '
          verdict%lost_names = verdict%lost_names//trim(fit%quantities(k)%name)
       end do
-      verdict%no_fit = verdict%lost_names//': determined by modes alone that are not in the record'
+      verdict%no_fit = verdict%lost_names//': only modes that are not in the record determine '// &
+         'them. Fix these parameters, or state a &prior'
    end subroutine find_lost_parameters
 
 end module beamid_verdicts

@@ -95,15 +95,15 @@ contains
       integer :: most
 
       if (experiment%excitation%modes > 0 .and. .not. is_exact(solver)) then
-         call bad_input(error, 'found a start that is not known, whose modes no integrator '// &
-            'finds; expected the modal response')
+         call bad_input(error, 'found an unknown initial state (kind=''free''), whose modes '// &
+            'no integrator finds; expected method=''modal'' in &integrator')
          return
       end if
       prepared%galerkin = galerkin_of(mesh, structure)
       most = unknowns_of(mesh, structure)
       if (experiment%excitation%modes > most) then
-         call bad_input(error, 'found '//to_text(experiment%excitation%modes)//' modes that '// &
-            'move at the start, expected at most '//to_text(most)//', as many as the mesh has')
+         call bad_input(error, 'found '//to_text(experiment%excitation%modes)//' modes, '// &
+            'expected at most '//to_text(most)//', the number of modes of the mesh')
          return
       end if
       call observe(experiment, observation, prepared%observed)

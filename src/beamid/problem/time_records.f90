@@ -172,8 +172,8 @@ contains
       else
          do k = 1, count
             if (.not. abs(first%modes(k)%seen) > 0 .or. .not. abs(modes(k)%seen) > 0) then
-               call failure(error, 'mode '//to_text(k)//' nearly meets another one: what two '// &
-                  'channels see of it cannot be compared')
+               call failure(error, 'mode '//to_text(k)//' nearly coincides with another, so '// &
+                  'that its amplitudes in two channels cannot be compared')
                return
             end if
             call modes(k)%as_seen_beside(first%modes(k))

@@ -107,11 +107,12 @@ contains
       character(len=:), allocatable :: line
 
       associate (n => size(fit%fields(a)%place))
-         line = 'the residuals are not white, and '//trim(names(a))//'(x) by '//to_text(n)// &
-            ' coefficients would bend further to follow them: it has no band, do not trust it; '
+         line = 'the residuals are not white, and '//to_text(n)//' coefficients of '// &
+            trim(names(a))//'(x) are too few to follow the record: the field has no band, do '// &
+            'not trust it; '
          if (n < most_coefficients) line = line//'try coefficients='// &
             to_text(min(2*n, most_coefficients))//', or '
-         line = line//'look for what else of the model may be wrong'
+         line = line//'look for other errors of the model'
       end associate
       call text%line(line)
    end subroutine add_coarseness
@@ -170,8 +171,8 @@ contains
          poor = found%resolution > coarse*found%spacing
          last = 0
          do while (next_range(poor, last, first))
-            call text%line('the fit resolves nothing of '//name//' that is shorter than '// &
-               rounded(minval(found%resolution(first:last)), 3)//unit//' '// &
+            call text%line('the fit does not resolve variations of '//name// &
+               ' shorter than '//rounded(minval(found%resolution(first:last)), 3)//unit//' '// &
                range_in_words(first, last))
          end do
       end if
@@ -236,17 +237,17 @@ contains
             call text%line(name//': strength of the smoothing '//to_text(found%strength)// &
                line//rounded(found%freedom, 3)//' effective degrees of freedom of '// &
                to_text(size(fit%fields(a)%place))//' coefficients')
-            if (found%at_end > 0) call text%line('the record asks for no variation of '// &
+            if (found%at_end > 0) call text%line('the record shows no variation of '// &
                trim(names(a))//' along the beam')
             if (found%at_end < 0 .and. .not. found%bounded) call text%line( &
-               'the record asks for no smoothing of '//name)
-            if (found%bounded) call text%line('restricted marginal likelihood asks for less '// &
-               'smoothing, as if neighbouring coefficients differed by more than 25 %')
+               'the likelihood is largest without any smoothing of '//name)
+            if (found%bounded) call text%line('restricted marginal likelihood prefers less '// &
+               'smoothing, with neighbouring coefficients that differ by more than 25 %')
             if (abs(log(found%asked/found%strength)) > log(2.0_wp)) call text%line( &
-               'the likelihood goes to and fro between strengths, a lower one and a higher one '// &
-               'do as well: about this fit it asks for '//to_text(found%asked))
+               'the strength of the smoothing is uncertain: two strengths do equally well, and '// &
+               'the likelihood linearised about this fit is largest at '//to_text(found%asked))
             if (found%at_end /= 0) cycle
-            call text%line('other strengths, for the problem linearised about the fit:')
+            call text%line('other strengths, for the problem linearised about this fit:')
             call text%line(right('strength')//right('squares')//right('roughness')// &
                right('freedom')//right('score - best'))
             middle = (size(found%curve) + 1)/2

@@ -52,12 +52,13 @@ contains
          ' '//case%units%acceleration()))
       call text%line('free: '//listed(names, ', ')//'; of interest: '//listed(pack(names, &
          designs%interest), ', ')//', which '//to_text(known)//' of the experiments determine')
-      if (designs%box%modes > 0) call text%line('the start of the lowest '// &
-         to_text(designs%box%modes)//' modes counts as unknown')
+      if (designs%box%modes > 0) call text%line('the initial amplitudes and '// &
+         'phases of the lowest '//to_text(designs%box%modes)//' modes are treated as unknown')
       do k = 1, size(designs%quantities)
          associate (q => designs%quantities(k))
             if (abs(q%searched) < q%scale) call text%line(trim(q%searched_name())//' is '// &
-               to_text(q%searched)//' here: its errors are relative to '//to_text(q%scale))
+               to_text(q%searched)//' in the case: its errors are relative to '// &
+               to_text(q%scale))
          end associate
       end do
       call find_shown(designs, shown)
@@ -154,7 +155,7 @@ contains
       do k = 1, ubound(shown, 1)
          call text%line(trim(shown(k)%label())//' is best '//shown(k)%why)
       end do
-      if (size(shown) == 1) call text%line('no experiment tells anything of what is of interest')
+      if (size(shown) == 1) call text%line('no experiment determines any parameter of interest')
    end subroutine add_settings
 
    !> Adds the standard errors relative to the values, for the present and the best experiments.
@@ -205,13 +206,13 @@ contains
       if (count(designs%interest) < 2) return
       names = pack(designs%quantities%searched_name(), designs%interest)
       call text%line()
-      call text%line('D, A, E, and the eigenvalues of the information of relative changes, the '// &
-         'nuisance free')
+      call text%line('criteria D, A and E; eigenvalues of the information matrix for relative '// &
+         'changes of the parameters of interest')
       do k = 0, ubound(shown, 1)
          associate (p => shown(k)%design%prediction)
             if (.not. p%finite) then
                call text%line(shown(k)%label()//'not determined: columns of the derivatives '// &
-                  'are parallel, or nothing')
+                  'are parallel or zero')
                cycle
             end if
             words = ''
@@ -230,8 +231,8 @@ contains
                      to_text(nint(100*abs(v)))//' %'
                end associate
             end do
-            call text%line(left('', 12)//'known least: '//words//', to within '// &
-               percent(1/sqrt(p%E)*abs(p%direction(largest, 1)))//' of that')
+            call text%line(left('', 12)//'least known combination: '//words//'; its standard '// &
+               'error is '//percent(1/sqrt(p%E)*abs(p%direction(largest, 1)))//' of this change')
          end associate
       end do
    end subroutine add_eigenvalues
@@ -261,7 +262,8 @@ contains
             call check_end('t_step', box%t_step, design%t_step, unlimited)
          end associate
          if (lists /= '') call text%line(trim(shown(k)%label())// &
-            ' is at the end of '//lists//': beyond it there may be better ones')
+            ' is at the end of '//lists//': beyond it there may be better '// &
+            'experiments')
       end do
 
    contains
@@ -313,14 +315,15 @@ contains
          repeats = times
          if (times <= 1e9_wp) repeats = ceiling(times)
          what = 'the nearest, design '//to_text(best)//' ('//percent(worst(best))// &
-            '), would with its record repeated '//to_text(repeats)//' times'
+            '), reaches it if its record is repeated '//to_text(repeats)//' times'
          if (is_pulse(case%excitations(1)) .or. case%excitations(1)%is_release) then
             what = what//', or with an amplitude of '//trim(to_text(sqrt(times) &
                *case%excitations(1)%amplitude)//' '//merge(case%units%length, case%units%force, &
                case%excitations(1)%by_displacement))//' instead of '// &
                to_text(case%excitations(1)%amplitude)
          else
-            what = what//', or with an excitation '//to_text(sqrt(times))//' times as strong'
+            what = what//', or with an excitation that is '//to_text(sqrt(times))// &
+               ' times as strong'
          end if
          call text%line(what)
       end associate

@@ -235,8 +235,8 @@ contains
       end do
       if (.not. any(self%sums%compared > 0)) return
       call summary%line()
-      call summary%line('bias: mean of estimate - truth; truth inside: how many 95 % intervals '// &
-         'hold it')
+      call summary%line('bias: mean of estimate - truth; truth inside: number of 95 % '// &
+         'intervals that contain the truth')
    end subroutine add_to
 
    !> Reports an ensemble: ensemble.csv and the summary.

@@ -11,6 +11,7 @@ module beamid_error_sources
    use beamid_strings, only: rounded, to_text
    use beamid_structure, only: function_of, is_coefficient, of_E, structure_t
    use beamid_texts, only: left, right, text_t
+      use beamid_units, only: units_t
    implicit none
    private
 
@@ -24,16 +25,17 @@ contains
 
    !> Adds a table of the intervals that include every source of error, and a line for each fixed
    !> parameter whose error is known.
-   subroutine add_error_sources(text, fit)
+   subroutine add_error_sources(text, units, fit)
       type(text_t), intent(inout) :: text
-      type(stage_fit_t), intent(in) :: fit
+      type(units_t), intent(in) :: units
+type(stage_fit_t), intent(in) :: fit
       character(len=:), allocatable :: line
       real(wp) :: from_fixed(3)
       integer :: k
 
       if (fit%statistics%samples == 0) return
       if (allocated(fit%mesh_shift) .or. allocated(fit%held)) then
-         call text%line('with every source of error that the case states:')
+         call text%line('total intervals, with every source of error that the case states:')
          call text%line('              mesh shift     from held    total lower    total upper')
          do k = 1, size(fit%free)
             if (is_coefficient(fit%free(k))) cycle
@@ -56,19 +58,20 @@ contains
       end if
       if (.not. allocated(fit%held)) return
       do k = 1, size(fit%held)
-         if (.not. fit%held(k)%is_assumed) call text%line(effect_line(fit, k))
+         if (.not. fit%held(k)%is_assumed) call text%line(effect_line(fit, k, units))
       end do
    end subroutine add_error_sources
 
    !> Adds a line for each parameter that the program keeps fixed although the user asked for it.
-   subroutine add_assumptions(text, fit)
+   subroutine add_assumptions(text, units, fit)
       type(text_t), intent(inout) :: text
-      type(stage_fit_t), intent(in) :: fit
+      type(units_t), intent(in) :: units
+type(stage_fit_t), intent(in) :: fit
       integer :: k
 
       if (.not. allocated(fit%held)) return
       do k = 1, size(fit%held)
-         if (fit%held(k)%is_assumed) call text%line(effect_line(fit, k))
+         if (fit%held(k)%is_assumed) call text%line(effect_line(fit, k, units))
       end do
    end subroutine add_assumptions
 
@@ -89,9 +92,9 @@ contains
             distance = abs(q%searched - centre)/prior%width(centre)
             if (.not. distance > far_from_prior) cycle
             call text%line(trim(q%name)//' = '//to_text(q%value)//' lies '// &
-               to_text(nint(distance))//' prior standard deviations from its prior, '// &
-               to_text(as_named(q%parameter, centre))//' with sd = '//to_text(prior%sd)// &
-               '; the model or the prior is wrong')
+               to_text(nint(distance))//' prior standard deviations from the value of its '// &
+               'prior, '//to_text(as_named(q%parameter, centre))//' (sd = '// &
+               to_text(prior%sd)//'): check this prior; if it is right, the model is wrong')
          end associate
       end do
    end subroutine add_prior_conflicts
@@ -136,15 +139,16 @@ contains
    !> Returns a line that says how much an error of one standard deviation in the fixed parameter j
    !> moves each estimate; for a parameter with an assumed range, how much the ends of the range do.
    !> Of the coefficients of a field only the one that moves most is named.
-   function effect_line(fit, j) result(line)
+   function effect_line(fit, j, units) result(line)
       type(stage_fit_t), intent(in) :: fit
       integer, intent(in) :: j
-      character(len=:), allocatable :: line
+      type(units_t), intent(in) :: units
+character(len=:), allocatable :: line
       real(wp) :: effect, unit
       integer :: k
 
       associate (held => fit%held(j))
-         line = to_text(held%sd)//' in '//trim(held%name)
+         line = to_text(held%sd)//unit_of(units, held%name)//' in '//trim(held%name)
          if (held%is_assumed) line = trim(held%name)
          if (held%record > 0) line = line//'('//to_text(held%record)//')'
          ! The effect of an assumed range is that of its ends.
@@ -176,6 +180,23 @@ contains
       end associate
    end function effect_line
 
+   !> Returns a blank and the label of the unit of a parameter that a prior names; '' without label.
+   function unit_of(units, name) result(unit)
+      type(units_t), intent(in) :: units
+      character(len=*), intent(in) :: name
+      character(len=:), allocatable :: unit
+      integer :: k
+
+      unit = ''
+      if (name == 'width' .or. name == 'height') unit = units%length
+      do k = 1, size(parameters)
+         if (parameters(k)%name /= name(:scan(name//'.', '.') - 1)) cycle
+         unit = units%of_parameter(k)
+         exit
+      end do
+      if (unit /= '') unit = ' '//trim(unit)
+   end function unit_of
+
    !> Returns the coefficient that moves most, relative to its scale, among those of the field of
    !> coefficient k.
    !>
@@ -202,7 +223,8 @@ contains
 
       if (fit%statistics%samples > 0 .and. size(fit%free) > 0 .and. &
          .not. allocated(fit%mesh_shift)) call text%line('warning: mesh: N = '// &
-         to_text(fit%elements)//': a fit on a finer one fails, nothing tells what the mesh does')
+         to_text(fit%elements)//': the fit on a finer mesh failed, so that the error of the '// &
+         'mesh is unknown; try other elements')
       if (.not. fit%shifted()) return
       line = ''
       do k = 1, size(fit%mesh_shift)
@@ -222,7 +244,8 @@ contains
       else
          line = 'reduces J by '//rounded(100*fit%mesh_decrease, 2)//' %'
       end if
-      call text%line('warning: mesh: a finer one than N = '//to_text(fit%elements)//' '//line)
+      call text%line('warning: mesh: a finer mesh than N = '//to_text(fit%elements)//' '//line// &
+         '; use more elements, or elements=''auto''')
    end subroutine add_mesh_warning
 
 end module beamid_error_sources

@@ -110,7 +110,8 @@ contains
             end do
          end do
       end do
-      if (moves == 0) call summary%line('  no parameter has moved by more than its intervals')
+      if (moves == 0) call summary%line( &
+         '  no estimate has moved by more than its intervals explain')
       call output%add('changed.csv', changed%content())
    end subroutine add_fleet
 

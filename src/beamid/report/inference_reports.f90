@@ -63,9 +63,9 @@ contains
                   trim(fit%quantities(k)%name)//' ends at '//to_text(s%end)//': '//s%reason)
                i = minloc(s%J, dim=1)
                if (s%J(i) < lowest - 1e-2_wp*fit%statistics%variance) call text%line( &
-                  'warning: J is lower than at the estimate where '// &
+                  'warning: the estimate is not the lowest minimum: at '// &
                   trim(fit%quantities(k)%searched_name())//' = '//to_text(s%value(i))// &
-                  ': J = '//to_text(s%J(i))//'; fit again from there')
+                  ' the profile has J = '//to_text(s%J(i))//'; fit again with start values there')
             end associate
          end do
       end do
@@ -229,11 +229,11 @@ contains
             to_text(bootstrap%block)//' residuals')
       else
          call text%line('bootstrap: '//to_text(n)//' records with normal white noise')
-         if (.not. fit%check%white) call text%line('warning: the residuals are not white; '// &
-            'expected kind = ''blocks''')
+         if (.not. fit%check%white) call text%line('warning: the residuals are not white, so '// &
+            'that these intervals are too narrow; use kind=''blocks'' in &bootstrap')
       end if
       if (bootstrap%failures > 0) call text%line('warning: '//to_text(bootstrap%failures)// &
-         ' more could not be fitted: '//bootstrap%reason)
+         ' further records could not be fitted and are left out: '//bootstrap%reason)
       call text%line(left('', 10)//right('mean')//right('sd')//right('bias'))
       do k = 1, size(fit%free)
          associate (x => bootstrap%estimates(k, :), q => fit%quantities(k))

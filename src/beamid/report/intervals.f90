@@ -324,31 +324,32 @@ contains
             if (any(p%ends == is_lost)) call text%line(name// &
                ': the profile could not be followed to its end')
             if (p%ends(1) == is_open .or. p%ends(2) == is_open) then
-               call text%line(name//': the record sets it no '//trim(merge('lower', 'upper', &
-                  p%ends(1) == is_open))//' limit: the least J stays below the level of 95 %')
+               call text%line(name//': the record sets no '//trim(merge('lower', 'upper', &
+                  p%ends(1) == is_open))//' limit: J, minimised over the other parameters, '// &
+                  'stays below the 95 % level')
             else if (any(p%ends == at_bound)) then
-               call text%line(name//': the interval reaches a bound of its range, of which '// &
-                  'linear theory knows nothing')
+               call text%line(name//': the profile interval ends at a bound of the stage; '// &
+                  'linear theory ignores bounds')
             else if (differ(p, l)) then
                t = (p%upper - p%estimate)/(p%estimate - p%lower)
-               call text%line(name//': J is no parabola, its profile reaches '//rounded(t, 2)// &
-                  ' times as far up as down; rather the profile than linear theory')
+               call text%line(name//': J is not a parabola: the profile interval reaches '// &
+                  rounded(t, 2)//' times as far up as down; use it instead of linear theory')
             end if
          end associate
       end if
       if (posterior > 0 .and. profile > 0) then
-         if (differ(list(posterior), list(profile))) call text%line(name//': the posterior '// &
-            'weighs how many values of the others go with each, and a flat prior between '// &
-            'bounds; the profile takes the best of them')
+         if (differ(list(posterior), list(profile))) call text%line(name//': posterior '// &
+            'and profile differ: the posterior averages over the other parameters, with flat '// &
+            'priors between bounds; the profile takes their best values')
       end if
       if (bca > 0) then
          if (differ(list(bca), list(max(profile, linear)))) then
             if (fit%check%white) then
-               why = 'estimates scatter otherwise than J has it around one of them'
+               why = 'the estimates scatter by another amount than the shape of J implies'
             else
-               why = 'the residuals depend on the past otherwise than assumed elsewhere'
+               why = 'the other methods assume another correlation of the residuals in time'
             end if
-            call text%line(name//': resampled records give another interval: '//why)
+            call text%line(name//': the bootstrap gives another interval: '//why)
          end if
       end if
 

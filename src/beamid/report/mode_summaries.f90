@@ -78,12 +78,12 @@ contains
          call text%line(line)
       end do
       if (all(.not. abs(aimag(modes%s)) > 0)) then
-         call text%line('no mode oscillates: real roots, each a decay by itself')
+         call text%line('no mode oscillates: every root is real, a decay without oscillation')
       else if (any(.not. abs(aimag(modes%s)) > 0)) then
          call text%line('damping ratio 1: a real root, a decay without oscillation')
       end if
-      if (any(modes%together)) call text%line('without an interval: roots that nearly meet, of '// &
-         'which none by itself depends smoothly on the parameters')
+      if (any(modes%together)) call text%line('roots that nearly coincide have no interval, '// &
+         'because a single one of them does not depend smoothly on the parameters')
    end subroutine fitted_modes_summary
 
    !> Adds the distinct minima, the lowest first.

@@ -92,7 +92,8 @@ contains
       call output%add('labels.csv', labels_table(case%units))
       if (.not. simulated%converged) call text%line('warning: mesh: from '// &
          to_text(case%meshes(1)%elements/2)//' to '//to_text(case%meshes(1)%elements)// &
-         ' elements the acceleration still changes by '//to_text(simulated%remaining)//' rms')
+         ' elements the acceleration still changes by '//to_text(simulated%remaining)// &
+         ' rms; use more elements')
       call text%add(response_summary(case, simulated%simulations))
       summary = text%content()
    end subroutine report_simulation

@@ -43,8 +43,9 @@ contains
                ' J falls by '// &
                rounded(100*one%decrease, 3)//' %'
             if (one%by > 0) line = line//', and '//trim(fit%quantities(one%by)%name)// &
-               ' moves by '//rounded(one%moves, 2)//' times its half interval'
-            if (fit%shifted()) line = line//'; try a finer mesh first, elements=''auto'''
+               ' moves by '//rounded(one%moves, 2)// &
+               ' times the half width of its interval'
+            if (fit%shifted()) line = line//'; first try a finer mesh, elements=''auto'''
             call text%line(line//'; add '''//trim(one%name)//''' to free')
          end associate
       end do

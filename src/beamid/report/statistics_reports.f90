@@ -35,7 +35,8 @@ contains
       integer :: k
 
       if (fit%statistics%samples == 0) then
-         call text%line('No degree of freedom is left for standard errors.')
+         call text%line('there are no standard errors: the record has no more samples than the '// &
+            'fit has unknowns')
          return
       end if
       names = fit%quantities%name
@@ -62,12 +63,12 @@ contains
       call add_correlations(text, fit, names)
       call add_determination(text, fit, names, verdict)
       if (allocated(fit%fit%derivative_check)) call text%line( &
-         'derivatives, exact against central differences: '// &
+         'relative difference of exact derivatives and central differences: '// &
          to_text(fit%fit%derivative_check(1))//' at the start, '// &
          to_text(fit%fit%derivative_check(2))//' at the end')
       if (any(fit%statistics%disputed)) call text%line('the records disagree '// &
-         'by more than their residuals explain about: '//listed(pack(names, &
-         fit%statistics%disputed), ' ')//'; the corrected errors are from that')
+         'about '//listed(pack(names, fit%statistics%disputed), ', ')//' by more than their '// &
+         'residuals explain; the corrected errors include this disagreement')
       call add_residual_check(text, fit)
    end subroutine add_statistics
 
@@ -96,8 +97,8 @@ contains
             line = determination(fit, verdict)
             if (line /= '') call text%line(line)
          else if (size(sentences) == 0 .and. verdict%caution == '') then
-            call text%line('the interval is wider than the value of: '// &
-               listed(pack(names, .not. s%determined), ' '))
+            call text%line('not determined, because the interval is wider than the value: '// &
+               listed(pack(names, .not. s%determined), ', '))
          end if
       end associate
    end subroutine add_determination
@@ -154,11 +155,12 @@ contains
          if (check%white) then
             call text%line('residuals pass for white noise')
          else if (any(fit%statistics%std_error >= unlimited)) then
-            call text%line('residuals are NOT white; errors without limits cannot be corrected')
+            call text%line('residuals are NOT white; some standard errors are unlimited and '// &
+               'cannot be corrected')
          else
-            call text%line('residuals are NOT white: as good as '// &
+            call text%line('residuals are NOT white: the samples are worth '// &
                to_text(fit%statistics%effective)// &
-               ' independent samples; the corrected errors allow for that')
+               ' independent ones; the corrected errors allow for that')
          end if
       end associate
    end subroutine add_residual_check

@@ -54,14 +54,19 @@ contains
          end associate
       end do
       do k = 1, size(notes)
-         call text%line(notes(k))
+         if (index(notes(k), 'warning: ') == 1) then
+            call warnings%line(notes(k))
+         else
+            call text%line(notes(k))
+         end if
       end do
-      call text%line('observed: '//observed(case))
+call text%line('observed: '//observed(case))
       do k = 1, size(fits, 1)
          call text%line()
          call add_stage(text, case, fits(k, :))
          call add_statistics(text, case, fits(k, size(fits, 2)), verdict)
-         if (k == size(fits, 1)) call add_error_sources(text, fits(k, size(fits, 2)))
+         if (k == size(fits, 1)) call add_error_sources(text, case%units, &
+            fits(k, size(fits, 2)))
          if (k == size(fits, 1)) call add_smoothing(text, fits(k, size(fits, 2)))
       end do
       do k = 1, size(fits, 2)
@@ -82,8 +87,8 @@ contains
       integer :: digits, k
 
       call text%line()
-      call text%line('              estimate    95 % interval, every source of error that the '// &
-         'case states')
+      call text%line('              estimate    95 % interval with every source of error that '// &
+         'the case states')
       do k = 1, size(fit%free)
          if (is_coefficient(fit%free(k))) cycle
          associate (q => fit%quantities(k))
@@ -106,8 +111,8 @@ contains
       if (.not. all(fit%scenario%excitations%modes > 0) .or. &
          any(fit%scenario%structures(1)%essential() .neqv. clamped_root)) return
       if (any(fit%free == of_E)) call text%line( &
-         'not in these intervals: a clamp that yields, and mass that the model lacks; they '// &
-         'show in a second length or sensor position, or by weighing')
+         'not in these intervals: a clamp that yields, and mass that the model lacks. To find '// &
+         'them, record the beam at a second free length or sensor position, and weigh it')
    end subroutine add_estimates
 
    !> Returns the number of significant digits that shows two digits of an interval's width.
@@ -147,9 +152,9 @@ contains
             if (fit%shortened > 0) call text%line('    '//to_text(fit%shortened)// &
                ' steps shortened because the response could not be computed')
          end associate
-         if (fits(k)%moved >= 0) call text%line('    the integrator''s error has moved the '// &
-            'estimates by '//to_text(fits(k)%moved)//' of their standard errors at most, seen '// &
-            'from '//fits(k)%reference)
+         if (fits(k)%moved >= 0) call text%line('    the error of the integrator has moved '// &
+            'the estimates by at most '//to_text(fits(k)%moved)//' standard errors, compared '// &
+            'with '//fits(k)%reference)
          if (fits(k)%rejections /= '') call text%add(fits(k)%rejections)
          if (fits(k)%score >= 0) call text%line('    sum of squares over the window of '// &
             '&score: '//to_text(fits(k)%score))

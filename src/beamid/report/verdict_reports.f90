@@ -33,18 +33,22 @@ contains
       integer :: k
 
       if (verdict%no_fit /= '') call text%line('no fit: '//verdict%no_fit)
-      if (verdict%starts_again) call text%line('the search from the values of the case ended '// &
-         'in no fit; this one starts from the spectral lines of the records')
+      if (verdict%starts_again) call text%line('the fit from the values of the case was '// &
+         'rejected; this fit starts from the spectral lines of the records')
       if (fit%note /= '') call text%line(fit%note)
       call add_prior_conflicts(text, fit)
       if (all(fit%scenario%excitations%modes > 0)) call add_far_values(text, &
          case%model%structure, fit)
-      call add_assumptions(text, fit)
+      call add_assumptions(text, case%units, fit)
       if (verdict%no_fit == '' .and. verdict%caution /= '') call text%line( &
          'no parameter counts as determined: '//verdict%caution)
-      if (verdict%no_fit == '' .and. verdict%departures /= '') call text%line('the residuals '// &
-         'exceed the noise around '//verdict%departures//': damping or stiffness may '// &
-         'depend on the amplitude')
+      if (verdict%no_fit == '' .and. verdict%departures /= '') then
+         line = ''
+         if (.not. all(fit%scenario%excitations%modes > 0)) line = &
+            ', or the excitation may differ from that of the case'
+         call text%line('the residuals exceed the noise around '//verdict%departures// &
+            ': damping or stiffness may depend on the amplitude'//line)
+      end if
       unit = unit_suffix(case%units%acceleration())
       do k = 1, size(verdict%qualities)
          associate (q => verdict%qualities(k))
@@ -56,7 +60,7 @@ contains
       do k = 1, size(verdict%sightings)
          associate (s => verdict%sightings(k))
             line = '  mode '//to_text(s%mode)
-            if (s%mode == 0) line = '  line without a mode'
+            if (s%mode == 0) line = '  spectral line, no mode'
             if (size(verdict%qualities) > 1) line = line//' in record '//to_text(s%record)
             line = line//': '
             if (s%mode > 0) line = line//filled('model #.4, ', [s%model])
@@ -127,10 +131,11 @@ contains
       if (line /= '') return
       if (any(fit%statistics%corrected_half_width(:n) > abs(fit%quantities(:n)%searched))) return
       if (.not. fit%check%white .and. any(verdict%qualities%fit_percent < good_percent)) then
-         line = 'every interval is narrow, but the model leaves much of a record unexplained'
+         line = 'every interval is narrow, but the model explains less than '// &
+            to_text(nint(good_percent))//' % of a record: do not rely on the intervals'
       else if (any(is_coefficient(fit%free))) then
-         line = 'every parameter is determined by this record, what varies along the beam if '// &
-            'that is smooth'
+         line = 'every parameter is determined by this record; a property that varies along '// &
+            'the beam is determined under the assumption that it is smooth'
       else
          line = 'every parameter is determined by this record'
       end if

@@ -33,7 +33,7 @@ contains
          if (.not. drift%is_significant(k)) cycle
          names = names//', '//trim(fit%quantities(k)%name)
          names = names//' (scatter '//to_text(anint(10*drift%scatter(k)%ratio)/10)// &
-            ' times its errors)'
+            ' times its standard errors)'
       end do
       if (names /= '') call text%line('not constant during the motion, by a test in '// &
          to_text(drift%windows)//' windows: '//names(3:)//'; the intervals allow for that')
@@ -57,7 +57,7 @@ contains
          last = min(first + most - 1, size(windows))
          call add_block(first, last)
       end do
-      call text%line(left('of all', 10)//right('scatter')//right('expected'))
+      call text%line(left('parameter', 10)//right('scatter')//right('expected'))
       do k = 1, size(fit%free)
          call text%line(left(trim(fit%quantities(k)%searched_name()), 10)// &
             columns([drift%scatter(k)%spread, drift%scatter(k)%expected], 14))
@@ -67,7 +67,7 @@ contains
             windows(i)%error%message)
       end do
       if (.not. any(drift%is_significant)) call text%line( &
-         'nothing drifts from window to window beyond its errors')
+         'no parameter changes between the windows by more than its standard errors explain')
       content = text%content()
 
    contains

@@ -193,13 +193,13 @@ contains
 
       text = 'start from the values of the case'
       if (k > size(assignments)) return
-      text = 'start from'
+      text = 'start from the lines'
       do r = 1, size(lines)
          do mode = 1, size(assignments(k)%place, 1)
             associate (place => assignments(k)%place(mode, r))
                if (mode + r > 2) text = text//','
                if (place > 0) text = text//' '//to_text(lines(r)%line(place)%frequency)
-               if (place == 0) text = text//' no line'
+               if (place == 0) text = text//' none'
             end associate
          end do
       end do
@@ -311,7 +311,7 @@ contains
                   t(size(t)) - t(1))
             end do
             if (.not. sum(gain) > least_gain) then
-               trial%objection = 'mode '//to_text(needed)//' gains nothing'
+               trial%objection = 'mode '//to_text(needed)//' does not improve the fit'
                trial%is_absent = .true.
             else if (sum(gain, mask=multiple) > sum(gain)/2) then
                trial%objection = 'mode '//to_text(needed)// &

@@ -111,7 +111,8 @@ contains
          call describe_fixed(problem, asked, full, fewer, needed, stage%rejected_mode, &
             findings%note)
       else if (size(full%trials) == 0) then
-         call failure(error, 'start values: no fit without mode '//to_text(needed)//' converges')
+         call failure(error, 'start values: no fit without mode '//to_text(needed)// &
+            ' converges; give start values, or free fewer parameters')
          return
       else
          k = full%best
@@ -154,12 +155,13 @@ contains
          if (size(t) == 0 .or. all(problem%scenario%excitations%modes > 0)) then
             cycle   ! A fit of a free motion is judged by itself, with or without lines.
          else if (.not. (t(size(t)) - t(1))*highest > 1) then
-            call failure(error, 'record '//to_text(r)//' holds no period of '// &
-               to_text(highest)//', twice the frequency of the model''s mode '// &
-               to_text(modes)//': it lasts '//to_text(t(size(t)) - t(1))// &
-               '; expected a longer one, or units that go together')
+            call failure(error, 'record '//to_text(r)//' lasts '// &
+               to_text(t(size(t)) - t(1))//', less than a period of '//to_text(highest)// &
+               ', twice the frequency of mode '//to_text(modes)//' of the model; expected a '// &
+               'longer record, or consistent units in the case and the record')
          else if (size(lines(r)%line) == 0) then
-            call failure(error, 'found no line in the spectrum of record '//to_text(r))
+            call failure(error, 'found no spectral line in record '//to_text(r)//', expected '// &
+               'a vibration: check its columns, t_first and t_last, or use start=''case''')
          end if
          if (allocated(error)) return
       end do
@@ -266,7 +268,7 @@ contains
 
       text = ''
       if (size(choice%quantities) == size(asked)) return
-      text = 'the modes do not determine every parameter that is to be estimated'
+      text = 'the modes do not determine every free parameter'
       call add_fixed(problem, asked, choice, text)
    end subroutine describe_unknowable
 
@@ -321,9 +323,9 @@ contains
          high = aimag(s(size(s)))/two_pi
          call strongest_peak(t, problem%parts(r)%observed%measured, 5*high, strongest, share)
          if (share > 0.05_wp .and. strongest*too_far > low) cycle
-         call bad_input(error, 'record '//to_text(r)//': found next to nothing of it '// &
-            'near the model''s frequencies, '//to_text(low)//' to '//to_text(high)// &
-            '; expected units that go together')
+         call bad_input(error, 'record '//to_text(r)//': found almost no '// &
+            'vibration near the natural frequencies of the model, '//to_text(low)//' to '// &
+            to_text(high)//'; expected consistent units in the case and the record')
          return
       end do
    end subroutine check_frequencies

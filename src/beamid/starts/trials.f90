@@ -133,7 +133,7 @@ contains
             beliefs(k)%centre))/beliefs(k)%width
          if (abs(deviation) <= merge(far_from_stated, far, beliefs(k)%stated)) cycle
          trial%objection = trim(names(k))//' = '//to_text(trial%fit%estimate(k))// &
-            ' is far from the expected '//to_text(beliefs(k)%centre)
+            ' is far from the value of the case or its prior, '//to_text(beliefs(k)%centre)
          return
       end do
    end subroutine object

@@ -184,8 +184,7 @@ contains
          if (has_free_amplitude()) then
             call add_note(notes, 'the column is in '//trim(unit%text)//', but scale = '// &
                to_text(case%recordings(k)%scale)//' (expected '//expected// &
-               '): only amplitudes, the '// &
-               'offset and J depend on it')
+               '): check scale; only amplitudes, the offset and J depend on it')
          else
             call refuse(case%path, case%recordings(k)%line, 'record scale', &
                to_text(case%recordings(k)%scale)//' for a column in '//trim(unit%text)//' ('// &

@@ -78,10 +78,10 @@ contains
       else
          call check_needs(maker%case, needs_fit, error)
          if (.not. allocated(error) .and. any(case%excitations%modes > 0)) call refuse(case%path, &
-            0, 'excitation kind', '''free''', 'a start that is known, to make records', error)
+            0, 'excitation kind', '''free''', 'a known excitation, to simulate records', error)
          if (.not. allocated(error) .and. size(case%draws) == 0 .and. .not. case%noise_sd > 0) &
             call refuse(case%path, case%ensemble%line, 'ensemble', 'neither &draw nor &noise', &
-            'something that differs between members', error)
+            'one of them, so that the members differ', error)
          if (.not. allocated(error)) call load_experiments(maker%case, maker%experiments, notes, &
             error)
          if (allocated(error)) return

@@ -38,20 +38,20 @@ contains
             other%observer = first%observer
             if (experiments(k - 1)%motion /= number) then
                call refuse(case%path, line, 'record experiment', to_text(number)//' again', &
-                  'records of one experiment one behind the other', error)
+                  'the records of one experiment in consecutive groups', error)
             else if (.not. same_structure(first, other)) then
                call refuse(case%path, line, 'record experiment', to_text(number)// &
                   ' with another beam than record '//to_text(j), 'the same beam', error)
             else if (experiments(k)%excitation%modes /= experiments(j)%excitation%modes) then
                call refuse(case%path, line, 'record experiment', to_text(number)// &
-                  ' with another start than record '//to_text(j), 'the same', error)
+                  ' with another excitation than record '//to_text(j), 'the same', error)
             end if
          end associate
          do p = 1, size(case%stages)
             if (allocated(error)) return
             if (any(case%stages(p)%owners() > 0)) call refuse(case%path, case%stage_lines(p), &
                'stage shared', 'parameters that are not shared, beside channels of one '// &
-               'experiment', 'all of them', error)
+               'experiment', 'all free parameters', error)
          end do
          if (allocated(error)) return
       end do
@@ -97,14 +97,14 @@ contains
             if (stage%record(p) == 0 .and. differs(q, structure)) then
                call refuse(case%path, case%stage_lines(k), 'stage free', trim(name_of_parameter( &
                   structure, q))//' shared by records that give it different values', &
-                  'it left out of shared, or one value', error)
+                  'the parameter left out of shared, or one value', error)
             else if (q == of_length) then
                least = outermost(structure, stage%free)
                if (stage%upper(p) <= least) call refuse_value('upper', stage%upper, &
-                  'more than '//to_text(least)//', where the outermost of what it carries is')
+                  'more than '//to_text(least)//', the outermost position on the beam')
                if (.not. allocated(stage%start)) return
                if (stage%start(p) < least) call refuse_value('start', stage%start, &
-                  'at least '//to_text(least)//', where the outermost of what it carries is')
+                  'at least '//to_text(least)//', the outermost position on the beam')
             else if (parameters(q)%range == on_beam) then
                if (stage%lower(p) >= structure%length) call refuse_value('lower', stage%lower, &
                   'less than the length '//to_text(structure%length)//' of the beam')

@@ -53,7 +53,7 @@ contains
       if (first == 1) return
       if (has_t_first) then
          call add_note(notes, 'warning: the motion begins at '//to_text(t(first))// &
-            '; expected t_first at or after that')
+            ', after t_first; set t_first to this time or later')
       else
          call add_note(notes, 'the motion begins at '//to_text(t(first))//': '// &
             to_text(first - 1)//' samples before it are left out')
@@ -115,11 +115,11 @@ contains
          call compare_with_model(case, experiments(r), frequencies, nyquist, line)
          if (.not. allocated(frequencies)) cycle
          if (.not. line > 0 .or. distance_to(frequencies, line) < log(usual)) cycle
-         text = 'the strongest line of record '//to_text(r)//' is at '//rounded(line, 4)// &
-            ', '//rounded(line/frequencies(1), 3)//' times the first natural frequency of '// &
-            'the model, '//rounded(frequencies(1), 4)//': check rate or the time stamps, '// &
-            'the length and the height; with E alone it would have to be '// &
-            rounded(case%model%structure%E*(line/frequencies(1))**2, 3)
+         text = 'the strongest spectral line of record '//to_text(r)//' is at '// &
+            rounded(line, 4)//', '//rounded(line/frequencies(1), 3)//' times the first natural '// &
+            'frequency of the model, '//rounded(frequencies(1), 4)//': check rate or the time '// &
+            'stamps, the length and the height. If they are right and this line is mode 1, '// &
+            'E is about '//rounded(case%model%structure%E*(line/frequencies(1))**2, 3)
          return
       end do
    end subroutine describe_scale

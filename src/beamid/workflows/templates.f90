@@ -38,9 +38,8 @@ module beamid_templates
       '', &
       '! An aluminium strip, clamped at one end. Values of free parameters are guesses.', &
       '&beam', &
-      '   length=0.5, width=0.05, height=0.002', &
-      '   density=2700', &
-      '   E=6.5e10        ! a guess', &
+      '   length=0.5, width=0.05, height=0.002, density=2700', &
+'   E=6.5e10        ! a guess', &
       '   c_D=4e6         ! damping inside the material (Kelvin-Voigt), a guess', &
       '   gamma=0.05      ! damping by the air, per length, a guess', &
       '/', &
@@ -54,11 +53,12 @@ module beamid_templates
       '&discretization degree=5, elements=16 /']
 
    ! The group &record with the keys that the user's own record most likely needs, without t_first.
+   ! A key that the user would have to adapt to a file, but can leave out, is a comment.
    character(len=width), parameter :: record_keys(*) = [character(len=width) :: &
       '', &
       '&record', &
       '   file=''record.csv''              ! columns of times and measured values', &
-      '   value_column=''acceleration''    ! name or number of the column; default: the second', &
+      '   ! value_column=''acceleration''  ! name or number of the column; default: the second', &
       '   scale=1                        ! acceleration = scale (value - offset); default: 1', &
       '   offset=0                       ! value of the record at zero acceleration; default: 0']
 
@@ -76,9 +76,10 @@ module beamid_templates
       '! with the parameters. Start values come from the spectral lines of the record.', &
       '&excitation  kind=''free'', modes=3 /', &
       record_keys, &
-      '   t_first=0.2                    ! first time that is used; default: start of the record', &
+      '   ! t_first=0.2                  ! first time that is used; default: start of the motion', &
       '/', &
       '', &
+      '! Add ''offset'' if the sensor reads gravity or has an offset, as that of a phone.', &
       '&stage       free=''E'',''m_S'',''c_D'',''gamma'' /', &
       prior_knowledge]
 
