@@ -76,8 +76,9 @@ module beamid_command_table
          'or changed case starts from its last estimate, and changed.csv lists the estimates '// &
          'that have changed.', 'ensemble case.nml --only 1:100'), &
       command_t('new', '[KIND] [DIR]', 'write a case file with comments and a small record', &
-         'KIND is free-decay (default), impulse, base, struck-bar or paper. Writes case.nml and '// &
-         'record.csv to DIR, by default a folder named KIND. Existing files are not replaced.', &
+         'KIND is free-decay (default), impulse, base, struck-bar or paper. Writes case.nml '// &
+         'and record.csv to DIR, by default a folder named KIND. Existing files are not '// &
+         'replaced.', &
          'new free-decay trial'), &
       command_t('help', '[WORD ...]', 'explain a command, group, key or parameter', &
          'help man, help bash and help zsh print the manual page and the completion for these '// &

@@ -172,15 +172,15 @@ contains
    end subroutine test_buckling
 
    !> Buckling loads of uniform beams on every pair of ends that holds them: just below them the
-   !> structure is accepted, just above it is refused. Two more beams have a support: rigid, it halves
-   !> a pinned beam, which buckles at 4 pi**2; elastic, of the stiffness 16 pi**2 E I/l**3, at which
+   !> structure is accepted, just above it is refused. Two more beams have a support: rigid, it
+   !> halves a pinned beam, which buckles at 4 pi**2; elastic, of the stiffness 16 pi**2 E I/l**3, at which
    !> both shapes buckle at once, it does the same.
    subroutine test_euler_loads()
       integer, parameter :: clamped = 1, pinned = 2, guided = 3, free = 4, beams = 8
       integer, parameter :: ends(2, beams) = reshape([clamped, clamped, clamped, pinned, clamped, &
          guided, clamped, free, pinned, pinned, pinned, guided, pinned, pinned, pinned, pinned], &
          [2, beams])
-      real(wp), parameter :: load(beams) = [4*pi**2, 20.1907285564266300_wp, pi**2, pi**2/4, pi**2, &
+      real(wp), parameter :: load(beams) = [4*pi**2, 20.19072855642663_wp, pi**2, pi**2/4, pi**2, &
          pi**2/4, 4*pi**2, 4*pi**2]
       type(end_t) :: kinds(4)
       type(structure_t) :: s

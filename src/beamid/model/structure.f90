@@ -9,7 +9,8 @@
 !> `beamid_parameters` describes each parameter (name, unit, range, help), and `beamid_terms` states
 !> how the parameters enter M, C, K and F. This module also computes static deflections.
 module beamid_structure
-   use beamid_columns, only: column_buckles, column_deflection, column_spring_t, column_t, new_column
+   use beamid_columns, only: column_buckles, column_deflection, column_spring_t, column_t, &
+      new_column
    use beamid_kinds, only: wp
    use beamid_matrices, only: eliminate
    use beamid_quadrature, only: gauss_legendre, rule_t
