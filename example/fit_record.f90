@@ -1,7 +1,7 @@
 !> Estimates the viscosity of the beam and the parameters of the hose from the record of Table 4.1.
 !> Run it in the root folder of the project.
 program fit_record
-   use beamid, only: error_t, free_index, free_names, identify, mesh_t, modal_t, model_t, &
+   use beamid, only: hose_t, error_t, free_index, free_names, identify, mesh_t, modal_t, model_t, &
       new_pulse, observation_t, read_record, recording_t, stage_fit_t, stage_t, structure_t, wp
    implicit none
    type(model_t) :: model
@@ -14,7 +14,7 @@ program fit_record
 
    ! What is known, and a guess of what is not: the search starts there.
    model%structure = structure_t(length=4, rho=0.03_wp, E=80, I=1, c_D=0.0035_wp, m_T=0.15_wp, &
-      m_H=0.035_wp, c_H=0.0035_wp, k_H=0.4_wp)
+      hose=hose_t(m_H=0.035_wp, c_H=0.0035_wp, k_H=0.4_wp))
    model%excitation = new_pulse(amplitude=1.0_wp, duration=0.05_wp)
    model%observation = observation_t(formula=1, delta=0.1_wp)   ! differences of displacement
    model%solver = modal_t()

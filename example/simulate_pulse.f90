@@ -1,6 +1,6 @@
 !> What an accelerometer on the tip of a beam sees of a pulse, with and without a hose.
 program simulate_pulse
-   use beamid, only: cvode_t, error_t, mesh_t, modal_t, model_t, new_pulse, simulate, &
+   use beamid, only: hose_t, cvode_t, error_t, mesh_t, modal_t, model_t, new_pulse, simulate, &
       simulation_t, structure_t, wp
    implicit none
    type(model_t) :: model
@@ -10,7 +10,7 @@ program simulate_pulse
    integer :: k
 
    model%structure = structure_t(length=4, rho=0.03_wp, E=80, I=1, c_D=0.005_wp, m_T=0.15_wp, &
-      m_H=0.04_wp, c_H=0.004_wp, k_H=0.3_wp)
+      hose=hose_t(m_H=0.04_wp, c_H=0.004_wp, k_H=0.3_wp))
    model%excitation = new_pulse(amplitude=1.0_wp, duration=0.05_wp)
    model%solver = modal_t()
    t = [(0.1_wp*k, k=0, 50)]
@@ -24,9 +24,9 @@ program simulate_pulse
    if (allocated(error)) error stop error%message
 
    model%solver = modal_t()
-   model%structure%m_H = 0
-   model%structure%c_H = 0
-   model%structure%k_H = 0
+   model%structure%hose(1)%m_H = 0
+   model%structure%hose(1)%c_H = 0
+   model%structure%hose(1)%k_H = 0
    call simulate(model, mesh_t(elements=8), t, without, error)
    if (allocated(error)) error stop error%message
 

@@ -52,7 +52,7 @@ module beamid
    use beamid_responses, only: response_t, solver_t, work_t
    use beamid_roots, only: damped_roots
    use beamid_statistics, only: new_statistics, statistics_t
-   use beamid_structure, only: structure_t
+   use beamid_structure, only: end_t, free_end, hose_t, mass_t, sensor_t, structure_t, support_t
    use beamid_units, only: units_t
    use beamid_variables, only: new_variable, unbounded, variable_t
    use beamid_whiteness, only: check_residuals, residual_check_t

@@ -46,10 +46,10 @@ contains
             case (4); structure%end(1)%kappa_R = 0.5_wp
             case (5); structure%sensor(1)%m_S = 0.2_wp
             case (7); structure%gamma = 100
-            case (8); structure%m_H = 0.1_wp
+            case (8); structure%hose(1)%m_H = 0.1_wp
             end select
             if (i == 5 .or. i == 6) structure%sensor(1)%x_S = 0.45_wp
-            if (i == 8) structure%k_H = 1
+            if (i == 8) structure%hose(1)%k_H = 1
             e = experiment_on(structure)
             e%excitation%distributed = load == 2
             e%mesh = mesh_t(2*load + 1, 3, 6, 1)

@@ -212,7 +212,7 @@ contains
             known(:, 1)) > 1e-3_wp, to_text(relative(columns(:, 1), known(:, 1))))
       end do
       bar = everything
-      bar%m_H = 0
+      bar%hose(1)%m_H = 0
       bar%gamma = 0
       bar%c_D = 0
       inertia = bar%rho*bar%length**3/3 + bar%m_T*bar%length**2 + bar%J_T &
@@ -361,7 +361,7 @@ contains
 
       cases = everything
       cases(2)%end(1)%kappa_R = 0
-      cases(3)%m_H = 0
+      cases(3)%hose(1)%m_H = 0
       cases(3)%sensor(1)%x_S = 0.25_wp
       cases(4)%gamma = 30
       cases(4)%c_D = 0.1_wp

@@ -6,6 +6,8 @@ program test_bad_input
       record_text, refused, refused_now, tab, table, write_good_files
    use beamid_blocks, only: block_t
    use beamid_case_files, only: list_keys
+   use beamid_strings, only: to_text
+   use beamid_structure, only: n_parameters
    use checks, only: check, finish, skip
    use shell, only: beamid, close_shell, open_shell, outcome_t, replaced, write_file
    implicit none
@@ -191,8 +193,9 @@ contains
          '4: &tip m_T: found 2 values|expected 1|decimal point')
       call refused('too many values', 'rho=0.03', 'rho=0.03 0.04', &
          '2: &beam rho: found 2 values|expected 1')
-      call refused('too many free', 'free=''m_H'',', 'free='//repeat('''m_H'', ', 80), &
-         '12: &stage free: found 81 values|expected at most')
+      call refused('too many free', 'free=''m_H'',', 'free='//repeat('''m_H'', ', n_parameters &
+         + 4), &
+         '12: &stage free: found '//to_text(n_parameters + 5)//' values|expected at most')
       call refused('no value', 'm_T=0.15', 'm_T=', '4: &tip m_T: found no value|expected a number')
       call refused('no value before a key', 'm_H=0.04', 'm_H=', &
          '5: &hose m_H: found no value|expected a number')

@@ -358,9 +358,9 @@ contains
       call accepted('a sensor by its name in another case', 'identify', replaced(two, &
          'sensor=''a''', 'sensor=''A'''))
       call accepted('mass of one of two sensors', 'identify', freeing(two, '''m_S.b'''))
-      call accepted('eight sensors', 'modes', carrying(named('sensor', 'x_S', 8)))
-      call refused_case('nine sensors', carrying(named('sensor', 'x_S', 9)), &
-         '13: &sensor name: found 9 groups &sensor|expected at most 8')
+      call accepted('20 sensors', 'modes', carrying(named('sensor', 'x_S', 20)))
+      call refused_case('21 sensors', carrying(named('sensor', 'x_S', 21)), &
+         '25: &sensor name: found 21 groups &sensor|expected at most 20')
       call refused_case('two sensors without names', carrying(group('sensor', 'x_S=2')// &
          group('sensor', 'x_S=3')), each)
       call refused_case('first sensor without a name', carrying(group('sensor', 'x_S=2')//b), each)
@@ -583,8 +583,8 @@ contains
          'name=''b'', x_P=3, k_P=10')))
       call accepted('eight supports', 'simulate', replaced(carrying(named('support', 'x_P', 8)), &
          'elements=2', 'elements=16'))
-      call refused_case('nine supports', carrying(named('support', 'x_P', 9)), &
-         '13: &support name: found 9 groups &support|expected at most 8')
+      call refused_case('21 supports', carrying(named('support', 'x_P', 21)), &
+         '25: &support name: found 21 groups &support|expected at most 20')
       do k = 1, size(commands)
          call refused_case('eight supports of three functions', carrying(named('support', 'x_P', &
             8)), '12: &support: found 8 rigid ones|at most 2 on a mesh of 2 elements', &

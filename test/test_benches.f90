@@ -1,6 +1,6 @@
-!> What stands on a beam or under it, and a base that moves: sensors with rotary inertia, supports
-!> that give way or not, a force anywhere, the length, axial force and weight. Against full matrices
-!> in quadruple precision, CVODE, and finite elements of another kind.
+!> What stands on a beam or under it, and a base that moves: sensors and masses with rotary inertia,
+!> hoses anywhere, supports that give way or not, a force anywhere, the length, axial force and
+!> weight. Against full matrices in quadruple precision, CVODE, and finite elements of another kind.
 program test_benches
    use beamid_cvode, only: cvode_t
    use beamid_equations, only: equations_t, new_equations
@@ -15,7 +15,7 @@ program test_benches
    use beamid_roots, only: damped_roots
    use beamid_strings, only: to_text
    use beamid_structure, only: n_parameters, no_spring, structure_t
-   use checks, only: check, check_close, finish, held_root
+   use checks, only: check, check_close, finish, held_root, in_long_run
    use full_benches, only: bench_motion
    use full_matrices, only: qp
    use hermite_beams, only: hermite_frequencies
@@ -40,14 +40,19 @@ program test_benches
       call test_motions(number, heavy=.false.)
       call test_motions(number, heavy=.true.)
    end do
+   do number = 51, merge(110, 56, in_long_run())
+      call test_motions(number, heavy=.false.)
+      call test_motions(number, heavy=.true.)
+   end do
    call test_frequencies()
    call finish('benches')
 
 contains
 
    !> A beam with everything, its first frequency some 1/(2 pi) and up. The number decides what
-   !> holds it: no support; one, two that give way; one, two rigid ones; one of each. Beyond 40 the
-   !> first support is a damper alone, and there is another one or none.
+   !> holds it: no support; one, two that give way; one, two rigid ones; one of each. From 41 to 50
+   !> the first support is a damper alone, and there is another one or none. Beyond 50 there are
+   !> attachments of all kinds (`attach`).
    function bench(number) result(s)
       integer, intent(in) :: number
       type(structure_t) :: s
@@ -67,9 +72,9 @@ contains
          s%end(1)%c_R = decades(-2.0_wp, -1.0_wp)/s%end(1)%kappa_R
       end if
       if (modulo(number, 3) == 0) then
-         s%m_H = decades(-1.5_wp, -0.5_wp)*s%rho*s%length
-         s%k_H = decades(-1.0_wp, 0.5_wp)*s%E*s%I/s%length**3
-         s%c_H = 0.1_wp*s%k_H
+         s%hose(1)%m_H = decades(-1.5_wp, -0.5_wp)*s%rho*s%length
+         s%hose(1)%k_H = decades(-1.0_wp, 0.5_wp)*s%E*s%I/s%length**3
+         s%hose(1)%c_H = 0.1_wp*s%hose(1)%k_H
       end if
       s%x_F = between(0.3_wp, 1.0_wp)*s%length
       s%sensors = 2
@@ -82,11 +87,11 @@ contains
          s%sensor(i)%x_S = between(0.2_wp, 1.0_wp)*s%length
       end do
       s%supports = how_many(modulo(number, 6) + 1)
-      if (number > 40) s%supports = 1 + modulo(number, 2)
+      if (number > 40 .and. number <= 50) s%supports = 1 + modulo(number, 2)
       do i = 1, s%supports
          ! Apart, and inside an element of three: (0, l/3), (l/3, 2 l/3).
          s%support(i)%x_P = (between(0.1_wp, 0.9_wp) + 2 - i)/3*s%length
-         if (number > 40 .and. i == 1) then
+         if (number > 40 .and. number <= 50 .and. i == 1) then
             s%support(i)%kappa_P = no_spring
             s%support(i)%c_P = decades(-2.0_wp, 0.0_wp)*sqrt(s%rho*s%E*s%I)/s%length
             cycle
@@ -95,12 +100,42 @@ contains
          s%support(i)%kappa_P = s%length**3/(decades(0.0_wp, 2.0_wp)*s%E*s%I)
          s%support(i)%c_P = decades(-2.0_wp, -1.0_wp)/s%support(i)%kappa_P
       end do
+      if (number > 50) call attach(number, s)
       if (number /= 2) return
       ! The dashpots of the supports are all that damps.
       s%c_D = 0
       s%gamma = 0
       s%end(1)%c_R = 0
    end function bench
+
+   !> Adds up to four masses and up to four hoses anywhere, from soft to stiff, and makes the
+   !> supports resist the rotation, by a spring, a damper, both, or rigidly.
+   subroutine attach(number, s)
+      integer, intent(in) :: number
+      type(structure_t), intent(inout) :: s
+      integer :: i
+
+      s%masses = modulo(number, 5)
+      s%hoses = modulo(number/2, 5)
+      do i = 1, 4
+         s%mass_name(i) = 'm'//to_text(i)
+         s%mass(i)%m_M = decades(-2.0_wp, -0.5_wp)*s%rho*s%length
+         s%mass(i)%J_M = decades(-4.0_wp, -2.0_wp)*s%rho*s%length**3
+         s%mass(i)%x_M = between(0.1_wp, 1.0_wp)*s%length
+         s%hose_name(i) = 'h'//to_text(i)
+         s%hose(i)%m_H = decades(-1.5_wp, -0.5_wp)*s%rho*s%length
+         s%hose(i)%k_H = decades(-1.0_wp, 4.0_wp)*s%E*s%I/s%length**3
+         s%hose(i)%c_H = decades(-3.0_wp, 0.0_wp)*sqrt(s%hose(i)%k_H*s%hose(i)%m_H)
+         if (i > 1) s%hose(i)%x_H = between(0.1_wp, 1.0_wp)*s%length
+      end do
+      if (s%hoses == 0) s%hose(1)%m_H = 0
+      do i = 1, s%supports
+         s%support(i)%kappa_RP = s%length/(decades(-1.0_wp, 1.0_wp)*s%E*s%I)
+         s%support(i)%c_RP = decades(-3.0_wp, -1.0_wp)*sqrt(s%rho*s%E*s%I)*s%length
+         if (modulo(number + i, 3) == 1) s%support(i)%kappa_RP = no_spring
+         if (modulo(number + i, 3) == 2) s%support(i)%kappa_RP = 0
+      end do
+   end subroutine attach
 
    !> Weight, one in two upside down, and an axial force of either sign: at most .3 and .2 of what
    !> buckles a clamped beam by itself.
@@ -123,7 +158,7 @@ contains
       integer :: i
 
       f = [(between(-1.0_wp, 1.0_wp), i=1, nodes)]
-      if (number > 12) then
+      if (number > 12 .and. (number <= 50 .or. modulo(number, 2) == 0)) then
          call new_base_motion([((i - 1)*step, i=1, nodes)], f, excitation, error)
       else
          call new_force_table([((i - 1)*step, i=1, nodes)], f, excitation, error)
@@ -241,7 +276,7 @@ contains
          s = bench(6*4 + i)
          if (i > 5) call load_axially(i, s)
          name = 'frequencies '//achar(iachar('a') + i)//', '
-         s%m_H = 0
+         s%hose(1)%m_H = 0
          s%c_D = 0
          s%gamma = 0
          s%end(1)%c_R = 0

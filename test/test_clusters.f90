@@ -21,7 +21,8 @@ program test_clusters
    use beamid_projection, only: new_projection, projection_t
    use beamid_responses, only: response_t, work_t
    use beamid_strings, only: to_text
-   use beamid_structure, only: of_c_D, of_c_H, of_E, of_gamma, of_k_H, of_m_H, of_rho, of_x_S, &
+   use beamid_structure, only: hose_t, of_c_D, of_c_H, of_E, of_gamma, of_k_H, of_m_H, &
+      of_rho, of_x_S, &
       sensor_t, structure_t
    use checks, only: check, check_close, finish
    use full_matrices, only: full_t, new_full, qp
@@ -31,8 +32,9 @@ program test_clusters
    !> k_H and c_H of the double root on four cubics, from the determinant of s**2 M + s C + K and
    !> its derivative in quadruple precision; the strip itself: 30 x 1.5 mm of steel.
    type(structure_t), parameter :: tuned = structure_t(length=0.4_wp, rho=0.353_wp, E=2e11_wp, &
-      I=0.03_wp*0.0015_wp**3/12, c_D=4e6_wp, gamma=0.1_wp, m_H=0.02_wp, k_H=17.379942901774794_wp, &
-      c_H=0.67062974701630444_wp, sensor=sensor_t(m_S=0.012_wp, x_S=0.35_wp))
+      I=0.03_wp*0.0015_wp**3/12, c_D=4e6_wp, gamma=0.1_wp, hose=hose_t(m_H=0.02_wp, &
+      k_H=17.379942901774794_wp, c_H=0.67062974701630444_wp), sensor=sensor_t(m_S=0.012_wp, &
+      x_S=0.35_wp))
    complex(wp), parameter :: double_root = (-12.311832069_wp, 33.571167234_wp)
    type(structure_t), parameter :: plain = structure_t(length=1, rho=1, E=1, I=1)
    type(mesh_t), parameter :: mesh = mesh_t(3, 4, 4, 1)
@@ -164,12 +166,12 @@ contains
       call prepare(tuned)
       do k = 1, size(distances)
          structure = tuned
-         structure%k_H = tuned%k_H*(1 + distances(k))
+         structure%hose(1)%k_H = tuned%hose(1)%k_H*(1 + distances(k))
          call pulse(excitation, force)
          call compare('tuned damper, k_H off by '//to_text(distances(k)), structure, parameters, &
             excitation, force)
          structure = tuned
-         structure%c_H = tuned%c_H*(1 - distances(k))
+         structure%hose(1)%c_H = tuned%hose(1)%c_H*(1 - distances(k))
          call table(excitation, force)
          call compare('tuned damper, c_H off by '//to_text(distances(k)), structure, &
             parameters(:merge(7, 0, modulo(k, 3) == 0)), excitation, force)
@@ -226,25 +228,28 @@ contains
       call undamped_modes(equations, omega, shapes, error)
       structure%c_D = 2*structure%E/omega(1)
       do k = 3, 12, 3
-         structure%m_H = 10.0_wp**(-k)
-         structure%k_H = structure%m_H*omega(1)**2
-         structure%c_H = 2*structure%m_H*omega(1)
-         call compare('four real roots, m_H = '//to_text(structure%m_H), structure, parameters, &
+         structure%hose(1)%m_H = 10.0_wp**(-k)
+         structure%hose(1)%k_H = structure%hose(1)%m_H*omega(1)**2
+         structure%hose(1)%c_H = 2*structure%hose(1)%m_H*omega(1)
+         call compare('four real roots, m_H = '//to_text(structure%hose(1)%m_H), structure, &
+            parameters, &
             excitation, force)
-         if (k > 3) call check_clusters('four real roots, m_H = '//to_text(structure%m_H), &
+         if (k > 3) call check_clusters('four real roots, m_H = '//to_text(structure%hose(1)%m_H), &
             structure, [4])
-         structure%k_H = 1.5_wp*structure%m_H*omega(1)**2
-         structure%c_H = 2.5_wp*structure%m_H*omega(1)
-         call compare('three real roots, m_H = '//to_text(structure%m_H), structure, parameters, &
+         structure%hose(1)%k_H = 1.5_wp*structure%hose(1)%m_H*omega(1)**2
+         structure%hose(1)%c_H = 2.5_wp*structure%hose(1)%m_H*omega(1)
+         call compare('three real roots, m_H = '//to_text(structure%hose(1)%m_H), structure, &
+            parameters, &
             excitation, force)
-         if (k > 3) call check_clusters('three real roots, m_H = '//to_text(structure%m_H), &
+         if (k > 3) call check_clusters('three real roots, m_H = '// &
+            to_text(structure%hose(1)%m_H), &
             structure, [3])
       end do
       ! One of these may have a discriminant of exactly zero, which starts two roots from one
       ! point; which one, hangs on the BLAS that made mu.
-      structure%m_H = 1e-6_wp
-      structure%k_H = structure%m_H*omega(1)**2
-      structure%c_H = 2*structure%m_H*omega(1)
+      structure%hose(1)%m_H = 1e-6_wp
+      structure%hose(1)%k_H = structure%hose(1)%m_H*omega(1)**2
+      structure%hose(1)%c_H = 2*structure%hose(1)%m_H*omega(1)
       call bare_beam_modes(galerkin, modes, error)
       structure%c_D = 2/sqrt(modes%mu(1))*(1 - 4*epsilon(1.0_wp))
       do k = -3, 3
@@ -283,7 +288,7 @@ contains
       call prepare(tuned)
       call check_clusters('tuned damper', tuned, [2])
       structure = tuned
-      structure%k_H = 2*tuned%k_H
+      structure%hose(1)%k_H = 2*tuned%hose(1)%k_H
       call check_clusters('damper out of tune', structure, [integer ::])
       structure = plain
       structure%m_T = 1
@@ -337,7 +342,7 @@ contains
 
       do k = 0, 8, 4
          structure = tuned
-         structure%k_H = tuned%k_H*(1 + merge(10.0_wp**(-k), 0.0_wp, k > 0))
+         structure%hose(1)%k_H = tuned%hose(1)%k_H*(1 + merge(10.0_wp**(-k), 0.0_wp, k > 0))
          call check_columns('tuned damper off by 1e-'//to_text(k), structure, 6, &
             [of_E, of_c_H, of_k_H])
       end do
@@ -478,14 +483,15 @@ contains
       integer :: k, refused, drifting
 
       call random_seed(put=[(815 + k, k=1, 64)])
-      structure = structure_t(length=4, rho=0.03_wp, E=80, I=1, m_T=0.15_wp, m_H=0.04_wp)
+      structure = structure_t(length=4, rho=0.03_wp, E=80, I=1, m_T=0.15_wp, &
+         hose=hose_t(m_H=0.04_wp))
       call prepare(structure)
       call bare_beam_modes(galerkin, modes, error)
       refused = 0
       drifting = 0
       do k = 1, 400
          call random_number(random)
-         structure%c_H = 10.0_wp**(3*random(1) - 2)
+         structure%hose(1)%c_H = 10.0_wp**(3*random(1) - 2)
          structure%c_D = 10.0_wp**(5*random(2) - 3)
          if (allocated(poles%all)) deallocate (poles%all)
          call find_poles(new_assembly(structure, modes, [integer ::]), poles, error)
@@ -542,8 +548,8 @@ contains
       end if
       associate (fit => fits(1)%fit)
          ! The record is known to 1e-16, the condition of the problem is 1e4 or so.
-         call check_close(name//': c_H', fit%estimate(1)/tuned%c_H, 1.0_wp, 1e-9_wp)
-         call check_close(name//': k_H', fit%estimate(2)/tuned%k_H, 1.0_wp, 1e-9_wp)
+         call check_close(name//': c_H', fit%estimate(1)/tuned%hose(1)%c_H, 1.0_wp, 1e-9_wp)
+         call check_close(name//': k_H', fit%estimate(2)/tuned%hose(1)%k_H, 1.0_wp, 1e-9_wp)
          call check(name//': no trial step refused', fit%shortened == 0, fit%reason)
          ! Central differences over 1e-5 or so of a parameter are right to 1e-8 at best.
          call check(name//': derivatives against differences', all(fit%derivative_check >= 0 .and. &

@@ -16,7 +16,8 @@ program test_coverage
 
    type(mesh_t), parameter :: mesh = mesh_t(3, 4, 4, 1)
    character(len=3), parameter :: names(4) = ['c_D', 'm_H', 'c_H', 'k_H']
-   real(wp), parameter :: exact(4) = [truth%c_D, truth%m_H, truth%c_H, truth%k_H]
+   real(wp), parameter :: exact(4) = [truth%c_D, truth%hose(1)%m_H, truth%hose(1)%c_H, &
+      truth%hose(1)%k_H]
    integer, parameter :: records = 2000, samples = 49
    integer :: k
    real(wp), parameter :: times(samples) = [(0.1_wp*k, k=2, samples + 1)]

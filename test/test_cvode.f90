@@ -11,7 +11,7 @@ program test_cvode
    use beamid_modes, only: undamped_modes
    use beamid_responses, only: response_t, work_t
    use beamid_strings, only: to_text
-   use beamid_structure, only: structure_t
+   use beamid_structure, only: hose_t, structure_t
    use checks, only: check, check_close, finish
    use shell, only: own_path
    use single_responses, only: assembly, modal_sum, run
@@ -166,7 +166,7 @@ contains
    !> contains.
    subroutine test_static()
       type(structure_t), parameter :: beam = structure_t(length=2, rho=0.5_wp, E=3, I=0.7_wp, &
-         c_D=3, m_T=0.3_wp, m_H=0.1_wp, c_H=2, k_H=4)
+         c_D=3, m_T=0.3_wp, hose=hose_t(m_H=0.1_wp, c_H=2, k_H=4))
       real(wp), parameter :: force = 1.7_wp, point = force*8/(3*2.1_wp), &
          spread = 13*force*16/(180*2.1_wp)
       type(excitation_t) :: excitation

@@ -30,7 +30,8 @@ program test_design
 
    type(mesh_t), parameter :: mesh = mesh_t(3, 4, 4, 1)
    character(len=3), parameter :: names(4) = ['c_D', 'm_H', 'c_H', 'k_H']
-   real(wp), parameter :: values(4) = [truth%c_D, truth%m_H, truth%c_H, truth%k_H]
+   real(wp), parameter :: values(4) = [truth%c_D, truth%hose(1)%m_H, truth%hose(1)%c_H, &
+      truth%hose(1)%k_H]
    integer, parameter :: samples = 49
    real(wp), parameter :: noise = 0.01_wp
    integer :: k
@@ -358,7 +359,7 @@ contains
       call check_close('repetitions for half the error', needed(designs, designs%present, sd/2), &
          4.0_wp, 1e-6_wp)
       model%priors = [prior_t(name='m_H', parameter=[free_index('m_H')], slope=[1.0_wp], &
-         sd=sd*truth%m_H)]
+         sd=sd*truth%hose(1)%m_H)]
       call compare_designs(model, mesh, stage, [planned(truth, times)], box, designs, error)
       call check('prior: one', .not. allocated(error))
       if (allocated(error)) return

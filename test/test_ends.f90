@@ -1,6 +1,6 @@
 !> Ends of the beam: clamped, pinned, guided, free or elastic, in natural frequencies, responses by
 !> both solvers, their derivatives and limits, and the balance of forces of a beam that nothing
-!> holds.
+!> holds; with attachments anywhere.
 program test_ends
    use beamid_cvode, only: cvode_t
    use beamid_equations, only: equations_t, new_equations
@@ -13,11 +13,12 @@ program test_ends
    use beamid_responses, only: prepare_for, response_t, solver_t, work_t
    use beamid_roots, only: damped_roots
    use beamid_strings, only: to_text
-   use beamid_structure, only: c_R_at, c_w_at, compliance_at, end_t, no_spring, of_E, of_length, &
-      of_m_T, sensor_t, structure_t, support_t, x_P_at
-   use checks, only: check, check_close, finish, skip
+   use beamid_structure, only: c_H_at, c_P_at, c_R_at, c_RP_at, c_w_at, compliance_at, end_t, &
+      hose_t, J_M_at, k_H_at, kappa_P_at, kappa_RP_at, m_H_at, m_M_at, mass_t, no_spring, of_E, &
+      of_length, of_m_T, sensor_t, structure_t, support_t, x_H_at, x_M_at, x_P_at
+   use checks, only: check, check_close, finish, in_long_run, skip
    use integration_errors, only: accumulated_error
-   use random_numbers, only: decades, start_random, uniform
+   use random_numbers, only: between, decades, start_random, uniform
    use shell, only: beamid, close_shell, open_shell, outcome_t, write_file
    implicit none
 
@@ -31,7 +32,7 @@ program test_ends
 
    call start_random(20261125)
    call test_frequencies()
-   do i = 1, 40
+   do i = 1, merge(440, 48, in_long_run())
       call test_motion(i)
    end do
    call test_limits()
@@ -63,8 +64,8 @@ contains
    !> characteristic equations, computed with mpmath (40 digits). The discretization error of
    !> quintic splines on 40 elements is 3e-10 in the fifth mode.
    subroutine test_frequencies()
-      !> Clamped and clamped, or free and free; clamped or free and pinned; clamped or free and guided;
-      !> clamped and free; two pinned or two guided; pinned and guided.
+      !> Clamped and clamped, or free and free; clamped or free and pinned; clamped or free and
+      !> guided; clamped and free; two pinned or two guided; pinned and guided.
       real(wp), parameter :: roots(5, 6) = reshape([ &
          4.730040744862704_wp, 7.8532046240958376_wp, 10.995607838001671_wp, &
          14.137165491257464_wp, 17.278759657399481_wp, &
@@ -80,7 +81,8 @@ contains
          10.995574287564276_wp, 14.13716694115407_wp], [5, 6])
       !> Column of `roots` for each pair of kinds, and the number of motions as a rigid body.
       integer, parameter :: column(4, 4) = reshape([1, 2, 3, 4, 2, 5, 6, 2, 3, 6, 5, 3, 4, 2, 3, &
-         1], [4, 4]), rigid(4, 4) = reshape([0, 0, 0, 0, 0, 0, 0, 1, 0, 0, 1, 1, 0, 1, 1, 2], [4, 4])
+         1], [4, 4]), rigid(4, 4) = reshape([0, 0, 0, 0, 0, 0, 0, 1, 0, 0, 1, 1, 0, 1, 1, 2], [4, &
+         4])
       type(structure_t) :: s
       type(galerkin_t), target :: galerkin
       type(error_t), allocatable :: error
@@ -114,7 +116,8 @@ contains
       call new_force_table([(k/8.0_wp, k=0, 8)], f, force, error)
    end function pulse
 
-   !> Draws a beam whose ends are rigid, free or elastic, with what may be attached to it.
+   !> Draws a beam whose ends are rigid, free or elastic, with what may be attached to it; beyond
+   !> number 40, up to four attachments of each kind.
    function random_beam(number) result(s)
       integer, intent(in) :: number
       type(structure_t) :: s
@@ -142,11 +145,35 @@ contains
          s%support(1) = support_t(x_P=0.7_wp, kappa_P=decades(-1.0_wp, 1.0_wp))
       end if
       if (modulo(number, 5) == 0) then
-         s%m_H = 0.2_wp
-         s%c_H = 0.1_wp
-         s%k_H = 3
+         s%hose(1)%m_H = 0.2_wp
+         s%hose(1)%c_H = 0.1_wp
+         s%hose(1)%k_H = 3
       end if
+      if (number > 40) call attach(s)
    end function random_beam
+
+   !> Attaches up to four masses, hoses and supports anywhere.
+   subroutine attach(s)
+      type(structure_t), intent(inout) :: s
+      integer :: i
+
+      s%masses = int(5*uniform())
+      s%hoses = int(5*uniform())
+      s%supports = int(5*uniform())
+      do i = 1, 4
+         s%mass(i) = mass_t(decades(-2.0_wp, 0.0_wp), decades(-4.0_wp, -2.0_wp), between(0.1_wp, &
+            1.3_wp))
+         s%hose(i) = hose_t(decades(-2.0_wp, 0.0_wp), decades(-2.0_wp, 0.0_wp), decades(-1.0_wp, &
+            2.0_wp), between(0.1_wp, 1.3_wp))
+         ! A quarter of the beam each, so that supports are apart.
+         s%support(i) = support_t(0.3_wp*(i - 1) + between(0.1_wp, 0.3_wp), decades(-2.0_wp, &
+            1.0_wp), 0.0_wp, decades(-2.0_wp, 1.0_wp), decades(-3.0_wp, -1.0_wp))
+         if (uniform() < 0.3_wp) s%support(i)%kappa_P = no_spring
+         if (uniform() < 0.3_wp) s%support(i)%kappa_RP = no_spring
+         if (s%support(i)%kappa_P > 0) s%support(i)%c_P = decades(-2.0_wp, 0.0_wp)
+      end do
+      if (s%hoses == 0) s%hose(1)%m_H = 0
+   end subroutine attach
 
    !> Both solvers under a force and, if the ends hold the beam, under a base that moves;
    !> derivatives of the exact response by fourth-order differences.
@@ -245,7 +272,12 @@ contains
          [(s%get(compliance_at(1 + modulo(k, 2), 1 + k/2)) > 0 .and. &
          s%get(compliance_at(1 + modulo(k, 2), 1 + k/2)) < no_spring, k=0, 3)]), &
          pack([c_w_at, c_R_at], [s%end%c_w, s%end%c_R] > 0), pack([x_P_at(1)], [s%supports > 0])]
-      parameters = pack(parameters, [(s%get(parameters(k)) > 0, k=1, size(parameters))])
+      parameters = [parameters, m_M_at(:s%masses), J_M_at(:s%masses), x_M_at(:s%masses), &
+         m_H_at(:s%hoses), c_H_at(:s%hoses), k_H_at(:s%hoses), x_H_at(:s%hoses), &
+         x_P_at(2:s%supports), kappa_P_at(:s%supports), c_P_at(:s%supports), &
+         kappa_RP_at(:s%supports), c_RP_at(:s%supports)]
+      parameters = pack(parameters, [(s%get(parameters(k)) > 0 .and. s%get(parameters(k)) &
+         < no_spring, k=1, size(parameters))])
       galerkin = galerkin_of(mesh_t(5, 6, 6, 1), s)
       equations = new_equations(galerkin, s, excitation)
       call solver%prepare(galerkin, error)
@@ -378,7 +410,8 @@ contains
    subroutine test_compressed_beam()
       type(outcome_t) :: outcome
       character(len=*), parameter :: nl = new_line('a'), beam = &
-         '&end at=''tip'', kind=''clamped'' /'//nl//'&excitation kind=''release'', displacement=0.005, x_F=0.25 /'//nl// &
+         '&end at=''tip'', kind=''clamped'' /'//nl// &
+         '&excitation kind=''release'', displacement=0.005, x_F=0.25 /'//nl// &
          '&sensor x_S=0.35 /'//nl//'&discretization degree=5, elements=8 /'//nl// &
          '&beam length=0.6, width=0.03, height=0.002, density=2700, E=7e10, c_D=2e6 /'//nl
 

@@ -11,18 +11,20 @@ program test_fields
    use beamid_modal, only: modal_t
    use beamid_responses, only: response_t, work_t
    use beamid_strings, only: to_text
-   use beamid_structure, only: sensor_t, structure_t
+   use beamid_structure, only: hose_t, sensor_t, structure_t
    use checks, only: check, check_close, finish, held_root
    implicit none
 
    !> Table 4.1's; the same without a hose; one with all that a bench may add, and a hose so light
    !> and so stiff that most roots use the second form of the pencil.
    type(structure_t), parameter :: structures(3) = [ &
-      structure_t(length=4, rho=0.03_wp, E=80, I=1, c_D=0.005_wp, m_T=0.15_wp, m_H=0.04_wp, &
-                  c_H=0.004_wp, k_H=0.3_wp), &
+      structure_t(length=4, rho=0.03_wp, E=80, I=1, c_D=0.005_wp, m_T=0.15_wp, &
+      hose=hose_t(m_H=0.04_wp, &
+                  c_H=0.004_wp, k_H=0.3_wp)), &
       structure_t(length=4, rho=0.03_wp, E=80, I=1, c_D=0.005_wp, m_T=0.15_wp), &
-      structure_t(length=4, rho=0.03_wp, E=80, I=1, c_D=0.005_wp, m_T=0.15_wp, m_H=0.001_wp, &
-                  c_H=0.01_wp, k_H=40, gamma=0.01_wp, J_T=0.002_wp, &
+      structure_t(length=4, rho=0.03_wp, E=80, I=1, c_D=0.005_wp, m_T=0.15_wp, &
+      hose=hose_t(m_H=0.001_wp, &
+                  c_H=0.01_wp, k_H=40), gamma=0.01_wp, J_T=0.002_wp, &
                   sensor=sensor_t(m_S=0.01_wp, x_S=3))]
    type(error_t), allocatable :: error
 
@@ -183,7 +185,7 @@ contains
 
       structure = structures(1)
       structure%gamma = 0.2_wp
-      structure%c_H = 0.1_wp
+      structure%hose(1)%c_H = 0.1_wp
       excitation = new_pulse(f, 1000.0_wp)
       do degree = 3, 7, 2
          galerkin = new_galerkin(mesh_t(degree, 5, degree + 1, 1), structure%length)

@@ -147,9 +147,9 @@ contains
       model%solver = modal_t()
       associate (s => model%structure)
          s%c_D = 0
-         s%m_H = 0.04_wp
-         s%c_H = 0.004_wp
-         s%k_H = 0.3_wp
+         s%hose(1)%m_H = 0.04_wp
+         s%hose(1)%c_H = 0.004_wp
+         s%hose(1)%k_H = 0.3_wp
       end associate
       call simulate(model, mesh, samples, simulation, error)
       call check('on a bound: record made', .not. allocated(error))

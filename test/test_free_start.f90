@@ -18,7 +18,8 @@ program test_free_start
    use beamid_responses, only: work_t
    use beamid_statistics, only: new_statistics, statistics_t
    use beamid_strings, only: to_text
-   use beamid_structure, only: end_t, free_end, of_length, of_x_F, of_x_S, sensor_t, structure_t
+   use beamid_structure, only: end_t, free_end, hose_t, of_c_H, of_k_H, of_length, of_m_H, of_x_F, &
+      of_x_S, sensor_t, structure_t
    use beamid_unknowns, only: name_of
    use beamid_variables, only: new_variable, unbounded, variable_t
    use checks, only: check, check_close, finish
@@ -273,7 +274,8 @@ contains
       integer :: formula, modes, j, k
 
       structure = structure_t(length=4.0_wp, rho=0.03_wp, E=80.0_wp, I=1.0_wp, c_D=0.3_wp, &
-         m_T=0.15_wp, m_H=0.04_wp, c_H=0.01_wp, k_H=0.3_wp, gamma=0.02_wp, J_T=0.01_wp, &
+         m_T=0.15_wp, hose=hose_t(m_H=0.04_wp, c_H=0.01_wp, k_H=0.3_wp), gamma=0.02_wp, &
+         J_T=0.01_wp, &
          end=[end_t(kappa_R=1/50.0_wp, c_R=0.3_wp), free_end], g=2.0_wp, T=0.5_wp, &
          sensor=sensor_t(0.02_wp, 0.005_wp, 3.1_wp))
       experiment%samples = 10*stamps(60, 0.05_wp, 41)
@@ -281,6 +283,7 @@ contains
       ! Where a force acts means nothing here.
       free = pack([(k, k=1, of_x_S)], [(k /= of_x_F .and. &
          parameters(k)%group /= 'along', k=1, of_x_S)])
+      free = [free, of_m_H, of_c_H, of_k_H]
       p = [(structure%get(free(k)), k=1, size(free))]
       do modes = 1, 4
          do formula = 1, 3

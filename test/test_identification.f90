@@ -65,7 +65,7 @@ contains
       type(error_t), allocatable :: error
       real(wp), allocatable :: measured(:)
       character(len=*), parameter :: names(3) = ['m_H', 'c_H', 'k_H']
-      real(wp), parameter :: exact(3) = [truth%m_H, truth%c_H, truth%k_H]
+      real(wp), parameter :: exact(3) = [truth%hose(1)%m_H, truth%hose(1)%c_H, truth%hose(1)%k_H]
       integer :: i
 
       model = hosed(formula, 1e-10_wp)
@@ -109,8 +109,8 @@ contains
 
       model = hosed(1, 1e-9_wp)
       call record_of(model, measured)
-      model%structure%c_H = 1.2_wp*truth%c_H
-      stages(1) = stage_of(['m_H', 'k_H'], [0.8_wp*truth%m_H, 1.2_wp*truth%k_H])
+      model%structure%hose(1)%c_H = 1.2_wp*truth%hose(1)%c_H
+      stages(1) = stage_of(['m_H', 'k_H'], [0.8_wp*truth%hose(1)%m_H, 1.2_wp*truth%hose(1)%k_H])
       stages(2) = stage_of(['k_H', 'm_H', 'c_H'])
       call identify(model, mesh, stages, samples, measured, fits, error)
       if (allocated(error)) then
@@ -122,14 +122,18 @@ contains
          fits(1)%fit%estimate(2), 1e-14_wp)
       call check_close('two stages: m_H from the first', fits(2)%fit%start(2), &
          fits(1)%fit%estimate(1), 1e-14_wp)
-      call check_close('two stages: c_H from the case', fits(2)%fit%start(3), 1.2_wp*truth%c_H, &
+      call check_close('two stages: c_H from the case', fits(2)%fit%start(3), &
+         1.2_wp*truth%hose(1)%c_H, &
          1e-14_wp)
       call check('two stages: the first could not fit', fits(1)%fit%J > 1e-6_wp, &
          to_text(fits(1)%fit%J)//' and '//to_text(fits(2)%fit%J))
       ! As in test_recovery.
-      call check_close('two stages: k_H', fits(2)%fit%estimate(1)/truth%k_H, 1.0_wp, 1e-6_wp)
-      call check_close('two stages: m_H', fits(2)%fit%estimate(2)/truth%m_H, 1.0_wp, 1e-6_wp)
-      call check_close('two stages: c_H', fits(2)%fit%estimate(3)/truth%c_H, 1.0_wp, 1e-6_wp)
+      call check_close('two stages: k_H', fits(2)%fit%estimate(1)/truth%hose(1)%k_H, 1.0_wp, &
+         1e-6_wp)
+      call check_close('two stages: m_H', fits(2)%fit%estimate(2)/truth%hose(1)%m_H, 1.0_wp, &
+         1e-6_wp)
+      call check_close('two stages: c_H', fits(2)%fit%estimate(3)/truth%hose(1)%c_H, 1.0_wp, &
+         1e-6_wp)
    end subroutine test_stages
 
    !> Several meshes at once are what each would be alone, bit for bit.
@@ -144,7 +148,7 @@ contains
 
       model = hosed(1, 1e-7_wp)
       call record_of(model, measured)
-      stage = stage_of(['m_H', 'k_H'], [0.8_wp*truth%m_H, 1.2_wp*truth%k_H])
+      stage = stage_of(['m_H', 'k_H'], [0.8_wp*truth%hose(1)%m_H, 1.2_wp*truth%hose(1)%k_H])
       call identify_meshes(model, meshes, [stage], samples, measured, fits, error)
       call check('several meshes: converge', .not. allocated(error))
       if (allocated(error)) return
@@ -257,7 +261,7 @@ contains
       real(wp), allocatable :: measured(:)
       integer :: method, i
 
-      stage = stage_of(['m_H', 'k_H'], [0.9_wp*truth%m_H, 1.1_wp*truth%k_H])
+      stage = stage_of(['m_H', 'k_H'], [0.9_wp*truth%hose(1)%m_H, 1.1_wp*truth%hose(1)%k_H])
       call record_of(hosed(1), measured)
       do method = 1, 2
          model = hosed(1)

@@ -118,6 +118,10 @@ contains
                'k_R=50 /'//nl//example)
          else if (parameters(p)%group == 'end') then
             problem = problem_of('stage', '&end at=''tip'', k_w=200, c_w=0.1 /'//nl//example)
+         else if (index(parameters(p)%name, '_RP') > 0) then
+            problem = problem_of('support', '&support x_P=0.3, k_R=50 /'//nl//example)
+         else if (parameters(p)%group == 'mass') then
+            problem = problem_of('mass', '&mass m=0.002, x=0.2 /'//nl//example)
          else
             problem = problem_of('stage', example)
          end if

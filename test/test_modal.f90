@@ -130,12 +130,12 @@ contains
                structure = table_4_1
                name = 'Table 4.1, N = '//to_text(n)
                if (hose == 0) then
-                  structure%m_H = 0
+                  structure%hose(1)%m_H = 0
                   name = name//', no hose'
                end if
                if (damping == 0) then
                   structure%c_D = 0
-                  structure%c_H = 0
+                  structure%hose(1)%c_H = 0
                   name = name//', undamped'
                end if
                call compare(name, structure, mesh_t(3, n, 4, 1), new_pulse(1.0_wp, 0.05_wp), grid)
@@ -152,12 +152,12 @@ contains
 
       structure = table_4_1
       structure%c_D = 0
-      structure%c_H = 0
+      structure%hose(1)%c_H = 0
       call new_force_table([0.0_wp, 0.04_wp, 0.08_wp], [0.0_wp, 1.0_wp, 0.0_wp], triangle, error)
       call against_closed('closed form, pulse', structure, mesh_t(3, 8, 4, 1), &
          new_pulse(1.0_wp, 0.05_wp))
       call against_closed('closed form, triangle', structure, mesh_t(3, 8, 4, 1), triangle)
-      structure%m_H = 0
+      structure%hose(1)%m_H = 0
       call against_closed('closed form, pulse, no hose', structure, mesh_t(3, 8, 4, 1), &
          new_pulse(1.0_wp, 0.05_wp))
       structure%m_T = 0
@@ -301,7 +301,7 @@ contains
          point%displacement) > 0.1_wp, to_text(relative(spread_out%displacement, &
          point%displacement)))
       structure%c_D = 0
-      structure%c_H = 0
+      structure%hose(1)%c_H = 0
       call against_closed('closed form, distributed', structure, mesh_t(3, 8, 4, 1), excitation)
    end subroutine test_distributed
 

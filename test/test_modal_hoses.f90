@@ -37,14 +37,14 @@ contains
       type(response_t) :: without, loose
 
       structure = table_4_1
-      structure%m_H = 0
+      structure%hose(1)%m_H = 0
       call run(fresh, structure, mesh, new_pulse(1.0_wp, 0.05_wp), grid, without, 'no hose')
-      structure%k_H = 0
-      structure%c_H = 0
+      structure%hose(1)%k_H = 0
+      structure%hose(1)%c_H = 0
       call run(fresh, structure, mesh, new_pulse(1.0_wp, 0.05_wp), grid, loose, 'no hose at all')
       call check_close('m_H = 0: k_H and c_H do nothing', maxval(abs(loose%acceleration &
          - without%acceleration)), 0.0_wp, 0.0_wp)
-      structure%m_H = 0.04_wp
+      structure%hose(1)%m_H = 0.04_wp
       call run(fresh, structure, mesh, new_pulse(1.0_wp, 0.05_wp), grid, loose, 'loose hose')
       ! The same sums but for a hose that contributes nothing.
       call check_close('k_H = c_H = 0: m_H does nothing, displacement', &
@@ -52,12 +52,12 @@ contains
       call check_close('k_H = c_H = 0: m_H does nothing, acceleration', &
          relative(loose%acceleration, without%acceleration), 0.0_wp, 1e-12_wp)
       ! Springs and dashpots that are as good as absent.
-      structure%k_H = 1e-13_wp
+      structure%hose(1)%k_H = 1e-13_wp
       call run(fresh, structure, mesh, new_pulse(1.0_wp, 0.05_wp), grid, loose, 'slack spring')
       call check_close('k_H = 1e-13', relative(loose%displacement, without%displacement), 0.0_wp, &
          1e-11_wp)
-      structure%k_H = 0
-      structure%c_H = 1e-13_wp
+      structure%hose(1)%k_H = 0
+      structure%hose(1)%c_H = 1e-13_wp
       call run(fresh, structure, mesh, new_pulse(1.0_wp, 0.05_wp), grid, loose, 'slack dashpot')
       call check_close('c_H = 1e-13', relative(loose%displacement, without%displacement), 0.0_wp, &
          1e-11_wp)
@@ -75,9 +75,9 @@ contains
 
       do damping = 0, 1
          structure = table_4_1
-         if (damping == 0) structure%c_H = 0
+         if (damping == 0) structure%hose(1)%c_H = 0
          if (damping == 0) structure%c_D = 0
-         structure%m_H = 0
+         structure%hose(1)%m_H = 0
          call run(fresh, structure, mesh, new_pulse(1.0_wp, 0.05_wp), grid, without, 'no hose')
          size_u = maxval(abs(without%displacement))
          ! d u/d m_H at 0 is d u/d m_T: central differences of the response without a hose, whose
@@ -91,7 +91,7 @@ contains
          structure%m_T = table_4_1%m_T
          do i = 3, 14
             mass = 10.0_wp**(-i)
-            structure%m_H = mass
+            structure%hose(1)%m_H = mass
             name = merge('m_H = 1E-', 'm_H = 1e-', damping == 0)//to_text(i)// &
                merge(', undamped', ', damped  ', damping == 0)
             call run(fresh, structure, mesh, new_pulse(1.0_wp, 0.05_wp), grid, light, name)
@@ -103,7 +103,7 @@ contains
          end do
          ! And against CVODE where that can still follow the hose.
          do i = 3, 7, 2
-            structure%m_H = 10.0_wp**(-i)
+            structure%hose(1)%m_H = 10.0_wp**(-i)
             call compare('light hose, m_H = 1e-'//to_text(i), structure, mesh, &
                new_pulse(1.0_wp, 0.05_wp), grid(:21))
          end do
@@ -119,20 +119,20 @@ contains
       integer :: i
 
       welded = table_4_1
-      welded%m_T = table_4_1%m_T + table_4_1%m_H
-      welded%m_H = 0
+      welded%m_T = table_4_1%m_T + table_4_1%hose(1)%m_H
+      welded%hose(1)%m_H = 0
       call run(fresh, welded, mesh, new_pulse(1.0_wp, 0.05_wp), grid, reference, 'welded')
       do i = 4, 14, 2
          factor = 10.0_wp**i
          structure = table_4_1
-         structure%k_H = table_4_1%k_H*factor
+         structure%hose(1)%k_H = table_4_1%hose(1)%k_H*factor
          call run(fresh, structure, mesh, new_pulse(1.0_wp, 0.05_wp), grid, stiff, 'stiff spring')
          ! m_H omega**2/k_H of mode 3, 360/factor, times its share of the displacement, .02.
          call check_close('k_H times 1e'//to_text(i)//': as tip mass', &
             relative(stiff%displacement, reference%displacement), 0.0_wp, 20/factor + 1e-12_wp)
          structure = table_4_1
-         structure%c_H = table_4_1%c_H*factor
-         structure%k_H = 0
+         structure%hose(1)%c_H = table_4_1%hose(1)%c_H*factor
+         structure%hose(1)%k_H = 0
          call run(fresh, structure, mesh, new_pulse(1.0_wp, 0.05_wp), grid, stiff, 'stiff dashpot')
          ! The dashpot slips: m_H omega/c_H of mode 1, 40/factor, over some periods.
          call check_close('c_H times 1e'//to_text(i)//': as tip mass', &
@@ -148,22 +148,22 @@ contains
       real(wp) :: critical
       integer :: i
 
-      critical = 2*sqrt(table_4_1%k_H*table_4_1%m_H)
+      critical = 2*sqrt(table_4_1%hose(1)%k_H*table_4_1%hose(1)%m_H)
       do i = 1, size(ratios)
          structure = table_4_1
-         structure%c_H = ratios(i)*critical
+         structure%hose(1)%c_H = ratios(i)*critical
          call compare('c_H '//to_text(ratios(i))//' times critical', structure, mesh, &
             new_pulse(1.0_wp, 0.05_wp), grid(:61))
       end do
       structure = table_4_1
-      structure%k_H = 0
+      structure%hose(1)%k_H = 0
       call compare('dashpot without a spring', structure, mesh, new_pulse(1.0_wp, 0.05_wp), &
          grid(:61))
       structure = table_4_1
       structure%m_T = 0
       call compare('no tip mass', structure, mesh, new_pulse(1.0_wp, 0.05_wp), grid(:61))
       structure%c_D = 0
-      structure%c_H = 0
+      structure%hose(1)%c_H = 0
       ! Nothing damps what BDF leaves behind, and without a tip mass the higher modes are ten times
       ! larger; test_modal has the closed form of such a structure.
       call compare('no tip mass, no damping', structure, mesh, new_pulse(1.0_wp, 0.05_wp), &
@@ -171,13 +171,13 @@ contains
       structure = table_4_1
       structure%c_D = 500
       structure%m_T = 0
-      structure%m_H = 0
+      structure%hose(1)%m_H = 0
       call compare('all modes of the beam overdamped', structure, mesh, new_pulse(1.0_wp, &
          0.05_wp), grid(:61))
       structure%m_T = 0.15_wp
       call compare('all modes overdamped, tip mass', structure, mesh, new_pulse(1.0_wp, 0.05_wp), &
          grid(:61))
-      structure%m_H = 0.04_wp
+      structure%hose(1)%m_H = 0.04_wp
       call compare('all modes overdamped, tip mass and hose', structure, mesh, &
          new_pulse(1.0_wp, 0.05_wp), grid(:61))
    end subroutine test_hoses
@@ -200,8 +200,8 @@ contains
       galerkin = new_galerkin(mesh, table_4_1%length)
       do tip = 0, 1
          structure = table_4_1
-         structure%m_H = 0
-         structure%c_H = 0
+         structure%hose(1)%m_H = 0
+         structure%hose(1)%c_H = 0
          if (tip == 0) structure%m_T = 0
          equations = new_equations(galerkin, structure, new_pulse(1.0_wp, 0.05_wp))
          call undamped_modes(equations, omega, shapes, error)
@@ -209,9 +209,9 @@ contains
             do i = 1, size(masses)
                name = 'tuned to mode '//to_text(mode)//merge(' of the bare beam     ', &
                   ' of beam and tip mass ', tip == 0)//'m_H = '//to_text(masses(i))
-               structure%m_H = masses(i)
-               structure%k_H = masses(i)*omega(mode)**2
-               structure%c_H = 0
+               structure%hose(1)%m_H = masses(i)
+               structure%hose(1)%k_H = masses(i)*omega(mode)**2
+               structure%hose(1)%c_H = 0
                structure%c_D = 0
                call attempt(fresh, structure, mesh, new_pulse(1.0_wp, 0.05_wp), grid, exact, error)
                if (allocated(error)) then
@@ -226,7 +226,7 @@ contains
                end if
                ! s**2 + (c/m) s + k/m of the hose is that of the damped mode.
                structure%c_D = table_4_1%c_D
-               structure%c_H = masses(i)*structure%c_D/structure%E*omega(mode)**2
+               structure%hose(1)%c_H = masses(i)*structure%c_D/structure%E*omega(mode)**2
                call attempt(fresh, structure, mesh, new_pulse(1.0_wp, 0.05_wp), grid(:41), &
                   exact, error)
                if (allocated(error)) then
@@ -269,17 +269,17 @@ contains
       galerkin = new_galerkin(mesh, table_4_1%length)
       call bare_beam_modes(galerkin, modes, error)
       structure = table_4_1
-      below = sqrt(table_4_1%k_H*table_4_1%m_H)
+      below = sqrt(table_4_1%hose(1)%k_H*table_4_1%hose(1)%m_H)
       above = 4*below
-      structure%c_H = below
+      structure%hose(1)%c_H = below
       fewer = real_roots(structure, modes)
-      structure%c_H = above
+      structure%hose(1)%c_H = above
       call check('double root: bracketed', real_roots(structure, modes) == fewer + 2, &
          to_text(fewer))
       do i = 1, 60
          middle = (below + above)/2
          if (middle <= below .or. middle >= above) exit
-         structure%c_H = middle
+         structure%hose(1)%c_H = middle
          number = real_roots(structure, modes)
          ! A refusal here is as near as one can come.
          if (number < 0) exit
@@ -291,9 +291,9 @@ contains
       answers = 0
       do i = 0, 15
          do side = -1, 1, 2
-            structure%c_H = middle*(1 + side*10.0_wp**(-i)*merge(0, 1, i == 0))
+            structure%hose(1)%c_H = middle*(1 + side*10.0_wp**(-i)*merge(0, 1, i == 0))
             if (i == 0 .and. side == 1) cycle
-            name = 'double root, c_H off by '//to_text(structure%c_H/middle - 1)
+            name = 'double root, c_H off by '//to_text(structure%hose(1)%c_H/middle - 1)
             call attempt(fresh, structure, mesh, new_pulse(1.0_wp, 0.05_wp), grid(:41), exact, &
                error)
             if (allocated(error)) then
@@ -329,8 +329,8 @@ contains
             ratio = 10.0_wp**i
             structure = table_4_1
             structure%c_D = 0
-            structure%c_H = 0
-            if (hose == 0) structure%m_H = 0
+            structure%hose(1)%c_H = 0
+            if (hose == 0) structure%hose(1)%m_H = 0
             structure%m_T = ratio*structure%rho*structure%length
             call against_closed('m_T '//to_text(ratio)//' times the beam'// &
                merge(',  no hose', ', and hose', hose == 0), structure, mesh, &
@@ -338,7 +338,7 @@ contains
          end do
          do i = -12, 6, 6
             structure = table_4_1
-            if (hose == 0) structure%m_H = 0
+            if (hose == 0) structure%hose(1)%m_H = 0
             structure%m_T = 10.0_wp**i*structure%rho*structure%length
             call compare('m_T '//to_text(10.0_wp**i)//' times the beam, damped'// &
                merge(',  no hose', ', and hose', hose == 0), structure, mesh, &

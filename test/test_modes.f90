@@ -8,7 +8,7 @@ program test_modes
    use beamid_modes, only: undamped_modes
    use beamid_roots, only: damped_roots
    use beamid_strings, only: to_text
-   use beamid_structure, only: structure_t, support_t
+   use beamid_structure, only: hose_t, structure_t, support_t
    use checks, only: check, check_close, finish
    implicit none
 
@@ -26,7 +26,7 @@ program test_modes
       13.35549858995_wp], [5, 4])
    !> The assembly with hose: rho = E I = l = 1.
    type(structure_t), parameter :: assembly = structure_t(length=1, rho=1, E=1, I=1, &
-      c_D=1e-3_wp, m_T=0.5_wp, m_H=0.3_wp, c_H=0.2_wp, k_H=20)
+      c_D=1e-3_wp, m_T=0.5_wp, hose=hose_t(m_H=0.3_wp, c_H=0.2_wp, k_H=20))
 
    call test_cantilever()
    call test_published()
@@ -185,7 +185,7 @@ contains
 
       undamped = assembly
       undamped%c_D = 0
-      undamped%c_H = 0
+      undamped%hose(1)%c_H = 0
       call frequencies(undamped, 5, 24, omega)
       do i = 1, 5
          call check_close('assembly, omega '//to_text(i), omega(i), reference(i), &
@@ -252,7 +252,7 @@ contains
    !> which half a unit is allowed on top of 1e-9 for the mesh (the table's own, 16 quintics).
    subroutine test_table_4_1()
       type(structure_t), parameter :: truth = structure_t(length=4, rho=0.03_wp, E=80, I=1, &
-         m_T=0.15_wp, m_H=0.04_wp, k_H=0.3_wp)
+         m_T=0.15_wp, hose=hose_t(m_H=0.04_wp, k_H=0.3_wp))
       real(wp), parameter :: reference(6) = [2.59063789_wp, 4.84629206_wp, 51.96471056_wp, &
          163.69988125_wp, 338.93706051_wp, 577.86672629_wp]
       !> (beta h)^8/3e6 with 16 elements: modes 3 to 6 of the table bend 1 to 4 times and more.
@@ -282,7 +282,7 @@ contains
       integer :: i, n
 
       loose = cantilever(1.0_wp)
-      loose%m_H = 0.3_wp
+      loose%hose(1)%m_H = 0.3_wp
       galerkin = new_galerkin(mesh_t(5, 16, 6, 1), loose%length)
       equations = new_equations(galerkin, loose, new_pulse(1.0_wp, 1.0_wp))
       call undamped_modes(equations, omega, shapes, error)
@@ -292,7 +292,7 @@ contains
       ! The shape is right to some eps; in omega the highest frequency, some 1e4, multiplies it.
       call check_close('loose hose: omega 1', omega(1), 0.0_wp, 1e-9_wp)
       call check_close('loose hose: y alone moves, by 1/sqrt(m_H)', abs(shapes(n, 1)), &
-         1/sqrt(loose%m_H), 1e-12_wp)
+         1/sqrt(loose%hose(1)%m_H), 1e-12_wp)
       ! Round-off: coefficients of a mode that does not move are eps of those that do.
       call check_close('loose hose: the beam rests', maxval(abs(shapes(:n - 1, 1))), 0.0_wp, &
          1e-12_wp)

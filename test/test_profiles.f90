@@ -63,7 +63,7 @@ contains
       type(stage_fit_t), allocatable :: fits(:)
       real(wp) :: masses(5), J(5)
 
-      masses = [0.9_wp, 0.95_wp, 1.0_wp, 1.05_wp, 1.1_wp]*model%structure%m_H
+      masses = [0.9_wp, 0.95_wp, 1.0_wp, 1.05_wp, 1.1_wp]*model%structure%hose(1)%m_H
       call profile(model, coarse, free_index('m_H'), masses, stage_of(['c_H', 'k_H']), samples, &
          measured, fits, error)
       if (allocated(error)) then
@@ -74,15 +74,15 @@ contains
       ! The search stops when J falls by less than 1e-10 of it, and no lower than round-off.
       call check_close('least J', J(3), 0.0_wp, 1e-10_wp*J(1))
       call check_close('c_H where J is least', &
-         fits(3)%scenario%structures(1)%c_H/model%structure%c_H, 1.0_wp, &
+         fits(3)%scenario%structures(1)%hose(1)%c_H/model%structure%hose(1)%c_H, 1.0_wp, &
          1e-4_wp)
       call check_close('k_H where J is least', &
-         fits(3)%scenario%structures(1)%k_H/model%structure%k_H, 1.0_wp, &
+         fits(3)%scenario%structures(1)%hose(1)%k_H/model%structure%hose(1)%k_H, 1.0_wp, &
          1e-5_wp)
       call check('one lowest place, the third', size(lowest_places(J)) == 1 .and. &
          all(lowest_places(J) == [3]))
       call check('the parameter stays where it is put', &
-         all([(abs(fits(k)%scenario%structures(1)%m_H - &
+         all([(abs(fits(k)%scenario%structures(1)%hose(1)%m_H - &
          masses(k)) <= 0, k=1, 5)]))
    end subroutine test_profile
 

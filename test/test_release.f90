@@ -18,7 +18,8 @@ program test_release
       is_there, set_free
    use beamid_responses, only: response_t, solver_t, work_t
    use beamid_strings, only: to_text
-   use beamid_structure, only: end_t, free_end, at_tip, of_length, of_x_S, sensor_t, structure_t
+   use beamid_structure, only: hose_t, end_t, free_end, at_tip, of_length, of_x_S, sensor_t, &
+      structure_t
    use beamid_variables, only: unbounded
    use checks, only: check, check_close, finish, skip
    use shell, only: close_shell, in_scratch, open_shell, write_file
@@ -30,7 +31,8 @@ program test_release
       I=0.05_wp*0.002_wp**3/12, c_D=6e6_wp, gamma=0.07_wp, &
       sensor=sensor_t(m_S=0.004_wp, x_S=0.44_wp))
    type(structure_t), parameter :: loaded = structure_t(length=0.5_wp, rho=0.27_wp, E=6.4e10_wp, &
-      I=0.05_wp*0.002_wp**3/12, c_D=6e6_wp, m_T=0.02_wp, m_H=0.01_wp, c_H=0.02_wp, k_H=3.0_wp, &
+      I=0.05_wp*0.002_wp**3/12, c_D=6e6_wp, m_T=0.02_wp, hose=hose_t(m_H=0.01_wp, &
+      c_H=0.02_wp, k_H=3.0_wp), &
       gamma=0.07_wp, J_T=2e-5_wp, end=[end_t(kappa_R=1/60.0_wp), free_end], &
       sensor=sensor_t(m_S=0.004_wp, x_S=0.3_wp))
    type(mesh_t), parameter :: mesh = mesh_t(3, 4, 4, 1)
@@ -149,7 +151,7 @@ contains
       damped = loaded
       damped%c_D = 3e7_wp
       damped%gamma = 1.0_wp
-      damped%c_H = 0.5_wp
+      damped%hose(1)%c_H = 0.5_wp
       t = [hold - 0.01_wp, hold + [(0.0137_wp*k, k=1, 79)]]
       call new_force_table([0.0_wp, hold], [force, force], held, error)
       pulled = respond(damped, held, t)
@@ -180,7 +182,7 @@ contains
 
       damped = structure
       damped%gamma = 1.0_wp
-      damped%c_H = 0.5_wp
+      damped%hose(1)%c_H = 0.5_wp
       found = respond(damped, new_release(aside, 0.1_wp, .true.), [0.05_wp, 40.0_wp])
       ! Twenty operations; poles and residues, as above.
       call check_close(what//': the sensor before', found%response%displacement(1), &

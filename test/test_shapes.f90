@@ -7,7 +7,7 @@ program test_shapes
    use beamid_kinds, only: wp
    use beamid_mode_shapes, only: mode_shapes
    use beamid_roots, only: damped_roots
-   use beamid_structure, only: sensor_t, structure_t, support_t
+   use beamid_structure, only: hose_t, sensor_t, structure_t, support_t
    use checks, only: check, check_close, finish
    implicit none
 
@@ -79,7 +79,8 @@ contains
    !> A dashpot at the tip makes points move out of step: no factor makes the shape real. Without
    !> it, damping in proportion to the mass leaves it real.
    subroutine test_damper()
-      call solve(structure_t(length=1, rho=1, E=1, I=1, m_H=0.2_wp, c_H=0.5_wp, k_H=1))
+      call solve(structure_t(length=1, rho=1, E=1, I=1, hose=hose_t(m_H=0.2_wp, c_H=0.5_wp, &
+         k_H=1)))
       call check('dashpot: complex', maxval(abs(aimag(shapes(:, 2)))) > 1e-3_wp)
       call solve(structure_t(length=1, rho=1, E=1, I=1, gamma=0.4_wp))
       call check_close('air: real', maxval(abs(aimag(shapes))), 0.0_wp, 1e-9_wp)

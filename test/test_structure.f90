@@ -9,7 +9,7 @@ program test_structure
       place_of_name
    use beamid_quadrature, only: gauss_legendre, rule_t
    use beamid_strings, only: to_text
-   use beamid_structure, only: of_c_R, of_kappa_R, of_x_S, structure_t
+   use beamid_structure, only: hose_t, of_c_R, of_kappa_R, of_x_S, structure_t
    use beamid_structure_checks, only: check_structure
    use checks, only: check, check_close, finish, of_mesh
    use dense_matrices, only: dense_of, half_bandwidth
@@ -17,7 +17,7 @@ program test_structure
 
    real(wp), parameter :: eps = epsilon(1.0_wp)
    type(structure_t), parameter :: assembly = structure_t(length=1.6_wp, rho=0.7_wp, E=30.0_wp, &
-      I=0.2_wp, c_D=0.05_wp, m_T=0.4_wp, m_H=0.3_wp, c_H=0.2_wp, k_H=11.0_wp)
+      I=0.2_wp, c_D=0.05_wp, m_T=0.4_wp, hose=hose_t(m_H=0.3_wp, c_H=0.2_wp, k_H=11.0_wp))
    integer, parameter :: degrees(*) = [3, 5, 7], meshes(*) = [1, 2, 3, 9, 20]
    integer :: d, m
 
@@ -57,9 +57,9 @@ contains
       d = -b
       d(n) = 1
       mass = assembly%rho*gram + assembly%m_T*outer(b)
-      mass(n, n) = assembly%m_H
-      damping = assembly%c_D*assembly%I*bending + assembly%c_H*outer(d)
-      stiffness = assembly%E*assembly%I*bending + assembly%k_H*outer(d)
+      mass(n, n) = assembly%hose(1)%m_H
+      damping = assembly%c_D*assembly%I*bending + assembly%hose(1)%c_H*outer(d)
+      stiffness = assembly%E*assembly%I*bending + assembly%hose(1)%k_H*outer(d)
       ! An entry is two products and a sum on both sides.
       call check_close(of_mesh(degree, elements)//'M', &
          maxval(abs(dense_of(equations%mass) - mass))/maxval(abs(mass)), 0.0_wp, 4*eps)
@@ -134,9 +134,9 @@ contains
       tip = dot_product(galerkin%space%at(assembly%length, 0), u)
       ! Not by `associate`: gfortran 12 then frees components of the constant that were never set.
       s = assembly
-      potential = s%E*s%I*curvature + s%k_H*(y - tip)**2
-      loss = s%c_D*s%I*curvature + s%c_H*(y - tip)**2
-      kinetic = s%rho*squared + s%m_T*tip**2 + s%m_H*y**2
+      potential = s%E*s%I*curvature + s%hose(1)%k_H*(y - tip)**2
+      loss = s%c_D*s%I*curvature + s%hose(1)%c_H*(y - tip)**2
+      kinetic = s%rho*squared + s%m_T*tip**2 + s%hose(1)%m_H*y**2
       ! Irregular coefficients: no more cancellation than the root combinations of degree 7 bring.
       call check_close(of_mesh(degree, elements)//'potential energy', &
          dot_product(x, equations%stiffness%times(x))/potential, 1.0_wp, 200*eps)
@@ -197,8 +197,8 @@ contains
 
       galerkin = new_galerkin(mesh_t(degree, elements, degree + 1, 1), assembly%length)
       bare = assembly
-      bare%m_H = 0
-      call check('no hose mass, no hose', assembly%has_hose() .and. .not. bare%has_hose())
+      bare%hose(1)%m_H = 0
+      call check('no hose mass, no hose', any(assembly%has_hose()) .and. .not. any(bare%has_hose()))
       with_hose = new_equations(galerkin, assembly, new_pulse(1.0_wp, 1.0_wp))
       without = new_equations(galerkin, bare, new_pulse(1.0_wp, 1.0_wp))
       n = without%n
@@ -214,7 +214,7 @@ contains
          maxval(abs(dense_of(without%stiffness) - bare%E*bare%I*dense_of(galerkin%bending))), &
          0.0_wp, 0.0_wp)
       call check(of_mesh(degree, elements)//'the hose is felt', maxval(abs(stiffness(:n, :n) &
-         - dense_of(without%stiffness))) > assembly%k_H/2)
+         - dense_of(without%stiffness))) > assembly%hose(1)%k_H/2)
    end subroutine test_no_hose
 
    !> A hose with mass only: y is there, free of the beam.
@@ -224,13 +224,13 @@ contains
       type(structure_t) :: loose
 
       loose = assembly
-      loose%k_H = 0
-      loose%c_H = 0
+      loose%hose(1)%k_H = 0
+      loose%hose(1)%c_H = 0
       galerkin = new_galerkin(mesh_t(), loose%length)
       equations = new_equations(galerkin, loose, new_pulse(1.0_wp, 1.0_wp))
       call check('a loose hose keeps its coordinate', equations%n == galerkin%space%n + 1 .and. &
          abs(equations%stiffness%element(equations%n, equations%n)) <= 0 .and. &
-         abs(equations%mass%element(equations%n, equations%n) - loose%m_H) <= 0)
+         abs(equations%mass%element(equations%n, equations%n) - loose%hose(1)%m_H) <= 0)
    end subroutine test_partial_hose
 
    subroutine test_check_structure()
@@ -240,7 +240,7 @@ contains
       call check_structure(assembly, error)
       call check('check_structure accepts the assembly', .not. allocated(error))
       s = assembly
-      s%c_D = 0; s%m_T = 0; s%m_H = 0; s%c_H = 0; s%k_H = 0
+      s%c_D = 0; s%m_T = 0; s%hose(1)%m_H = 0; s%hose(1)%c_H = 0; s%hose(1)%k_H = 0
       call check_structure(s, error)
       call check('check_structure accepts zeros', .not. allocated(error))
       s = assembly; s%length = 0; call refused('length', s)
@@ -253,9 +253,9 @@ contains
       s = assembly; s%I = -1; call refused('I', s)
       s = assembly; s%c_D = -1e-9_wp; call refused('c_D', s)
       s = assembly; s%m_T = -1; call refused('m_T', s)
-      s = assembly; s%m_H = -1; call refused('m_H', s)
-      s = assembly; s%c_H = -1; call refused('c_H', s)
-      s = assembly; s%k_H = -1; call refused('k_H', s)
+      s = assembly; s%hose(1)%m_H = -1; call refused('m_H', s)
+      s = assembly; s%hose(1)%c_H = -1; call refused('c_H', s)
+      s = assembly; s%hose(1)%k_H = -1; call refused('k_H', s)
    end subroutine test_check_structure
 
    !> The message starts with the key.
@@ -294,9 +294,9 @@ contains
          case ('m_T'); direct = s%m_T
          case ('E'); direct = s%E
          case ('c_D'); direct = s%c_D
-         case ('m_H'); direct = s%m_H
-         case ('c_H'); direct = s%c_H
-         case ('k_H'); direct = s%k_H
+         case ('m_H'); direct = s%hose(1)%m_H
+         case ('c_H'); direct = s%hose(1)%c_H
+         case ('k_H'); direct = s%hose(1)%k_H
          case ('rho'); direct = s%rho
          case ('gamma'); direct = s%gamma
          case ('J_T'); direct = s%J_T

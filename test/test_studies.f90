@@ -64,7 +64,7 @@ contains
 
       galerkin = new_galerkin(mesh_t(degree=3, elements=4), 4.0_wp)
       equations = new_equations(galerkin, structure_t(length=4, rho=0.03_wp, E=80, I=1, &
-         c_D=0.005_wp, m_T=0.15_wp, m_H=0.04_wp, c_H=0.004_wp, k_H=0.3_wp), &
+         c_D=0.005_wp, m_T=0.15_wp, hose=hose_t(m_H=0.04_wp, c_H=0.004_wp, k_H=0.3_wp)), &
          new_pulse(1.0_wp, 0.05_wp))
       call undamped_modes(equations, omega, shapes, error)
       call mode_observers(equations, again, observers, error)

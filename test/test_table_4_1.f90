@@ -108,9 +108,9 @@ contains
       ! Towards the true values: those of the finest mesh are within a per cent.
       associate (s => truth%model%structure, q => fits(1, 5)%fit%estimate)
          call check_close('N = 6, c_D against the truth', q(1)/s%c_D, 1.0_wp, 0.01_wp)
-         call check_close('N = 6, m_H against the truth', q(2)/s%m_H, 1.0_wp, 0.001_wp)
-         call check_close('N = 6, c_H against the truth', q(3)/s%c_H, 1.0_wp, 0.001_wp)
-         call check_close('N = 6, k_H against the truth', q(4)/s%k_H, 1.0_wp, 0.001_wp)
+         call check_close('N = 6, m_H against the truth', q(2)/s%hose(1)%m_H, 1.0_wp, 0.001_wp)
+         call check_close('N = 6, c_H against the truth', q(3)/s%hose(1)%c_H, 1.0_wp, 0.001_wp)
+         call check_close('N = 6, k_H against the truth', q(4)/s%hose(1)%k_H, 1.0_wp, 0.001_wp)
       end associate
    end subroutine test_paper
 

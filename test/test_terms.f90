@@ -60,9 +60,10 @@ program test_terms
    use beamid_residuals, only: new_residuals
    use beamid_strings, only: to_text
    use beamid_structure, only: at_tip, n_parameters, of_c_R, of_g, of_kappa_R, of_length, &
-      of_T, of_x_F, structure_t, x_S_at
+      of_T, of_x_F, structure_t, x_H_at, x_M_at, x_S_at
    use beamid_structure_checks, only: check_structure
-   use beamid_terms, only: of_compliance, operators, end_condition, strengths, strengths_and_slopes
+   use beamid_terms, only: end_condition, of_compliance, of_damping, of_mass, operators, &
+      operators_of, strengths, strengths_and_slopes, terms
    use beamid_units, only: units_t
    use beamid_variables, only: new_variable, unbounded, variable_t
    use checks, only: check, check_close, finish, held_root, in_long_run
@@ -71,11 +72,12 @@ program test_terms
    use random_numbers, only: decades, start_random, uniform
    implicit none
 
-   !> Places of the parameters of a structure with two sensors and two supports.
+   !> Places of the parameters of a structure with two attachments of each kind.
    integer, allocatable :: places(:)
 
    call start_random(20250707)
    call test_rows()
+   call test_grounded()
    call test_derivatives()
    call test_mistakes(merge(1000, 6, in_long_run()))
    call finish('terms')
@@ -98,6 +100,11 @@ contains
       s%sensor_name(:2) = ['a', 'b']
       s%supports = 2
       s%support_name(:2) = ['p', 'q']
+      s%support%kappa_RP = 0
+      s%masses = 2
+      s%mass_name(:2) = ['m', 'n']
+      s%hoses = 2
+      s%hose_name(:2) = ['h', 'k']
       do k = 1, n_parameters
          if (.not. is_there(s, k)) cycle
          if (parameters(k)%range == on_beam) then
@@ -152,7 +159,7 @@ contains
          call wrong%set(k, -1.5_wp)
          call check_structure(wrong, error)
          call check(name//': below 0 is refused', allocated(error) .or. &
-            any(k == [x_S_at, of_x_F]) .or. parameters(k)%range == any_value)
+            any(k == [x_S_at, x_M_at, x_H_at, of_x_F]) .or. parameters(k)%range == any_value)
          if (parameters(k)%range /= positive .and. parameters(k)%range /= not_negative) cycle
          call wrong%set(k, 0.0_wp)
          call check_structure(wrong, error)
@@ -161,6 +168,22 @@ contains
             parameters(k)%is_reciprocal))
       end do
    end subroutine test_rows
+
+   !> The operators that are connected to the ground: those that move with the base, at a point, and
+   !> have a spring or a damper.
+   subroutine test_grounded()
+      integer :: k
+
+      do k = 1, size(operators)
+         call check('operator '//to_text(k)//': connected to the ground', &
+            operators(k)%is_grounded .eqv. (operators(k)%moves_with_base .and. &
+            operators(k)%derivative >= 0 .and. any(terms%operator == k .and. &
+            terms%matrix >= of_damping)))
+      end do
+      call check('masses move with the base', all(operators(pack(terms%operator, &
+         terms%matrix == of_mass .and. operators(terms%operator)%derivative /= 1)) &
+         %moves_with_base))
+   end subroutine test_grounded
 
    !> Strengths of the terms: the derivatives that follow from the powers against central
    !> differences, on a mesh of another length; truncation (1e-4)**2 times a few, round-off 1e-11.
@@ -197,8 +220,8 @@ contains
       type(structure_t), intent(in) :: s
       real(wp), intent(in) :: mesh_length
       integer, intent(in) :: k
-      real(wp), dimension(size(operators), of_compliance) :: slopes, strength
-      real(wp) :: all_slopes(size(operators), of_compliance, 1)
+      real(wp), dimension(operators_of(s), of_compliance) :: slopes, strength
+      real(wp) :: all_slopes(size(slopes, 1), of_compliance, 1)
 
       call strengths_and_slopes(s, mesh_length, [k], strength, all_slopes)
       slopes = all_slopes(:, :, 1)

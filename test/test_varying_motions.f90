@@ -102,9 +102,9 @@ contains
                call new_base_motion([0.0_wp, 0.5_wp, 1.0_wp, 1.5_wp], [0.0_wp, 1.0_wp, -1.0_wp, &
                   0.0_wp], e%excitation, error)
             case (5)
-               s%m_H = 0.3_wp
-               s%c_H = 0.2_wp
-               s%k_H = 2
+               s%hose(1)%m_H = 0.3_wp
+               s%hose(1)%c_H = 0.2_wp
+               s%hose(1)%k_H = 2
             case (6)
                s%g = 3
                s%variations%rho = new_variation(in_steps, [0.0_wp, 0.47_wp], [1.0_wp, 1.6_wp])
@@ -180,9 +180,9 @@ contains
       if (uniform() < 0.5_wp) s%end(1)%kappa_R = unit*decades(-2.0_wp, 0.0_wp)
       if (uniform() < 0.3_wp) s%g = 0.5_wp*omega**2*s%length*uniform()
       if (uniform() < 0.3_wp) then
-         s%m_H = s%rho*s%length*decades(-1.0_wp, 0.0_wp)
-         s%k_H = s%m_H*(omega*between(0.5_wp, 3.0_wp))**2
-         s%c_H = 0.2_wp*sqrt(s%k_H*s%m_H)
+         s%hose(1)%m_H = s%rho*s%length*decades(-1.0_wp, 0.0_wp)
+         s%hose(1)%k_H = s%hose(1)%m_H*(omega*between(0.5_wp, 3.0_wp))**2
+         s%hose(1)%c_H = 0.2_wp*sqrt(s%hose(1)%k_H*s%hose(1)%m_H)
       end if
       if (way < cubic) return
       do j = 1, s%variations%along(field_modulus)%coefficients
@@ -211,7 +211,7 @@ contains
       associate (v => s%variations)
          free = [of_E, of_c_D, of_length, of_rho, of_gamma, of_m_T, of_x_S, &
             pack([of_kappa_R], [s%end(1)%kappa_R > 0]), pack([of_g], [s%g > 0]), &
-            pack([of_k_H, of_c_H], spread(s%m_H > 0, 1, 2)), &
+            pack([of_k_H, of_c_H], spread(s%hose(1)%m_H > 0, 1, 2)), &
             pack([of_x_D, of_w_D, of_d_D], spread(s%has_dip(), 1, 3)), &
             E_at(:v%along(field_modulus)%coefficients), &
             c_D_at(:v%along(field_viscosity)%coefficients)]

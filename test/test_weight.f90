@@ -173,8 +173,8 @@ contains
 
    !> Buckling loads of uniform beams on every pair of ends that holds them: just below them the
    !> structure is accepted, just above it is refused. Two more beams have a support: rigid, it
-   !> halves a pinned beam, which buckles at 4 pi**2; elastic, of the stiffness 16 pi**2 E I/l**3, at which
-   !> both shapes buckle at once, it does the same.
+   !> halves a pinned beam, which buckles at 4 pi**2; elastic, it does so from the stiffness
+   !> 16 pi**2 E I/l**3 on.
    subroutine test_euler_loads()
       integer, parameter :: clamped = 1, pinned = 2, guided = 3, free = 4, beams = 8
       integer, parameter :: ends(2, beams) = reshape([clamped, clamped, clamped, pinned, clamped, &

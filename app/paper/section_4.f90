@@ -193,7 +193,8 @@ contains
             '   that raises the first from .71 to .75 Hz is a spring to every higher', &
             '   mode: the second stays above 8.39 Hz, and with this E and m_T the', &
             '   observed 7.5 Hz is out of reach'], &
-            [start, start(2)/start(1), ours%k_H/ours%m_H, paper%k_H/paper%m_H])
+            [start, start(2)/start(1), ours%hose(1)%k_H/ours%hose(1)%m_H, &
+            paper%hose(1)%k_H/paper%hose(1)%m_H])
       end associate
    end subroutine add_start
 

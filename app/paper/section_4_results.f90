@@ -229,7 +229,7 @@ contains
    elemental integer function first_bending(entry)
       type(entry_t), intent(in) :: entry
 
-      first_bending = merge(2, 1, entry%paper%has_hose())
+      first_bending = merge(2, 1, any(entry%paper%has_hose()))
    end function first_bending
 
 end module beamid_section_4_results

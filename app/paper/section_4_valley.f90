@@ -46,7 +46,7 @@ contains
          if (allocated(error)) return
          do k = 1, places
             associate (q => fits(k)%scenario%structures(1))
-               results%valley(:, k) = [q%m_H, q%c_H, q%k_H, fits(k)%fit%J]
+               results%valley(:, k) = [q%hose(1)%m_H, q%hose(1)%c_H, q%hose(1)%k_H, fits(k)%fit%J]
             end associate
          end do
          results%bottoms = lowest_places(results%valley(4, :))
@@ -82,7 +82,7 @@ contains
             results%measured, fits, error)
          if (allocated(error)) return
          found = search_t(fits(1)%free, fits(1)%fit%estimate, fits(1)%fit%J, &
-            fits(1)%scenario%structures(1)%m_H)
+            fits(1)%scenario%structures(1)%hose(1)%m_H)
       end subroutine search_from
 
    end subroutine explore_valley
@@ -110,7 +110,7 @@ contains
                call text%line('        '//found%fit%reason)
             end associate
          end do
-         associate (move => entry%ours%m_H/entry%paper%m_H - 1)
+         associate (move => entry%ours%hose(1)%m_H/entry%paper%hose(1)%m_H - 1)
             if (abs(move) < near) then
                call text%line(filled('   they reach Table 4.4, m_H to #%', [move]))
             else
@@ -195,7 +195,7 @@ contains
       type(search_t), intent(in) :: found
       character(len=:), allocatable :: verdict
 
-      associate (move => found%m_H/paper%m_H - 1)
+      associate (move => found%m_H/paper%hose(1)%m_H - 1)
          verdict = ': no minimum within 5 %'
          if (abs(move) < near) verdict = ': a minimum within 5 %, as the record was built to have'
          call text%line(filled(' - the paper''s '//name//': J = #, #% above the lowest', &

@@ -167,7 +167,8 @@ contains
          end associate
       end do
       associate (s => table%truth%model%structure)
-         write (line, '(a, 4f12.6)') '   true     ', s%c_D, s%m_H, s%c_H, s%k_H
+         write (line, '(a, 4f12.6)') '   true     ', s%c_D, s%hose(1)%m_H, s%hose(1)%c_H, &
+            s%hose(1)%k_H
       end associate
       call text%line(line)
       write (line, '(a, 4f12.6)') '   start    ', table%fits(1, 1)%fit%start

@@ -14,7 +14,7 @@ module attached_beams
    use beamid_poles, only: poles_t
    use beamid_responses, only: response_t, work_t
    use beamid_roots, only: damped_roots
-   use beamid_structure, only: end_t, free_end, sensor_t, structure_t
+   use beamid_structure, only: hose_t, end_t, free_end, sensor_t, structure_t
    use checks, only: check, check_close
    use exact_motions, only: as_columns, exact, galerkin, kinds, march, prepare, relative, solver
    use full_matrices, only: full_t, new_full, qp
@@ -28,7 +28,8 @@ module attached_beams
 
    !> Everything at once: rho = E I = l = 1.
    type(structure_t), parameter :: everything = structure_t(length=1, rho=1, E=1, I=1, &
-      c_D=1e-3_wp, m_T=0.5_wp, m_H=0.3_wp, c_H=0.2_wp, k_H=20, gamma=0.05_wp, J_T=0.02_wp, &
+      c_D=1e-3_wp, m_T=0.5_wp, hose=hose_t(m_H=0.3_wp, c_H=0.2_wp, k_H=20), gamma=0.05_wp, &
+      J_T=0.02_wp, &
       end=[end_t(kappa_R=0.2_wp), free_end], sensor=sensor_t(m_S=0.1_wp, x_S=0.6_wp))
    !> Quintics: their frequencies are wrong by (beta h)**8/3e6.
    type(mesh_t), parameter :: fine = mesh_t(5, 24, 6, 1), coarse = mesh_t(5, 3, 6, 1)

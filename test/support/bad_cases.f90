@@ -71,7 +71,7 @@ contains
 
       lines = ''
       do k = 1, n
-         write (keys, '(a,i0,a,f3.1)') 'name="n', k, '", '//key//'=', 0.4_wp*k
+         write (keys, '(a,i0,a,f3.1)') 'name="n', k, '", '//key//'=', 0.2_wp*k
          lines = lines//group(name, trim(keys))
       end do
    end function named

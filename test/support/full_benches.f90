@@ -5,7 +5,7 @@ module full_benches
    use beamid_galerkin, only: galerkin_t
    use beamid_kinds, only: wp
    use beamid_quadrature, only: gauss_legendre, rule_t
-   use beamid_structure, only: of_x_F, structure_t, x_P_at, x_S_at
+   use beamid_structure, only: of_x_F, structure_t, x_H_at, x_M_at, x_P_at, x_S_at
    use dense_matrices, only: dense_of
    use full_matrices, only: exponential, qp, solve_real, square
    implicit none
@@ -31,22 +31,22 @@ contains
       real(wp), intent(in) :: step, f(:)
       real(qp), intent(out) :: values(:, :)
       real(qp), allocatable :: M(:, :), C(:, :), K(:, :), loads(:, :), o(:), a(:, :), &
-         growth(:, :), x(:), held(:, :), tilt(:)
+         growth(:, :), x(:), held(:, :), tilt(:), rides(:)
       integer :: i, n
 
-      n = galerkin%space%n + merge(1, 0, structure%has_hose())
+      n = galerkin%space%n + count(structure%has_hose())
       allocate (M(n, n), C(n, n), K(n, n), loads(n, 3), a(2*n + 4, 2*n + 4), x(2*n + 4), &
          source=0.0_qp)
-      call assemble(galerkin, structure, near, is_base, M, C, K, loads, o, tilt, held)
+      call assemble(galerkin, structure, near, is_base, M, C, K, loads, o, tilt, held, rides)
       do i = 1, n
          a(i, n + i) = 1
-         a(n + 1:2*n, i) = accelerations(M, held, -K(:, i), 0)
-         a(n + 1:2*n, n + i) = accelerations(M, held, -C(:, i), 0)
+         a(n + 1:2*n, i) = accelerations(M, held, -K(:, i), 0*rides)
+         a(n + 1:2*n, n + i) = accelerations(M, held, -C(:, i), 0*rides)
       end do
       ! f and its slope; velocity and displacement of the base.
-      a(n + 1:2*n, 2*n + 1) = accelerations(M, held, loads(:, 1), merge(-1, 0, is_base))
-      a(n + 1:2*n, 2*n + 3) = accelerations(M, held, loads(:, 2), 0)
-      a(n + 1:2*n, 2*n + 4) = accelerations(M, held, loads(:, 3), 0)
+      a(n + 1:2*n, 2*n + 1) = accelerations(M, held, loads(:, 1), merge(-rides, 0*rides, is_base))
+      a(n + 1:2*n, 2*n + 3) = accelerations(M, held, loads(:, 2), 0*rides)
+      a(n + 1:2*n, 2*n + 4) = accelerations(M, held, loads(:, 3), 0*rides)
       a(2*n + 1, 2*n + 2) = 1
       a(2*n + 3, 2*n + 1) = 1
       a(2*n + 4, 2*n + 3) = 1
@@ -64,8 +64,7 @@ contains
 
    !> M**-1 force, where what is held has an acceleration that is known.
    function accelerations(M, held, force, known) result(a)
-      real(qp), intent(in) :: M(:, :), held(:, :), force(:)
-      integer, intent(in) :: known
+      real(qp), intent(in) :: M(:, :), held(:, :), force(:), known(:)
       real(qp) :: a(size(force))
       real(qp), dimension(size(force) + size(held, 2), size(force) + size(held, 2)) :: whole
       real(qp) :: b(size(whole, 1))
@@ -83,20 +82,23 @@ contains
    end function accelerations
 
    !> M, C, K, the loads by f and by velocity and displacement of the base, and the sensor.
-   subroutine assemble(galerkin, s, near, is_base, M, C, K, loads, o, tilt, held)
+   !>
+   !> held, rides  (n, rows), (rows) rows that rigid supports hold, and 1 for those whose motion is
+   !>              relative to a base that moves
+   subroutine assemble(galerkin, s, near, is_base, M, C, K, loads, o, tilt, held, rides)
       type(galerkin_t), intent(in) :: galerkin
       type(structure_t), intent(in) :: s, near
       logical, intent(in) :: is_base
       real(qp), intent(out) :: M(:, :), C(:, :), K(:, :), loads(:, :)
-      real(qp), allocatable, intent(out) :: o(:), tilt(:), held(:, :)
-      real(qp), dimension(size(M, 1)) :: tip, v, whole, y
+      real(qp), allocatable, intent(out) :: o(:), tilt(:), held(:, :), rides(:)
+      real(qp), dimension(size(M, 1)) :: tip, v, row, whole, y
       real(qp) :: g, longer
-      integer :: i, n
+      integer :: h, i, n
 
       n = galerkin%space%n
       longer = s%length/real(galerkin%space%length, qp)
-      allocate (held(size(M, 1), 0))
-      M = 0; C = 0; K = 0; loads = 0; whole = 0; y = 0
+      allocate (held(size(M, 1), 0), rides(0))
+      M = 0; C = 0; K = 0; loads = 0; whole = 0
       tip = at(galerkin%space%length + 0.0_qp, galerkin%space%length, 0)
       whole(:n) = longer*galerkin%moments(0.0_wp)
       M(:n, :n) = s%rho*longer*dense_of(galerkin%inertia)
@@ -110,13 +112,18 @@ contains
          K = K + 1/real(s%end(1)%kappa_R, qp)*square(at(0.0_qp, 0.0_wp, 1)/longer)
          C = C + s%end(1)%c_R*square(at(0.0_qp, 0.0_wp, 1)/longer)
       end if
-      if (s%has_hose()) then
-         y(n + 1) = 1
-         M = M + s%m_H*square(y)
-         C = C + s%c_H*square(y - tip)
-         K = K + s%k_H*square(y - tip)
-         v = v + s%m_H*y
-      end if
+      h = n
+      do i = 1, max(1, s%hoses)
+         if (.not. s%hose(i)%m_H > 0) cycle
+         h = h + 1
+         y = 0
+         y(h) = 1
+         row = y - point(x_H_at(i), 0)
+         M = M + s%hose(i)%m_H*square(y)
+         C = C + s%hose(i)%c_H*square(row)
+         K = K + s%hose(i)%k_H*square(row)
+         v = v + s%hose(i)%m_H*y
+      end do
       g = merge(-s%g, s%g, s%stands)
       call pull(galerkin%space%length, galerkin%space%length + 0.0_qp, (s%T + g*s%m_T)/longer, &
          g*s%rho)
@@ -127,6 +134,13 @@ contains
             + s%sensor(i)%J_S*square(point(x_S_at(i), 1)/longer)
          v = v + s%sensor(i)%m_S*point(x_S_at(i), 0)
       end do
+      do i = 1, s%masses
+         call pull(near%place(x_M_at(i))*(galerkin%space%length/near%length), &
+            s%place(x_M_at(i))/longer, g*s%mass(i)%m_M/longer, 0.0_qp)
+         M = M + s%mass(i)%m_M*square(point(x_M_at(i), 0)) &
+            + s%mass(i)%J_M*square(point(x_M_at(i), 1)/longer)
+         v = v + s%mass(i)%m_M*point(x_M_at(i), 0)
+      end do
       if (is_base) then
          loads(:, 1) = -v
          loads(:, 2) = -s%gamma*whole
@@ -134,9 +148,19 @@ contains
          loads(:, 1) = point(of_x_F, 0)
       end if
       do i = 1, s%supports
+         row = point(x_P_at(i), 1)/longer
+         if (.not. s%support(i)%kappa_RP > 0) then
+            held = reshape([held, row], [size(row), size(held, 2) + 1])
+            rides = [rides, 0.0_qp]
+         else
+            if (s%support(i)%kappa_RP < huge(1.0_wp)) &
+               K = K + 1/real(s%support(i)%kappa_RP, qp)*square(row)
+            C = C + s%support(i)%c_RP*square(row)
+         end if
          v = point(x_P_at(i), 0)
          if (.not. s%support(i)%kappa_P > 0) then
             held = reshape([held, v], [size(v), size(held, 2) + 1])
+            rides = [rides, 1.0_qp]
             cycle
          end if
          K = K + 1/real(s%support(i)%kappa_P, qp)*square(v)

@@ -53,7 +53,7 @@ contains
       integer :: e, p, i, j, first, m
 
       self%soft = (structure%end(1)%kappa_R > 0)
-      self%hose = structure%has_hose()
+      self%hose = any(structure%has_hose())
       self%length = galerkin%space%length
       self%x_S = structure%sensor_place()
       self%start = structure%length

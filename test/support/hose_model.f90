@@ -5,7 +5,7 @@ module hose_model
    use beamid_identification, only: model_t
    use beamid_kinds, only: wp
    use beamid_observation, only: observation_t
-   use beamid_structure, only: structure_t
+   use beamid_structure, only: hose_t, structure_t
    use models, only: model_of
    implicit none
    private
@@ -13,7 +13,7 @@ module hose_model
    public :: truth, mesh, hosed
 
    type(structure_t), parameter :: truth = structure_t(length=4, rho=0.03_wp, E=80, I=1, &
-      c_D=0.05_wp, m_T=0.15_wp, m_H=0.04_wp, c_H=0.01_wp, k_H=0.3_wp)
+      c_D=0.05_wp, m_T=0.15_wp, hose=hose_t(m_H=0.04_wp, c_H=0.01_wp, k_H=0.3_wp))
    type(mesh_t), parameter :: mesh = mesh_t(3, 2, 4, 1)
 
 contains

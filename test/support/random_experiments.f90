@@ -52,9 +52,9 @@ contains
       s%sensor(1)%x_S = s%length*between(0.05_wp, 1.0_wp)
       s%c_D = 2*s%E/s%omega()*decades(-5.0_wp, 0.0_wp)
       s%gamma = 2*s%rho*s%omega()*decades(-5.0_wp, 0.0_wp)
-      s%m_H = mass*decades(-3.0_wp, 1.0_wp)
-      s%k_H = s%m_H*(s%omega()*decades(-1.0_wp, 1.5_wp))**2
-      s%c_H = 2*sqrt(s%k_H*s%m_H)*decades(-3.0_wp, 1.5_wp)
+      s%hose(1)%m_H = mass*decades(-3.0_wp, 1.0_wp)
+      s%hose(1)%k_H = s%hose(1)%m_H*(s%omega()*decades(-1.0_wp, 1.5_wp))**2
+      s%hose(1)%c_H = 2*sqrt(s%hose(1)%k_H*s%hose(1)%m_H)*decades(-3.0_wp, 1.5_wp)
    end function random_structure
 
    !> Every parameter over six decades about the beam's own; each left out in one of ten.
@@ -72,9 +72,9 @@ contains
       s%sensor(1)%x_S = s%length*decades(-2.0_wp, 0.0_wp)
       s%c_D = 2*s%E/s%omega()*decades(-5.0_wp, 1.0_wp)
       s%gamma = 2*s%rho*s%omega()*decades(-4.0_wp, 2.0_wp)
-      s%m_H = mass*decades(-4.0_wp, 2.0_wp)
-      s%k_H = s%m_H*(s%omega()*decades(-3.0_wp, 3.0_wp))**2
-      s%c_H = 2*sqrt(s%k_H*s%m_H)*decades(-4.0_wp, 2.0_wp)
+      s%hose(1)%m_H = mass*decades(-4.0_wp, 2.0_wp)
+      s%hose(1)%k_H = s%hose(1)%m_H*(s%omega()*decades(-3.0_wp, 3.0_wp))**2
+      s%hose(1)%c_H = 2*sqrt(s%hose(1)%k_H*s%hose(1)%m_H)*decades(-4.0_wp, 2.0_wp)
       if (uniform() < 0.1_wp) s%m_T = 0
       if (uniform() < 0.1_wp) s%J_T = 0
       if (uniform() < 0.1_wp) s%end(1)%kappa_R = 0
@@ -82,8 +82,8 @@ contains
       if (uniform() < 0.1_wp) s%sensor(1)%x_S = at_tip
       if (uniform() < 0.1_wp) s%c_D = 0
       if (uniform() < 0.1_wp) s%gamma = 0
-      if (uniform() < 0.1_wp) s%m_H = 0
-      if (uniform() < 0.1_wp) s%c_H = 0
+      if (uniform() < 0.1_wp) s%hose(1)%m_H = 0
+      if (uniform() < 0.1_wp) s%hose(1)%c_H = 0
    end function wide_structure
 
    !> Two to six elements of degree 3 or some of degree 5; a pulse or a table, at the tip or

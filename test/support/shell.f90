@@ -114,15 +114,15 @@ contains
       outcome%err = read_file(in_scratch('.err'))
    end function run
 
-   !> A Python that has these modules, 'numpy, scipy', the system's or the project's own, as a word for
-   !> the shell that holds in every folder; '': none.
+   !> A Python that has these modules, 'numpy, scipy', the system's or the project's own, as a word
+   !> for the shell that holds in every folder; '': none.
    function python_with(modules) result(python)
       character(len=*), intent(in) :: modules
       character(len=:), allocatable :: python
       type(outcome_t) :: outcome
 
-      outcome = run('for p in python3 "$PWD/../../.venv/bin/python"; do "$p" -c "import '//modules// &
-         '" 2>/dev/null && echo "$p" && exit; done; exit 1')
+      outcome = run('for p in python3 "$PWD/../../.venv/bin/python"; do "$p" -c "import '// &
+         modules//'" 2>/dev/null && echo "$p" && exit; done; exit 1')
       python = ''
       if (outcome%status == 0) python = quoted(outcome%out(:len(outcome%out) - 1))
    end function python_with

@@ -9,7 +9,7 @@ module single_responses
    use beamid_modal, only: modal_t
    use beamid_modes, only: undamped_modes
    use beamid_responses, only: prepare_for, response_t, solver_t, work_t
-   use beamid_structure, only: structure_t
+   use beamid_structure, only: hose_t, structure_t
    use checks, only: check, check_close
    use integration_errors, only: accumulated_error
    implicit none
@@ -20,10 +20,10 @@ module single_responses
 
    !> The full tip assembly: rho = E I = l = 1.
    type(structure_t), parameter :: assembly = structure_t(length=1, rho=1, E=1, I=1, &
-      c_D=1e-3_wp, m_T=0.5_wp, m_H=0.3_wp, c_H=0.2_wp, k_H=20)
+      c_D=1e-3_wp, m_T=0.5_wp, hose=hose_t(m_H=0.3_wp, c_H=0.2_wp, k_H=20))
    !> The simulated structure of Table 4.1.
    type(structure_t), parameter :: table_4_1 = structure_t(length=4, rho=0.03_wp, E=80, I=1, &
-      c_D=0.005_wp, m_T=0.15_wp, m_H=0.04_wp, c_H=0.004_wp, k_H=0.3_wp)
+      c_D=0.005_wp, m_T=0.15_wp, hose=hose_t(m_H=0.04_wp, c_H=0.004_wp, k_H=0.3_wp))
    type(modal_t), parameter :: fresh = modal_t()
    integer :: k
    real(wp), parameter :: grid(101) = [(0.05_wp*k, k=0, 100)]

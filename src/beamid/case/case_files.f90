@@ -41,12 +41,14 @@ module beamid_case_files
       group_t('end', may_repeat=.true., purpose= &
       'Describes what holds an end of the beam. Without it the root is clamped, the tip free.'), &
       group_t('tip', purpose='Describes a mass at the tip, the other end of the beam.'), &
-      group_t('hose', purpose= &
-      'Describes a hose at the tip: a mass that a spring and a damper connect to the beam.'), &
+      group_t('hose', may_repeat=.true., purpose= &
+      'Describes a hose or absorber: a mass that a spring and a damper connect to the beam.'), &
+      group_t('mass', may_repeat=.true., purpose= &
+      'Describes a mass on the beam, at any position.'), &
       group_t('sensor', may_repeat=.true., purpose= &
       'Describes an accelerometer: its mass, rotary inertia and position.'), &
       group_t('support', may_repeat=.true., purpose= &
-      'Describes a support between beam and ground: rigid, or a spring, a damper or both.'), &
+      'Describes a support: rigid, or springs and dampers between beam and ground.'), &
       group_t('gravity', purpose= &
       'Adds the weight of the beam and of the masses on it, for a beam that hangs or stands.'), &
       group_t('axial', purpose='Adds an axial force in the beam.'), &
@@ -167,7 +169,7 @@ contains
       call move_alloc(case%files, block%files)
       associate (model => case%model)
          select case (block%name)
-         case ('beam', 'end', 'tip', 'hose', 'sensor', 'support', 'gravity', 'axial')
+         case ('beam', 'end', 'tip', 'hose', 'mass', 'sensor', 'support', 'gravity', 'axial')
             call read_structure(block, model%structure, case%section, case%along)
          case ('discretization'); call read_discretization(block, case%meshes, case%refines)
          case ('integrator'); call read_integrator(block, model%solver)

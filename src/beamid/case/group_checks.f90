@@ -170,7 +170,7 @@ contains
       associate (structure => case%model%structure, mesh => case%meshes( &
          minloc(case%meshes%elements, dim=1)))
          rigid = structure%rigid_supports()
-         unknowns = unknowns_of(mesh, structure) + rigid - merge(1, 0, structure%has_hose())
+         unknowns = unknowns_of(mesh, structure) + rigid - count(structure%has_hose())
          if (rigid < unknowns) return
          k = place_of(blocks, 'support', structure%supports)
          if (unknowns < 1) then

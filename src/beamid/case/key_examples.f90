@@ -65,6 +65,12 @@ module beamid_key_examples
       key_example_t('hose', 'm_H', 'm_H=0.004'), &
       key_example_t('hose', 'c_H', 'm_H=0.004, c_H=0.01, k_H=5'), &
       key_example_t('hose', 'k_H', 'm_H=0.004, k_H=5'), &
+      key_example_t('hose', 'x_H', 'm_H=0.004, k_H=5, x_H=0.3'), &
+      key_example_t('hose', 'name', 'name=''absorber'', m_H=0.004, k_H=5', allowed=item_name), &
+      key_example_t('mass', 'name', 'name=''clip'', m=0.002, x=0.2', allowed=item_name), &
+      key_example_t('mass', 'm', 'm=0.002, x=0.2'), &
+      key_example_t('mass', 'J', 'm=0.002, J=1e-7, x=0.2'), &
+      key_example_t('mass', 'x', 'm=0.002, x=0.2'), &
       key_example_t('sensor', 'name', 'name=''tip'', m_S=0.004', allowed=item_name), &
       key_example_t('sensor', 'm_S', 'm_S=0.004, x_S=0.44'), &
       key_example_t('sensor', 'J_S', 'm_S=0.004, J_S=1e-7'), &
@@ -73,6 +79,8 @@ module beamid_key_examples
       key_example_t('support', 'x_P', 'x_P=0.3'), &
       key_example_t('support', 'k_P', 'x_P=0.3, k_P=200'), &
       key_example_t('support', 'c_P', 'x_P=0.3, k_P=200, c_P=0.1'), &
+      key_example_t('support', 'k_R', 'x_P=0.3, k_R=50'), &
+      key_example_t('support', 'c_R', 'x_P=0.3, k_R=50, c_R=0.01'), &
       key_example_t('gravity', 'g', 'g=9.81'), &
       key_example_t('gravity', 'direction', 'g=9.81, direction=''standing'''), &
       key_example_t('axial', 'force', 'force=-0.2'), &

@@ -29,7 +29,7 @@ module beamid_model_groups
 contains
 
    !> Reads a group of parameters of the structure: all rows of the table `parameters` that name the
-   !> group. Each sensor and each support has a group and a name of its own.
+   !> group. Each attachment has a group and a name of its own.
    !>
    !> section  of the beam, set by the group &beam
    !> along    properties that vary along the beam; &beam need not give a value for them
@@ -43,11 +43,13 @@ contains
       integer :: item, k
 
       item = 0
-      if (block%name == 'sensor') call read_name(block, structure%sensors, structure%sensor_name, &
-         item)
-      if (block%name == 'support') call read_name(block, structure%supports, &
-         structure%support_name, item)
-      if (block%name == 'end') call read_kind_of_end(block, structure, item)
+      select case (block%name)
+      case ('sensor'); call read_name(block, structure%sensors, structure%sensor_name, item)
+      case ('support'); call read_name(block, structure%supports, structure%support_name, item)
+      case ('mass'); call read_name(block, structure%masses, structure%mass_name, item)
+      case ('hose'); call read_name(block, structure%hoses, structure%hose_name, item)
+      case ('end'); call read_kind_of_end(block, structure, item)
+      end select
       do k = 1, n_parameters
          if (parameters(k)%group /= block%name .or. parameters(k)%item /= item) cycle
          call read_parameter(block, k, value, along)
@@ -55,8 +57,9 @@ contains
       end do
       if (block%name == 'support' .and. item > 0) then
          associate (support => structure%support(item))
-            if (support%kappa_P >= no_spring .and. .not. support%c_P > 0) call block%refuse('k_P', &
-               '0', 'a value above 0, or c_P above 0 beside it')
+            if (support%kappa_P >= no_spring .and. support%kappa_RP >= no_spring .and. &
+               .not. (support%c_P > 0 .or. support%c_RP > 0)) call block%refuse('k_P', '0', &
+               'a value above 0, or k_R, c_P or c_R above 0 beside it')
          end associate
       end if
       if (block%name == 'gravity') then
@@ -229,11 +232,11 @@ contains
       if (reference_of(along, name) > 0) value = reference_of(along, name)
    end subroutine take_reference
 
-   !> Reads the name of the next sensor or support. A single one needs no name; several need
+   !> Reads the name of the next attachment of a kind. A single one needs no name; several need
    !> different names.
    !>
-   !> n      number of sensors or supports read so far; increased by one
-   !> names  names of sensors or supports
+   !> n      number of attachments of this kind read so far; increased by one
+   !> names  their names
    !> item   number of the new one
    subroutine read_name(block, n, names, item)
       type(block_t), intent(inout) :: block
@@ -249,13 +252,14 @@ contains
          if (verify(name, letters//digits) > 0 .or. len(name) > item_name_length .or. name == '') &
             call block%refuse('name', shown(name), 'at most '//to_text(item_name_length)// &
             ' letters, digits and _')
+         if (block%name /= 'sensor' .and. (lower(name) == 'root' .or. lower(name) == 'tip')) &
+            call block%refuse('name', shown(name), 'another name: root and tip are the ends')
       else
          name = ''
       end if
       item = min(n + 1, size(names))
       if (n == size(names)) then
-         call block%refuse('name', to_text(n + 1)//' groups &'//block%name, &
-            'at most '//to_text(n))
+         call block%refuse('name', to_text(n + 1)//' groups &'//block%name, 'at most '//to_text(n))
       else if (n > 0 .and. (name == '' .or. names(1) == '')) then
          call block%refuse('name', 'several groups &'//block%name//', and one without it', &
             'a name for each')

@@ -36,8 +36,9 @@ module beamid_see_also
    type(related_t), parameter :: group_rows(*) = [ &
       related_t(a_group, 'beam', 'end tip sensor support along units'), &
       related_t(a_group, 'end', 'beam support k_R'), &
-      related_t(a_group, 'tip', 'beam hose sensor'), &
-      related_t(a_group, 'hose', 'tip'), &
+      related_t(a_group, 'tip', 'beam mass hose sensor'), &
+      related_t(a_group, 'hose', 'tip mass'), &
+      related_t(a_group, 'mass', 'tip sensor hose'), &
       related_t(a_group, 'sensor', 'record observation'), &
       related_t(a_group, 'support', 'beam k_R'), &
       related_t(a_group, 'gravity', 'axial'), &
@@ -77,6 +78,8 @@ module beamid_see_also
       related_t('end', 'k_R', 'c_R kind'), &
       related_t('end', 'c_R', 'k_R'), &
       related_t('sensor', 'name', 'record'), &
+      related_t('hose', 'name', 'x_H'), &
+      related_t('mass', 'name', 'x'), &
       related_t('support', 'name', 'x_P'), &
       related_t('support', 'k_P', 'c_P k_R'), &
       related_t('support', 'c_P', 'k_P'), &

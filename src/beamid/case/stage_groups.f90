@@ -310,8 +310,10 @@ contains
             lacking = 'no amplitude beside a free start'
          if (free(k) == of_x_F .and. any(excitations%modes > 0 .or. excitations%is_base .or. &
             excitations%distributed)) lacking = 'a force at a point for it'
-         if (belongs_to_hose(free(k)) .and. .not. structure%has_hose()) &
-            lacking = 'a &hose group with m_H > 0 for it'
+         if (belongs_to_hose(free(k))) then
+            if (.not. structure%hose(parameters(free(k))%item)%m_H > 0) &
+               lacking = 'a &hose group with m_H > 0 for it'
+         end if
          if (lacking == '') cycle
          call block%refuse(key, shown(name_of_parameter(structure, free(k))), lacking)
          return

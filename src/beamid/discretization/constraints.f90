@@ -29,7 +29,7 @@ module beamid_constraints
       logical :: too_many = .false.
       type(elimination_t), allocatable, private :: all(:)   !< one elimination for each constraint
    contains
-      procedure :: add, number, of_matrix, of_vector, expanded
+      procedure :: add, number, of_matrix, of_vector, expanded, kept
    end type constraints_t
 
 contains
@@ -127,6 +127,19 @@ contains
          end associate
       end do
    end function of_vector
+
+   !> Returns the entries of a vector of all unknowns that belong to the remaining unknowns.
+   pure function kept(self, values)
+      class(constraints_t), intent(in) :: self
+      real(wp), intent(in) :: values(:)
+      real(wp), allocatable :: kept(:)
+      integer :: c
+
+      kept = values
+      do c = 1, self%number()
+         kept = kept(self%all(c)%own)
+      end do
+   end function kept
 
    !> Returns all unknowns w = T q from the remaining unknowns q.
    pure function expanded(self, q) result(w)

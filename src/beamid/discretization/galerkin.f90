@@ -5,8 +5,8 @@ module beamid_galerkin
    use beamid_kinds, only: wp
    use beamid_quadrature, only: gauss_legendre, rule_t, composite
    use beamid_splines, only: new_spline_space, spline_space_t
-   use beamid_structure, only: structure_t
-   use beamid_variations, only: variations_t
+   use beamid_structure, only: no_spring, structure_t
+   use beamid_variations, only: add_break, variations_t
    implicit none
    private
 
@@ -70,12 +70,25 @@ contains
 
    !> Returns the integrals for the beam of a structure, with its conditions at the ends and
    !> its variation along the beam.
-   pure function galerkin_of(mesh, structure) result(self)
+   !>
+   !> fixed  .true.: no position and no length will change. A support that resists the rotation
+   !>        makes the curvature jump; there the splines get knots at which they are only once
+   !>        continuously differentiable. Such a mesh has no derivatives with respect to the
+   !>        position. Default .false.
+   pure function galerkin_of(mesh, structure, fixed) result(self)
       type(mesh_t), intent(in) :: mesh
       type(structure_t), intent(in) :: structure
+      logical, intent(in), optional :: fixed
       type(galerkin_t) :: self
+      logical :: with_kinks
 
-      self = new_galerkin(mesh, structure%length, structure%essential(), structure%variations)
+      with_kinks = .false.
+      if (present(fixed)) with_kinks = fixed
+      associate (support => structure%support(:structure%supports), l => structure%length)
+         self = new_galerkin(mesh, l, structure%essential(), structure%variations, &
+            pack(support%x_P/l, with_kinks .and. (support%kappa_RP < no_spring .or. &
+            support%c_RP > 0)))
+      end associate
    end function galerkin_of
 
    !> Returns the integrals for a beam.
@@ -83,22 +96,29 @@ contains
    !> length      length of the beam [length]
    !> essential   (condition, end) conditions as in `spline_space_t`; absent: root clamped, tip free
    !> variations  variation along the beam; default: none
-   pure function new_galerkin(mesh, length, essential, variations) result(self)
+   !> kinks       (:) positions x/l at which the curvature may jump; default: none
+   pure function new_galerkin(mesh, length, essential, variations, kinks) result(self)
       type(mesh_t), intent(in) :: mesh
       real(wp), intent(in) :: length
       logical, intent(in), optional :: essential(2, 2)
       type(variations_t), intent(in), optional :: variations
+      real(wp), intent(in), optional :: kinks(:)
       type(galerkin_t) :: self
       type(rule_t) :: rule
       real(wp), allocatable :: breaks(:)
       integer, allocatable :: knots(:)
       real(wp) :: b(mesh%degree + 1), d2b(mesh%degree + 1)
-      integer :: m, q
+      integer :: k, m, q
 
       self%mesh = mesh
       if (present(variations)) self%variations = variations
       self%varies = self%variations%are_known()
       call self%variations%breaks(mesh%degree, breaks, knots)
+      if (present(kinks)) then
+         do k = 1, size(kinks)
+            call add_break(kinks(k), mesh%degree - 1, breaks, knots)
+         end do
+      end if
       self%space = new_spline_space(mesh%degree, mesh%elements, length, essential, &
          pack(breaks, knots > 0), pack(knots, knots > 0))
       rule = composite(mesh%gauss_points, mesh%panels)

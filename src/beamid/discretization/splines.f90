@@ -111,8 +111,8 @@ contains
       call find_nonzero_functions(space)
    end function new_spline_space
 
-   !> Replaces the functions that do not vanish at an end by combinations that satisfy the conditions
-   !> there.
+   !> Replaces the functions that do not vanish at an end by combinations that satisfy the
+   !> conditions there.
    !>
    !> end  1: root, 2: tip
    pure subroutine combine_at(space, end)

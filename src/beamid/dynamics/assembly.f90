@@ -2,13 +2,13 @@
 !> few points.
 !>
 !> The coordinates are the modes of the bare beam (pinned at the root if the root can rotate) and
-!> the hose as one more oscillator. In these coordinates M, C and K are diagonal except for the
+!> each hose as one more oscillator. In these coordinates M, C and K are diagonal except for the
 !> attachments:
 !>
 !>     s**2 M + s C + K = D(s) + V H(s) A**-1 V',    D_i = m_i s**2 + c_i s + k_i.
 !>
 !> Each column of V holds the motion of the rows per unit of one oscillator: the displacements of
-!> tip, hose, sensors and supports, and the slopes at root, tip and sensors. H is a small matrix,
+!> tip, hoses and attachments, and the slopes at root, tip and attachments. H is a small matrix,
 !> the dynamic stiffness of the attachments. A is diagonal. Its entry is 1, except in the row of a
 !> spring to the ground: there it is the compliance, and H contains 1 + s c/k, so that the spring
 !> may be rigid (compliance 0).
@@ -16,26 +16,28 @@
 !> Terms that couple all oscillators of the beam (axial force, weight, properties that vary along
 !> the beam) are kept apart in a full matrix E(s), the component `dense`.
 !>
-!> The hose can be described in two ways. With the coordinate y, c_H s + k_H couples hose and tip;
-!> with y - u(l), m_H s**2 couples them instead. D(s) is the same. The smaller coupling loses fewer
-!> digits, so the assembly keeps both forms of the pencil, and `form_at` chooses one for a given s.
+!> A hose can be described in two ways. With the coordinate y, c_H s + k_H couples the hose with its
+!> point of the beam; with y - u(x_H), m_H s**2 couples them instead. D(s) is the same. The smaller
+!> coupling loses fewer digits, so `form_at` chooses for each hose at a given s. The choices are the
+!> bits of an integer, the form: bit h - 1 is set if hose h is described by y - u(x_H).
 module beamid_assembly
    use beamid_kinds, only: wp
    use beamid_matrices, only: add_diagonal, outer
    use beamid_modes, only: beam_modes_t
-   use beamid_structure, only: is_coefficient, of_g, of_length, structure_t
-   use beamid_terms, only: bending, end_condition, force_value, hose, inertia, is_axial_force, &
-      is_grounded, is_spring, load_shape, of_compliance, of_damping, of_load, of_mass, &
-      of_stiffness, operators, &
-      place_on_mesh, is_end_condition, sensor_slope, sensor_value, strengths_and_slopes, stretch, &
-      tip_slope, tip_value, weight
+   use beamid_structure, only: is_coefficient, most_attached, of_g, of_length, structure_t
+   use beamid_terms, only: bending, end_condition, force_value, hose, hose_value, inertia, &
+      is_axial_force, is_end_condition, is_spring, load_shape, of_compliance, of_damping, of_load, &
+      of_mass, of_stiffness, operators, operators_of, place_on_mesh, sensor_slope, sensor_value, &
+      strengths_and_slopes, stretch, tip_slope, tip_value, weight
    implicit none
    private
 
    public :: assembly_t, new_assembly, pencil_t, quadratic, load_t
 
-   !> Coefficients of the polynomials D(s) and H(s), or their derivatives with respect to one
-   !> parameter.
+   !> Largest number of rows of V: two for each attachment, and those of the ends.
+   integer, parameter, public :: most = 2*most_attached + 6
+
+   !> Coefficients of the polynomials D(s) and H(s); H without the couplings of the hoses.
    type :: pencil_t
       real(wp), allocatable :: m(:), c(:), k(:)              !< (n) of s**2, s and 1 in D
       real(wp), allocatable :: hm(:, :), hc(:, :), hk(:, :)  !< (r, r) the same in H, symmetric
@@ -48,6 +50,16 @@ module beamid_assembly
       logical :: base = .false.           !< the base moves; there is no force
    end type load_t
 
+   !> A hose that is an oscillator, or that is held by its spring and dashpot alone.
+   type :: hose_row_t
+      integer :: point = 0           !< row of V of the displacement of the beam at the hose
+      integer :: row = 0             !< row of V of the oscillator; 0: it is none
+      integer :: oscillator = 0      !< number of the oscillator; 0: it is none
+      !> coupling that acts at the point alone if the hose is no oscillator: `stretch` if the hose
+      !> stays at rest because it lacks c_H and k_H, `hose` if it lacks a mass; 0: none
+      integer :: at_point = 0
+   end type hose_row_t
+
    !> The equations of one structure and their derivatives with respect to chosen parameters.
    !>
    !> Sizes: n oscillators, r rows, `parameters` the chosen parameters, `operators` those of
@@ -59,7 +71,8 @@ module beamid_assembly
       integer :: n = 0                         !< number of oscillators
       integer :: zeros = 0   !< number of roots 0, those of the motion as a rigid body
       integer :: beam = 0   !< number of modes of the bare beam; these oscillators come first
-      type(pencil_t) :: pencil(2)   !< D and H; form 1: hose by y, form 2: hose by y - u(l)
+      type(pencil_t) :: pencil      !< D and H
+      type(hose_row_t), allocatable :: hose(:)   !< (hoses) the hoses
       !> (beam, beam, 2) E in C and K, and (beam, beam, 2, parameters) its slopes; not allocated: no
       !> term couples all oscillators
       real(wp), allocatable :: dense(:, :, :), dense_slope(:, :, :, :)
@@ -72,13 +85,16 @@ module beamid_assembly
       !> (r) whether the spring of the row is so stiff that the pair of roots that it adds is far
       !> above all others and is left out
       logical, allocatable :: rigid(:)
-      !> (n, 2, 2) load vector per unit force, or per unit acceleration of the base: index 2
-      !> separates F (1) and the part that is divided by s (2), index 3 the two forms of the pencil
-      real(wp), allocatable :: load(:, :, :)
-      !> (r, 2) the part of F that acts along the rows, in the two forms, and (r, 2, parameters) its
-      !> slopes. If the motion is small there, the product with V'x is more accurate than a sum over
-      !> the oscillators.
-      real(wp), allocatable :: load_rows(:, :), load_rows_slope(:, :, :)
+      !> (n) F if all hoses are described by y, per unit force or acceleration of the base, and the
+      !> part of the load that is divided by s
+      real(wp), allocatable :: load(:), velocity_load(:)
+      !> (r) the part of F that acts along the rows if all hoses are described by y, per unit force
+      !> or acceleration of the base, and (r, parameters) its slopes. If the motion is small there,
+      !> the product with V'x is more accurate than a sum over the oscillators.
+      real(wp), allocatable, private :: row_load(:), row_load_slope(:, :)
+      !> (hoses) masses that load the points of the hoses, too, if these are described by
+      !> y - u(x_H), and (hoses, parameters) their slopes; 0 without a motion of the base
+      real(wp), allocatable, private :: hose_load(:), hose_load_slope(:, :)
       !> (n) the remainder of F, (n, parameters) its slopes, and (n, parameters) the slopes of the
       !> part of the load that is divided by s
       real(wp), allocatable :: load_remainder(:), load_remainder_slope(:, :)
@@ -108,14 +124,13 @@ module beamid_assembly
       !> (operators) row of V of an operator; 0: none. A parameter of the slopes may add a row that
       !> the structure itself does not need (J_T = 0, or a sensor that is at the tip by default).
       integer, allocatable :: row(:)
-      !> rows of tip, hose and sensor; 0: absent. The sensor may have the row of the tip.
-      integer :: tip = 0, hose = 0, sensor = 0
+      !> rows of tip and sensor, which may be the same
+      integer :: tip = 0, sensor = 0
       !> row of the slope at the sensor; 0: the sensor does not read gravity
       integer :: tilt_row = 0
    contains
       procedure :: is_dense, form_at, distance_from_accumulation, is_bare, is_undamped, roots, &
-         load_at, mass_couplings, products
-      procedure, private :: is_tip_operator
+         load_at, load_rows, couplings, coupling, mass_couplings, products
       procedure :: traces, system_derivative, system_derivative_by_s, dense_products, &
          full_matrices, load_change
    end type assembly_t
@@ -142,17 +157,17 @@ contains
       type(assembly_t) :: self
       type(load_t) :: applied
       real(wp), allocatable :: slopes(:, :, :)
-      real(wp) :: magnitude(size(operators))
-      logical, dimension(size(operators)) :: needed, used
-      integer :: form, matrix, p, i
+      real(wp) :: magnitude(operators_of(structure))
+      logical, dimension(size(magnitude)) :: needed, used
+      integer :: matrix, p, i
 
       if (present(load)) applied = load
       self%structure = structure
       self%zeros = structure%zero_roots()
       self%parameters = parameters
       self%beam = size(modes%mu)
-      allocate (self%strength(size(operators), of_compliance), &
-         slopes(size(operators), of_compliance, size(parameters)))
+      allocate (self%strength(size(used), of_compliance), &
+         slopes(size(used), of_compliance, size(parameters)))
       call strengths_and_slopes(structure, modes%space%length, parameters, self%strength, slopes)
       magnitude = 0
       do matrix = 1, size(slopes, 2)
@@ -165,16 +180,14 @@ contains
          magnitude = magnitude + abs(self%strength(:, matrix))
       end do
       needed = magnitude > 0
-      do i = 1, size(operators)
+      do i = 1, size(used)
          needed(i) = needed(i) .or. is_spring(i, structure)
       end do
       call set_rows(self, modes, needed)
       self%mu = modes%mu
-      do form = 1, 2
-         self%pencil(form) = new_pencil(self, modes, form)
-      end do
-      used = used .and. (operators%derivative < 0 .or. self%row > 0)
-      self%changing = pack([(i, i=1, size(operators))], used)
+      self%pencil = new_pencil(self, modes)
+      used = used .and. (operators(:size(used))%derivative < 0 .or. self%row > 0)
+      self%changing = pack([(i, i=1, size(used))], used)
       allocate (self%change(3, size(self%changing), size(parameters)))
       do p = 1, size(parameters)
          self%change(:, :, p) = transpose(slopes(self%changing, of_mass:of_stiffness, p))
@@ -182,8 +195,7 @@ contains
       call set_load(self, modes, slopes, applied)
       allocate (self%pole(self%n, 2))
       do i = 1, self%n
-         self%pole(i, :) = quadratic(self%pencil(1)%m(i), self%pencil(1)%c(i), &
-            self%pencil(1)%k(i))
+         self%pole(i, :) = quadratic(self%pencil%m(i), self%pencil%c(i), self%pencil%k(i))
       end do
       call set_springs(self, modes, slopes)
       self%acts = any(abs(self%change) > 0, dim=1)
@@ -198,26 +210,23 @@ contains
       type(beam_modes_t), intent(in) :: modes
       logical, intent(in) :: needed(:)
       integer :: k, r
-      logical :: reads_gravity
+      logical :: is_point(size(needed)), reads_gravity
 
       associate (s => self%structure)
          reads_gravity = s%g > 0 .or. any(self%parameters == of_g)
-         allocate (self%row(size(operators)), source=0)
+         allocate (self%row(size(needed)), source=0)
          self%n = self%beam
          self%tip = 1
          self%row(tip_value) = 1
          r = 1
-         if (s%has_hose() .and. any(self%strength(stretch, :) > 0)) then
-            r = r + 1
-            self%hose = r
-            self%n = self%n + 1
-         end if
-         do k = 1, size(operators)
+         is_point = needed
+         call number_hoses(self, r, is_point)
+         do k = 1, size(needed)
             if (k == force_value .or. operators(k)%derivative < 0 .or. self%row(k) > 0 .or. &
                is_essential(modes, k)) cycle
-            if (.not. (needed(k) .or. k == sensor_value(s%observer) .or. reads_gravity .and. &
+            if (.not. (is_point(k) .or. k == sensor_value(s%observer) .or. reads_gravity .and. &
                k == sensor_slope(s%observer))) cycle
-            if (is_end_condition(k) .or. is_grounded(k) .or. &
+            if (is_end_condition(k) .or. operators(k)%is_grounded .or. &
                .not. stays_at_tip(self, operators(k)%place)) then
                r = r + 1
                self%row(k) = r
@@ -231,11 +240,41 @@ contains
                self%row(k) = self%row(tip_slope)
             end if
          end do
+         self%hose%point = self%row(hose_value(:size(self%hose)))
          self%sensor = self%row(sensor_value(s%observer))
          if (reads_gravity) self%tilt_row = self%row(sensor_slope(s%observer))
       end associate
       call set_v(self, modes, r)
    end subroutine set_rows
+
+   !> Numbers the oscillators of the hoses and their rows.
+   !>
+   !> r         number of rows so far
+   !> is_point  (operators) in and out: whether the operator needs a row
+   subroutine number_hoses(self, r, is_point)
+      type(assembly_t), intent(inout) :: self
+      integer, intent(inout) :: r
+      logical, intent(inout) :: is_point(:)
+      logical, allocatable :: has_mass(:)
+      logical :: is_held
+      integer :: h
+
+      has_mass = self%structure%has_hose()
+      allocate (self%hose(size(has_mass)))
+      do h = 1, size(has_mass)
+         is_held = any(self%strength(stretch(h), :) > 0)
+         is_point(hose_value(h)) = is_point(hose(h)) .or. is_point(stretch(h))
+         if (has_mass(h) .and. is_held) then
+            r = r + 1
+            self%n = self%n + 1
+            self%hose(h) = hose_row_t(row=r, oscillator=self%n)
+         else if (has_mass(h)) then
+            self%hose(h)%at_point = stretch(h)
+         else if (is_held) then
+            self%hose(h)%at_point = hose(h)
+         end if
+      end do
+   end subroutine number_hoses
 
    !> Returns whether an operator is a condition at an end that the spline space itself satisfies.
    pure logical function is_essential(modes, operator)
@@ -252,12 +291,14 @@ contains
       type(assembly_t), intent(inout) :: self
       type(beam_modes_t), intent(in) :: modes
       integer, intent(in) :: r
-      integer :: k, l
+      integer :: h, k, l
 
       allocate (self%v(r, self%n), self%v_slope(r, self%n), &
          self%moves(r, size(self%parameters)), source=0.0_wp)
-      if (self%hose > 0) self%v(self%hose, self%beam + 1) = 1
-      do k = 1, size(operators)
+      do h = 1, size(self%hose)
+         if (self%hose(h)%row > 0) self%v(self%hose(h)%row, self%hose(h)%oscillator) = 1
+      end do
+      do k = 1, size(self%row)
          if (self%row(k) == 0) cycle
          associate (row => self%row(k))
             self%v(row, :) = modes_at_point(self, modes, k, 0)
@@ -332,22 +373,20 @@ contains
       type(beam_modes_t), intent(in) :: modes
       real(wp), intent(in) :: slopes(:, :, :)
       real(wp) :: unit, flexibility
-      integer :: form, i, k
+      integer :: i, k
 
       allocate (self%compliance(size(self%v, 1)), source=1.0_wp)
       allocate (self%compliance_slope(size(self%v, 1), size(self%parameters)), source=0.0_wp)
       allocate (self%rigid(size(self%v, 1)), source=.false.)
-      do k = 1, size(operators)
+      do k = 1, size(self%row)
          if (self%row(k) == 0 .or. .not. is_spring(k, self%structure)) cycle
          associate (row => self%row(k), l => modes%space%length, s => self%strength(k, :))
             unit = self%strength(bending, of_stiffness)*modes%mu(self%beam) &
                *l**(1 + 2*operators(k)%derivative)
             self%compliance(row) = unit*s(of_compliance)
             self%compliance_slope(row, :) = unit*slopes(k, of_compliance, :)
-            do form = 1, 2
-               self%pencil(form)%hk(row, row) = unit
-               self%pencil(form)%hc(row, row) = unit*s(of_compliance)*s(of_damping)
-            end do
+            self%pencil%hk(row, row) = unit
+            self%pencil%hc(row, row) = unit*s(of_compliance)*s(of_damping)
             if (any(self%changing == k)) then
                i = findloc(self%changing, k, dim=1)
                self%change(2, i, :) = unit*(slopes(k, of_compliance, :)*s(of_damping) &
@@ -356,7 +395,7 @@ contains
             end if
             ! The pair of roots of so stiff a spring is far away and is left out. A rigid spring is
             ! held even if the poles are beyond the range of numbers.
-            flexibility = sum(self%v(row, :)**2/self%pencil(1)%m)
+            flexibility = sum(self%v(row, :)**2/self%pencil%m)
             self%rigid(row) = .not. flexibility < &
                s(of_compliance)*(far_away*maxval(abs(self%pole)))**2
          end associate
@@ -373,10 +412,10 @@ contains
       real(wp), intent(in) :: slopes(:, :, :)
       logical, intent(in), optional :: whole
       real(wp), allocatable :: mode_slope(:)
-      logical :: needed, pull(size(operators))
+      logical :: needed, pull(size(self%row))
       integer :: j, k
 
-      do j = 1, size(operators)
+      do j = 1, size(pull)
          pull(j) = is_axial_force(j)
          if (pull(j)) pull(j) = abs(self%strength(j, of_stiffness)) > 0 .or. &
             any(abs(slopes(j, of_stiffness, :)) > 0)
@@ -395,7 +434,7 @@ contains
       end if
       if (has_field(self)) call add_field_bending(self, modes, slopes)
       if (.not. any(pull)) return
-      do k = 1, size(operators)
+      do k = 1, size(pull)
          if (.not. pull(k)) cycle
          associate (s => self%strength(k, of_stiffness), &
             x => place_on_mesh(k, self%structure, modes%space%length))
@@ -492,12 +531,14 @@ contains
       type(load_t), intent(in) :: applied
       real(wp), dimension(self%n) :: point, point_slope, spread_out
       real(wp) :: moves(size(self%parameters))
-      integer :: form, k, p
+      integer :: k, p
 
-      allocate (self%load(self%n, 2, 2), self%base_coupling(size(self%v, 1)), source=0.0_wp)
-      allocate (self%load_rows, source=row_load(self, self%strength, applied%base))
-      allocate (self%load_rows_slope(size(self%v, 1), 2, size(self%parameters)), &
+      allocate (self%velocity_load(self%n), self%base_coupling(size(self%v, 1)), source=0.0_wp)
+      allocate (self%row_load_slope(size(self%v, 1), size(self%parameters)), &
+         self%hose_load_slope(size(self%hose), size(self%parameters)), &
          self%load_remainder_slope(self%n, size(self%parameters)))
+      self%row_load = along_rows(self, self%strength, applied%base)
+      self%hose_load = of_hoses(self%strength)
       spread_out = 0
       if (applied%base) spread_out(:self%beam) = -modes%total(:, 1)
       if (allocated(applied%shape)) spread_out(:self%beam) = applied%shape
@@ -510,27 +551,26 @@ contains
          moves = position_slopes(self, modes, force_value)
       end if
       self%load_remainder = rest_load(self%strength)
+      self%load = self%load_remainder + matmul(self%row_load, self%v)
       do p = 1, size(self%parameters)
-         self%load_rows_slope(:, :, p) = row_load(self, slopes(:, :, p), applied%base)
+         self%row_load_slope(:, p) = along_rows(self, slopes(:, :, p), applied%base)
+         self%hose_load_slope(:, p) = of_hoses(slopes(:, :, p))
          self%load_remainder_slope(:, p) = rest_load(slopes(:, :, p)) &
             + self%strength(force_value, of_load)*moves(p)*point_slope
       end do
-      self%load_changes = [(applied%base .or. any(abs(self%load_rows_slope(:, :, p)) > 0) .or. &
+      self%load_changes = [(applied%base .or. any(abs(self%row_load_slope(:, p)) > 0) .or. &
          any(abs(self%load_remainder_slope(:, p)) > 0), p=1, size(self%parameters))]
-      do form = 1, 2
-         self%load(:, 1, form) = self%load_remainder + matmul(self%load_rows(:, form), self%v)
-      end do
       if (.not. applied%base) return
       spread_out(:self%beam) = -modes%total(:, 2)
-      self%load(:, 2, :) = spread(self%strength(inertia, of_damping)*spread_out, 2, 2)
+      self%velocity_load = self%strength(inertia, of_damping)*spread_out
       allocate (self%velocity_load_slope(self%n, size(self%parameters)))
       do p = 1, size(self%parameters)
          self%velocity_load_slope(:, p) = slopes(inertia, of_damping, p)*spread_out
       end do
-      do k = 1, size(operators)
-         if (self%row(k) > 0 .and. is_grounded(k)) self%base_coupling(self%row(k)) = 1
+      do k = 1, size(self%row)
+         if (self%row(k) > 0 .and. operators(k)%is_grounded) self%base_coupling(self%row(k)) = 1
       end do
-      self%feels_base = any(self%base_coupling > 0) .or. any(abs(self%load(:, 2, :)) > 0)
+      self%feels_base = any(self%base_coupling > 0) .or. any(abs(self%velocity_load) > 0)
 
    contains
 
@@ -546,43 +586,80 @@ contains
          end if
       end function rest_load
 
+      !> Returns the masses of the hoses that a base carries along, or a derivative of them.
+      pure function of_hoses(s) result(masses)
+         real(wp), intent(in) :: s(:, :)   !< (operators, matrices), or a derivative
+         real(wp) :: masses(size(self%hose))
+
+         masses = 0
+         if (applied%base) where (self%hose%row > 0) masses = s(hose(:size(masses)), of_mass)
+      end function of_hoses
+
    end subroutine set_load
 
-   !> Returns the part of F that acts along the rows of V, or a derivative of it.
+   !> Returns the part of F that acts along the rows of V if all hoses are described by y, or a
+   !> derivative of it, (r).
    !>
    !> s     (operators, matrices) coefficients, or their derivatives
    !> base  whether the base moves
-   !> load_rows  (r, 2) in the two forms
-   pure function row_load(self, s, base) result(load_rows)
+   pure function along_rows(self, s, base) result(load)
       type(assembly_t), intent(in) :: self
       real(wp), intent(in) :: s(:, :)
       logical, intent(in) :: base
-      real(wp) :: load_rows(size(self%v, 1), 2)
-      integer :: k
+      real(wp) :: load(size(self%v, 1))
+      integer :: h, k
 
-      load_rows = 0
+      load = 0
       if (.not. base) then
          if (stays_at_tip(self, operators(force_value)%place)) &
-            load_rows(self%tip, :) = s(force_value, of_load)
+            load(self%tip) = s(force_value, of_load)
          return
       end if
-      do k = 1, size(operators)
-         if (self%row(k) == 0 .or. .not. operators(k)%moves_with_base .or. is_grounded(k)) cycle
-         load_rows(self%row(k), :) = load_rows(self%row(k), :) - s(k, of_mass)
+      do k = 1, size(self%row)
+         if (self%row(k) == 0 .or. .not. operators(k)%moves_with_base .or. &
+            operators(k)%is_grounded) cycle
+         load(self%row(k)) = load(self%row(k)) - s(k, of_mass)
       end do
-      ! With y, the mass of the hose moves by itself; with y - u(l), the tip moves it too.
-      if (self%hose > 0) then
-         load_rows(self%hose, :) = load_rows(self%hose, :) - s(hose, of_mass)
-         load_rows(self%tip, 2) = load_rows(self%tip, 2) - s(hose, of_mass)
-      else if (.not. self%structure%has_hose()) then
-         load_rows(self%tip, :) = load_rows(self%tip, :) - s(hose, of_mass)
+      do h = 1, size(self%hose)
+         associate (row => merge(self%hose(h)%row, self%hose(h)%point, self%hose(h)%row > 0))
+            ! A hose that nothing holds stays where it is.
+            if (self%hose(h)%row > 0 .or. self%hose(h)%at_point == hose(h)) &
+               load(row) = load(row) - s(hose(h), of_mass)
+         end associate
+      end do
+   end function along_rows
+
+   !> Computes the part of F that acts along the rows of V in a form, or a derivative of it.
+   !>
+   !> form  from `form_at`
+   !> load  (r)
+   !> p     index among the parameters of the slopes; absent: F itself
+   pure subroutine load_rows(self, form, load, p)
+      class(assembly_t), intent(in) :: self
+      integer, intent(in) :: form
+      real(wp), intent(out) :: load(:)
+      integer, intent(in), optional :: p
+      real(wp) :: mass
+      integer :: h
+
+      if (present(p)) then
+         load = self%row_load_slope(:, p)
+      else
+         load = self%row_load
       end if
-   end function row_load
+      if (form == 0) return
+      do h = 1, size(self%hose)
+         if (.not. btest(form, h - 1)) cycle
+         mass = self%hose_load(h)
+         if (present(p)) mass = self%hose_load_slope(h, p)
+         load(self%hose(h)%point) = load(self%hose(h)%point) - mass
+      end do
+   end subroutine load_rows
 
    !> Computes z'Op x for each operator that depends on a parameter, where x and z are two motions.
    !> For a spring to the ground the product is A y w.
    !>
-   !> form  form of the pencil, in which the motions are given
+   !> form  in which the motions are given, from `form_at`
    !> x, y  (n), (r) first motion: oscillators and rows A**-1 V'x
    !> z, w  (n), (r) second motion
    !> q     (changing) the products
@@ -603,7 +680,7 @@ contains
    !> Computes the trace of Op Z for each operator that depends on a parameter, where Z is Q**-1, or
    !> x z' of two motions.
    !>
-   !> form      form of the pencil
+   !> form      from `form_at`
    !> diagonal  (n) diagonal of Z
    !> T         (r, r) A**-1 V'Z V
    !> q         (changing) the traces
@@ -612,9 +689,9 @@ contains
       integer, intent(in) :: form
       complex(wp), intent(in) :: diagonal(:), T(:, :)
       complex(wp), intent(out) :: q(:)
-      integer :: i
+      integer :: h, i
 
-      associate (b => self%beam, tip => self%tip, h => self%hose)
+      associate (b => self%beam)
          do i = 1, size(self%changing)
             associate (k => self%changing(i), row => self%row(self%changing(i)))
                q(i) = 0
@@ -624,32 +701,37 @@ contains
                   q(i) = sum(diagonal(:b))
                else if (k == bending) then
                   q(i) = sum(self%mu*diagonal(:b))
-               else if (h == 0) then
-                  if (self%is_tip_operator(k)) q(i) = T(tip, tip)
-               else if (form == 1 .and. k == stretch) then
-                  q(i) = diagonal(b + 1) + T(tip, tip) - T(tip, h) - T(h, tip)
-               else if (form == 2 .and. k == hose) then
-                  q(i) = diagonal(b + 1) + T(tip, tip) + T(tip, h) + T(h, tip)
-               else if (k == hose .or. k == stretch) then
-                  q(i) = diagonal(b + 1)
+               else
+                  do h = 1, size(self%hose)
+                     if (k == hose(h) .or. k == stretch(h)) q(i) = trace_of_hose(h, k)
+                  end do
                end if
             end associate
          end do
       end associate
+
+   contains
+
+      !> Returns the trace of an operator k of hose h.
+      pure complex(wp) function trace_of_hose(h, k) result(trace)
+         integer, intent(in) :: h, k
+         integer :: sign
+
+         trace = 0
+         associate (x => self%hose(h)%point, y => self%hose(h)%row)
+            if (y == 0) then
+               if (self%hose(h)%at_point == k) trace = T(x, x)
+               return
+            end if
+            trace = diagonal(self%hose(h)%oscillator)
+            ! With y, the spring couples hose and beam; with y - u(x_H), the mass moves by the sum.
+            sign = merge(1, -1, btest(form, h - 1))
+            if (k == merge(hose(h), stretch(h), sign > 0)) &
+               trace = trace + T(x, x) + sign*(T(x, y) + T(y, x))
+         end associate
+      end function trace_of_hose
+
    end subroutine traces
-
-   !> Returns whether an operator of a hose that is not an oscillator acts at the tip. Without c_H
-   !> and k_H the hose stays at rest, so that its spring acts between tip and ground. A hose without
-   !> mass moves with the tip once its mass is not 0.
-   !>
-   !> k  operator
-   pure logical function is_tip_operator(self, k)
-      class(assembly_t), intent(in) :: self
-      integer, intent(in) :: k
-
-      is_tip_operator = merge(stretch, hose, self%structure%has_hose()) == k .and. &
-         (self%structure%has_hose() .or. any(self%strength(stretch, :) > 0))
-   end function is_tip_operator
 
    !> Returns the sum of s**2 M_p + s C_p + K_p over the operators: z'Q_p x or tr Q**-1 Q_p.
    !>
@@ -712,13 +794,16 @@ contains
       class(assembly_t), intent(in) :: self
       real(wp), intent(in) :: compliance(:)
       real(wp), dimension(:, :), intent(out) :: M, C, K
-      real(wp) :: scaled(self%n, size(compliance))
+      real(wp) :: scaled(self%n, size(compliance)), h(size(compliance), size(compliance))
 
-      associate (p => self%pencil(1), v => self%v, b => self%beam)
+      associate (p => self%pencil, v => self%v, b => self%beam)
          scaled = self%vt/spread(compliance, 1, self%n)
-         M = matmul(self%vt, matmul(p%hm, v))
-         C = matmul(scaled, matmul(p%hc, v))
-         K = matmul(scaled, matmul(p%hk, v))
+         call self%coupling(of_mass, 0, h)
+         M = matmul(self%vt, matmul(h, v))
+         call self%coupling(of_damping, 0, h)
+         C = matmul(scaled, matmul(h, v))
+         call self%coupling(of_stiffness, 0, h)
+         K = matmul(scaled, matmul(h, v))
          call add_diagonal(M, p%m)
          call add_diagonal(C, p%c)
          call add_diagonal(K, p%k)
@@ -730,7 +815,7 @@ contains
 
    !> Returns x'F_p at s, without the contribution of rows whose points move.
    !>
-   !> form  form of the pencil
+   !> form  from `form_at`
    !> x, y  (n), (r) motion: oscillators and rows
    !> s     [1/time]
    !> p     index among the parameters of the slopes
@@ -739,9 +824,12 @@ contains
       integer, intent(in) :: form, p
       complex(wp), intent(in) :: x(:), y(:), s
 
+      real(wp) :: load(most)
+
       change = 0
       if (.not. self%load_changes(p)) return
-      change = sum(self%load_remainder_slope(:, p)*x) + sum(self%load_rows_slope(:, form, p)*y)
+      call self%load_rows(form, load(:size(y)), p)
+      change = sum(self%load_remainder_slope(:, p)*x) + sum(load(:size(y))*y)
       if (allocated(self%velocity_load_slope)) change = change &
          + sum(self%velocity_load_slope(:, p)*x)/s
    end function load_change
@@ -749,16 +837,21 @@ contains
    !> Returns F at s, including the load by the velocity of the base.
    !>
    !> s     [1/time]
-   !> form  form of the pencil
+   !> form  from `form_at`
    !> load  (n)
    pure function load_at(self, s, form) result(load)
       class(assembly_t), intent(in) :: self
       complex(wp), intent(in) :: s
       integer, intent(in) :: form
       complex(wp) :: load(self%n)
+      real(wp) :: rows(size(self%row_load))
 
-      load = self%load(:, 1, form)
-      if (any(abs(self%load(:, 2, form)) > 0)) load = load + self%load(:, 2, form)/s
+      load = self%load
+      if (form /= 0) then
+         call self%load_rows(form, rows)
+         load = self%load_remainder + matmul(rows, self%v)
+      end if
+      if (any(abs(self%velocity_load) > 0)) load = load + self%velocity_load/s
    end function load_at
 
    !> Returns H/s**2 for large s, (r, r), with a positive number on the diagonal of each row that is
@@ -768,7 +861,7 @@ contains
       real(wp) :: h(size(self%v, 1), size(self%v, 1))
       integer :: k
 
-      h = self%pencil(1)%hm
+      call self%coupling(of_mass, 0, h)
       do k = 1, size(h, 1)
          if (self%rigid(k)) h(k, k) = self%strength(inertia, of_mass) &
             *self%structure%length
@@ -782,74 +875,119 @@ contains
       roots = 2*(self%n - count(self%rigid))
    end function roots
 
-   !> Returns D and H in one form.
-   !>
-   !> form  1: hose by y, 2: hose by y - u(l)
-   pure function new_pencil(self, modes, form) result(p)
+   !> Returns D, and H without the couplings of the hoses.
+   pure function new_pencil(self, modes) result(p)
       type(assembly_t), intent(in) :: self
       type(beam_modes_t), intent(in) :: modes
-      integer, intent(in) :: form
       type(pencil_t) :: p
       integer :: r
 
       r = size(self%v, 1)
       allocate (p%m(self%n), p%c(self%n), p%k(self%n), p%hm(r, r), p%hc(r, r), p%hk(r, r))
-      call sum_terms(self, modes, of_mass, form, p%m, p%hm)
-      call sum_terms(self, modes, of_damping, form, p%c, p%hc)
-      call sum_terms(self, modes, of_stiffness, form, p%k, p%hk)
+      call sum_terms(self, modes, of_mass, p%m, p%hm)
+      call sum_terms(self, modes, of_damping, p%c, p%hc)
+      call sum_terms(self, modes, of_stiffness, p%k, p%hk)
    end function new_pencil
 
-   !> Sums the terms of one matrix.
+   !> Sums the terms of one matrix, without the couplings between hoses and beam.
    !>
    !> matrix  `of_mass`, `of_damping` or `of_stiffness`
-   !> form    form of the pencil
    !> d       (n) diagonal of the oscillators
    !> h       (r, r) couplings of the rows
-   pure subroutine sum_terms(self, modes, matrix, form, d, h)
+   pure subroutine sum_terms(self, modes, matrix, d, h)
       type(assembly_t), intent(in) :: self
       type(beam_modes_t), intent(in) :: modes
-      integer, intent(in) :: matrix, form
+      integer, intent(in) :: matrix
       real(wp), intent(out) :: d(:), h(:, :)
-      integer :: k
+      integer :: i, k
 
       h = 0
-      associate (b => self%beam, tip => self%tip, s => self%strength(:, matrix))
-         do k = 1, size(operators)
+      associate (s => self%strength(:, matrix))
+         do k = 1, size(self%row)
             if (self%row(k) == 0 .or. is_spring(k, self%structure)) cycle
             h(self%row(k), self%row(k)) = h(self%row(k), self%row(k)) + s(k)
          end do
-         d(:b) = s(inertia) + s(bending)*modes%mu
-         if (self%hose > 0) then
-            d(b + 1) = s(hose) + s(stretch)
-            ! With y, a spring couples hose and tip; with y - u(l), the mass moves by the sum of
-            ! both.
-            if (form == 1) call couple_hose(self, h, s(stretch), -1)
-            if (form == 2) call couple_hose(self, h, s(hose), 1)
-         else if (self%structure%has_hose()) then
-            ! Without c_H and k_H the hose stays at rest.
-            h(tip, tip) = h(tip, tip) + s(stretch)
-         else if (any(self%strength(stretch, :) > 0)) then
-            ! A hose without mass, held by c_H and k_H, moves with the tip once its mass is not 0.
-            h(tip, tip) = h(tip, tip) + s(hose)
-         end if
+         d(:self%beam) = s(inertia) + s(bending)*modes%mu
+         do i = 1, size(self%hose)
+            associate (x => self%hose(i)%point, at_point => self%hose(i)%at_point)
+               if (self%hose(i)%row > 0) d(self%hose(i)%oscillator) = s(hose(i)) + s(stretch(i))
+               if (at_point > 0) h(x, x) = h(x, x) + s(at_point)
+            end associate
+         end do
       end associate
    end subroutine sum_terms
 
-   !> Adds to H a spring between hose and tip (sign -1), or a mass that moves by their sum (sign
-   !> +1).
-   !>
-   !> h      (r, r)
-   !> value  stiffness, damping or mass
-   pure subroutine couple_hose(self, h, value, sign)
-      type(assembly_t), intent(in) :: self
-      real(wp), intent(inout) :: h(:, :)
-      real(wp), intent(in) :: value
-      integer, intent(in) :: sign
+   !> Computes H(s) and H'(s) in a form, both of shape (r, r).
+   pure subroutine couplings(self, form, s, H, dH)
+      class(assembly_t), intent(in) :: self
+      integer, intent(in) :: form
+      complex(wp), intent(in) :: s
+      complex(wp), intent(out) :: H(:, :), dH(:, :)
+      complex(wp) :: value, slope
+      integer :: i, k, l
 
-      h(self%tip, self%tip) = h(self%tip, self%tip) + value
-      h(self%tip, self%hose) = h(self%tip, self%hose) + sign*value
-      h(self%hose, self%tip) = h(self%hose, self%tip) + sign*value
-   end subroutine couple_hose
+      associate (p => self%pencil)
+         do l = 1, size(H, 2)
+            do k = 1, size(H, 1)
+               H(k, l) = (p%hm(k, l)*s + p%hc(k, l))*s + p%hk(k, l)
+               dH(k, l) = 2*p%hm(k, l)*s + p%hc(k, l)
+            end do
+         end do
+      end associate
+      do i = 1, size(self%hose)
+         if (self%hose(i)%row == 0) cycle
+         associate (x => self%hose(i)%point, y => self%hose(i)%row, hose => self%structure%hose(i))
+            if (btest(form, i - 1)) then
+               value = hose%m_H*s**2
+               slope = 2*hose%m_H*s
+               H(x, y) = H(x, y) + value
+               H(y, x) = H(y, x) + value
+               dH(x, y) = dH(x, y) + slope
+               dH(y, x) = dH(y, x) + slope
+            else
+               value = hose%c_H*s + hose%k_H
+               slope = hose%c_H
+               H(x, y) = H(x, y) - value
+               H(y, x) = H(y, x) - value
+               dH(x, y) = dH(x, y) - slope
+               dH(y, x) = dH(y, x) - slope
+            end if
+            H(x, x) = H(x, x) + value
+            dH(x, x) = dH(x, x) + slope
+         end associate
+      end do
+   end subroutine couplings
+
+   !> Computes the coefficients of s**2, s or 1 in H in a form.
+   !>
+   !> matrix  `of_mass`, `of_damping` or `of_stiffness`
+   !> h       (r, r)
+   pure subroutine coupling(self, matrix, form, h)
+      class(assembly_t), intent(in) :: self
+      integer, intent(in) :: matrix, form
+      real(wp), intent(out) :: h(:, :)
+      real(wp) :: value
+      integer :: i, sign
+
+      select case (matrix)
+      case (of_mass)
+         h = self%pencil%hm
+      case (of_damping)
+         h = self%pencil%hc
+      case default
+         h = self%pencil%hk
+      end select
+      do i = 1, size(self%hose)
+         if (self%hose(i)%row == 0 .or. (btest(form, i - 1) .neqv. matrix == of_mass)) cycle
+         sign = merge(1, -1, matrix == of_mass)
+         value = self%strength(merge(hose(i), stretch(i), matrix == of_mass), matrix)
+         associate (x => self%hose(i)%point, y => self%hose(i)%row)
+            h(x, x) = h(x, x) + value
+            h(x, y) = h(x, y) + sign*value
+            h(y, x) = h(y, x) + sign*value
+         end associate
+      end do
+   end subroutine coupling
 
    !> Returns both roots of a s**2 + b s + c without cancellation; a > 0, b >= 0, c >= 0.
    pure function quadratic(a, b, c) result(roots)
@@ -869,18 +1007,24 @@ contains
       end if
    end function quadratic
 
-   !> Returns the form of the pencil that is more accurate at s [1/time].
+   !> Returns the form that is more accurate at s [1/time]: bit h - 1 is set if hose h is described
+   !> by y - u(x_H).
    pure integer function form_at(self, s) result(form)
       class(assembly_t), intent(in) :: self
       complex(wp), intent(in) :: s
-
       complex(wp) :: held, moved
+      integer :: h
 
-      associate (st => self%structure)
-         held = st%c_H*s + st%k_H
-         moved = st%m_H*s**2
-      end associate
-      form = merge(1, 2, real(held)**2 + aimag(held)**2 <= real(moved)**2 + aimag(moved)**2)
+      form = 0
+      do h = 1, size(self%hose)
+         if (self%hose(h)%row == 0) cycle
+         associate (hose => self%structure%hose(h))
+            held = hose%c_H*s + hose%k_H
+            moved = hose%m_H*s**2
+         end associate
+         if (real(held)**2 + aimag(held)**2 > real(moved)**2 + aimag(moved)**2) &
+            form = ibset(form, h - 1)
+      end do
    end function form_at
 
    !> Returns |s + E/c_D| c_D/E, the relative distance of s from -E/c_D, the accumulation point of
@@ -898,8 +1042,8 @@ contains
    pure logical function is_bare(self)
       class(assembly_t), intent(in) :: self
 
-      associate (p => self%pencil(1))
-         is_bare = .not. any(abs(p%hm) + abs(p%hc) + abs(p%hk) > 0)
+      associate (p => self%pencil)
+         is_bare = .not. (any(abs(p%hm) + abs(p%hc) + abs(p%hk) > 0) .or. any(self%hose%row > 0))
       end associate
    end function is_bare
 
@@ -907,7 +1051,7 @@ contains
    pure logical function is_undamped(self)
       class(assembly_t), intent(in) :: self
 
-      is_undamped = .not. (any(abs(self%pencil(1)%c) > 0) .or. any(abs(self%pencil(1)%hc) > 0))
+      is_undamped = .not. (any(abs(self%pencil%c) > 0) .or. any(abs(self%pencil%hc) > 0))
       if (self%is_dense()) is_undamped = is_undamped .and. .not. any(abs(self%dense(:, :, 1)) > 0)
    end function is_undamped
 

@@ -5,10 +5,10 @@
 !>
 !>     W(s) = det(A + G H) (D_j + v_j'f) times the product of D_i over all i /= j.
 module beamid_characteristic
-   use beamid_assembly, only: assembly_t, pencil_t
+   use beamid_assembly, only: assembly_t
    use beamid_kinds, only: wp
    use beamid_matrices, only: eliminate
-   use beamid_vectors, only: couplings, most, root_t
+   use beamid_vectors, only: most, root_t
    implicit none
    private
 
@@ -29,10 +29,8 @@ contains
       integer :: k, l, r
 
       r = size(self%v, 1)
-      associate (pencil => self%pencil(self%form_at(root%s)))
-         call sum_oscillators(self, pencil, root, G, dG, D_j, dD_j, value)
-         call couplings(pencil, root%s, H(:r, :r), dH(:r, :r))
-      end associate
+      call sum_oscillators(self, root, G, dG, D_j, dD_j, value)
+      call self%couplings(self%form_at(root%s), root%s, H(:r, :r), dH(:r, :r))
       ! a = A + G H; the columns of b are v_j and the derivative of G H.
       do l = 1, r
          do k = 1, r
@@ -66,13 +64,11 @@ contains
 
    !> Computes the sums over all oscillators but j at a point s.
    !>
-   !> pencil     the form of D(s) that serves at s
    !> G, dG      (most, most) G(s) and G'(s), of which the first (r, r) entries are set
    !> D_j, dD_j  D_j(s) and D_j'(s)
    !> value      sum of D_i'/D_i over i /= j
-   pure subroutine sum_oscillators(self, pencil, root, G, dG, D_j, dD_j, value)
+   pure subroutine sum_oscillators(self, root, G, dG, D_j, dD_j, value)
       type(assembly_t), intent(in) :: self
-      type(pencil_t), intent(in) :: pencil
       type(root_t), intent(in) :: root
       complex(wp), intent(out) :: G(most, most), dG(most, most), D_j, dD_j, value
       complex(wp) :: origin, left, right, D, dD
@@ -86,8 +82,8 @@ contains
       do i = 1, self%n
          left = (origin - self%pole(i, 1)) + root%offset
          right = (origin - self%pole(i, 2)) + root%offset
-         D = pencil%m(i)*left*right
-         dD = pencil%m(i)*(left + right)
+         D = self%pencil%m(i)*left*right
+         dD = self%pencil%m(i)*(left + right)
          if (i == root%j) then
             D_j = D
             dD_j = dD

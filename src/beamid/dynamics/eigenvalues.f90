@@ -12,7 +12,7 @@ module beamid_eigenvalues
    use beamid_kinds, only: wp
    use beamid_lapack, only: dgeev, dgesv
    use beamid_systems, only: system_at
-   use beamid_terms, only: bending, of_damping, of_stiffness
+   use beamid_terms, only: bending, of_damping, of_mass, of_stiffness
    use beamid_vectors, only: nearest_pole, root_t
    implicit none
    private
@@ -105,6 +105,7 @@ contains
       complex(wp), allocatable, intent(out) :: s(:)
       complex(wp), allocatable :: P(:, :), dP(:, :)
       real(wp), allocatable :: matrix(:, :), b(:, :), a(:, :)
+      real(wp) :: hm(size(assembly%v, 1), size(assembly%v, 1))
       type(root_t) :: point
       integer, allocatable :: pivots(:)
       integer :: i, info, m, n
@@ -118,12 +119,11 @@ contains
       call system_at(assembly, point, P, dP)
       matrix = real(P)
       b(:, :m) = real(dP)
-      associate (pencil => assembly%pencil(assembly%form_at(point%s)))
-         b(:n, m + n + 1:) = matmul(assembly%vt, pencil%hm)
-         do i = 1, n
-            b(i, m + i) = pencil%m(i)
-         end do
-      end associate
+      call assembly%coupling(of_mass, assembly%form_at(point%s), hm)
+      b(:n, m + n + 1:) = matmul(assembly%vt, hm)
+      do i = 1, n
+         b(i, m + i) = assembly%pencil%m(i)
+      end do
       call dgesv(m, 2*m, matrix, m, pivots, b, m, info)
       allocate (s(0))
       if (info /= 0) return

@@ -1,20 +1,21 @@
 !> The semidiscrete equations (3.13), M w'' + C w' + K w = f(t) F, of one structure on one mesh.
 !>
-!> The unknowns are the spline coefficients, followed by the displacement y of the hose. The hose
-!> couples only with the splines that do not vanish at the tip. Because y is the last unknown, M, C
-!> and K keep the half-bandwidth of the splines (3 for cubics).
+!> The unknowns are the spline coefficients and the displacements y of the hoses. A hose couples
+!> only with the splines that do not vanish at its position, and y is the unknown next to these:
+!> after all splines, if the hose hangs at the tip. M, C and K then keep the half-bandwidth of the
+!> splines (3 for cubics), or exceed it by one for each hose elsewhere.
 module beamid_equations
    use beamid_bands, only: band_t, new_band
    use beamid_constraints, only: constraints_t
    use beamid_excitation, only: excitation_t
    use beamid_galerkin, only: galerkin_t, mesh_t, slope_band
    use beamid_kinds, only: wp
-   use beamid_static_shapes, only: find_static_shape, hold_hose
+   use beamid_static_shapes, only: find_static_shape
    use beamid_structure, only: structure_t
    use beamid_terms, only: bending, force_value, hose, inertia, is_axial_force, is_spring, &
-      load_shape, of_compliance, of_damping, of_load, of_mass, of_stiffness, operators, &
-      place_on_mesh, end_condition, sensor_slope, sensor_value, strengths, stretch, tilting, &
-      tip_value, weight
+      hose_value, load_shape, of_compliance, of_damping, of_load, of_mass, of_stiffness, &
+      operators, operators_of, place_on_mesh, end_condition, sensor_slope, sensor_value, &
+      strengths, stretch, tilting, tip_value, weight
    implicit none
    private
 
@@ -25,6 +26,9 @@ module beamid_equations
    !> elimination of the constraints.
    type :: equations_t
       integer :: n = 0                       !< number of unknowns
+      !> (splines) and (hoses) indices of the unknowns, before an elimination; 0: the hose has no
+      !> mass
+      integer, allocatable :: spline(:), hose(:)
       type(band_t) :: mass                   !< M
       type(band_t) :: damping                !< C
       type(band_t) :: stiffness              !< K
@@ -86,13 +90,13 @@ contains
       self%galerkin => galerkin
       self%structure = structure
       self%strength = strengths(structure, galerkin%space%length)
-      n = galerkin%space%n
-      if (structure%has_hose()) n = n + 1
+      n = galerkin%space%n + count(structure%has_hose())
       self%n = n
       if (excitation%distributed) self%shape = galerkin%moments(excitation%power)
       if (present(matrices)) then
          if (.not. matrices) return
       end if
+      call order_unknowns(self)
       self%factor = galerkin%known
       if (structure%has_fields()) then
          do k = 1, size(self%factor, 1)
@@ -102,8 +106,8 @@ contains
       call find_points(self, n)
       ! The B-splines add up to degree!. The unknown of the hose is its displacement.
       allocate (self%unit(n), source=1.0_wp)
-      self%unit(:galerkin%space%n) = gamma(galerkin%mesh%degree + 1.0_wp)
-      if (any(is_axial_force([(k, k=1, size(operators))]) .and. &
+      self%unit(self%spline) = gamma(galerkin%mesh%degree + 1.0_wp)
+      if (any(is_axial_force([(k, k=1, size(self%strength, 1))]) .and. &
          abs(self%strength(:, of_stiffness)) > 0)) call find_geometric_stiffness(self)
       self%mass = sum_of_terms(self, of_mass)
       self%damping = sum_of_terms(self, of_damping)
@@ -115,7 +119,7 @@ contains
          call set_base_loads(self)
       else
          self%load = self%strength(force_value, of_load)*self%point(:, force_value)
-         if (excitation%distributed) self%load(:galerkin%space%n) = self%load(:galerkin%space%n) &
+         if (excitation%distributed) self%load(self%spline) = self%load(self%spline) &
             + self%strength(load_shape, of_load)*self%shape
       end if
       call constrain(self)
@@ -138,8 +142,31 @@ contains
       type(structure_t), intent(in) :: structure
 
       unknowns_of = mesh%elements + mesh%degree - count(structure%essential()) &
-         + merge(1, 0, structure%has_hose()) - structure%rigid_supports()
+         + count(structure%has_hose()) - structure%rigid_supports()
    end function unknowns_of
+
+   !> Orders the unknowns: the splines from root to tip, and each hose next to the last spline that
+   !> does not vanish at its position.
+   subroutine order_unknowns(self)
+      type(equations_t), intent(inout) :: self
+      logical, allocatable :: has_mass(:)
+      integer, allocatable :: last(:)
+      integer :: h, i, j
+
+      associate (space => self%galerkin%space)
+         has_mass = self%structure%has_hose()
+         last = [(findloc(abs(space%at(place_on_mesh(hose_value(h), self%structure, &
+            space%length), 0)) > 0, .true., dim=1, back=.true.), h=1, size(has_mass))]
+         self%spline = [(i + count(has_mass .and. last < i), i=1, space%n)]
+         self%hose = 0*last
+         do h = 1, size(last)
+            ! Hoses at the same spline keep their order.
+            j = count(has_mass .and. (last < last(h) .or. last == last(h) .and. &
+               [(i, i=1, size(last))] <= h))
+            if (has_mass(h)) self%hose(h) = last(h) + j
+         end do
+      end associate
+   end subroutine order_unknowns
 
    !> Sets the row vectors of the operators at points.
    !>
@@ -147,20 +174,55 @@ contains
    subroutine find_points(self, n)
       type(equations_t), intent(inout) :: self
       integer, intent(in) :: n
-      integer :: k
+      integer :: h, k
 
       associate (space => self%galerkin%space)
-         allocate (self%point(n, size(operators)), source=0.0_wp)
-         do k = 1, size(operators)
+         allocate (self%point(n, size(self%strength, 1)), source=0.0_wp)
+         do k = 1, size(self%point, 2)
             if (operators(k)%derivative < 0) cycle
-            self%point(:space%n, k) = space%at(place_on_mesh(k, self%structure, space%length), &
-               operators(k)%derivative)
+            self%point(self%spline, k) = space%at(place_on_mesh(k, self%structure, &
+               space%length), operators(k)%derivative)
          end do
-         if (n == space%n) return
-         self%point(n, hose) = 1
-         self%point(:, stretch) = self%point(:, hose) - self%point(:, tip_value)
       end associate
+      do h = 1, size(self%hose)
+         if (self%hose(h) == 0) cycle
+         self%point(self%hose(h), hose(h)) = 1
+         self%point(:, stretch(h)) = self%point(:, hose(h)) - self%point(:, hose_value(h))
+      end do
    end subroutine find_points
+
+   !> Returns the half-bandwidth of the matrices.
+   pure integer function half_bandwidth(self) result(width)
+      type(equations_t), intent(in) :: self
+      integer :: h, k
+
+      associate (kd => self%galerkin%inertia%kd, n => size(self%spline))
+         width = maxval([kd, (self%spline(min(n, k + kd)) - self%spline(k), k=1, n)])
+         do h = 1, size(self%hose)
+            if (self%hose(h) > 0) width = max(width, self%hose(h) - findloc(abs(self%point(:, &
+               stretch(h))) > 0, .true., dim=1))
+         end do
+      end associate
+   end function half_bandwidth
+
+   !> Adds a matrix of the splines to a matrix of all unknowns.
+   subroutine add_splines(self, factor, part, band)
+      type(equations_t), intent(in) :: self
+      real(wp), intent(in) :: factor
+      type(band_t), intent(in) :: part
+      type(band_t), intent(inout) :: band
+      integer :: i, j
+
+      if (all(self%hose == 0) .or. self%spline(part%n) == part%n) then
+         band%a(:part%kd + 1, :part%n) = band%a(:part%kd + 1, :part%n) + factor*part%a
+         return
+      end if
+      do j = 1, part%n
+         do i = j, min(part%n, j + part%kd)
+            call band%add(self%spline(i), self%spline(j), factor*part%a(1 + i - j, j))
+         end do
+      end do
+   end subroutine add_splines
 
    !> Returns M, C or K, the sum of its terms.
    !>
@@ -172,7 +234,7 @@ contains
       integer :: k
 
       associate (g => self%galerkin, s => self%strength(:, matrix))
-         band = new_band(size(self%point, 1), g%inertia%kd)
+         band = new_band(size(self%point, 1), half_bandwidth(self))
          bent = g%bending
          inert = g%inertia
          if (matrix == of_damping .and. g%varies) then
@@ -181,9 +243,10 @@ contains
          end if
          if (self%structure%has_fields() .and. matrix /= of_mass) &
             bent = g%bending_band(self%factor(:, merge(1, 2, matrix == of_stiffness)))
-         band%a(:, :g%space%n) = s(bending)*bent%a + s(inertia)*inert%a
+         call add_splines(self, s(bending), bent, band)
+         call add_splines(self, s(inertia), inert, band)
          if (matrix == of_stiffness .and. allocated(self%geometric_stiffness%a)) &
-            band%a(:, :g%space%n) = band%a(:, :g%space%n) + self%geometric_stiffness%a
+            call add_splines(self, 1.0_wp, self%geometric_stiffness, band)
          do k = 1, size(s)
             if (abs(s(k)) > 0) call band%add_rank_one(s(k), self%point(:, k))
          end do
@@ -198,7 +261,7 @@ contains
 
       associate (g => self%galerkin, s => self%strength(:, of_stiffness))
          self%geometric_stiffness = new_band(g%space%n, g%inertia%kd)
-         do k = 1, size(operators)
+         do k = 1, size(s)
             if (.not. (is_axial_force(k) .and. abs(s(k)) > 0)) cycle
             part = slope_band(g%space, g%variations, &
                place_on_mesh(k, self%structure, g%space%length), &
@@ -218,10 +281,25 @@ contains
       buckles = .false.
       if (.not. allocated(self%geometric_stiffness%a)) return
       factor = self%stiffness
-      call hold_hose(self%structure, factor)
+      call hold_hoses(self, factor)
       call factor%factor(positive)
       buckles = .not. positive
    end function buckles
+
+   !> Adds a spring to each hose that has none: its mass takes no part in static shapes and does not
+   !> buckle, but without stiffness K would be singular.
+   !>
+   !> stiffness  K, before or after the elimination as `point` is
+   subroutine hold_hoses(self, stiffness)
+      type(equations_t), intent(in) :: self
+      type(band_t), intent(inout) :: stiffness
+      integer :: h
+
+      do h = 1, size(self%hose)
+         if (self%hose(h) == 0 .or. self%structure%hose(h)%k_H > 0) cycle
+         call stiffness%add_rank_one(self%structure%tip_stiffness(), self%point(:, hose(h)))
+      end do
+   end subroutine hold_hoses
 
    !> Sets the loads of a base that moves: -M r, -C r and -K r, where r is the rigid displacement of
    !> the whole structure by one. Rigid supports stay on the ground, so the base also bends the beam
@@ -233,10 +311,10 @@ contains
       integer :: k
 
       loads = 0
-      associate (n => self%galerkin%space%n, s => self%strength(:, :of_stiffness))
-         loads(:n, 1) = -s(inertia, of_mass)*self%galerkin%moments(0.0_wp, mass=.true.)
-         loads(:n, 2) = -s(inertia, of_damping)*self%galerkin%moments(0.0_wp)
-         do k = bending + 1, size(operators)
+      associate (s => self%strength(:, :of_stiffness))
+         loads(self%spline, 1) = -s(inertia, of_mass)*self%galerkin%moments(0.0_wp, mass=.true.)
+         loads(self%spline, 2) = -s(inertia, of_damping)*self%galerkin%moments(0.0_wp)
+         do k = bending + 1, size(s, 1)
             if (operators(k)%moves_with_base) loads = loads - spread(self%point(:, k), 2, 3) &
                *spread(s(k, :), 1, size(loads, 1))
          end do
@@ -265,7 +343,7 @@ contains
       rigid = rigid_operators(self)
       if (size(rigid) == 0) return
       stiffness = self%stiffness
-      call hold_hose(self%structure, stiffness)
+      call hold_hoses(self, stiffness)
       springs = self%structure%tip_stiffness()*self%galerkin%space%length &
          **(2*operators(rigid)%derivative)
       rows = self%point(:, rigid)
@@ -280,8 +358,10 @@ contains
       integer, allocatable :: rigid(:)
       integer :: k
 
-      rigid = pack([(k, k=1, size(operators))], [(is_spring(k, self%structure), &
-         k=1, size(operators))] .and. .not. self%strength(:, of_compliance) > 0)
+      associate (n => size(self%strength, 1))
+         rigid = pack([(k, k=1, n)], [(is_spring(k, self%structure), k=1, n)] .and. &
+            .not. self%strength(:, of_compliance) > 0)
+      end associate
       rigid = pack(rigid, [(.not. any(end_condition == rigid(k) .and. &
          self%galerkin%space%essential), k=1, size(rigid))])
    end function rigid_operators
@@ -303,7 +383,7 @@ contains
       self%load = self%constraints%of_vector(self%load)
       self%observer = self%constraints%of_vector(self%observer)
       if (allocated(self%tilt)) self%tilt = self%constraints%of_vector(self%tilt)
-      self%unit = self%unit(1 + self%constraints%number():)
+      self%unit = self%constraints%kept(self%unit)
       call eliminate(self%constraints, self%point)
       if (allocated(self%base_loads)) call eliminate(self%constraints, self%base_loads)
    end subroutine constrain
@@ -354,25 +434,30 @@ contains
 
    !> Subtracts the internal force of the beam itself, without attachments.
    !>
-   !> w, v   (splines) spline coefficients and their velocity
-   !> force  (splines) in and out
+   !> w, v   (unknowns before the elimination) unknowns and their velocity
+   !> force  (unknowns before the elimination) in and out
    subroutine subtract_beam_force(self, w, v, force)
       type(equations_t), intent(in) :: self
       real(wp), intent(in) :: w(:), v(:)
       real(wp), intent(inout) :: force(:)
 
-      associate (n => self%galerkin%space%n, c => self%strength(:, of_damping), &
-         s => self%strength(:, of_stiffness))
+      real(wp), dimension(size(self%spline)) :: on_splines, at, moving
+
+      at = w(self%spline)
+      moving = v(self%spline)
+      on_splines = 0
+      associate (c => self%strength(:, of_damping), s => self%strength(:, of_stiffness))
          call self%galerkin%subtract_bending_force(s(bending)*self%factor(:, 1), &
-            c(bending)*self%factor(:, 2), w(:n), v(:n), force(:n))
+            c(bending)*self%factor(:, 2), at, moving, on_splines)
          if (self%galerkin%varies) then
-            call self%galerkin%air%add_product(-c(inertia), v(:n), force(:n))
+            call self%galerkin%air%add_product(-c(inertia), moving, on_splines)
          else if (c(inertia) > 0) then
-            call self%galerkin%inertia%add_product(-c(inertia), v(:n), force(:n))
+            call self%galerkin%inertia%add_product(-c(inertia), moving, on_splines)
          end if
          if (allocated(self%geometric_stiffness%a)) &
-            call self%geometric_stiffness%add_product(-1.0_wp, w(:n), force(:n))
+            call self%geometric_stiffness%add_product(-1.0_wp, at, on_splines)
       end associate
+      force(self%spline) = force(self%spline) + on_splines
    end subroutine subtract_beam_force
 
    !> Returns x'K x, twice the strain energy, without the cancellation that the band matrix K
@@ -386,10 +471,11 @@ contains
       integer :: k
 
       bent = self%constraints%expanded(x)
-      associate (n => self%galerkin%space%n, s => self%strength(:, of_stiffness))
-         strain_energy = s(bending)*self%galerkin%bending_energy(bent(:n), self%factor(:, 1))
+      bent = bent(self%spline)
+      associate (s => self%strength(:, of_stiffness))
+         strain_energy = s(bending)*self%galerkin%bending_energy(bent, self%factor(:, 1))
          if (allocated(self%geometric_stiffness%a)) strain_energy = strain_energy &
-            + dot_product(bent(:n), self%geometric_stiffness%times(bent(:n)))
+            + dot_product(bent, self%geometric_stiffness%times(bent))
          do k = bending + 1, size(s)
             if (abs(s(k)) > 0) strain_energy = strain_energy &
                + s(k)*dot_product(self%point(:, k), x)**2

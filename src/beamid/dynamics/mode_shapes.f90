@@ -59,7 +59,8 @@ contains
             end do
             re = equations%constraints%expanded(real(u(:, 1)))
             im = equations%constraints%expanded(aimag(u(:, 1)))
-            shapes(:, k) = cmplx(matmul(basis, re(:space%n)), matmul(basis, im(:space%n)), wp)
+            shapes(:, k) = cmplx(matmul(basis, re(equations%spline)), &
+               matmul(basis, im(equations%spline)), wp)
             largest = shapes(maxloc(abs(shapes(:, k)), dim=1), k)
             if (.not. abs(largest) > 0) then
                call failure(error, 'mode '//to_text(k)//' does not move the beam')

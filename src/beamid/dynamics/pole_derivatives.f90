@@ -13,7 +13,7 @@ module beamid_pole_derivatives
    use beamid_kinds, only: wp
    use beamid_poles, only: is_unresolved, load_on, pair_weight, parameter_values, poles_t
    use beamid_systems, only: solve_adjoint
-   use beamid_terms, only: operators
+   use beamid_terms, only: of_mass
    use beamid_vectors, only: add_response, most, root_t, solve_coupled, vector_t
    implicit none
    private
@@ -81,7 +81,7 @@ contains
       complex(wp), intent(out) :: ds(:), dr(:)
       complex(wp), dimension(assembly%n) :: z, dQx
       complex(wp), dimension(most) :: w, mu, shift, dHy
-      complex(wp), dimension(size(operators)) :: xx, xz
+      complex(wp), dimension(size(assembly%changing)) :: xx, xz
       complex(wp) :: observed, driven, r, dr_ds, x_Q_x, z_Q_x, x_E_x(2), z_E_x(2)
       integer :: c, p, l, rows
 
@@ -145,11 +145,13 @@ contains
       complex(wp), intent(in) :: dQx(:), observed, r, z(:), w(:)
       complex(wp), intent(out) :: dr_ds, dHy(:)
       complex(wp) :: hmy
+      real(wp) :: hm(most, most)
       integer :: i, l, rows
 
       rows = size(w)
       associate (x => vector%x, y => vector%y(:rows), s => root%s, dH => vector%dH, &
-         hm => assembly%pencil(vector%form)%hm, A => assembly%compliance, m => assembly%pencil(1)%m)
+         A => assembly%compliance, m => assembly%pencil%m)
+         call assembly%coupling(of_mass, vector%form, hm(:rows, :rows))
          dr_ds = 0
          do i = 1, assembly%n
             dr_ds = dr_ds - dQx(i)*z(i) - 2*m(i)*(r*x(i)**2)
@@ -164,7 +166,7 @@ contains
             dr_ds = dr_ds - A(i)*(w(i)*dHy(i) + 2*r*y(i)*hmy)
          end do
          if (assembly%feels_base) dr_ds = dr_ds &
-            - observed*(sum(assembly%load(:, 2, vector%form)*x) &
+            - observed*(sum(assembly%velocity_load*x) &
             - 2*sum(assembly%base_coupling*vector%f(:rows))/s)/s**2
       end associate
    end subroutine differentiate_by_root
@@ -184,19 +186,21 @@ contains
       complex(wp), intent(in) :: dQx(:), observed, driven
       complex(wp), intent(out) :: z(:), w(:), mu(:)
       complex(wp) :: force(size(z)), moved(size(w))
+      real(wp) :: load_rows(most)
       integer :: l
 
       associate (y => vector%y, G => vector%G, H => vector%H, dH => vector%dH)
          w = 0
          if (assembly%feels_base) w = observed*assembly%base_coupling/root%s**2
+         call assembly%load_rows(vector%form, load_rows(:size(w)))
          do l = 1, size(w)
-            mu(l) = observed*(assembly%load_rows(l, vector%form) &
+            mu(l) = observed*(load_rows(l) &
                - 2*driven*sum(dH(:, l)*y(:size(w))))
          end do
          mu(assembly%sensor) = mu(assembly%sensor) + driven
          force = observed*assembly%load_remainder - 2*observed*driven*dQx
          if (assembly%feels_base) force = force &
-            + observed*assembly%load(:, 2, vector%form)/root%s
+            + observed*assembly%velocity_load/root%s
          if (assembly%is_dense()) then
             moved = w
             call solve_adjoint(assembly, root, force, mu, moved, z, w)
@@ -226,22 +230,25 @@ contains
       real(wp), intent(out) :: slopes(:)
       real(wp), dimension(size(assembly%v, 1)) :: shift, row_force
       real(wp) :: hm(size(assembly%v, 1), size(assembly%v, 1))
+      real(wp) :: load(size(assembly%v, 1))
       complex(wp) :: products(size(assembly%changing))
       integer :: n, p
 
       n = assembly%n
       associate (x => accelerations(:n, 1), yx => accelerations(n + 1:, 1), &
          o => accelerations(:n, 2), yo => accelerations(n + 1:, 2), d => assembly%v_slope)
-         call assembly%products(1, cmplx(x, kind=wp), cmplx(yx, kind=wp), cmplx(o, kind=wp), &
+         call assembly%products(0, cmplx(x, kind=wp), cmplx(yx, kind=wp), cmplx(o, kind=wp), &
             cmplx(yo, kind=wp), products)
          do p = 1, size(slopes)
+            call assembly%load_rows(0, load, p)
             associate (moves => assembly%moves(:, p))
                slopes(p) = -sum(assembly%change(1, :, p)*real(products)) &
                   + sum(assembly%load_remainder_slope(:, p)*o) &
-                  + sum(assembly%load_rows_slope(:, 1, p)*yo)
+                  + sum(load*yo)
                if (.not. any(abs(moves) > 0)) cycle
                hm = assembly%mass_couplings()
-               row_force = matmul(hm, yx) - assembly%load_rows(:, 1)
+               call assembly%load_rows(0, load)
+               row_force = matmul(hm, yx) - load
                shift = moves*matmul(d, x)
                slopes(p) = slopes(p) + shift(assembly%sensor) &
                   - dot_product(yo, matmul(hm, shift)) - dot_product(moves*matmul(d, o), row_force)

@@ -8,7 +8,7 @@
 !> `beamid_pole_search` finds the roots, `beamid_pole_derivatives` differentiates, and
 !> `beamid_synthesis` computes the motion.
 module beamid_poles
-   use beamid_assembly, only: assembly_t
+   use beamid_assembly, only: assembly_t, most
    use beamid_clusters, only: cluster_t, find_clusters, origin_cluster
    use beamid_contours, only: measure
    use beamid_errors, only: error_t, failure
@@ -142,7 +142,7 @@ contains
       type(vector_t), intent(inout) :: vector
       real(wp) :: share(assembly%n)
 
-      share = assembly%pencil(1)%m*(real(vector%x)**2 + aimag(vector%x)**2)
+      share = assembly%pencil%m*(real(vector%x)**2 + aimag(vector%x)**2)
       if (.not. maxval(share) > 16*share(root%j)) return
       root%j = maxloc(share, dim=1)
       call find_vector(assembly, root, vector)
@@ -164,16 +164,16 @@ contains
       if (allocated(poles%accelerations)) deallocate (poles%accelerations)
       allocate (poles%accelerations(n + size(assembly%v, 1), 2))
       associate (x => poles%accelerations(:n, :), y => poles%accelerations(n + 1:, :))
-         x(:, 1) = assembly%load(:, 1, 1)
+         x(:, 1) = assembly%load
          x(:, 2) = assembly%vt(:, assembly%sensor)
          call solve_mass(assembly, x, y, -assembly%base_coupling)
          poles%impulse = y(assembly%sensor, 1)
-         ordinary = abs(dot_product(assembly%load(:, 1, 1), x(:, 1)))*abs(y(assembly%sensor, 2))
+         ordinary = abs(dot_product(assembly%load, x(:, 1)))*abs(y(assembly%sensor, 2))
       end associate
       ! A sensor at a rigid support does not move. The reference is then the acceleration of the
       ! beam without attachments.
-      associate (mass => assembly%pencil(1)%m, o => assembly%v(assembly%sensor, :), &
-         load => assembly%load(:, 1, 1))
+      associate (mass => assembly%pencil%m, o => assembly%v(assembly%sensor, :), &
+         load => assembly%load)
          at_once = 1e-6_wp*sqrt(sum(load**2/mass)*sum(o**2/mass))
       end associate
       ordinary = max(sqrt(ordinary), at_once) &
@@ -219,6 +219,7 @@ contains
       type(assembly_t), intent(in) :: assembly
       type(vector_t), intent(in) :: vector
       complex(wp), intent(in) :: s
+      real(wp) :: load_rows(most)
       integer :: i
 
       ! The load along the row of a spring is 0. In every other row, y is the motion.
@@ -226,11 +227,12 @@ contains
       do i = 1, assembly%n
          load_on = load_on + assembly%load_remainder(i)*vector%x(i)
       end do
-      do i = 1, size(assembly%load_rows, 1)
-         load_on = load_on + assembly%load_rows(i, vector%form)*vector%y(i)
+      call assembly%load_rows(vector%form, load_rows(:size(assembly%v, 1)))
+      do i = 1, size(assembly%v, 1)
+         load_on = load_on + load_rows(i)*vector%y(i)
       end do
       if (assembly%feels_base) load_on = load_on &
-         + (sum(assembly%load(:, 2, vector%form)*vector%x) &
+         + (sum(assembly%velocity_load*vector%x) &
          - sum(assembly%base_coupling*vector%f(:size(assembly%base_coupling)))/s)/s
    end function load_on
 

@@ -44,6 +44,8 @@ contains
       type(error_t), allocatable, intent(out) :: error
       type(beam_modes_t) :: modes
       type(root_t), allocatable :: all(:), half(:)
+      logical, allocatable :: has_hose(:)
+      integer :: h
 
       call bare_beam_modes(equations%galerkin, modes, error)
       if (allocated(error)) return
@@ -51,9 +53,14 @@ contains
          call find_roots(new_assembly(structure, modes, [integer ::]), all, half, error)
          if (allocated(error)) return
          roots = half%s
-         ! A hose without spring and dashpot drifts freely: a root 0 that does not move the tip.
-         if (structure%has_hose() .and. .not. (structure%k_H > 0 .or. structure%c_H > 0)) &
-            roots = [roots, (0.0_wp, 0.0_wp)]
+         ! A hose without spring and dashpot drifts freely: a root 0 that does not move the beam.
+         has_hose = structure%has_hose()
+         do h = 1, size(has_hose)
+            associate (hose => structure%hose(h))
+               if (has_hose(h) .and. .not. (hose%k_H > 0 .or. hose%c_H > 0)) &
+                  roots = [roots, (0.0_wp, 0.0_wp)]
+            end associate
+         end do
          call sort_by(abs(roots), roots)
          ! A motion as a rigid body has one root 0 or two; it is one mode.
          roots = roots(1 + structure%zero_roots() - structure%rigid_body_modes():)

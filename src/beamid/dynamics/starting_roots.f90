@@ -122,7 +122,7 @@ contains
       integer :: i
 
       slow = 0
-      associate (c_D => assembly%strength(bending, of_damping), p => assembly%pencil(1), &
+      associate (c_D => assembly%strength(bending, of_damping), p => assembly%pencil, &
          E => assembly%strength(bending, of_stiffness))
          if (all(abs(aimag(assembly%pole(:assembly%beam, 1))) > 0) .or. .not. c_D > 0) return
          x = 0
@@ -195,7 +195,7 @@ contains
       integer :: i
 
       compliance = assembly%compliance
-      associate (p => assembly%pencil(1))
+      associate (p => assembly%pencil)
          do i = 1, size(compliance)
             if (compliance(i) < 1) compliance(i) = max(compliance(i), &
                sum(assembly%v(i, :)**2)*p%hk(i, i)/(largest_ratio*maxval(p%k)))

@@ -4,11 +4,10 @@ module beamid_static_shapes
    use beamid_bands, only: band_t
    use beamid_kinds, only: wp
    use beamid_lapack, only: dgesv
-   use beamid_structure, only: structure_t
    implicit none
    private
 
-   public :: find_static_shape, hold_hose
+   public :: find_static_shape
 
 contains
 
@@ -45,15 +44,5 @@ contains
       call dgesv(size(values), 1, flexibility, size(values), pivots, forces, size(values), info)
       if (info == 0) shape = matmul(answers, forces(:, 1))
    end subroutine find_static_shape
-
-   !> Adds a spring to a hose that has none: its mass takes no part in static shapes and does not
-   !> buckle, but without stiffness K would be singular.
-   subroutine hold_hose(structure, stiffness)
-      type(structure_t), intent(in) :: structure
-      type(band_t), intent(inout) :: stiffness   !< K
-
-      if (structure%has_hose() .and. .not. structure%k_H > 0) &
-         call stiffness%add(stiffness%n, stiffness%n, structure%tip_stiffness())
-   end subroutine hold_hose
 
 end module beamid_static_shapes

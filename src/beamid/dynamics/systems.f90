@@ -8,7 +8,8 @@
 module beamid_systems
    use beamid_assembly, only: assembly_t
    use beamid_kinds, only: wp
-   use beamid_vectors, only: allocate_vector, couplings, find_vector, nearest_pole, root_t, vector_t
+   use beamid_terms, only: of_mass
+   use beamid_vectors, only: allocate_vector, find_vector, nearest_pole, root_t, vector_t
    implicit none
    private
 
@@ -48,8 +49,7 @@ contains
       n = assembly%n
       P = 0
       dP = 0
-      associate (s => point%s, b => assembly%beam, &
-         pencil => assembly%pencil(assembly%form_at(point%s)))
+      associate (s => point%s, b => assembly%beam, m => assembly%pencil%m)
          if (assembly%is_dense()) then
             P(:b, :b) = assembly%dense(:, :, 1)*s + assembly%dense(:, :, 2)
             dP(:b, :b) = assembly%dense(:, :, 1)
@@ -58,10 +58,10 @@ contains
          do i = 1, n
             left = (origin - assembly%pole(i, 1)) + point%offset
             right = (origin - assembly%pole(i, 2)) + point%offset
-            P(i, i) = P(i, i) + pencil%m(i)*left*right
-            dP(i, i) = dP(i, i) + pencil%m(i)*(left + right)
+            P(i, i) = P(i, i) + m(i)*left*right
+            dP(i, i) = dP(i, i) + m(i)*(left + right)
          end do
-         call couplings(pencil, s, H, dH)
+         call assembly%couplings(assembly%form_at(s), s, H, dH)
          P(:n, n + 1:) = matmul(assembly%vt, H)
          dP(:n, n + 1:) = matmul(assembly%vt, dH)
          P(n + 1:, :n) = assembly%v
@@ -132,7 +132,7 @@ contains
          rhs = rhs/maxval(abs(z))
          z = z/maxval(abs(z))
          ! The left eigenvector is (x, f).
-         call couplings(assembly%pencil(assembly%form_at(root%s)), root%s, H, dH)
+         call assembly%couplings(assembly%form_at(root%s), root%s, H, dH)
          left = [z(:n, 1), matmul(H, z(n + 1:, 1))]
          change = -sum(left*rhs)/sum(left*matmul(dP, z(:, 1)))
          if (.not. abs(aimag(root%s)) > 0) change = real(change)
@@ -142,7 +142,7 @@ contains
          if (abs(change) > 1e-2_wp*abs(root%offset)) call nearest_pole(assembly, root)
          if (abs(change) <= tolerance*max(abs(root%offset), tolerance*abs(root%s))) exit
       end do
-      root%j = maxloc(assembly%pencil(1)%m*abs(z(:n, 1))**2, dim=1)
+      root%j = maxloc(assembly%pencil%m*abs(z(:n, 1))**2, dim=1)
    end subroutine improve_root
 
    !> Scales rows and columns of P to a largest entry of about 1, by powers of two, and computes the
@@ -210,6 +210,7 @@ contains
          + size(assembly%v, 1)) :: P, dP
       complex(wp) :: z(size(P, 1), 1)
       real(wp), dimension(size(P, 1)) :: rows, columns
+      real(wp) :: hm(size(assembly%v, 1), size(assembly%v, 1))
       integer :: pivots(size(P, 1)), n, r, step
 
       n = assembly%n
@@ -231,12 +232,13 @@ contains
       vector%x = z(:n, 1)
       vector%y(:r) = z(n + 1:, 1)
       vector%A = sum(vector%x*matmul(dP(:n, :), z(:, 1)))
-      associate (pencil => assembly%pencil(vector%form), y => vector%y(:r))
-         call couplings(pencil, root%s, vector%H, vector%dH)
+      associate (pencil => assembly%pencil, y => vector%y(:r))
+         call assembly%couplings(vector%form, root%s, vector%H, vector%dH)
+         call assembly%coupling(of_mass, vector%form, hm)
          vector%f(:r) = matmul(vector%H, y)
          vector%dD = 2*pencil%m*root%s + pencil%c
          vector%inertia = sum(pencil%m*abs(vector%x)**2) &
-            + real(sum(conjg(y)*matmul(pencil%hm, y)))
+            + real(sum(conjg(y)*matmul(hm, y)))
       end associate
    end subroutine iterate_inversely
 

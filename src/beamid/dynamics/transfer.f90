@@ -15,7 +15,7 @@ module beamid_transfer
    use beamid_kinds, only: wp
    use beamid_matrices, only: identity
    use beamid_systems, only: factor, solve_system => solve, system_at
-   use beamid_vectors, only: couplings, find_vector, most, nearest_pole, root_t, solve_coupled, &
+   use beamid_vectors, only: find_vector, most, nearest_pole, root_t, solve_coupled, &
       vector_t
    implicit none
    private
@@ -31,7 +31,7 @@ module beamid_transfer
       complex(wp) :: dlog = 0                  !< W'/W [time]
       complex(wp), allocatable :: dh(:)        !< (parameters) derivatives of h
       complex(wp), allocatable :: dlog_p(:)    !< (parameters) derivatives of log W
-      integer :: form = 1                      !< form of the pencil that `q` refers to, 1 or 2
+      integer :: form = 0                      !< form that `q` refers to, from `form_at`
    end type transfer_t
 
    !> The parts of Q**-1 that the derivatives of h and log W need.
@@ -169,11 +169,13 @@ contains
       complex(wp), dimension(size(inverse%T, 1), size(inverse%T, 1)) :: H, dH
       complex(wp) :: row_change(size(inverse%u)), o_E_q(2)
       complex(wp), dimension(size(assembly%changing)) :: products, traces
+      real(wp) :: load_rows(size(inverse%u))
       integer :: p
 
       if (.not. allocated(value%dh)) allocate (value%dh(size(assembly%parameters)), &
          value%dlog_p(size(assembly%parameters)))
-      call couplings(assembly%pencil(value%form), s, H, dH)
+      call assembly%couplings(value%form, s, H, dH)
+      call assembly%load_rows(value%form, load_rows)
       associate (u => value%u(:size(inverse%u)), o => inverse%o, u_o => inverse%u, &
          v_x => assembly%v_slope, form => value%form)
          call assembly%products(form, value%q, u, o, u_o, products)
@@ -192,7 +194,7 @@ contains
                row_change = moves*matmul(v_x, value%q)
                value%dh(p) = value%dh(p) + row_change(assembly%sensor) &
                   - sum(u_o*matmul(H, row_change)) &
-                  - sum(moves*matmul(v_x, o)*(matmul(H, u) - assembly%load_rows(:, form)))
+                  - sum(moves*matmul(v_x, o)*(matmul(H, u) - load_rows))
                value%dlog_p(p) = value%dlog_p(p) + sum(moves*inverse%by_position)
             end associate
          end do

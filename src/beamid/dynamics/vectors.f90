@@ -11,19 +11,16 @@
 !> is the spring's force in a suitable unit; A y is the motion, where A is the compliance, and
 !> f = H y is the force of spring and dashpot.
 module beamid_vectors
-   use beamid_assembly, only: assembly_t, pencil_t
+   use beamid_assembly, only: assembly_t, most
    use beamid_kinds, only: wp
    use beamid_lapack, only: dgesv
    use beamid_matrices, only: eliminate, size_of
-   use beamid_structure, only: most_sensors, most_supports
+   use beamid_terms, only: of_mass
    implicit none
    private
 
-   public :: root_t, vector_t, add_response, allocate_vector, couplings, find_vector, &
-      nearest_pole, solve_coupled, solve_mass
-
-   !> Largest order of H: all rows of V that `beamid_assembly` can have.
-   integer, parameter, public :: most = 5 + 2*most_sensors + most_supports
+   public :: root_t, vector_t, add_response, allocate_vector, find_vector, &
+      most, nearest_pole, solve_coupled, solve_mass
 
    !> A point s of the complex plane, a root or an approximation to one. It is stored relative to a
    !> nearby root of an oscillator's D_i (a pole), so that D_i(s) keeps its digits near the pole.
@@ -43,7 +40,7 @@ module beamid_vectors
       complex(wp), allocatable :: inverse(:)    !< (n) 1/D(s); 0 for oscillator j
       complex(wp) :: y(most), f(most)           !< A**-1 V'x and H y; the first r entries are set
       complex(wp), allocatable, dimension(:, :) :: G, H, dH   !< (r, r) G(s), H(s) and H'(s)
-      integer :: form = 1                       !< form of the pencil at s, 1 or 2
+      integer :: form = 0                       !< form of H at s, from `form_at`
       complex(wp) :: A = 0                      !< x'(2 s M + C) x
       real(wp) :: inertia = 0                   !< x^H M x, real and positive
    end type vector_t
@@ -58,20 +55,19 @@ contains
       type(assembly_t), intent(in) :: self
       type(root_t), intent(inout) :: root
       complex(wp) :: s
+      complex(wp) :: H(most, most), dH(most, most)
       real(wp) :: distance(2), least, weight(most), response, largest
       integer :: i, k, l, origin, side, r
 
       r = size(self%v, 1)
       s = root%s
       weight(:r) = 0
-      associate (p => self%pencil(self%form_at(s)))
-         do l = 1, r
-            do k = 1, r
-               weight(k) = max(weight(k), size_of((p%hm(k, l)*s + p%hc(k, l))*s + p%hk(k, l)) &
-                  /max(1.0_wp, self%compliance(k)))
-            end do
+      call self%couplings(self%form_at(s), s, H(:r, :r), dH(:r, :r))
+      do l = 1, r
+         do k = 1, r
+            weight(k) = max(weight(k), size_of(H(k, l))/max(1.0_wp, self%compliance(k)))
          end do
-      end associate
+      end do
       least = huge(least)
       largest = -1
       origin = 1
@@ -84,7 +80,7 @@ contains
             origin = i
             side = k
          end do
-         response = sum(self%v(:, i)**2*weight(:r))/self%pencil(1)%m(i)
+         response = sum(self%v(:, i)**2*weight(:r))/self%pencil%m(i)
          response = response**2/max(distance(1)*distance(2), tiny(1.0_wp))
          if (response <= largest) cycle
          largest = response
@@ -97,21 +93,6 @@ contains
       root%offset = s - self%pole(origin, side)
    end subroutine nearest_pole
 
-   !> Computes H(s) and H'(s), both of shape (r, r).
-   pure subroutine couplings(pencil, s, H, dH)
-      type(pencil_t), intent(in) :: pencil
-      complex(wp), intent(in) :: s
-      complex(wp), intent(out) :: H(:, :), dH(:, :)
-      integer :: k, l
-
-      do l = 1, size(H, 2)
-         do k = 1, size(H, 1)
-            H(k, l) = (pencil%hm(k, l)*s + pencil%hc(k, l))*s + pencil%hk(k, l)
-            dH(k, l) = 2*pencil%hm(k, l)*s + pencil%hc(k, l)
-         end do
-      end do
-   end subroutine couplings
-
    !> Computes the vector of a root.
    !>
    !> root    the root, with j, origin and offset as `nearest_pole` sets them
@@ -120,14 +101,15 @@ contains
       type(assembly_t), intent(in) :: self
       type(root_t), intent(in) :: root
       type(vector_t), intent(inout) :: vector
+      real(wp) :: hm(most, most)
       integer :: i, k, l, r
 
       r = size(self%v, 1)
       call allocate_vector(self%n, r, vector)
       vector%form = self%form_at(root%s)
-      associate (v => self%v, m => self%pencil(1)%m, G => vector%G, pencil => &
-         self%pencil(vector%form))
-         call couplings(pencil, root%s, vector%H, vector%dH)
+      associate (v => self%v, m => self%pencil%m, G => vector%G)
+         call self%couplings(vector%form, root%s, vector%H, vector%dH)
+         call self%coupling(of_mass, vector%form, hm(:r, :r))
          call denominators(self%n, m, self%pole, root, vector%D, vector%dD, vector%inverse)
          do l = 1, r
             do k = 1, l
@@ -144,7 +126,7 @@ contains
             do l = 1, r
                vector%f(k) = vector%f(k) + vector%H(k, l)*vector%y(l)
                vector%A = vector%A + self%compliance(k)*vector%y(k)*vector%dH(k, l)*vector%y(l)
-               vector%inertia = vector%inertia + pencil%hm(k, l)*real(conjg(vector%y(k)) &
+               vector%inertia = vector%inertia + hm(k, l)*real(conjg(vector%y(k)) &
                   *vector%y(l))
             end do
          end do
@@ -270,7 +252,7 @@ contains
 
       r = size(self%v, 1)
       h(:r, :r) = self%mass_couplings()
-      associate (vt => self%vt, m => self%pencil(1)%m)
+      associate (vt => self%vt, m => self%pencil%m)
          do l = 1, r
             do k = 1, l
                a(k, l) = sum(vt(:, k)*vt(:, l)/m)

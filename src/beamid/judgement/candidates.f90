@@ -158,7 +158,7 @@ contains
    end function same_value
 
    !> Returns whether two models differ in their parameters alone: they have the same mesh,
-   !> observation, supports, sensors and kind of excitation.
+   !> observation, attachments and kind of excitation.
    pure logical function same_method(a, b) result(same)
       type(candidate_t), intent(in) :: a, b
       integer :: r
@@ -169,8 +169,9 @@ contains
             (observation%relative .eqv. other%relative)
       end associate
       associate (beam => a%model%structure, other => b%model%structure)
-         same = same .and. beam%supports == other%supports .and. &
-            (beam%stands .eqv. other%stands) .and. max(1, beam%sensors) == max(1, other%sensors)
+         same = same .and. beam%supports == other%supports .and. beam%masses == other%masses &
+            .and. (beam%stands .eqv. other%stands) .and. max(1, beam%sensors) == max(1, &
+            other%sensors) .and. max(1, beam%hoses) == max(1, other%hoses)
       end associate
       same = same .and. size(a%experiments) == size(b%experiments)
       do r = 1, size(a%experiments)

@@ -8,11 +8,12 @@ module beamid_parameters
    use beamid_kinds, only: wp
    use beamid_monomials, only: monomial_t, value_of
    use beamid_strings, only: lower, to_text
-   use beamid_structure, only: item_name_length, most_sensors, most_supports, n_parameters, &
-      of_c_D, function_of, is_coefficient, of_c_H, c_P_at, c_R_at, c_w_at, of_E, of_g, of_gamma, &
-      of_I, J_S_at, of_J_T, of_k_H, kappa_P_at, kappa_R_at, kappa_w_at, of_length, of_m_H, m_S_at, &
-      of_m_T, no_spring, of_rho, of_T, of_x_F, x_P_at, x_S_at, c_D_at, E_at, most_coefficients, &
-      of_d_D, of_w_D, of_x_D, root, structure_t, tip, values_of
+   use beamid_structure, only: c_D_at, c_H_at, c_P_at, c_R_at, c_RP_at, c_w_at, E_at, function_of, &
+      is_coefficient, item_name_length, J_M_at, J_S_at, k_H_at, kappa_P_at, kappa_R_at, &
+      kappa_RP_at, kappa_w_at, m_H_at, m_M_at, m_S_at, most_coefficients, most_items, &
+      n_parameters, no_spring, of_c_D, of_d_D, of_E, of_g, of_gamma, of_I, of_J_T, of_length, &
+      of_m_T, of_rho, of_T, of_w_D, of_x_D, of_x_F, root, structure_t, tip, values_of, x_H_at, &
+      x_M_at, x_P_at, x_S_at
    implicit none
    private
 
@@ -25,7 +26,7 @@ module beamid_parameters
    !> 0 <= value < 1.
    integer, parameter :: positive = 1, not_negative = 2, on_beam = 3, any_value = 4, share = 5
 
-   !> Length of a printed name, with the name of the sensor or support after it.
+   !> Length of a printed name, with the name of the attachment after it.
    integer, parameter, public :: name_length = 10 + item_name_length
 
    !> Numbers of two parameters that are not components of a structure: the amplitude of the
@@ -53,7 +54,7 @@ module beamid_parameters
       !> infinite (a rigid spring).
       logical :: is_reciprocal = .false.
       character(len=80) :: help       !< line of help
-      integer :: item = 0             !< number of its sensor, support or coefficient; 0: none
+      integer :: item = 0             !< number of its attachment, end or coefficient; 0: none
       character(len=9) :: key = ''    !< key in the case file, if it differs from the name
    end type parameter_t
 
@@ -67,7 +68,7 @@ module beamid_parameters
    !> `nth(i)` is i. gfortran 12 accepts an array element as a component of a constructor, but not
    !> the index of an implied loop.
    integer, parameter :: nth(most_coefficients) = [(i, i=1, most_coefficients)]
-   type(parameter_t), parameter :: parameters(n_parameters + 2 + 2*most_coefficients) = [ &
+   type(parameter_t), parameter :: rows(n_parameters + 2 + 2*most_coefficients) = [ &
       parameter_t(of_m_T, 'm_T', 'tip', [1, 0, 0], not_negative, '0', tenth_of_mass, &
          help='mass at the tip'), &
       parameter_t(of_E, 'E', 'beam', [1, -1, -2], positive, '', &
@@ -75,13 +76,6 @@ module beamid_parameters
       parameter_t(of_c_D, 'c_D', 'beam', [1, -1, -1], not_negative, '0', &
          monomial_t(2e-2_wp, [of_E, the_omega, 0], [1, -1, 1]), &
          help='Kelvin-Voigt viscosity'), &
-      parameter_t(of_m_H, 'm_H', 'hose', [1, 0, 0], not_negative, '', tenth_of_mass, &
-         help='mass of the hose; 0: no hose'), &
-      parameter_t(of_c_H, 'c_H', 'hose', [1, 0, -1], not_negative, '0', &
-         monomial_t(2e-2_wp, [the_mass, the_omega, 0]), &
-         help='damping coefficient between beam and hose'), &
-      parameter_t(of_k_H, 'k_H', 'hose', [1, 0, -2], not_negative, '0', &
-         monomial_t(0.1_wp, [the_stiffness, 0, 0]), help='stiffness between beam and hose'), &
       parameter_t(of_rho, 'rho', 'beam', [1, -1, 0], positive, 'density*width*height', &
          monomial_t(place=[of_rho, 0, 0]), help='mass per unit length'), &
       parameter_t(of_gamma, 'gamma', 'beam', [1, -1, -1], not_negative, '0', &
@@ -133,7 +127,7 @@ module beamid_parameters
       parameter_t(x_S_at(i), 'x_S', 'sensor', [0, 1, 0], on_beam, 'the tip', &
          monomial_t(place=[of_length, 0, 0]), &
          help='position of the sensor, where the motion is observed', item=nth(i)), &
-      i=1, most_sensors), &
+      i=1, most_items), &
       (parameter_t(x_P_at(i), 'x_P', 'support', [0, 1, 0], on_beam, '', &
          monomial_t(place=[of_length, 0, 0]), help='position of the support', item=nth(i)), &
       parameter_t(kappa_P_at(i), 'k_P', 'support', [1, 0, -2], not_negative, 'rigid', &
@@ -141,7 +135,35 @@ module beamid_parameters
          is_reciprocal=.true., help='stiffness of the support; 0: a damper alone', item=nth(i)), &
       parameter_t(c_P_at(i), 'c_P', 'support', [1, 0, -1], not_negative, '0', &
          monomial_t(0.2_wp, [the_stiffness, the_omega, 0], [1, -1, 1]), needs=kappa_P_at(i), &
-         help='damping coefficient of the support, beside k_P', item=nth(i)), i=1, most_supports), &
+         help='damping coefficient of the support, beside k_P', item=nth(i)), &
+      parameter_t(kappa_RP_at(i), 'k_RP', 'support', [1, 2, -2], not_negative, '0', &
+         monomial_t(0.1_wp, [of_length, of_E, of_I], [1, -1, -1]), needs=kappa_RP_at(i), &
+         is_reciprocal=.true., key='k_R', &
+         help='stiffness of the support against rotation; inf: rigid', item=nth(i)), &
+      parameter_t(c_RP_at(i), 'c_RP', 'support', [1, 2, -1], not_negative, '0', &
+         monomial_t(6e-2_wp, [the_stiffness, of_length, the_omega], [1, 2, -1]), &
+         needs=kappa_RP_at(i), key='c_R', &
+         help='damping coefficient of the support against rotation', item=nth(i)), &
+      i=1, most_items), &
+      (parameter_t(m_M_at(i), 'm_M', 'mass', [1, 0, 0], not_negative, '', tenth_of_mass, &
+         help='mass on the beam', item=nth(i), key='m'), &
+      parameter_t(J_M_at(i), 'J_M', 'mass', [1, 2, 0], not_negative, '0', &
+         monomial_t(1e-4_wp, [the_mass, of_length, 0], [1, 2, 1]), &
+         help='rotary inertia of the mass', item=nth(i), key='J'), &
+      parameter_t(x_M_at(i), 'x_M', 'mass', [0, 1, 0], on_beam, 'the tip', &
+         monomial_t(place=[of_length, 0, 0]), &
+         help='position of the mass', item=nth(i), key='x'), i=1, most_items), &
+      (parameter_t(m_H_at(i), 'm_H', 'hose', [1, 0, 0], not_negative, '', tenth_of_mass, &
+         help='mass of the hose; 0: no hose', item=nth(i)), &
+      parameter_t(c_H_at(i), 'c_H', 'hose', [1, 0, -1], not_negative, '0', &
+         monomial_t(2e-2_wp, [the_mass, the_omega, 0]), &
+         help='damping coefficient between beam and hose', item=nth(i)), &
+      parameter_t(k_H_at(i), 'k_H', 'hose', [1, 0, -2], not_negative, '0', &
+         monomial_t(0.1_wp, [the_stiffness, 0, 0]), help='stiffness between beam and hose', &
+         item=nth(i)), &
+      parameter_t(x_H_at(i), 'x_H', 'hose', [0, 1, 0], on_beam, 'the tip', &
+         monomial_t(place=[of_length, 0, 0]), &
+         help='position of the hose on the beam', item=nth(i)), i=1, most_items), &
       parameter_t(amplitude, 'amplitude', 'excitation', [1, 1, -2], any_value, '', monomial_t(), &
          help='amplitude of a pulse or a release; factor of a table or of a base motion'), &
       parameter_t(offset, 'offset', 'record', [0, 0, 0], any_value, '0', monomial_t(), &
@@ -154,12 +176,13 @@ module beamid_parameters
          item=nth(i)), i=1, most_coefficients)]
 
    !> Checks at compile time that every row stands at its number: otherwise this divides by zero.
-   integer, parameter :: in_order = 1/merge(1, 0, all(parameters%place == &
-      [(i, i=1, size(parameters))]))
+   integer, parameter :: in_order = 1/merge(1, 0, all(rows%place == [(i, i=1, size(rows))]))
 
-   !> Names of all rows. flang 19 does not evaluate `parameters%name`, an array of a text component.
-   character(len=*), parameter :: free_names(size(parameters)) = &
-      [(parameters(i)%name, i=1, size(parameters))]
+   !> The table, as a variable: the compiler would copy a constant into every object that uses it.
+   type(parameter_t), protected :: parameters(size(rows)) = rows
+
+   !> Names of all rows. flang 19 does not evaluate `rows%name`, an array of a text component.
+   character(len=9), protected :: free_names(size(rows)) = [(rows(i)%name, i=1, size(rows))]
 
 contains
 
@@ -196,27 +219,54 @@ contains
       free_index = 0
    end function free_index
 
-   !> Returns whether parameter k exists in a structure: its sensor (there is always one), support,
-   !> dip or coefficient must exist. Springs and dampers of an end exist if the case describes the
-   !> end, or if they are neither rigid nor absent; those of the rotation of the root always exist.
+   !> Returns whether parameter k exists in a structure: its attachment (there is always a sensor
+   !> and a hose, whose mass may be 0), dip or coefficient must exist. Springs and dampers of an end
+   !> exist if the case describes the end, or if they are neither rigid nor absent; those of the
+   !> rotation of the root always exist. Those of the rotation of a support exist if it has either.
    elemental logical function is_there(structure, k)
       type(structure_t), intent(in) :: structure
       integer, intent(in) :: k
 
       is_there = .true.
-      if (parameters(k)%group == 'sensor') is_there = parameters(k)%item <= max(1, &
-         structure%sensors)
-      if (parameters(k)%group == 'support') is_there = parameters(k)%item <= structure%supports
-      if (parameters(k)%group == 'along') is_there = structure%has_dip()
-      if (parameters(k)%group == 'end' .and. all(k /= [kappa_R_at(1), c_R_at(1)])) is_there = &
-         structure%described(parameters(k)%item) .or. structure%get(k) > 0 .and. &
-         structure%get(k) < no_spring
-      if (is_coefficient(k)) is_there = parameters(k)%item <= &
-         structure%variations%along(function_of(k))%coefficients
+      associate (item => parameters(k)%item)
+         select case (parameters(k)%group)
+         case ('sensor', 'support', 'mass', 'hose')
+            is_there = item <= attachments(structure, parameters(k)%group)
+            if (any(k == [kappa_RP_at, c_RP_at])) is_there = is_there .and. &
+               (structure%support(item)%kappa_RP < no_spring .or. structure%support(item)%c_RP > 0)
+         case ('along')
+            is_there = structure%has_dip()
+         case ('end')
+            if (all(k /= [kappa_R_at(root), c_R_at(root)])) is_there = structure%described(item) &
+               .or. structure%get(k) > 0 .and. structure%get(k) < no_spring
+         case ('E(x)', 'c_D(x)')
+            is_there = item <= structure%variations%along(function_of(k))%coefficients
+         end select
+      end associate
    end function is_there
 
-   !> Returns the printed name of parameter k. If there are several sensors or supports, the name of
-   !> the sensor or support follows ('m_S.a'). The end follows the name of its springs and dashpots
+   !> Returns the number of attachments that a group of the case file describes; there is always a
+   !> sensor and a hose. 0: the group describes no attachment.
+   pure integer function attachments(structure, group)
+      type(structure_t), intent(in) :: structure
+      character(len=*), intent(in) :: group
+
+      select case (group)
+      case ('sensor')
+         attachments = max(1, structure%sensors)
+      case ('support')
+         attachments = structure%supports
+      case ('mass')
+         attachments = structure%masses
+      case ('hose')
+         attachments = max(1, structure%hoses)
+      case default
+         attachments = 0
+      end select
+   end function attachments
+
+   !> Returns the printed name of parameter k. If there are several attachments of a kind, the name
+   !> of the attachment follows ('m_S.a'). The end follows the name of its springs and dashpots
    !> ('k_R.tip'), except for k_R and c_R of &beam, and a coefficient is followed by its number
    !> ('E.3').
    elemental function name_of_parameter(structure, k) result(name)
@@ -225,9 +275,7 @@ contains
       character(len=name_length) :: name
 
       name = parameters(k)%name
-      if (parameters(k)%group == 'sensor' .and. structure%sensors > 1 .or. &
-         parameters(k)%group == 'support' .and. structure%supports > 1) &
-         name = labelled(structure, k)
+      if (attachments(structure, parameters(k)%group) > 1) name = labelled(structure, k)
       if (parameters(k)%group == 'end') then
          if (parameters(k)%item == tip .or. structure%described(1) .or. &
             .not. any(k == [kappa_R_at(1), c_R_at(1)])) name = labelled(structure, k)
@@ -236,8 +284,8 @@ contains
    end function name_of_parameter
 
    !> Returns the number of the parameter with a given printed name that a fit may estimate, or 0.
-   !> Upper and lower case are equal. The suffix of a sensor or support ('m_S.a') is required if
-   !> there are several, and allowed if there is one.
+   !> Upper and lower case are equal. The suffix of an attachment ('m_S.a') is required if there
+   !> are several of its kind, and allowed if there is one.
    elemental integer function place_of_name(structure, name) result(place)
       type(structure_t), intent(in) :: structure
       character(len=*), intent(in) :: name
@@ -245,13 +293,13 @@ contains
       do place = size(parameters), 1, -1
          if (.not. (parameters(place)%is_free .and. is_there(structure, place))) cycle
          if (lower(trim(name_of_parameter(structure, place))) == lower(trim(name))) return
-         ! The suffix is allowed for the only sensor or support, too.
+         ! The suffix is allowed for the only attachment of a kind, too.
          if (index(name, '.') < len_trim(name) .and. &
             lower(trim(name)) == lower(trim(labelled(structure, place)))) return
       end do
    end function place_of_name
 
-   !> Returns the name of parameter k with the name of its sensor, support or end as a suffix.
+   !> Returns the name of parameter k with the name of its attachment or end as a suffix.
    pure function labelled(structure, k) result(name)
       type(structure_t), intent(in) :: structure
       integer, intent(in) :: k
@@ -259,10 +307,18 @@ contains
 
       name = parameters(k)%name
       associate (item => parameters(k)%item)
-         if (parameters(k)%group == 'sensor') name = trim(name)//'.'//structure%sensor_name(item)
-         if (parameters(k)%group == 'support') name = trim(name)//'.'//structure%support_name(item)
-         if (parameters(k)%group == 'end') name = trim(name)//'.'// &
-            merge('tip ', 'root', item == tip)
+         select case (parameters(k)%group)
+         case ('sensor')
+            name = trim(name)//'.'//structure%sensor_name(item)
+         case ('support')
+            name = trim(name)//'.'//structure%support_name(item)
+         case ('mass')
+            name = trim(name)//'.'//structure%mass_name(item)
+         case ('hose')
+            name = trim(name)//'.'//structure%hose_name(item)
+         case ('end')
+            name = trim(name)//'.'//merge('tip ', 'root', item == tip)
+         end select
       end associate
    end function labelled
 

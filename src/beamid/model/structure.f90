@@ -4,7 +4,8 @@
 !> modelled as a mass on a dashpot and a spring at the tip; its parameters are
 !> q = (m_T, E, c_D, m_H, c_H, k_H) of Section 2. A beam on a test bench may also have air damping,
 !> rotary inertia at the tip, other conditions at its ends (each end clamped, pinned, guided, free
-!> or elastic), sensors with mass at any position, supports, its own weight, and an axial force.
+!> or elastic), its own weight, and an axial force. At any position it may have attachments:
+!> sensors with mass, supports, masses, and hoses (oscillators).
 !>
 !> `beamid_parameters` describes each parameter (name, unit, range, help), and `beamid_terms` states
 !> how the parameters enter M, C, K and F. This module also computes static deflections.
@@ -26,9 +27,9 @@ module beamid_structure
 
    !> Compliance of a support or of an end without a spring.
    real(wp), parameter, public :: no_spring = huge(1.0_wp)
-   !> Largest number of sensors and of supports.
-   integer, parameter, public :: most_sensors = 8, most_supports = 8
-   !> Length of the name of a sensor or a support.
+   !> Largest number of attachments of each kind, and of all kinds together.
+   integer, parameter, public :: most_items = 20, most_attached = 47
+   !> Length of the name of an attachment.
    integer, parameter, public :: item_name_length = 12
 
    !> A sensor (accelerometer) on the beam.
@@ -38,13 +39,31 @@ module beamid_structure
       real(wp) :: x_S = at_tip       !< position, where the motion is observed [length]
    end type sensor_t
 
-   !> A support: a spring and a dashpot between the beam and the ground.
+   !> A support: springs and dashpots between the beam and the ground, for the deflection and for
+   !> the rotation. A compliance of 0 is a rigid connection, `no_spring` none or a dashpot alone.
    type, public :: support_t
       real(wp) :: x_P = 0            !< position [length]
-      !> compliance 1/k_P [length/force]; 0: rigid; `no_spring`: no spring, a dashpot alone
-      real(wp) :: kappa_P = 0
-      real(wp) :: c_P = 0            !< damping coefficient [mass/time]
+      real(wp) :: kappa_P = 0        !< compliance of the deflection, 1/k_P [length/force]
+      real(wp) :: c_P = 0            !< damping coefficient of the deflection [mass/time]
+      !> compliance of the rotation, 1/k_RP [1/(force length)]
+      real(wp) :: kappa_RP = no_spring
+      real(wp) :: c_RP = 0           !< damping coefficient of the rotation [force length time]
    end type support_t
+
+   !> A mass on the beam.
+   type, public :: mass_t
+      real(wp) :: m_M = 0            !< mass [mass]
+      real(wp) :: J_M = 0            !< rotary inertia [mass length**2]
+      real(wp) :: x_M = at_tip       !< position [length]
+   end type mass_t
+
+   !> A hose: a mass on a dashpot and a spring, an oscillator. Without a mass there is no hose.
+   type, public :: hose_t
+      real(wp) :: m_H = 0            !< mass [mass]
+      real(wp) :: c_H = 0            !< damping coefficient [mass/time]
+      real(wp) :: k_H = 0            !< stiffness [force/length]
+      real(wp) :: x_H = at_tip       !< position on the beam [length]
+   end type hose_t
 
    !> The conditions at an end of the beam: springs and dashpots between the beam and what holds it,
    !> which a base that moves carries along. A compliance of 0 is a rigid condition, `no_spring` a
@@ -69,9 +88,6 @@ module beamid_structure
       real(wp) :: m_T = 0            !< tip mass [mass]
       real(wp) :: E = 0              !< modulus of elasticity [force/length**2]
       real(wp) :: c_D = 0            !< Kelvin-Voigt viscosity [force time/length**2]
-      real(wp) :: m_H = 0            !< hose mass [mass]; 0: no hose
-      real(wp) :: c_H = 0            !< hose damping [mass/time]
-      real(wp) :: k_H = 0            !< hose stiffness [force/length]
       real(wp) :: rho = 0            !< mass per unit length [mass/length]
       real(wp) :: gamma = 0          !< air damping, a force gamma u_t per length [mass/length/time]
       real(wp) :: J_T = 0            !< rotary inertia at the tip [mass length**2]
@@ -85,16 +101,22 @@ module beamid_structure
       real(wp) :: d_D = 0            !< depth of the dip, as a share of E [1]
       !> conditions at root and tip
       type(end_t) :: end(2) = [end_t(), free_end]
-      !> the sensors; `structure_t%sensors` exist
-      type(sensor_t) :: sensor(most_sensors) = sensor_t()
+      !> the sensors; `structure_t%sensors` exist, but at least one
+      type(sensor_t) :: sensor(most_items) = sensor_t()
       !> the supports; `structure_t%supports` exist
-      type(support_t) :: support(most_supports) = support_t()
+      type(support_t) :: support(most_items) = support_t()
+      !> the masses; `structure_t%masses` exist
+      type(mass_t) :: mass(most_items) = mass_t()
+      !> the hoses; `structure_t%hoses` exist, but at least one, whose mass may be 0
+      type(hose_t) :: hose(most_items) = hose_t()
    end type values_t
 
    !> The values of the parameters together with the settings that are not parameters.
    type, extends(values_t) :: structure_t
       integer :: sensors = 0         !< number of sensors
       integer :: supports = 0        !< number of supports
+      integer :: masses = 0          !< number of masses
+      integer :: hoses = 0           !< number of hoses
       integer :: observer = 1        !< number of the sensor whose motion is observed
       !> .true.: the beam stands on its root, so that its weight compresses it; .false.: it hangs
       logical :: stands = .false.
@@ -103,28 +125,26 @@ module beamid_structure
       !> (end) whether the case describes the end by a group of its own; the names of the parameters
       !> of such a root end with '.root'
       logical :: described(2) = .false.
-      character(len=item_name_length) :: sensor_name(most_sensors) = '', &   !< names of sensors
-         support_name(most_supports) = ''                                    !< names of supports
+      !> names of the attachments
+      character(len=item_name_length), dimension(most_items) :: sensor_name = '', &
+         support_name = '', mass_name = '', hose_name = ''
       !> variation of the properties along the beam
       type(variations_t) :: variations = variations_t()
    contains
-      procedure :: has_hose, essential, has_end_spring, has_spring, rigid_supports, place, &
+      procedure :: has_hose, essential, has_end_spring, has_spring, rigid_supports, items, place, &
          follows_tip, sensor_place, get, set, stiffness, stiffening, static_deflection, &
-         tip_stiffness, omega, axial_load, buckles, rigid_body_modes, zero_roots, &
+         tip_stiffness, omega, total_mass, axial_load, buckles, rigid_body_modes, zero_roots, &
          has_dip, has_fields, factors, factor_slopes
    end type structure_t
 
-   !> Number of all parameters, and number of parameters that belong to no sensor or support.
-   integer, parameter, public :: n_parameters = storage_size(values_t())/storage_size(1.0_wp), &
-      n_single = n_parameters - (storage_size(sensor_t())*most_sensors &
-      + storage_size(support_t())*most_supports)/storage_size(1.0_wp)
+   !> Number of all parameters.
+   integer, parameter, public :: n_parameters = storage_size(values_t())/storage_size(1.0_wp)
 
    !> Numbers of the parameters. Every component of `of` holds its own position in `values_t`.
    integer :: i
    type(values_t), parameter :: of = transfer([(real(i, wp), i=1, n_parameters)], values_t())
    integer, parameter, public :: of_m_T = nint(of%m_T), of_E = nint(of%E), &
-      of_c_D = nint(of%c_D), of_m_H = nint(of%m_H), of_c_H = nint(of%c_H), &
-      of_k_H = nint(of%k_H), of_rho = nint(of%rho), of_gamma = nint(of%gamma), &
+      of_c_D = nint(of%c_D), of_rho = nint(of%rho), of_gamma = nint(of%gamma), &
       of_J_T = nint(of%J_T), &
       of_length = nint(of%length), of_I = nint(of%I), of_x_F = nint(of%x_F), &
       of_g = nint(of%g), of_T = nint(of%T), of_x_D = nint(of%x_D), of_w_D = nint(of%w_D), &
@@ -135,12 +155,15 @@ module beamid_structure
       c_R_at(2) = kappa_w_at + 3, of_kappa_R = kappa_R_at(1), of_c_R = c_R_at(1), &
       compliance_at(2, 2) = reshape([kappa_w_at(1), kappa_R_at(1), kappa_w_at(2), kappa_R_at(2)], &
       [2, 2])
-   !> Numbers of the parameters of each sensor and of each support.
-   integer, parameter, public :: &
-      m_S_at(most_sensors) = [(n_single + 3*i - 2, i=1, most_sensors)], &
-      J_S_at(most_sensors) = m_S_at + 1, x_S_at(most_sensors) = m_S_at + 2, &
-      x_P_at(most_supports) = [(n_single + 3*(most_sensors + i) - 2, i=1, most_supports)], &
-      kappa_P_at(most_supports) = x_P_at + 1, c_P_at(most_supports) = x_P_at + 2
+   !> Numbers of the parameters of each sensor, support, mass and hose.
+   integer, parameter, public :: m_S_at(most_items) = nint(of%sensor%m_S), &
+      J_S_at(most_items) = m_S_at + 1, x_S_at(most_items) = m_S_at + 2, &
+      x_P_at(most_items) = nint(of%support%x_P), kappa_P_at(most_items) = x_P_at + 1, &
+      c_P_at(most_items) = x_P_at + 2, kappa_RP_at(most_items) = x_P_at + 3, &
+      c_RP_at(most_items) = x_P_at + 4, m_M_at(most_items) = nint(of%mass%m_M), &
+      J_M_at(most_items) = m_M_at + 1, x_M_at(most_items) = m_M_at + 2, &
+      m_H_at(most_items) = nint(of%hose%m_H), c_H_at(most_items) = m_H_at + 1, &
+      k_H_at(most_items) = m_H_at + 2, x_H_at(most_items) = m_H_at + 3
    !> Largest number of coefficients of E(x) and of c_D(x), and the numbers of these parameters,
    !> which follow the amplitude and the offset of `beamid_parameters`.
    integer, parameter, public :: most_coefficients = 64, &
@@ -149,8 +172,9 @@ module beamid_structure
       coefficient_at(most_coefficients, 2) = reshape([E_at, c_D_at], [most_coefficients, 2])
    !> The parameter whose value all coefficients of E(x), or of c_D(x), have before a fit.
    integer, parameter :: common_of(2) = [of_E, of_c_D]
-   !> Numbers of the parameters of the first sensor.
-   integer, parameter, public :: of_m_S = m_S_at(1), of_J_S = J_S_at(1), of_x_S = x_S_at(1)
+   !> Numbers of the parameters of the first sensor and of the first hose.
+   integer, parameter, public :: of_m_S = m_S_at(1), of_J_S = J_S_at(1), of_x_S = x_S_at(1), &
+      of_m_H = m_H_at(1), of_c_H = c_H_at(1), of_k_H = k_H_at(1), of_x_H = x_H_at(1)
 
 contains
 
@@ -178,11 +202,20 @@ contains
       if (is_coefficient(k)) function_of = merge(field_viscosity, field_modulus, k >= c_D_at(1))
    end function function_of
 
-   !> Returns whether there is a hose; without it the equations have no coordinate y.
-   pure logical function has_hose(self)
+   !> Returns the largest number of attachments of one kind; there is always a sensor.
+   pure integer function items(self)
       class(structure_t), intent(in) :: self
 
-      has_hose = self%m_H > 0
+      items = max(1, self%sensors, self%supports, self%masses, self%hoses)
+   end function items
+
+   !> Returns which hoses, (max(1, hoses)), have a mass. Without a mass, the equations have no
+   !> coordinate y.
+   pure function has_hose(self)
+      class(structure_t), intent(in) :: self
+      logical :: has_hose(max(1, self%hoses))
+
+      has_hose = self%hose(:size(has_hose))%m_H > 0
    end function has_hose
 
    !> Returns the conditions, (condition, end), that hold exactly: their compliance is 0 and stays
@@ -218,19 +251,23 @@ contains
          condition == deflection) < no_spring
    end function has_end_spring
 
-   !> Returns whether support p has a spring, rigid or not; a support may have a damper alone.
-   pure logical function has_spring(self, p)
+   !> Returns whether support p has a spring, rigid or not, for its deflection or its rotation; a
+   !> support may have a damper alone.
+   pure logical function has_spring(self, p, condition)
       class(structure_t), intent(in) :: self
-      integer, intent(in) :: p
+      integer, intent(in) :: p, condition
 
-      has_spring = self%support(p)%kappa_P < no_spring
+      has_spring = merge(self%support(p)%kappa_P, self%support(p)%kappa_RP, &
+         condition == deflection) < no_spring
    end function has_spring
 
-   !> Returns the number of rigid supports.
+   !> Returns the number of rigid connections of the supports.
    pure integer function rigid_supports(self)
       class(structure_t), intent(in) :: self
 
-      rigid_supports = count(.not. self%support(:self%supports)%kappa_P > 0)
+      associate (support => self%support(:self%supports))
+         rigid_supports = count(.not. support%kappa_P > 0) + count(.not. support%kappa_RP > 0)
+      end associate
    end function rigid_supports
 
    !> Returns the position on the beam that parameter k stands for [length].
@@ -240,7 +277,7 @@ contains
       real(wp) :: q(n_parameters)
 
       q = values_of(self)
-      place = merge(self%length, q(k), self%follows_tip(k))
+      place = merge(self%length, q(k), q(k) < 0)
    end function place
 
    !> Returns whether the position that parameter k stands for is the tip because none was given.
@@ -277,7 +314,8 @@ contains
          return
       end if
       get = q(k)
-      if (k == of_x_F .or. any(x_S_at == k)) get = self%place(k)
+      if (k == of_x_F .or. any(x_S_at == k) .or. any(x_M_at == k) .or. any(x_H_at == k)) &
+         get = merge(self%length, q(k), q(k) < 0)
    end function get
 
    !> Sets parameter k to a value.
@@ -309,7 +347,8 @@ contains
       type(structure_t), intent(in) :: a, b
 
       same_structure = all(abs(values_of(a) - values_of(b)) <= 0) .and. &
-         a%supports == b%supports .and. a%observer == b%observer .and. (a%stands .eqv. b%stands)
+         all([a%supports - b%supports, a%masses - b%masses, a%observer - b%observer] == 0) .and. &
+         (a%stands .eqv. b%stands)
       if (same_structure) same_structure = &
          all(same_values(a%variations%along, b%variations%along))
    end function same_structure
@@ -474,30 +513,30 @@ contains
          + self%length**2*compliance)
    end function tip_stiffness
 
-   !> Returns which springs to the ground there are, rigid or not: those of deflection and rotation at
-   !> the root, the same at the tip, and those of the supports.
+   !> Returns which springs to the ground there are, rigid or not: those of deflection and rotation
+   !> at the root, the same at the tip, those of the supports' deflections, and of their rotations.
    pure function springs(self) result(there)
       class(structure_t), intent(in) :: self
-      logical :: there(4 + self%supports)
+      logical :: there(4 + 2*self%supports)
       integer :: c, e, p
 
       there = [((self%has_end_spring(c, e), c=deflection, rotation), e=root, tip), &
-         (self%has_spring(p), p=1, self%supports)]
+         ((self%has_spring(p, c), p=1, self%supports), c=deflection, rotation)]
    end function springs
 
    !> Finds where springs or dampers to the ground act.
    !>
-   !> there  (4 + supports) which of them exist, in the order of `springs`
+   !> there  (4 + 2 supports) which of them exist, in the order of `springs`
    !> place  (count(there)) numbers of the parameters for their positions; 0: root, -1: tip
    !> slope  (count(there)) 1: it resists the rotation; 0: the deflection
    pure subroutine find_places(self, there, place, slope)
       class(structure_t), intent(in) :: self
       logical, intent(in) :: there(:)
       integer, allocatable, intent(out) :: place(:), slope(:)
-      integer :: p
+      integer :: c, p
 
-      place = pack([0, 0, -1, -1, x_P_at(:self%supports)], there)
-      slope = pack([0, 1, 0, 1, (0, p=1, self%supports)], there)
+      place = pack([0, 0, -1, -1, x_P_at(:self%supports), x_P_at(:self%supports)], there)
+      slope = pack([0, 1, 0, 1, ((c, p=1, self%supports), c=0, 1)], there)
    end subroutine find_places
 
    !> Returns the number of motions as a rigid body, 0 to 2, that no spring to the ground resists.
@@ -511,18 +550,19 @@ contains
    !> one for each that a damper to the ground resists.
    pure integer function zero_roots(self)
       class(structure_t), intent(in) :: self
-      logical :: dampers(4 + self%supports)
+      logical :: dampers(4 + 2*self%supports)
 
       zero_roots = self%rigid_body_modes()
       if (zero_roots == 0 .or. self%gamma > 0) return
       dampers = [self%end(root)%c_w > 0, self%end(root)%c_R > 0, self%end(tip)%c_w > 0, &
-         self%end(tip)%c_R > 0, self%support(:self%supports)%c_P > 0]
+         self%end(tip)%c_R > 0, self%support(:self%supports)%c_P > 0, &
+         self%support(:self%supports)%c_RP > 0]
       zero_roots = zero_roots + 2 - resisted(self, springs(self) .or. dampers)
    end function zero_roots
 
    !> Returns the number of independent motions as a rigid body that springs or dampers resist.
    !>
-   !> there  (4 + supports) which of them exist, in the order of `springs`
+   !> there  (4 + 2 supports) which of them exist, in the order of `springs`
    pure integer function resisted(self, there)
       class(structure_t), intent(in) :: self
       logical, intent(in) :: there(:)
@@ -565,7 +605,7 @@ contains
       complex(wp), allocatable :: points(:), a(:, :), b(:, :), rigid(:, :), row(:)
       integer, allocatable :: place(:), slope(:), compliance(:)
       real(wp) :: l, unit
-      logical :: there(4 + self%supports), regular
+      logical :: there(4 + 2*self%supports), regular
       integer :: i, j, n
 
       if (abs(q(of_g)) + abs(q(of_T)) > 0) then
@@ -574,7 +614,8 @@ contains
       end if
       there = springs(self)
       call find_places(self, there, place, slope)
-      compliance = pack([compliance_at, kappa_P_at(:self%supports)], there)
+      compliance = pack([compliance_at, kappa_P_at(:self%supports), kappa_RP_at(:self%supports)], &
+         there)
       n = size(place)
       allocate (points(n + 2), a(n + 2, n + 2), b(n + 2, 1), rigid(n + 2, 2))
       points(:n) = [(position(q, place(i)), i=1, n)]
@@ -626,27 +667,39 @@ contains
       type(column_t) :: column
       type(column_spring_t) :: held(count(springs(self)))
       integer, allocatable :: place(:), slope(:), compliance(:)
-      complex(wp) :: ends(size(places) + size(held) + most_sensors + 2), N(size(ends) - 1)
-      complex(wp) :: carried(most_sensors), at(most_sensors), weight
-      integer :: i, last(most_sensors)
+      complex(wp), dimension(max(1, self%sensors) + self%masses) :: carried, at
+      complex(wp) :: ends(size(places) + size(held) + size(at) + 2), N(size(ends) - 1), weight
+      integer :: i, last(size(at))
 
       weight = merge(-q(of_g), q(of_g), self%stands)
-      at = [(merge(q(of_length), q(x_S_at(i)), self%follows_tip(x_S_at(i))), i=1, most_sensors)]
-      carried = q(m_S_at)
+      associate (sensors => max(1, self%sensors), masses => self%masses)
+         at = [q(x_S_at(:sensors)), q(x_M_at(:masses))]
+         carried = [q(m_S_at(:sensors)), q(m_M_at(:masses))]
+      end associate
+      where (real(at) < 0) at = q(of_length)
       call find_places(self, springs(self), place, slope)
-      compliance = pack([compliance_at, kappa_P_at(:self%supports)], springs(self))
+      compliance = pack([compliance_at, kappa_P_at(:self%supports), kappa_RP_at(:self%supports)], &
+         springs(self))
       held = [(column_spring_t(position(q, place(i)), q(compliance(i)), slope(i)), &
          i=1, size(held))]
       ends = [(0.0_wp, 0.0_wp), places, held%at, at, q(of_length)]
       call sort_by(real(ends), ends)
       ! The positions are complex: find the end that each equals, instead of comparing positions.
-      last = [(minloc(abs(ends - at(i)), dim=1), i=1, most_sensors)]
+      last = [(minloc(abs(ends - at(i)), dim=1), i=1, size(at))]
       do i = 1, size(N)
          N(i) = q(of_T) + weight*(q(of_m_T) + q(of_rho)*(q(of_length) - ends(i)) &
             + sum(carried, mask=last > i))
       end do
       column = new_column(q(of_E)*q(of_I), ends, N, spread(-weight*q(of_rho), 1, size(N)), held)
    end function column_of
+
+   !> Returns the mass of the beam and of everything that is fixed to it, without the hoses [mass].
+   pure real(wp) function total_mass(self)
+      class(structure_t), intent(in) :: self
+
+      total_mass = self%m_T + self%rho*self%length &
+         + sum(self%sensor(:max(1, self%sensors))%m_S) + sum(self%mass(:self%masses)%m_M)
+   end function total_mass
 
    !> Returns the axial force at the root and at the tip, between which it lies everywhere, as
    !> multiples of E I/length**2; tension is positive. A cantilever under its own weight buckles at
@@ -656,7 +709,7 @@ contains
       real(wp) :: load(2), weight
 
       weight = merge(-self%g, self%g, self%stands)
-      load = self%T + weight*[self%m_T + self%rho*self%length + sum(self%sensor%m_S), self%m_T]
+      load = self%T + weight*[self%total_mass(), self%m_T]
       load = load*self%length**2/(self%E*self%I)
    end function axial_load
 

@@ -3,11 +3,13 @@
 module beamid_structure_checks
    use beamid_errors, only: bad_input, error_t, failure, locate, status_bad_input
    use beamid_kinds, only: wp
-   use beamid_parameters, only: as_named, is_there, magnitude, not_negative, on_beam, parameters, &
+   use beamid_parameters, only: as_named, is_there, key_of, magnitude, not_negative, on_beam, &
+      parameters, &
       positive, share
    use beamid_strings, only: to_text
-   use beamid_structure, only: n_parameters, no_spring, of_E, of_g, of_I, of_length, of_rho, of_T, &
-      structure_t, x_P_at, deflection, tip
+   use beamid_structure, only: deflection, most_attached, n_parameters, no_spring, of_E, of_g, &
+      of_I, &
+      of_length, of_rho, of_T, rotation, structure_t, tip, x_P_at
    use beamid_units, only: units_t
    implicit none
    private
@@ -42,8 +44,16 @@ contains
       type(structure_t), intent(in) :: structure
       type(error_t), allocatable, intent(out) :: error
       integer, intent(out), optional :: place
-      integer :: k
+      integer :: attached, k
 
+      if (present(place)) place = of_length
+      attached = max(1, structure%sensors) + structure%supports + structure%masses &
+         + max(1, structure%hoses)
+      if (attached > most_attached) then
+         call bad_input(error, 'length: found '//to_text(attached)//' attachments on one beam, '// &
+            'expected at most '//to_text(most_attached))
+         return
+      end if
       do k = 1, n_parameters
          if (present(place)) place = k
          if (.not. is_there(structure, k)) cycle
@@ -80,7 +90,7 @@ contains
       case (share)
          if (.not. (value >= 0 .and. value < 1)) expected = 'a share from 0 up to less than 1'
       end select
-      if (allocated(expected)) call bad_input(error, trim(parameters(k)%name)//': found '// &
+      if (allocated(expected)) call bad_input(error, key_of(k)//': found '// &
          to_text(value)//', expected '//expected)
    end subroutine check_range
 
@@ -90,17 +100,18 @@ contains
       type(structure_t), intent(in) :: structure
       integer, intent(in) :: k
       type(error_t), allocatable, intent(out) :: error
+      integer :: c
 
       associate (needs => parameters(k)%needs, item => parameters(k)%item)
          if (needs > 0 .and. needs /= k) then
             if (structure%get(k) > 0 .and. .not. structure%get(needs) > 0) call bad_input(error, &
-               trim(parameters(k)%name)//': found a value without '// &
-               trim(parameters(needs)%name)//', expected both')
+               key_of(k)//': found a value without '//key_of(needs)//', expected both')
          end if
          if (allocated(error) .or. .not. any(x_P_at == k)) return
-         if (structure%support(item)%x_P >= structure%length*(1 - 1e-6_wp) .and. &
-            structure%has_end_spring(deflection, tip)) call bad_input(error, 'x_P: found a '// &
-            'support at the tip, which &end holds already, expected one of the two')
+         if (structure%support(item)%x_P >= structure%length*(1 - 1e-6_wp) .and. any([( &
+            structure%has_spring(item, c) .and. structure%has_end_spring(c, tip), &
+            c=deflection, rotation)])) call bad_input(error, 'x_P: found a support at the '// &
+            'tip, which &end holds already, expected one of the two')
          if (any(abs(structure%support(:item - 1)%x_P - structure%support(item)%x_P) <= &
             1e-6_wp*structure%length)) call bad_input(error, 'x_P: found two supports at '// &
             to_text(structure%support(item)%x_P)//', expected one in one place')
@@ -166,7 +177,7 @@ contains
             of_T]) .or. .not. is_there(structure, k)) cycle
          if (parameters(k)%range == on_beam) then
             if (structure%get(k) >= nearest*structure%length) cycle
-            call bad_input(error, trim(parameters(k)%name)//': found '// &
+            call bad_input(error, key_of(k)//': found '// &
                to_text(structure%get(k))//', which is out of proportion to the beam, expected '// &
                'at least '//to_text(nearest*structure%length))
             return
@@ -175,7 +186,7 @@ contains
          if (abs(structure%get(k)) <= most .or. structure%get(k) >= no_spring) cycle
          limit = 'at most '
          if (parameters(k)%is_reciprocal) limit = 'at least '
-         call bad_input(error, trim(parameters(k)%name)//': found '// &
+         call bad_input(error, key_of(k)//': found '// &
             to_text(as_named(k, structure%get(k)))//', which is out of proportion to the '// &
             'beam, expected '//limit//to_text(as_named(k, most)))
          return
@@ -222,7 +233,7 @@ contains
       load = structure%axial_load()
       most = maxval(abs(load))
       if (most <= greatest_load .and. .not. structure%buckles()) return
-      mass = structure%m_T + structure%rho*structure%length + sum(structure%sensor%m_S)
+      mass = structure%total_mass()
       force = structure%T
       weight = structure%g*mass
       if (minval(load) < 0) then

@@ -6,19 +6,20 @@
 module beamid_terms
    use beamid_kinds, only: wp
    use beamid_monomials, only: monomial_t, slope_of, value_of
-   use beamid_structure, only: most_sensors, most_supports, n_parameters, of_c_D, of_c_H, c_P_at, &
-      c_R_at, c_w_at, of_E, of_g, of_gamma, of_I, J_S_at, of_J_T, of_k_H, kappa_P_at, kappa_R_at, &
-      kappa_w_at, of_length, of_m_H, m_S_at, of_m_T, of_rho, of_T, of_x_F, x_P_at, x_S_at, &
-      structure_t, root, tip, deflection, rotation, values_of
+   use beamid_structure, only: c_H_at, c_P_at, c_R_at, c_RP_at, c_w_at, deflection, J_M_at, &
+      J_S_at, &
+      k_H_at, kappa_P_at, kappa_R_at, kappa_RP_at, kappa_w_at, m_H_at, m_M_at, m_S_at, most_items, &
+      n_parameters, of_c_D, of_E, of_g, of_gamma, of_I, of_J_T, of_length, of_m_T, of_rho, of_T, &
+      of_x_F, root, rotation, structure_t, tip, values_of, x_H_at, x_M_at, x_P_at, x_S_at
    implicit none
    private
 
-   public :: term_t, terms, strengths, strengths_and_slopes, is_spring, is_grounded, &
-      is_axial_force, tilting, operators, operator_t, place_on_mesh
+   public :: term_t, terms, strengths, strengths_and_slopes, is_spring, &
+      is_axial_force, tilting, operators, operator_t, operators_of, place_on_mesh
    public :: of_mass, of_damping, of_stiffness, of_load, of_compliance
-   public :: inertia, bending, tip_value, tip_slope, end_condition, hose, stretch, load_shape, &
-      is_end_condition, force_value, tension, weight, sensor_value, sensor_slope, support_value, &
-      sensor_weight
+   public :: inertia, bending, tip_value, tip_slope, end_condition, load_shape, &
+      is_end_condition, force_value, tension, weight, sensor_value, sensor_slope, &
+      hose, hose_value, stretch
 
    !> Targets of a term: M, C, K, F, and the compliance of a spring to the ground, whose reciprocal
    !> enters K.
@@ -28,19 +29,26 @@ module beamid_terms
    !> Operators along the beam: `inertia` <b, b>, `bending` <b'', b''>, `tension` <b', b'>, `weight`
    !> <(l - x) b', b'> (l - x: the part of the beam beyond x), and `load_shape` <theta, b> of a
    !> distributed load. Operators at a point, products of the value or slope there (in F the value
-   !> itself): `tip_value`, `tip_slope`, `force_value`. Operators of the hose: `hose` in its
-   !> coordinate y, `stretch` in y - u(l).
-   integer, parameter :: inertia = 1, bending = 2, tip_value = 3, tip_slope = 4, hose = 5, &
-      stretch = 6, load_shape = 7, force_value = 8, tension = 9, weight = 10
+   !> itself): `tip_value`, `tip_slope`, `force_value`.
+   integer, parameter :: inertia = 1, bending = 2, tip_value = 3, tip_slope = 4, load_shape = 5, &
+      force_value = 6, tension = 7, weight = 8
    !> Value and slope at root and tip, the springs and dashpots that hold an end, (condition, end).
-   integer, parameter :: end_condition(2, 2) = reshape([11, 12, 13, 14], [2, 2])
-   !> Operators of each sensor and each support: value and slope at the sensor, value at the
-   !> support, and `sensor_weight`, <b', b'> between the root and the sensor.
+   integer, parameter :: end_condition(2, 2) = reshape([9, 10, 11, 12], [2, 2])
+   !> Number of operators that belong to no attachment, and number of operators of the i-th
+   !> attachments of all kinds together.
+   integer, parameter :: n_single = 12, n_each = 11
+   !> Operators of each attachment: value and slope at the sensor, and `sensor_weight`, <b', b'>
+   !> between the root and the sensor; value and slope at the support; value, slope and weight of a
+   !> mass; the coordinate y of the hose, `stretch` y - u(x_H), and `hose_value` u(x_H). The last
+   !> has no term: y and u(x_H) make up `stretch`.
    integer :: i
-   integer, parameter :: sensor_value(most_sensors) = [(14 + i, i=1, most_sensors)], &
-      sensor_slope(most_sensors) = sensor_value + most_sensors, &
-      support_value(most_supports) = [(14 + 2*most_sensors + i, i=1, most_supports)], &
-      sensor_weight(most_sensors) = sensor_value + 2*most_sensors + most_supports
+   integer, parameter :: sensor_value(most_items) = [(n_single + n_each*i + 1, &
+      i=0, most_items - 1)], sensor_slope(most_items) = sensor_value + 1, &
+      sensor_weight(most_items) = sensor_value + 2, support_value(most_items) = sensor_value + 3, &
+      support_slope(most_items) = sensor_value + 4, mass_value(most_items) = sensor_value + 5, &
+      mass_slope(most_items) = sensor_value + 6, mass_weight(most_items) = sensor_value + 7, &
+      hose(most_items) = sensor_value + 8, stretch(most_items) = sensor_value + 9, &
+      hose_value(most_items) = sensor_value + 10
 
    !> Properties of an operator.
    type :: operator_t
@@ -54,19 +62,23 @@ module beamid_terms
       !> whether it responds to a displacement of the whole structure: masses, air damping, and
       !> supports, which are connected to the ground; what holds an end moves with the base
       logical :: moves_with_base = .false.
+      !> whether it moves with the base and has a spring or a damper: it is connected to the ground
+      logical :: is_grounded = .false.
    end type operator_t
 
-   !> The operators, in the order of their numbers.
+   !> The operators, in the order of their numbers. A structure has the first `operators_of`.
    type(operator_t), parameter :: operators(*) = [ &
       operator_t(1, moves_with_base=.true.), operator_t(-3), &
       operator_t(0, 0, moves_with_base=.true.), operator_t(-2, 1), &
-      operator_t(moves_with_base=.true.), operator_t(0), &
       operator_t(1), operator_t(0, 0, of_x_F), operator_t(-1), operator_t(0), &
       operator_t(0, 0), operator_t(-2, 1), operator_t(0, 0), operator_t(-2, 1), &
-      (operator_t(0, 0, x_S_at(i), .true.), i=1, most_sensors), &
-      (operator_t(-2, 1, x_S_at(i)), i=1, most_sensors), &
-      (operator_t(0, 0, x_P_at(i), .true.), i=1, most_supports), &
-      (operator_t(-1, place=x_S_at(i)), i=1, most_sensors)]
+      (operator_t(0, 0, x_S_at(i), .true.), operator_t(-2, 1, x_S_at(i)), &
+      operator_t(-1, place=x_S_at(i)), &
+      operator_t(0, 0, x_P_at(i), .true., .true.), operator_t(-2, 1, x_P_at(i)), &
+      operator_t(0, 0, x_M_at(i), .true.), operator_t(-2, 1, x_M_at(i)), &
+      operator_t(-1, place=x_M_at(i)), &
+      operator_t(moves_with_base=.true.), operator_t(), operator_t(0, 0, x_H_at(i)), &
+      i=1, most_items)]
 
    !> A term of the equations of motion.
    type :: term_t
@@ -75,7 +87,7 @@ module beamid_terms
       type(monomial_t) :: factor = monomial_t()   !< coefficient, without the power of the length
    end type term_t
 
-   !> The table of terms.
+   !> The table of terms, those of the attachments last.
    type(term_t), parameter :: terms(*) = [ &
       term_t(of_mass, inertia, monomial_t(place=[of_rho, 0, 0])), &
       term_t(of_stiffness, bending, monomial_t(place=[of_E, of_I, 0])), &
@@ -83,9 +95,6 @@ module beamid_terms
       term_t(of_damping, inertia, monomial_t(place=[of_gamma, 0, 0])), &
       term_t(of_mass, tip_value, monomial_t(place=[of_m_T, 0, 0])), &
       term_t(of_mass, tip_slope, monomial_t(place=[of_J_T, 0, 0])), &
-      term_t(of_mass, hose, monomial_t(place=[of_m_H, 0, 0])), &
-      term_t(of_damping, stretch, monomial_t(place=[of_c_H, 0, 0])), &
-      term_t(of_stiffness, stretch, monomial_t(place=[of_k_H, 0, 0])), &
       term_t(of_load, force_value), &
       term_t(of_load, load_shape), &
       (term_t(of_compliance, end_condition(deflection, i), &
@@ -98,26 +107,40 @@ module beamid_terms
       term_t(of_stiffness, tension, monomial_t(place=[of_T, 0, 0])), &
       term_t(of_stiffness, tension, monomial_t(place=[of_g, of_m_T, 0])), &
       term_t(of_stiffness, weight, monomial_t(place=[of_g, of_rho, 0])), &
-      (term_t(of_stiffness, sensor_weight(i), monomial_t(place=[of_g, m_S_at(i), 0])), &
-      i=1, most_sensors), &
-      (term_t(of_mass, sensor_value(i), monomial_t(place=[m_S_at(i), 0, 0])), i=1, most_sensors), &
-      (term_t(of_mass, sensor_slope(i), monomial_t(place=[J_S_at(i), 0, 0])), i=1, most_sensors), &
-      (term_t(of_compliance, support_value(i), monomial_t(place=[kappa_P_at(i), 0, 0])), &
-      i=1, most_supports), &
-      (term_t(of_damping, support_value(i), monomial_t(place=[c_P_at(i), 0, 0])), &
-      i=1, most_supports)]
+      (term_t(of_mass, sensor_value(i), monomial_t(place=[m_S_at(i), 0, 0])), &
+      term_t(of_mass, sensor_slope(i), monomial_t(place=[J_S_at(i), 0, 0])), &
+      term_t(of_stiffness, sensor_weight(i), monomial_t(place=[of_g, m_S_at(i), 0])), &
+      term_t(of_compliance, support_value(i), monomial_t(place=[kappa_P_at(i), 0, 0])), &
+      term_t(of_damping, support_value(i), monomial_t(place=[c_P_at(i), 0, 0])), &
+      term_t(of_compliance, support_slope(i), monomial_t(place=[kappa_RP_at(i), 0, 0])), &
+      term_t(of_damping, support_slope(i), monomial_t(place=[c_RP_at(i), 0, 0])), &
+      term_t(of_mass, mass_value(i), monomial_t(place=[m_M_at(i), 0, 0])), &
+      term_t(of_mass, mass_slope(i), monomial_t(place=[J_M_at(i), 0, 0])), &
+      term_t(of_stiffness, mass_weight(i), monomial_t(place=[of_g, m_M_at(i), 0])), &
+      term_t(of_mass, hose(i), monomial_t(place=[m_H_at(i), 0, 0])), &
+      term_t(of_damping, stretch(i), monomial_t(place=[c_H_at(i), 0, 0])), &
+      term_t(of_stiffness, stretch(i), monomial_t(place=[k_H_at(i), 0, 0])), i=1, most_items)]
 
 contains
+
+   !> Returns the number of operators of a structure: those of the beam, and those of as many
+   !> attachments of every kind as there are of the most frequent kind.
+   pure integer function operators_of(structure)
+      type(structure_t), intent(in) :: structure
+
+      operators_of = n_single + n_each*structure%items()
+   end function operators_of
 
    !> Returns the coefficient of every operator in M, C, K and F.
    !>
    !> mesh_length  length of the beam for which the integrals of the mesh were computed [length]
    !> s            (operators, 5) coefficients in M, C, K and F, and the compliance of springs to
-   !>              the ground
+   !>              the ground; `operators_of` is the number of operators
    pure function strengths(structure, mesh_length) result(s)
       type(structure_t), intent(in) :: structure
       real(wp), intent(in) :: mesh_length
-      real(wp) :: s(size(operators), of_compliance), none(size(operators), of_compliance, 0)
+      real(wp) :: s(operators_of(structure), of_compliance), &
+         none(operators_of(structure), of_compliance, 0)
 
       call strengths_and_slopes(structure, mesh_length, [integer ::], s, none)
    end function strengths
@@ -141,6 +164,8 @@ contains
       s = 0
       slopes = 0
       do t = 1, size(terms)
+         if (terms(t)%operator > size(s, 1)) exit
+         if (.not. is_there(terms(t)%operator, structure)) cycle
          associate (k => terms(t)%operator, matrix => terms(t)%matrix, factor => terms(t)%factor)
             value = value_of(factor, q)
             ! An infinite compliance means that there is no spring.
@@ -149,7 +174,6 @@ contains
                enters(p) = any(terms(t)%factor%place == parameters(p))
             end do
             if (abs(value) <= 0 .and. .not. any(enters)) cycle
-            if (.not. is_there(k, structure)) cycle
             power = operators(k)%growth
             if (matrix == of_compliance) power = -power
             ! The weight compresses a standing beam.
@@ -188,33 +212,53 @@ contains
       end associate
    end function place_on_mesh
 
-   !> Returns whether the sensor (there is always one) or support of an operator exists.
+   !> Returns the position of an operator among those of its attachment, in the order of
+   !> `sensor_value` .. `hose_value`, from 0 on; -1: the operator belongs to no attachment.
+   elemental integer function kind_of(operator)
+      integer, intent(in) :: operator
+
+      kind_of = -1
+      if (operator > n_single) kind_of = modulo(operator - n_single - 1, n_each)
+   end function kind_of
+
+   !> Returns whether the attachment of an operator exists. There is always a sensor and a hose,
+   !> whose mass may be 0.
    pure logical function is_there(operator, structure)
       integer, intent(in) :: operator
       type(structure_t), intent(in) :: structure
 
-      is_there = .true.
-      if (operator >= sensor_value(1)) is_there = operator < support_value(1) .and. &
-         modulo(operator - sensor_value(1), most_sensors) < max(1, structure%sensors)
-      if (operator >= support_value(1)) is_there = operator < support_value(1) + structure%supports
-      if (operator >= sensor_weight(1)) is_there = operator - sensor_weight(1) &
-         < max(1, structure%sensors)
+      associate (item => (operator - n_single - 1)/n_each + 1)
+         select case (kind_of(operator))
+         case (-1)
+            is_there = .true.
+         case (0:2)
+            is_there = item <= max(1, structure%sensors)
+         case (3:4)
+            is_there = item <= structure%supports
+         case (5:7)
+            is_there = item <= structure%masses
+         case default
+            is_there = item <= max(1, structure%hoses)
+         end select
+      end associate
    end function is_there
 
-   !> Returns whether an operator is a spring to the ground, which may be rigid: the spring of an
-   !> end or of a support.
+   !> Returns whether an operator is a spring to the ground, which may be rigid: a spring of an end
+   !> or of a support.
    pure logical function is_spring(operator, structure)
       integer, intent(in) :: operator
       type(structure_t), intent(in) :: structure
-      integer :: at(2)
+      integer :: at(2), condition, item
 
       is_spring = is_end_condition(operator)
       if (is_spring) then
          at = findloc(end_condition, operator)
          is_spring = structure%has_end_spring(at(1), at(2))
-      else if (operator >= support_value(1) .and. operator < sensor_weight(1)) then
-         is_spring = is_there(operator, structure)
-         if (is_spring) is_spring = structure%has_spring(operator - support_value(1) + 1)
+      else if (operator > n_single .and. is_there(operator, structure)) then
+         item = (operator - n_single - 1)/n_each + 1
+         condition = operator - support_value(item) + 1
+         if (condition == deflection .or. condition == rotation) &
+            is_spring = structure%has_spring(item, condition)
       end if
    end function is_spring
 
@@ -225,23 +269,12 @@ contains
       is_end_condition = any(end_condition == operator)
    end function is_end_condition
 
-   !> Returns whether an operator at a point is connected to the ground: it responds to a motion of
-   !> the base, and has a damper or a spring. Its row of V then holds the motion relative to the
-   !> ground.
-   pure logical function is_grounded(operator)
-      integer, intent(in) :: operator
-
-      is_grounded = operators(operator)%moves_with_base .and. &
-         operators(operator)%derivative >= 0 .and. any(terms%operator == operator .and. &
-         (terms%matrix == of_damping .or. terms%matrix == of_stiffness .or. &
-         terms%matrix == of_compliance))
-   end function is_grounded
-
    !> Returns whether an operator is an axial force, along the whole beam or a part of it.
    elemental logical function is_axial_force(operator)
       integer, intent(in) :: operator
 
-      is_axial_force = operator == tension .or. operator == weight .or. operator >= sensor_weight(1)
+      is_axial_force = operator == tension .or. operator == weight .or. &
+         any(kind_of(operator) == [2, 7])
    end function is_axial_force
 
    !> Returns the reading of a sensor per unit of slope that is due to gravity [length/time**2]. The

@@ -11,7 +11,8 @@ module beamid_variations
    implicit none
    private
 
-   public :: variation_t, new_variation, field_t, variations_t, constant, in_steps, in_lines, &
+   public :: add_break, variation_t, new_variation, field_t, variations_t, constant, in_steps, &
+      in_lines, &
       as_spline, field_modulus, field_viscosity
 
    !> Interpolation of a factor between its positions: constant 1; the value at the last position

@@ -62,9 +62,10 @@ contains
       integer :: k, order, states
 
       if (any(equations%galerkin%space%essential .neqv. clamped_root) .or. excitation%is_base .or. &
-         equations%constraints%number() > 0) then
-         call failure(error, 'field: found a root or a base that moves, or a rigid support; '// &
-            'expected a clamp and a force')
+         equations%constraints%number() > 0 .or. count(equations%hose > 0) > 1 .or. &
+         any(equations%hose > 0 .and. equations%hose <= equations%galerkin%space%n)) then
+         call failure(error, 'field: found a root or a base that moves, a rigid support, or a '// &
+            'hose that is not at the tip; expected a clamp, a force, and at most one hose')
          return
       end if
       call bare_beam_modes(equations%galerkin, modes, error)
@@ -116,7 +117,7 @@ contains
       do k = 1, size(poles%s)
          if (any(poles%cluster%holds(poles%s(k)))) cycle
          associate (vector => poles%vector(k))
-            factor = sum(assembly%load(:, 1, vector%form)*vector%x)/vector%A
+            factor = sum(assembly%load_at((0.0_wp, 0.0_wp), vector%form)*vector%x)/vector%A
             if (abs(aimag(poles%s(k))) > 0) factor = 2*factor
             shapes(k, :, 0) = factor*to_unknowns(assembly, modes, vector%form, vector%x, &
                vector%y(assembly%tip), unknowns)
@@ -125,10 +126,10 @@ contains
          end associate
       end do
       allocate (direct_term(unknowns), source=0.0_wp)
-      x(:, 1) = assembly%load(:, 1, 1)
+      x(:, 1) = assembly%load
       call solve_mass(assembly, x, y)
       direct_term(:n) = matmul(modes%shapes, x(:n, 1))
-      if (assembly%hose > 0) direct_term(unknowns) = x(n + 1, 1)
+      if (unknowns > n) direct_term(unknowns) = x(n + 1, 1)
    end subroutine shapes_of_poles
 
    !> Computes the motion of the unknowns of (3.13) per unit state of a cluster, from the moments of
@@ -165,7 +166,7 @@ contains
 
    !> Returns the unknowns of (3.13), spline coefficients and hose, from the modal coordinates.
    !>
-   !> form      form of the pencil: in the second form the hose is relative to the tip
+   !> form      0: x has y; 1: x has y relative to the tip
    !> x         modal coordinates, then the hose if there is one
    !> tip       displacement of the tip
    !> unknowns  their number
@@ -180,9 +181,9 @@ contains
       n = size(modes%shapes, 1)
       w = 0
       w(:n) = cmplx(matmul(modes%shapes, real(x(:n))), matmul(modes%shapes, aimag(x(:n))), wp)
-      if (assembly%hose == 0) return
+      if (unknowns == n) return
       w(unknowns) = x(n + 1)
-      if (form == 2) w(unknowns) = w(unknowns) + tip
+      if (form /= 0) w(unknowns) = w(unknowns) + tip
    end function to_unknowns
 
    !> Computes the states z of all poles, z' = s z + f from rest, followed by those of the clusters.

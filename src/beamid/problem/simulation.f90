@@ -52,7 +52,7 @@ contains
       type(response_t) :: at_points
       class(solver_t), allocatable :: solver
 
-      galerkin = galerkin_of(mesh, model%structure)
+      galerkin = galerkin_of(mesh, model%structure, fixed=.true.)
       solver = model%solver
       call prepare_for(galerkin, solver, error)
       if (allocated(error)) return

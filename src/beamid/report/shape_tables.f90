@@ -9,7 +9,7 @@ module beamid_shape_tables
    use beamid_mode_shapes, only: mode_shapes
    use beamid_outputs, only: output_t
    use beamid_strings, only: full, to_text
-   use beamid_structure, only: structure_t, x_S_at
+   use beamid_structure, only: structure_t, x_H_at, x_M_at, x_S_at
    use beamid_texts, only: text_t
    implicit none
    private
@@ -47,7 +47,7 @@ contains
       if (size(s) == 0) return
       coarser = mesh
       coarser%elements = min(mesh%elements, finest)
-      galerkin = galerkin_of(coarser, structure)
+      galerkin = galerkin_of(coarser, structure, fixed=.true.)
       equations = new_equations(galerkin, structure, new_pulse(0.0_wp, 1.0_wp))
       x = structure%length*[(k/(points - 1.0_wp), k=0, points - 1)]
       call mode_shapes(equations, s, x, shapes, error)
@@ -73,12 +73,21 @@ contains
       type(structure_t), intent(in) :: structure
       character(len=:), allocatable :: content
       type(text_t) :: table
+      logical, allocatable :: has_hose(:)
       integer :: k
 
       call table%line('name,x')
       if (structure%m_T > 0 .or. structure%J_T > 0) &
          call table%line(csv_row('tip mass', [structure%length]))
-      if (structure%has_hose()) call table%line(csv_row('hose', [structure%length]))
+      has_hose = structure%has_hose()
+      do k = 1, size(has_hose)
+         if (has_hose(k)) call table%line(csv_row(trim('hose '//structure%hose_name(k)), &
+            [structure%get(x_H_at(k))]))
+      end do
+      do k = 1, structure%masses
+         call table%line(csv_row(trim('mass '//structure%mass_name(k)), &
+            [structure%get(x_M_at(k))]))
+      end do
       do k = 1, max(1, structure%sensors)
          call table%line(csv_row(trim('sensor '//structure%sensor_name(k)), &
             [structure%get(x_S_at(k))]))

@@ -146,7 +146,7 @@ contains
       still = new_pulse(0.0_wp, 1.0_wp)
       allocate (found%meshes(size(case%meshes)))
       do k = 1, size(case%meshes)
-         galerkin = galerkin_of(case%meshes(k), case%model%structure)
+         galerkin = galerkin_of(case%meshes(k), case%model%structure, fixed=.true.)
          equations = new_equations(galerkin, case%model%structure, still)
          call undamped_modes(equations, found%meshes(k)%omega, shapes, error)
          if (.not. allocated(error)) call damped_roots(equations, found%meshes(k)%roots, error)
