@@ -13,7 +13,7 @@ module beamid_command_table
       character(len=9) :: name          !< name of the command
       character(len=22) :: arguments    !< words behind the command
       character(len=66) :: help         !< purpose, in one line
-      character(len=440) :: detail      !< arguments and files that it writes
+      character(len=540) :: detail      !< arguments and files that it writes
       character(len=40) :: example      !< words of an example, behind `beamid`
    end type command_t
 
@@ -61,11 +61,13 @@ module beamid_command_table
          'the information matrix). Uses the exact response on the last mesh. Writes '// &
          'design.csv, labels.csv and summary.txt.', 'design case.nml'), &
       command_t('reproduce', 'WHAT', &
-         'compute results of NASA CR-178199 beside the paper''s numbers', &
+         'compute results of NASA CR-178199 and published benchmarks', &
          'WHAT is '//reproducible//'. section-4 uses a reconstructed record: it checks '// &
-         'consistency and confirms nothing independently. all computes table-4.1 (with the '// &
-         'exact response instead of CVODE), section-4, acceleration, convergence and varying, '// &
-         'and writes each to out/<name> or DIR/<name>.', 'reproduce table-4.1'), &
+         'consistency and confirms nothing independently. benchmarks compares natural '// &
+         'frequencies and buckling loads with published and exact values. all computes '// &
+         'table-4.1 (with the exact response instead of CVODE), section-4, acceleration, '// &
+         'convergence, varying and benchmarks, and writes each to out/<name> or DIR/<name>.', &
+         'reproduce table-4.1'), &
       command_t('ensemble', 'case.nml', &
          'run a command on many simulated records or on a list of cases', &
          'Writes members.csv and ensemble.csv, and for a list of cases also cases.csv. An '// &
@@ -74,8 +76,9 @@ module beamid_command_table
          'or changed case starts from its last estimate, and changed.csv lists the estimates '// &
          'that have changed.', 'ensemble case.nml --only 1:100'), &
       command_t('new', '[KIND] [DIR]', 'write a case file with comments and a small record', &
-         'KIND is free-decay (default), impulse, base or paper. Writes case.nml and record.csv '// &
-         'to DIR, by default a folder named KIND. Existing files are not replaced.', &
+         'KIND is free-decay (default), impulse, base, struck-bar or paper. Writes case.nml '// &
+         'and record.csv to DIR, by default a folder named KIND. Existing files are not '// &
+         'replaced.', &
          'new free-decay trial'), &
       command_t('help', '[WORD ...]', 'explain a command, group, key or parameter', &
          'help man, help bash and help zsh print the manual page and the completion for these '// &

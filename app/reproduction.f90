@@ -1,8 +1,9 @@
-!> The command `reproduce`: repeats the paper's computations and shows the results beside the
-!> paper's numbers. The studies themselves are in app/paper.
+!> The command `reproduce`: repeats the paper's computations and computes published benchmarks, and
+!> shows the results beside the published numbers. The studies themselves are in app/paper.
 module beamid_reproduction
    use beamid
    use beamid_acceleration, only: reproduce_acceleration
+   use beamid_benchmarks, only: reproduce_benchmarks
    use beamid_commands, only: deliver, settings_t
    use beamid_convergence, only: reproduce_convergence
    use beamid_errors, only: bad_input
@@ -21,13 +22,13 @@ module beamid_reproduction
 
    !> Words that may follow the command, for messages.
    character(len=*), parameter :: reproducible = 'table-4.1, section-4, table-4.2, table-4.3, '// &
-      'table-4.4, table-4.5, table-4.6, acceleration, convergence, varying or all'
+      'table-4.4, table-4.5, table-4.6, acceleration, convergence, varying, benchmarks or all'
 
    !> The same words as a list; `all` stands for the first `in_all` of them.
    character(len=*), parameter :: parts(*) = [character(len=12) :: 'table-4.1', 'section-4', &
-      'acceleration', 'convergence', 'varying', 'table-4.2', 'table-4.3', 'table-4.4', &
-      'table-4.5', 'table-4.6']
-   integer, parameter :: in_all = 5
+      'acceleration', 'convergence', 'varying', 'benchmarks', 'table-4.2', 'table-4.3', &
+      'table-4.4', 'table-4.5', 'table-4.6']
+   integer, parameter :: in_all = 6
 
 contains
 
@@ -86,6 +87,8 @@ contains
          call reproduce_convergence(data, output, summary, error)
       case ('varying')
          call reproduce_varying(output, summary, error)
+      case ('benchmarks')
+         call reproduce_benchmarks(data, output, summary, error)
       case default
          call reproduce_section_4(data, settings%subject, output, summary, error, progress)
       end select

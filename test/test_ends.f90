@@ -41,6 +41,7 @@ program test_ends
    call open_shell(reason)
    if (reason == '') then
       call test_names()
+      call test_compressed_beam()
       call test_refusals()
       call close_shell()
    else
@@ -402,6 +403,35 @@ contains
       call check('free bar', outcome%status == 0 .and. index(outcome%out, '1801.552630') > 0 &
          .and. index(outcome%out, '4966.049196') > 0, outcome%out)
    end subroutine test_names
+
+   !> A beam clamped at both ends under compression: a release by a displacement is computed and
+   !> fitted, with exact derivatives that identify compares with differences. Compression above the
+   !> Euler load, 4 pi**2 E I/l**2 = 153.527 N, is refused.
+   subroutine test_compressed_beam()
+      type(outcome_t) :: outcome
+      character(len=*), parameter :: nl = new_line('a'), beam = &
+         '&end at=''tip'', kind=''clamped'' /'//nl// &
+         '&excitation kind=''release'', displacement=0.005, x_F=0.25 /'//nl// &
+         '&sensor x_S=0.35 /'//nl//'&discretization degree=5, elements=8 /'//nl// &
+         '&beam length=0.6, width=0.03, height=0.002, density=2700, E=7e10, c_D=2e6 /'//nl
+
+      call write_file('pressed.nml', beam//'&axial force=-80 /'//nl// &
+         '&record t_first=0.002, t_last=0.5, t_step=0.001 /'//nl//'&noise sd=0.1, seed=1 /'//nl)
+      outcome = beamid('simulate pressed.nml --out pressed')
+      call check('clamped and compressed: simulate', outcome%status == 0, outcome%err)
+      call write_file('pressed_fit.nml', beam//'&axial force=-70 /'//nl// &
+         '&record file=''pressed/record.csv'' /'//nl// &
+         '&stage free=''T'',''c_D'', lower=-140,0, upper=0,1e8 /'//nl)
+      outcome = beamid('identify pressed_fit.nml --quiet --out fit')
+      call check('clamped and compressed: identify', outcome%status == 0, outcome%err)
+      call write_file('slender.nml', beam//'&axial force=-153.52 /'//nl)
+      outcome = beamid('modes slender.nml --out out')
+      call check('clamped, below the Euler load', outcome%status == 0, outcome%err)
+      call write_file('slender.nml', beam//'&axial force=-153.54 /'//nl)
+      outcome = beamid('modes slender.nml --out out')
+      call check('clamped, above the Euler load', outcome%status == 2 .and. &
+         index(outcome%err, 'buckles') > 0, outcome%err)
+   end subroutine test_compressed_beam
 
    !> Ends that contradict a load, a support or each other: one line, status 2.
    subroutine test_refusals()

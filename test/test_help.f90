@@ -187,7 +187,7 @@ contains
    !> would call right (the start is 7 % off; its own interval must hold it).
    subroutine test_new()
       character(len=*), parameter :: kinds(*) = [character(len=10) :: 'free-decay', 'impulse', &
-         'base', 'paper']
+         'base', 'struck-bar', 'paper']
       character(len=:), allocatable :: kind
       integer :: k
 
@@ -203,6 +203,8 @@ contains
          if (kind == 'paper') then
             call check_inside(kind, 'm_H', 0.04_wp)
             call check_inside(kind, 'k_H', 0.3_wp)
+         else if (kind == 'struck-bar') then
+            call check_inside(kind, 'E', 1.95e11_wp)
          else
             call check_inside(kind, 'E', 7e10_wp)
             call check_inside(kind, 'm_S', 5e-3_wp)

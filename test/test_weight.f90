@@ -3,7 +3,7 @@
 !> one by oscillators that touch at few points.
 program test_weight
    use beamid_assembly, only: assembly_t, new_assembly
-   use beamid_columns, only: column_buckles, column_t, most_pieces, new_column
+   use beamid_columns, only: column_buckles, column_spring_t, column_t, most_pieces, new_column
    use beamid_cvode, only: cvode_t
    use beamid_equations, only: equations_t, new_equations
    use beamid_errors, only: error_t
@@ -17,7 +17,9 @@ program test_weight
    use beamid_poles, only: poles_t
    use beamid_responses, only: response_t, work_t
    use beamid_roots, only: damped_roots
-   use beamid_structure, only: end_t, free_end, of_c_D, of_E, of_length, sensor_t, structure_t
+   use beamid_strings, only: to_text
+   use beamid_structure, only: end_t, free_end, no_spring, of_c_D, of_E, of_length, sensor_t, &
+      structure_t
    use beamid_structure_checks, only: check_structure
    use beamid_variations, only: as_spline, in_lines, new_variation, variations_t
    use checks, only: check, check_close, finish, held_root
@@ -34,6 +36,7 @@ program test_weight
    call test_strip()
    call test_axial_force()
    call test_buckling()
+   call test_euler_loads()
    call test_after_buckling()
    call test_pieces()
    call test_strings()
@@ -168,7 +171,45 @@ contains
       end do
    end subroutine test_buckling
 
-   !> 80 cubics with joints where something is err like h**4.
+   !> Buckling loads of uniform beams on every pair of ends that holds them: just below them the
+   !> structure is accepted, just above it is refused. Two more beams have a support: rigid, it
+   !> halves a pinned beam, which buckles at 4 pi**2; elastic, it does so from the stiffness
+   !> 16 pi**2 E I/l**3 on.
+   subroutine test_euler_loads()
+      integer, parameter :: clamped = 1, pinned = 2, guided = 3, free = 4, beams = 8
+      integer, parameter :: ends(2, beams) = reshape([clamped, clamped, clamped, pinned, clamped, &
+         guided, clamped, free, pinned, pinned, pinned, guided, pinned, pinned, pinned, pinned], &
+         [2, beams])
+      real(wp), parameter :: load(beams) = [4*pi**2, 20.19072855642663_wp, pi**2, pi**2/4, pi**2, &
+         pi**2/4, 4*pi**2, 4*pi**2]
+      type(end_t) :: kinds(4)
+      type(structure_t) :: s
+      type(error_t), allocatable :: error
+      integer :: b, swap
+
+      kinds = [end_t(), end_t(kappa_R=no_spring), end_t(kappa_w=no_spring), free_end]
+      do b = 1, beams
+         do swap = 0, 1
+            s = structure_t(length=1.5_wp, rho=1, E=2, I=3, end=kinds(ends([1 + swap, &
+               2 - swap], b)))
+            if (b > 6) then
+               s%supports = 1
+               s%support(1)%x_P = 0.75_wp
+               if (b == 8) s%support(1)%kappa_P = 1.5_wp**3/(16*pi**2*6)
+            end if
+            associate (unit => s%E*s%I/s%length**2, name => 'Euler load of beam '//to_text(b))
+               s%T = -load(b)*unit*(1 - 1e-9_wp)
+               call check_structure(s, error)
+               call check(name//': holds', .not. allocated(error))
+               s%T = -load(b)*unit*(1 + 1e-9_wp)
+               call check_structure(s, error)
+               call check(name//': buckles', allocated(error))
+            end associate
+         end do
+      end do
+   end subroutine test_euler_loads
+
+   !> 80 cubics with joints where something is err like h**4; other ends, and no support.
    subroutine test_statics()
       type(structure_t) :: s
 
@@ -180,6 +221,15 @@ contains
       s%support(1)%x_P = 0.325_wp
       s%support(1)%kappa_P = 0.02_wp
       call check_statics('statics', s, mesh_t(3, 80, 4, 1), 1e-6_wp)
+      s%end = [end_t(kappa_w=0.02_wp, kappa_R=no_spring), end_t(kappa_R=0.3_wp)]
+      call check_statics('statics, elastic ends', s, mesh_t(3, 80, 4, 1), 1e-6_wp)
+      s%end = [end_t(), end_t()]
+      s%T = -2
+      call check_statics('statics, clamped ends', s, mesh_t(3, 80, 4, 1), 1e-6_wp)
+      s%end = [free_end, end_t(kappa_w=no_spring)]
+      s%T = -0.5_wp
+      s%stands = .false.
+      call check_statics('statics, held by a support and a guide', s, mesh_t(3, 80, 4, 1), 1e-6_wp)
    end subroutine test_statics
 
    !> A column has at most `most_pieces` pieces, whatever its force: none at all beyond that.
@@ -187,16 +237,18 @@ contains
       type(column_t) :: column
       complex(wp), parameter :: ends(3) = [(0.0_wp, 0.0_wp), (0.25_wp, 0.0_wp), (1.0_wp, 0.0_wp)], &
          unit = (1.0_wp, 0.0_wp), none = (0.0_wp, 0.0_wp)
+      type(column_spring_t), parameter :: clamp(2) = [column_spring_t(slope=0), &
+         column_spring_t(slope=1)]
       integer :: k, n
 
       do k = -300, 300, 10
-         column = new_column(unit, none, ends, [unit, unit]*10.0_wp**k, [none, none])
+         column = new_column(unit, ends, [unit, unit]*10.0_wp**k, [none, none], clamp)
          n = size(column%N)
          call check('pieces: bounded', n <= most_pieces .and. size(column%slope) == n .and. &
             size(column%ends) == n + 1)
          call check('pieces: none beyond that', (n == 0) .eqv. k > 5)
          call check('pieces: beyond that it counts as buckled', column_buckles(column) .eqv. k > 5)
-         column = new_column(unit, none, ends, -[unit, unit]*10.0_wp**k, [none, none])
+         column = new_column(unit, ends, -[unit, unit]*10.0_wp**k, [none, none], clamp)
          call check('pieces: compression', column_buckles(column) .eqv. k > 0)
       end do
    end subroutine test_pieces

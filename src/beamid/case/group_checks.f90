@@ -214,8 +214,7 @@ contains
       end do
    end function place_of_end
 
-   !> Refuses loads for which the ends must hold the beam, and a release whose static shape is not
-   !> computed.
+   !> Refuses loads for which the ends must hold the beam.
    subroutine check_held(blocks, case)
       type(block_t), intent(inout) :: blocks(:)
       type(case_t), intent(in) :: case
@@ -229,9 +228,6 @@ contains
                j = place_of(blocks, 'excitation', k)
                if (s%rigid_body_modes() > 0 .and. (e%is_release .or. e%is_base)) &
                   call blocks(j)%refuse('kind', free, held)
-               if (e%by_displacement .and. abs(s%g) + abs(s%T) > 0 .and. .not. s%is_cantilever()) &
-                  call blocks(j)%refuse('displacement', 'a value for a beam under weight or '// &
-                  'an axial force that is not a cantilever', 'force')
             end associate
          end do
          if (s%rigid_body_modes() == 0) return

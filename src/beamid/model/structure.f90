@@ -10,7 +10,8 @@
 !> `beamid_parameters` describes each parameter (name, unit, range, help), and `beamid_terms` states
 !> how the parameters enter M, C, K and F. This module also computes static deflections.
 module beamid_structure
-   use beamid_columns, only: column_buckles, column_deflection, column_t, new_column
+   use beamid_columns, only: column_buckles, column_deflection, column_spring_t, column_t, &
+      new_column
    use beamid_kinds, only: wp
    use beamid_matrices, only: eliminate
    use beamid_quadrature, only: gauss_legendre, rule_t
@@ -137,8 +138,7 @@ module beamid_structure
    contains
       procedure :: has_hose, essential, has_end_spring, has_spring, rigid_supports, items, place, &
          follows_tip, sensor_place, get, set, stiffness, stiffening, static_deflection, &
-         tip_stiffness, omega, total_mass, axial_load, buckles, is_cantilever, rigid_body_modes, &
-         zero_roots, &
+         tip_stiffness, omega, total_mass, axial_load, buckles, rigid_body_modes, zero_roots, &
          has_dip, has_fields, factors, factor_slopes
    end type structure_t
 
@@ -592,16 +592,6 @@ contains
          + self%length**2*compliance)
    end function tip_stiffness
 
-   !> Returns whether the beam is held at the root, where its deflection is 0 and its rotation is 0
-   !> or held by a spring, and otherwise only by springs for the deflection at supports.
-   pure logical function is_cantilever(self)
-      class(structure_t), intent(in) :: self
-
-      is_cantilever = .not. self%end(root)%kappa_w > 0 .and. self%end(root)%kappa_R < no_spring &
-         .and. self%end(tip)%kappa_w >= no_spring .and. self%end(tip)%kappa_R >= no_spring &
-         .and. all(self%support(:self%supports)%kappa_RP >= no_spring)
-   end function is_cantilever
-
    !> Returns which springs to the ground there are, rigid or not: those of deflection and rotation
    !> at the root, the same at the tip, those of the supports' deflections, and of their rotations.
    pure function springs(self) result(there)
@@ -681,7 +671,7 @@ contains
    !> The beam is taken as a cantilever that moves as a rigid body, w = v + a + b x, and each spring
    !> to the ground, those of a clamped root included, as an unknown reaction. The springs give one
    !> equation each, and equilibrium gives two, because the imagined clamp carries nothing. A beam
-   !> with an axial force must be a cantilever; its supports are the only reactions.
+   !> with an axial force is a `column_t`.
    !>
    !> q         (n_parameters) values of the parameters, which may carry an imaginary step
    !> x, xi     positions of the deflection and of the force [length]
@@ -693,38 +683,29 @@ contains
       real(wp), intent(in), optional :: moved
       complex(wp), allocatable :: points(:), a(:, :), b(:, :), rigid(:, :), row(:)
       integer, allocatable :: place(:), slope(:), compliance(:)
-      type(column_t) :: column
       real(wp) :: l, unit
-      logical :: there(4 + 2*self%supports), is_column, regular
+      logical :: there(4 + 2*self%supports), regular
       integer :: i, j, n
 
+      if (abs(q(of_g)) + abs(q(of_T)) > 0) then
+         influence = column_deflection(column_of(self, q, [x, xi]), x, xi)
+         return
+      end if
       there = springs(self)
-      is_column = abs(q(of_g)) + abs(q(of_T)) > 0 .and. self%is_cantilever()
-      ! The column includes the root.
-      if (is_column) there(:4) = .false.
       call find_places(self, there, place, slope)
       compliance = pack([compliance_at, kappa_P_at(:self%supports), kappa_RP_at(:self%supports)], &
          there)
       n = size(place)
       allocate (points(n + 2), a(n + 2, n + 2), b(n + 2, 1), rigid(n + 2, 2))
-      do i = 1, n
-         points(i) = 0
-         if (place(i) < 0) points(i) = q(of_length)
-         if (place(i) > 0) points(i) = q(place(i))
-      end do
+      points(:n) = [(position(q, place(i)), i=1, n)]
       points(n + 1:) = [x, xi]
       slope = [slope, 0, 0]
       ! Lengths in l, forces in E I/l**2.
       l = self%length
       unit = l**3/(self%E*self%I)
-      if (is_column) column = column_of(self, q, points)
       do j = 1, n + 2
          do i = 1, n + 2
-            if (is_column) then
-               a(i, j) = column_deflection(column, points(i), points(j))
-            else
-               a(i, j) = flexibility(self, q, points([i, j]), slope([i, j]), k, moved)
-            end if
+            a(i, j) = flexibility(self, q, points([i, j]), slope([i, j]), k, moved)
             a(i, j) = a(i, j)*l**(slope(i) + slope(j))/unit
          end do
          rigid(j, :) = [cmplx(1 - slope(j), 0, wp), points(j)/l]
@@ -740,20 +721,33 @@ contains
       a(:n, n + 1:) = rigid(:n, :)
       a(n + 1:, :n) = transpose(rigid(:n, :))
       a(n + 1:, n + 1:) = 0
-      j = merge(n, n + 2, is_column)
-      call eliminate(j, 1, a, b, regular)
-      influence = (influence + sum(row(:j)*b(:j, 1)))*unit
+      call eliminate(n + 2, 1, a, b, regular)
+      influence = (influence + sum(row*b(:, 1)))*unit
       if (.not. regular) influence = huge(unit)
    end function influence
 
-   !> Returns the beam under its axial force and weight as a `column_t`. Its pieces end at the
-   !> positions `places` and at every sensor.
+   !> Returns the position of a spring: that of a parameter, 0 for the root, or the length.
+   !>
+   !> place  as of `find_places`
+   pure complex(wp) function position(q, place)
+      complex(wp), intent(in) :: q(:)
+      integer, intent(in) :: place
+
+      position = 0
+      if (place < 0) position = q(of_length)
+      if (place > 0) position = q(place)
+   end function position
+
+   !> Returns the beam under its axial force and weight, on its springs, as a `column_t`. Its pieces
+   !> end at the positions `places`, at every spring and at every sensor.
    pure function column_of(self, q, places) result(column)
       type(structure_t), intent(in) :: self
       complex(wp), intent(in) :: q(:), places(:)
       type(column_t) :: column
+      type(column_spring_t) :: held(count(springs(self)))
+      integer, allocatable :: place(:), slope(:), compliance(:)
       complex(wp), dimension(max(1, self%sensors) + self%masses) :: carried, at
-      complex(wp) :: ends(size(places) + size(at) + 2), N(size(ends) - 1), weight
+      complex(wp) :: ends(size(places) + size(held) + size(at) + 2), N(size(ends) - 1), weight
       integer :: i, last(size(at))
 
       weight = merge(-q(of_g), q(of_g), self%stands)
@@ -762,7 +756,12 @@ contains
          carried = [q(m_S_at(:sensors)), q(m_M_at(:masses))]
       end associate
       where (real(at) < 0) at = q(of_length)
-      ends = [(0.0_wp, 0.0_wp), places, at, q(of_length)]
+      call find_places(self, springs(self), place, slope)
+      compliance = pack([compliance_at, kappa_P_at(:self%supports), kappa_RP_at(:self%supports)], &
+         springs(self))
+      held = [(column_spring_t(position(q, place(i)), q(compliance(i)), slope(i)), &
+         i=1, size(held))]
+      ends = [(0.0_wp, 0.0_wp), places, held%at, at, q(of_length)]
       call sort_by(real(ends), ends)
       ! The positions are complex: find the end that each equals, instead of comparing positions.
       last = [(minloc(abs(ends - at(i)), dim=1), i=1, size(at))]
@@ -770,8 +769,7 @@ contains
          N(i) = q(of_T) + weight*(q(of_m_T) + q(of_rho)*(q(of_length) - ends(i)) &
             + sum(carried, mask=last > i))
       end do
-      column = new_column(q(of_E)*q(of_I), q(of_kappa_R), ends, N, &
-         spread(-weight*q(of_rho), 1, size(N)))
+      column = new_column(q(of_E)*q(of_I), ends, N, spread(-weight*q(of_rho), 1, size(N)), held)
    end function column_of
 
    !> Returns the mass of the beam and of everything that is fixed to it, without the hoses [mass].
@@ -794,15 +792,14 @@ contains
       load = load*self%length**2/(self%E*self%I)
    end function axial_load
 
-   !> Returns whether axial force and weight buckle the beam without its supports. The result is
-   !> .false. for a beam whose stiffness varies or that is no cantilever: its roots show whether it
-   !> buckles.
+   !> Returns whether axial force and weight buckle the beam. The result is .false. for a beam whose
+   !> stiffness varies: its roots show whether it buckles.
    pure logical function buckles(self)
       class(structure_t), intent(in) :: self
       complex(wp) :: q(n_parameters)
 
       buckles = .false.
-      if (.not. self%is_cantilever()) return
+      if (self%rigid_body_modes() > 0) return
       if (self%variations%are_known() .or. self%has_fields()) return
       if (.not. (self%T < 0 .or. self%stands .and. self%g > 0)) return
       q = values_of(self)

@@ -214,7 +214,7 @@ contains
    end function furthest_parameter
 
    !> Refuses an axial force or weight that buckles the beam, or that is so large that the bending
-   !> stiffness has no effect. Buckling is not checked if the structure has supports with a spring.
+   !> stiffness has no effect.
    !>
    !> place  number of the larger of the two loads, `of_T` or `of_g`
    subroutine check_axial_load(structure, error, place)
@@ -232,10 +232,7 @@ contains
       end if
       load = structure%axial_load()
       most = maxval(abs(load))
-      if (most <= greatest_load) then
-         if (any([(structure%has_spring(k, deflection), k=1, structure%supports)])) return
-         if (.not. structure%buckles()) return
-      end if
+      if (most <= greatest_load .and. .not. structure%buckles()) return
       mass = structure%total_mass()
       force = structure%T
       weight = structure%g*mass

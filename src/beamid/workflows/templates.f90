@@ -3,7 +3,7 @@
 module beamid_templates
    use beamid_cases, only: case_t, needs_nothing, parse_case, sample_times
    use beamid_errors, only: bad_input, error_t
-   use beamid_excitation, only: new_base_motion
+   use beamid_excitation, only: new_base_motion, new_force_table
    use beamid_kinds, only: wp
    use beamid_noise, only: gaussian_noise
    use beamid_simulation, only: simulate, simulation_t
@@ -15,11 +15,14 @@ module beamid_templates
    public :: new_template
 
    !> Kinds of experiment that have a template.
-   character(len=10), parameter, public :: template_kinds(4) = [character(len=10) :: &
-      'free-decay', 'impulse', 'base', 'paper']
+   character(len=10), parameter, public :: template_kinds(5) = [character(len=10) :: &
+      'free-decay', 'impulse', 'base', 'struck-bar', 'paper']
 
    !> Longest line of a template.
    integer, parameter :: width = 90
+   !> What makes the motion of a simulated record: the excitation of its case, a base that moves, or
+   !> a mallet.
+   integer, parameter :: by_case = 0, by_base = 1, by_mallet = 2
    character(len=*), parameter :: line_feed = new_line('a')
 
    ! Parts that several case files share. `strip` holds guesses, `strip_truth` the values that the
@@ -126,6 +129,55 @@ module beamid_templates
       '&record t_first=0, t_last=1.999, t_step=0.001 /', &
       '&noise sd=0.1, seed=3 /']
 
+   character(len=width), parameter :: bar_case(*) = [character(len=width) :: &
+      '! A steel bar on two strings was struck in the middle, below a microphone (ASTM E1876).', &
+      begin, &
+      '', &
+      '! Metres, seconds, newtons and kilograms; any other consistent set would do.', &
+      '&units  length=''m'', force=''N'', time=''s'', mass=''kg'' /', &
+      '', &
+      '&beam', &
+      '   length=0.2, width=0.025, height=0.005', &
+      '   rho=0.9875      ! mass of the bar divided by its length: 0.1975/0.2', &
+      '   E=1.8e11        ! a guess', &
+      '   c_D=1e4         ! all damping at the frequency of the first mode, a guess', &
+      '/', &
+      '', &
+      '! The strings are so soft that the bar counts as free.', &
+      '&end  at=''root'', kind=''free'' /', &
+      '', &
+      '! The microphone: it has no mass, and is above the middle of the bar.', &
+      '&sensor  x_S=0.1 /', &
+      '', &
+      '! Amplitude and phase of the first mode are estimated, so that the unit of the sound and', &
+      '! the distance of the microphone do not matter.', &
+      '&excitation  kind=''free'', modes=1 /', &
+      '&discretization degree=5 /', &
+      '', &
+      '&record', &
+      '   file=''record.csv''              ! columns of times and sound', &
+      '   value_column=''sound''           ! name or number of the column; default: the second', &
+      '   t_first=0.1                    ! the higher modes have decayed', &
+      '/', &
+      '', &
+      '&stage       free=''E'',''c_D'' /', &
+      '', &
+      '! Standard deviations of what was measured with calliper, micrometer and balance. That of', &
+      '! rho is that of the mass, divided by the length. The total interval of E includes them.', &
+      '&prior  parameter=''length'', sd=0.00005 /', &
+      '&prior  parameter=''width'',  sd=0.00002 /', &
+      '&prior  parameter=''height'', sd=0.00001 /', &
+      '&prior  parameter=''rho'',    sd=0.0005 /']
+
+   !> The true dimensions differ from the measured ones, as they do in a laboratory.
+   character(len=width), parameter :: bar_truth(*) = [character(len=width) :: &
+      '&beam length=0.19997, width=0.02501, height=0.005006, rho=0.98775, E=1.95e11, c_D=4e4 /', &
+      '&end at=''root'', kind=''free'' /', &
+      '&sensor x_S=0.1 /', &
+      '&discretization degree=5, elements=16 /', &
+      '&record t_first=0, t_last=0.3999, t_step=0.0001 /', &
+      '&noise sd=2, seed=5 /']
+
    character(len=width), parameter :: paper_case(*) = [character(len=width) :: &
       '! The structure of NASA CR-178199, Table 4.1: a beam with a hose at the tip. A thruster', &
       '! at the tip fires for 0.05 s. The record has 2 % of noise.', &
@@ -167,16 +219,19 @@ contains
       select case (kind)
       case ('free-decay')
          case_text = joined(free_decay_case)
-         call make_record(free_decay_truth, .false., record, error)
+         call make_record(free_decay_truth, by_case, record, error)
       case ('impulse')
          case_text = joined(impulse_case)
-         call make_record(impulse_truth, .false., record, error)
+         call make_record(impulse_truth, by_case, record, error)
       case ('base')
          case_text = joined(base_case)
-         call make_record(base_truth, .true., record, error)
+         call make_record(base_truth, by_base, record, error)
+      case ('struck-bar')
+         case_text = joined(bar_case)
+         call make_record(bar_truth, by_mallet, record, error)
       case ('paper')
          case_text = joined(paper_case)
-         call make_record(paper_truth, .false., record, error)
+         call make_record(paper_truth, by_case, record, error)
       case default
          call bad_input(error, 'no such kind of case')
       end select
@@ -196,13 +251,14 @@ contains
 
    !> Simulates the record of a structure and adds noise.
    !>
-   !> truth       lines of the case file with the true values
-   !> base_moves  whether the base is shaken; its acceleration is then the record's third column
-   !> record      content of a CSV file with the columns t, acceleration and, if any, base
-   !> error       a response that cannot be computed
-   subroutine make_record(truth, base_moves, record, error)
+   !> truth   lines of the case file with the true values
+   !> motion  `by_case`, `by_base` or `by_mallet`
+   !> record  content of a CSV file with the columns t, acceleration and, if the base moves, its
+   !>         acceleration; of a bar that is struck, t and sound, which follows the acceleration
+   !> error   a response that cannot be computed
+   subroutine make_record(truth, motion, record, error)
       character(len=*), intent(in) :: truth(:)
-      logical, intent(in) :: base_moves
+      integer, intent(in) :: motion
       character(len=:), allocatable, intent(out) :: record
       type(error_t), allocatable, intent(out) :: error
       type(case_t) :: case
@@ -216,15 +272,18 @@ contains
       if (.not. allocated(error)) call sample_times(case, times, error)
       if (allocated(error)) return
       allocate (base(0))
-      if (base_moves) then
+      if (motion == by_base) then
          base = base_pulse(times)
          call new_base_motion(times, base, case%model%excitation, error)
-         if (allocated(error)) return
+      else if (motion == by_mallet) then
+         call strike(case, error)
       end if
-      call simulate(case%model, case%meshes(1), times, simulation, error)
+      if (.not. allocated(error)) call simulate(case%model, case%meshes(1), times, &
+         simulation, error)
       if (allocated(error)) return
       noise = gaussian_noise(size(times), case%noise_sd, case%noise_seed)
-      call table%line('t,acceleration'//trim(merge(',base', '     ', size(base) > 0)))
+      call table%line('t,'//trim(merge('sound       ', 'acceleration', motion == by_mallet))// &
+         trim(merge(',base', '     ', motion == by_base)))
       do k = 1, size(times)
          row = full(times(k))//','//full(simulation%acceleration(k) + noise(k))
          if (size(base) > 0) row = row//','//full(base(k))
@@ -242,5 +301,18 @@ contains
       base_pulse = 0
       if (t < length) base_pulse = 30*sin(two_pi*t/length)
    end function base_pulse
+
+   !> Lets a mallet strike the middle of the beam for 0.4 ms, with half a sine of 30 N.
+   subroutine strike(case, error)
+      type(case_t), intent(inout) :: case
+      type(error_t), allocatable, intent(out) :: error
+      integer, parameter :: pieces = 40
+      real(wp), parameter :: pi = acos(-1.0_wp), contact = 4e-4_wp, force = 30
+      integer :: k
+
+      call new_force_table([(contact*k/pieces, k=0, pieces)], &
+         [(force*sin(pi*k/pieces), k=0, pieces - 1), 0.0_wp], case%model%excitation, error)
+      case%model%structure%x_F = case%model%structure%length/2
+   end subroutine strike
 
 end module beamid_templates
