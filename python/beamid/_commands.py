@@ -292,18 +292,18 @@ def _case_of(first: str, arguments: dict[str, Any]) -> Handle:
 
 
 def simulate(t: ArrayLike | Case | None = None, *, record: Group = None, beam: Group = None,
-             tip: Group = None, hose: Group = None, sensor: Groups = None, support: Groups = None,
-             end: Groups = None, gravity: Group = None, axial: Group = None, along: Groups = None,
-             excitation: Groups = None, discretization: Group = None, integrator: Group = None,
-             observation: Group = None, noise: Group = None, units: Group = None,
-             **other: Any) -> Simulation:
+             tip: Group = None, mass: Groups = None, hose: Groups = None, sensor: Groups = None,
+             support: Groups = None, end: Groups = None, gravity: Group = None, axial: Group = None,
+             along: Groups = None, excitation: Groups = None, discretization: Group = None,
+             integrator: Group = None, observation: Group = None, noise: Group = None,
+             units: Group = None, **other: Any) -> Simulation:
     """Simulate a record, as the command `simulate` does.
 
     Without ``discretization=dict(elements=...)`` the mesh is refined until the response no longer
     changes. `response` computes a response on one mesh, with its derivatives.
 
     The other arguments are those of `Problem`, which describes them with their units: `beam`,
-    `tip`, `hose`, `sensor`, `support`, `end`, `gravity`, `axial`, `along`, `excitation`;
+    `tip`, `mass`, `hose`, `sensor`, `support`, `end`, `gravity`, `axial`, `along`, `excitation`;
     `discretization`, `integrator`, `observation`; `units`; and any other group, `other`.
 
     Parameters
@@ -336,18 +336,19 @@ def simulate(t: ArrayLike | Case | None = None, *, record: Group = None, beam: G
     return found
 
 
-def modes(case: Case | None = None, *, beam: Group = None, tip: Group = None, hose: Group = None,
-          sensor: Groups = None, support: Groups = None, end: Groups = None, gravity: Group = None,
-          axial: Group = None, along: Groups = None, discretization: Group = None,
-          units: Group = None, progress: Progress | None = None, **other: Any) -> Modes:
+def modes(case: Case | None = None, *, beam: Group = None, tip: Group = None, mass: Groups = None,
+          hose: Groups = None, sensor: Groups = None, support: Groups = None, end: Groups = None,
+          gravity: Group = None, axial: Group = None, along: Groups = None,
+          discretization: Group = None, units: Group = None, progress: Progress | None = None,
+          **other: Any) -> Modes:
     """Compute the natural modes of a structure, as the command `modes` does.
 
     If the case can be fitted, `Modes.tables` also has the modes of the fitted structure with their
     intervals, `modes_fitted.csv`.
 
     The other arguments are those of `Problem`, which describes them with their units: `beam`,
-    `tip`, `hose`, `sensor`, `support`, `end`, `gravity`, `axial`, `along`; `discretization`;
-    `units`; and any other group, `other`.
+    `tip`, `mass`, `hose`, `sensor`, `support`, `end`, `gravity`, `axial`, `along`;
+    `discretization`; `units`; and any other group, `other`.
 
     Parameters
     ----------
@@ -380,16 +381,16 @@ def modes(case: Case | None = None, *, beam: Group = None, tip: Group = None, ho
 
 
 def design(case: Case | None = None, *, record: Groups = None, free: Names | None = None,
-           stages: Groups = None, beam: Group = None, tip: Group = None, hose: Group = None,
-           sensor: Groups = None, support: Groups = None, end: Groups = None, gravity: Group = None,
-           axial: Group = None, along: Groups = None, excitation: Groups = None,
-           discretization: Group = None, observation: Group = None, prior: Groups = None,
-           noise: Group = None, design: Group = None, units: Group = None,
+           stages: Groups = None, beam: Group = None, tip: Group = None, mass: Groups = None,
+           hose: Groups = None, sensor: Groups = None, support: Groups = None, end: Groups = None,
+           gravity: Group = None, axial: Group = None, along: Groups = None,
+           excitation: Groups = None, discretization: Group = None, observation: Group = None,
+           prior: Groups = None, noise: Group = None, design: Group = None, units: Group = None,
            progress: Progress | None = None, **other: Any) -> Design:
     """Predict the errors that candidate experiments would give, as the command `design` does.
 
     The other arguments are those of `Problem`, which describes them with their units: `beam`,
-    `tip`, `hose`, `sensor`, `support`, `end`, `gravity`, `axial`, `along`, `excitation`;
+    `tip`, `mass`, `hose`, `sensor`, `support`, `end`, `gravity`, `axial`, `along`, `excitation`;
     `discretization`, `observation`, `prior`; `units`; and any other group, `other`.
 
     Parameters
@@ -488,8 +489,8 @@ def _label(number: int, case: Case) -> str:
 def ensemble(t: ArrayLike | Case | None = None, *, record: Group = None,
              records: Record | Sequence[Record] | None = None, free: Names | None = None,
              start: Any = None, lower: Any = None, upper: Any = None, shared: Names | None = None,
-             stages: Groups = None, beam: Group = None, tip: Group = None, hose: Group = None,
-             sensor: Groups = None, support: Groups = None, end: Groups = None,
+             stages: Groups = None, beam: Group = None, tip: Group = None, mass: Groups = None,
+             hose: Groups = None, sensor: Groups = None, support: Groups = None, end: Groups = None,
              gravity: Group = None, axial: Group = None, along: Groups = None,
              excitation: Groups = None, discretization: Group = None, integrator: Group = None,
              observation: Group = None, prior: Groups = None, sample: Group = None,
@@ -502,9 +503,9 @@ def ensemble(t: ArrayLike | Case | None = None, *, record: Group = None,
     memory; the command line can share the work among several machines.
 
     The other arguments are those of `Problem`, which describes them with their units: `free`,
-    `start`, `lower`, `upper`, `shared`, `stages`; `beam`, `tip`, `hose`, `sensor`, `support`,
-    `gravity`, `axial`, `along`, `excitation`; `discretization`, `integrator`, `observation`,
-    `prior`, `sample`, `bootstrap`; `units`; and any other group, `other`.
+    `start`, `lower`, `upper`, `shared`, `stages`; `beam`, `tip`, `mass`, `hose`, `sensor`,
+    `support`, `gravity`, `axial`, `along`, `excitation`; `discretization`, `integrator`,
+    `observation`, `prior`, `sample`, `bootstrap`; `units`; and any other group, `other`.
 
     Parameters
     ----------

@@ -397,12 +397,16 @@ class Problem:
         [force time/length²], `k_R` [force length], `c_R` [force length time].
     tip : mapping, optional
         Mass at the tip: `m_T` [mass], `J_T` [mass length²].
-    hose : mapping, optional
-        Hose at the tip: `m_H` [mass], `c_H` [force time/length], `k_H` [force/length].
+    mass : mapping or sequence of mappings, optional
+        Mass on the beam: `x` [length], `m` [mass], `J` [mass length²], `name`.
+    hose : mapping or sequence of mappings, optional
+        Hose or absorber: `x_H` [length], `m_H` [mass], `c_H` [force time/length],
+        `k_H` [force/length], `name`.
     sensor : mapping or sequence of mappings, optional
         Accelerometer: `x_S` [length], `m_S` [mass], `J_S` [mass length²], `name`.
     support : mapping or sequence of mappings, optional
-        Support: `x_P` [length], `k_P` [force/length], `c_P` [force time/length], `name`.
+        Support: `x_P` [length], `k_P` [force/length], `c_P` [force time/length],
+        `k_R` [force length], `c_R` [force length time], `name`.
     end : mapping or sequence of mappings, optional
         What holds an end of the beam: `at` ('root' or 'tip'), `kind` ('clamped', 'pinned', 'guided'
         or 'free'), or the springs and dampers `k_w` [force/length], `c_w` [force time/length],
@@ -445,7 +449,7 @@ class Problem:
                  record: Group = None, records: Record | Sequence[Record] | None = None,
                  free: Names | None = None, start: Any = None, lower: Any = None, upper: Any = None,
                  shared: Names | None = None, stages: Groups = None, beam: Group = None,
-                 tip: Group = None, hose: Group = None, sensor: Groups = None,
+                 tip: Group = None, mass: Groups = None, hose: Groups = None, sensor: Groups = None,
                  support: Groups = None, end: Groups = None, gravity: Group = None,
                  axial: Group = None, along: Groups = None, excitation: Groups = None,
                  discretization: Group = None, integrator: Group = None, observation: Group = None,
@@ -563,11 +567,11 @@ def load(path: str | PathLike[str]) -> Problem:
     return problem
 
 
-def fit(t: Subject = None, a: ArrayLike | None = None, *,
-        record: Group = None, records: Record | Sequence[Record] | None = None,
-        free: Names | None = None, start: Any = None, lower: Any = None, upper: Any = None,
-        shared: Names | None = None, stages: Groups = None, beam: Group = None, tip: Group = None,
-        hose: Group = None, sensor: Groups = None, support: Groups = None, end: Groups = None,
+def fit(t: Subject = None, a: ArrayLike | None = None, *, record: Group = None,
+        records: Record | Sequence[Record] | None = None, free: Names | None = None,
+        start: Any = None, lower: Any = None, upper: Any = None, shared: Names | None = None,
+        stages: Groups = None, beam: Group = None, tip: Group = None, mass: Groups = None,
+        hose: Groups = None, sensor: Groups = None, support: Groups = None, end: Groups = None,
         gravity: Group = None, axial: Group = None, along: Groups = None, excitation: Groups = None,
         discretization: Group = None, integrator: Group = None, observation: Group = None,
         prior: Groups = None, score: Group = None, multistart: Group = None, windows: Group = None,
@@ -577,7 +581,7 @@ def fit(t: Subject = None, a: ArrayLike | None = None, *,
 
     The arguments are those of `Problem`, which describes them with their units. Records and
     parameters: `t`, `a`, `record`, `records`, `free`, `start`, `lower`, `upper`, `shared`,
-    `stages`. Structure and excitation: `beam`, `tip`, `hose`, `sensor`, `support`, `end`,
+    `stages`. Structure and excitation: `beam`, `tip`, `mass`, `hose`, `sensor`, `support`, `end`,
     `gravity`, `axial`, `along`, `excitation`. Methods: `discretization`, `integrator`,
     `observation`, `prior`, `score`, `multistart`, `windows`, `sample`, `bootstrap`. Labels of
     units: `units`. Any other group: `other`.

@@ -218,24 +218,25 @@ def infer(command: str, fit: Fit, progress: Progress | None) -> Inference:
                      **known)
 
 
-def profile(t: Subject = None, a: ArrayLike | None = None, *,
-        record: Group = None, records: Record | Sequence[Record] | None = None,
-        free: Names | None = None, start: Any = None, lower: Any = None, upper: Any = None,
-        shared: Names | None = None, stages: Groups = None, beam: Group = None, tip: Group = None,
-        hose: Group = None, sensor: Groups = None, support: Groups = None, end: Groups = None,
-        gravity: Group = None, axial: Group = None, along: Groups = None, excitation: Groups = None,
-        discretization: Group = None, integrator: Group = None, observation: Group = None,
-        prior: Groups = None, score: Group = None, multistart: Group = None, windows: Group = None,
-        sample: Group = None, bootstrap: Group = None, units: Group = None,
-        progress: Progress | None = None, **other: Any) -> Profiles:
+def profile(t: Subject = None, a: ArrayLike | None = None, *, record: Group = None,
+            records: Record | Sequence[Record] | None = None, free: Names | None = None,
+            start: Any = None, lower: Any = None, upper: Any = None, shared: Names | None = None,
+            stages: Groups = None, beam: Group = None, tip: Group = None, mass: Groups = None,
+            hose: Groups = None, sensor: Groups = None, support: Groups = None, end: Groups = None,
+            gravity: Group = None, axial: Group = None, along: Groups = None,
+            excitation: Groups = None, discretization: Group = None, integrator: Group = None,
+            observation: Group = None, prior: Groups = None, score: Group = None,
+            multistart: Group = None, windows: Group = None, sample: Group = None,
+            bootstrap: Group = None, units: Group = None, progress: Progress | None = None,
+            **other: Any) -> Profiles:
     """Compute intervals from the profile of J. They may be lopsided, end at a bound or have no end.
 
     The other arguments are those of `Problem`, which describes them with their units. Records and
     parameters: `a`, `record`, `records`, `free`, `start`, `lower`, `upper`, `shared`, `stages`.
-    Structure and excitation: `beam`, `tip`, `hose`, `sensor`, `support`, `end`, `gravity`, `axial`,
-    `along`, `excitation`. Methods: `discretization`, `integrator`, `observation`, `prior`, `score`,
-    `multistart`, `windows`, `sample`, `bootstrap`. Labels of units: `units`. Any other group:
-    `other`.
+    Structure and excitation: `beam`, `tip`, `mass`, `hose`, `sensor`, `support`, `end`, `gravity`,
+    `axial`, `along`, `excitation`. Methods: `discretization`, `integrator`, `observation`, `prior`,
+    `score`, `multistart`, `windows`, `sample`, `bootstrap`. Labels of units: `units`. Any other
+    group: `other`.
 
     Parameters
     ----------
@@ -261,23 +262,25 @@ def profile(t: Subject = None, a: ArrayLike | None = None, *,
     return infer("profile", fitted(locals(), progress), progress)
 
 
-def sample(t: Subject = None, a: ArrayLike | None = None, *,
-        record: Group = None, records: Record | Sequence[Record] | None = None,
-        free: Names | None = None, start: Any = None, lower: Any = None, upper: Any = None,
-        shared: Names | None = None, stages: Groups = None, beam: Group = None, tip: Group = None,
-        hose: Group = None, sensor: Groups = None, support: Groups = None, end: Groups = None,
-        gravity: Group = None, axial: Group = None, along: Groups = None, excitation: Groups = None,
-        discretization: Group = None, integrator: Group = None, observation: Group = None,
-        prior: Groups = None, score: Group = None, multistart: Group = None, windows: Group = None,
-        sample: Group = None, bootstrap: Group = None, units: Group = None,
-        progress: Progress | None = None, **other: Any) -> Posterior:
+def sample(t: Subject = None, a: ArrayLike | None = None, *, record: Group = None,
+           records: Record | Sequence[Record] | None = None, free: Names | None = None,
+           start: Any = None, lower: Any = None, upper: Any = None, shared: Names | None = None,
+           stages: Groups = None, beam: Group = None, tip: Group = None, mass: Groups = None,
+           hose: Groups = None, sensor: Groups = None, support: Groups = None, end: Groups = None,
+           gravity: Group = None, axial: Group = None, along: Groups = None,
+           excitation: Groups = None, discretization: Group = None, integrator: Group = None,
+           observation: Group = None, prior: Groups = None, score: Group = None,
+           multistart: Group = None, windows: Group = None, sample: Group = None,
+           bootstrap: Group = None, units: Group = None, progress: Progress | None = None,
+           **other: Any) -> Posterior:
     """Draw from the posterior of the parameters. Draws are the same for the same seed.
 
     The other arguments are those of `Problem`, which describes them with their units. Records and
     parameters: `a`, `record`, `records`, `free`, `start`, `lower`, `upper`, `shared`, `stages`.
-    Structure and excitation: `beam`, `tip`, `hose`, `sensor`, `support`, `end`, `gravity`, `axial`,
-    `along`, `excitation`. Methods: `discretization`, `integrator`, `observation`, `prior`, `score`,
-    `multistart`, `windows`, `bootstrap`. Labels of units: `units`. Any other group: `other`.
+    Structure and excitation: `beam`, `tip`, `mass`, `hose`, `sensor`, `support`, `end`, `gravity`,
+    `axial`, `along`, `excitation`. Methods: `discretization`, `integrator`, `observation`, `prior`,
+    `score`, `multistart`, `windows`, `bootstrap`. Labels of units: `units`. Any other group:
+    `other`.
 
     Parameters
     ----------
@@ -305,23 +308,24 @@ def sample(t: Subject = None, a: ArrayLike | None = None, *,
     return infer("sample", fitted(locals(), progress), progress)
 
 
-def bootstrap(t: Subject = None, a: ArrayLike | None = None, *,
-        record: Group = None, records: Record | Sequence[Record] | None = None,
-        free: Names | None = None, start: Any = None, lower: Any = None, upper: Any = None,
-        shared: Names | None = None, stages: Groups = None, beam: Group = None, tip: Group = None,
-        hose: Group = None, sensor: Groups = None, support: Groups = None, end: Groups = None,
-        gravity: Group = None, axial: Group = None, along: Groups = None, excitation: Groups = None,
-        discretization: Group = None, integrator: Group = None, observation: Group = None,
-        prior: Groups = None, score: Group = None, multistart: Group = None, windows: Group = None,
-        sample: Group = None, bootstrap: Group = None, units: Group = None,
-        progress: Progress | None = None, **other: Any) -> Bootstrap:
+def bootstrap(t: Subject = None, a: ArrayLike | None = None, *, record: Group = None,
+              records: Record | Sequence[Record] | None = None, free: Names | None = None,
+              start: Any = None, lower: Any = None, upper: Any = None, shared: Names | None = None,
+              stages: Groups = None, beam: Group = None, tip: Group = None, mass: Groups = None,
+              hose: Groups = None, sensor: Groups = None, support: Groups = None,
+              end: Groups = None, gravity: Group = None, axial: Group = None, along: Groups = None,
+              excitation: Groups = None, discretization: Group = None, integrator: Group = None,
+              observation: Group = None, prior: Groups = None, score: Group = None,
+              multistart: Group = None, windows: Group = None, sample: Group = None,
+              bootstrap: Group = None, units: Group = None, progress: Progress | None = None,
+              **other: Any) -> Bootstrap:
     """Fit resampled records. Results are the same for the same seed.
 
     The other arguments are those of `Problem`, which describes them with their units. Records and
     parameters: `a`, `record`, `records`, `free`, `start`, `lower`, `upper`, `shared`, `stages`.
-    Structure and excitation: `beam`, `tip`, `hose`, `sensor`, `support`, `end`, `gravity`, `axial`,
-    `along`, `excitation`. Methods: `discretization`, `integrator`, `observation`, `prior`, `score`,
-    `multistart`, `windows`, `sample`. Labels of units: `units`. Any other group: `other`.
+    Structure and excitation: `beam`, `tip`, `mass`, `hose`, `sensor`, `support`, `end`, `gravity`,
+    `axial`, `along`, `excitation`. Methods: `discretization`, `integrator`, `observation`, `prior`,
+    `score`, `multistart`, `windows`, `sample`. Labels of units: `units`. Any other group: `other`.
 
     Parameters
     ----------

@@ -28,14 +28,15 @@ class Response:
 
 
 def response(t: ArrayLike, *, derivatives: Names = (), beam: Group = None, tip: Group = None,
-             hose: Group = None, sensor: Groups = None, support: Groups = None, end: Groups = None,
-             gravity: Group = None, axial: Group = None, along: Groups = None,
-             excitation: Groups = None, discretization: Group = None, integrator: Group = None,
-             observation: Group = None, units: Group = None, **other: Any) -> Response:
+             mass: Groups = None, hose: Groups = None, sensor: Groups = None,
+             support: Groups = None, end: Groups = None, gravity: Group = None, axial: Group = None,
+             along: Groups = None, excitation: Groups = None, discretization: Group = None,
+             integrator: Group = None, observation: Group = None, units: Group = None,
+             **other: Any) -> Response:
     """Compute the response of a structure to a known excitation.
 
     The other arguments are those of `Problem`, which describes them with their units: `beam`,
-    `tip`, `hose`, `sensor`, `support`, `end`, `gravity`, `axial`, `along`, `excitation`;
+    `tip`, `mass`, `hose`, `sensor`, `support`, `end`, `gravity`, `axial`, `along`, `excitation`;
     `discretization`, `integrator`, `observation`; `units`; and any other group, `other`.
 
     Parameters
