@@ -185,7 +185,7 @@ contains
       end do
    end subroutine test_fold
 
-   !> Two sensor masses, 3.3 g and 7.0 g, give this strip the same two frequencies. The search
+   !> Two sensor masses, 3.3 g and 17.4 g, give this strip the same two frequencies. The search
    !> starts from a heavy sensor. The summary names both masses, and no parameter is determined.
    subroutine test_distant_twin()
       type(beam_t), parameter :: strip = beam_t(length=0.5747_wp, width=0.0223_wp, &
@@ -203,9 +203,11 @@ contains
       answer = identified(groups_of(guess)//two_modes)
       call check('a distant twin: converged', answer%status == 0, answer%err)
       call check('a distant twin: the summary names the other minimum', &
-         index(answer%head, 'another minimum') > 0, answer%head)
-      call check('a distant twin: the intervals hold the truth', &
-         answer%holds('E', strip%E) .and. answer%holds('m_S', strip%m_S), answer%head)
+         index(answer%out, 'another minimum') > 0, answer%out)
+      ! The ends are the two solutions. Noise moves each by less than .1 %.
+      call check('a distant twin: the interval reaches from one to the other', &
+         number(answer%estimate('m_S', 'total_lower95')) < 1.001_wp*strip%m_S .and. &
+         number(answer%estimate('m_S', 'total_upper95')) > 5*strip%m_S, answer%out)
       call check('a distant twin: nothing is determined', .not. (answer%is_determined('E') .or. &
          answer%is_determined('m_S')), answer%head)
    end subroutine test_distant_twin
@@ -221,10 +223,9 @@ contains
       answer = identified(guessed_ruler_of_two_modes())
       call check('a record without noise: fitted', answer%status == 0, answer%err)
       call check('a record without noise: the summary says so', &
-         index(answer%head, 'record 1 has no noise') > 0, answer%head)
+         index(answer%out, 'record 1 has no noise') > 0, answer%out)
       call check('a record without noise: the residuals are not compared with the noise', &
-         index(answer%head, 'times the noise') == 0, answer%head)
-
+         index(answer%out, 'times the noise') == 0, answer%out)
    end subroutine test_exact_record
 
    !> Returns a case of the ruler with two modes.
@@ -248,8 +249,8 @@ contains
          + 0.5_wp*sin(2*acos(-1.0_wp)*4*f(2)*t), 0.03_wp, 5)
       answer = identified(guessed_ruler_of_two_modes())
       call check('a line above twice the highest mode: it is reported', &
-         index(answer%head, 'line without a mode') > 0 .and. &
-         index(answer%head, 'unexplained') > 0, answer%head)
+         index(answer%out, 'line without a mode') > 0 .and. &
+         index(answer%out, 'unexplained') > 0, answer%out)
    end subroutine test_high_line
 
    !> Mode 1 alone is visible, and its frequency is so high above that of the case that no sensor
