@@ -37,6 +37,10 @@ program test_misleading_cases
       call test_wrong_material()
       call test_weak_mode()
       call test_fold()
+      call test_distant_twin()
+      call test_exact_record()
+      call test_high_line()
+      call test_unreachable_mass()
       call test_density()
       call test_unreachable_ratio()
       call test_mode_at_60_hz()
@@ -180,6 +184,94 @@ contains
             answer%holds('E', strip%E), answer%estimate('E', 'total_lower95'))
       end do
    end subroutine test_fold
+
+   !> Two sensor masses, 3.3 g and 17.4 g, give this strip the same two frequencies. The search
+   !> starts from a heavy sensor. The summary names both masses, and no parameter is determined.
+   subroutine test_distant_twin()
+      type(beam_t), parameter :: strip = beam_t(length=0.5747_wp, width=0.0223_wp, &
+         height=0.001354_wp, E=6.97e10_wp, c_D=2.6e6_wp, gamma=0.0042_wp, m_S=0.0033_wp, &
+         x_S=0.3513_wp)
+      type(beam_t) :: guess
+      type(answer_t) :: answer
+      real(wp) :: t(2000)
+
+      t = times(size(t), 400.0_wp)
+      guess = strip
+      guess%E = 8.1e10_wp
+      guess%m_S = 0.00996_wp
+      call write_record(t, decay(strip, t, [10.0_wp, 5.0_wp], [0.0_wp, 1.0_wp]), 0.01_wp, 7)
+      answer = identified(groups_of(guess)//two_modes)
+      call check('a distant twin: converged', answer%status == 0, answer%err)
+      call check('a distant twin: the summary names the other minimum', &
+         index(answer%out, 'another minimum') > 0, answer%out)
+      ! The ends are the two solutions. Noise moves each by less than .1 %.
+      call check('a distant twin: the interval reaches from one to the other', &
+         number(answer%estimate('m_S', 'total_lower95')) < 1.001_wp*strip%m_S .and. &
+         number(answer%estimate('m_S', 'total_upper95')) > 5*strip%m_S, answer%out)
+      call check('a distant twin: nothing is determined', .not. (answer%is_determined('E') .or. &
+         answer%is_determined('m_S')), answer%head)
+   end subroutine test_distant_twin
+
+   !> The residuals of a record without noise are errors of computation. They are not compared with
+   !> the noise.
+   subroutine test_exact_record()
+      type(answer_t) :: answer
+      real(wp) :: t(1200)
+
+      t = times(size(t), 500.0_wp)
+      call write_record(t, decay(ruler, t, ruler_sizes(:2), ruler_phases(:2)), 0.0_wp, 1)
+      answer = identified(guessed_ruler_of_two_modes())
+      call check('a record without noise: fitted', answer%status == 0, answer%err)
+      call check('a record without noise: the residuals are not compared with the noise', &
+         index(answer%out, 'times the noise') == 0, answer%out)
+   end subroutine test_exact_record
+
+   !> Returns a case of the ruler with two modes.
+   function guessed_ruler_of_two_modes() result(content)
+      character(len=:), allocatable :: content
+      type(beam_t) :: guess
+
+      guess = ruler
+      guess%E = 1.05_wp*ruler%E
+      content = groups_of(guess)//two_modes
+   end function guessed_ruler_of_two_modes
+
+   !> A line of 1 % amplitude that does not decay, at four times the frequency of the highest mode.
+   subroutine test_high_line()
+      type(answer_t) :: answer
+      real(wp) :: f(2), t(2400)
+
+      t = times(size(t), 2400.0_wp)
+      f = frequencies(ruler, 2)
+      call write_record(t, decay(ruler, t, ruler_sizes(:2), ruler_phases(:2)) &
+         + 0.5_wp*sin(2*acos(-1.0_wp)*4*f(2)*t), 0.03_wp, 5)
+      answer = identified(guessed_ruler_of_two_modes())
+      call check('a line above twice the highest mode: it is reported', &
+         index(answer%out, 'line without a mode') > 0 .and. &
+         index(answer%out, 'unexplained') > 0, answer%out)
+   end subroutine test_high_line
+
+   !> Mode 1 alone is visible, and its frequency is so high above that of the case that no sensor
+   !> mass can make up for E. The mass is fixed, and E is estimated.
+   subroutine test_unreachable_mass()
+      type(beam_t), parameter :: strip = beam_t(length=0.5212_wp, width=0.0288_wp, &
+         height=0.00114_wp, E=6.93e10_wp, c_D=1.6e6_wp, gamma=0.0051_wp, m_S=0.0057_wp, &
+         x_S=0.3828_wp)
+      type(beam_t) :: guess
+      type(answer_t) :: answer
+      real(wp) :: t(1500)
+
+      t = times(size(t), 200.0_wp)
+      guess = strip
+      guess%E = 5.07e10_wp
+      guess%m_S = 3*strip%m_S
+      call write_record(t, decay(strip, t, [10.0_wp], [0.0_wp]), 0.005_wp, 9)
+      answer = identified(groups_of(guess)//two_modes)
+      call check('an unreachable mass: fitted', answer%status == 0, answer%err)
+      call check('an unreachable mass: it is held, and E is estimated', &
+         index(answer%head, 'm_S is held') > 0 .and. answer%holds('E', strip%E), answer%head)
+      call check('an unreachable mass: E is not determined', .not. answer%is_determined('E'))
+   end subroutine test_unreachable_mass
 
    !> Density and modulus of a free decay are not separable. Whatever the start, rho is held, both
    !> modes are seen, and the interval of E allows for the density.

@@ -8,9 +8,10 @@ program test_score_tests
    use beamid_identification, only: identify, model_t, stage_fit_t, stage_t
    use beamid_kinds, only: wp
    use beamid_noise, only: gaussian_noise
+   use beamid_priors, only: prior_t
    use beamid_score_tests, only: score_test_t, test_candidates
    use beamid_strings, only: to_text
-   use beamid_structure, only: structure_t
+   use beamid_structure, only: of_gamma, structure_t
    use checks, only: check, finish
    use free_decays, only: formulas, made, mesh, noise_of, noisy, stage_for, truth
    use models, only: model_of
@@ -28,6 +29,7 @@ program test_score_tests
    call test_left_out('gamma')
    call test_left_out('offset')
    call test_two_modes()
+   call test_prior()
    call finish('score_tests')
 
 contains
@@ -101,19 +103,40 @@ contains
          tests%matters))
    end subroutine test_two_modes
 
+   !> A candidate that is wrong by one standard deviation of its prior is not named, and one that is
+   !> wrong by ten is.
+   subroutine test_prior()
+      type(structure_t) :: structure
+      type(score_test_t), allocatable :: tests(:)
+
+      structure = strip
+      structure%gamma = 0.14_wp
+      call test_record(structure, 3, 41, .true., tests, without='gamma', &
+         sd=abs(structure%gamma - strip%gamma))
+      call check('a change that the prior allows is not named', .not. any(tests%name == 'gamma' &
+         .and. tests%matters))
+      call test_record(structure, 3, 41, .true., tests, without='gamma', &
+         sd=0.1_wp*abs(structure%gamma - strip%gamma))
+      call check('a change beyond the prior is named', any(tests%name == 'gamma' .and. &
+         tests%matters))
+   end subroutine test_prior
+
    !> Fits a record of a structure by the model without the property, and tests the candidates.
    !>
    !> modes    of the record that the fit takes
    !> offset   whether the fit has an offset
    !> without  a parameter that the fit must not estimate
-   subroutine test_record(structure, modes, seed, offset, tests, without)
+   !> sd       standard deviation of a prior of gamma
+   subroutine test_record(structure, modes, seed, offset, tests, without, sd)
       type(structure_t), intent(in) :: structure
       integer, intent(in) :: modes, seed
       logical, intent(in) :: offset
       type(score_test_t), allocatable, intent(out) :: tests(:)
       character(len=*), intent(in), optional :: without
+      real(wp), intent(in), optional :: sd
       type(experiment_t) :: experiment
       type(model_t) :: model
+      type(prior_t) :: prior
       type(stage_t) :: stage
       type(stage_fit_t), allocatable :: fits(:)
       type(error_t), allocatable :: error
@@ -125,6 +148,14 @@ contains
       experiment%excitation = new_free(modes)
       experiment = noisy(experiment, gaussian_noise(400, 0.1_wp*noise_of(experiment), seed))
       model = model_of(strip, new_free(modes), formulas(3))
+      if (present(sd)) then
+         allocate (prior%parameter(1), prior%slope(1))
+         prior%name = 'gamma'
+         prior%parameter = of_gamma
+         prior%slope = 1
+         prior%sd = sd
+         model%priors = [prior]
+      end if
       stage = stage_for(names, 1)
       stage%start(3) = strip%c_D
       stage%automatic = .true.

@@ -54,7 +54,7 @@ contains
       type(stage_t) :: tried
       type(trial_t), allocatable :: trials(:)
 
-      findings = findings_t(note='', doubt='', other='', rejections='')
+      findings = findings_t(note='', doubt='', rejections='')
       tried = stage
       call set_free(problem, stage)
       problem%work = work_t()
@@ -64,7 +64,7 @@ contains
       if (allocated(error)) return
       found%note = findings%note
       found%doubt = findings%doubt
-      found%other = findings%other
+      found%other = ''
       found%rejections = findings%rejections
       call variables_of(tried, problem%scenario, variables, found%quantities, error)
       if (allocated(error)) return
@@ -79,24 +79,28 @@ contains
       call store_estimates(problem, found)
       call add_linear(problem, found, error)
       if (.not. allocated(error)) call judge_estimates(problem, trials, found, error)
-      if (.not. allocated(error) .and. allocated(findings%rival%shift)) &
-         call judge_rival(found, findings%rival)
+      if (.not. allocated(error) .and. allocated(findings%rivals)) &
+         call judge_rivals(found, findings%rivals)
    end subroutine run_stage
 
-   !> Extends the intervals to another minimum if the likelihoods of the two do not differ
-   !> significantly, at a level of 1 %.
-   subroutine judge_rival(found, rival)
+   !> Extends the intervals to each of the other minima whose likelihood is not significantly lower,
+   !> at a level of 1 %.
+   subroutine judge_rivals(found, rivals)
       type(stage_fit_t), intent(inout) :: found
-      type(rival_t), intent(in) :: rival
+      type(rival_t), intent(in) :: rivals(:)
       real(wp), parameter :: level = 0.01_wp
-      integer :: k
+      integer :: j, k
 
       if (found%statistics%samples == 0) return
-      if (.not. any([(found%statistics%cannot_reject(rival%ratio, k, level), &
-         k=1, size(found%free))])) return
-      call found%extend(rival%shift)
-      found%other = found%other//', which fits equally well; the intervals include it'
-   end subroutine judge_rival
+      do j = 1, size(rivals)
+         if (.not. any([(found%statistics%cannot_reject(rivals(j)%ratio, k, level), &
+            k=1, size(found%free))])) cycle
+         call found%extend(rivals(j)%shift)
+         if (found%other /= '') found%other = found%other//'; '
+         found%other = found%other//rivals(j)%text//', which fits equally well; the '// &
+            'intervals include it'
+      end do
+   end subroutine judge_rivals
 
    !> Puts the estimates into the quantities and into the scenario, and copies the setup of the fit.
    subroutine store_estimates(problem, found)

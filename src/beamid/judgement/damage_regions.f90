@@ -85,8 +85,8 @@ contains
       reason = ''
       if (verdict%misfit > gross_for_dip) then
          reason = 'the residuals are '//to_text(anint(10*verdict%misfit)/10)//' times the noise'
-      else if (verdict%departures /= '') then
-         reason = 'the residuals exceed the noise around '//verdict%departures
+      else if (verdict%departures//verdict%missed /= '') then
+         reason = 'the residuals exceed the noise around '//verdict%departures//verdict%missed
       else
          k = findloc(fit%free, of_w_D, dim=1)
          if (k == 0) return

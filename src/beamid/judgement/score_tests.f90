@@ -12,6 +12,10 @@
 !> If the residuals are not white, model and record may drift apart by several periods of a mode. A
 !> derivative, being local, cannot predict so large a change. The stage is then fitted again with
 !> the candidate free, from start values that the record gives, and the likelihood ratio is tested.
+!>
+!> The model's value of a candidate with a prior has an error of its own. The variance of this prior
+!> adds to that of the change, so that a change that the prior allows is not significant. The errors
+!> of the estimates include it already (`beamid_held_errors`).
 module beamid_score_tests
    use beamid_distributions, only: chi_square_tail
    use beamid_errors, only: error_t
@@ -22,6 +26,7 @@ module beamid_score_tests
    use beamid_identification, only: identify
    use beamid_kinds, only: wp
    use beamid_parameters, only: name_length, name_of_parameter, parameters
+   use beamid_priors, only: priors_of
    use beamid_residuals, only: residual_t
    use beamid_simulation, only: model_t
    use beamid_stage_fits, only: significant_decrease, stage_fit_t
@@ -105,8 +110,9 @@ contains
             tests(k)%name = name_of_parameter(s, p)
             tests(k)%parameter = p
             call test(fit, d, s%get(p), is_nonnegative=p == of_kappa_R .or. p == of_gamma .or. &
-               any(J_S_at == p), one=tests(k))
-            if (.not. fit%check%white) call refit(model, mesh, experiments, fit, p, tests(k))
+               any(J_S_at == p), sd=prior_error(problem, p), one=tests(k))
+            if (.not. fit%check%white) call refit(model, mesh, experiments, fit, p, &
+               prior_error(problem, p), tests(k))
             ! The search works with the compliance of a spring.
             if (parameters(p)%is_reciprocal .and. tests(k)%value > 0) &
                tests(k)%value = 1/tests(k)%value
@@ -121,7 +127,8 @@ contains
          d(first:last) = experiments(k)%scale*fit%weight(k)
          tests(tested + k)%name = 'offset'
          tests(tested + k)%record = k
-         call test(fit, d, experiments(k)%offset, is_nonnegative=.false., one=tests(tested + k))
+         call test(fit, d, experiments(k)%offset, is_nonnegative=.false., sd=0.0_wp, &
+            one=tests(tested + k))
          first = last + 1
       end do
       call decide(tests)
@@ -178,9 +185,10 @@ contains
    !> d               (rows) derivatives of the residuals with respect to the candidate
    !> value           value of the candidate in the model
    !> is_nonnegative  whether the candidate must not be negative; a step below 0 is not significant
-   subroutine test(fit, d, value, is_nonnegative, one)
+   !> sd              standard deviation of `value`
+   subroutine test(fit, d, value, is_nonnegative, sd, one)
       type(stage_fit_t), intent(in) :: fit
-      real(wp), intent(in) :: d(:), value
+      real(wp), intent(in) :: d(:), value, sd
       logical, intent(in) :: is_nonnegative
       type(score_test_t), intent(inout) :: one
       real(wp), dimension(size(fit%quantities)) :: slopes, scales
@@ -209,24 +217,27 @@ contains
       products = left*(fit%fit%residual + left*change)
       deviation = sqrt(sum(products**2)*size(products)/effective_samples(products))
       if (.not. deviation > 0) return
-      one%p_value = erfc(abs(change)*length/(deviation*sqrt(2.0_wp)))
+      one%p_value = erfc(abs(change)/(hypot(deviation/length, sd)*sqrt(2.0_wp)))
       one%decrease = change**2*length/fit%fit%J
       call find_largest_shift(fit, one)
    end subroutine test
 
    !> Fits again with a candidate free and replaces the result of the score test. Keeps that result
    !> if the fit fails or fixes a parameter.
-   subroutine refit(model, mesh, experiments, fit, parameter, one)
+   !>
+   !> sd  standard deviation of the candidate's value in the model
+   subroutine refit(model, mesh, experiments, fit, parameter, sd, one)
       type(model_t), intent(in) :: model
       type(mesh_t), intent(in) :: mesh
       type(experiment_t), intent(in) :: experiments(:)
       type(stage_fit_t), intent(in) :: fit
       integer, intent(in) :: parameter
+      real(wp), intent(in) :: sd
       type(score_test_t), intent(inout) :: one
       type(stage_t) :: stage, alone
       type(stage_fit_t), allocatable :: fits(:)
       type(error_t), allocatable :: error
-      real(wp) :: ratio
+      real(wp) :: change, ratio
       integer :: first, last, n, r
 
       n = size(fit%free)
@@ -253,11 +264,28 @@ contains
          first = last + 1
       end do
       one%value = fits(1)%fit%estimate(n + 1)
+      change = abs(one%value - fit%scenario%structures(1)%get(parameter))
       one%shift(:n) = fits(1)%fit%estimate(:n) - fit%fit%estimate
+      ! The ratio is the square of the change over its standard error.
+      if (sd > 0) ratio = ratio/(1 + ratio*(sd/max(change, tiny(sd)))**2)
       one%p_value = chi_square_tail(max(0.0_wp, ratio), 1.0_wp)
       one%decrease = 1 - sum(fits(1)%residual**2)/sum(fit%residual**2)
       call find_largest_shift(fit, one)
    end subroutine refit
+
+   !> Returns the standard deviation of a candidate by its prior; 0 if it has none.
+   pure real(wp) function prior_error(problem, parameter) result(sd)
+      type(residual_t), intent(in) :: problem
+      integer, intent(in) :: parameter
+      integer :: stated(1)
+
+      sd = 0
+      stated = priors_of(problem%priors, [parameter], [0])
+      if (stated(1) == 0) return
+      associate (prior => problem%priors(stated(1)))
+         sd = prior%width(prior%centre_in(0))
+      end associate
+   end function prior_error
 
    !> Notes which estimate the candidate moves most, in units of the estimate's half width.
    subroutine find_largest_shift(fit, one)

@@ -1,7 +1,7 @@
 !> What a record shows of the modes of the fitted model, and which spectral lines of a record the
 !> model leaves unexplained.
 module beamid_sightings
-   use beamid_decaying_lines, only: find_lines
+   use beamid_decaying_lines, only: find_lines, refine_lines
    use beamid_experiments, only: experiment_t
    use beamid_gauss_newton, only: least_squares_step
    use beamid_kinds, only: wp
@@ -13,7 +13,7 @@ module beamid_sightings
    implicit none
    private
 
-   public :: sighting_t, modes_in_record, find_lines_left
+   public :: sighting_t, modes_in_record, find_lines_left, find_missed_modes
 
    !> One mode of the model in one record, or a spectral line of the record that no mode explains.
    type :: sighting_t
@@ -92,15 +92,17 @@ contains
    !> r          number of the record
    !> residual   (m) its residuals [length/time**2]
    !> s          (modes) roots of its structure [1/time]
+   !> higher     (any number) the same roots and those that follow; 0: none
    !> unseen     (fitted) whether a mode that the fit has used is 'unseen'
    !> rejected   whether the fit has rejected the modes beyond these
    !> found      lines without a mode
    !> departing  (fitted) whether a line belongs to the mode
-   subroutine find_lines_left(experiment, r, residual, s, unseen, rejected, found, departing)
+   subroutine find_lines_left(experiment, r, residual, s, higher, unseen, rejected, found, &
+      departing)
       type(experiment_t), intent(in) :: experiment
       integer, intent(in) :: r
       real(wp), intent(in) :: residual(:)
-      complex(wp), intent(in) :: s(:)
+      complex(wp), intent(in) :: s(:), higher(:)
       logical, intent(in) :: unseen(:), rejected
       type(sighting_t), allocatable, intent(out) :: found(:)
       logical, intent(out) :: departing(:)
@@ -109,7 +111,7 @@ contains
       real(wp), parameter :: least_share = 1e-4_wp, weak = 0.02_wp, negligible = 1e-8_wp
       type(line_t), allocatable :: lines(:)
       type(sighting_t) :: sighting
-      real(wp) :: first, share, span
+      real(wp) :: first, highest, share, span
       logical :: is_fitted, is_near, is_unseen
       integer :: k, mode
 
@@ -121,13 +123,15 @@ contains
          share = sum(residual**2)/max(sum((z - sum(z)/m)**2), tiny(share))
          if (share < negligible) return
          span = t(m) - t(1)
-         call find_lines(t, residual, 2*maxval(aimag(s))/two_pi, most_lines, lines)
+         highest = 2*maxval(aimag(s))/two_pi
+         call find_lines(t, residual, highest, most_lines, lines)
+         call add_higher_lines(t, residual, highest, higher, span, lines)
          do k = 1, size(lines)
             associate (line => lines(k))
                mode = minloc(abs(line%frequency - aimag(s)/two_pi), dim=1)
                is_fitted = mode <= fitted
                is_unseen = .false.
-               if (is_fitted) is_unseen = unseen(mode)
+               if (is_fitted) is_unseen = unseen(mode) .and. line%frequency <= highest
                is_near = belongs_to_mode(line, s(mode:mode), merge(0.05_wp, 0.01_wp, is_fitted &
                   .and. .not. is_unseen), span)
                if (is_near .and. is_fitted) departing(mode) = .true.
@@ -143,6 +147,63 @@ contains
          end do
       end associate
    end subroutine find_lines_left
+
+   !> Adds the spectral lines above a frequency, except those of higher modes of the model.
+   !>
+   !> limit   frequency [1/time]
+   !> higher  roots of the modes [1/time]; 0: none
+   !> span    length of the record [time]
+   subroutine add_higher_lines(t, residual, limit, higher, span, lines)
+      real(wp), intent(in) :: t(:), residual(:), limit, span
+      complex(wp), intent(in) :: higher(:)
+      type(line_t), allocatable, intent(inout) :: lines(:)
+      type(line_t), allocatable :: found(:)
+      integer :: k
+
+      call find_lines(t, residual, (size(t) - 1)/(2*span), most_lines, found)
+      do k = 1, size(found)
+         if (found(k)%frequency <= limit) cycle
+         if (belongs_to_mode(found(k), higher, 0.05_wp, span)) cycle
+         lines = [lines, found(k)]
+      end do
+   end subroutine add_higher_lines
+
+   !> Finds the modes whose motion is a decaying oscillation that the model misses: the frequency or
+   !> the decay rate of the model is wrong.
+   !>
+   !> Decaying oscillations of any frequencies and rates are fitted to the record, one for each
+   !> mode. If no line is left near the mode, its motion is such an oscillation. Otherwise its
+   !> frequency or its rate is not constant.
+   !>
+   !> s       (modes) roots of the fitted modes [1/time]
+   !> modes   what the record shows of them
+   !> missed  (modes) on entry the modes to test
+   subroutine find_missed_modes(experiment, s, modes, missed)
+      type(experiment_t), intent(in) :: experiment
+      complex(wp), intent(in) :: s(:)
+      type(sighting_t), intent(in) :: modes(:)
+      logical, intent(inout) :: missed(:)
+      type(line_t) :: motion(size(s))
+      type(line_t), allocatable :: left(:)
+      real(wp) :: rest(size(experiment%samples)), span
+      integer :: k
+
+      motion%frequency = aimag(s)/two_pi
+      motion%decay = -real(s)
+      do k = 1, size(modes)
+         if (modes(k)%mode > size(s) .or. .not. modes(k)%peak > 0) cycle
+         motion(modes(k)%mode)%frequency = modes(k)%peak
+      end do
+      associate (t => experiment%samples)
+         span = t(size(t)) - t(1)
+         call refine_lines(t, experiment%measured, motion, rest)
+         call find_lines(t, rest, 2*maxval(motion%frequency), most_lines, left)
+      end associate
+      do k = 1, size(left)
+         missed = missed .and. .not. abs(left(k)%frequency - motion%frequency) < max(3/span, &
+            left(k)%decay/2, 0.01_wp*motion%frequency)
+      end do
+   end subroutine find_missed_modes
 
    !> Tells whether a spectral line is so close to one of some modes that it belongs to it.
    !>

@@ -10,7 +10,7 @@ module beamid_verdicts
    use beamid_modal, only: modal_t
    use beamid_model_roots, only: belief_t, beliefs_about
    use beamid_responses, only: work_t
-   use beamid_sightings, only: find_lines_left, modes_in_record, sighting_t
+   use beamid_sightings, only: find_lines_left, find_missed_modes, modes_in_record, sighting_t
    use beamid_spectra, only: noise_floor
    use beamid_stage_fits, only: stage_fit_t
    use beamid_strings, only: to_text
@@ -32,6 +32,8 @@ module beamid_verdicts
       !> white noise that the spectrum of the residuals shows between the motions; equal to
       !> `rms_residual` if the residuals are white or the samples are few
       real(wp) :: floor = 0
+      !> whether the record has no noise, and its residuals are errors of computation
+      logical :: is_exact = .false.
    end type quality_t
 
    !> The verdict on a fit.
@@ -41,8 +43,10 @@ module beamid_verdicts
       character(len=:), allocatable :: no_fit         !< why the fit is rejected; '': it is accepted
       !> why no parameter counts as determined although the fit is accepted; '': no such reason
       character(len=:), allocatable :: caution
-      !> modes at whose frequencies the fit leaves a spectral line, as a list; '': none
-      character(len=:), allocatable :: departures
+      !> modes at whose frequencies the fit leaves a spectral line, as lists; '': none. missed: the
+      !> record shows a decaying oscillation of another frequency or rate than the model.
+      !> departures: all others
+      character(len=:), allocatable :: departures, missed
       !> whether the fit starts from the spectral lines of the records, because it was rejected from
       !> the start values of the case
       logical :: starts_again = .false.
@@ -65,8 +69,9 @@ module beamid_verdicts
    !> Largest ratio of residuals to noise with which parameters may count as determined.
    real(wp), parameter :: gross = 10
 
-   !> Number of modes to judge if fewer were fitted.
-   integer, parameter :: usual_modes = 2
+   !> Number of modes to judge if fewer were fitted, and number of modes whose frequencies are
+   !> compared with the lines that a fit leaves.
+   integer, parameter :: usual_modes = 2, most_modes = 12
 
 contains
 
@@ -82,17 +87,18 @@ contains
       type(stage_fit_t), intent(in) :: fit
       type(verdict_t), intent(out) :: verdict
       type(error_t), allocatable, intent(out) :: error
-      complex(wp), allocatable :: s(:, :), ds(:, :, :)
+      complex(wp), allocatable :: s(:, :), ds(:, :, :), higher(:, :)
       type(sighting_t), allocatable :: modes(:), lines(:)
-      logical, allocatable :: departing(:)
+      logical, allocatable :: departing(:), missed(:)
       integer :: first, fitted, k, r
 
-      call roots_of_fit(mesh, fit, s, ds, error)
+      call roots_of_fit(mesh, fit, s, ds, higher, error)
       if (allocated(error)) return
       allocate (verdict%qualities(size(experiments)), verdict%sightings(0), &
          verdict%lost(size(fit%free)), departing(size(s, 1)))
       verdict%lost = .false.
       verdict%departures = ''
+      verdict%missed = ''
       first = 0
       do r = 1, size(experiments)
          associate (experiment => experiments(r), m => size(experiments(r)%measured))
@@ -102,12 +108,20 @@ contains
                ! A force may excite every mode; `modes` is 0 then.
                fitted = size(s, 1)
                if (experiment%excitation%modes > 0) fitted = fit%scenario%excitations(r)%modes
-               call find_lines_left(experiment, r, residual, s(:, r), [(any(modes%mode == k .and. &
-                  modes%verdict == 'unseen'), k=1, fitted)], fit%note /= '', lines, &
-                  departing(:fitted))
+               call find_lines_left(experiment, r, residual, s(:, r), higher(:, r), &
+                  [(any(modes%mode == k .and. modes%verdict == 'unseen'), k=1, fitted)], &
+                  fit%note /= '', lines, departing(:fitted))
                verdict%sightings = [verdict%sightings, modes, lines]
-               call add_departures(departing(:fitted), s(:fitted, r), merge(r, 0, &
-                  size(experiments) > 1), verdict%departures)
+               missed = departing(:fitted)
+               if (any(missed) .and. experiment%excitation%modes > 0) then
+                  call find_missed_modes(experiment, s(:fitted, r), modes, missed)
+               else
+                  missed = .false.
+               end if
+               call add_departures(departing(:fitted) .and. .not. missed, s(:fitted, r), &
+                  merge(r, 0, size(experiments) > 1), verdict%departures)
+               call add_departures(missed, s(:fitted, r), merge(r, 0, size(experiments) > 1), &
+                  verdict%missed)
             end associate
             first = first + m
          end associate
@@ -117,7 +131,8 @@ contains
       if (fit%note /= '') verdict%caution = &
          'the program keeps a parameter fixed that was to be estimated'
       verdict%misfit = maxval(verdict%qualities%rms_residual/max(verdict%qualities%floor, &
-         tiny(1.0_wp)), mask=verdict%qualities%rms_residual > 0)
+         tiny(1.0_wp)), mask=verdict%qualities%rms_residual > 0 .and. &
+         .not. verdict%qualities%is_exact)
       if (verdict%misfit > gross) verdict%caution = 'the residuals are '// &
          to_text(nint(verdict%misfit))//' times the noise of the record'
       if (verdict%no_fit == '') call describe_misfit(verdict%qualities, fit, verdict%no_fit)
@@ -170,20 +185,23 @@ contains
    !> Computes the lowest oscillating roots of the fitted structures, as many as modes were fitted
    !> but at least `usual_modes`, and their derivatives.
    !>
-   !> s      (modes, records) roots [1/time]; 0 where the mesh has fewer
-   !> ds     (modes, records, free) derivatives with respect to the free parameters; 0 for
-   !>        parameters of another record
-   !> error  the roots cannot be found
-   subroutine roots_of_fit(mesh, fit, s, ds, error)
+   !> s       (modes, records) roots [1/time]; 0 where the mesh has fewer
+   !> ds      (modes, records, free) derivatives with respect to the free parameters; 0 for
+   !>         parameters of another record
+   !> higher  (most_modes, records) the same roots and those that follow; 0 where the mesh has
+   !>         fewer, or they cannot be found
+   !> error   the roots cannot be found
+   subroutine roots_of_fit(mesh, fit, s, ds, higher, error)
       type(mesh_t), intent(in) :: mesh
       type(stage_fit_t), intent(in) :: fit
-      complex(wp), allocatable, intent(out) :: s(:, :), ds(:, :, :)
+      complex(wp), allocatable, intent(out) :: s(:, :), ds(:, :, :), higher(:, :)
       type(error_t), allocatable, intent(out) :: error
       type(galerkin_t), target :: galerkin
       type(equations_t), target :: equations
       type(modal_t) :: solver
       type(work_t) :: work
       complex(wp), allocatable :: found(:), slopes(:, :)
+      type(error_t), allocatable :: failed
       logical, allocatable :: together(:)
       integer :: modes, n, p, r
 
@@ -192,6 +210,7 @@ contains
          allocate (s(modes, size(structures)), ds(modes, size(structures), size(fit%free)))
          s = 0
          ds = 0
+         allocate (higher(most_modes, size(structures)), source=(0.0_wp, 0.0_wp))
          do r = 1, size(structures)
             galerkin = galerkin_of(mesh, structures(r))
             call solver%prepare(galerkin, error)
@@ -204,6 +223,10 @@ contains
             do p = 1, size(fit%free)
                if (any(fit%quantities(p)%record == [0, r])) ds(:size(found), r, p) = slopes(:, p)
             end do
+            n = min(most_modes, galerkin%space%n/2)
+            call solver%lowest_roots(equations, [integer ::], n, found, slopes, together, work, &
+               failed)
+            if (.not. allocated(failed)) higher(:size(found), r) = found
          end do
       end associate
    end subroutine roots_of_fit
@@ -219,6 +242,9 @@ contains
       type(quality_t) :: quality
       !> Smallest number of samples whose spectrum shows a level of noise.
       integer, parameter :: enough = 200
+      !> Share of the signal below which white noise is round-off: a converter of 24 bits has more.
+      !> Share of it that errors of computation may reach.
+      real(wp), parameter :: round_off = 1e-7_wp, computation = 1e-4_wp
       integer :: m
 
       m = size(residual)
@@ -238,6 +264,8 @@ contains
       quality%floor = quality%rms_residual
       if (m >= enough .and. .not. fit%check%white) quality%floor = min(quality%floor, &
          noise_floor(experiment%samples, residual))
+      quality%is_exact = quality%floor <= round_off*quality%rms_signal .and. &
+         quality%rms_residual <= computation*quality%rms_signal
    end function quality_of
 
    !> Describes the record that the fit explains least, if that is too little and the residuals are

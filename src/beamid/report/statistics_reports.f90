@@ -24,11 +24,13 @@ contains
    !> does not determine, and the whiteness of the residuals.
    !>
    !> verdict  on the last stage on the finest mesh
-   subroutine add_statistics(text, case, fit, verdict)
+   !> is_last  whether the fit is that of the last stage, which the verdict is about
+   subroutine add_statistics(text, case, fit, verdict, is_last)
       type(text_t), intent(inout) :: text
       type(case_t), intent(in) :: case
       type(stage_fit_t), intent(in) :: fit
       type(verdict_t), intent(in) :: verdict
+      logical, intent(in) :: is_last
       character(len=:), allocatable :: line
       character(len=name_length) :: names(size(fit%quantities))
       logical :: corrects
@@ -61,7 +63,7 @@ contains
          end do
       end associate
       call add_correlations(text, fit, names)
-      call add_determination(text, fit, names, verdict)
+      call add_determination(text, fit, names, verdict, is_last)
       if (allocated(fit%fit%derivative_check)) call text%line( &
          'relative difference of exact derivatives and central differences: '// &
          to_text(fit%fit%derivative_check(1))//' at the start, '// &
@@ -74,11 +76,12 @@ contains
 
    !> Adds the singular values of the Jacobian, and which parameters or combinations of parameters
    !> the record does not determine.
-   subroutine add_determination(text, fit, names, verdict)
+   subroutine add_determination(text, fit, names, verdict, is_last)
       type(text_t), intent(inout) :: text
       type(stage_fit_t), intent(in) :: fit
       character(len=*), intent(in) :: names(:)
       type(verdict_t), intent(in) :: verdict
+      logical, intent(in) :: is_last
       character(len=:), allocatable :: condition, line
       character(len=512), allocatable :: sentences(:)
       integer :: k
@@ -94,7 +97,8 @@ contains
             call text%line(sentences(k))
          end do
          if (all(s%determined)) then
-            line = determination(fit, verdict)
+            line = ''
+            if (is_last) line = determination(fit, verdict)
             if (line /= '') call text%line(line)
          else if (size(sentences) == 0 .and. verdict%caution == '') then
             call text%line('not determined, because the interval is wider than the value: '// &

@@ -37,7 +37,7 @@ contains
       type(stage_fit_t), intent(in) :: fits(:, :)
       character(len=*), intent(in) :: notes(:)
       type(verdict_t), intent(in) :: verdict
-      character(len=:), allocatable :: content
+      character(len=:), allocatable :: content, line
       type(text_t) :: text, warnings
       integer :: k
 
@@ -48,7 +48,9 @@ contains
       call text%line()
       do k = 1, size(experiments)
          associate (t => experiments(k)%samples)
-            call text%line(case%name//': identification from '//to_text(size(t))// &
+            line = case%name
+            if (size(experiments) > 1) line = line//', record '//to_text(k)
+            call text%line(line//': identification from '//to_text(size(t))// &
                ' samples, t = '//to_text(t(1))//' to '//to_text(t(size(t)))// &
                unit_suffix(case%units%time))
          end associate
@@ -64,7 +66,8 @@ call text%line('observed: '//observed(case))
       do k = 1, size(fits, 1)
          call text%line()
          call add_stage(text, case, fits(k, :))
-         call add_statistics(text, case, fits(k, size(fits, 2)), verdict)
+         call add_statistics(text, case, fits(k, size(fits, 2)), verdict, &
+            is_last=k == size(fits, 1))
          if (k == size(fits, 1)) call add_error_sources(text, case%units, &
             fits(k, size(fits, 2)))
          if (k == size(fits, 1)) call add_smoothing(text, fits(k, size(fits, 2)))

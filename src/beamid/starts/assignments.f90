@@ -11,7 +11,7 @@ module beamid_assignments
    implicit none
    private
 
-   public :: assignment_t, lines_t, best_assignments
+   public :: assignment_t, lines_t, best_assignments, fit_frequencies
 
    !> The spectral lines of one record.
    type :: lines_t
@@ -79,7 +79,7 @@ contains
                if (size(best) == kept) then
                   if (tried%price > best(kept)%cost) cycle
                end if
-               call fit_frequencies(problem, beliefs, lines(:r), tried, error)
+               call fit_frequencies(problem, beliefs, lines(:r), frequency_error, tried, error)
                if (.not. allocated(error)) call insert(best, tried)
             end do
          end do
@@ -160,12 +160,14 @@ contains
    !> Fits the parameters, except damping, to the frequencies of the assigned lines and to their
    !> expected values, by Gauss-Newton steps.
    !>
-   !> found  the assignment; on return with value and cost
-   !> error  the roots cannot be computed
-   subroutine fit_frequencies(problem, beliefs, lines, found, error)
+   !> accuracy  relative standard deviation of the frequencies
+   !> found     the assignment; on return with value and cost
+   !> error     the roots cannot be computed
+   subroutine fit_frequencies(problem, beliefs, lines, accuracy, found, error)
       type(residual_t), intent(inout) :: problem
       type(belief_t), intent(in) :: beliefs(:)
       type(lines_t), intent(in) :: lines(:)
+      real(wp), intent(in) :: accuracy
       type(assignment_t), intent(inout) :: found
       type(error_t), allocatable, intent(out) :: error
       integer, parameter :: most = 12
@@ -176,7 +178,7 @@ contains
 
       u = (beliefs%x_of(found%value) - beliefs%x_of(beliefs%centre))/beliefs%width
       do k = 1, most
-         call frequency_residuals(problem, beliefs, lines, found, u, r, jac, error)
+         call frequency_residuals(problem, beliefs, lines, accuracy, found, u, r, jac, error)
          if (allocated(error)) return
          found%cost = found%price + sum(r**2)
          call new_projection(jac, projection, error)
@@ -191,13 +193,15 @@ contains
    !> Computes the residuals of an assignment: differences of the logarithms of frequencies, then
    !> distances of the parameters from their expected values.
    !>
-   !> u    (free) distances from the expected values [standard deviations]
-   !> r    (n) residuals [standard deviations]
-   !> jac  (n, free) derivatives with respect to u
-   subroutine frequency_residuals(problem, beliefs, lines, found, u, r, jac, error)
+   !> accuracy  relative standard deviation of the frequencies
+   !> u         (free) distances from the expected values [standard deviations]
+   !> r         (n) residuals [standard deviations]
+   !> jac       (n, free) derivatives with respect to u
+   subroutine frequency_residuals(problem, beliefs, lines, accuracy, found, u, r, jac, error)
       type(residual_t), intent(inout) :: problem
       type(belief_t), intent(in) :: beliefs(:)
       type(lines_t), intent(in) :: lines(:)
+      real(wp), intent(in) :: accuracy
       type(assignment_t), intent(in) :: found
       real(wp), intent(in) :: u(:)
       real(wp), allocatable, intent(out) :: r(:), jac(:, :)
@@ -218,9 +222,9 @@ contains
          do k = 1, size(s)
             if (found%place(k, i) == 0) cycle
             associate (row => (i - 1)*size(s) + k, line => lines(i)%line(found%place(k, i)))
-               r(row) = log(aimag(s(k))/(two_pi*line%frequency))/frequency_error
+               r(row) = log(aimag(s(k))/(two_pi*line%frequency))/accuracy
                jac(row, :) = aimag(ds(k, :))/aimag(s(k))*beliefs%slope(found%value) &
-                  *beliefs%width/frequency_error
+                  *beliefs%width/accuracy
             end associate
          end do
       end do

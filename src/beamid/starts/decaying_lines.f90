@@ -11,7 +11,7 @@ module beamid_decaying_lines
    implicit none
    private
 
-   public :: find_lines
+   public :: find_lines, refine_lines
 
    real(wp), parameter :: two_pi = 2*acos(-1.0_wp)
 
@@ -58,6 +58,19 @@ contains
       call sort_by_energy(lines)
       call name_multiples(lines, span)
    end subroutine find_lines
+
+   !> Fits frequencies and decay rates of given lines to a record, with their amplitudes and a mean.
+   !>
+   !> t, z   (m) sample times, ascending [time], and values in any unit
+   !> lines  on return at the least squares
+   !> rest   (m) z without mean and lines
+   subroutine refine_lines(t, z, lines, rest)
+      real(wp), intent(in) :: t(:), z(:)
+      type(line_t), intent(inout) :: lines(:)
+      real(wp), intent(out) :: rest(:)
+
+      call refine(t - t(1), z - sum(z)/size(z), [0.0_wp, huge(1.0_wp)], lines, rest)
+   end subroutine refine_lines
 
    !> Tells whether the last line still has energy after the refinement, and is distinct from the
    !> others.

@@ -4,10 +4,10 @@
 !> one mode fewer.
 module beamid_start_choices
    use beamid_assignments, only: assignment_t, best_assignments, lines_t
+   use beamid_equal_frequencies, only: find_equal_frequencies
    use beamid_errors, only: error_t
    use beamid_fit_setups, only: set_free
    use beamid_kinds, only: wp
-   use beamid_lapack, only: dgesvd
    use beamid_least_squares, only: options_t
    use beamid_model_roots, only: belief_t, beliefs_about, damps, model_roots
    use beamid_parameters, only: as_named
@@ -19,8 +19,8 @@ module beamid_start_choices
    implicit none
    private
 
-   public :: choice_t, rival_t, choose, choose_with_fewer, compare, cross_fold, find_rival, &
-      new_choice
+   public :: choice_t, rival_t, choose, choose_with_fewer, compare, list_rivals, new_choice, &
+      try_equal_frequencies
 
    !> Number of assignments from which fits start.
    integer, parameter :: most_starts = 3
@@ -42,10 +42,11 @@ module beamid_start_choices
       procedure :: list_rejections
    end type choice_t
 
-   !> Another minimum of nearly the same J.
+   !> Another minimum of J.
    type :: rival_t
-      real(wp), allocatable :: shift(:)   !< (free) from the best trial; not allocated: no rival
-      real(wp) :: ratio = 1               !< of its J to that of the best trial
+      real(wp), allocatable :: shift(:)       !< (free) from the best trial
+      real(wp) :: ratio = 1                   !< of its J to that of the best trial
+      character(len=:), allocatable :: text   !< the same in words
    end type rival_t
 
 contains
@@ -107,77 +108,32 @@ contains
       call pick(choice)
    end subroutine choose
 
-   !> Tries starts on either side of the best trial along the combination of parameters that changes
-   !> the frequencies least, one standard deviation of the expected values away, and picks the best
-   !> trial again.
-   !>
-   !> Where a ratio of frequencies has an extremum (a fold), two sets of parameters give the same
-   !> frequencies, and J has two equal minima. Away from a fold nothing is tried.
+   !> Tries starts from other parameter values with the frequencies of the best trial, and picks the
+   !> best trial again.
    !>
    !> needed  as for `choose`
-   subroutine cross_fold(problem, choice, needed, options)
+   subroutine try_equal_frequencies(problem, choice, needed, options)
       type(residual_t), intent(inout) :: problem
       type(choice_t), intent(inout) :: choice
       integer, intent(in) :: needed
       type(options_t), intent(in) :: options
-      !> Relative change of the frequencies by one standard deviation, up to which a fold is near.
-      real(wp), parameter :: small = 0.05_wp
       type(trial_t) :: trial
       type(error_t), allocatable :: error
-      real(wp) :: least, direction(size(choice%beliefs)), x(size(choice%beliefs))
-      integer :: side
+      real(wp), allocatable :: values(:, :)
+      integer :: k
 
       if (choice%best == 0) return
-      call least_effect(choice%trials(choice%best), choice%beliefs, direction, least)
-      if (least > small) return
-      x = choice%beliefs%x_of(choice%trials(choice%best)%fit%estimate)
-      associate (b => choice%beliefs)
-         do side = -1, 1, 2
-            call try_start(problem, choice%stage, max(0.0_wp, b%value_of(x + &
-               side*b%width*direction)), choice%modes, options, trial, error)
-            if (allocated(error)) cycle
-            trial%origin = 'start beyond a fold'
-            call object(trial, b, [choice%quantities%name], variation(problem), needed)
-            choice%trials = [choice%trials, trial]
-         end do
-      end associate
-      call pick(choice)
-   end subroutine cross_fold
-
-   !> Finds the combination of parameters that changes the frequencies least.
-   !>
-   !> direction  (free) unit vector in standard deviations of the expected values; 0 for damping
-   !> least      relative change of the frequencies along it; huge if there is only one parameter
-   subroutine least_effect(trial, beliefs, direction, least)
-      type(trial_t), intent(in) :: trial
-      type(belief_t), intent(in) :: beliefs(:)
-      real(wp), intent(out) :: direction(:), least
-      integer, allocatable :: columns(:)
-      real(wp), allocatable :: a(:, :), vt(:, :), sigma(:), work(:)
-      real(wp) :: u(1, 1)
-      integer :: info, k, n
-
-      direction = 0
-      least = huge(1.0_wp)
-      columns = pack([(k, k=1, size(beliefs))], [(.not. damps(reshape(trial%ds(:, :, k), &
-         [size(trial%s)])), k=1, size(beliefs))])
-      n = size(columns)
-      if (n < 2) return
-      ! Rows of 0 make the matrix as long as it is wide.
-      allocate (a(max(n, size(trial%s)), n), source=0.0_wp)
-      do k = 1, n
-         associate (b => beliefs(columns(k)))
-            a(:size(trial%s), k) = reshape(aimag(trial%ds(:, :, columns(k)))/aimag(trial%s), &
-               [size(trial%s)])*b%slope(trial%fit%estimate(columns(k)))*b%width
-         end associate
+      call find_equal_frequencies(problem, choice%stage, choice%beliefs, &
+         choice%trials(choice%best), needed, values)
+      do k = 1, size(values, 2)
+         call try_start(problem, choice%stage, values(:, k), choice%modes, options, trial, error)
+         if (allocated(error)) cycle
+         trial%origin = 'start with the same frequencies'
+         call object(trial, choice%beliefs, [choice%quantities%name], variation(problem), needed)
+         choice%trials = [choice%trials, trial]
       end do
-      allocate (vt(n, n), sigma(n), work(10*size(a, 1)))
-      call dgesvd('N', 'A', size(a, 1), n, a, size(a, 1), sigma, u, 1, vt, n, work, size(work), &
-         info)
-      if (info /= 0) return
-      least = sigma(n)
-      direction(columns) = vt(n, :)
-   end subroutine least_effect
+      call pick(choice)
+   end subroutine try_equal_frequencies
 
    !> Describes where the k-th trial starts: the frequencies that it assigns to the modes, or the
    !> values of the case.
@@ -322,37 +278,48 @@ contains
       call pick(full)
    end subroutine compare
 
-   !> Describes another trial without an objection that has nearly the same J but other parameters.
+   !> Lists the other minima of J: trials without an objection, with other parameters.
    !>
-   !> best   index of the trial that was picked
-   !> text   '': there is none
-   !> rival  the same in numbers
-   subroutine find_rival(choice, best, text, rival)
+   !> best    index of the trial that was picked
+   !> rivals  in the order of the trials
+   subroutine list_rivals(choice, best, rivals)
       type(choice_t), intent(in) :: choice
       integer, intent(in) :: best
-      character(len=:), allocatable, intent(out) :: text
-      type(rival_t), intent(out) :: rival
-      real(wp), parameter :: nearly = 1.02_wp, apart = 0.01_wp
-      integer :: j, k
+      type(rival_t), allocatable, intent(out) :: rivals(:)
+      type(rival_t) :: rival
+      integer :: differs(size(choice%trials)), j, k
 
-      text = ''
-      associate (picked => choice%trials(best)%fit)
-         do k = 1, size(choice%trials)
-            associate (other => choice%trials(k)%fit)
-               if (choice%trials(k)%objection /= '' .or. other%J > nearly*picked%J) cycle
-               j = maxloc(abs(other%estimate - picked%estimate)/max(abs(picked%estimate), &
-                  tiny(1.0_wp)), dim=1)
-               if (abs(other%estimate(j) - picked%estimate(j)) <= apart &
-                  *abs(picked%estimate(j))) cycle
-               if (allocated(rival%shift) .and. other%J > rival%ratio*picked%J) cycle
-               rival%shift = other%estimate - picked%estimate
-               rival%ratio = other%J/picked%J
-               text = 'another minimum: J = '//to_text(other%J)//' with '// &
-                  trim(choice%quantities(j)%name)//' = '//to_text(as_named( &
-                  choice%quantities(j)%parameter, other%estimate(j)))
-            end associate
-         end do
-      end associate
-   end subroutine find_rival
+      allocate (rivals(0))
+      do k = 1, size(choice%trials)
+         differs(k) = largest_difference(choice%trials(k)%fit%estimate, &
+            choice%trials(best)%fit%estimate)
+         if (choice%trials(k)%objection /= '') differs(k) = 0
+         if (differs(k) == 0) cycle
+         ! Several starts may lead to the same minimum.
+         if (any([(differs(j) > 0 .and. largest_difference(choice%trials(k)%fit%estimate, &
+            choice%trials(j)%fit%estimate) == 0, j=1, k - 1)])) cycle
+         associate (other => choice%trials(k)%fit, picked => choice%trials(best)%fit, &
+            q => choice%quantities(differs(k)))
+            rival%shift = other%estimate - picked%estimate
+            rival%ratio = other%J/picked%J
+            rival%text = 'another minimum: J = '//to_text(other%J)//' with '//trim(q%name)// &
+               ' = '//to_text(as_named(q%parameter, other%estimate(differs(k))))// &
+               ' instead of '//to_text(as_named(q%parameter, picked%estimate(differs(k))))
+         end associate
+         rivals = [rivals, rival]
+      end do
+   end subroutine list_rivals
+
+   !> Returns the index of the parameter with the largest relative difference between two estimates;
+   !> 0 if the estimates are of the same minimum.
+   pure integer function largest_difference(estimate, other) result(k)
+      real(wp), intent(in) :: estimate(:), other(:)
+      real(wp), parameter :: apart = 0.01_wp
+      real(wp) :: difference(size(estimate))
+
+      difference = abs(estimate - other)/max(abs(other), tiny(1.0_wp))
+      k = maxloc(difference, dim=1)
+      if (difference(k) <= apart) k = 0
+   end function largest_difference
 
 end module beamid_start_choices

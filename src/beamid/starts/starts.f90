@@ -11,12 +11,12 @@ module beamid_starts
    use beamid_fit_setups, only: set_free
    use beamid_kinds, only: wp
    use beamid_least_squares, only: options_t
-   use beamid_model_roots, only: model_roots
+   use beamid_model_roots, only: damps, model_roots
    use beamid_parameters, only: as_named
    use beamid_residuals, only: residual_t
    use beamid_spectra, only: strongest_peak
    use beamid_start_choices, only: choice_t, choose, choose_with_fewer, compare, &
-      cross_fold, find_rival, new_choice, rival_t
+      list_rivals, new_choice, rival_t, try_equal_frequencies
    use beamid_strings, only: to_text
    use beamid_trials, only: inseparable, resting
    use beamid_unknowns, only: quantity_t, stage_t
@@ -30,8 +30,7 @@ module beamid_starts
       !> why a mode does not count, and which parameters are fixed for that reason
       character(len=:), allocatable :: note
       character(len=:), allocatable :: doubt   !< why none of the fits is to be trusted
-      character(len=:), allocatable :: other   !< another minimum of nearly the same J
-      type(rival_t) :: rival                   !< the same minimum in numbers
+      type(rival_t), allocatable :: rivals(:)  !< other minima of J
       !> one line for each start whose fit is rejected, with the reason
       character(len=:), allocatable :: rejections
    end type findings_t
@@ -65,7 +64,7 @@ contains
       type(lines_t), allocatable :: lines(:)
       type(stage_t) :: searched
       type(quantity_t), allocatable :: asked(:)
-      logical, allocatable :: undetermined(:), unknowable(:)
+      logical, allocatable :: undetermined(:), unknowable(:), is_damping(:)
       integer :: k, modes, needed
       logical :: is_free_motion
 
@@ -79,7 +78,7 @@ contains
       call lines_of_records(problem, modes, lines, error)
       if (.not. allocated(error)) call new_choice(problem, stage, modes, full, error)
       if (.not. allocated(error)) call needed_modes(problem, full, stage%rejected_mode, needed, &
-         undetermined, unknowable, error)
+         undetermined, unknowable, is_damping, error)
       if (allocated(error)) then
          error%message = 'start values: '//error%message
          return
@@ -89,15 +88,18 @@ contains
       if (is_free_motion .and. any(unknowable) .and. .not. all(unknowable)) then
          searched = stage%without(unknowable)
          undetermined = pack(undetermined, .not. unknowable)
+         is_damping = pack(is_damping, .not. unknowable)
          call set_free(problem, searched)
          call new_choice(problem, searched, modes, full, error)
       end if
       if (stage%rejected_mode == 0 .and. .not. allocated(error)) &
          call choose(problem, full, lines, needed, options, error)
       if (is_free_motion) then
-         call cross_fold(problem, full, needed, options)
+         call try_equal_frequencies(problem, full, needed, options)
          call choose_with_fewer(problem, full, lines, needed, undetermined, options, fewer)
          call compare(problem, full, fewer, lines, needed)
+         if (full%best == 0 .and. fewer%best == 0) call exchange_fixed(problem, full, lines, &
+            needed, undetermined, is_damping, options, fewer)
       end if
       call full%list_rejections(findings%rejections)
       if (allocated(error) .and. .not. fewer%best > 0) then
@@ -123,11 +125,47 @@ contains
          problem%scenario = full%trials(k)%start
          stage = searched
          call describe_unknowable(problem, asked, full, findings%note)
-         if (findings%doubt == '') call find_rival(full, k, findings%other, &
-            findings%rival)
+         if (findings%doubt == '') call list_rivals(full, k, findings%rivals)
       end if
       call set_free(problem, stage)
    end subroutine automatic_start
+
+   !> Repeats trial fits with one mode fewer, with another parameter fixed: one of those that the
+   !> modes determine takes the place of one that they do not determine. The first exchange that
+   !> leads to a fit without an objection counts.
+   !>
+   !> Where two parameters have nearly the same effect, the values of the case may allow only one of
+   !> the two to be fixed. A sensor mass below 0, for example, cannot make up for a modulus that is
+   !> too low.
+   !>
+   !> undetermined, is_damping  (free)
+   !> fewer                     on return the choice of the exchange; unchanged if there is none
+   subroutine exchange_fixed(problem, full, lines, needed, undetermined, is_damping, options, fewer)
+      type(residual_t), intent(inout) :: problem
+      type(choice_t), intent(in) :: full
+      type(lines_t), intent(in) :: lines(:)
+      integer, intent(in) :: needed
+      logical, intent(in) :: undetermined(:), is_damping(:)
+      type(options_t), intent(in) :: options
+      type(choice_t), intent(inout) :: fewer
+      type(choice_t) :: tried
+      logical :: fixed(size(undetermined))
+      integer :: j, k
+
+      do j = 1, size(fixed)
+         if (is_damping(j) .or. undetermined(j) .or. full%beliefs(j)%stated) cycle
+         do k = 1, size(fixed)
+            if (is_damping(k) .or. .not. undetermined(k)) cycle
+            fixed = undetermined
+            fixed(j) = .true.
+            fixed(k) = .false.
+            call choose_with_fewer(problem, full, lines, needed, fixed, options, tried)
+            if (tried%best == 0) cycle
+            fewer = tried
+            return
+         end do
+      end do
+   end subroutine exchange_fixed
 
    !> Finds the spectral lines of each record, up to twice the frequency of the highest mode of the
    !> model.
@@ -174,18 +212,20 @@ contains
    !> needed        number of modes; `rejected` if that is not 0
    !> undetermined  (free) parameters that one mode fewer leaves undetermined
    !> unknowable    (free) parameters that cannot be told from others by any of the modes
-   subroutine needed_modes(problem, choice, rejected, needed, undetermined, unknowable, error)
+   !> is_damping    (free) parameters that act as damping
+   subroutine needed_modes(problem, choice, rejected, needed, undetermined, unknowable, &
+      is_damping, error)
       type(residual_t), intent(inout) :: problem
       type(choice_t), intent(in) :: choice
       integer, intent(in) :: rejected
       integer, intent(out) :: needed
-      logical, allocatable, intent(out) :: undetermined(:), unknowable(:)
+      logical, allocatable, intent(out) :: undetermined(:), unknowable(:), is_damping(:)
       type(error_t), allocatable, intent(out) :: error
       complex(wp) :: s(choice%modes, size(problem%parts))
       complex(wp) :: ds(choice%modes, size(problem%parts), size(choice%beliefs))
       complex(wp) :: slopes(choice%modes, size(choice%beliefs))
       real(wp) :: values(size(choice%beliefs))
-      integer :: r
+      integer :: k, r
 
       values = choice%beliefs%centre
       do r = 1, size(problem%parts)
@@ -193,6 +233,7 @@ contains
          if (allocated(error)) return
          ds(:, r, :) = slopes
       end do
+      is_damping = [(damps(reshape(ds(:, :, k), [size(s)])), k=1, size(values))]
       needed = choice%modes
       unknowable = inseparable(s, ds, choice%beliefs, values)
       do

@@ -12,7 +12,8 @@ module beamid_trials
    implicit none
    private
 
-   public :: trial_t, try_start, object, is_multiple, resting, inseparable, gain_of_mode
+   public :: trial_t, accepted_range, try_start, object, is_multiple, resting, inseparable, &
+      gain_of_mode
 
    !> A fit from one start.
    type :: trial_t
@@ -110,9 +111,7 @@ contains
       character(len=*), intent(in) :: names(:)
       real(wp), intent(in) :: variance
       integer, intent(in) :: needed
-      real(wp), parameter :: most_damping(2) = [0.1_wp, 0.3_wp], far = 2.5_wp
-      ! Stated priors are part of the fit already, and there may be many of them.
-      real(wp), parameter :: far_from_stated = 4
+      real(wp), parameter :: most_damping(2) = [0.1_wp, 0.3_wp]
       real(wp) :: ratio, deviation
       integer :: k
 
@@ -131,12 +130,21 @@ contains
          if (damps(reshape(trial%ds(:, :, k), [size(trial%s)]))) cycle
          deviation = (beliefs(k)%x_of(trial%fit%estimate(k)) - beliefs(k)%x_of( &
             beliefs(k)%centre))/beliefs(k)%width
-         if (abs(deviation) <= merge(far_from_stated, far, beliefs(k)%stated)) cycle
+         if (abs(deviation) <= accepted_range(beliefs(k))) cycle
          trial%objection = trim(names(k))//' = '//to_text(trial%fit%estimate(k))// &
             ' is far from the value of the case or its prior, '//to_text(beliefs(k)%centre)
          return
       end do
    end subroutine object
+
+   !> Returns the largest distance of a parameter from its expected value at which a fit is accepted
+   !> [standard deviations].
+   elemental real(wp) function accepted_range(belief)
+      type(belief_t), intent(in) :: belief
+
+      ! Stated priors are part of the fit already, and there may be many of them.
+      accepted_range = merge(4.0_wp, 2.5_wp, belief%stated)
+   end function accepted_range
 
    !> Tells whether a mode sits on a multiple of the lowest mode or of the mains frequency.
    !>

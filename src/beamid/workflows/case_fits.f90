@@ -122,10 +122,12 @@ contains
    end subroutine find_fits
 
    !> Judges the last stage of a fit: adds the error of the mesh and of fixed parameters, the
-   !> verdict, and the test whether parameters are constant, which is made if the case asks for
-   !> windows or the records are long enough. A fit that is rejected is repeated from the spectral
-   !> lines of the records, if it has started elsewhere. If parameters rest on modes that are not
-   !> seen, the case is fitted again without them.
+   !> verdict, and the test whether parameters are constant. This test is made if the case asks for
+   !> windows, or if the records are long enough and show no mode with another constant frequency or
+   !> decay rate than the model, because linear steps cannot tell such an error from a drift. A fit
+   !> that is rejected is repeated from the spectral lines of the records, if it has started
+   !> elsewhere. If parameters rest on modes that are not seen, the case is fitted again without
+   !> them.
    !>
    !> case   on return with the stages that the fit has used
    !> found  as `fit_case` returns it; if the fit is rejected, `verdict%no_fit` says why on return
@@ -162,7 +164,8 @@ contains
             call fit_windows(case%model, case%meshes(size(case%meshes)), found%experiments, last, &
                case%windows, found%windows)
             call find_drifts(found%experiments, case%windows, last, found%drift, found%windows)
-         else if (size(found%verdict%sightings) > 0) then
+         else if (size(found%verdict%sightings) > 0 .and. (found%verdict%missed == '' .or. &
+            found%verdict%departures /= '')) then
             windows = default_windows(found%experiments, last, found%verdict%sightings(1)%model)
             if (windows > 0) call find_drifts(found%experiments, windows, last, found%drift)
          end if
