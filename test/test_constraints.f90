@@ -119,7 +119,7 @@ contains
          call check(to_text(elements)//' elements, three supports near the root', &
             allocated(error) .eqv. elements == 5)
          if (.not. allocated(error)) cycle
-         call check('refused: says why', index(error%message, 'stand so close together') > 0, &
+         call check('refused: says why', index(error%message, 'so close together') > 0, &
             error%message)
       end do
    end subroutine test_refusal

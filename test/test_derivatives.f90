@@ -116,7 +116,7 @@ program test_derivatives
    use beamid_modal, only: assemble
    use beamid_modes, only: bare_beam_modes, beam_modes_t
    use beamid_observation, only: observation_t, new_sampling
-   use beamid_parameters, only: amplitude, free_names, get_free, magnitude
+   use beamid_parameters, only: amplitude, free_names, get_free, magnitude, parameters
    use beamid_pole_search, only: find_poles
    use beamid_poles, only: poles_t
    use beamid_responses, only: response_t, work_t
@@ -145,7 +145,7 @@ program test_derivatives
       real(wp) :: counts = 0                  !< p |du/dp|/|u| there
    end type tally_t
 
-   type(tally_t) :: tallies(size(free_names), size(kinds))
+   type(tally_t) :: tallies(size(parameters), size(kinds))
 
    call start_random(20240229)
    call test_many()
@@ -336,7 +336,7 @@ contains
       ! The step itself is a hundred times shorter than that of the estimate, and so is the error.
       call check('references, worst estimate of their error', worst_estimate/100 < tolerance/100, &
          to_text(worst_estimate/100))
-      do k = 1, size(free_names)
+      do k = 1, size(parameters)
          do m = 1, size(kinds)
             associate (tally => tallies(k, m))
                ! 1e-8 but for a handful: a structure with a beam damped to half of critical and two

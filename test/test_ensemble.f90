@@ -344,7 +344,7 @@ contains
          table, 1, 17)), 1.0_wp, 1e-8_wp)
       outcome = beamid('ensemble fleet/fleet.nml --out known --only-new')
       call check('nothing new', outcome%status == 0 .and. has_all(outcome%out, &
-         '1 of 3 cases are new|no parameter has moved') .and. read_file('known/members.csv') == &
+         '1 of 3 cases are new|no estimate has moved') .and. read_file('known/members.csv') == &
          before, outcome%out//outcome%err)
       call make_record('b', '0.16')
       call make_record('c', '0.15')

@@ -390,7 +390,7 @@ contains
          call fit(problem, size(problem%y), variables([100.0_wp, 0.75_wp], .false.), &
             options_t(check=.false.), result, error)
          call fails('wrong derivatives '//to_text(k)//', not compared', error, &
-            'the derivatives promise a J')
+            'the derivatives predict that J')
       end do
    end subroutine test_mistakes
 
@@ -482,7 +482,7 @@ contains
          problem = edge_t(valley=rosenbrock_t(largest=edges(k), how=1))
          call fit(problem, 2, variables([-1.2_wp, 0.2_wp], .false.), options_t(), result, error)
          call fails('minimum beyond b = '//to_text(edges(k)), error, &
-            'steps at which the model cannot be computed')
+            'the model cannot be computed at the next steps')
       end do
       problem = edge_t(valley=rosenbrock_t(largest=1.0_wp, how=1))
       call fit(problem, 2, variables([-1.2_wp, 0.2_wp], .false.), options_t(), result, error)

@@ -247,7 +247,7 @@ contains
          + 0.5_wp*sin(2*acos(-1.0_wp)*4*f(2)*t), 0.03_wp, 5)
       answer = identified(guessed_ruler_of_two_modes())
       call check('a line above twice the highest mode: it is reported', &
-         index(answer%out, 'line without a mode') > 0 .and. &
+         index(answer%out, 'spectral line, no mode') > 0 .and. &
          index(answer%out, 'unexplained') > 0, answer%out)
    end subroutine test_high_line
 

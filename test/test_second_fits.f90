@@ -63,7 +63,7 @@ contains
       character(len=*), parameter :: rest = '&excitation kind=''pulse'', amplitude=1, '// &
          'duration=0.005 /'//nl//'&discretization degree=5, elements=8 /'//nl// &
          '&stage free=''E'',''m_S'',''c_D'',''gamma'' /'//nl//'&score t_first=1, t_last=2 /'//nl
-      character(len=*), parameter :: sentence = 'this one starts from the spectral lines'
+      character(len=*), parameter :: sentence = 'this fit starts from the spectral lines'
       type(beam_t), parameter :: long = beam_t(length=0.458_wp, width=0.03_wp, &
          height=0.001026_wp, density=7850, E=2e11_wp, c_D=1e6_wp, gamma=0.1_wp, m_S=0.0087_wp, &
          x_S=0.3816_wp)

@@ -204,7 +204,7 @@ contains
       type(text_t), intent(inout) :: text
       type(entry_t), intent(in) :: entry
       character(len=*), intent(in) :: title
-      character(len=len(free_names)), allocatable :: names(:)
+      character(len=:), allocatable :: names(:)
       character(len=512), allocatable :: sentences(:)
       character(len=:), allocatable :: head, verdict
       real(wp), allocatable :: ours(:), paper(:)

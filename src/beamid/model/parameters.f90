@@ -181,10 +181,15 @@ module beamid_parameters
    !> The table, as a variable: the compiler would copy a constant into every object that uses it.
    type(parameter_t), protected :: parameters(size(rows)) = rows
 
-   !> Names of all rows. flang 19 does not evaluate `rows%name`, an array of a text component.
-   character(len=9), protected :: free_names(size(rows)) = [(rows(i)%name, i=1, size(rows))]
-
 contains
+
+   !> Returns the name of parameter k, without that of an attachment.
+   elemental function free_names(k) result(name)
+      integer, intent(in) :: k
+      character(len=len(parameters%name)) :: name
+
+      name = parameters(k)%name
+   end function free_names
 
    !> Returns the key of parameter k in the case file.
    pure function key_of(k) result(key)
