@@ -204,7 +204,6 @@ contains
       type(text_t), intent(inout) :: text
       type(entry_t), intent(in) :: entry
       character(len=*), intent(in) :: title
-      character(len=:), allocatable :: names(:)
       character(len=512), allocatable :: sentences(:)
       character(len=:), allocatable :: head, verdict
       real(wp), allocatable :: ours(:), paper(:)
@@ -212,10 +211,9 @@ contains
 
       associate (fit => entry%fits(size(entry%fits), 1), &
          s => entry%fits(size(entry%fits), 1)%statistics)
-         names = free_names(fit%free)
          head = repeat(' ', 12)
-         do k = 1, size(names)
-            head = head//right(trim(names(k)), 12)
+         do k = 1, size(fit%free)
+            head = head//right(trim(free_names(fit%free(k))), 12)
          end do
          ours = [(entry%ours%get(fit%free(k)), k=1, size(fit%free)), entry%our_J, entry%our_sum]
          paper = [(entry%paper%get(fit%free(k)), k=1, size(fit%free)), entry%J_at_paper, &
@@ -227,13 +225,13 @@ contains
          call text%line('   paper    '//columns(paper, 12)//columns([entry%printed_sum], 10))
          call text%line('   differs  '//columns(ours/paper - 1, 12, '#%')// &
             columns([entry%our_sum/entry%printed_sum - 1], 10, '#%'))
-         do k = 1, size(names)
+         do k = 1, size(fit%free)
             verdict = ' is not determined'
             if (s%determined(k)) verdict = ' is determined'
-            call text%line(filled(' - '//trim(names(k))//verdict//': 95 % interval # +- #', &
+            call text%line(filled(' - '//trim(free_names(fit%free(k)))//verdict//': 95 % interval # +- #', &
                [fit%fit%estimate(k), s%half_width(k)]))
          end do
-         sentences = undetermined(s, names, [fit%quantities%scale], fit%jacobian)
+         sentences = undetermined(s, free_names(fit%free), [fit%quantities%scale], fit%jacobian)
          do k = 1, size(sentences)
             call text%line(' - '//trim(sentences(k)))
          end do

@@ -38,10 +38,13 @@ module beamid_parameters
    integer, parameter :: the_mass = n_parameters + 1, the_stiffness = the_mass + 1, &
       the_omega = the_stiffness + 1
 
+   !> Length of a name without that of an attachment.
+   integer, parameter :: symbol_length = 9
+
    !> One row of the table.
    type :: parameter_t
       integer :: place                !< number of the parameter, equal to the number of the row
-      character(len=9) :: name        !< name in fits and reports
+      character(len=symbol_length) :: name   !< name in fits and reports
       character(len=10) :: group      !< group of the case file
       integer :: unit(3)              !< exponents of mass, length and time in its unit
       integer :: range                !< allowed range: `positive` .. `share`
@@ -55,7 +58,7 @@ module beamid_parameters
       logical :: is_reciprocal = .false.
       character(len=80) :: help       !< line of help
       integer :: item = 0             !< number of its attachment, end or coefficient; 0: none
-      character(len=9) :: key = ''    !< key in the case file, if it differs from the name
+      character(len=symbol_length) :: key = ''   !< key in the case file, if it differs from the name
    end type parameter_t
 
    !> Moderate value of a mass.
@@ -186,7 +189,7 @@ contains
    !> Returns the name of parameter k, without that of an attachment.
    elemental function free_names(k) result(name)
       integer, intent(in) :: k
-      character(len=len(parameters%name)) :: name
+      character(len=symbol_length) :: name
 
       name = parameters(k)%name
    end function free_names
