@@ -228,8 +228,8 @@ contains
          do k = 1, size(fit%free)
             verdict = ' is not determined'
             if (s%determined(k)) verdict = ' is determined'
-            call text%line(filled(' - '//trim(free_names(fit%free(k)))//verdict//': 95 % interval # +- #', &
-               [fit%fit%estimate(k), s%half_width(k)]))
+            call text%line(filled(' - '//trim(free_names(fit%free(k)))//verdict// &
+               ': 95 % interval # +- #', [fit%fit%estimate(k), s%half_width(k)]))
          end do
          sentences = undetermined(s, free_names(fit%free), [fit%quantities%scale], fit%jacobian)
          do k = 1, size(sentences)
