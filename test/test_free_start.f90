@@ -18,7 +18,8 @@ program test_free_start
    use beamid_responses, only: work_t
    use beamid_statistics, only: new_statistics, statistics_t
    use beamid_strings, only: to_text
-   use beamid_structure, only: end_t, free_end, hose_t, of_c_H, of_k_H, of_length, of_m_H, of_x_F, &
+   use beamid_structure, only: end_t, free_end, hose_t, no_spring, of_c_H, of_k_H, of_length, &
+      of_m_H, of_x_F, &
       of_x_S, sensor_t, structure_t
    use beamid_unknowns, only: name_of
    use beamid_variables, only: new_variable, unbounded, variable_t
@@ -284,6 +285,9 @@ contains
       free = pack([(k, k=1, of_x_S)], [(k /= of_x_F .and. &
          parameters(k)%group /= 'along', k=1, of_x_S)])
       free = [free, of_m_H, of_c_H, of_k_H]
+      p = [(structure%get(free(k)), k=1, size(free))]
+      ! Of the ends, only the rotation of the root has a spring that is neither rigid nor absent.
+      free = pack(free, p > 0 .and. p < no_spring)
       p = [(structure%get(free(k)), k=1, size(free))]
       do modes = 1, 4
          do formula = 1, 3

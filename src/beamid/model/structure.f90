@@ -537,11 +537,14 @@ contains
    end function factor_slopes
 
    !> Returns the static stiffness at the position of the force, x_F [force/length]; 0 up to
-   !> round-off if the beam is not supported.
+   !> round-off if the beam is not supported, `huge` if a rigid end or support takes the force.
    pure real(wp) function stiffness(self)
       class(structure_t), intent(in) :: self
+      real(wp) :: deflection
 
-      stiffness = 1/self%static_deflection(self%place(of_x_F))
+      deflection = self%static_deflection(self%place(of_x_F))
+      stiffness = huge(deflection)
+      if (abs(deflection) > tiny(deflection)) stiffness = 1/deflection
    end function stiffness
 
    !> Returns the derivative of log(`stiffness`) with respect to parameter k, computed by a complex

@@ -70,6 +70,7 @@ module beamid_unknowns
       !> statistics refer to this variable
       real(wp) :: searched = 0
       real(wp) :: scale = 1      !< reference of relative changes of `searched`, > 0
+      real(wp) :: moderate = 1   !< moderate value of `searched`, > 0
    contains
       procedure :: limits
       procedure :: ends
@@ -258,7 +259,8 @@ contains
       if (self%is_reciprocal()) limits(1) = std_error*self%value**2
    end function limits
 
-   !> Returns both ends of an interval of the parameter, within the bounds of the search.
+   !> Returns both ends of an interval of the parameter, within the bounds of the search. The linear
+   !> theory holds for the reciprocal of a stiff spring, but for the stiffness itself of a soft one.
    !>
    !> distance  (2) distance of the lower and of the upper end from the estimate of the searched
    !>           variable
@@ -268,8 +270,14 @@ contains
       real(wp) :: ends(2)
 
       ends = self%value + [-distance(1), distance(2)]
-      if (self%is_reciprocal()) ends = as_named(self%parameter, [self%searched + distance(2), &
-         max(self%searched - distance(1), 0.0_wp)])
+      if (self%is_reciprocal()) then
+         if (self%searched > self%moderate) then
+            ends = self%value + self%value**2*[-distance(2), distance(1)]
+         else
+            ends = as_named(self%parameter, [self%searched + distance(2), max(self%searched &
+               - distance(1), 0.0_wp)])
+         end if
+      end if
       ends(1) = max(ends(1), self%lower)
       if (self%upper < unbounded) ends(2) = min(ends(2), self%upper)
    end function ends
@@ -340,6 +348,7 @@ contains
             variables(k)%is_logarithmic = is_coefficient(stage%free(k)) .and. &
                .not. q%lower > 0 .and. .not. q%upper < unbounded
             q%start = as_named(stage%free(k), variables(k)%start)
+            q%moderate = moderate
             range = [q%lower, q%upper]
             if (q%is_reciprocal()) range = reciprocals(range)
             q%lower = range(1)

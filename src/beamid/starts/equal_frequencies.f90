@@ -66,7 +66,7 @@ contains
          lines(r)%line%frequency = aimag(trial%s(:modes, r))/two_pi
       end do
       near = beliefs
-      where (is_damping) near%centre = trial%fit%estimate
+      where (is_damping .and. trial%fit%estimate > 0) near%centre = trial%fit%estimate
       call follow(problem, stage, near, lines, trial%fit%estimate, varied, minima)
       do k = 1, size(minima, 2)
          found%place = all_in_order(lines)

@@ -210,7 +210,7 @@ contains
 
          associate (last => found%fits(size(found%fits, 1), size(found%fits, 2)))
             parameters = pack(last%free, found%verdict%lost)
-            records = pack(last%quantities(:size(last%free))%record, found%verdict%lost)
+            records = pack([last%quantities(:size(last%free))%record], found%verdict%lost)
          end associate
          stages = case%stages
          if (all(records > 0)) then
