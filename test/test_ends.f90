@@ -249,10 +249,10 @@ contains
    end subroutine compare_solvers
 
    !> Compares derivatives with differences of fourth order with relative steps of 1e-4. The fastest
-   !> modes turn by up to 1e3 rad; the truncation error of their small part of the displacement stays
-   !> below 1e-9, and round-off is 1e-14 over the step. A frequency changes by four times the share of
-   !> the length, so that the truncation error of this difference may be 4**4 times as large; where it
-   !> counts, `test_benches` compares with quadruple precision.
+   !> modes turn by up to 1e3 rad; the truncation error of their small part of the displacement
+   !> stays below 1e-9, and round-off is 1e-14 over the step. A frequency changes by four times the
+   !> share of the length, so that the truncation error of this difference may be 4**4 times as
+   !> large; `test_benches` compares with quadruple precision.
    subroutine compare_slopes(name, s, excitation)
       character(len=*), intent(in) :: name
       type(structure_t), intent(in) :: s

@@ -58,7 +58,7 @@ module beamid_parameters
       logical :: is_reciprocal = .false.
       character(len=80) :: help       !< line of help
       integer :: item = 0             !< number of its attachment, end or coefficient; 0: none
-      character(len=symbol_length) :: key = ''   !< key in the case file, if it differs from the name
+      character(len=symbol_length) :: key = '' !< key in the case file, if it differs from the name
    end type parameter_t
 
    !> Moderate value of a mass.
