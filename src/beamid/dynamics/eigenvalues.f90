@@ -56,7 +56,10 @@ contains
             call check_interrupt(error)
             if (allocated(error)) return
             shift = -E/c_D
-            if (size(near) > 0) error_of_s = min(fastest, shift**2/minval(abs(near)))
+            if (size(near) > 0) then
+               ! The smallest root may be 0.
+               if (minval(abs(near))*fastest > shift**2) error_of_s = shift**2/minval(abs(near))
+            end if
             call roots_near(assembly, shift, near)
             if (size(near) > 0) call replace_within(s, near, cmplx(shift, 0, wp), &
                min(abs(shift)/2, sqrt(minval(abs(near - shift))*error_of_s)))
