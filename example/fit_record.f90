@@ -1,7 +1,7 @@
 !> Estimates the viscosity of the beam and the parameters of the hose from the record of Table 4.1.
 !> Run it in the root folder of the project.
 program fit_record
-   use beamid, only: hose_t, error_t, free_index, free_names, identify, mesh_t, modal_t, model_t, &
+   use beamid, only: error_t, free_index, free_names, hose_t, identify, mesh_t, modal_t, model_t, &
       new_pulse, observation_t, read_record, recording_t, stage_fit_t, stage_t, structure_t, wp
    implicit none
    type(model_t) :: model

@@ -1,6 +1,6 @@
 !> What an accelerometer on the tip of a beam sees of a pulse, with and without a hose.
 program simulate_pulse
-   use beamid, only: hose_t, cvode_t, error_t, mesh_t, modal_t, model_t, new_pulse, simulate, &
+   use beamid, only: cvode_t, error_t, hose_t, mesh_t, modal_t, model_t, new_pulse, simulate, &
       simulation_t, structure_t, wp
    implicit none
    type(model_t) :: model

@@ -32,7 +32,7 @@ module beamid_assembly
    implicit none
    private
 
-   public :: assembly_t, new_assembly, pencil_t, quadratic, load_t
+   public :: assembly_t, new_assembly, quadratic, load_t
 
    !> Largest number of rows of V: two for each attachment, and those of the ends.
    integer, parameter, public :: most = 2*most_attached + 6

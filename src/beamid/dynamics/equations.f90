@@ -85,7 +85,7 @@ contains
       type(excitation_t), intent(in) :: excitation
       logical, intent(in), optional :: matrices
       type(equations_t) :: self
-      integer :: k, n
+      integer :: k, kd, n
 
       self%galerkin => galerkin
       self%structure = structure
@@ -109,9 +109,10 @@ contains
       self%unit(self%spline) = gamma(galerkin%mesh%degree + 1.0_wp)
       if (any(is_axial_force([(k, k=1, size(self%strength, 1))]) .and. &
          abs(self%strength(:, of_stiffness)) > 0)) call find_geometric_stiffness(self)
-      self%mass = sum_of_terms(self, of_mass)
-      self%damping = sum_of_terms(self, of_damping)
-      self%stiffness = sum_of_terms(self, of_stiffness)
+      kd = half_bandwidth(self)
+      self%mass = sum_of_terms(self, of_mass, kd)
+      self%damping = sum_of_terms(self, of_damping, kd)
+      self%stiffness = sum_of_terms(self, of_stiffness, kd)
       self%observer = self%point(:, sensor_value(structure%observer))
       if (structure%g > 0) self%tilt = tilting(structure)*galerkin%space%length/structure%length &
          *self%point(:, sensor_slope(structure%observer))
@@ -213,7 +214,8 @@ contains
       type(band_t), intent(inout) :: band
       integer :: i, j
 
-      if (all(self%hose == 0) .or. self%spline(part%n) == part%n) then
+      ! No hose stands between two splines.
+      if (self%spline(part%n) == part%n) then
          band%a(:part%kd + 1, :part%n) = band%a(:part%kd + 1, :part%n) + factor*part%a
          return
       end if
@@ -227,14 +229,15 @@ contains
    !> Returns M, C or K, the sum of its terms.
    !>
    !> matrix  `of_mass`, `of_damping` or `of_stiffness`
-   function sum_of_terms(self, matrix) result(band)
+   !> kd      half-bandwidth
+   function sum_of_terms(self, matrix, kd) result(band)
       type(equations_t), intent(in) :: self
-      integer, intent(in) :: matrix
+      integer, intent(in) :: matrix, kd
       type(band_t) :: band, bent, inert
       integer :: k
 
       associate (g => self%galerkin, s => self%strength(:, matrix))
-         band = new_band(size(self%point, 1), half_bandwidth(self))
+         band = new_band(size(self%point, 1), kd)
          bent = g%bending
          inert = g%inertia
          if (matrix == of_damping .and. g%varies) then

@@ -301,17 +301,15 @@ contains
       component = component - (item - 1)*n_of(kind)
    end subroutine find_item
 
-   !> Returns the value of parameter k as it is stored.
-   pure real(wp) function stored(self, k)
+   !> Returns the values of one attachment, or those of the beam, in the first entries of q.
+   !>
+   !> kind, item  as of `find_item`
+   pure function values_in(self, kind, item) result(q)
       class(structure_t), intent(in) :: self
-      integer, intent(in) :: k
+      integer, intent(in) :: kind, item
       real(wp) :: q(n_beam)
-      integer :: kind, item, component
 
-      call find_item(k, kind, item, component)
       select case (kind)
-      case (0)
-         q = transfer(self%beam_values_t, q)
       case (1)
          q(:n_of(1)) = transfer(self%sensor(item), q, n_of(1))
       case (2)
@@ -320,7 +318,20 @@ contains
          q(:n_of(3)) = transfer(self%mass(item), q, n_of(3))
       case (4)
          q(:n_of(4)) = transfer(self%hose(item), q, n_of(4))
+      case default
+         q = transfer(self%beam_values_t, q)
       end select
+   end function values_in
+
+   !> Returns the value of parameter k as it is stored.
+   pure real(wp) function stored(self, k)
+      class(structure_t), intent(in) :: self
+      integer, intent(in) :: k
+      real(wp) :: q(n_beam)
+      integer :: kind, item, component
+
+      call find_item(k, kind, item, component)
+      q = values_in(self, kind, item)
       stored = q(component)
    end function stored
 
@@ -333,27 +344,19 @@ contains
       integer :: kind, item, component
 
       call find_item(k, kind, item, component)
+      q = values_in(self, kind, item)
+      q(component) = value
       select case (kind)
-      case (0)
-         q = transfer(self%beam_values_t, q)
-         q(component) = value
-         self%beam_values_t = transfer(q, beam_values_t())
       case (1)
-         q(:n_of(1)) = transfer(self%sensor(item), q, n_of(1))
-         q(component) = value
          self%sensor(item) = transfer(q, sensor_t())
       case (2)
-         q(:n_of(2)) = transfer(self%support(item), q, n_of(2))
-         q(component) = value
          self%support(item) = transfer(q, support_t())
       case (3)
-         q(:n_of(3)) = transfer(self%mass(item), q, n_of(3))
-         q(component) = value
          self%mass(item) = transfer(q, mass_t())
       case (4)
-         q(:n_of(4)) = transfer(self%hose(item), q, n_of(4))
-         q(component) = value
          self%hose(item) = transfer(q, hose_t())
+      case default
+         self%beam_values_t = transfer(q, beam_values_t())
       end select
    end subroutine store
 
@@ -685,24 +688,21 @@ contains
       integer, intent(in), optional :: k
       real(wp), intent(in), optional :: moved
       complex(wp), allocatable :: points(:), a(:, :), b(:, :), rigid(:, :), row(:)
-      integer, allocatable :: place(:), slope(:), compliance(:)
+      type(column_spring_t), allocatable :: held(:)
+      integer, allocatable :: slope(:)
       real(wp) :: l, unit
-      logical :: there(4 + 2*self%supports), regular
+      logical :: regular
       integer :: i, j, n
 
       if (abs(q(of_g)) + abs(q(of_T)) > 0) then
          influence = column_deflection(column_of(self, q, [x, xi]), x, xi)
          return
       end if
-      there = springs(self)
-      call find_places(self, there, place, slope)
-      compliance = pack([compliance_at, kappa_P_at(:self%supports), kappa_RP_at(:self%supports)], &
-         there)
-      n = size(place)
-      allocate (points(n + 2), a(n + 2, n + 2), b(n + 2, 1), rigid(n + 2, 2))
-      points(:n) = [(position(q, place(i)), i=1, n)]
-      points(n + 1:) = [x, xi]
-      slope = [slope, 0, 0]
+      held = springs_of(self, q)
+      n = size(held)
+      allocate (a(n + 2, n + 2), b(n + 2, 1), rigid(n + 2, 2))
+      points = [held%at, x, xi]
+      slope = [held%slope, 0, 0]
       ! Lengths in l, forces in E I/l**2.
       l = self%length
       unit = l**3/(self%E*self%I)
@@ -719,7 +719,7 @@ contains
       b(:n, 1) = -a(:n, n + 2)
       b(n + 1:, 1) = -rigid(n + 2, :)
       do i = 1, n
-         a(i, i) = a(i, i) + q(compliance(i))*l**(2*slope(i))/unit
+         a(i, i) = a(i, i) + held(i)%compliance*l**(2*slope(i))/unit
       end do
       a(:n, n + 1:) = rigid(:n, :)
       a(n + 1:, :n) = transpose(rigid(:n, :))
@@ -729,17 +729,28 @@ contains
       if (.not. regular) influence = huge(unit)
    end function influence
 
-   !> Returns the position of a spring: that of a parameter, 0 for the root, or the length.
+   !> Returns the springs to the ground, rigid or not, in the order of `springs`.
    !>
-   !> place  as of `find_places`
-   pure complex(wp) function position(q, place)
+   !> q  as of `influence`
+   pure function springs_of(self, q) result(held)
+      type(structure_t), intent(in) :: self
       complex(wp), intent(in) :: q(:)
-      integer, intent(in) :: place
+      type(column_spring_t) :: held(count(springs(self)))
+      integer, allocatable :: place(:), slope(:)
+      logical :: there(4 + 2*self%supports)
+      integer :: i
 
-      position = 0
-      if (place < 0) position = q(of_length)
-      if (place > 0) position = q(place)
-   end function position
+      there = springs(self)
+      call find_places(self, there, place, slope)
+      held%slope = slope
+      held%compliance = q(pack([compliance_at, kappa_P_at(:self%supports), &
+         kappa_RP_at(:self%supports)], there))
+      do i = 1, size(held)
+         held(i)%at = 0
+         if (place(i) < 0) held(i)%at = q(of_length)
+         if (place(i) > 0) held(i)%at = q(place(i))
+      end do
+   end function springs_of
 
    !> Returns the beam under its axial force and weight, on its springs, as a `column_t`. Its pieces
    !> end at the positions `places`, at every spring and at every sensor.
@@ -748,7 +759,6 @@ contains
       complex(wp), intent(in) :: q(:), places(:)
       type(column_t) :: column
       type(column_spring_t) :: held(count(springs(self)))
-      integer, allocatable :: place(:), slope(:), compliance(:)
       complex(wp), dimension(max(1, self%sensors) + self%masses) :: carried, at
       complex(wp) :: ends(size(places) + size(held) + size(at) + 2), N(size(ends) - 1), weight
       integer :: i, last(size(at))
@@ -759,11 +769,7 @@ contains
          carried = [q(m_S_at(:sensors)), q(m_M_at(:masses))]
       end associate
       where (real(at) < 0) at = q(of_length)
-      call find_places(self, springs(self), place, slope)
-      compliance = pack([compliance_at, kappa_P_at(:self%supports), kappa_RP_at(:self%supports)], &
-         springs(self))
-      held = [(column_spring_t(position(q, place(i)), q(compliance(i)), slope(i)), &
-         i=1, size(held))]
+      held = springs_of(self, q)
       ends = [(0.0_wp, 0.0_wp), places, held%at, at, q(of_length)]
       call sort_by(real(ends), ends)
       ! The positions are complex: find the end that each equals, instead of comparing positions.
