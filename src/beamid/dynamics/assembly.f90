@@ -24,7 +24,7 @@ module beamid_assembly
    use beamid_kinds, only: wp
    use beamid_matrices, only: add_diagonal, outer
    use beamid_modes, only: beam_modes_t
-   use beamid_structure, only: is_coefficient, most_attached, of_g, of_length, structure_t
+   use beamid_structure, only: is_coefficient, of_g, of_length, structure_t
    use beamid_terms, only: bending, end_condition, force_value, hose, hose_value, inertia, &
       is_axial_force, is_end_condition, is_spring, load_shape, of_compliance, of_damping, of_load, &
       of_mass, of_stiffness, operators, operators_of, place_on_mesh, sensor_slope, sensor_value, &
@@ -33,9 +33,6 @@ module beamid_assembly
    private
 
    public :: assembly_t, new_assembly, quadratic, load_t
-
-   !> Largest number of rows of V: two for each attachment, and those of the ends.
-   integer, parameter, public :: most = 2*most_attached + 6
 
    !> Coefficients of the polynomials D(s) and H(s); H without the couplings of the hoses.
    type :: pencil_t
@@ -824,12 +821,12 @@ contains
       integer, intent(in) :: form, p
       complex(wp), intent(in) :: x(:), y(:), s
 
-      real(wp) :: load(most)
+      real(wp) :: load(size(y))
 
       change = 0
       if (.not. self%load_changes(p)) return
-      call self%load_rows(form, load(:size(y)), p)
-      change = sum(self%load_remainder_slope(:, p)*x) + sum(load(:size(y))*y)
+      call self%load_rows(form, load, p)
+      change = sum(self%load_remainder_slope(:, p)*x) + sum(load*y)
       if (allocated(self%velocity_load_slope)) change = change &
          + sum(self%velocity_load_slope(:, p)*x)/s
    end function load_change

@@ -8,7 +8,7 @@ module beamid_characteristic
    use beamid_assembly, only: assembly_t
    use beamid_kinds, only: wp
    use beamid_matrices, only: eliminate
-   use beamid_vectors, only: most, root_t
+   use beamid_vectors, only: root_t
    implicit none
    private
 
@@ -18,24 +18,22 @@ contains
 
    !> Returns W'/W at a point [time]. The result is 0 if it cannot be computed because the structure
    !> without oscillator j has a root at this very point, and `huge` at a root.
-   !>
-   !> A search calls this procedure hundreds of times; therefore it allocates no array.
    pure complex(wp) function logarithmic_derivative(self, root) result(value)
       type(assembly_t), intent(in) :: self
       type(root_t), intent(in) :: root
-      complex(wp), dimension(most, most) :: G, dG, H, dH, a
-      complex(wp) :: b(most, most + 1), y(most), D_j, dD_j, w, dw
+      complex(wp), dimension(size(self%v, 1), size(self%v, 1)) :: G, dG, H, dH, a
+      complex(wp) :: b(size(self%v, 1), size(self%v, 1) + 1), y(size(self%v, 1)), D_j, dD_j, w, dw
       logical :: regular
       integer :: k, l, r
 
       r = size(self%v, 1)
       call sum_oscillators(self, root, G, dG, D_j, dD_j, value)
-      call self%couplings(self%form_at(root%s), root%s, H(:r, :r), dH(:r, :r))
+      call self%couplings(self%form_at(root%s), root%s, H, dH)
       ! a = A + G H; the columns of b are v_j and the derivative of G H.
       do l = 1, r
          do k = 1, r
-            a(k, l) = sum(G(k, :r)*H(:r, l))
-            b(k, l + 1) = sum(dG(k, :r)*H(:r, l) + G(k, :r)*dH(:r, l))
+            a(k, l) = sum(G(k, :)*H(:, l))
+            b(k, l + 1) = sum(dG(k, :)*H(:, l) + G(k, :)*dH(:, l))
          end do
          a(l, l) = a(l, l) + self%compliance(l)
          b(l, 1) = self%v(l, root%j)
@@ -45,12 +43,12 @@ contains
       w = D_j
       dw = dD_j
       do k = 1, r
-         y(k) = sum(H(k, :r)*b(:r, 1))
+         y(k) = sum(H(k, :)*b(:, 1))
          w = w + self%v(k, root%j)*y(k)
-         y(k) = sum(b(k, 2:r + 1)*b(:r, 1))
+         y(k) = sum(b(k, 2:)*b(:, 1))
       end do
       do k = 1, r
-         dw = dw + self%v(k, root%j)*sum(dH(k, :r)*b(:r, 1) - H(k, :r)*y(:r))
+         dw = dw + self%v(k, root%j)*sum(dH(k, :)*b(:, 1) - H(k, :)*y)
          value = value + b(k, k + 1)
       end do
       if (.not. regular) then
@@ -64,20 +62,20 @@ contains
 
    !> Computes the sums over all oscillators but j at a point s.
    !>
-   !> G, dG      (most, most) G(s) and G'(s), of which the first (r, r) entries are set
+   !> G, dG      (r, r) G(s) and G'(s)
    !> D_j, dD_j  D_j(s) and D_j'(s)
    !> value      sum of D_i'/D_i over i /= j
    pure subroutine sum_oscillators(self, root, G, dG, D_j, dD_j, value)
       type(assembly_t), intent(in) :: self
       type(root_t), intent(in) :: root
-      complex(wp), intent(out) :: G(most, most), dG(most, most), D_j, dD_j, value
+      complex(wp), intent(out) :: G(:, :), dG(:, :), D_j, dD_j, value
       complex(wp) :: origin, left, right, D, dD
       integer :: i, k, l, r
 
       r = size(self%v, 1)
       origin = self%pole(root%origin, root%side)
-      G(:r, :r) = 0
-      dG(:r, :r) = 0
+      G = 0
+      dG = 0
       value = 0
       do i = 1, self%n
          left = (origin - self%pole(i, 1)) + root%offset

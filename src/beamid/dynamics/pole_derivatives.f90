@@ -13,8 +13,7 @@ module beamid_pole_derivatives
    use beamid_kinds, only: wp
    use beamid_poles, only: is_unresolved, load_on, pair_weight, parameter_values, poles_t
    use beamid_systems, only: solve_adjoint
-   use beamid_terms, only: of_mass
-   use beamid_vectors, only: add_response, most, root_t, solve_coupled, vector_t
+   use beamid_vectors, only: add_response, root_t, solve_coupled, vector_t
    implicit none
    private
 
@@ -80,27 +79,28 @@ contains
       type(vector_t), intent(in) :: vector
       complex(wp), intent(out) :: ds(:), dr(:)
       complex(wp), dimension(assembly%n) :: z, dQx
-      complex(wp), dimension(most) :: w, mu, shift, dHy
+      complex(wp) :: of_rows(size(assembly%v, 1), 4)
       complex(wp), dimension(size(assembly%changing)) :: xx, xz
       complex(wp) :: observed, driven, r, dr_ds, x_Q_x, z_Q_x, x_E_x(2), z_E_x(2)
       integer :: c, p, l, rows
 
       rows = size(assembly%v, 1)
       c = size(assembly%changing)
-      associate (x => vector%x, y => vector%y(:rows), f => vector%f(:rows), s => root%s, &
-         form => vector%form)
+      associate (x => vector%x, y => vector%y, f => vector%f, s => root%s, &
+         form => vector%form, w => of_rows(:, 1), mu => of_rows(:, 2), dHy => of_rows(:, 3), &
+         shift => of_rows(:, 4))
          driven = load_on(assembly, vector, s)
          observed = y(assembly%sensor)/vector%A
          r = observed*driven/vector%A
          dQx = vector%dD*x
          if (assembly%is_dense()) dQx(:assembly%beam) = dQx(:assembly%beam) &
             + matmul(assembly%dense(:, :, 1), x(:assembly%beam))
-         call find_adjoint(assembly, root, vector, dQx, observed, driven/vector%A, z, w(:rows), &
-            mu(:rows))
+         call find_adjoint(assembly, root, vector, dQx, observed, driven/vector%A, z, w, &
+            mu)
          call assembly%products(form, x, y, x, y, xx(:c))
-         call assembly%products(form, x, y, z, w(:rows), xz(:c))
-         call differentiate_by_root(assembly, root, vector, dQx, observed, r, z, w(:rows), dr_ds, &
-            dHy(:rows))
+         call assembly%products(form, x, y, z, w, xz(:c))
+         call differentiate_by_root(assembly, root, vector, dQx, observed, r, z, w, dr_ds, &
+            dHy)
          do p = 1, size(ds)
             associate (A_p => assembly%compliance_slope(:, p), moves => assembly%moves(:, p))
                x_E_x = assembly%dense_products(x, x, p)
@@ -110,7 +110,7 @@ contains
                   + r*(assembly%system_derivative_by_s(xx(:c), s, p) + x_E_x(1))
                if (any(abs(A_p) > 0)) then
                   x_Q_x = x_Q_x - sum(A_p*f*y)
-                  z_Q_x = z_Q_x - sum(A_p*f*w(:rows)) - r*sum(A_p*y*dHy(:rows))
+                  z_Q_x = z_Q_x - sum(A_p*f*w) - r*sum(A_p*y*dHy)
                end if
                if (any(abs(moves) > 0)) then
                   ! Change of V'x because the points of the rows move.
@@ -118,8 +118,8 @@ contains
                   do l = 1, rows
                      if (abs(moves(l)) > 0) shift(l) = moves(l)*sum(assembly%v_slope(l, :)*x)
                   end do
-                  x_Q_x = x_Q_x + 2*sum(shift(:rows)*f)
-                  z_Q_x = z_Q_x + sum(shift(:rows)*mu(:rows)) &
+                  x_Q_x = x_Q_x + 2*sum(shift*f)
+                  z_Q_x = z_Q_x + sum(shift*mu) &
                      + sum(moves*matmul(assembly%v_slope, z)*f)
                end if
                ds(p) = -x_Q_x/vector%A
@@ -145,13 +145,11 @@ contains
       complex(wp), intent(in) :: dQx(:), observed, r, z(:), w(:)
       complex(wp), intent(out) :: dr_ds, dHy(:)
       complex(wp) :: hmy
-      real(wp) :: hm(most, most)
       integer :: i, l, rows
 
       rows = size(w)
-      associate (x => vector%x, y => vector%y(:rows), s => root%s, dH => vector%dH, &
+      associate (x => vector%x, y => vector%y, s => root%s, dH => vector%dH, &
          A => assembly%compliance, m => assembly%pencil%m)
-         call assembly%coupling(of_mass, vector%form, hm(:rows, :rows))
          dr_ds = 0
          do i = 1, assembly%n
             dr_ds = dr_ds - dQx(i)*z(i) - 2*m(i)*(r*x(i)**2)
@@ -161,13 +159,13 @@ contains
             hmy = 0
             do l = 1, rows
                dHy(i) = dHy(i) + dH(i, l)*y(l)
-               hmy = hmy + hm(i, l)*y(l)
+               hmy = hmy + vector%hm(i, l)*y(l)
             end do
             dr_ds = dr_ds - A(i)*(w(i)*dHy(i) + 2*r*y(i)*hmy)
          end do
          if (assembly%feels_base) dr_ds = dr_ds &
             - observed*(sum(assembly%velocity_load*x) &
-            - 2*sum(assembly%base_coupling*vector%f(:rows))/s)/s**2
+            - 2*sum(assembly%base_coupling*vector%f)/s)/s**2
       end associate
    end subroutine differentiate_by_root
 
@@ -185,25 +183,24 @@ contains
       type(vector_t), intent(in) :: vector
       complex(wp), intent(in) :: dQx(:), observed, driven
       complex(wp), intent(out) :: z(:), w(:), mu(:)
-      complex(wp) :: force(size(z)), moved(size(w))
-      real(wp) :: load_rows(most)
+      complex(wp) :: force(size(z))
+      real(wp) :: load_rows(size(w))
       integer :: l
 
       associate (y => vector%y, G => vector%G, H => vector%H, dH => vector%dH)
          w = 0
          if (assembly%feels_base) w = observed*assembly%base_coupling/root%s**2
-         call assembly%load_rows(vector%form, load_rows(:size(w)))
+         call assembly%load_rows(vector%form, load_rows)
          do l = 1, size(w)
             mu(l) = observed*(load_rows(l) &
-               - 2*driven*sum(dH(:, l)*y(:size(w))))
+               - 2*driven*sum(dH(:, l)*y))
          end do
          mu(assembly%sensor) = mu(assembly%sensor) + driven
          force = observed*assembly%load_remainder - 2*observed*driven*dQx
          if (assembly%feels_base) force = force &
             + observed*assembly%velocity_load/root%s
          if (assembly%is_dense()) then
-            moved = w
-            call solve_adjoint(assembly, root, force, mu, moved, z, w)
+            call solve_adjoint(assembly, root, force, mu, (w), z, w)
             mu = matmul(H, w) - mu
             return
          end if

@@ -8,7 +8,7 @@
 !> `beamid_pole_search` finds the roots, `beamid_pole_derivatives` differentiates, and
 !> `beamid_synthesis` computes the motion.
 module beamid_poles
-   use beamid_assembly, only: assembly_t, most
+   use beamid_assembly, only: assembly_t
    use beamid_clusters, only: cluster_t, find_clusters, origin_cluster
    use beamid_contours, only: measure
    use beamid_errors, only: error_t, failure
@@ -219,7 +219,7 @@ contains
       type(assembly_t), intent(in) :: assembly
       type(vector_t), intent(in) :: vector
       complex(wp), intent(in) :: s
-      real(wp) :: load_rows(most)
+      real(wp) :: load_rows(size(assembly%v, 1))
       integer :: i
 
       ! The load along the row of a spring is 0. In every other row, y is the motion.
@@ -227,13 +227,13 @@ contains
       do i = 1, assembly%n
          load_on = load_on + assembly%load_remainder(i)*vector%x(i)
       end do
-      call assembly%load_rows(vector%form, load_rows(:size(assembly%v, 1)))
+      call assembly%load_rows(vector%form, load_rows)
       do i = 1, size(assembly%v, 1)
          load_on = load_on + load_rows(i)*vector%y(i)
       end do
       if (assembly%feels_base) load_on = load_on &
          + (sum(assembly%velocity_load*vector%x) &
-         - sum(assembly%base_coupling*vector%f(:size(assembly%base_coupling)))/s)/s
+         - sum(assembly%base_coupling*vector%f)/s)/s
    end function load_on
 
    !> Returns the values of the parameters of an assembly; 0 for a parameter that is not one of the

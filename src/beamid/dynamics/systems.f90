@@ -210,7 +210,6 @@ contains
          + size(assembly%v, 1)) :: P, dP
       complex(wp) :: z(size(P, 1), 1)
       real(wp), dimension(size(P, 1)) :: rows, columns
-      real(wp) :: hm(size(assembly%v, 1), size(assembly%v, 1))
       integer :: pivots(size(P, 1)), n, r, step
 
       n = assembly%n
@@ -230,15 +229,15 @@ contains
       end do
       z = z/z(root%j, 1)
       vector%x = z(:n, 1)
-      vector%y(:r) = z(n + 1:, 1)
+      vector%y = z(n + 1:, 1)
       vector%A = sum(vector%x*matmul(dP(:n, :), z(:, 1)))
-      associate (pencil => assembly%pencil, y => vector%y(:r))
+      associate (pencil => assembly%pencil, y => vector%y)
          call assembly%couplings(vector%form, root%s, vector%H, vector%dH)
-         call assembly%coupling(of_mass, vector%form, hm)
-         vector%f(:r) = matmul(vector%H, y)
+         call assembly%coupling(of_mass, vector%form, vector%hm)
+         vector%f = matmul(vector%H, y)
          vector%dD = 2*pencil%m*root%s + pencil%c
          vector%inertia = sum(pencil%m*abs(vector%x)**2) &
-            + real(sum(conjg(y)*matmul(hm, y)))
+            + real(sum(conjg(y)*matmul(vector%hm, y)))
       end associate
    end subroutine iterate_inversely
 

@@ -15,7 +15,7 @@ module beamid_transfer
    use beamid_kinds, only: wp
    use beamid_matrices, only: identity
    use beamid_systems, only: factor, solve_system => solve, system_at
-   use beamid_vectors, only: find_vector, most, nearest_pole, root_t, solve_coupled, &
+   use beamid_vectors, only: find_vector, nearest_pole, root_t, solve_coupled, &
       vector_t
    implicit none
    private
@@ -26,7 +26,7 @@ module beamid_transfer
    type :: transfer_t
       complex(wp), allocatable :: q(:)         !< (n) motion of the oscillators per unit force
       !> motion of the rows, V'q; for the row of a spring the force, as y in `beamid_vectors`
-      complex(wp) :: u(most) = 0
+      complex(wp), allocatable :: u(:)
       complex(wp) :: h = 0                     !< motion of the sensor per unit force, o'q
       complex(wp) :: dlog = 0                  !< W'/W [time]
       complex(wp), allocatable :: dh(:)        !< (parameters) derivatives of h
@@ -60,7 +60,7 @@ contains
       type(inverse_t) :: inverse
 
       value%form = assembly%form_at(point%s)
-      if (.not. allocated(value%q)) allocate (value%q(assembly%n))
+      if (.not. allocated(value%q)) allocate (value%q(assembly%n), value%u(size(assembly%v, 1)))
       if (assembly%is_dense()) then
          call invert_dense(assembly, point, value, inverse)
       else
@@ -91,27 +91,27 @@ contains
       call nearest_pole(assembly, place)
       place = root_t(place%j, point%origin, point%side, point%offset, point%s)
       call find_vector(assembly, place, vector)
-      w = vector%D(place%j) + sum(assembly%v(:, place%j)*vector%f(:r))
+      w = vector%D(place%j) + sum(assembly%v(:, place%j)*vector%f)
       E = identity(r)
       do i = 1, r
          call solve_coupled(assembly, vector, E(:, i))
       end do
       load = assembly%load_at(place%s, vector%form)
       call solve(assembly, place%j, vector, E, w, load, assembly%base_coupling/place%s**2, &
-         value%q, value%u(:r))
-      HE = matmul(vector%H(:r, :r), E)
+         value%q, value%u)
+      HE = matmul(vector%H, E)
       allocate (inverse%o(assembly%n), inverse%u(r), inverse%diagonal(assembly%n), &
          inverse%by_position(r))
-      inverse%T = matmul(E, vector%G(:r, :r))
+      inverse%T = matmul(E, vector%G)
       do i = 1, r
-         inverse%T(:, i) = inverse%T(:, i) + vector%y(:r)*vector%y(i)*assembly%compliance(i)/w
+         inverse%T(:, i) = inverse%T(:, i) + vector%y*vector%y(i)*assembly%compliance(i)/w
       end do
       do i = 1, assembly%n
          inverse%diagonal(i) = vector%x(i)**2/w
          if (i /= place%j) inverse%diagonal(i) = inverse%diagonal(i) + (1 - sum( &
             assembly%v(:, i)*matmul(HE, assembly%v(:, i)))/vector%D(i))/vector%D(i)
       end do
-      value%dlog = sum(vector%dD*inverse%diagonal) + sum(vector%dH(:r, :r)*inverse%T)
+      value%dlog = sum(vector%dD*inverse%diagonal) + sum(vector%dH*inverse%T)
       if (.not. with_slopes) return
       none = 0
       load = assembly%v(assembly%sensor, :)
@@ -143,7 +143,7 @@ contains
       solution = matmul(full, [assembly%load_at(point%s, value%form), &
          -assembly%base_coupling/point%s**2])
       value%q = solution(:n)
-      value%u(:r) = solution(n + 1:)
+      value%u = solution(n + 1:)
       value%dlog = sum(transpose(full)*dP)
       solution = matmul(full(:, :n), assembly%v(assembly%sensor, :))
       inverse%o = solution(:n)
@@ -176,7 +176,7 @@ contains
          value%dlog_p(size(assembly%parameters)))
       call assembly%couplings(value%form, s, H, dH)
       call assembly%load_rows(value%form, load_rows)
-      associate (u => value%u(:size(inverse%u)), o => inverse%o, u_o => inverse%u, &
+      associate (u => value%u, o => inverse%o, u_o => inverse%u, &
          v_x => assembly%v_slope, form => value%form)
          call assembly%products(form, value%q, u, o, u_o, products)
          call assembly%traces(form, inverse%diagonal, inverse%T, traces)
@@ -250,13 +250,13 @@ contains
          if (i /= j) u = u + assembly%v(:, i)*load(i)/vector%D(i)
       end do
       u = matmul(E, u)
-      f = matmul(vector%H(:r, :r), u)
-      modal_force = (sum(vector%x*load) - sum(vector%f(:r)*extended))/w
+      f = matmul(vector%H, u)
+      modal_force = (sum(vector%x*load) - sum(vector%f*extended))/w
       do i = 1, assembly%n
          q(i) = vector%x(i)*modal_force
          if (i /= j) q(i) = q(i) + (load(i) - sum(assembly%v(:, i)*f))/vector%D(i)
       end do
-      u = u + vector%y(:r)*modal_force
+      u = u + vector%y*modal_force
    end subroutine solve
 
 end module beamid_transfer

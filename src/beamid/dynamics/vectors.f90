@@ -11,7 +11,7 @@
 !> is the spring's force in a suitable unit; A y is the motion, where A is the compliance, and
 !> f = H y is the force of spring and dashpot.
 module beamid_vectors
-   use beamid_assembly, only: assembly_t, most
+   use beamid_assembly, only: assembly_t
    use beamid_kinds, only: wp
    use beamid_lapack, only: dgesv
    use beamid_matrices, only: eliminate, size_of
@@ -20,7 +20,7 @@ module beamid_vectors
    private
 
    public :: root_t, vector_t, add_response, allocate_vector, find_vector, &
-      most, nearest_pole, solve_coupled, solve_mass
+      nearest_pole, solve_coupled, solve_mass
 
    !> A point s of the complex plane, a root or an approximation to one. It is stored relative to a
    !> nearby root of an oscillator's D_i (a pole), so that D_i(s) keeps its digits near the pole.
@@ -38,8 +38,9 @@ module beamid_vectors
       complex(wp), allocatable :: x(:)          !< (n) motion of the oscillators, x_j = 1
       complex(wp), allocatable :: D(:), dD(:)   !< (n) D(s) and D'(s)
       complex(wp), allocatable :: inverse(:)    !< (n) 1/D(s); 0 for oscillator j
-      complex(wp) :: y(most), f(most)           !< A**-1 V'x and H y; the first r entries are set
+      complex(wp), allocatable :: y(:), f(:)    !< (r) A**-1 V'x and H y
       complex(wp), allocatable, dimension(:, :) :: G, H, dH   !< (r, r) G(s), H(s) and H'(s)
+      real(wp), allocatable :: hm(:, :)         !< (r, r) coefficients of s**2 in H
       integer :: form = 0                       !< form of H at s, from `form_at`
       complex(wp) :: A = 0                      !< x'(2 s M + C) x
       real(wp) :: inertia = 0                   !< x^H M x, real and positive
@@ -55,17 +56,17 @@ contains
       type(assembly_t), intent(in) :: self
       type(root_t), intent(inout) :: root
       complex(wp) :: s
-      complex(wp) :: H(most, most), dH(most, most)
-      real(wp) :: distance(2), least, weight(most), response, largest
+      complex(wp) :: H(size(self%v, 1), size(self%v, 1), 2)
+      real(wp) :: distance(2), least, weight(size(self%v, 1)), response, largest
       integer :: i, k, l, origin, side, r
 
       r = size(self%v, 1)
       s = root%s
-      weight(:r) = 0
-      call self%couplings(self%form_at(s), s, H(:r, :r), dH(:r, :r))
+      weight = 0
+      call self%couplings(self%form_at(s), s, H(:, :, 1), H(:, :, 2))
       do l = 1, r
          do k = 1, r
-            weight(k) = max(weight(k), size_of(H(k, l))/max(1.0_wp, self%compliance(k)))
+            weight(k) = max(weight(k), size_of(H(k, l, 1))/max(1.0_wp, self%compliance(k)))
          end do
       end do
       least = huge(least)
@@ -80,7 +81,7 @@ contains
             origin = i
             side = k
          end do
-         response = sum(self%v(:, i)**2*weight(:r))/self%pencil%m(i)
+         response = sum(self%v(:, i)**2*weight)/self%pencil%m(i)
          response = response**2/max(distance(1)*distance(2), tiny(1.0_wp))
          if (response <= largest) cycle
          largest = response
@@ -101,7 +102,6 @@ contains
       type(assembly_t), intent(in) :: self
       type(root_t), intent(in) :: root
       type(vector_t), intent(inout) :: vector
-      real(wp) :: hm(most, most)
       integer :: i, k, l, r
 
       r = size(self%v, 1)
@@ -109,7 +109,7 @@ contains
       vector%form = self%form_at(root%s)
       associate (v => self%v, m => self%pencil%m, G => vector%G)
          call self%couplings(vector%form, root%s, vector%H, vector%dH)
-         call self%coupling(of_mass, vector%form, hm(:r, :r))
+         call self%coupling(of_mass, vector%form, vector%hm)
          call denominators(self%n, m, self%pole, root, vector%D, vector%dD, vector%inverse)
          do l = 1, r
             do k = 1, l
@@ -118,7 +118,7 @@ contains
             end do
             vector%y(l) = v(l, root%j)
          end do
-         call solve_coupled(self, vector, vector%y(:r))
+         call solve_coupled(self, vector, vector%y)
          vector%A = 0
          vector%inertia = 0
          do k = 1, r
@@ -126,7 +126,7 @@ contains
             do l = 1, r
                vector%f(k) = vector%f(k) + vector%H(k, l)*vector%y(l)
                vector%A = vector%A + self%compliance(k)*vector%y(k)*vector%dH(k, l)*vector%y(l)
-               vector%inertia = vector%inertia + hm(k, l)*real(conjg(vector%y(k)) &
+               vector%inertia = vector%inertia + vector%hm(k, l)*real(conjg(vector%y(k)) &
                   *vector%y(l))
             end do
          end do
@@ -149,10 +149,10 @@ contains
          if (size(vector%x) == n .and. size(vector%H, 1) == r) return
          deallocate (vector%H)
       end if
-      if (allocated(vector%x)) deallocate (vector%x, vector%D, vector%dD)
-      if (allocated(vector%G)) deallocate (vector%inverse, vector%G, vector%dH)
-      allocate (vector%x(n), vector%D(n), vector%dD(n), vector%inverse(n), vector%G(r, r), &
-         vector%H(r, r), vector%dH(r, r))
+      if (allocated(vector%x)) deallocate (vector%x, vector%D, vector%dD, vector%y, vector%f)
+      if (allocated(vector%G)) deallocate (vector%inverse, vector%G, vector%dH, vector%hm)
+      allocate (vector%x(n), vector%D(n), vector%dD(n), vector%inverse(n), vector%y(r), &
+         vector%f(r), vector%G(r, r), vector%H(r, r), vector%dH(r, r), vector%hm(r, r))
    end subroutine allocate_vector
 
    !> Computes D, D' and 1/D at a point, with 0 in the place of 1/D_j. The distances from the poles
@@ -216,7 +216,7 @@ contains
       type(assembly_t), intent(in) :: self
       type(vector_t), intent(in) :: vector
       complex(wp), intent(inout) :: b(:)
-      complex(wp) :: a(most, most), columns(most, 1)
+      complex(wp) :: a(size(b), size(b) + 1)
       logical :: regular
       integer :: k, l, m, r
 
@@ -229,11 +229,11 @@ contains
             end do
          end do
          a(l, l) = a(l, l) + self%compliance(l)
-         columns(l, 1) = b(l)
+         a(l, r + 1) = b(l)
       end do
-      call eliminate(r, 1, a, columns, regular)
+      call eliminate(r, 1, a(:, :r), a(:, r + 1:), regular)
       b = 0
-      if (regular) b = columns(:r, 1)
+      if (regular) b = a(:, r + 1)
    end subroutine solve_coupled
 
    !> Computes the accelerations x := M**-1 x of the oscillators under forces, and y = V'x of the
@@ -247,11 +247,12 @@ contains
       real(wp), intent(inout) :: x(:, :)
       real(wp), intent(out) :: y(:, :)
       real(wp), intent(in), optional :: moved(:)
-      real(wp), dimension(most, most) :: h, a, c
-      integer :: pivots(most), info, k, l, r
+      real(wp), dimension(size(self%v, 1), size(self%v, 1)) :: h, a
+      real(wp) :: c(size(self%v, 1), size(x, 2))
+      integer :: pivots(size(self%v, 1)), info, k, l, r
 
       r = size(self%v, 1)
-      h(:r, :r) = self%mass_couplings()
+      h = self%mass_couplings()
       associate (vt => self%vt, m => self%pencil%m)
          do l = 1, r
             do k = 1, l
@@ -259,7 +260,7 @@ contains
                a(l, k) = a(k, l)
             end do
          end do
-         a(:r, :r) = matmul(a(:r, :r), h(:r, :r))
+         a = matmul(a, h)
          do l = 1, size(x, 2)
             x(:, l) = x(:, l)/m
             do k = 1, r
@@ -273,12 +274,12 @@ contains
                c(k, 1) = c(k, 1) - moved(k)
             end if
          end do
-         call dgesv(r, size(x, 2), a, most, pivots, c, most, info)
+         call dgesv(r, size(x, 2), a, r, pivots, c, r, info)
          if (info /= 0) c = 0
-         y = c(:r, :size(x, 2))
+         y = c
          do l = 1, size(x, 2)
             do k = 1, r
-               x(:, l) = x(:, l) - sum(h(k, :r)*y(:, l))*vt(:, k)/m
+               x(:, l) = x(:, l) - sum(h(k, :)*y(:, l))*vt(:, k)/m
             end do
          end do
       end associate

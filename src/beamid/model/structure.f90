@@ -27,8 +27,8 @@ module beamid_structure
 
    !> Compliance of a support or of an end without a spring.
    real(wp), parameter, public :: no_spring = huge(1.0_wp)
-   !> Largest number of attachments of each kind, and of all kinds together.
-   integer, parameter, public :: most_items = 20, most_attached = 47
+   !> Largest number of attachments of each kind.
+   integer, parameter, public :: most_items = 20
    !> Length of the name of an attachment.
    integer, parameter, public :: item_name_length = 12
 

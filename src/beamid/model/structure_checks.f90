@@ -7,7 +7,7 @@ module beamid_structure_checks
       parameters, &
       positive, share
    use beamid_strings, only: to_text
-   use beamid_structure, only: deflection, most_attached, n_parameters, no_spring, of_E, of_g, &
+   use beamid_structure, only: deflection, n_parameters, no_spring, of_E, of_g, &
       of_I, &
       of_length, of_rho, of_T, rotation, structure_t, tip, x_P_at
    use beamid_units, only: units_t
@@ -44,16 +44,9 @@ contains
       type(structure_t), intent(in) :: structure
       type(error_t), allocatable, intent(out) :: error
       integer, intent(out), optional :: place
-      integer :: attached, k
+      integer :: k
 
       if (present(place)) place = of_length
-      attached = max(1, structure%sensors) + structure%supports + structure%masses &
-         + max(1, structure%hoses)
-      if (attached > most_attached) then
-         call bad_input(error, 'length: found '//to_text(attached)//' attachments on one beam, '// &
-            'expected at most '//to_text(most_attached))
-         return
-      end if
       do k = 1, n_parameters
          if (present(place)) place = k
          if (.not. is_there(structure, k)) cycle
