@@ -53,19 +53,32 @@ find_fpm
 cd "$checkout"
 
 passed=0 failed=0 skipped=0
-log=$(mktemp)
+logs=$(mktemp -d)
 library=$(mktemp --suffix=.so)
-trap 'rm -f "$log" "$library"' EXIT
-preload=()
+trap 'rm -rf "$logs" "$library"' EXIT
+export preload='' logs
 if [[ -n $seed ]]; then
    cc -O2 -shared -fPIC scripts/perturb.c -o "$library" -ldl -lm
-   preload=(env "PERTURB_SEED=$seed" "LD_PRELOAD=$library${LD_PRELOAD:+:$LD_PRELOAD}")
+   preload="env PERTURB_SEED=$seed LD_PRELOAD=$library${LD_PRELOAD:+:$LD_PRELOAD}"
 fi
+# As many programs run at a time as there are processors. Threads that wait leave theirs to others.
+export OMP_WAIT_POLICY=passive
 
-# Runs one test program; no closing line, or a bad exit status after a clean one, is a failure.
+# Runs one test program, and prints its output in one piece when it has ended.
 run_suite() {
-   local status=0 closing counts
-   "${preload[@]}" "$1" </dev/null 2>&1 | tee "$log" || status=$?
+   local status=0 log=$logs/${1##*/}
+   # shellcheck disable=SC2086
+   $preload "$1" </dev/null >"$log" 2>&1 || status=$?
+   echo "$status" >"$log.status"
+   flock "$logs" cat "$log"
+}
+export -f run_suite
+
+# Adds the counts in the closing line of one program. No such line, or a bad exit status after a clean
+# one, is a failure.
+add_counts() {
+   local log=$logs/${1##*/} status closing counts
+   status=$(cat "$log.status" || echo none)
    closing=$(grep -Eax '.+: [0-9]+ passed, [0-9]+ failed, [0-9]+ skipped' "$log") || true
    closing=${closing##*$'\n'}
    read -ra counts <<<"$(tr -cd '0-9 ' <<<"${closing##*: }")"
@@ -85,8 +98,10 @@ fi
 if build "$profile" "${flags[@]}" --tests && { [[ -z $sanitized ]] || build "${program[@]}"; }; then
    BEAMID_PROGRAM=$checkout/$(paths "${program[0]}" run beamid "${program[@]:1}" | tail -n 1)
    export BEAMID_PROGRAM
-   for test in $(paths "$profile" test "${flags[@]}" | grep -E "$chosen"); do
-      run_suite "$test"
+   mapfile -t tests < <(paths "$profile" test "${flags[@]}" | grep -E "$chosen")
+   printf '%s\n' "${tests[@]}" | xargs -P "$(nproc)" -I{} bash -c 'run_suite "$1"' bash {}
+   for test in "${tests[@]}"; do
+      add_counts "$test"
    done
    [[ $((passed + failed)) -gt 0 ]] || { failed=1 && echo "FAIL  no check ran"; }
 else
