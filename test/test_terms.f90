@@ -79,7 +79,7 @@ program test_terms
    call test_rows()
    call test_grounded()
    call test_derivatives()
-   call test_mistakes(merge(1000, 6, in_long_run()))
+   call test_mistakes(merge(1000, 3, in_long_run()))
    call finish('terms')
 
 contains

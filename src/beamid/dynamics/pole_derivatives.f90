@@ -208,7 +208,7 @@ contains
          do l = 1, size(w)
             w(l) = w(l) + sum(assembly%vt(:, l)*z) + sum(G(:, l)*mu)
          end do
-         call solve_coupled(assembly, vector, w)
+         call solve_coupled(vector, w)
          do l = 1, size(w)
             mu(l) = sum(H(:, l)*w) - mu(l)
          end do

@@ -94,7 +94,7 @@ contains
       w = vector%D(place%j) + sum(assembly%v(:, place%j)*vector%f)
       E = identity(r)
       do i = 1, r
-         call solve_coupled(assembly, vector, E(:, i))
+         call solve_coupled(vector, E(:, i))
       end do
       load = assembly%load_at(place%s, vector%form)
       call solve(assembly, place%j, vector, E, w, load, assembly%base_coupling/place%s**2, &

@@ -40,6 +40,7 @@ module beamid_vectors
       complex(wp), allocatable :: inverse(:)    !< (n) 1/D(s); 0 for oscillator j
       complex(wp), allocatable :: y(:), f(:)    !< (r) A**-1 V'x and H y
       complex(wp), allocatable, dimension(:, :) :: G, H, dH   !< (r, r) G(s), H(s) and H'(s)
+      complex(wp), allocatable :: coupled(:, :) !< (r, r) A + G H
       real(wp), allocatable :: hm(:, :)         !< (r, r) coefficients of s**2 in H
       integer :: form = 0                       !< form of H at s, from `form_at`
       complex(wp) :: A = 0                      !< x'(2 s M + C) x
@@ -118,7 +119,16 @@ contains
             end do
             vector%y(l) = v(l, root%j)
          end do
-         call solve_coupled(self, vector, vector%y)
+         do l = 1, r
+            do k = 1, r
+               vector%coupled(k, l) = 0
+               do i = 1, r
+                  vector%coupled(k, l) = vector%coupled(k, l) + G(k, i)*vector%H(i, l)
+               end do
+            end do
+            vector%coupled(l, l) = vector%coupled(l, l) + self%compliance(l)
+         end do
+         call solve_coupled(vector, vector%y)
          vector%A = 0
          vector%inertia = 0
          do k = 1, r
@@ -150,9 +160,11 @@ contains
          deallocate (vector%H)
       end if
       if (allocated(vector%x)) deallocate (vector%x, vector%D, vector%dD, vector%y, vector%f)
-      if (allocated(vector%G)) deallocate (vector%inverse, vector%G, vector%dH, vector%hm)
+      if (allocated(vector%G)) deallocate (vector%inverse, vector%G, vector%dH, vector%hm, &
+         vector%coupled)
       allocate (vector%x(n), vector%D(n), vector%dD(n), vector%inverse(n), vector%y(r), &
-         vector%f(r), vector%G(r, r), vector%H(r, r), vector%dH(r, r), vector%hm(r, r))
+         vector%f(r), vector%G(r, r), vector%H(r, r), vector%dH(r, r), vector%hm(r, r), &
+         vector%coupled(r, r))
    end subroutine allocate_vector
 
    !> Computes D, D' and 1/D at a point, with 0 in the place of 1/D_j. The distances from the poles
@@ -210,27 +222,18 @@ contains
 
    !> Solves (A + G H) x = b in place; the result is 0 if the matrix is singular.
    !>
-   !> vector  supplies G and H
+   !> vector  supplies A + G H
    !> b       (r) in: right-hand side; out: solution
-   pure subroutine solve_coupled(self, vector, b)
-      type(assembly_t), intent(in) :: self
+   pure subroutine solve_coupled(vector, b)
       type(vector_t), intent(in) :: vector
       complex(wp), intent(inout) :: b(:)
       complex(wp) :: a(size(b), size(b) + 1)
       logical :: regular
-      integer :: k, l, m, r
+      integer :: r
 
       r = size(b)
-      do l = 1, r
-         do k = 1, r
-            a(k, l) = 0
-            do m = 1, r
-               a(k, l) = a(k, l) + vector%G(k, m)*vector%H(m, l)
-            end do
-         end do
-         a(l, l) = a(l, l) + self%compliance(l)
-         a(l, r + 1) = b(l)
-      end do
+      a(:, :r) = vector%coupled
+      a(:, r + 1) = b
       call eliminate(r, 1, a(:, :r), a(:, r + 1:), regular)
       b = 0
       if (regular) b = a(:, r + 1)
