@@ -1,6 +1,7 @@
 !> Finds lines in the spectrum of a record, decaying oscillations that exceed their surroundings.
 !> The search for start values assigns them to modes.
 module beamid_spectra
+   use beamid_fourier, only: phasor_sums
    use beamid_kinds, only: wp
    use beamid_sorting, only: median
    implicit none
@@ -188,51 +189,22 @@ contains
    end function near_mains
 
    !> Returns approximately half the sum of squares that an oscillation with each frequency of a
-   !> grid explains. Each sample has a phasor x + i y, which is rotated from one frequency to the
-   !> next.
+   !> grid explains.
    !>
    !> t, z   (m) times [time] and values
    !> decay  rate of decay of the oscillation [1/time]
    !> range  (2) lowest and highest frequency [1/time]
-   !> step   of the frequencies [1/time]
+   !> step   of the frequencies [1/time], below 1/(length of the record)
    !> power  (frequencies)
    function matched_filter(t, z, decay, range, step) result(power)
       real(wp), intent(in) :: t(:), z(:), decay, range(2), step
       real(wp), allocatable :: power(:)
-      integer, parameter :: lanes = 8     ! sums side by side, which a processor adds at once
-      real(wp), dimension(lanes, size(t)/lanes + 1) :: x, y, c, s
-      real(wp) :: envelope(size(t)), phase(size(t)), next(lanes), total(lanes, 2)
-      integer :: j, k
+      real(wp) :: envelope(size(t))
+      complex(wp), allocatable :: sums(:)
 
       envelope = exp(-decay*(t - t(1)))
-      phase = two_pi*(t - t(1))
-      x = in_lanes(z*envelope*cos(range(1)*phase))
-      y = in_lanes(z*envelope*sin(range(1)*phase))
-      c = in_lanes(cos(step*phase))
-      s = in_lanes(sin(step*phase))
-      allocate (power(max(0, int((range(2) - range(1))/step) + 1)))
-      do k = 1, size(power)
-         total = 0
-         do j = 1, size(x, 2)
-            total(:, 1) = total(:, 1) + x(:, j)
-            total(:, 2) = total(:, 2) + y(:, j)
-            next = x(:, j)*c(:, j) - y(:, j)*s(:, j)
-            y(:, j) = x(:, j)*s(:, j) + y(:, j)*c(:, j)
-            x(:, j) = next
-         end do
-         power(k) = sum(sum(total, dim=1)**2)/sum(envelope**2)
-      end do
-
-   contains
-
-      !> Arranges values in lanes, padded with zeros.
-      pure function in_lanes(values) result(table)
-         real(wp), intent(in) :: values(:)
-         real(wp) :: table(lanes, size(t)/lanes + 1)
-
-         table = reshape(values, shape(table), pad=[0.0_wp])
-      end function in_lanes
-
+      sums = phasor_sums(t, z*envelope, range(1), step, max(0, int((range(2) - range(1))/step) + 1))
+      power = (real(sums)**2 + aimag(sums)**2)/sum(envelope**2)
    end function matched_filter
 
    !> Returns the median of each value's neighbours, computed at every quarter of the reach.
