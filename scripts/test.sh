@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
 # Runs every test program; the last line is the sum.
 #
-#     scripts/test.sh [debug]    with every check that the compiler can build in
-#     scripts/test.sh release    as the program is built to be used
+#     scripts/test.sh [release]  as the program is built to be used
+#     scripts/test.sh debug      with every check that the compiler can build in
 #     scripts/test.sh long       release, and with it what takes too long for every day
 #     scripts/test.sh sanitized  the tests of bad input, with a program that checks every access to
 #                                memory, undefined behaviour and leaks
@@ -18,7 +18,7 @@ checks='-Og -fcheck=all -finit-real=snan -ffpe-trap=zero'
 # Checks of null pointers and alignment would double the time of the build, and the address sanitizer
 # stops at a null pointer as well.
 sanitizers='-g1 -fsanitize=address,undefined -fno-sanitize=null,alignment -fno-sanitize-recover=all'
-profile=${1:-debug} flags=() seed= most=1 sanitized=
+profile=${1:-release} flags=() seed= most=1 sanitized=
 case $profile in
 debug | release) ;;
 long)
@@ -39,7 +39,7 @@ perturbed)
    ;;
 esac
 if [[ ! $profile =~ ^(debug|release)$ || ! $seed =~ ^[0-9]*$ || $# -gt $most ]]; then
-   echo "usage: test.sh [debug|release|long|sanitized|coverage|perturbed [SEED [debug|release]]]," \
+   echo "usage: test.sh [release|debug|long|sanitized|coverage|perturbed [SEED [debug|release]]]," \
       "not '$*'" >&2
    exit 2
 fi

@@ -240,8 +240,10 @@ contains
       real(wp), allocatable :: p(:), jac(:, :), right(:, :)
       real(wp), allocatable :: worst
       real(wp), parameter :: factors(2) = [0.0_wp, 1.01_wp]
-      integer :: alarms, missed(2), counted, i, j, k, found
+      integer :: alarms, missed(2), counted, stride, i, j, k, found
 
+      ! The daily run makes mistakes in every third parameter only.
+      stride = merge(1, 3, in_long_run())
       alarms = 0
       missed = 0
       counted = 0
@@ -258,7 +260,7 @@ contains
          if (found > 0) alarms = alarms + 1
          if (found > 0) print '(3a,es9.2)', '      alarm: ', &
             parameters(places(found))%name, ' ', worst
-         do k = 1, size(p)
+         do k = 1 + modulo(i, stride), size(p), stride
             if (norm2(jac(:, k))*p(k) <= 1e-5_wp*norm2(r)) cycle
             counted = counted + 1
             do j = 1, size(factors)
