@@ -23,6 +23,7 @@ program test_unexplained_lines
    real(wp), parameter :: two_pi = 2*acos(-1.0_wp), step = 0.005_wp
 
    call test_tone()
+   call test_named_lines()
    call test_perfect()
    call test_amplitude()
    call test_density()
@@ -59,6 +60,39 @@ contains
          if (k == 2) call check('a strong tone: no fit', verdict%no_fit /= '')
       end do
    end subroutine test_tone
+
+   !> Mains hum and a multiple of the first mode's frequency have a name. Without them the residuals
+   !> are noise, so that the parameters stay determined, with intervals that hold the true values:
+   !> two half widths are four standard errors, which noise exceeds once in 16,000. The multiple of
+   !> order 3 lies between the modes.
+   subroutine test_named_lines()
+      real(wp), parameter :: share = 0.015_wp
+      character(len=8), parameter :: words(2) = [character(len=8) :: 'mains', 'harmonic']
+      type(stage_fit_t) :: fit
+      type(verdict_t) :: verdict
+      real(wp) :: tones(2), exact(4)
+      integer :: k
+
+      call judge(0.0_wp, 1.0_wp, 11, .false., fit, verdict)
+      if (.not. allocated(fit%free)) return
+      tones = [50.0_wp, 3*verdict%sightings(1)%peak]
+      exact = [truth%E, truth%sensor(1)%m_S, truth%c_D, truth%gamma]
+      do k = 1, 2
+         call judge(share, tones(k), 20 + k, .false., fit, verdict)
+         if (.not. allocated(fit%free)) return
+         call check(trim(words(k))//': named', any(verdict%sightings%verdict == words(k) .and. &
+            verdict%sightings%mode == 0))
+         associate (quality => verdict%qualities(1), s => fit%statistics)
+            call check(trim(words(k))//': much more than the noise', quality%rms_residual > &
+               10*quality%floor, to_text(quality%rms_residual/quality%floor))
+            call check(trim(words(k))//': no caution', verdict%no_fit == '' .and. &
+               verdict%caution == '', verdict%no_fit//verdict%caution)
+            call check(trim(words(k))//': estimates', all(abs(fit%fit%estimate(:4) - exact) < &
+               2*s%corrected_half_width(:4)), to_text(maxval(abs(fit%fit%estimate(:4) - exact) &
+               /s%corrected_half_width(:4))))
+         end associate
+      end do
+   end subroutine test_named_lines
 
    !> In 40 perfect records no line is unexplained, no residuals exceed the noise around a mode, and
    !> no parameter drifts in more than 2: at a level of 1 % more would happen with a probability

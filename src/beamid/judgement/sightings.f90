@@ -87,7 +87,8 @@ contains
    !> the model says. Any other line is one without a mode. It is reported if its amplitude is at
    !> least one per cent of that of the record, or if the nearest mode is unseen: then the line may
    !> be this mode. A weak line at a multiple of the first mode's frequency, and a line at a
-   !> multiple of 50 or 60 Hz, are named as such, although each may still be a mode.
+   !> multiple of 50 or 60 Hz, are named as such, although each may still be a mode. Around the
+   !> modes, the residuals are searched without these named lines, which would cover them.
    !>
    !> r          number of the record
    !> residual   (m) its residuals [length/time**2]
@@ -97,8 +98,9 @@ contains
    !> rejected   whether the fit has rejected the modes beyond these
    !> found      lines without a mode
    !> departing  (fitted) whether a line belongs to the mode
+   !> rest       (m) the residuals without the named lines, and without their mean if there are any
    subroutine find_lines_left(experiment, r, residual, s, higher, unseen, rejected, found, &
-      departing)
+      departing, rest)
       type(experiment_t), intent(in) :: experiment
       integer, intent(in) :: r
       real(wp), intent(in) :: residual(:)
@@ -106,46 +108,71 @@ contains
       logical, intent(in) :: unseen(:), rejected
       type(sighting_t), allocatable, intent(out) :: found(:)
       logical, intent(out) :: departing(:)
-      !> Shares of the variance of the record: of a line that is reported, of a line that is taken
-      !> for a multiple of another, and of residuals that may be errors of computation.
-      real(wp), parameter :: least_share = 1e-4_wp, weak = 0.02_wp, negligible = 1e-8_wp
-      type(line_t), allocatable :: lines(:)
-      type(sighting_t) :: sighting
-      real(wp) :: first, highest, share, span
-      logical :: is_fitted, is_near, is_unseen
-      integer :: k, mode
+      real(wp), intent(out) :: rest(:)
+      type(line_t), allocatable :: named(:), again(:)
+      type(sighting_t), allocatable :: others(:)
 
-      allocate (found(0))
-      departing = .false.
-      first = aimag(s(1))/two_pi
-      associate (t => experiment%samples, z => experiment%measured, m => size(residual), &
-         fitted => size(unseen))
-         share = sum(residual**2)/max(sum((z - sum(z)/m)**2), tiny(share))
-         if (share < negligible) return
-         span = t(m) - t(1)
-         highest = 2*maxval(aimag(s))/two_pi
-         call find_lines(t, residual, highest, most_lines, lines)
-         call add_higher_lines(t, residual, highest, higher, span, lines)
-         do k = 1, size(lines)
-            associate (line => lines(k))
+      rest = residual
+      call search(residual, found, named, departing)
+      if (size(named) == 0) return
+      call refine_lines(experiment%samples, residual, named, rest)
+      call search(rest, others, again, departing)
+      found = [pack(found, found%verdict /= 'unexplained'), &
+         pack(others, others%verdict == 'unexplained')]
+
+   contains
+
+      !> Searches some residuals.
+      !>
+      !> lines  as `found`
+      !> named  lines at a multiple of the first mode's frequency or of the mains, of any size
+      !> near   as `departing`
+      subroutine search(values, lines, named, near)
+         real(wp), intent(in) :: values(:)
+         type(sighting_t), allocatable, intent(out) :: lines(:)
+         type(line_t), allocatable, intent(out) :: named(:)
+         logical, intent(out) :: near(:)
+         !> Shares of the variance of the record: of a line that is reported, of a line that is
+         !> taken for a multiple of another, and of residuals that may be errors of computation.
+         real(wp), parameter :: least_share = 1e-4_wp, weak = 0.02_wp, negligible = 1e-8_wp
+         type(line_t), allocatable :: left(:)
+         type(sighting_t) :: sighting
+         real(wp) :: first, highest, share, span
+         logical :: is_fitted, is_near, is_unseen
+         integer :: k, mode
+
+         allocate (lines(0), named(0))
+         near = .false.
+         first = aimag(s(1))/two_pi
+         associate (t => experiment%samples, z => experiment%measured, m => size(values))
+            share = sum(values**2)/max(sum((z - sum(z)/m)**2), tiny(share))
+            if (share < negligible) return
+            span = t(m) - t(1)
+            highest = 2*maxval(aimag(s))/two_pi
+            call find_lines(t, values, highest, most_lines, left)
+            call add_higher_lines(t, values, highest, higher, span, left)
+         end associate
+         do k = 1, size(left)
+            associate (line => left(k))
                mode = minloc(abs(line%frequency - aimag(s)/two_pi), dim=1)
-               is_fitted = mode <= fitted
+               is_fitted = mode <= size(unseen)
                is_unseen = .false.
                if (is_fitted) is_unseen = unseen(mode) .and. line%frequency <= highest
                is_near = belongs_to_mode(line, s(mode:mode), merge(0.05_wp, 0.01_wp, is_fitted &
                   .and. .not. is_unseen), span)
-               if (is_near .and. is_fitted) departing(mode) = .true.
+               if (is_near .and. is_fitted) near(mode) = .true.
                if (is_near .and. (is_fitted .or. .not. rejected)) cycle
-               if (.not. (line%energy*share >= least_share .or. is_unseen)) cycle
                sighting = sighting_t(r, 0, 0.0_wp, line%frequency, min(1.0_wp, &
                   line%energy*share), 'unexplained')
                if (sighting%share < weak .and. order_of_multiple(line%frequency, first, &
                   1/(span*first)) >= 2) sighting%verdict = 'harmonic'
                if (near_mains(line%frequency, span, 0.0_wp)) sighting%verdict = 'mains'
-               found = [found, sighting]
+               if (sighting%verdict /= 'unexplained') named = [named, line]
+               if (line%energy*share >= least_share .or. is_unseen) lines = [lines, sighting]
             end associate
          end do
-      end associate
+      end subroutine search
+
    end subroutine find_lines_left
 
    !> Adds the spectral lines above a frequency, except those of higher modes of the model.

@@ -32,6 +32,9 @@ module beamid_verdicts
       !> white noise that the spectrum of the residuals shows between the motions; equal to
       !> `rms_residual` if the residuals are white or the samples are few
       real(wp) :: floor = 0
+      !> root-mean-square of the residuals without spectral lines that are multiples of the first
+      !> mode's frequency or of the mains
+      real(wp) :: rms_rest = 0
       !> whether the record has no noise, and its residuals are errors of computation
       logical :: is_exact = .false.
    end type quality_t
@@ -90,6 +93,7 @@ contains
       complex(wp), allocatable :: s(:, :), ds(:, :, :), higher(:, :)
       type(sighting_t), allocatable :: modes(:), lines(:)
       logical, allocatable :: departing(:), missed(:)
+      real(wp), allocatable :: rest(:)
       integer :: first, fitted, k, r
 
       call roots_of_fit(mesh, fit, s, ds, higher, error)
@@ -103,14 +107,15 @@ contains
       do r = 1, size(experiments)
          associate (experiment => experiments(r), m => size(experiments(r)%measured))
             associate (residual => fit%residual(first + 1:first + m))
-               verdict%qualities(r) = quality_of(experiment, residual, fit)
+               rest = residual
                modes = modes_in_record(experiment, r, first, residual, fit, s(:, r))
                ! A force may excite every mode; `modes` is 0 then.
                fitted = size(s, 1)
                if (experiment%excitation%modes > 0) fitted = fit%scenario%excitations(r)%modes
                call find_lines_left(experiment, r, residual, s(:, r), higher(:, r), &
                   [(any(modes%mode == k .and. modes%verdict == 'unseen'), k=1, fitted)], &
-                  fit%note /= '', lines, departing(:fitted))
+                  fit%note /= '', lines, departing(:fitted), rest)
+               verdict%qualities(r) = quality_of(experiment, residual, rest, fit)
                verdict%sightings = [verdict%sightings, modes, lines]
                missed = departing(:fitted)
                if (any(missed) .and. experiment%excitation%modes > 0) then
@@ -130,8 +135,8 @@ contains
       verdict%caution = ''
       if (fit%note /= '') verdict%caution = &
          'the program keeps a parameter fixed that was to be estimated'
-      verdict%misfit = maxval(verdict%qualities%rms_residual/max(verdict%qualities%floor, &
-         tiny(1.0_wp)), mask=verdict%qualities%rms_residual > 0 .and. &
+      verdict%misfit = maxval(verdict%qualities%rms_rest/max(verdict%qualities%floor, &
+         tiny(1.0_wp)), mask=verdict%qualities%rms_rest > 0 .and. &
          .not. verdict%qualities%is_exact)
       if (verdict%misfit > gross) verdict%caution = 'the residuals are '// &
          to_text(nint(verdict%misfit))//' times the noise of the record'
@@ -235,9 +240,10 @@ contains
    !>
    !> experiment  the record
    !> residual    (m) its residuals [length/time**2]
-   function quality_of(experiment, residual, fit) result(quality)
+   !> rest        (m) the residuals without lines that have a name
+   function quality_of(experiment, residual, rest, fit) result(quality)
       type(experiment_t), intent(in) :: experiment
-      real(wp), intent(in) :: residual(:)
+      real(wp), intent(in) :: residual(:), rest(:)
       type(stage_fit_t), intent(in) :: fit
       type(quality_t) :: quality
       !> Smallest number of samples whose spectrum shows a level of noise.
@@ -261,6 +267,7 @@ contains
             *sqrt(max(1.0_wp, statistics%samples/real(statistics%freedom, wp)))
       end associate
       quality%effective = effective_samples(residual)
+      quality%rms_rest = sqrt(sum(rest**2)/m)
       quality%floor = quality%rms_residual
       if (m >= enough .and. .not. fit%check%white) quality%floor = min(quality%floor, &
          noise_floor(experiment%samples, residual))
