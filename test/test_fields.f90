@@ -7,6 +7,7 @@ program test_fields
    use beamid_errors, only: error_t
    use beamid_excitation, only: excitation_t, new_force_table, new_pulse
    use beamid_galerkin, only: galerkin_t, mesh_t, new_galerkin
+   use beamid_internal_forces, only: subtract_internal_force
    use beamid_kinds, only: wp
    use beamid_modal, only: modal_t
    use beamid_responses, only: response_t, work_t
@@ -129,7 +130,7 @@ contains
                v = field%w(j, :, 1)
                a = field%w(j, :, 2)
                rest = excitation%force(t(j))*equations%load
-               call equations%subtract_internal_force(w, v, rest)
+               call subtract_internal_force(equations, w, v, rest)
                rest = abs(rest - equations%mass%times(a))
                worst = max(worst, maxval(rest)/(maxval(abs(equations%mass%times(a))) + &
                   maxval(abs(equations%stiffness%times(w)))))

@@ -29,7 +29,7 @@ module beamid_constraints
       logical :: too_many = .false.
       type(elimination_t), allocatable, private :: all(:)   !< one elimination for each constraint
    contains
-      procedure :: add, number, of_matrix, of_vector, expanded, kept
+      procedure :: add, number, of_matrix, of_vector, of_vectors, expanded, kept
    end type constraints_t
 
 contains
@@ -127,6 +127,18 @@ contains
          end associate
       end do
    end function of_vector
+
+   !> Returns T'f for vectors f of all unknowns, the columns of an array.
+   pure function of_vectors(self, f) result(condensed)
+      class(constraints_t), intent(in) :: self
+      real(wp), intent(in) :: f(:, :)
+      real(wp) :: condensed(size(f, 1) - self%number(), size(f, 2))
+      integer :: k
+
+      do k = 1, size(f, 2)
+         condensed(:, k) = self%of_vector(f(:, k))
+      end do
+   end function of_vectors
 
    !> Returns the entries of a vector of all unknowns that belong to the remaining unknowns.
    pure function kept(self, values)

@@ -65,7 +65,7 @@ module beamid_equations
       real(wp) :: omega = 0                  !< estimate of the first angular frequency [1/time]
       real(wp) :: displacement = 0           !< estimate of the size of the displacement [length]
    contains
-      procedure :: subtract_internal_force, strain_energy, buckles
+      procedure :: buckles
    end type equations_t
 
 contains
@@ -387,103 +387,10 @@ contains
       self%observer = self%constraints%of_vector(self%observer)
       if (allocated(self%tilt)) self%tilt = self%constraints%of_vector(self%tilt)
       self%unit = self%constraints%kept(self%unit)
-      call eliminate(self%constraints, self%point)
-      if (allocated(self%base_loads)) call eliminate(self%constraints, self%base_loads)
+      self%point = self%constraints%of_vectors(self%point)
+      if (allocated(self%base_loads)) &
+         self%base_loads = self%constraints%of_vectors(self%base_loads)
    end subroutine constrain
 
-   !> Eliminates the constraints from each column of an array.
-   subroutine eliminate(constraints, columns)
-      type(constraints_t), intent(in) :: constraints
-      real(wp), allocatable, intent(inout) :: columns(:, :)
-      real(wp), allocatable :: reduced(:, :)
-      integer :: k
-
-      allocate (reduced(size(columns, 1) - constraints%number(), size(columns, 2)))
-      do k = 1, size(columns, 2)
-         reduced(:, k) = constraints%of_vector(columns(:, k))
-      end do
-      call move_alloc(reduced, columns)
-   end subroutine eliminate
-
-   !> Subtracts C v + K w from a force without the cancellation that the band matrices suffer on
-   !> fine meshes.
-   !>
-   !> w, v   (n) unknowns and their velocity
-   !> force  (n) in and out
-   subroutine subtract_internal_force(self, w, v, force)
-      class(equations_t), intent(in) :: self
-      real(wp), intent(in) :: w(:), v(:)
-      real(wp), intent(inout) :: force(:)
-      real(wp), allocatable :: internal(:)
-      real(wp) :: pull
-      integer :: k
-
-      if (self%constraints%number() > 0) then
-         allocate (internal(size(w) + self%constraints%number()), source=0.0_wp)
-         call subtract_beam_force(self, self%constraints%expanded(w), &
-            self%constraints%expanded(v), internal)
-         force = force + self%constraints%of_vector(internal)
-      else
-         call subtract_beam_force(self, w, v, force)
-      end if
-      associate (c => self%strength(:, of_damping), s => self%strength(:, of_stiffness))
-         do k = bending + 1, size(s)
-            if (.not. abs(s(k)) + abs(c(k)) > 0) cycle
-            pull = s(k)*dot_product(self%point(:, k), w) + c(k)*dot_product(self%point(:, k), v)
-            force = force - pull*self%point(:, k)
-         end do
-      end associate
-   end subroutine subtract_internal_force
-
-   !> Subtracts the internal force of the beam itself, without attachments.
-   !>
-   !> w, v   (unknowns before the elimination) unknowns and their velocity
-   !> force  (unknowns before the elimination) in and out
-   subroutine subtract_beam_force(self, w, v, force)
-      type(equations_t), intent(in) :: self
-      real(wp), intent(in) :: w(:), v(:)
-      real(wp), intent(inout) :: force(:)
-
-      real(wp), dimension(size(self%spline)) :: on_splines, at, moving
-
-      at = w(self%spline)
-      moving = v(self%spline)
-      on_splines = 0
-      associate (c => self%strength(:, of_damping), s => self%strength(:, of_stiffness))
-         call self%galerkin%subtract_bending_force(s(bending)*self%factor(:, 1), &
-            c(bending)*self%factor(:, 2), at, moving, on_splines)
-         if (self%galerkin%varies) then
-            call self%galerkin%air%add_product(-c(inertia), moving, on_splines)
-         else if (c(inertia) > 0) then
-            call self%galerkin%inertia%add_product(-c(inertia), moving, on_splines)
-         end if
-         if (allocated(self%geometric_stiffness%a)) &
-            call self%geometric_stiffness%add_product(-1.0_wp, at, on_splines)
-      end associate
-      force(self%spline) = force(self%spline) + on_splines
-   end subroutine subtract_beam_force
-
-   !> Returns x'K x, twice the strain energy, without the cancellation that the band matrix K
-   !> suffers on fine meshes.
-   !>
-   !> x  (n)
-   real(wp) function strain_energy(self, x)
-      class(equations_t), intent(in) :: self
-      real(wp), intent(in) :: x(:)
-      real(wp), allocatable :: bent(:)
-      integer :: k
-
-      bent = self%constraints%expanded(x)
-      bent = bent(self%spline)
-      associate (s => self%strength(:, of_stiffness))
-         strain_energy = s(bending)*self%galerkin%bending_energy(bent, self%factor(:, 1))
-         if (allocated(self%geometric_stiffness%a)) strain_energy = strain_energy &
-            + dot_product(bent, self%geometric_stiffness%times(bent))
-         do k = bending + 1, size(s)
-            if (abs(s(k)) > 0) strain_energy = strain_energy &
-               + s(k)*dot_product(self%point(:, k), x)**2
-         end do
-      end associate
-   end function strain_energy
-
 end module beamid_equations
+

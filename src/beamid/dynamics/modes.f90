@@ -7,6 +7,7 @@ module beamid_modes
    use beamid_errors, only: error_t, failure
    use beamid_galerkin, only: galerkin_t, slope_band
    use beamid_interrupts, only: check_interrupt
+   use beamid_internal_forces, only: strain_energy
    use beamid_kinds, only: wp
    use beamid_matrices, only: add_diagonal
    use beamid_splines, only: spline_space_t
@@ -89,7 +90,7 @@ contains
       end if
       call shapes_of(equations%stiffness, equations%mass, equations%omega**2, shapes, error)
       if (allocated(error)) return
-      omega = [(sqrt(equations%strain_energy(shapes(:, k))), k=1, equations%n)]
+      omega = [(sqrt(strain_energy(equations, shapes(:, k))), k=1, equations%n)]
       omega(:equations%structure%rigid_body_modes()) = 0
    end subroutine undamped_modes
 

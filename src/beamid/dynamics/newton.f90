@@ -12,6 +12,7 @@ module beamid_newton
    use beamid_bands, only: band_t
    use beamid_equations, only: equations_t
    use beamid_errors, only: error_t, failure
+   use beamid_internal_forces, only: subtract_internal_force
    use beamid_kinds, only: wp, ip
    implicit none
    private
@@ -94,7 +95,7 @@ contains
 
       a = drive(1)*self%equations%load
       if (allocated(self%equations%base_loads)) a = a + matmul(self%equations%base_loads, drive(2:))
-      call self%equations%subtract_internal_force(w, v, a)
+      call subtract_internal_force(self%equations, w, v, a)
       call self%mass_factor%solve(a)
    end subroutine acceleration
 

@@ -43,22 +43,21 @@ contains
       type(text_t) :: text
       type(shown_t), allocatable :: shown(:)
       character(len=name_length), allocatable :: names(:)
-      integer :: k, known
+      integer :: k, number
 
       names = designs%quantities%name
-      known = count([(designs%list(k)%prediction%determined, k=1, size(designs%list))])
+      number = count([(designs%list(k)%prediction%determined, k=1, size(designs%list))])
       call text%line(case%name//': '//to_text(size(designs%list))//' experiments, N = '// &
          to_text(elements)//', noise of standard deviation '//trim(to_text(designs%box%noise_sd)// &
          ' '//case%units%acceleration()))
       call text%line('free: '//listed(names, ', ')//'; of interest: '//listed(pack(names, &
-         designs%interest), ', ')//', which '//to_text(known)//' of the experiments determine')
-      if (designs%box%modes > 0) call text%line('the initial amplitudes and '// &
-         'phases of the lowest '//to_text(designs%box%modes)//' modes are treated as unknown')
+         designs%interest), ', ')//', which '//to_text(number)//' of the experiments determine')
+      if (designs%box%modes > 0) call text%line('the initial amplitudes and phases of the '// &
+         'lowest '//to_text(designs%box%modes)//' modes are treated as unknown')
       do k = 1, size(designs%quantities)
          associate (q => designs%quantities(k))
             if (abs(q%searched) < q%scale) call text%line(trim(q%searched_name())//' is '// &
-               to_text(q%searched)//' in the case: its errors are relative to '// &
-               to_text(q%scale))
+               to_text(q%searched)//' in the case: its errors are relative to '//to_text(q%scale))
          end associate
       end do
       call find_shown(designs, shown)
@@ -261,9 +260,8 @@ contains
             call check_end('t_last', box%t_last, design%t_last, unlimited)
             call check_end('t_step', box%t_step, design%t_step, unlimited)
          end associate
-         if (lists /= '') call text%line(trim(shown(k)%label())// &
-            ' is at the end of '//lists//': beyond it there may be better '// &
-            'experiments')
+         if (lists /= '') call text%line(trim(shown(k)%label())//' is at the end of '//lists// &
+            ': beyond it there may be better experiments')
       end do
 
    contains
