@@ -6,8 +6,8 @@ module beamid_modes
    use beamid_equations, only: equations_t
    use beamid_errors, only: error_t, failure
    use beamid_galerkin, only: galerkin_t, slope_band
-   use beamid_interrupts, only: check_interrupt
    use beamid_internal_forces, only: strain_energy
+   use beamid_interrupts, only: check_interrupt
    use beamid_kinds, only: wp
    use beamid_matrices, only: add_diagonal
    use beamid_splines, only: spline_space_t

@@ -100,6 +100,7 @@ contains
          call set_free(moved%structure, moved%excitation, parameter, ends(side))
          stage = fit%again()
          stage%automatic = .true.
+         stage%is_whole = .true.
          call identify(moved, mesh, [stage], experiments, fits, error, check=.false.)
          if (.not. allocated(error)) then
             if (size(fits(1)%free) == n) then

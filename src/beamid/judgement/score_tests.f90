@@ -111,7 +111,8 @@ contains
             tests(k)%parameter = p
             call test(fit, d, s%get(p), is_nonnegative=p == of_kappa_R .or. p == of_gamma .or. &
                any(J_S_at == p), sd=prior_error(problem, p), one=tests(k))
-            if (.not. fit%check%white) call refit(model, mesh, experiments, fit, p, &
+            ! Starts for many records together would take longer than the fit itself.
+            if (.not. fit%check%white .and. size(experiments) == 1) call refit(model, mesh, experiments, fit, p, &
                prior_error(problem, p), tests(k))
             ! The search works with the compliance of a spring.
             if (parameters(p)%is_reciprocal .and. tests(k)%value > 0) &
@@ -249,6 +250,7 @@ contains
       stage%lower = [stage%lower, alone%lower]
       stage%upper = [stage%upper, alone%upper]
       stage%automatic = .true.
+      stage%is_whole = .true.
       call identify(model, mesh, [stage], experiments, fits, error, check=.false.)
       if (allocated(error)) return
       if (size(fits(1)%free) /= n + 1) return

@@ -37,6 +37,9 @@ module beamid_unknowns
       real(wp), allocatable :: upper(:)
       logical :: offset = .false.         !< whether the offset of each record is unknown
       logical :: automatic = .false.      !< start values are found from the record
+      !> whether a fit with fewer parameters is of no use, so that the search for start values does
+      !> not look for one in which two parameters change places
+      logical :: is_whole = .false.
       !> start values are those of the case file, even where the default is `automatic`
       logical :: declared = .false.
       !> lowest mode that the search for start values must not use, because an earlier fit could not

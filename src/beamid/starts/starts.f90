@@ -98,8 +98,9 @@ contains
          call try_equal_frequencies(problem, full, needed, options)
          call choose_with_fewer(problem, full, lines, needed, undetermined, options, fewer)
          call compare(problem, full, fewer, lines, needed)
-         if (full%best == 0 .and. fewer%best == 0) call exchange_fixed(problem, full, lines, &
-            needed, undetermined, is_damping, options, fewer)
+         if (full%best == 0 .and. fewer%best == 0 .and. .not. stage%is_whole) &
+            call exchange_fixed(problem, full, lines, needed, undetermined, is_damping, options, &
+            fewer)
       end if
       call full%list_rejections(findings%rejections)
       if (allocated(error) .and. .not. fewer%best > 0) then
@@ -131,8 +132,8 @@ contains
    end subroutine automatic_start
 
    !> Repeats trial fits with one mode fewer, with another parameter fixed: one of those that the
-   !> modes determine takes the place of one that they do not determine. The first exchange that
-   !> leads to a fit without an objection counts.
+   !> modes determine takes the place of one that they do not determine, in all records at once. The
+   !> first exchange that leads to a fit without an objection counts.
    !>
    !> Where two parameters have nearly the same effect, the values of the case may allow only one of
    !> the two to be fixed. A sensor mass below 0, for example, cannot make up for a modulus that is
@@ -153,12 +154,14 @@ contains
       integer :: j, k
 
       do j = 1, size(fixed)
+         if (any(problem%free(:j - 1) == problem%free(j))) cycle
          if (is_damping(j) .or. undetermined(j) .or. full%beliefs(j)%stated) cycle
          do k = 1, size(fixed)
+            if (any(problem%free(:k - 1) == problem%free(k))) cycle
             if (is_damping(k) .or. .not. undetermined(k)) cycle
             fixed = undetermined
-            fixed(j) = .true.
-            fixed(k) = .false.
+            where (problem%free == problem%free(j)) fixed = .true.
+            where (problem%free == problem%free(k)) fixed = .false.
             call choose_with_fewer(problem, full, lines, needed, fixed, options, tried)
             if (tried%best == 0) cycle
             fewer = tried
