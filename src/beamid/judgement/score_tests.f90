@@ -112,8 +112,8 @@ contains
             call test(fit, d, s%get(p), is_nonnegative=p == of_kappa_R .or. p == of_gamma .or. &
                any(J_S_at == p), sd=prior_error(problem, p), one=tests(k))
             ! Starts for many records together would take longer than the fit itself.
-            if (.not. fit%check%white .and. size(experiments) == 1) call refit(model, mesh, experiments, fit, p, &
-               prior_error(problem, p), tests(k))
+            if (.not. fit%check%white .and. size(experiments) == 1) call refit(model, mesh, &
+               experiments, fit, p, prior_error(problem, p), tests(k))
             ! The search works with the compliance of a spring.
             if (parameters(p)%is_reciprocal .and. tests(k)%value > 0) &
                tests(k)%value = 1/tests(k)%value
