@@ -95,12 +95,10 @@ contains
          dQx = vector%dD*x
          if (assembly%is_dense()) dQx(:assembly%beam) = dQx(:assembly%beam) &
             + matmul(assembly%dense(:, :, 1), x(:assembly%beam))
-         call find_adjoint(assembly, root, vector, dQx, observed, driven/vector%A, z, w, &
-            mu)
+         call find_adjoint(assembly, root, vector, dQx, observed, driven/vector%A, z, w, mu)
          call assembly%products(form, x, y, x, y, xx(:c))
          call assembly%products(form, x, y, z, w, xz(:c))
-         call differentiate_by_root(assembly, root, vector, dQx, observed, r, z, w, dr_ds, &
-            dHy)
+         call differentiate_by_root(assembly, root, vector, dQx, observed, r, z, w, dr_ds, dHy)
          do p = 1, size(ds)
             associate (A_p => assembly%compliance_slope(:, p), moves => assembly%moves(:, p))
                x_E_x = assembly%dense_products(x, x, p)
@@ -119,8 +117,7 @@ contains
                      if (abs(moves(l)) > 0) shift(l) = moves(l)*sum(assembly%v_slope(l, :)*x)
                   end do
                   x_Q_x = x_Q_x + 2*sum(shift*f)
-                  z_Q_x = z_Q_x + sum(shift*mu) &
-                     + sum(moves*matmul(assembly%v_slope, z)*f)
+                  z_Q_x = z_Q_x + sum(shift*mu) + sum(moves*matmul(assembly%v_slope, z)*f)
                end if
                ds(p) = -x_Q_x/vector%A
                dr(p) = dr_ds*ds(p) - z_Q_x + observed*assembly%load_change(form, x, y, s, p)

@@ -111,7 +111,7 @@ contains
             tests(k)%parameter = p
             call test(fit, d, s%get(p), is_nonnegative=p == of_kappa_R .or. p == of_gamma .or. &
                any(J_S_at == p), sd=prior_error(problem, p), one=tests(k))
-            ! Starts for many records together would take longer than the fit itself.
+            ! For several records the search for start values would take longer than their fit.
             if (.not. fit%check%white .and. size(experiments) == 1) call refit(model, mesh, &
                experiments, fit, p, prior_error(problem, p), tests(k))
             ! The search works with the compliance of a spring.

@@ -108,7 +108,7 @@ contains
       logical, intent(in) :: unseen(:), rejected
       type(sighting_t), allocatable, intent(out) :: found(:)
       logical, intent(out) :: departing(:)
-      real(wp), intent(out) :: rest(:)
+      real(wp), allocatable, intent(out) :: rest(:)
       type(line_t), allocatable :: named(:), again(:)
       type(sighting_t), allocatable :: others(:)
 

@@ -107,7 +107,6 @@ contains
       do r = 1, size(experiments)
          associate (experiment => experiments(r), m => size(experiments(r)%measured))
             associate (residual => fit%residual(first + 1:first + m))
-               rest = residual
                modes = modes_in_record(experiment, r, first, residual, fit, s(:, r))
                ! A force may excite every mode; `modes` is 0 then.
                fitted = size(s, 1)

@@ -59,7 +59,7 @@ contains
       call fast_fourier_transform(grid)
       do k = 0, n - 1
          m = k - half
-         sums(k + 1) = sqrt(pi/width)*exp(m**2*width)/length*grid(modulo(m, length))
+         sums(k + 1) = sqrt(pi/width)*exp(real(m, wp)**2*width)/length*grid(modulo(m, length))
       end do
    end function phasor_sums
 
