@@ -132,10 +132,10 @@ contains
       integer :: k, j, last
 
       last = size(study%distance, 1)
-      associate (names => free_names(study%fits(1, 1)%free))
+      associate (free => study%fits(1, 1)%free)
          row = '   N'
          do j = 1, last - 1
-            row = row//right(names(j), 11)
+            row = row//right(free_names(free(j)), 11)
          end do
          call text%line()
          call text%line(name(study, ', ')//' load')
@@ -146,7 +146,8 @@ contains
             call text%line(line)
             do j = 1, last
                row = name(study, ',')//','//to_text(fitted(k))//','
-               if (j < last) row = csv_row(row//trim(names(j)), study%fits(1, k)%fit%estimate(j:j))
+               if (j < last) row = csv_row(row//trim(free_names(free(j))), &
+                  study%fits(1, k)%fit%estimate(j:j))
                if (j == last) row = row//'distance,'
                row = csv_row(row, study%distance(j:j, k))
                if (k == 1) row = row//','
