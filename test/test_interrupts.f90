@@ -187,7 +187,8 @@ contains
 
    !> Sends a signal after 3 s, while the program computes what would take minutes; a loaded machine
    !> may take more than 1 s to start it. If the program does not end within 20 s, `timeout` kills
-   !> it and the status is 137.
+   !> it and the status is 137. Without `--foreground`, `timeout` sends the signal twice, to the
+   !> program and to its group, and the second one may end the program before it has said so.
    !>
    !> expected  status that a shell reports
    subroutine test_program(signal, expected)
@@ -200,8 +201,8 @@ contains
       do k = 1, size(commands)
          associate (what => trim(commands(k))//', '//signal//': ')
             outcome = run('env --default-signal='//signal// &
-               ' timeout --preserve-status -k 20 -s '//signal//' 3 '''//program_path//''' '// &
-               trim(commands(k))//' long.nml --quiet --out out')
+               ' timeout --foreground --preserve-status -k 20 -s '//signal//' 3 '''// &
+               program_path//''' '//trim(commands(k))//' long.nml --quiet --out out')
             call check(what//'ends by the signal', outcome%status == expected, &
                to_text(outcome%status))
             call check(what//'one line', outcome%err == 'beamid: interrupted'//nl, outcome%err)
