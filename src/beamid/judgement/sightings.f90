@@ -87,8 +87,8 @@ contains
    !> the model says. Any other line is one without a mode. It is reported if its amplitude is at
    !> least one per cent of that of the record, or if the nearest mode is unseen: then the line may
    !> be this mode. A weak line at a multiple of the first mode's frequency, and a line at a
-   !> multiple of 50 or 60 Hz, are named as such, although each may still be a mode. Around the
-   !> modes, the residuals are searched without these named lines, which would cover them.
+   !> multiple of 50 or 60 Hz, are named as such, although each may still be a mode. If there
+   !> are such named lines, the search is repeated without them, because they can mask others.
    !>
    !> r          number of the record
    !> residual   (m) its residuals [length/time**2]
@@ -98,7 +98,7 @@ contains
    !> rejected   whether the fit has rejected the modes beyond these
    !> found      lines without a mode
    !> departing  (fitted) whether a line belongs to the mode
-   !> rest       (m) the residuals without the named lines, and without their mean if there are any
+   !> rest       (m) the residuals; if there are named lines, without these and without the mean
    subroutine find_lines_left(experiment, r, residual, s, higher, unseen, rejected, found, &
       departing, rest)
       type(experiment_t), intent(in) :: experiment

@@ -37,8 +37,8 @@ module beamid_unknowns
       real(wp), allocatable :: upper(:)
       logical :: offset = .false.         !< whether the offset of each record is unknown
       logical :: automatic = .false.      !< start values are found from the record
-      !> whether a fit with fewer parameters is of no use, so that the search for start values does
-      !> not look for one in which two parameters change places
+      !> whether a fit is of use only if it estimates all these parameters: the search for start
+      !> values then does not try to fix one parameter in place of another
       logical :: is_whole = .false.
       !> start values are those of the case file, even where the default is `automatic`
       logical :: declared = .false.

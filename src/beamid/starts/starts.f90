@@ -132,8 +132,8 @@ contains
    end subroutine automatic_start
 
    !> Repeats trial fits with one mode fewer, with another parameter fixed: one of those that the
-   !> modes determine takes the place of one that they do not determine, in all records at once. The
-   !> first exchange that leads to a fit without an objection counts.
+   !> modes determine takes the place of one that they do not determine. An exchange applies to
+   !> every record. The first one that leads to a fit without an objection counts.
    !>
    !> Where two parameters have nearly the same effect, the values of the case may allow only one of
    !> the two to be fixed. A sensor mass below 0, for example, cannot make up for a modulus that is

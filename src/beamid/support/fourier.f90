@@ -32,7 +32,8 @@ contains
       real(wp) :: width, spacing, x, share(-reach:reach), growth
       integer :: half, j, k, length, m, nearest
 
-      ! The grid is twice as fine as the frequencies require; the middle one of them is 0.
+      ! The grid is twice as fine as the frequencies require. These are shifted so that the middle
+      ! one is 0.
       length = 128
       do while (length < 2*n)
          length = 2*length
