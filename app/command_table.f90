@@ -39,6 +39,10 @@ module beamid_command_table
          'Writes modes.csv, shapes.csv and attachments.csv. If the case describes a fit, also '// &
          'writes modes_fitted.csv: the modes of the fitted structure with their intervals.', &
          'modes case.nml'), &
+      command_t('frf', 'case.nml', 'compute the frequency response function of the structure', &
+         'Writes frf.csv at the frequencies f_first, f_first + f_step, ... f_last of &record '// &
+         'kind=''frf''. If the case describes a fit, the response is that of the fitted '// &
+         'structure, with the 95 % band of its magnitude.', 'frf case.nml'), &
       command_t('profile', 'case.nml', 'compute 95 % intervals from the profile of J', &
          'The intervals may be asymmetric or unbounded. Writes profiles.csv and intervals.csv. '// &
          'intervals.csv keeps the intervals of earlier runs of sample and bootstrap.', &

@@ -1,4 +1,4 @@
-!> The commands for one case: `identify`, `profile`, `sample`, `bootstrap`, `simulate`, `modes` and
+!> The commands for one case: `identify`, `profile`, `sample`, `bootstrap`, `simulate`, `modes`, `frf` and
 !> `design`; and what all commands share: the settings from the command line and the delivery of
 !> outputs. Each command has one routine, which reads the case, calls the library and collects the
 !> outputs.
@@ -134,7 +134,7 @@ contains
       call deliver(output, summary, settings, case%name, error, case)
    end subroutine run_inference
 
-   !> Runs `beamid simulate`, `beamid modes` or `beamid design`.
+   !> Runs `beamid simulate`, `modes`, `frf` or `design`.
    subroutine run_on_case(settings, error)
       type(settings_t), intent(in) :: settings
       type(error_t), allocatable, intent(out) :: error

@@ -27,7 +27,7 @@ program beamid_main
    else
       select case (settings%command)
       case ('identify'); call run_identify(settings, error)
-      case ('simulate', 'modes', 'design'); call run_on_case(settings, error)
+      case ('simulate', 'modes', 'frf', 'design'); call run_on_case(settings, error)
       case ('profile', 'sample', 'bootstrap'); call run_inference(settings, error)
       case ('compare'); call run_compare(settings, error)
       case ('reproduce'); call run_reproduce(settings, error)
@@ -129,7 +129,7 @@ contains
          case ('version')
             if (given > 0) call bad_input(error, 'found '//settings%subject//' behind '// &
                command//', expected nothing')
-         case ('identify', 'simulate', 'modes', 'profile', 'sample', 'bootstrap', 'design', &
+         case ('identify', 'simulate', 'modes', 'frf', 'profile', 'sample', 'bootstrap', 'design', &
             'ensemble')
             if (given == 0) call bad_input(error, command// &
                ': found nothing, expected a case file')

@@ -1,7 +1,7 @@
 !> E(x) and c_D(x) with their bands: the delta method against draws, limits that stay positive, and
 !> what the program writes of them.
 program test_along_band
-   use beamid_field_bands, only: band, band_t, varies
+   use beamid_field_bands, only: band, field_band_t, varies
    use beamid_kinds, only: wp
    use beamid_noise, only: gaussian_noise
    use beamid_stage_fits, only: stage_fit_t
@@ -76,7 +76,7 @@ contains
       real(wp) :: root(size(fit%free), size(fit%free)), z(size(fit%free)), &
          noise(draws*size(fit%free))
       type(stage_fit_t) :: drawn
-      type(band_t) :: found
+      type(field_band_t) :: found
       integer :: j, k, n
 
       n = size(fit%free)
@@ -108,7 +108,7 @@ contains
 
    subroutine test_coefficients()
       type(stage_fit_t) :: fit
-      type(band_t) :: found
+      type(field_band_t) :: found
       real(wp) :: sd(21)
       integer :: j
 
@@ -134,7 +134,7 @@ contains
 
    subroutine test_dip()
       type(stage_fit_t) :: fit
-      type(band_t) :: found
+      type(field_band_t) :: found
       real(wp) :: sd(21)
 
       fit = made_fit([of_E, of_x_D, of_w_D, of_d_D], [10.0_wp, 0.8_wp, 0.3_wp, 0.4_wp], 0.01_wp)
@@ -155,7 +155,7 @@ contains
    !> However wide the band, its limits are positive; where the record leaves it open it has none.
    subroutine test_limits()
       type(stage_fit_t) :: fit
-      type(band_t) :: found
+      type(field_band_t) :: found
       integer :: k
 
       fit = made_fit([of_E, of_x_D], [10.0_wp, 0.8_wp], 20.0_wp)

@@ -5,6 +5,7 @@ module beamid_case_checks
    use beamid_case_files, only: case_t
    use beamid_equations, only: unknowns_of
    use beamid_errors, only: error_t
+   use beamid_excitation, only: new_pulse
    use beamid_experiments, only: experiment_t
    use beamid_kinds, only: wp
    use beamid_numbers, only: shown
@@ -39,8 +40,9 @@ contains
 
       call check_elements(case, needs, error)
       if (needs == needs_nothing .or. needs == needs_modes .or. allocated(error)) return
-      if (size(case%excitations) == 0) call refuse(case%path, 0, 'excitation', 'no such group', &
-         'one', error)
+      if (size(case%excitations) == 0 .and. (needs /= needs_fit .or. any([(case%recordings(k)%kind &
+         == 'time', k=1, size(case%recordings))]))) call refuse(case%path, 0, 'excitation', &
+         'no such group', 'one', error)
       if (size(case%recordings) == 0) call refuse(case%path, 0, 'record', 'no such group', 'one', &
          error)
       if (allocated(error)) return
@@ -57,6 +59,9 @@ contains
       end do
       if (size(case%stages) == 0) call refuse(case%path, 0, 'stage', 'no such group', &
          'one or more', error)
+      if (.not. (all([(case%recordings(k)%kind == 'time', k=1, size(case%recordings))]) .or. &
+         is_exact(case%model%solver))) call refuse(case%path, 0, 'integrator method', &
+         '''cvode'' beside a record that is not a function of time', '''modal''', error)
       if (any(case%excitations%modes > 0) .and. .not. is_exact(case%model%solver)) call refuse( &
          case%path, 0, 'integrator method', '''cvode'' beside kind=''free'' in &excitation', &
          '''modal'', which computes the modes', error)
@@ -131,6 +136,9 @@ contains
          error)
       if (size(case%stages) == 0) call refuse(case%path, 0, 'stage', 'no such group', &
          'one or more', error)
+      if (.not. (all([(case%recordings(k)%kind == 'time', k=1, size(case%recordings))]) .or. &
+         is_exact(case%model%solver))) call refuse(case%path, 0, 'integrator method', &
+         '''cvode'' beside a record that is not a function of time', '''modal''', error)
       if (any(case%excitations%modes > 0)) call refuse(case%path, 0, 'excitation kind', &
          '''free''', 'a force, a release or a base that is known', error)
       do k = 1, size(case%recordings)
@@ -201,11 +209,19 @@ contains
       type(experiment_t), intent(inout) :: experiment
       type(error_t), allocatable, intent(out) :: error
       type(structure_t) :: s
+      real(wp), allocatable :: x_F
       integer :: n
 
       associate (recording => case%recordings(k), structure => case%model%structure)
          if (size(case%excitations) > 0) experiment%excitation = &
             case%excitations(min(k, size(case%excitations)))
+         if (recording%kind /= 'time') then
+            ! A frequency response is that to a unit force; modes have no force.
+            if (allocated(experiment%excitation%x_F)) x_F = experiment%excitation%x_F
+            if (allocated(recording%lines%x_F)) x_F = recording%lines%x_F
+            experiment%excitation = new_pulse(0.0_wp, 1.0_wp)
+            if (allocated(x_F)) experiment%excitation%x_F = x_F
+         end if
          if (allocated(recording%length)) experiment%length = recording%length
          if (allocated(recording%x_S)) experiment%x_S = recording%x_S
          if (allocated(recording%x_P)) experiment%x_P = recording%x_P
@@ -217,7 +233,7 @@ contains
             if (n == 0 .or. recording%sensor == '') call refuse(case%path, &
                recording%line, 'record sensor', shown(recording%sensor), 'the name of a &sensor', &
                error)
-         else if (structure%sensors > 1) then
+         else if (structure%sensors > 1 .and. recording%kind /= 'modes') then
             call refuse(case%path, recording%line, 'record sensor', 'nothing', &
                'the name of one of '//to_text(structure%sensors)//' sensors', error)
          end if

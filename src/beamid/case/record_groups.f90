@@ -2,9 +2,10 @@
 !> the selection of samples. `beamid_case_files` calls them.
 module beamid_record_groups
    use beamid_blocks, only: block_t
+   use beamid_frequency_responses, only: quantities
    use beamid_kinds, only: wp
    use beamid_numbers, only: shown
-   use beamid_records, only: recording_t, window_t
+   use beamid_records, only: frequency_keys_t, recording_t, window_t
    use beamid_strings, only: to_text
    use beamid_values, only: positive, range_t
    implicit none
@@ -19,7 +20,14 @@ contains
       type(block_t), intent(inout) :: block
       type(recording_t), intent(out) :: found
 
+      character(len=:), allocatable :: kind
+
       found%line = block%line
+      kind = 'time'
+      call block%get('kind', kind, 'kind of data: ''time'', accelerations at given times; '// &
+         '''frf'', a frequency response function per unit force; ''modes'', natural '// &
+         'frequencies and damping ratios', [character(len=5) :: 'time', 'frf', 'modes'])
+      found%kind = kind
       call block%get_file('file', found%path, 'path of the table with the measured values', &
          default='required, except by simulate')
       call get_window(block, found%window)
@@ -47,7 +55,10 @@ contains
       call block%get('experiment', found%experiment, 'number of the experiment; records with '// &
          'the same number are channels of one motion', range_t(1, huge(1)), &
          default='a motion of its own')
+      call get_lines(block, found%lines)
       call block%close()
+      if (block%failed()) return
+      call exclude_keys_of_other_kinds(block, kind)
       if (.not. abs(found%scale) > 0) call block%refuse('scale', to_text(found%scale), &
          'a value other than 0')
       if (block%has('thin')) call block%exclude('t_step', 'beside thin')
@@ -56,6 +67,63 @@ contains
             to_text(found%clip_high), 'more than clip_low = '//to_text(found%clip_low))
       end if
    end subroutine read_recording
+
+   !> Gets the keys of frequency responses.
+   subroutine get_lines(block, lines)
+      type(block_t), intent(inout) :: block
+      type(frequency_keys_t), intent(inout) :: lines
+      character(len=:), allocatable :: quantity, window
+      integer :: k
+
+      quantity = 'accelerance'
+      window = 'boxcar'
+      call block%get('quantity', quantity, 'response per unit force: ''accelerance'' '// &
+         '(acceleration), ''mobility'' (velocity) or ''receptance'' (displacement)', quantities)
+      do k = lbound(quantities, 1), ubound(quantities, 1)
+         if (quantities(k) == quantity) lines%power = k
+      end do
+      call block%get('f_first', lines%first, 'start of the record; required without file', &
+         'lowest frequency that is used', range_t(0))
+      call block%get('f_last', lines%last, 'end of the record; required without file', &
+         'highest frequency that is used', positive)
+      call block%get('f_step', lines%step, 'none; required without file', &
+         'distance of the frequencies of a response that is computed', positive)
+      call block%get('coherence_least', lines%least_coherence, 'least coherence; lines with a '// &
+         'lower coherence are left out', range_t(0, 1))
+      call block%get('averages', lines%averages, 'number of blocks whose average the response '// &
+         'is, from which the coherence gives the noise', range_t(2, 1000000), &
+         default='none; required with a coherence and without sd')
+      call block%get('exponential_window', lines%rate, 'decay rate of the exponential window '// &
+         'by which the response was multiplied; the rate is added to that of each mode', range_t(0))
+      call block%get('window', window, 'window of the blocks: ''boxcar'' (none) or ''hann''', &
+         [character(len=6) :: 'boxcar', 'hann'])
+      lines%is_hann = window == 'hann'
+      call block%get('x_F', lines%x_F, 'x_F of &excitation, else the tip', &
+         'position of the force of a frequency response', positive)
+      if (.not. (allocated(lines%first) .and. allocated(lines%last))) return
+      if (lines%last < lines%first) call block%refuse('f_last', to_text(lines%last), &
+         'no less than f_first = '//to_text(lines%first))
+   end subroutine get_lines
+
+   !> Refuses keys of the group &record that have no meaning for its kind.
+   subroutine exclude_keys_of_other_kinds(block, kind)
+      type(block_t), intent(inout) :: block
+      character(len=*), intent(in) :: kind
+      !> Keys that belong to certain kinds only, and these kinds.
+      character(len=*), parameter :: keys(24) = [character(len=18) :: 't_first', 't_last', &
+         't_step', 'scale', 'offset', 'time_column', 'value_column', 'rate', 'clip_low', &
+         'clip_high', 'thin', 'sd', 'x_S', 'sensor', 'experiment', 'quantity', 'f_first', 'f_last', &
+         'f_step', 'coherence_least', 'averages', 'exponential_window', 'window', 'x_F'], &
+         kinds(24) = [character(len=8) :: 'time', 'time', 'time', 'time frf', 'time', 'time', &
+         'time', 'time', 'time', 'time', 'time', 'time frf', 'time frf', 'time frf', 'time', &
+         'frf', 'frf', 'frf', 'frf', 'frf', 'frf', 'frf', 'frf', 'frf']
+      integer :: k
+
+      do k = 1, size(keys)
+         if (index(kinds(k), trim(kind)) == 0) call block%exclude(trim(keys(k)), &
+            'with kind = '''//trim(kind)//'''')
+      end do
+   end subroutine exclude_keys_of_other_kinds
 
    !> Gets the keys that describe the columns of a table.
    !>

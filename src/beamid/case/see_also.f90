@@ -22,6 +22,7 @@ module beamid_see_also
       related_t(a_command, 'identify', 'stage record prior windows multistart profile'), &
       related_t(a_command, 'simulate', 'excitation noise record observation'), &
       related_t(a_command, 'modes', 'beam support discretization'), &
+      related_t(a_command, 'frf', 'record excitation sensor modes'), &
       related_t(a_command, 'profile', 'identify sample bootstrap stage'), &
       related_t(a_command, 'sample', 'identify profile bootstrap prior'), &
       related_t(a_command, 'bootstrap', 'identify profile sample'), &

@@ -22,6 +22,7 @@ module beamid_modal
    use beamid_structure_checks, only: check_axial_load
    use beamid_synthesis, only: synthesize
    use beamid_terms, only: tilting
+   use beamid_transfer, only: transfer_along
    implicit none
    private
 
@@ -44,8 +45,8 @@ module beamid_modal
       !> (operators) rows of the assembly of `poles`
       integer, allocatable, private :: rows(:)
    contains
-      procedure :: prepare, motions, free_modes, lowest_roots
-      procedure, private :: solve
+      procedure :: prepare, motions, free_modes, lowest_roots, transfer
+      procedure, private :: solve, assemble_checked
    end type modal_t
 
 contains
@@ -102,26 +103,40 @@ contains
       integer, intent(in) :: parameters(:)
       real(wp), intent(out) :: motion(:, 0:)
       real(wp), allocatable :: slopes(:, :, :)
-      type(structure_t) :: unit
-      real(wp) :: ratio
       integer :: p
 
       motion = 0
       if (.not. (equations%structure%g > 0 .or. any(parameters == of_g))) return
       allocate (slopes(size(times), 0:size(parameters), 1))
       call synthesize(self%tilt_poles, excitation, times, [1], slopes)
-      associate (s => equations%structure)
-         unit = s
-         unit%g = 1
-         ratio = equations%galerkin%space%length/s%length
-         motion = tilting(s)*ratio*slopes(:, :, 1)
-         do p = 1, size(parameters)
-            if (parameters(p) == of_g) motion(:, p) = motion(:, p) &
-               + tilting(unit)*ratio*slopes(:, 0, 1)
-            if (parameters(p) == of_length) motion(:, p) = motion(:, p) - motion(:, 0)/s%length
-         end do
-      end associate
+      motion = tilt_factor(equations)*slopes(:, :, 1)
+      do p = 1, size(parameters)
+         motion(:, p) = motion(:, p) + tilt_factor(equations, parameters(p))*slopes(:, 0, 1)
+      end do
    end subroutine find_tilt
+
+   !> Returns the reading of a tilted sensor per unit slope on the mesh, or its derivative with
+   !> respect to a parameter.
+   pure real(wp) function tilt_factor(equations, parameter) result(factor)
+      type(equations_t), intent(in) :: equations
+      integer, intent(in), optional :: parameter
+      type(structure_t) :: unit
+
+      associate (s => equations%structure)
+         factor = tilting(s)*equations%galerkin%space%length/s%length
+         if (.not. present(parameter)) return
+         select case (parameter)
+         case (of_g)
+            unit = s
+            unit%g = 1
+            factor = tilting(unit)*equations%galerkin%space%length/s%length
+         case (of_length)
+            factor = -factor/s%length
+         case default
+            factor = 0
+         end select
+      end associate
+   end function tilt_factor
 
    !> Computes the poles of a structure and their derivatives, unless the last call computed them.
    !>
@@ -136,6 +151,34 @@ contains
       type(work_t), intent(inout) :: work
       type(error_t), allocatable, intent(out) :: error
       type(assembly_t) :: assembly
+
+      call self%assemble_checked(equations, excitation, parameters, assembly, work, error)
+      if (allocated(error)) return
+      if (.not. has_poles_of(self, equations%structure, excitation, assembly%row)) then
+         call update_poles(self, equations%structure, excitation, assembly, error)
+         if (allocated(error)) return
+      else if (size(self%poles%parameters) == size(parameters)) then
+         ! If only the history of the force has changed, the derivatives remain valid.
+         if (all(self%poles%parameters == parameters)) return
+      end if
+      call differentiate_poles(assembly, self%poles)
+      if (assembly%tilt_row == 0) return
+      assembly%sensor = assembly%tilt_row
+      call differentiate_poles(assembly, self%tilt_poles)
+   end subroutine solve
+
+   !> Assembles the equations of a structure in the modes of the mesh.
+   !>
+   !> parameters  numbers of the parameters of the derivatives
+   !> error       interrupted; the solver is not prepared for this mesh; the beam buckles
+   subroutine assemble_checked(self, equations, excitation, parameters, assembly, work, error)
+      class(modal_t), intent(in) :: self
+      type(equations_t), intent(in) :: equations
+      type(excitation_t), intent(in) :: excitation
+      integer, intent(in) :: parameters(:)
+      type(assembly_t), intent(out) :: assembly
+      type(work_t), intent(inout) :: work
+      type(error_t), allocatable, intent(out) :: error
 
       work%solves = work%solves + 1
       call check_interrupt(error)
@@ -155,18 +198,7 @@ contains
       call check_axial_load(equations%structure, error)
       if (allocated(error)) return
       call assemble(self%modes, equations, excitation, parameters, assembly)
-      if (.not. has_poles_of(self, equations%structure, excitation, assembly%row)) then
-         call update_poles(self, equations%structure, excitation, assembly, error)
-         if (allocated(error)) return
-      else if (size(self%poles%parameters) == size(parameters)) then
-         ! If only the history of the force has changed, the derivatives remain valid.
-         if (all(self%poles%parameters == parameters)) return
-      end if
-      call differentiate_poles(assembly, self%poles)
-      if (assembly%tilt_row == 0) return
-      assembly%sensor = assembly%tilt_row
-      call differentiate_poles(assembly, self%tilt_poles)
-   end subroutine solve
+   end subroutine assemble_checked
 
    !> Finds the poles of a structure at the sensor, and at the slope of the sensor if it reads
    !> gravity, starting from those of the last structure.
@@ -220,6 +252,40 @@ contains
          (self%base .eqv. excitation%is_base) .and. &
          abs(self%power - excitation%power) <= 0 .and. all(self%rows == rows)
    end function has_poles_of
+
+   !> Computes the transfer function; arguments as in `beamid_responses`. It needs no roots, and
+   !> holds for every structure and point.
+   subroutine transfer(self, equations, s, tilts, parameters, h, work, error)
+      class(modal_t), intent(inout) :: self
+      type(equations_t), intent(in), target :: equations
+      complex(wp), intent(in) :: s(:)
+      logical, intent(in) :: tilts
+      integer, intent(in) :: parameters(:)
+      complex(wp), intent(out) :: h(:, 0:)
+      type(work_t), intent(inout) :: work
+      type(error_t), allocatable, intent(out) :: error
+      type(assembly_t) :: assembly
+      complex(wp), allocatable :: slope(:, :)
+      integer :: p
+
+      call self%assemble_checked(equations, new_pulse(0.0_wp, 1.0_wp), parameters, assembly, work, &
+         error)
+      if (allocated(error)) return
+      call transfer_along(assembly, s, h)
+      if (tilts .and. assembly%tilt_row > 0) then
+         allocate (slope, mold=h)
+         assembly%sensor = assembly%tilt_row
+         call transfer_along(assembly, s, slope)
+         do p = 0, size(parameters)
+            h(:, p) = h(:, p) + tilt_factor(equations)*slope(:, p)/s**2
+            if (p > 0) h(:, p) = h(:, p) + tilt_factor(equations, parameters(p))*slope(:, 0)/s**2
+         end do
+      end if
+      call check_interrupt(error)
+      if (allocated(error)) return
+      if (.not. all(ieee_is_finite(real(h(:, 0))) .and. ieee_is_finite(aimag(h(:, 0))))) &
+         call failure(error, 'modal: the transfer function is not finite')
+   end subroutine transfer
 
    !> Computes the lowest modes that oscillate; arguments as in `beamid_responses`.
    subroutine free_modes(self, equations, parameters, wanted, modes, work, error)

@@ -50,6 +50,7 @@ module beamid_responses
       procedure(prepare), deferred :: prepare
       procedure(motions), deferred :: motions
       procedure(free_modes), deferred :: free_modes
+      procedure(transfer), deferred :: transfer
       procedure :: differentiate
       procedure :: respond => respond_alone
       procedure :: relative_error => no_error
@@ -129,6 +130,29 @@ module beamid_responses
          type(work_t), intent(inout) :: work
          type(error_t), allocatable, intent(out) :: error
       end subroutine free_modes
+      !> Computes the displacement of the sensor per unit force, the transfer function
+      !> h(s) = o'Q(s)**-1 F, and its derivatives.
+      !>
+      !> equations   structure and mesh; the force acts at x_F of the structure
+      !> s           (points) places in the complex plane, none of them a root [1/time]
+      !> tilts       whether to add the reading of a tilted sensor due to gravity, divided by s**2:
+      !>             s**2 h is then the acceleration that the sensor reads
+      !> parameters  numbers of the parameters of the derivatives
+      !> h           (points, 0:parameters) column 0 is h [length/force], column p its derivative
+      !>             with respect to parameters(p)
+      !> work        in and out: counters, to which this call adds
+      !> error       the solver failed; a point is a root, so that h is not finite
+      subroutine transfer(self, equations, s, tilts, parameters, h, work, error)
+         import :: equations_t, error_t, exact_solver_t, work_t, wp
+         class(exact_solver_t), intent(inout) :: self
+         type(equations_t), intent(in), target :: equations
+         complex(wp), intent(in) :: s(:)
+         logical, intent(in) :: tilts
+         integer, intent(in) :: parameters(:)
+         complex(wp), intent(out) :: h(:, 0:)
+         type(work_t), intent(inout) :: work
+         type(error_t), allocatable, intent(out) :: error
+      end subroutine transfer
    end interface
 
 contains

@@ -20,7 +20,7 @@ module beamid_transfer
    implicit none
    private
 
-   public :: transfer_t, transfer_at
+   public :: transfer_t, transfer_at, transfer_along
 
    !> The transfer function at one point, and its derivatives.
    type :: transfer_t
@@ -69,6 +69,27 @@ contains
       value%h = value%u(assembly%sensor)
       if (with_slopes) call differentiate(assembly, point%s, inverse, value)
    end subroutine transfer_at
+
+   !> Computes the motion of the sensor per unit force and its derivatives at several points.
+   !>
+   !> s  (points) places in the complex plane [1/time]
+   !> h  (points, 0:parameters of the assembly) column 0 is h, column p its derivative
+   subroutine transfer_along(assembly, s, h)
+      type(assembly_t), intent(in) :: assembly
+      complex(wp), intent(in) :: s(:)
+      complex(wp), intent(out) :: h(:, 0:)
+      type(transfer_t) :: value
+      type(root_t) :: point
+      integer :: k
+
+      do k = 1, size(s)
+         point = root_t(s=s(k))
+         call nearest_pole(assembly, point)
+         call transfer_at(assembly, point, ubound(h, 2) > 0, value)
+         h(k, 0) = value%h
+         if (ubound(h, 2) > 0) h(k, 1:) = value%dh
+      end do
+   end subroutine transfer_along
 
    !> Computes the motion, W'/W and Q**-1 of an assembly without dense matrices.
    !>

@@ -25,7 +25,13 @@ module beamid_statistics
       integer :: parameters = 0                      !< n
       !> degrees of freedom: number of all rows, including prior knowledge, less n
       integer :: freedom = 0
-      real(wp) :: variance = 0                       !< of the noise, sigma**2 = J/freedom
+      !> of the noise, sigma**2 = J/freedom; 1 if it is known and agrees with the residuals
+      real(wp) :: variance = 0
+      !> half width of a 95 % interval in standard errors: by Student's t, or by the normal
+      !> distribution if the noise is known
+      real(wp) :: quantile = 0
+      !> whether the noise is known, but the residuals are larger than this noise explains
+      logical :: is_exceeded = .false.
       real(wp), allocatable :: covariance(:, :)      !< (n, n) of the estimate
       !> (n) standard errors; `unlimited` if the data say nothing about a parameter
       real(wp), allocatable :: std_error(:)
@@ -69,44 +75,74 @@ contains
    !> noise     standard deviation of the noise used in these weights
    !> first     (records) first row of each of several records
    !> shared    (n) whether the records have a parameter in common; required with `first`
+   !> ordered   (samples) rows whose noise may depend on that of the row before; default: all
+   !> is_known  whether each row has been divided by the known standard deviation of its noise. The
+   !>           variance is then 1, unless the residuals are improbable with it; default .false.
    subroutine new_statistics(jacobian, residual, estimate, scale, statistics, error, samples, &
-      noise, first, shared)
+      noise, first, shared, ordered, is_known)
       real(wp), intent(in) :: jacobian(:, :), residual(:), estimate(:), scale(:)
       type(statistics_t), intent(out) :: statistics
       type(error_t), allocatable, intent(out) :: error
       integer, intent(in), optional :: samples
       real(wp), intent(in), optional :: noise
       integer, intent(in), optional :: first(:)
-      logical, intent(in), optional :: shared(:)
+      logical, intent(in), optional :: shared(:), ordered(:)
+      logical, intent(in), optional :: is_known
       real(wp) :: t
       integer :: m, n
+      logical :: known
 
+      known = .false.
+      if (present(is_known)) known = is_known
       m = size(jacobian, 1)
       if (present(samples)) m = samples
       n = size(jacobian, 2)
       statistics%samples = m
       statistics%parameters = n
       statistics%freedom = size(jacobian, 1) - n
-      if (statistics%freedom < 1) then
+      if (statistics%freedom < merge(0, 1, known)) then
          call failure(error, 'statistics: '//to_text(m)// &
             ' residuals leave no degree of freedom for '//to_text(n)//' parameters')
          return
       end if
       call decompose(jacobian, scale, statistics%singular, statistics%direction, error)
       if (allocated(error)) return
-      statistics%variance = sum(residual(:m)**2)/statistics%freedom
+      call find_variance(sum(residual(:m)**2), sum(residual**2), known, statistics)
       statistics%condition = unlimited
       if (statistics%singular(n) > statistics%singular(1)/unlimited) &
          statistics%condition = statistics%singular(1)/statistics%singular(n)
 
       call add_covariance(statistics, scale, epsilon(1.0_wp)*m*statistics%singular(1))
-      t = student_quantile(0.95_wp, real(statistics%freedom, wp))
+      t = statistics%quantile
       statistics%half_width = merge(unlimited, t*min(statistics%std_error, unlimited/t), &
          statistics%std_error >= unlimited/t)
       statistics%determined = statistics%half_width < abs(estimate)
       allocate (statistics%withdrawn(n), source=.false.)
-      call correct_errors(jacobian, residual(:m), statistics, noise, first, shared)
+      call correct_errors(jacobian, residual(:m), statistics, noise, first, shared, ordered)
    end subroutine new_statistics
+
+   !> Sets the variance of the noise and the quantile of the intervals.
+   !>
+   !> J      sum of squares of the data
+   !> total  that of all rows
+   !> known  whether the rows are in units of a known noise
+   subroutine find_variance(J, total, known, statistics)
+      real(wp), intent(in) :: J, total
+      logical, intent(in) :: known
+      type(statistics_t), intent(inout) :: statistics
+      real(wp), parameter :: improbable = 0.01_wp
+      real(wp) :: freedom
+
+      freedom = statistics%freedom
+      if (known) then
+         statistics%variance = 1
+         statistics%quantile = normal_quantile(0.975_wp)
+         if (freedom > 0) statistics%is_exceeded = chi_square_tail(total, freedom) < improbable
+         if (.not. statistics%is_exceeded) return
+      end if
+      statistics%variance = J/freedom
+      statistics%quantile = student_quantile(0.95_wp, freedom)
+   end subroutine find_variance
 
    !> Marks a parameter as not determined, whatever linear theory says.
    pure subroutine withdraw(self, parameter)
@@ -218,16 +254,16 @@ contains
    !>
    !> jacobian              (m, n) of all rows
    !> residual              (samples) of the data
-   !> noise, first, shared  as in `new_statistics`
-   subroutine correct_errors(jacobian, residual, statistics, noise, first, shared)
+   !> others                as in `new_statistics`
+   subroutine correct_errors(jacobian, residual, statistics, noise, first, shared, ordered)
       real(wp), intent(in) :: jacobian(:, :), residual(:)
       type(statistics_t), intent(inout) :: statistics
       real(wp), intent(in), optional :: noise
       integer, intent(in), optional :: first(:)
-      logical, intent(in), optional :: shared(:)
-      real(wp), allocatable :: influence(:, :)
+      logical, intent(in), optional :: shared(:), ordered(:)
+      real(wp), allocatable :: influence(:, :), sequence(:)
       real(wp) :: variance, gamma
-      integer :: j, k, m, lags
+      integer :: j, k, m, lags, length
 
       ! Row i of `influence` is the change of the estimate per unit of residual i.
       m = size(residual)
@@ -242,12 +278,19 @@ contains
          return
       end if
       influence = matmul(jacobian, statistics%covariance)/statistics%variance
+      sequence = residual
+      length = m
+      if (present(ordered)) then
+         length = count(ordered)
+         if (length < m) where (.not. ordered) sequence = 0
+      end if
+      if (length <= statistics%parameters) lags = 0
       do j = 1, statistics%parameters
          variance = statistics%covariance(j, j)
          if (present(noise)) variance = variance &
             + max(0.0_wp, noise**2 - statistics%variance)*sum(influence(m + 1:, j)**2)
          do k = 1, lags
-            gamma = dot_product(residual(:m - k), residual(k + 1:))/(m - statistics%parameters)
+            gamma = dot_product(sequence(:m - k), sequence(k + 1:))/(length - statistics%parameters)
             variance = variance + 2*(1 - k/(lags + 1.0_wp))*gamma &
                *dot_product(influence(:m - k, j), influence(k + 1:m, j))
          end do
@@ -255,8 +298,12 @@ contains
          statistics%corrected_error(j) = sqrt(variance)
          statistics%effective = min(statistics%effective, m*statistics%covariance(j, j)/variance)
       end do
-      statistics%corrected_half_width = statistics%corrected_error*student_quantile(0.95_wp, &
-         max(1.0_wp, statistics%effective - statistics%parameters))
+      if (length == 0) then
+         statistics%corrected_half_width = statistics%corrected_error*statistics%quantile
+      else
+         statistics%corrected_half_width = statistics%corrected_error*student_quantile(0.95_wp, &
+            max(1.0_wp, statistics%effective - statistics%parameters))
+      end if
       if (present(first)) call add_disagreement(influence, residual, first, shared, statistics)
    end subroutine correct_errors
 
@@ -339,7 +386,7 @@ contains
 
       n = statistics%parameters
       allocate (sentences(0))
-      t = student_quantile(0.95_wp, real(statistics%freedom, wp))
+      t = statistics%quantile
       threshold = max(t*sqrt(statistics%variance), &
          epsilon(1.0_wp)*statistics%samples*statistics%singular(1))
       do k = n, 1, -1

@@ -128,7 +128,8 @@ contains
       if (problem%prior_rows() > 0 .and. n > 0 .and. freedom*m > 1) then
          ! Coloured residuals carry as much information as fewer white ones.
          call new_statistics(found%jacobian, found%residual, found%estimate, &
-            max(abs(found%estimate), tiny(freedom)), statistics, error, m)
+            max(abs(found%estimate), tiny(freedom)), statistics, error, m, &
+            ordered=problem%are_ordered())
          if (allocated(error)) return
          noise = noise*sqrt(m/max(statistics%effective, 1.0_wp))
          ! If several records disagree by more than that, none of them may overrule a prior.

@@ -137,6 +137,7 @@ contains
       type(stage_fit_t), intent(inout) :: found
       type(error_t), allocatable, intent(out) :: error
       real(wp), allocatable :: scales(:)
+      integer, allocatable :: rows(:)
       integer :: a, n
 
       do a = 1, fields
@@ -146,18 +147,19 @@ contains
          if (allocated(error)) return
       end do
       found%work = problem%work
-      associate (m => problem%samples())
-         found%check = check_residuals(found%fit%residual(:m), found%jacobian(:m, :))
-      end associate
+      rows = problem%sequence()
+      found%check = check_residuals(found%fit%residual(rows), found%jacobian(rows, :))
       ! Linear unknowns count as parameters. Their scale replaces their value, because nobody asks
       ! whether an offset of 0 is determined.
       n = size(found%free)
       associate (q => found%quantities)
          scales = q%scale
-         if (problem%samples() > size(q)) call new_statistics(found%jacobian, found%fit%residual, &
+         if (problem%rows() - size(q) >= merge(0, 1, problem%knows_noise()) .and. &
+            problem%samples() >= merge(1, size(q) + 1, problem%knows_noise())) &
+            call new_statistics(found%jacobian, found%fit%residual, &
             [q(:n)%searched, q(n + 1:)%scale], scales, found%statistics, error, &
             problem%samples(), merge(problem%noise, 0.0_wp, problem%prior_rows() > 0), &
-            problem%first_rows(), q%record == 0)
+            problem%first_rows(), q%record == 0, problem%are_ordered(), problem%knows_noise())
          if (allocated(error)) return
          call judge_dip(found, trials, misfit_of(problem, found%fit))
          call judge_functions(found)

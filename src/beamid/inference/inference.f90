@@ -3,7 +3,6 @@
 !> resamples records.
 module beamid_inference
    use beamid_densities, only: impossible
-   use beamid_distributions, only: student_quantile
    use beamid_errors, only: error_t, failure
    use beamid_experiments, only: experiment_t
    use beamid_galerkin, only: mesh_t
@@ -101,7 +100,7 @@ contains
       n = size(found%free)
       associate (s => found%statistics)
          do k = 1, n
-            t = student_quantile(0.95_wp, real(s%freedom, wp))
+            t = s%quantile
             first_step(k) = 0.1_wp*max(abs(found%fit%estimate(k)), variables(k)%magnitude)
             if (s%std_error(k) > 0 .and. s%corrected_half_width(k) < sqrt(unlimited)) then
                t = s%corrected_half_width(k)/s%std_error(k)

@@ -6,7 +6,7 @@
 module beamid_damage_regions
    use beamid_errors, only: error_t
    use beamid_experiments, only: experiment_t
-   use beamid_field_bands, only: band, band_t
+   use beamid_field_bands, only: band, field_band_t
    use beamid_galerkin, only: mesh_t
    use beamid_identification, only: identify
    use beamid_kinds, only: wp
@@ -116,7 +116,7 @@ contains
       type(stage_t) :: stage
       type(stage_fit_t), allocatable :: fits(:)
       type(error_t), allocatable :: error
-      type(band_t) :: field
+      type(field_band_t) :: field
       real(wp) :: limit
       integer :: first, k, last
 

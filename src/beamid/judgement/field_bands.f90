@@ -19,10 +19,10 @@ module beamid_field_bands
    implicit none
    private
 
-   public :: band, band_t, varies
+   public :: band, field_band_t, varies
 
    !> A field at points along the beam; values in the unit of E or c_D.
-   type :: band_t
+   type :: field_band_t
       real(wp), allocatable :: x(:)            !< (points) positions from root to tip [length]
       real(wp), allocatable :: start(:)        !< (points) values that the search started from
       real(wp), allocatable :: value(:)        !< (points) estimate
@@ -38,7 +38,7 @@ module beamid_field_bands
    contains
       procedure :: lower
       procedure :: upper
-   end type band_t
+   end type field_band_t
 
 contains
 
@@ -66,7 +66,7 @@ contains
    function band(fit, a, points)
       class(stage_fit_t), intent(in) :: fit
       integer, intent(in) :: a, points
-      type(band_t) :: band
+      type(field_band_t) :: band
       type(structure_t) :: start
       real(wp) :: slope(size(fit%quantities)), xi
       logical :: belongs(size(fit%quantities))   ! to the field
@@ -184,7 +184,7 @@ contains
    subroutine add_resolution(fit, a, band)
       class(stage_fit_t), intent(in) :: fit
       integer, intent(in) :: a
-      type(band_t), intent(inout) :: band
+      type(field_band_t), intent(inout) :: band
       type(field_t) :: along
       real(wp), allocatable :: places(:), row(:)
       integer :: j, k
@@ -206,7 +206,7 @@ contains
 
    !> Returns the lower end of the band at point k; 0 where the band is unlimited.
    pure real(wp) function lower(self, k)
-      class(band_t), intent(in) :: self
+      class(field_band_t), intent(in) :: self
       integer, intent(in) :: k
 
       lower = self%value(k)*exp(-min(self%half_width(k), -log(tiny(lower))))
@@ -215,7 +215,7 @@ contains
 
    !> Returns the upper end of the band at point k, or `unlimited`.
    pure real(wp) function upper(self, k)
-      class(band_t), intent(in) :: self
+      class(field_band_t), intent(in) :: self
       integer, intent(in) :: k
 
       upper = 0

@@ -1,7 +1,6 @@
 !> Modes of a fitted structure, with intervals of frequency and damping ratio that follow from the
 !> errors of its parameters by linear theory.
 module beamid_fitted_modes
-   use beamid_distributions, only: student_quantile
    use beamid_equations, only: equations_t, new_equations
    use beamid_errors, only: error_t
    use beamid_excitation, only: new_pulse
@@ -104,7 +103,7 @@ contains
          scale = 1
          if (.not. fit%check%white) scale = max(scale, maxval(statistics%corrected_half_width(:n) &
             /max(statistics%half_width(:n), tiny(1.0_wp)), mask=.not. statistics%disputed(:n)))
-         t = scale*student_quantile(0.95_wp, real(statistics%freedom, wp))
+         t = scale*statistics%quantile
          associate (owner => fit%quantities(:n)%record)
             acts = (owner == 0 .or. owner == record) .and. fit%free /= amplitude
          end associate

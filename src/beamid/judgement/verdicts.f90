@@ -23,7 +23,8 @@ module beamid_verdicts
 
    !> How well a fit explains one record.
    type :: quality_t
-      integer :: samples = 0          !< number of samples
+      integer :: samples = 0          !< number of samples, lines or modes
+      character(len=7) :: noun = 'samples'   !< which of them
       real(wp) :: rms_signal = 0      !< rms of the record about its mean [length/time**2]
       real(wp) :: rms_residual = 0    !< rms of the residuals [length/time**2]
       real(wp) :: fit_percent = 0     !< 100 (1 - rms_residual/rms_signal)
@@ -107,25 +108,11 @@ contains
       do r = 1, size(experiments)
          associate (experiment => experiments(r), m => size(experiments(r)%measured))
             associate (residual => fit%residual(first + 1:first + m))
-               modes = modes_in_record(experiment, r, first, residual, fit, s(:, r))
-               ! A force may excite every mode; `modes` is 0 then.
-               fitted = size(s, 1)
-               if (experiment%excitation%modes > 0) fitted = fit%scenario%excitations(r)%modes
-               call find_lines_left(experiment, r, residual, s(:, r), higher(:, r), &
-                  [(any(modes%mode == k .and. modes%verdict == 'unseen'), k=1, fitted)], &
-                  fit%note /= '', lines, departing(:fitted), rest)
-               verdict%qualities(r) = quality_of(experiment, residual, rest, fit)
-               verdict%sightings = [verdict%sightings, modes, lines]
-               missed = departing(:fitted)
-               if (any(missed) .and. experiment%excitation%modes > 0) then
-                  call find_missed_modes(experiment, s(:fitted, r), modes, missed)
+               if (size(experiment%samples) == 0) then
+                  verdict%qualities(r) = quality_of_lines(experiment, residual)
                else
-                  missed = .false.
+                  call judge_record()
                end if
-               call add_departures(departing(:fitted) .and. .not. missed, s(:fitted, r), &
-                  merge(r, 0, size(experiments) > 1), verdict%departures)
-               call add_departures(missed, s(:fitted, r), merge(r, 0, size(experiments) > 1), &
-                  verdict%missed)
             end associate
             first = first + m
          end associate
@@ -143,7 +130,63 @@ contains
       call judge_lines(verdict)
       if (verdict%no_fit == '' .and. all(experiments%excitation%modes > 0)) &
          call find_lost_parameters(fit, s, ds, verdict)
+
+   contains
+
+      !> Judges record r, a time record.
+      subroutine judge_record()
+         associate (experiment => experiments(r), residual => fit%residual(first + 1:first + &
+            size(experiments(r)%measured)))
+            modes = modes_in_record(experiment, r, first, residual, fit, s(:, r))
+            ! A force may excite every mode; `modes` is 0 then.
+            fitted = size(s, 1)
+            if (experiment%excitation%modes > 0) fitted = fit%scenario%excitations(r)%modes
+            call find_lines_left(experiment, r, residual, s(:, r), higher(:, r), &
+               [(any(modes%mode == k .and. modes%verdict == 'unseen'), k=1, fitted)], &
+               fit%note /= '', lines, departing(:fitted), rest)
+            verdict%qualities(r) = quality_of(experiment, residual, rest, fit)
+            verdict%sightings = [verdict%sightings, modes, lines]
+            missed = departing(:fitted)
+            if (any(missed) .and. experiment%excitation%modes > 0) then
+               call find_missed_modes(experiment, s(:fitted, r), modes, missed)
+            else
+               missed = .false.
+            end if
+            call add_departures(departing(:fitted) .and. .not. missed, s(:fitted, r), &
+               merge(r, 0, size(experiments) > 1), verdict%departures)
+            call add_departures(missed, s(:fitted, r), merge(r, 0, size(experiments) > 1), &
+               verdict%missed)
+         end associate
+      end subroutine judge_record
+
    end subroutine new_verdict
+
+   !> Returns how well a fit explains a record that is not a function of time.
+   !>
+   !> residual  (m) its residuals [unit of the rows]
+   function quality_of_lines(experiment, residual) result(quality)
+      type(experiment_t), intent(in) :: experiment
+      real(wp), intent(in) :: residual(:)
+      type(quality_t) :: quality
+      integer :: m
+
+      associate (observed => experiment%observed)
+         quality%noun = observed%noun()
+         m = size(observed%plain(experiment%measured))
+         quality%samples = m
+         if (observed%noun() == 'lines') quality%samples = m/2
+         quality%rms_signal = norm2(observed%plain(experiment%measured))/sqrt(real(m, wp))
+         quality%rms_residual = norm2(observed%plain(residual))/sqrt(real(m, wp))
+         quality%effective = m
+         if (quality%rms_signal > 0) quality%fit_percent = 100*(1 - quality%rms_residual &
+            /quality%rms_signal)
+         quality%noise_sd = quality%rms_residual
+         quality%rms_rest = quality%rms_residual
+         quality%floor = quality%rms_residual
+         if (observed%noise_is_known) quality%floor = quality%rms_residual &
+            /max(1.0_wp, norm2(residual)/sqrt(real(size(residual), wp)))
+      end associate
+   end function quality_of_lines
 
    !> Adds modes to a list, with their frequencies.
    !>

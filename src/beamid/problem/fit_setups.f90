@@ -34,6 +34,9 @@ module beamid_fit_setups
    contains
       procedure :: samples
       procedure :: first_rows
+      procedure :: sequence
+      procedure :: are_ordered
+      procedure :: knows_noise
       procedure :: rows
       procedure :: prior_rows
       procedure :: penalty_rows
@@ -78,6 +81,40 @@ contains
          first_rows(i) = first_rows(i - 1) + size(self%parts(i - 1)%observed%measured)
       end do
    end function first_rows
+
+   !> Returns the rows in which a test for white noise makes sense, in order.
+   pure function sequence(self) result(rows)
+      class(fit_setup_t), intent(in) :: self
+      integer, allocatable :: rows(:)
+      integer :: first(size(self%parts)), i
+
+      first = self%first_rows()
+      rows = [(self%parts(i)%observed%sequence() + first(i) - 1, i=1, size(self%parts))]
+   end function sequence
+
+   !> Returns for each row of data (samples) whether it is part of a time record, so that its noise
+   !> may depend on that of the row before.
+   pure function are_ordered(self)
+      class(fit_setup_t), intent(in) :: self
+      logical :: are_ordered(self%samples())
+      integer :: i, row
+
+      row = 0
+      do i = 1, size(self%parts)
+         associate (m => size(self%parts(i)%observed%measured))
+            are_ordered(row + 1:row + m) = size(self%parts(i)%observed%times()) > 0
+            row = row + m
+         end associate
+      end do
+   end function are_ordered
+
+   !> Returns whether the noise of all data is known before the fit.
+   pure logical function knows_noise(self)
+      class(fit_setup_t), intent(in) :: self
+      integer :: i
+
+      knows_noise = all([(self%parts(i)%observed%noise_is_known, i=1, size(self%parts))])
+   end function knows_noise
 
    !> Returns the number of all rows: samples, priors and penalties.
    pure integer function rows(self)

@@ -30,7 +30,7 @@ module beamid_observed_data
    end type seen_modes_t
 
    !> The measured values of an experiment. `prepare_experiment` sets all components except
-   !> `has_offset`.
+   !> `has_offset` and `noise_is_known`.
    type, abstract :: observed_data_t
       real(wp), allocatable :: measured(:)   !< (m) measured values [unit of the data]
       !> standard deviation of the noise, which is white [unit of the data]; not allocated: unknown
@@ -39,11 +39,17 @@ module beamid_observed_data
       integer :: motion = 0
       !> measured = scale*(value - offset), with the value in the file
       real(wp) :: scale = 1, offset = 0
+      !> whether the noise of every value is known before the fit, by averages or repetitions, so
+      !> that the residuals need not show it
+      logical :: noise_is_known = .false.
       !> whether the sensor may have an unknown offset
       logical :: has_offset = .false.
    contains
       procedure(evaluate_data), deferred :: evaluate
       procedure :: times => no_times
+      procedure :: sequence => all_rows
+      procedure :: plain => as_it_is
+      procedure :: noun => samples_noun
       procedure :: keep_beginning => keep_all
    end type observed_data_t
 
@@ -94,6 +100,36 @@ contains
 
       allocate (times(0))
    end function no_times
+
+   !> Returns the rows whose noise is independent and has an order, so that a test for white noise
+   !> makes sense: all, unless a kind of data says otherwise.
+   pure function all_rows(self) result(rows)
+      class(observed_data_t), intent(in) :: self
+      integer, allocatable :: rows(:)
+      integer :: k
+
+      rows = [(k, k=1, size(self%measured))]
+   end function all_rows
+
+   !> Returns values or residuals without the division by the noise of each row.
+   !>
+   !> r  (m) in the unit of `measured`
+   pure function as_it_is(self, r) result(plain)
+      class(observed_data_t), intent(in) :: self
+      real(wp), intent(in) :: r(:)
+      real(wp), allocatable :: plain(:)
+
+      plain = r(:size(self%measured))
+   end function as_it_is
+
+   !> Returns what a record of this kind consists of, for reports.
+   pure function samples_noun(self) result(noun)
+      class(observed_data_t), intent(in) :: self
+      character(len=7) :: noun
+
+      noun = 'samples'
+      if (size(self%times()) == 0) noun = 'values'
+   end function samples_noun
 
    !> Keeps the first part of a record; data that are not a function of time stay as they are.
    !>

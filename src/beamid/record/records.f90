@@ -14,13 +14,28 @@ module beamid_records
    implicit none
    private
 
-   public :: window_t, recording_t, columns_t, read_record, load_recording, grid
+   public :: window_t, recording_t, frequency_keys_t, columns_t, read_record, load_recording, grid
    public :: add_note, append_recording, note_length, column_length
 
    !> Length of a note about a record.
    integer, parameter :: note_length = 200
+   !> What a record of the kind 'frf' or 'modes' states beside its file.
+   type :: frequency_keys_t
+      integer :: power = 2   !< 0: receptance, 1: mobility, 2: accelerance
+      !> range of the lines that are used, and their distance if there is no file [1/time]; not
+      !> allocated: not stated
+      real(wp), allocatable :: first, last, step
+      real(wp) :: least_coherence = 0   !< lines with a lower coherence are left out
+      integer :: averages = 0           !< number of averaged blocks; 0: not stated
+      real(wp) :: rate = 0              !< decay rate of an exponential window [1/time]
+      logical :: is_hann = .false.      !< the blocks were multiplied by a Hann window
+      real(wp), allocatable :: x_F      !< position of the force [length]; not allocated: not stated
+   end type frequency_keys_t
+
    !> A record, in a file or in memory, and how to read it.
    type :: recording_t
+      character(len=5) :: kind = 'time'       !< 'time', 'frf' or 'modes'
+      type(frequency_keys_t) :: lines = frequency_keys_t()   !< of another kind than 'time'
       character(len=:), allocatable :: path   !< of the file; not allocated: no file
       !> (rows) times [time] and values of a record in memory; messages then refer to it by `path`
       real(wp), allocatable :: t(:), z(:)

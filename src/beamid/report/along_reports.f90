@@ -2,7 +2,7 @@
 !> programs, and a short table with remarks in the summary.
 module beamid_along_reports
    use beamid_case_files, only: case_t
-   use beamid_field_bands, only: band, band_t, varies
+   use beamid_field_bands, only: band, field_band_t, varies
    use beamid_field_penalties, only: fields
    use beamid_identification, only: stage_fit_t
    use beamid_kinds, only: wp
@@ -34,7 +34,7 @@ contains
       type(units_t), intent(in) :: units
       type(stage_fit_t), intent(in) :: fits(:)
       type(text_t) :: table
-      type(band_t) :: found
+      type(field_band_t) :: found
       integer :: a, k, mesh
       logical :: any_rows
 
@@ -58,7 +58,7 @@ contains
 
    !> Returns both ends of the 95 % band at place k as fields; empty if the band is not known.
    function band_ends(found, k) result(fields)
-      type(band_t), intent(in) :: found
+      type(field_band_t), intent(in) :: found
       integer, intent(in) :: k
       character(len=:), allocatable :: fields
 
@@ -70,7 +70,7 @@ contains
 
    !> Returns the start value and the resolution [length] at place k as fields; empty if not known.
    function start_and_resolution(found, k) result(fields)
-      type(band_t), intent(in) :: found
+      type(field_band_t), intent(in) :: found
       integer, intent(in) :: k
       character(len=:), allocatable :: fields
 
@@ -85,7 +85,7 @@ contains
       type(text_t), intent(inout) :: text
       type(case_t), intent(in) :: case
       type(stage_fit_t), intent(in) :: fit
-      type(band_t) :: found
+      type(field_band_t) :: found
       integer :: a
 
       do a = 1, fields
@@ -122,7 +122,7 @@ contains
       type(text_t), intent(inout) :: text
       type(case_t), intent(in) :: case
       type(stage_fit_t), intent(in) :: fit
-      type(band_t), intent(in) :: found
+      type(field_band_t), intent(in) :: found
       integer, intent(in) :: a
       character(len=:), allocatable :: line, unit, length
       logical :: resolves
@@ -157,7 +157,7 @@ contains
    subroutine add_limits_of_record(text, case, found, name)
       type(text_t), intent(inout) :: text
       type(case_t), intent(in) :: case
-      type(band_t), intent(in) :: found
+      type(field_band_t), intent(in) :: found
       character(len=*), intent(in) :: name
       !> The resolution is poor above so many times the spacing of the coefficients; the field is
       !> not determined if the half width of the band of its logarithm is larger than this.

@@ -1,4 +1,4 @@
-!> The reports of the commands simulate, modes and design: tables and summary. The command line and
+!> The reports of the commands simulate, modes, frf and design: tables and summary. The command line and
 !> the interface for C use the same reports.
 module beamid_run_reports
    use beamid_case_files, only: case_t
@@ -9,11 +9,13 @@ module beamid_run_reports
    use beamid_errors, only: error_t
    use beamid_fit_reports, only: add_modes_of_fits
    use beamid_fitted_modes, only: fitted_mode_t
+   use beamid_frequency_runs, only: case_response_t, compute_responses, prepare_responses
    use beamid_interrupts, only: check_interrupt
    use beamid_least_squares, only: monitor_t
    use beamid_mode_summaries, only: modes_summary
    use beamid_noise, only: gaussian_noise
    use beamid_outputs, only: output_t
+   use beamid_response_reports, only: report_responses
    use beamid_shape_tables, only: add_shapes
    use beamid_strings, only: to_text
    use beamid_summaries, only: response_summary
@@ -26,7 +28,7 @@ module beamid_run_reports
 
 contains
 
-   !> Runs the command `simulate`, `modes` or `design` on a case, and reports the results.
+   !> Runs the command `simulate`, `modes`, `frf` or `design` on a case, and reports the results.
    !>
    !> The critical sections are for programs that run several cases at a time. They work with text;
    !> the computation does not, and may run beside others.
@@ -45,11 +47,13 @@ contains
       type(case_modes_t) :: found
       type(planned_t) :: planned
       type(designs_t) :: designs
+      type(case_response_t) :: responses
 
       !$omp critical (texts_of_beamid)
       select case (command)
       case ('simulate'); call prepare_simulation(case, simulated, error)
       case ('modes'); call prepare_modes(case, found, error)
+      case ('frf'); call prepare_responses(case, responses, error)
       case ('design'); call prepare_design(case, planned, error)
       end select
       !$omp end critical (texts_of_beamid)
@@ -57,6 +61,7 @@ contains
       select case (command)
       case ('simulate'); call simulate_case(case, simulated, error)
       case ('modes'); call modes_of_case(case, found, error, monitor)
+      case ('frf'); call compute_responses(case, responses, error, monitor)
       case ('design'); call design_case(case, planned, designs, error, monitor)
       end select
       call check_interrupt(error)
@@ -65,6 +70,7 @@ contains
       select case (command)
       case ('simulate'); call report_simulation(case, simulated, output, summary)
       case ('modes'); call report_modes(case, found, output, summary)
+      case ('frf'); call report_responses(case, responses, output, summary)
       case ('design'); call report_design(case, designs, output, summary)
       end select
       call output%check_finite(error)

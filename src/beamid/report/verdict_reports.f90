@@ -52,12 +52,17 @@ contains
       if (verdict%no_fit == '' .and. verdict%missed /= '') call text%line('the residuals '// &
          'exceed the noise around '//verdict%missed//': the record has another frequency or '// &
          'decay rate there than the model, so that a fixed value may be wrong')
+      if (fit%statistics%is_exceeded) call text%line('the residuals are larger than the stated '// &
+         'noise explains, so the intervals are widened by a factor of '// &
+         to_text(sqrt(fit%statistics%variance)))
       unit = unit_suffix(case%units%acceleration())
       do k = 1, size(verdict%qualities)
          associate (q => verdict%qualities(k))
-            call text%line('record '//to_text(k)//': '//to_text(q%samples)//' samples, signal '// &
-               to_text(q%rms_signal)//' rms, residual '//to_text(q%rms_residual)//' rms'//unit// &
-               filled(': fit #.2 %', [q%fit_percent]))
+            line = unit
+            if (q%noun /= 'samples') line = ''
+            call text%line('record '//to_text(k)//': '//to_text(q%samples)//' '//trim(q%noun)// &
+               ', signal '//to_text(q%rms_signal)//' rms, residual '//to_text(q%rms_residual)// &
+               ' rms'//line//filled(': fit #.2 %', [q%fit_percent]))
             if (q%is_exact) call text%line('record '//to_text(k)//' has no noise: its '// &
                'residuals are errors of computation')
          end associate

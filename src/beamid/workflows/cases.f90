@@ -11,6 +11,7 @@ module beamid_cases
    use beamid_experiment_checks, only: check_channels, check_free_places
    use beamid_experiments, only: experiment_t, is_first
    use beamid_files, only: read_text
+   use beamid_frequency_data, only: load_frequency_data
    use beamid_group_checks, only: check_whole, settle_variations
    use beamid_input_checks, only: leave_out_lead_in
    use beamid_kinds, only: wp
@@ -196,11 +197,16 @@ contains
       allocate (experiments(size(case%recordings)), notes(0))
       do k = 1, size(experiments)
          associate (experiment => experiments(k), recording => case%recordings(k))
-            call load_samples(case, recording, k, 'record', experiment%samples, &
-               experiment%measured, sentences, error)
-            if (allocated(error)) return
-            experiment%offset = recording%offset
-            call describe_experiment(case, k, experiment, error)
+            if (recording%kind == 'time') then
+               call load_samples(case, recording, k, 'record', experiment%samples, &
+                  experiment%measured, sentences, error)
+               if (.not. allocated(error)) call describe_experiment(case, k, experiment, error)
+               experiment%offset = recording%offset
+            else
+               call describe_experiment(case, k, experiment, error)
+               if (.not. allocated(error)) call load_frequency_data(case, k, experiment, &
+                  sentences, error)
+            end if
             if (allocated(error)) return
             associate (window => recording%window)
                if (experiment%excitation%modes > 0 .and. .not. allocated(window%t_step)) &
@@ -212,7 +218,7 @@ contains
             notes = [character(len=note_length) :: notes, sentences]
          end associate
       end do
-      total = sum([(size(experiments(k)%samples), k=1, size(experiments))])
+      total = sum([(size(experiments(k)%measured), k=1, size(experiments))])
       call check_channels(case, experiments, error)
       if (allocated(error)) return
       motions = experiments%motion
@@ -221,8 +227,8 @@ contains
          unknowns = size(case%stages(k)%free) + linear &
             + merge(size(experiments), 0, case%stages(k)%offset)
          if (unknowns > total) call refuse(case%path, case%stage_lines(k), 'stage free', &
-            to_text(unknowns)//' unknowns for '//to_text(total)//' samples', &
-            'no more unknowns than samples', error)
+            to_text(unknowns)//' unknowns for '//to_text(total)//' measured values', &
+            'no more unknowns than values', error)
       end do
       if (.not. allocated(error)) call check_free_places(case, experiments, error)
    end subroutine load_experiments
@@ -274,8 +280,10 @@ contains
       type(error_t), allocatable, intent(out) :: error
 
       associate (recording => case%recordings(k))
-         experiment%scale = recording%scale
-         if (allocated(recording%sd)) experiment%sd = recording%sd
+         if (recording%kind == 'time') then
+            experiment%scale = recording%scale
+            if (allocated(recording%sd)) experiment%sd = recording%sd
+         end if
          experiment%motion = recording%experiment
       end associate
       call place_experiment(case, k, experiment, error)

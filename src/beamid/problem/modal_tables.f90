@@ -1,0 +1,157 @@
+!> Modal tables: natural frequencies and damping ratios with their standard deviations, a kind of
+!> observed data.
+!>
+!> With a root s of the structure, the natural frequency is |s|/(2 pi) and the damping ratio
+!> -Re(s)/|s|, as in modes.csv.
+module beamid_modal_tables
+   use beamid_equations, only: equations_t, new_equations
+   use beamid_errors, only: error_t, failure
+   use beamid_excitation, only: excitation_t
+   use beamid_kinds, only: wp
+   use beamid_linear_unknowns, only: linear_t
+   use beamid_observed_data, only: meshed_model_t, observed_data_t, seen_modes_t
+   use beamid_responses, only: exact_solver_t, work_t
+   use beamid_structure, only: structure_t
+   implicit none
+   private
+
+   public :: assign_modes, modal_table_t
+
+   real(wp), parameter :: two_pi = 2*acos(-1.0_wp)
+
+   !> Measured modes. The values are the frequencies, then the damping ratios if there are any, each
+   !> divided by its standard deviation.
+   type, extends(observed_data_t) :: modal_table_t
+      integer, allocatable :: mode(:)                !< (n) number of each mode
+      real(wp), allocatable :: frequency(:), sd_frequency(:)   !< (n) [1/time]
+      !> (n) damping ratios and their standard deviations; not allocated: not measured
+      real(wp), allocatable :: damping(:), sd_damping(:)
+   contains
+      procedure :: evaluate
+      procedure :: sequence
+      procedure :: plain
+      procedure :: noun
+      procedure :: values
+   end type modal_table_t
+
+contains
+
+   !> Returns the values of the rows.
+   pure function values(self)
+      class(modal_table_t), intent(in) :: self
+      real(wp), allocatable :: values(:)
+
+      values = self%frequency/self%sd_frequency
+      if (allocated(self%damping)) values = [values, self%damping/self%sd_damping]
+   end function values
+
+   !> Returns the frequencies among some rows [1/time].
+   pure function plain(self, r)
+      class(modal_table_t), intent(in) :: self
+      real(wp), intent(in) :: r(:)
+      real(wp), allocatable :: plain(:)
+
+      plain = self%sd_frequency*r(:size(self%mode))
+   end function plain
+
+   !> Returns the word for a row, for reports.
+   pure function noun(self)
+      class(modal_table_t), intent(in) :: self
+      character(len=7) :: noun
+
+      noun = trim(merge('mode ', 'modes', size(self%mode) == 1))
+   end function noun
+
+   !> Returns an empty array: modes have no order in which their errors could be correlated.
+   pure function sequence(self)
+      class(modal_table_t), intent(in) :: self
+      integer, allocatable :: sequence(:)
+
+      sequence = pack(self%mode, .false.)
+   end function sequence
+
+   !> Assigns measured frequencies to modes of the model.
+   !>
+   !> A wrong modulus multiplies all frequencies of the model by nearly the same factor. Each pair of
+   !> a measured and a computed frequency suggests a factor. With each factor, every measured
+   !> frequency belongs to the nearest mode. The factor counts that leaves the least sum of squared
+   !> logarithmic distances, its own distance from 1 in units of 15 % (the effect of 30 % of E)
+   !> among them.
+   !>
+   !> measured  (n) ascending or not [1/time]
+   !> computed  (m) ascending, m >= n [1/time]
+   !> modes     (n) number of the mode of each measured frequency; 0 if two of them are nearest to
+   !>           the same mode with every factor
+   pure subroutine assign_modes(measured, computed, modes)
+      real(wp), intent(in) :: measured(:), computed(:)
+      integer, intent(out) :: modes(:)
+      !> Standard deviations of the common factor and of the ratio of frequencies.
+      real(wp), parameter :: of_factor = 0.15_wp, of_ratio = 0.03_wp
+      integer :: candidate(size(measured)), i, j, k
+      real(wp) :: cost, factor, least
+
+      modes = 0
+      least = huge(least)
+      do i = 1, size(measured)
+         do j = 1, size(computed)
+            factor = measured(i)/computed(j)
+            candidate = [(minloc(abs(log(measured(k)/(factor*computed))), dim=1), &
+               k=1, size(measured))]
+            if (any([(any(candidate(k + 1:) == candidate(k)), k=1, size(candidate))])) cycle
+            cost = (log(factor)/of_factor)**2 + sum((log(measured/(factor*computed(candidate))) &
+               /of_ratio)**2)
+            if (cost >= least) cycle
+            least = cost
+            modes = candidate
+         end do
+      end do
+   end subroutine assign_modes
+
+   !> Computes the modes of the model minus the measured ones, and their derivatives. Arguments as of
+   !> `observed_data_t`. There are no linear unknowns.
+   subroutine evaluate(self, model, structure, excitation, offset, parameters, y, dy, linear, &
+      work, error, first)
+      class(modal_table_t), intent(in) :: self
+      type(meshed_model_t), intent(inout), target :: model
+      type(structure_t), intent(in) :: structure
+      type(excitation_t), intent(in) :: excitation
+      logical, intent(in) :: offset
+      integer, intent(in) :: parameters(:)
+      real(wp), intent(out) :: y(:), dy(:, :)
+      type(linear_t), intent(out) :: linear
+      type(work_t), intent(inout) :: work
+      type(error_t), allocatable, intent(out) :: error
+      type(seen_modes_t), intent(inout) :: first
+      type(equations_t), target :: equations
+      complex(wp) :: s(maxval(self%mode)), ds(maxval(self%mode), size(parameters))
+      real(wp) :: d_size(size(self%mode))
+      integer :: n, p
+
+      if (offset) then
+         call failure(error, 'a table of modes has no offset')
+         return
+      end if
+      equations = new_equations(model%galerkin, structure, excitation, matrices=.false.)
+      select type (solver => model%solver)
+      class is (exact_solver_t)
+         call solver%free_motion(equations, parameters, s, ds, work, error)
+      class default
+         call failure(error, 'this method has no modes')
+      end select
+      if (allocated(error)) return
+      n = size(self%mode)
+      associate (root => s(self%mode), change => ds(self%mode, :), sd => self%sd_frequency, &
+         damped => self%sd_damping)
+         y(:n) = abs(root)/two_pi/sd - self%measured(:n)
+         if (size(y) > n) y(n + 1:) = -real(root)/abs(root)/damped - self%measured(n + 1:)
+         do p = 1, size(parameters)
+            d_size = real(conjg(root)*change(:, p))/abs(root)
+            dy(:n, p) = d_size/two_pi/sd
+            if (size(y) > n) dy(n + 1:, p) = (real(root)*d_size/abs(root) - real(change(:, p))) &
+               /abs(root)/damped
+         end do
+      end associate
+      if (.not. allocated(first%modes)) allocate (first%modes(0))
+   end subroutine evaluate
+
+end module beamid_modal_tables

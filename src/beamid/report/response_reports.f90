@@ -1,0 +1,151 @@
+!> The table frf.csv and the summary of the command `frf`.
+module beamid_response_reports
+   use beamid_case_files, only: case_t
+   use beamid_experiments, only: experiment_t
+   use beamid_frequency_responses, only: frequency_response_t, quantities
+   use beamid_frequency_runs, only: band_of_magnitude, case_response_t
+   use beamid_identification, only: stage_fit_t
+   use beamid_kinds, only: wp
+   use beamid_lines, only: csv_row
+   use beamid_outputs, only: output_t
+   use beamid_statistics, only: unlimited
+   use beamid_strings, only: full, rounded, to_text
+   use beamid_tables, only: labels_table
+   use beamid_texts, only: right, text_t
+   implicit none
+   private
+
+   public :: add_fitted_responses, report_responses
+
+   character(len=*), parameter :: header = 'elements,frequency_hz,real,imag,magnitude,phase_deg', &
+      band_header = ',magnitude_lower95,magnitude_upper95'
+
+contains
+
+   !> Reports the frequency response of a case: frf.csv on every mesh.
+   subroutine report_responses(case, found, output, summary)
+      type(case_t), intent(in) :: case
+      type(case_response_t), intent(in) :: found
+      type(output_t), intent(inout) :: output
+      character(len=:), allocatable, intent(out) :: summary
+      type(text_t) :: table, text
+      character(len=:), allocatable :: line
+      integer :: j, k, peak
+
+      line = header
+      if (found%is_fitted) line = line//band_header
+      call table%line(line)
+      do k = 1, size(case%meshes)
+         do j = 1, size(found%frequency)
+            line = response_row(case%meshes(k)%elements, found%frequency(j), found%h(j, k))
+            if (found%is_fitted) line = line//ends(found%band(j, :, k))
+            call table%line(line)
+         end do
+      end do
+      call output%add('frf.csv', table%content())
+      call output%add('labels.csv', labels_table(case%units))
+      line = case%name//': '//trim(quantities(found%power))//' at '// &
+         to_text(size(found%frequency))//' frequencies, '//to_text(found%frequency(1))//' to '// &
+         to_text(found%frequency(size(found%frequency)))
+      if (found%is_fitted) line = line//', of the fitted structure with its 95 % band'
+      call text%line(line)
+      call text%line()
+      call text%line('elements   peak at      magnitude')
+      do k = 1, size(case%meshes)
+         peak = maxloc(abs(found%h(:, k)), dim=1)
+         call text%line(right(to_text(case%meshes(k)%elements), 8)//right(rounded( &
+            found%frequency(peak), 5), 11)//right(rounded(abs(found%h(peak, k)), 5), 15))
+      end do
+      summary = text%content()
+   end subroutine report_responses
+
+   !> Adds frf.csv to the tables of a fit: measured and fitted frequency responses. The residual is
+   !> measured - model. There is no such table without frequency responses.
+   !>
+   !> fits  (meshes) of the last stage
+   subroutine add_fitted_responses(output, fits, experiments)
+      type(output_t), intent(inout) :: output
+      type(stage_fit_t), intent(in) :: fits(:)
+      type(experiment_t), intent(in) :: experiments(:)
+      type(text_t) :: table
+      integer :: i, mesh, row
+      logical :: any_response
+
+      any_response = .false.
+      call table%line(header//',measured_real,measured_imag,residual_real,residual_imag'// &
+         band_header//',record,sd,coherence')
+      do mesh = 1, size(fits)
+         row = 0
+         do i = 1, size(experiments)
+            associate (m => size(experiments(i)%measured))
+               if (allocated(experiments(i)%observed)) then
+                  select type (observed => experiments(i)%observed)
+                  type is (frequency_response_t)
+                     any_response = .true.
+                     call add_rows(table, observed, i, fits(mesh), row)
+                  end select
+               end if
+               row = row + m
+            end associate
+         end do
+      end do
+      if (any_response) call output%add('frf.csv', table%content())
+   end subroutine add_fitted_responses
+
+   !> Adds the rows of one measured response.
+   !>
+   !> record  number of its record
+   !> first   number of residuals before its own
+   subroutine add_rows(table, observed, record, fit, first)
+      type(text_t), intent(inout) :: table
+      type(frequency_response_t), intent(in) :: observed
+      integer, intent(in) :: record, first
+      type(stage_fit_t), intent(in) :: fit
+      complex(wp) :: residual(size(observed%h)), slopes(size(observed%h), size(fit%free))
+      real(wp) :: band(size(observed%h), 2)
+      character(len=:), allocatable :: line, sd
+      integer :: j, k, n
+
+      n = size(observed%h)
+      residual = -cmplx(fit%residual(first + 1:first + n), fit%residual(first + n + 1:first + 2*n), &
+         wp)*observed%noise
+      do k = 1, size(fit%free)
+         slopes(:, k) = cmplx(fit%jacobian(first + 1:first + n, k), &
+            fit%jacobian(first + n + 1:first + 2*n, k), wp)*observed%noise/fit%weight(record)
+      end do
+      band = band_of_magnitude(fit, observed%h - residual, slopes)
+      do j = 1, n
+         line = response_row(fit%elements, observed%frequency(j), observed%h(j) - residual(j))
+         line = line//csv_row('', [real(observed%h(j)), aimag(observed%h(j)), real(residual(j)), &
+            aimag(residual(j))])//ends(band(j, :))//','//to_text(record)
+         sd = ''
+         if (observed%noise_is_known) sd = full(observed%noise(j))
+         line = line//','//sd//','
+         if (allocated(observed%coherence)) line = line//full(observed%coherence(j))
+         call table%line(line)
+      end do
+   end subroutine add_rows
+
+   !> Returns the fields of one line of a response: elements, frequency, real and imaginary part,
+   !> magnitude and phase.
+   function response_row(elements, frequency, h) result(line)
+      integer, intent(in) :: elements
+      real(wp), intent(in) :: frequency
+      complex(wp), intent(in) :: h
+      character(len=:), allocatable :: line
+      real(wp), parameter :: degree = acos(-1.0_wp)/180
+
+      line = csv_row(to_text(elements), [frequency, real(h), aimag(h), abs(h), &
+         atan2(aimag(h), real(h))/degree])
+   end function response_row
+
+   !> Returns the ends of a band as two fields, with a comma before each; empty if not determined.
+   function ends(band) result(fields)
+      real(wp), intent(in) :: band(2)
+      character(len=:), allocatable :: fields
+
+      fields = ',,'
+      if (band(2) < unlimited) fields = csv_row('', band)
+   end function ends
+
+end module beamid_response_reports

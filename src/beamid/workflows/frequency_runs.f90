@@ -1,0 +1,196 @@
+!> The command `frf`: the frequency response of a structure, or of a fitted one with its 95 % band.
+module beamid_frequency_runs
+   use beamid_case_checks, only: can_be_fitted, check_needs, needs_modes, place_experiment
+   use beamid_case_files, only: case_t
+   use beamid_cases, only: load_experiments
+   use beamid_errors, only: error_t, locate
+   use beamid_experiments, only: experiment_t
+   use beamid_frequency_data, only: line_frequencies
+   use beamid_frequency_responses, only: frequency_response_t, predict_response
+   use beamid_galerkin, only: galerkin_of, mesh_t
+   use beamid_identification, only: identify_meshes, stage_fit_t
+   use beamid_kinds, only: wp
+   use beamid_least_squares, only: monitor_t
+   use beamid_modal, only: modal_t
+   use beamid_observed_data, only: meshed_model_t
+   use beamid_records, only: note_length, recording_t
+   use beamid_refusals, only: refuse
+   use beamid_responses, only: work_t
+   use beamid_statistics, only: unlimited
+   use beamid_structure, only: structure_t
+   implicit none
+   private
+
+   public :: band_of_magnitude, case_response_t, compute_responses, prepare_responses
+
+   !> The frequency response of a case.
+   type :: case_response_t
+      real(wp), allocatable :: frequency(:)    !< (n) [1/time]
+      complex(wp), allocatable :: h(:, :)      !< (n, meshes)
+      !> (n, 2, meshes) ends of the 95 % interval of the magnitude; not allocated: nothing was fitted
+      real(wp), allocatable :: band(:, :, :)
+      integer :: power = 2                     !< 0: receptance, 1: mobility, 2: accelerance
+      logical :: is_fitted = .false.           !< the structure is that of a fit
+      type(experiment_t) :: experiment         !< where the force acts, and which sensor responds
+      real(wp) :: rate = 0                     !< decay rate of an exponential window [1/time]
+      type(case_t) :: fitted                   !< the case without records that have no file
+      type(experiment_t), allocatable :: experiments(:)   !< of the fit
+   end type case_response_t
+
+contains
+
+   !> Checks a case for `frf`, takes the frequencies of the first record of the kind 'frf', and loads
+   !> the records if the case can be fitted.
+   !>
+   !> error  no such record, or no frequencies
+   subroutine prepare_responses(case, found, error)
+      type(case_t), intent(in) :: case
+      type(case_response_t), intent(inout) :: found
+      type(error_t), allocatable, intent(out) :: error
+      type(recording_t) :: recording
+      integer :: k, place
+
+      call check_needs(case, needs_modes, error)
+      if (allocated(error)) return
+      place = findloc([(case%recordings(k)%kind == 'frf', k=1, size(case%recordings))], .true., dim=1)
+      do k = size(case%recordings), 1, -1
+         if (case%recordings(k)%kind == 'frf' .and. .not. allocated(case%recordings(k)%path)) place = k
+      end do
+      if (place == 0) then
+         call refuse(case%path, 0, 'record', 'no group with kind=''frf''', 'one, with f_first, '// &
+            'f_last and f_step, or with the file of a measured response', error)
+         return
+      end if
+      recording = case%recordings(place)
+      found%power = recording%lines%power
+      found%rate = recording%lines%rate
+      call place_experiment(case, place, found%experiment, error)
+      if (allocated(error)) return
+      call find_fit(case, found, error)
+      if (allocated(error)) return
+      if (.not. allocated(recording%path) .or. allocated(recording%lines%step)) then
+         call line_frequencies(case%path, recording, found%frequency, error)
+         return
+      end if
+      if (.not. found%is_fitted) then
+         call refuse(case%path, recording%line, 'record', 'a measured response and no fit', &
+            'f_first, f_last and f_step, or a &stage', error)
+         return
+      end if
+      k = count([(allocated(case%recordings(k)%path), k=1, place)])
+      select type (observed => found%experiments(k)%observed)
+      type is (frequency_response_t)
+         found%frequency = observed%frequency
+      end select
+   end subroutine prepare_responses
+
+   !> Loads the records of the fit that a case describes, if it describes one.
+   subroutine find_fit(case, found, error)
+      type(case_t), intent(in) :: case
+      type(case_response_t), intent(inout) :: found
+      type(error_t), allocatable, intent(out) :: error
+      character(len=note_length), allocatable :: notes(:)
+      integer :: k
+
+      if (size(case%stages) == 0) return
+      found%fitted = case
+      found%fitted%recordings = pack(case%recordings, [(allocated(case%recordings(k)%path), &
+         k=1, size(case%recordings))])
+      found%is_fitted = can_be_fitted(found%fitted)
+      if (found%is_fitted) call load_experiments(found%fitted, found%experiments, notes, error)
+   end subroutine find_fit
+
+   !> Fits the case if it can be fitted, and computes the frequency response on each mesh.
+   subroutine compute_responses(case, found, error, monitor)
+      type(case_t), intent(in) :: case
+      type(case_response_t), intent(inout) :: found
+      type(error_t), allocatable, intent(out) :: error
+      class(monitor_t), intent(inout), optional :: monitor
+      type(stage_fit_t), allocatable :: fits(:, :)
+      integer :: k
+
+      if (found%is_fitted) then
+         call identify_meshes(found%fitted%model, case%meshes, found%fitted%stages, &
+            found%experiments, fits, error, monitor)
+         call locate(error, case%path)
+         if (allocated(error)) return
+         allocate (found%band(size(found%frequency), 2, size(case%meshes)))
+      end if
+      allocate (found%h(size(found%frequency), size(case%meshes)))
+      do k = 1, size(case%meshes)
+         if (found%is_fitted) then
+            associate (last => fits(size(fits, 1), k))
+               call compute_one(found, case%meshes(k), last%scenario%structures(1), &
+                  found%h(:, k), error, last, found%band(:, :, k))
+            end associate
+         else
+            call compute_one(found, case%meshes(k), case%model%structure, found%h(:, k), error)
+         end if
+         call locate(error, case%path)
+         if (allocated(error)) return
+      end do
+   end subroutine compute_responses
+
+   !> Computes the frequency response of one structure on one mesh.
+   !>
+   !> h     (n)
+   !> fit   fit whose estimates the structure has; absent: none
+   !> band  (n, 2) as in `case_response_t`
+   subroutine compute_one(found, mesh, structure, h, error, fit, band)
+      type(case_response_t), intent(in) :: found
+      type(mesh_t), intent(in) :: mesh
+      type(structure_t), intent(in) :: structure
+      complex(wp), intent(out) :: h(:)
+      type(error_t), allocatable, intent(out) :: error
+      type(stage_fit_t), intent(in), optional :: fit
+      real(wp), intent(out), optional :: band(:, :)
+      type(meshed_model_t), target :: model
+      type(modal_t) :: solver
+      type(structure_t) :: placed
+      type(work_t) :: work
+      integer, allocatable :: free(:)
+      complex(wp), allocatable :: all(:, :)
+
+      placed = found%experiment%structure_of(structure)
+      model%galerkin = galerkin_of(mesh, placed)
+      call solver%prepare(model%galerkin, error)
+      if (allocated(error)) return
+      allocate (model%solver, source=solver)
+      free = [integer ::]
+      if (present(fit)) free = fit%free
+      allocate (all(size(h), 0:size(free)))
+      call predict_response(model, placed, found%experiment%excitation, found%power, found%rate, &
+         found%frequency, free, all, work, error)
+      if (allocated(error)) return
+      h = all(:, 0)
+      if (present(fit)) band = band_of_magnitude(fit, h, all(:, 1:))
+   end subroutine compute_one
+
+   !> Returns the ends of the 95 % interval of the magnitude of a frequency response, from the total
+   !> intervals of the estimates and their correlations; 0 and a huge number if an estimate is not
+   !> determined.
+   !>
+   !> h   (n) response
+   !> dh  (n, parameters) its derivatives with respect to the searched variables
+   pure function band_of_magnitude(fit, h, dh) result(band)
+      type(stage_fit_t), intent(in) :: fit
+      complex(wp), intent(in) :: h(:), dh(:, :)
+      real(wp) :: band(size(h), 2)
+      real(wp) :: half(size(dh, 2)), slope(size(dh, 2)), width
+      integer :: i, k, n
+
+      n = size(dh, 2)
+      band(:, 1) = 0
+      band(:, 2) = unlimited
+      if (fit%statistics%samples == 0) return
+      half = [(fit%half_width(k), k=1, n)]
+      if (any(half >= sqrt(unlimited))) return
+      do i = 1, size(h)
+         slope = real(conjg(h(i))*dh(i, :))/max(abs(h(i)), tiny(width))*half
+         width = sqrt(max(0.0_wp, dot_product(slope, matmul(fit%statistics%correlation(:n, :n), &
+            slope))))
+         band(i, :) = [max(0.0_wp, abs(h(i)) - width), abs(h(i)) + width]
+      end do
+   end function band_of_magnitude
+
+end module beamid_frequency_runs
