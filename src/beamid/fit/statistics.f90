@@ -30,6 +30,7 @@ module beamid_statistics
       !> half width of a 95 % interval in standard errors: by Student's t, or by the normal
       !> distribution if the noise is known
       real(wp) :: quantile = 0
+      logical :: noise_is_known = .false.   !< as the argument `is_known` of `new_statistics`
       !> whether the noise is known, but the residuals are larger than this noise explains
       logical :: is_exceeded = .false.
       real(wp), allocatable :: covariance(:, :)      !< (n, n) of the estimate
@@ -134,6 +135,7 @@ contains
       real(wp) :: freedom
 
       freedom = statistics%freedom
+      statistics%noise_is_known = known
       if (known) then
          statistics%variance = 1
          statistics%quantile = normal_quantile(0.975_wp)

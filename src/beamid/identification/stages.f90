@@ -10,6 +10,7 @@ module beamid_stages
    use beamid_kinds, only: wp
    use beamid_least_squares, only: monitor_t, options_t
    use beamid_parameters, only: as_named, offset
+   use beamid_peak_starts, only: has_frequency_data, start_from_peaks
    use beamid_residuals, only: residual_t
    use beamid_responses, only: work_t
    use beamid_smooth_fits, only: fit_smoothly, misfit_of, new_field_fit, trial_t
@@ -59,8 +60,14 @@ contains
       call set_free(problem, stage)
       problem%work = work_t()
       ! A field along the beam always starts from the spectral lines of the record (smooth_fits).
-      if (stage%automatic .and. size(stage%free) > 0 .and. .not. any(is_coefficient(stage%free))) &
-         call automatic_start(problem, tried, options, findings, error)
+      if (stage%automatic .and. size(stage%free) > 0 .and. .not. any(is_coefficient( &
+         stage%free))) then
+         if (has_frequency_data(problem)) then
+            call start_from_peaks(problem, tried, options, error)
+         else
+            call automatic_start(problem, tried, options, findings, error)
+         end if
+      end if
       if (allocated(error)) return
       found%note = findings%note
       found%doubt = findings%doubt

@@ -217,6 +217,8 @@ contains
       ! the candidate explains would count as noise.
       products = left*(fit%fit%residual + left*change)
       deviation = sqrt(sum(products**2)*size(products)/effective_samples(products))
+      if (fit%statistics%noise_is_known) deviation = sqrt(length*max(1.0_wp, &
+         sum((fit%fit%residual + left*change)**2)/size(left)))
       if (.not. deviation > 0) return
       one%p_value = erfc(abs(change)/(hypot(deviation/length, sd)*sqrt(2.0_wp)))
       one%decrease = change**2*length/fit%fit%J

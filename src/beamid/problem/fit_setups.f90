@@ -235,7 +235,7 @@ contains
                self%weight(i) = 1/observed%sd
                cycle
             end if
-            sd = 0.05_wp*norm2(z - sum(z)/size(z))/sqrt(real(size(z), wp))
+            sd = 0.05_wp*norm2(z - sum(z)/max(1, size(z)))/sqrt(real(max(1, size(z)), wp))
             if (.not. sd > 0) sd = 1
             if (self%is_weighted()) self%weight(i) = 1/sd
             if (.not. self%is_weighted()) self%noise = sd

@@ -123,7 +123,7 @@ contains
       type(error_t), allocatable, intent(out) :: error
       type(seen_modes_t), intent(inout) :: first
       type(equations_t), target :: equations
-      complex(wp) :: s(maxval(self%mode)), ds(maxval(self%mode), size(parameters))
+      complex(wp) :: s(max(0, maxval(self%mode))), ds(size(s), size(parameters))
       real(wp) :: d_size(size(self%mode))
       integer :: n, p
 
@@ -131,6 +131,8 @@ contains
          call failure(error, 'a table of modes has no offset')
          return
       end if
+      if (.not. allocated(first%modes)) allocate (first%modes(0))
+      if (size(self%mode) == 0) return
       equations = new_equations(model%galerkin, structure, excitation, matrices=.false.)
       select type (solver => model%solver)
       class is (exact_solver_t)
@@ -151,7 +153,6 @@ contains
                /abs(root)/damped
          end do
       end associate
-      if (.not. allocated(first%modes)) allocate (first%modes(0))
    end subroutine evaluate
 
 end module beamid_modal_tables

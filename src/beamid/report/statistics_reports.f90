@@ -152,6 +152,10 @@ contains
       type(stage_fit_t), intent(in) :: fit
 
       associate (check => fit%check)
+         if (check%lags == 0) then
+            call text%line('the residuals have no order: there is no test for white noise')
+            return
+         end if
          call text%line('residuals: autocorrelation at lag 1 '// &
             to_text(check%autocorrelation(1))//' (white: within '//to_text(check%band)// &
             '), Ljung-Box '//to_text(check%ljung_box)//' over '//to_text(check%lags)// &

@@ -19,6 +19,9 @@ module beamid_verdict_reports
    !> Two parameters whose correlation exceeds `too_close` cannot be told apart. A fit that explains
    !> less than `good_percent` of a record, with residuals that are not white, is a poor fit.
    real(wp), parameter :: too_close = 0.999_wp, good_percent = 90
+   !> Ratio of variances from which residuals that exceed a known noise are worth a sentence: noise
+   !> that was estimated from averages is itself uncertain by some per cent.
+   real(wp), parameter :: clear_excess = 1.2_wp
 
 contains
 
@@ -52,8 +55,9 @@ contains
       if (verdict%no_fit == '' .and. verdict%missed /= '') call text%line('the residuals '// &
          'exceed the noise around '//verdict%missed//': the record has another frequency or '// &
          'decay rate there than the model, so that a fixed value may be wrong')
-      if (fit%statistics%is_exceeded) call text%line('the residuals are larger than the stated '// &
-         'noise explains, so the intervals are widened by a factor of '// &
+      if (fit%statistics%is_exceeded .and. fit%statistics%variance > clear_excess) &
+         call text%line('the residuals are larger than the stated noise explains, so '// &
+         'the intervals are widened by a factor of '// &
          to_text(sqrt(fit%statistics%variance)))
       unit = unit_suffix(case%units%acceleration())
       do k = 1, size(verdict%qualities)

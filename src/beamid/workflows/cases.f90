@@ -125,9 +125,12 @@ contains
       subroutine set_default_start(first)
          type(stage_t), intent(inout) :: first
 
-         first%automatic = first%automatic .or. .not. (allocated(first%start) .or. first%declared) &
-            .and. size(case%excitations) > 0 .and. all(case%excitations%modes > 0) &
-            .and. case%multistart%n == 0
+         integer :: k
+
+         if (allocated(first%start) .or. first%declared .or. case%multistart%n > 0) return
+         first%automatic = first%automatic .or. size(case%excitations) > 0 .and. &
+            all(case%excitations%modes > 0) .or. any([(case%recordings(k)%kind /= 'time', &
+            k=1, size(case%recordings))])
       end subroutine set_default_start
 
    end subroutine read_groups

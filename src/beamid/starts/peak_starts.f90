@@ -1,0 +1,240 @@
+!> Start values from frequency responses and tables of modes.
+!>
+!> The resonances of a frequency response make a table of modes. A fit to the tables alone converges
+!> from far away, because frequencies are smooth functions of the parameters, while the residuals of
+!> a sharp resonance are not. What the tables do not determine stays near the expected values.
+module beamid_peak_starts
+   use beamid_errors, only: error_t
+   use beamid_fit_setups, only: set_free
+   use beamid_frequency_responses, only: frequency_response_t
+   use beamid_kinds, only: wp
+   use beamid_least_squares, only: fit, fit_t, options_t
+   use beamid_modal_tables, only: assign_modes, modal_table_t
+   use beamid_model_roots, only: belief_t, beliefs_about, model_roots
+   use beamid_parameters, only: parameters
+   use beamid_priors, only: prior_t
+   use beamid_residuals, only: residual_t
+   use beamid_response_peaks, only: find_peaks, peak_t
+   use beamid_unknowns, only: quantity_t, scenario_t, stage_t, variables_of
+   use beamid_variables, only: variable_t
+   implicit none
+   private
+
+   public :: has_frequency_data, start_from_peaks
+
+   real(wp), parameter :: two_pi = 2*acos(-1.0_wp)
+
+contains
+
+   !> Returns whether any record is a frequency response or a table of modes.
+   pure logical function has_frequency_data(problem)
+      type(residual_t), intent(in) :: problem
+      integer :: r
+
+      has_frequency_data = any([(size(problem%parts(r)%observed%times()) == 0, &
+         r=1, size(problem%parts))])
+   end function has_frequency_data
+
+   !> Finds start values for a stage, and puts them into the scenario of the fit: first from the
+   !> modes that the records show, then from all records that are not functions of time. A step that
+   !> fails leaves the start values as they are.
+   !>
+   !> problem  the fit, with the free parameters of the stage
+   !> error    interrupted; start values that are not allowed
+   subroutine start_from_peaks(problem, stage, options, error)
+      type(residual_t), intent(inout) :: problem
+      type(stage_t), intent(inout) :: stage
+      type(options_t), intent(in) :: options
+      type(error_t), allocatable, intent(out) :: error
+      type(residual_t) :: reduced
+      type(variable_t), allocatable :: variables(:)
+      type(quantity_t), allocatable :: quantities(:)
+      integer :: r
+
+      call variables_of(stage, problem%scenario, variables, quantities, error)
+      if (allocated(error)) return
+      problem%scenario = problem%with(variables%start)
+      if (allocated(stage%start)) deallocate (stage%start)
+      reduced = problem
+      do r = 1, size(problem%parts)
+         call use_modes(reduced, r)
+      end do
+      call add_beliefs(reduced)
+      call reduced%guess_noise()
+      call improve(reduced)
+      if (.not. any([(size(problem%parts(r)%observed%times()) > 0, r=1, size(problem%parts))])) &
+         return
+      reduced = problem
+      do r = 1, size(problem%parts)
+         if (size(problem%parts(r)%observed%times()) > 0) call leave_out(reduced, r)
+      end do
+      call add_beliefs(reduced)
+      call reduced%guess_noise()
+      call improve(reduced)
+
+   contains
+
+      !> Replaces the start values by the result of a reduced fit, if it converges.
+      subroutine improve(reduced)
+         type(residual_t), intent(inout) :: reduced
+         type(error_t), allocatable :: failed
+         type(options_t) :: quick
+         type(fit_t) :: found
+
+         reduced%scenario = with_motions_of(reduced%scenario, problem%with(values_of(problem)))
+         call variables_of(stage, reduced%scenario, variables, quantities, failed)
+         if (allocated(failed)) return
+         quick = options
+         quick%check = .false.
+         quick%max_evaluations = 200
+         call fit(reduced, reduced%rows(), variables, quick, found, failed)
+         if (.not. allocated(failed)) problem%scenario = problem%with(found%estimate)
+      end subroutine improve
+
+   end subroutine start_from_peaks
+
+   !> Returns the values of the free parameters (n) in the scenario of a fit.
+   function values_of(problem) result(values)
+      type(residual_t), intent(in) :: problem
+      real(wp) :: values(size(problem%free))
+      integer :: k
+
+      values = [(problem%scenario%get(problem%free(k), problem%record(k)), k=1, size(values))]
+   end function values_of
+
+   !> Returns a scenario with the structures of another one, and its own excitations.
+   pure type(scenario_t) function with_motions_of(scenario, other) result(mixed)
+      type(scenario_t), intent(in) :: scenario, other
+
+      mixed = scenario
+      mixed%structures = other%structures
+   end function with_motions_of
+
+   !> Replaces record r by a table of the modes that it shows; leaves a time record out.
+   subroutine use_modes(problem, r)
+      type(residual_t), intent(inout) :: problem
+      integer, intent(in) :: r
+      type(modal_table_t), allocatable :: table
+
+      select type (observed => problem%parts(r)%observed)
+      type is (modal_table_t)
+         return
+      type is (frequency_response_t)
+         allocate (table)
+         call make_table(problem, r, observed, table)
+      end select
+      if (.not. allocated(table)) then
+         call leave_out(problem, r)
+         return
+      end if
+      call set_data(problem, r, table)
+   end subroutine use_modes
+
+   !> Replaces record r by an empty table.
+   subroutine leave_out(problem, r)
+      type(residual_t), intent(inout) :: problem
+      integer, intent(in) :: r
+      type(modal_table_t), allocatable :: table
+
+      allocate (table)
+      allocate (table%mode(0), table%frequency(0), table%sd_frequency(0))
+      call set_data(problem, r, table)
+   end subroutine leave_out
+
+   !> Makes a table the data of record r.
+   subroutine set_data(problem, r, table)
+      type(residual_t), intent(inout) :: problem
+      integer, intent(in) :: r
+      type(modal_table_t), allocatable, intent(inout) :: table
+
+      table%measured = table%values()
+      table%sd = 1
+      table%noise_is_known = .true.
+      problem%scenario%excitations(r)%modes = 0
+      deallocate (problem%parts(r)%observed)
+      call move_alloc(table, problem%parts(r)%observed)
+   end subroutine set_data
+
+   !> Makes a table of the resonances of a frequency response. Peaks that cannot be assigned to modes
+   !> are left out, the lowest first.
+   !>
+   !> r  number of the record
+   subroutine make_table(problem, r, response, table)
+      type(residual_t), intent(inout) :: problem
+      integer, intent(in) :: r
+      type(frequency_response_t), intent(in) :: response
+      type(modal_table_t), intent(inout) :: table
+      !> Largest numbers of peaks and of modes that are computed.
+      integer, parameter :: most_peaks = 6, most_modes = 12
+      !> Standard deviations: of a frequency as a share of itself, of a damping ratio likewise.
+      real(wp), parameter :: of_frequency = 1e-3_wp, of_damping = 0.2_wp
+      type(peak_t), allocatable :: peaks(:)
+      complex(wp), allocatable :: s(:), ds(:, :)
+      type(error_t), allocatable :: failed
+      integer :: n
+
+      peaks = find_peaks(response%frequency, response%h, response%noise, response%noise_is_known, &
+         most_peaks)
+      allocate (table%mode(0))
+      do n = min(most_modes, problem%parts(r)%galerkin%space%n/2), 1, -1
+         s = spread((0.0_wp, 0.0_wp), 1, n)
+         if (allocated(ds)) deallocate (ds)
+         allocate (ds(n, size(problem%free)))
+         call model_roots(problem, problem%scenario, r, s, ds, failed)
+         if (.not. allocated(failed)) exit
+      end do
+      do n = min(size(peaks), size(s)), 1, -1
+         if (allocated(failed)) exit
+         table%mode = spread(0, 1, n)
+         call assign_modes(peaks(:n)%frequency, abs(s)/two_pi, table%mode)
+         if (all(table%mode > 0)) exit
+      end do
+      if (any(table%mode == 0)) table%mode = [integer ::]
+      n = size(table%mode)
+      table%frequency = peaks(:n)%frequency
+      table%sd_frequency = of_frequency*table%frequency
+      table%damping = peaks(:n)%damping - response%rate/(two_pi*table%frequency)
+      table%sd_damping = of_damping*abs(table%damping)
+      ! Without a damping ratio the row has no weight.
+      where (.not. table%damping > 0)
+         table%damping = 0
+         table%sd_damping = 1e3_wp
+      end where
+   end subroutine make_table
+
+   !> Adds the expectation of each free parameter that has no prior of the user.
+   subroutine add_beliefs(problem)
+      type(residual_t), intent(inout) :: problem
+      type(belief_t) :: beliefs(size(problem%free))
+      type(prior_t), allocatable :: priors(:)
+      real(wp) :: sd(size(problem%free)), values(size(problem%free))
+      logical :: needed(size(problem%free))
+      integer :: j, k, n
+
+      values = values_of(problem)
+      beliefs = beliefs_about(problem%scenario, problem%free, problem%record, values, &
+         problem%priors)
+      sd = beliefs%width
+      where (beliefs%logarithmic) sd = sd*abs(values)
+      do k = 1, size(sd)
+         if (parameters(problem%free(k))%is_reciprocal) sd(k) = sd(k)/max(values(k)**2, &
+            tiny(1.0_wp))
+      end do
+      needed = .not. beliefs%stated .and. sd > 0 .and. sd < huge(sd)
+      n = size(problem%priors)
+      allocate (priors(n + count(needed)))
+      priors(:n) = problem%priors
+      j = n
+      do k = 1, size(needed)
+         if (.not. needed(k)) cycle
+         j = j + 1
+         priors(j)%parameter = [problem%free(k)]
+         priors(j)%slope = [1.0_wp]
+         priors(j)%record = problem%record(k)
+         priors(j)%sd = sd(k)
+         priors(j)%centre = spread(values(k), 1, size(problem%parts))
+      end do
+      call move_alloc(priors, problem%priors)
+   end subroutine add_beliefs
+
+end module beamid_peak_starts
