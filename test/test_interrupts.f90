@@ -9,7 +9,8 @@ program test_interrupts
    use beamid_cases, only: needs_fit, read_case
    use beamid_errors, only: error_t, status_interrupted
    use beamid_interrupts, only: begin_call, check_interrupt, checks_until_interrupt, end_call, &
-      interrupt_at_check, interrupted, stop_call, stop_flag, stopped_by_caller
+      interrupt_at_check, interrupted, set_flag, stop_call, stop_flag, &
+      stopped_by_caller
    use beamid_kinds, only: wp
    use beamid_posix, only: c_raise, c_signal, sig_ign, sigint
    use beamid_strings, only: to_text
@@ -76,6 +77,15 @@ contains
       call check('after the call: SIGINT is ignored again', .not. interrupted() .and. failed == 0)
       ignored = c_signal(sigint, before)
       call check('after the call: the action before', ignored == sig_ign)
+
+      call set_flag(sigint)
+      call begin_call(catch=.true.)
+      call check('a handler that runs after the end of a call stops the next one', interrupted())
+      call end_call(flag)
+      call check('end of the call that it stops', flag == sigint, to_text(int(flag)))
+      call begin_call(catch=.true.)
+      call check('the call after it is not stopped', .not. interrupted())
+      call end_call(flag)
 
       call begin_call(catch=.false.)
       call stop_call()

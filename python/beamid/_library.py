@@ -88,6 +88,8 @@ _short = _open_library(ctypes.PyDLL)
 library.beamid_watch_forks()
 ROOM = 65536
 _of_thread = threading.local()
+# Runs the Python handlers of signals that have arrived, and raises their exceptions.
+_handle_signals = ctypes.pythonapi.PyErr_CheckSignals
 
 
 def _message_buffer() -> ctypes.Array[c_char]:
@@ -124,9 +126,13 @@ def compute(name: str, *arguments: Any, progress: Progress | None = None) -> Non
         refused = None
         try:
             refused = _short.beamid_begin(catch, listener.pointer, message, ROOM)
+            # From here on SIGINT sets the flag of the library. Handle an earlier signal now: if
+            # another thread has received it, the interpreter may not notice it before this thread
+            # takes the interpreter's lock again, at the end of the computation.
+            _handle_signals()
             status = refused or getattr(library, name)(*arguments, message, ROOM)
         finally:
-            # Also if a signal from before the beginning is raised right behind it.
+            # Also if the handler of a signal from before the beginning raises an exception.
             flag = 0 if refused else _short.beamid_end()
         if flag > 0:
             try:

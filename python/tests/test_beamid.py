@@ -8,6 +8,8 @@ import os
 import signal
 import subprocess
 import threading
+import time
+import types
 from pathlib import Path
 
 import numpy as np
@@ -430,6 +432,58 @@ def test_interrupt(record, problem, fit, kind, after):
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
     timer.join()
     assert (problem.fit().values == fit.values).all()
+
+
+@pytest.fixture
+def waiting_thread():
+    """A thread that waits for a mutex, and which a signal does not wake up."""
+    system = ctypes.CDLL(None)
+    mutex = ctypes.create_string_buffer(256)    # zeros: an open mutex
+    system.pthread_mutex_lock(mutex)
+    thread = threading.Thread(target=system.pthread_mutex_lock, args=(mutex,))
+    thread.start()
+    time.sleep(0.1)    # for the thread to reach the mutex; else the signal is noticed anyway
+    yield thread
+    system.pthread_mutex_unlock(mutex)
+    thread.join()
+
+
+def test_signal_before_the_beginning(waiting_thread, monkeypatch):
+    """A signal that another thread receives right before the library catches SIGINT stops the call
+    before it computes. The interpreter alone would notice it after the computation."""
+    system, begin, computed = ctypes.PyDLL(None), library._short.beamid_begin, []
+    system.pthread_kill.argtypes = ctypes.c_ulong, ctypes.c_int
+
+    def late_begin(*arguments):
+        system.pthread_kill(waiting_thread.ident, signal.SIGINT)
+        # The other thread handles the signal before this one goes on; no lock is released.
+        while not is_python_notified():
+            system.usleep(1000)
+        return begin(*arguments)
+
+    receive, send = os.pipe()
+    os.set_blocking(send, False)
+    os.set_blocking(receive, False)
+    poll = (ctypes.c_int*2)(receive, 1)
+
+    def is_python_notified():
+        return system.poll(poll, 1, 0) > 0
+
+    monkeypatch.setattr(library._short, "beamid_begin", late_begin)
+    monkeypatch.setattr(library, "library",
+                        types.SimpleNamespace(beamid_judge=lambda *_: computed.append(True) or 0))
+    before = signal.set_wakeup_fd(send)
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            library.compute("beamid_judge", 0)
+            ctypes.pythonapi.PyErr_CheckSignals()    # raises it late if the call has not
+        assert not computed
+    finally:
+        signal.set_wakeup_fd(before)
+        os.close(send)
+        os.close(receive)
+    monkeypatch.undo()
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 
 def test_progress(record):

@@ -95,6 +95,8 @@ contains
    !>
    !> catch  whether `sigint` stops the call. The action of `sigint` is then replaced until the call
    !>        ends. Only one call at a time can catch it; for any further call `catch` has no effect.
+   !>        The flag is not cleared: a signal that another thread received during the call before,
+   !>        and whose handler ran only after its end, stops this call.
    subroutine begin_call(catch)
       logical, intent(in) :: catch
       integer(c_intptr_t) :: ignored
@@ -105,7 +107,6 @@ contains
          stop_flag => flag_of_thread
          return
       end if
-      flag_of_process = 0
       stop_flag => flag_of_process
       failed = c_sigaction(sigint, c_null_ptr, c_loc(action_before))
       ignored = c_signal(sigint, transfer(c_funloc(set_flag), 0_c_intptr_t))
@@ -120,7 +121,8 @@ contains
 
       if (associated(stop_flag, flag_of_process)) call forget_call()
       flag = stop_flag
-      stop_flag = 0
+      ! A flag that another thread sets behind the line above stays set.
+      if (flag /= 0) stop_flag = 0
    end subroutine end_call
 
    !> Restores the action of `sigint` if a call from C has replaced it: at the end of the call, or
