@@ -63,9 +63,12 @@ def rate_of(path, channels, given):
     times = np.asarray(first.times, float)
     grid = np.linspace(times[0], times[-1], len(times))
     step = (times[-1] - times[0]) / max(len(times) - 1, 1)
-    if len(times) < 2 or not step > 0 or np.abs(times - grid).max() > LARGEST_JITTER * step:
-        fail(f"{path}: found times without a constant step, expected samples at a constant rate")
-    return text_tables.PARTS.get(text_tables.time_unit(first.time_unit), 1) / step
+    away = np.abs(times - grid).max()
+    if len(times) < 2 or not step > 0 or away > LARGEST_JITTER * step:
+        fail(f"{path}: found times without a constant step (up to {away:.3g} from a mean step of "
+             f"{step:.6g}), expected samples at a constant rate")
+    # Ten digits: the times themselves are often rounded.
+    return float(f"{text_tables.PARTS.get(text_tables.time_unit(first.time_unit), 1) / step:.10g}")
 
 
 def blows(force, level, length, before):
