@@ -256,3 +256,72 @@ def test_remarks(capsys):
     assert any("contain more than one blow" in remark for remark in REMARKS)
     assert any("largest value at the end of a block" in remark for remark in REMARKS)
     REMARKS.clear()
+
+
+def write_npz(path, t, force, response):
+    np.savez(path, time=t, force=force, acc=response, force_unit="N", acc_unit="m/s^2")
+
+
+def write_mat(path, t, force, response):
+    from scipy.io import savemat
+    savemat(path, {"fs": example.RATE, "force": force, "acc": response})
+
+
+def write_lvm(path, t, force, response):
+    path.write_text(
+        "LabVIEW Measurement\t\nSeparator\tTab\nDecimal_Separator\t.\nMulti_Headings\tNo\n"
+        "X_Columns\tNo\n***End_of_Header***\t\n\t\nChannels\t2\t\t\n"
+        f"Samples\t{len(t)}\t{len(t)}\t\nY_Unit_Label\tN\tm/s^2\t\nX_Dimension\tTime\tTime\t\n"
+        f"X0\t0\t0\t\nDelta_X\t{1 / example.RATE!r}\t{1 / example.RATE!r}\t\n"
+        "***End_of_Header***\t\t\t\nX_Value\tforce\tacc\tComment\n"
+        + "".join(f"\t{a!r}\t{b!r}\n" for a, b in zip(force.tolist(), response.tolist())))
+
+
+def write_tdms(path, t, force, response):
+    nptdms = pytest.importorskip("nptdms")
+    known = {"wf_increment": 1 / example.RATE}
+    with nptdms.TdmsWriter(path) as file:
+        file.write_segment([
+            nptdms.ChannelObject("m", "force", force, {**known, "unit_string": "N"}),
+            nptdms.ChannelObject("m", "acc", response, {**known, "unit_string": "m/s^2"})])
+
+
+def write_uff(path, t, force, response):
+    pyuff = pytest.importorskip("pyuff")
+    common = dict(
+        type=58, binary=0, func_type=1, func_id=0, ver_num=0, load_case_id=0, rsp_dir=3,
+        ref_ent_name="NONE", ref_node=0, ref_dir=0, x=t, id1="NONE", id2="NONE", id3="NONE",
+        id4="NONE", id5="NONE", abscissa_spacing=1, abscissa_min=0.0,
+        abscissa_inc=1 / example.RATE, abscissa_spec_data_type=17, abscissa_axis_units_lab="s",
+        orddenom_spec_data_type=0)
+    pyuff.UFF(str(path)).write_sets(
+        [dict(common, rsp_ent_name="force", rsp_node=1, ordinate_spec_data_type=13, data=force),
+         dict(common, rsp_ent_name="acc", rsp_node=2, ordinate_spec_data_type=12, data=response)],
+        "overwrite")
+
+
+@pytest.mark.parametrize("write, names", [
+    (write_npz, ("force", "acc")), (write_mat, ("force", "acc")), (write_lvm, ("force", "acc")),
+    (write_tdms, ("m/force", "m/acc")), (write_uff, ("force 1+Z", "acc 2+Z"))])
+def test_formats(tmp_path, write, names):
+    """The FRF of one test is the same from every format."""
+    t, force, response = example.hammer_test(blows=2, noise=0.01)
+    path = tmp_path / f"hammer.{write.__name__[6:]}"
+    write(path, t, force, response)
+    text = run(path, "--frf", "--force", names[0], "--response", names[1], "--block", 1.9,
+               "--trigger", 5)
+    assert "quantity='accelerance', averages=2, window='boxcar' /" in text
+    lines = (tmp_path / "hammer_frf.csv").read_text().splitlines()
+    columns = np.loadtxt([line for line in lines if line[0] not in "#f"], delimiter=",").T
+    expected = estimate(t, force, response, block=1.9, trigger=5.0)
+    # UFF has six digits of the sampling interval, and twelve of the samples.
+    assert np.allclose(columns[0], expected.frequencies, rtol=5e-6 if write is write_uff else 1e-9)
+    assert np.allclose(columns[1] + 1j * columns[2], expected.values, rtol=1e-6, atol=1e-8)
+
+
+def test_sign_of_the_force():
+    """Blows in the direction -z are found, too."""
+    t, force, response = example.hammer_test(blows=2)
+    down, up = (estimate(t, sign * force, sign * response, block=1.9, trigger=5.0)
+                for sign in (-1, 1))
+    assert np.allclose(down.values, up.values)
