@@ -20,8 +20,8 @@ SQUARED = rf"/{SECOND}(?:\^2|\*\*2|2|\u00b2)|/{SECOND}/{SECOND}"
 UNITS = {"acceleration": re.compile(rf"(?:[m\u00b5]?g|(?:{LENGTH})(?:{SQUARED}))", re.I),
          "velocity": re.compile(rf"(?:{LENGTH})/{SECOND}", re.I),
          "displacement": re.compile(LENGTH, re.I),
-         "force": re.compile(r"[mkM]?N|lbf?|kip|kgf")}
-RATIO = re.compile(r"\(?(?P<top>.*?)\)?/\(?(?P<bottom>[mkM]?N|lbf?|kip|kgf)\)?")
+         "force": re.compile(r"[mckM]?N|lbf?|kip|kgf")}
+RATIO = re.compile(r"\(?(?P<top>.*?)\)?/\(?(?P<bottom>[mckM]?N|lbf?|kip|kgf)\)?")
 
 
 @dataclass
@@ -59,11 +59,11 @@ def quantity_of_unit(unit):
 
 
 def ratio_of_units(numerator, denominator):
-    """Returns the unit of a ratio; empty if either unit is unknown."""
-    if not numerator or not denominator:
+    """Returns the unit of a ratio, with '?' for an unknown unit; empty if both are unknown."""
+    if not numerator and not denominator:
         return ""
     def part(unit):
-        return f"({unit})" if "/" in unit else unit
+        return f"({unit})" if "/" in unit else unit or "?"
     return f"{part(numerator)}/{part(denominator)}"
 
 

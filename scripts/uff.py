@@ -10,6 +10,10 @@ DIRECTIONS = ["", "+X", "+Y", "+Z", "+RX", "+RY", "+RZ", "-RZ", "-RY", "-RX", "-
 UNKNOWN, TIME_RESPONSE, FREQUENCY_RESPONSE, COHERENCE = 0, 1, 4, 6
 MEASURED = {8: "displacement", 11: "velocity", 12: "acceleration", 13: "force"}
 TIME, FREQUENCY = 17, 18
+#: Units of length and force by the code of a data set 164; 9 is user-defined.
+SYSTEMS = {1: ("m", "N"), 2: ("ft", "lbf"), 3: ("m", "kgf"), 5: ("mm", "mN"), 6: ("cm", "cN"),
+           7: ("in", "lbf"), 8: ("mm", "kgf"), 10: ("mm", "N")}
+MOTIONS = {"displacement": "{}", "velocity": "{}/s", "acceleration": "{}/s^2"}
 NODES = ("rsp_ent_name", "rsp_node", "rsp_dir", "ref_ent_name", "ref_node", "ref_dir")
 
 
@@ -17,7 +21,7 @@ def read_uff(path):
     """Returns the channels and FRFs of the data sets 58, and texts from other data sets."""
     import pyuff
     file, channels, responses, texts = pyuff.UFF(str(path)), [], [], []
-    coherences, others = [], []
+    coherences, others, system = [], [], None
     for k, kind in enumerate(file.get_set_types()):
         if int(kind) not in (58, 164):
             continue
@@ -27,6 +31,7 @@ def read_uff(path):
         if int(kind) == 164:
             texts += [f"set {k + 1}, units: " + ", ".join(f"{key} {words[key]}" for key in (
                 "units_code", "units_description", "length", "force", "temp") if key in words)]
+            system = SYSTEMS.get(data["units_code"])
             continue
         check_size(path, k + 1, data)
         of_time = data["abscissa_spec_data_type"] in (UNKNOWN, TIME)
@@ -35,7 +40,7 @@ def read_uff(path):
             channels.append(uff_channel(data, words))
         elif (data["func_type"] == FREQUENCY_RESPONSE and of_frequency
               and data["data"].dtype.kind == "c"):
-            responses.append((k + 1, nodes_of(words), uff_response(data, words)))
+            responses.append((k + 1, nodes_of(words), uff_response(data, words, system)))
         elif data["func_type"] == COHERENCE and of_frequency:
             coherences.append((k + 1, nodes_of(words), data))
         else:
@@ -95,17 +100,27 @@ def uff_channel(data, words):
                    MEASURED.get(data["ordinate_spec_data_type"], ""))
 
 
-def uff_response(data, words):
-    """Returns an FRF; its quantity follows from the types of its axes, or else from their units."""
+def unit_of(measured, system):
+    """Returns the unit of a measured quantity in a system of units, or ''."""
+    if system is None or not measured:
+        return ""
+    return system[1] if measured == "force" else MOTIONS[measured].format(system[0])
+
+
+def uff_response(data, words, system):
+    """Returns an FRF; its quantity follows from the types of its axes, or else from their units.
+
+    system  units of length and force of the file, for axes without a unit; None: unknown
+    """
     import numpy as np
     response, reference = (place_of(words, data, which) for which in ("rsp", "ref"))
-    top, bottom = (stated(words, f"{axis}_axis_units_lab") for axis in ("ordinate", "orddenom"))
-    kinds = [data.get(f"{axis}_spec_data_type", UNKNOWN) for axis in ("ordinate", "orddenom")]
-    quantity = quantity_of(*(MEASURED.get(kind, "") for kind in kinds))
+    axes = ("ordinate", "orddenom")
+    measured = [MEASURED.get(data.get(f"{axis}_spec_data_type"), "") for axis in axes]
+    top, bottom = (stated(words, f"{axis}_axis_units_lab") or unit_of(one, system)
+                   for axis, one in zip(axes, measured))
     # Some programs write the unit of the ratio as that of the numerator.
-    unit = top if quantity_of_unit(top) else ratio_of_units(top, bottom) or top
-    if not quantity and UNKNOWN in kinds:
-        quantity = quantity_of_unit(unit)
+    unit = top if quantity_of_unit(top) else ratio_of_units(top, bottom)
+    quantity = quantity_of(*measured) if all(measured) else quantity_of_unit(unit)
     label = stated(words, "abscissa_axis_units_lab")
     notes = [f"response {response}", f"reference {reference}", *words_of_set(words, data)]
     if label.lower() not in HERTZ:

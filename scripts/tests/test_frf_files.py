@@ -148,6 +148,9 @@ def test_choice(tmp_path):
     ((ACCELERATION, FORCE), ("(m/s^2)/N", "NONE"), "accelerance", "(m/s^2)/N"),
     ((0, 0), ("m/s", "N"), "mobility", "(m/s)/N"),
     ((0, 0), ("NONE", "NONE"), "", ""),
+    ((0, 0), ("g", "NONE"), "", "g/?"),
+    ((ACCELERATION, FORCE), ("g", "NONE"), "accelerance", "g/?"),
+    ((0, FORCE), ("m", "N"), "receptance", "m/N"),
     ((ACCELERATION, ACCELERATION), ("g", "g"), "", "g/g")])
 def test_quantity(tmp_path, axes, labels, quantity, unit):
     """The quantity follows from the types of the axes, or from their units."""
@@ -159,6 +162,24 @@ def test_quantity(tmp_path, axes, labels, quantity, unit):
     assert f"file='test.csv', {stated} /" in out
     assert f"real, imag: {quantity or 'unknown quantity'} [{unit or 'unknown unit'}]" in read(
         tmp_path / "test.csv")[0]
+
+
+def test_units_of_the_file(tmp_path):
+    """Axes without a unit have that of the data set 164 before them."""
+    pytest.importorskip("pyuff")
+    path = tmp_path / "test.uff"
+    units = "    -1\n   164\n{:10d}{:<20}{:10d}\n" + "".join(
+        f"{x:25.16E}".replace("E", "D") for x in (1.0, 1.0, 1.0)) + (
+        f"\n{0.0:25.16E}\n".replace("E", "D") + "    -1\n")
+    for code, axes, unit in ((1, (ACCELERATION, FORCE), "(m/s^2)/N"),
+                             (10, (DISPLACEMENT, FORCE), "mm/N"),
+                             (7, (VELOCITY, FORCE), "(in/s)/lbf"),
+                             (9, (ACCELERATION, FORCE), "unknown unit")):
+        path.write_text(units.format(code, "units", 1) + data_set(
+            H, axes=axes, labels=("NONE", "NONE")))
+        out = tmp_path / "out.csv"
+        convert(path, "--out", out)
+        assert f"[{unit}]" in "\n".join(read(out)[0]), code
 
 
 def test_units():
