@@ -19,8 +19,11 @@ from responses import Response, measured_by, quantity_of, ratio_of_units
 
 LARGEST_JITTER = 0.2     # of a sample interval
 LEAST_SAMPLES = 16       # of a block
-TAIL = 0.05              # share of a block at its end, where the response should have decayed
-DECAYED = 0.01           # of its largest magnitude
+EARLY = 0.1              # of a block: where its free vibration is looked at first
+PART = 4                 # parts of a block; the last one shows what is left
+STRONG = 1e-4            # of the largest power: weaker lines are not judged
+CLEAR = 6                # standard errors by which vibration must exceed the noise
+REMAINS = 0.01           # of the free vibration, from which on the script warns
 
 
 @dataclass
@@ -178,12 +181,46 @@ def without_offset(values, trigger):
     return values - (np.median(values) if trigger else values.mean())
 
 
-def tail_of(response, starts, window):
-    """Returns how large the response is at the end of the blocks, relative to its largest value."""
+def slowest(y, starts, length, rate):
+    """Returns the frequency of the vibration that decays most slowly within the blocks, and the
+    share of its amplitude that is left after a block; None if noise hides what is left.
+
+    A line of the power spectrum late in the blocks is compared with the same line early in them.
+    The noise is the median of the late lines.
+    """
+    size = length // PART
+    if size < LEAST_SAMPLES:
+        return None
+    first, last = int(EARLY * length), length - size
+    taper = np.hanning(size)
+    early, late = (np.mean([np.abs(np.fft.rfft(taper * y[start + at:start + at + size]))**2
+                            for start in starts], axis=0)[2:] for at in (first, last))
+    floor = np.median(late)
+    clear = np.flatnonzero((early > STRONG * early.max()) & (
+        late > floor * (1 + CLEAR / math.sqrt(len(starts)))))
+    if not clear.size:
+        return None
+    k = clear[np.argmax(late[clear] / early[clear])]
+    left = math.sqrt(min(1.0, (late[k] - floor) / early[k]))
+    return (k + 2) * rate / size, left**(length / (last - first))
+
+
+def check_rest(channel, y, starts, window, rate):
+    """Adds a remark if the response has not decayed at the end of the blocks, or at the next
+    blow."""
     length = len(window)
-    blocks = [np.abs(response[start:start + length] * window) for start in starts]
-    size = max(1, int(TAIL * length))
-    return max(np.sqrt(np.mean(block[-size:]**2)) / (block.max() or 1.0) for block in blocks)
+    found = slowest(y, starts, length, rate)
+    if found is None:
+        return
+    where = f"of the vibration at {found[0]:.3g} Hz is left at the"
+    left = found[1] * window[-1] / window[0]
+    if left > REMAINS:
+        REMARKS.append(f"{channel.name}: {100 * left:.2g} % {where} end of a block, which makes "
+                       "damping too high: choose a longer --block or an --exponential window")
+    left = found[1]**(np.diff(starts).min(initial=100 * length) / length)
+    if left > REMAINS:
+        REMARKS.append(f"{channel.name}: {100 * left:.2g} % {where} next blow, which no window "
+                       "removes: wait longer between blows")
 
 
 def estimate(path, force, channels, settings, rate=None):
@@ -202,11 +239,8 @@ def estimate(path, force, channels, settings, rate=None):
     found = []
     for channel in channels:
         y = without_offset(channel.values, False)
-        tail = tail_of(y, starts, window)
-        if settings.trigger is not None and tail > DECAYED:
-            REMARKS.append(f"{channel.name} is at {100 * tail:.1f} % of its largest value at the "
-                           "end of a block; if this is vibration and not noise, choose a longer "
-                           "--block or an --exponential window")
+        if settings.trigger is not None:
+            check_rest(channel, y, starts, window, rate)
         averaged = spectra(x, y, starts, window, rate)
         if not (averaged.force.all() and averaged.response.all()):
             fail(f"{path}: found no {'response' if averaged.force.all() else 'force'} at some "

@@ -15,7 +15,7 @@ sys.path[:0] = [str(SCRIPTS), str(Path(__file__).resolve().parent)]
 
 import frequency_examples as example  # noqa: E402
 import frf_estimates  # noqa: E402
-from channels import Channel  # noqa: E402
+from channels import REMARKS, Channel  # noqa: E402
 from frf_options import Settings  # noqa: E402
 from scipy.signal import coherence, csd, lfilter, firwin, welch  # noqa: E402
 
@@ -245,17 +245,37 @@ def test_unsuitable_records(tmp_path):
     assert "averages=2" in run(plain, "--frf", *words, "--rate", example.RATE)
 
 
-def test_remarks(capsys):
-    """Blows too near to the ends, double blows and slow decays are reported."""
-    from channels import REMARKS
-    t, force, _ = example.hammer_test(blows=3)
+@pytest.fixture
+def remarks():
+    """The remarks of an estimate."""
     REMARKS.clear()
+    yield REMARKS
+    REMARKS.clear()
+
+
+def test_remarks_on_blows(remarks):
+    """Blows too near to the ends and double blows are reported."""
+    t, force, _ = example.hammer_test(blows=3)
     force = force + example.pulse(t, 2.5)
     estimate(t, force, example.motion(force), block=0.7, trigger=5.0, before=0.4)
-    assert any("1 of 3 blows are left out" in remark for remark in REMARKS)
-    assert any("contain more than one blow" in remark for remark in REMARKS)
-    assert any("largest value at the end of a block" in remark for remark in REMARKS)
-    REMARKS.clear()
+    assert any("1 of 3 blows are left out" in remark for remark in remarks)
+    assert any("1 of 2 blocks contain more than one blow" in remark for remark in remarks)
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.2])
+@pytest.mark.parametrize("spacing, block, exponential, words", [
+    (2.0, 0.5, 0.0, ["left at the end of a block"]), (2.0, 0.5, 20.0, []), (2.0, 1.9, 0.0, []),
+    (0.55, 0.5, 0.0, ["left at the end of a block", "left at the next blow"]),
+    (0.55, 0.5, 20.0, ["left at the next blow"])])
+def test_remarks_on_decay(remarks, noise, spacing, block, exponential, words):
+    """Vibration at the end of a block and at the next blow is reported, and noise is not.
+
+    The first mode decays by 7.5 1/s: to 2 % in 0.5 s, and to 6e-7 in 1.9 s.
+    """
+    t, force, response = example.hammer_test(blows=6, spacing=spacing, noise=noise)
+    estimate(t, force, response, block=block, trigger=5.0, exponential=exponential)
+    assert len(remarks) == len(words)
+    assert all(word in remark for word, remark in zip(words, remarks))
 
 
 def write_npz(path, t, force, response):
