@@ -269,10 +269,12 @@ def response_of(force, channel, settings, averaged, counts, block, rate):
         keys["exponential_window"] = repr(settings.exponential)
     if whole < blocks:
         text += f"; they scatter like {count:.4g} averages without overlap"
+    quantity = quantity_of(channel.measured or measured_by(channel.unit), "force")
+    if not quantity:
+        text += "; the response, without a unit of motion, counts as acceleration"
     notes = [text, *(f"channel '{one.name}'" + f" [{one.unit}]" * bool(one.unit)
                      + "".join(f"; {note}" for note in one.notes) for one in (force, channel))]
     return Response(
         f"FRF {channel.name}/{force.name}", averaged.frequencies, values,
         ratio_of_units(channel.unit, force.unit),
-        quantity_of(channel.measured or measured_by(channel.unit), "force") or "accelerance",
-        averaged.coherence() if count >= 2 else None, notes, keys)
+        quantity or "accelerance", averaged.coherence() if count >= 2 else None, notes, keys)

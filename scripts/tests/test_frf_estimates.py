@@ -203,6 +203,19 @@ def test_velocity_makes_mobility():
     found, = frf_estimates.estimate("test", channels[0], channels[1:],
                                     Settings(block=1.9, trigger=5.0))
     assert (found.quantity, found.unit) == ("mobility", "(mm/s)/N")
+    channels[1].unit = "V"
+    found, = frf_estimates.estimate("test", channels[0], channels[1:],
+                                    Settings(block=1.9, trigger=5.0))
+    assert (found.quantity, found.unit) == ("accelerance", "V/N")
+    assert "counts as acceleration" in found.notes[0]
+
+
+def test_one_average(remarks):
+    """One block has no coherence."""
+    t, force, response = example.hammer_test(blows=1)
+    found = estimate(t, force, response, block=1.9, trigger=5.0)
+    assert found.coherence is None and found.keys["averages"] == "1"
+    assert remarks == ["one average has no coherence: the column is left out"]
 
 
 REFUSED = {
