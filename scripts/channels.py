@@ -16,6 +16,7 @@ class Channel:
     times: object = None
     time_unit: str = ""
     notes: list = field(default_factory=list)
+    measured: str = ""          # acceleration, velocity, displacement or force, if the file says so
 
 
 class BadTimes(Exception):

@@ -1,5 +1,5 @@
 """The page of an output folder for report.py, of whatever commands have written it: identify,
-simulate, modes, profile, sample, bootstrap, compare, design, ensemble."""
+simulate, modes, frf, profile, sample, bootstrap, compare, design, ensemble."""
 
 import html
 import math
@@ -8,6 +8,7 @@ from pathlib import Path
 
 import figures as f
 import fit_page
+import frf_page
 import page as h
 import plot_design
 import plot_intervals
@@ -25,6 +26,7 @@ LEADS = {
     "identify": "estimated the parameters of a beam from its record",
     "simulate": "simulated the response of a structure",
     "modes": "computed natural frequencies, damping ratios and mode shapes",
+    "frf": "computed the frequency response of a structure",
     "profile": "computed intervals from the profile of J",
     "sample": "drew samples from the posterior of the parameters",
     "bootstrap": "fitted resampled records",
@@ -566,6 +568,7 @@ def document(outputs):
         sections += part[1]
     for name, commands, build in (("response.csv", ["simulate"], simulated),
                                   ("modes.csv", ["modes"], natural_modes),
+                                  ("frf.csv", ["frf"], frf_page.computed),
                                   ("models.csv", ["compare"], comparison),
                                   ("design.csv", ["design"], experiments),
                                   ("members.csv", ["ensemble"], ensemble)):

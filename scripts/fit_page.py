@@ -6,6 +6,7 @@ import math
 import re
 
 import figures as f
+import frf_page
 import plotting as p
 import page as h
 import plot_along
@@ -66,7 +67,8 @@ class Fit:
         self.main = [row for row in self.rows if not plot_fit.NUISANCE.match(row["parameter"])]
         self.quality = (outputs.table("quality.csv", "record", "fit_percent")
                         if outputs.has("quality.csv") else [])
-        self.records = plot_fit.read_fit(self.folder)
+        # A fit of frequency responses alone has no samples.
+        self.records = (plot_fit.read_fit(self.folder) if has_rows(self.folder / "fit.csv") else {})
 
     # -- what came out
 
@@ -205,6 +207,12 @@ class Fit:
             "Autocorrelation of the residuals. Residuals of a good model look like white noise; "
             "the intervals are wider if they do not.")
 
+    def frequency_responses(self):
+        """Returns the figures of the frequency responses of the records; empty without any."""
+        if not self.outputs.written_by("frf.csv", "identify"):
+            return ""
+        return frf_page.section(self.outputs)
+
     # -- modes
 
     def modes(self):
@@ -231,7 +239,9 @@ class Fit:
                 self.outputs)
 
     def highest_frequency(self, record):
-        """Returns half the sampling rate of a record."""
+        """Returns half the sampling rate of a record; infinity if it has no samples."""
+        if record not in self.records:
+            return math.inf
         times = self.records[record][int(self.elements)][0]
         return 0.5 / float(np.median(np.diff(times))) if len(times) > 1 else math.inf
 
@@ -323,7 +333,9 @@ class Fit:
         """Returns the sections of the page below the verdict."""
         return [("estimates", "Estimates", self.estimates()),
                 *[("along", "Along the beam", text) for text in [self.along()] if text],
-                ("curves", "Record and model", self.curves()),
+                *[("curves", "Record and model", text) for text in [self.curves()] if text],
+                *[("frf", "Frequency responses", text)
+                  for text in [self.frequency_responses()] if text],
                 *[("beyond", "Beyond linear theory", text)
                   for text in [intervals(self.outputs, self.elements, self.main)] if text],
                 *[("windows", "Windows of the record", text)

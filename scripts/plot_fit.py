@@ -279,6 +279,8 @@ def draw(directory, meshes, chosen, rows, corrected, record=1, of=1):
 
 def pictures(directory, chosen=None):
     """The figures of an output folder, one for each record, for the mesh chosen or the finest."""
+    if not (directory / "fit.csv").exists() and (directory / "frf.csv").exists():
+        p.fail(f"{directory}: found no fit.csv, but frf.csv, which plot_frf.py draws")
     records = read_fit(directory)
     meshes = next(iter(records.values()))
     chosen = max(meshes) if chosen is None else chosen

@@ -126,7 +126,7 @@ def parse(place, text, columns=2):
     names = above[wide[-1]] if wide else []
     used = wide[-1:]
     if len(wide) > 1 and wide[-2] == wide[-1] - 1 and all(map(is_unit, filter(None, names))):
-        units = [unit.strip("()[] ") for unit in names]
+        units = [bare(unit) for unit in names]
         used = wide[-2:]
         names = [f"{name} [{unit}]" if unit else name
                  for name, unit in zip(above[wide[-2]], units)]
@@ -167,12 +167,19 @@ def time_unit(word):
     return word if word in PARTS or word in MULTIPLES else ""
 
 
+def bare(unit):
+    """Returns a unit without brackets around all of it."""
+    inner = re.fullmatch(r"[(\[]([^()\[\]]*)[)\]]", unit.strip())
+    return inner[1].strip() if inner else unit.strip()
+
+
 def is_unit(text):
     """Returns whether a text can be a unit in a line of units."""
-    word = text.strip("()[] ").lower()
+    word = bare(text).lower()
     return bool(time_unit(word)) or word in {
-        "g", "mg", "v", "mv", "c", "k", "n", "%", "-", "1"} or bool(
-            re.fullmatch(r"[mc]?m/s\W*\w?|(deg|\u00b0)c", word))
+        "g", "mg", "v", "mv", "c", "k", "n", "%", "-", "1", "hz", "khz", "deg", "\u00b0", "rad",
+        "rad/s", "db"} or bool(re.fullmatch(
+            r"\(?([mc]?m/s\W*\w?|m?g|[mc]?m)\)?/n|[mc]?m/s\W*\w?|(deg|\u00b0)c", word))
 
 
 def numbers(table, column):
@@ -289,12 +296,6 @@ def is_time(table, column):
         return False
     values = [float(text.replace(",", ".").lower().replace("d", "e")) for text in texts]
     return len(values) == 2 and values[0] < values[1]
-
-
-def read_text(path, unit=""):
-    """Returns the channels of a text file."""
-    table = read(path)
-    return channels_of(table, unit), table.above
 
 
 def read_zip(path, unit=""):

@@ -6,8 +6,12 @@ Every channel becomes a column, named with its unit; times come from the file, o
 it states. Text above the columns, behind '#', contains all else that the file says. Channels with
 other times go into a file of their own. Values are not converted. Times of text become seconds if
 they are time stamps, or if their column states another unit of time.
+
+Frequency response functions (FRFs) of UFF and text become a file each, with their coherence. With
+--frf, the script estimates the FRFs of measured responses per measured force.
 """
 
+import math
 import os
 import re
 import subprocess
@@ -15,11 +19,16 @@ import sys
 from importlib.util import find_spec
 from pathlib import Path
 
+import responses
 from channels import REMARKS, BadTimes, Channel, stepped, text_of
+from frequency_tables import read_text
+from frf_options import add_options, check_options, settings_of
 from labview import read_lvm
 from program import (CHECKOUT, IN_CHECKOUT, PYTHON, fail, new_parser, pip_install, reason, tell,
                      write_text)
-from text_tables import MULTIPLES, PARTS, read_text, read_zip
+from text_tables import MULTIPLES, PARTS, read_zip
+from uff import read_uff
+from variables import columns_of, read_mat, read_numpy
 
 # By suffix: the reader's name, the modules that it imports and what pip installs.
 FORMATS = {**dict.fromkeys((".uff", ".unv", ".uf"), ("uff", "pyuff", "pyuff>=2.4")),
@@ -28,14 +37,7 @@ FORMATS = {**dict.fromkeys((".uff", ".unv", ".uf"), ("uff", "pyuff", "pyuff>=2.4
            ".tdms": ("tdms", "nptdms", "npTDMS>=1.6"),
            ".lvm": ("lvm", "numpy", "numpy>=1.24"), ".zip": ("zip", "numpy", "numpy>=1.24"),
            **dict.fromkeys((".csv", ".txt", ".tsv"), ("text", "numpy", "numpy>=1.24"))}
-READERS = {"lvm": read_lvm, "text": read_text, "zip": read_zip}    # the others are below
-# Names of variables, without case, blanks and underscores.
-TIMES = {"t", "time", "times", "timestamp", "timestamps"}
-RATES = {"fs", "rate", "samplerate", "samplingrate", "samplingfrequency", "samplefrequency", "sr"}
-STEPS = {"dt", "ts", "increment", "deltat", "deltax", "sampletime", "samplingtime"}
-STARTS = {"t0", "tstart", "starttime", "startvalue"}
-UNITS = {"unit", "units", "unitlabel", "label"}
-DIRECTIONS = ["", "+X", "+Y", "+Z", "+RX", "+RY", "+RZ", "-RZ", "-RY", "-RX", "-Z", "-Y", "-X"]
+OWN_READERS = {"lvm": read_lvm, "text": read_text, "zip": read_zip}    # without a library
 LONGEST = 90             # of the name of a column; beamid tells them apart by 100 bytes
 
 
@@ -57,40 +59,6 @@ def need(module, package, install):
     elif install:
         fail(f"no module {module} in .venv, where pip was to install it", 1)
     fail(f"no module {module}: install it by --install, or by .venv/bin/pip install '{package}'", 1)
-
-
-def read_uff(path):
-    """Functions of time of the data sets 58; those of frequency are no records."""
-    import pyuff
-    file, channels, texts = pyuff.UFF(str(path)), [], []
-    for k, kind in enumerate(file.get_set_types()):
-        if int(kind) not in (58, 164):
-            continue
-        data = file.read_sets(k)
-        words = {key: text_of("" if value is None else value) for key, value in data.items()
-                 if key not in ("x", "data")}
-        if int(kind) == 164:
-            texts += [f"set {k + 1}, units: " + ", ".join(f"{key} {words[key]}" for key in (
-                "units_code", "units_description", "length", "force", "temp") if key in words)]
-        elif data["func_type"] not in (0, 1) or data["abscissa_spec_data_type"] not in (0, 17):
-            REMARKS.append(f"set {k + 1} is no function of time: left out")
-        else:
-            channels.append(uff_channel(path, k + 1, data, words))
-    return channels, texts
-
-
-def uff_channel(path, number, data, words):
-    """A data set 58; what the reader found behind its last sample is no sample."""
-    n = data["num_pts"]
-    if len(data["data"]) < n:
-        fail(f"{path}: set {number}: found {len(data['data'])} samples, expected {n} as it says")
-    notes = [words[f"id{k}"] for k in range(1, 6) if words.get(f"id{k}") not in ("NONE", "")]
-    if data["abscissa_spacing"] == 1:
-        notes.append(f"from {words['abscissa_min']} by {words['abscissa_inc']}")
-    entity = words["rsp_ent_name"].replace("NONE", "") or "node"
-    return Channel(f"{entity} {data['rsp_node']}{DIRECTIONS[data['rsp_dir']]}", data["data"][:n],
-                   words["ordinate_axis_units_lab"].replace("NONE", ""), data["x"][:n],
-                   words["abscissa_axis_units_lab"].replace("NONE", ""), notes)
 
 
 def read_tdms(path):
@@ -131,133 +99,8 @@ def read_wav(path):
             for k, column in enumerate(columns)], []
 
 
-def read_mat(path):
-    """The variables of a MATLAB file."""
-    from scipy.io import loadmat
-    try:
-        found = loadmat(path, simplify_cells=True)
-    except NotImplementedError:
-        fail(f"{path}: found version 7.3, expected one that SciPy reads: save(..., '-v7')")
-    return from_variables({key: value for key, value in found.items() if key[:2] != "__"})
-
-
-def read_numpy(path):
-    """The array or arrays of a NumPy file."""
-    import numpy as np
-    found = np.load(path, allow_pickle=False)
-    if path.suffix.lower() == ".npy":
-        return from_variables({path.stem: found})
-    return from_variables({key: found[key] for key in found.files})
-
-
-def from_variables(variables):
-    """Channels from named values: vectors, columns of matrices; and times, rates and units by their
-    names, next to each channel first."""
-    channels, known = [], {}
-    collect("", variables, channels, known)
-    others = [channel.name for channel in channels if last(channel.name) not in TIMES]
-    for channel in channels:
-        set_times(channel, channels, known, others)
-    used = {id(channel.times) for channel in channels}
-    channels = [channel for channel in channels if id(channel.values) not in used]
-    for channel in channels:
-        own = [key for key in known if plain(key) in
-               (plain(channel.name) + "unit", plain(channel.name) + "units")]
-        near = [key for key in near_to(channel, known, UNITS, others)
-                if "." in key or len(channels) == 1]
-        if not channel.unit and len(own or near) == 1:
-            channel.unit = text_of(known[(own or near)[0]])
-    return channels, [f"{key} = {text_of(value)}" for key, value in known.items()]
-
-
-def collect(name, value, channels, known):
-    """Sorts a value, and what is in it, into channels and what is known of them."""
-    import numpy as np
-    if isinstance(value, dict):
-        for key, one in value.items():
-            collect(f"{name}.{key}" if name else key, one, channels, known)
-    elif isinstance(value, (list, tuple)) or (isinstance(value, np.ndarray)
-                                              and value.dtype.kind == "O"):
-        for k, one in enumerate(np.ravel(np.array(value, dtype=object))):
-            collect(f"{name}({k + 1})", one, channels, known)
-    elif isinstance(value, np.ndarray) and value.dtype.names:
-        for key in value.dtype.names:
-            collect(f"{name}.{key}", value[key], channels, known)
-    elif np.size(value) == 1 or isinstance(value, (str, bytes)):
-        known[name] = value.item() if isinstance(value, np.ndarray) else value
-    elif np.size(value) > 1:
-        channels += columns_of(name, np.asarray(value))
-
-
-def columns_of(name, values):
-    """A channel from a vector, one for each column of a matrix; the longer side is time."""
-    import numpy as np
-    values = np.squeeze(values)
-    if values.dtype.kind == "M":
-        seconds = (values - values[0]) / np.timedelta64(1, "s")
-        return [Channel(name, seconds, "s", notes=[f"since {values[0]}"])]
-    if values.dtype.kind not in "biuf" or values.ndim not in (1, 2) or values.size < 2:
-        REMARKS.append(f"{name} holds no series of real numbers: left out")
-        return []
-    if values.dtype.kind == "b":
-        values = values.astype(int)
-    if values.dtype.kind == "f":
-        values = values.astype(float)    # NumPy prints those of extended precision with their type
-    if values.ndim == 1:
-        return [Channel(name, values)]
-    columns = values.T if values.shape[0] >= values.shape[1] else values
-    return [Channel(f"{name}({k + 1})", column) for k, column in enumerate(columns)]
-
-
-def plain(name):
-    """A name without case, blanks and underscores."""
-    return re.sub(r"[\s_]", "", name).lower()
-
-
-def last(name):
-    """The last part of a name, plain."""
-    return plain(name.split(".")[-1])
-
-
-def near_to(channel, names, wanted, others):
-    """The names whose last part is one of those wanted, in the innermost structure around the
-    channel that has any; what stands in a structure beside one of the other channels is theirs."""
-    def is_theirs(name):
-        around = name.rpartition(".")[0] + "."
-        return (len(around) > 1 and not channel.name.startswith(around)
-                and any(other.startswith(around) for other in others))
-
-    parts = channel.name.split(".")
-    for depth in range(len(parts) - 1, -1, -1):
-        inside = ".".join(parts[:depth]) + "." if depth else ""
-        found = [name for name in names if name.startswith(inside) and last(name) in wanted
-                 and not is_theirs(name)]
-        if found:
-            return found
-    return []
-
-
-def set_times(channel, channels, known, others):
-    """Times of a channel: a series of that name and length that grows, else one rate or step."""
-    import numpy as np
-    series = {one.name: one.values for one in channels if one is not channel
-              and len(one.values) == len(channel.values) and (np.diff(one.values) > 0).all()}
-    numbers = {name: float(value) for name, value in known.items()
-               if isinstance(value, (int, float, np.integer, np.floating))}
-    times = near_to(channel, series, TIMES, others)
-    rates = near_to(channel, numbers, RATES | STEPS, others)
-    starts = near_to(channel, numbers, STARTS, others)
-    if last(channel.name) in TIMES:
-        return
-    if len(times) == 1:
-        channel.times = series[times[0]]
-    elif len(rates) > 1:
-        REMARKS.append(f"{channel.name} gets no times: found {', '.join(rates)}, expected one")
-    elif rates:
-        start = numbers[starts[0]] if len(starts) == 1 else 0.0
-        step = numbers[rates[0]]
-        rate = step if last(rates[0]) in RATES else None
-        channel.times = stepped(len(channel.values), step, start, rate, rates[0])
+LIBRARY_READERS = {"uff": read_uff, "mat": read_mat, "wav": read_wav, "numpy": read_numpy,
+                   "tdms": read_tdms}
 
 
 def label(channel, taken=()):
@@ -318,61 +161,129 @@ def table(path, texts, columns):
                     *(",".join(row) + "\n" for row in rows)])
 
 
-def main():
+def command_line():
+    """Returns the parser of the command line."""
     parser = new_parser(__doc__.replace("\n", " "))
     parser.add_argument("file", metavar="FILE", help="the recorder's file")
-    parser.add_argument("--out", metavar="FILE", help="columns to write (default: FILE with .csv)")
+    parser.add_argument("--out", metavar="FILE", help="columns to write (default: FILE with .csv; "
+                        "with --frf, FILE with _frf.csv)")
     parser.add_argument("--channel", metavar="NAME", nargs="+",
-                        help="only these channels, by name or number")
+                        help="only these channels or FRFs, by name or number")
     parser.add_argument("--time-unit", metavar="UNIT", choices=[*PARTS, *MULTIPLES],
                         help="unit of the times of a text that states none: "
                         + ", ".join((*PARTS, *MULTIPLES)))
     parser.add_argument("--install", action="store_true",
                         help="installs the library that reads this format into .venv")
-    arguments = parser.parse_args()
+    add_options(parser)
+    return parser
 
+
+def target_of(arguments, path, of_frequency):
+    """Returns the file to write; one that is there needs --out.
+
+    of_frequency  whether the file is to contain an FRF
+    """
+    ending = "_frf" if of_frequency else "_seconds"
+    out = Path(arguments.out or (path.with_name(f"{path.stem}_frf.csv") if arguments.frf else
+                                 path.with_suffix(".csv")))
+    if out == path and not arguments.out:
+        out = path.with_stem(path.stem + ending)
+    if out.exists() and not arguments.out:
+        fail(f"{out}: exists; --out {out} replaces it")
+    if out.exists() and out.samefile(path):
+        fail(f"{out}: is the file to read, expected --out to name another")
+    return out
+
+
+def read_channels(path, arguments):
+    """Returns the channels and FRFs of a file, and the texts above them."""
+    reader, module, package = FORMATS[path.suffix.lower()]
+    if arguments.time_unit and reader not in ("text", "zip"):
+        fail(f"--time-unit is for text, and {path} is not")
+    need(module, package, arguments.install)
+    try:
+        return (OWN_READERS | LIBRARY_READERS)[reader](
+            path, *[arguments.time_unit] * bool(arguments.time_unit))
+    except BadTimes as error:
+        fail(f"{path}: {error}")
+    except OSError as error:
+        fail(f"{path}: {reason(error)}")
+    except Exception as error:    # the libraries raise errors of every kind
+        who = "cannot be read" if reader in OWN_READERS else f"{module} cannot read it"
+        fail(f"{path}: {who}: {text_of(error) or type(error).__name__}")
+
+
+def estimated(path, channels, arguments):
+    """Returns the FRFs of --frf."""
+    import frf_estimates
+    settings = settings_of(arguments)
+    channels = [channel for channel in channels if isinstance(channel, Channel)]
+    (_, force), *more = chosen(channels, [arguments.force], path)
+    responses = [channel for _, channel in chosen(channels, arguments.response, path)]
+    if more or force in responses:
+        fail(f"--force: found '{arguments.force}', expected one channel that is no response")
+    return frf_estimates.estimate(path, force, responses, settings, arguments.rate)
+
+
+def write_channels(path, out, texts, groups, count):
+    """Writes channels, a file for each group, and prints their &record groups."""
+    for target, columns in groups:
+        write_text(target, table(path, texts, columns))
+        times = columns[0][1].times
+        rate = ", rate=... (or time_column='...')" if times is None else ""
+        print(f"{target}: {len(columns[0][1].values)} rows, {len(columns)} of {count} "
+              f"channels, {'no times' if rate else 'with times'}")
+        for name, _ in columns:
+            quoted = name.replace("'", "''")
+            print(f"   &record file='{target.name}', value_column='{quoted}'{rate} /")
+
+
+def write_responses(path, files, texts, estimates):
+    """Writes FRFs, a file for each, and prints their &record groups.
+
+    estimates  whether the script has estimated the FRFs, whose first note then says how
+    """
+    for target, response in files:
+        if not all(map(math.isfinite, [*response.values.real, *response.values.imag])):
+            tell(f"{path}: {response.name}: some values are no finite numbers, which beamid "
+                 "refuses")
+        write_text(target, responses.table(path, texts, response))
+        print(f"{target}: {responses.description(response)}")
+        if estimates:
+            print(f"   {response.notes[0]}")
+        print(f"   {responses.record_line(response, target.name)}")
+
+
+def main():
+    arguments = command_line().parse_args()
     path = Path(arguments.file)
     if path.suffix.lower() not in FORMATS:
         fail(f"{path}: found '{path.suffix}', expected one of {' '.join(FORMATS)}"
              + "; export the sheet as CSV" * path.suffix.lower().startswith((".xls", ".ods")))
     if not path.is_file():
         fail(f"{path}: no such file")
-    out = Path(arguments.out or path.with_suffix(".csv"))
-    if out == path and not arguments.out:
-        out = path.with_stem(f"{path.stem}_seconds")
-    if out.exists() and not arguments.out:
-        fail(f"{out}: exists; --out {out} replaces it")
-    if out.exists() and out.samefile(path):
-        fail(f"{out}: is the file to read, expected --out to name another")
-    reader, module, package = FORMATS[path.suffix.lower()]
-    if arguments.time_unit and reader not in ("text", "zip"):
-        fail(f"--time-unit is for text, and {path} is not")
-    need(module, package, arguments.install)
-    try:
-        channels, texts = (READERS.get(reader) or globals()[f"read_{reader}"])(
-            path, *[arguments.time_unit] * bool(arguments.time_unit))
-    except BadTimes as error:
-        fail(f"{path}: {error}")
-    except OSError as error:
-        fail(f"{path}: {reason(error)}")
-    except Exception as error:    # what the libraries raise is of every kind
-        who = f"{module} cannot read it" if reader not in READERS else "cannot be read"
-        fail(f"{path}: {who}: {text_of(error) or type(error).__name__}")
+    check_options(arguments)
+    out = target_of(arguments, path, arguments.frf)
+    if arguments.frf:
+        need("scipy", "scipy>=1.9", arguments.install)
+    channels, texts = read_channels(path, arguments)
     if not channels:
         fail(f"{path}: found no series of real numbers in time, expected one or more"
              + "".join(f"; {remark}" for remark in REMARKS))
+    if arguments.frf:
+        found = [(response.name, response) for response in estimated(path, channels, arguments)]
+    else:
+        found = chosen(channels, arguments.channel, path)
     for remark in REMARKS:
         tell(f"{path}: {remark}")
-    for k, columns in enumerate(by_times(chosen(channels, arguments.channel, path))):
-        target = out.with_stem(f"{out.stem}_{k + 1}") if k else out
-        write_text(target, table(path, texts, columns))
-        times = columns[0][1].times
-        rate = ", rate=... (or time_column='...')" if times is None else ""
-        print(f"{target}: {len(columns[0][1].values)} rows, {len(columns)} of {len(channels)} "
-              f"channels, {'no times' if rate else 'with times'}")
-        for name, _ in columns:
-            quoted = name.replace("'", "''")
-            print(f"   &record file='{target.name}', value_column='{quoted}'{rate} /")
+    frfs = [one for _, one in found if isinstance(one, responses.Response)]
+    groups = by_times([pair for pair in found if isinstance(pair[1], Channel)])
+    if not groups:
+        out = target_of(arguments, path, True)
+    targets = [out.with_stem(f"{out.stem}_{k + 1}") if k else out
+               for k in range(len(groups) + len(frfs))]
+    write_channels(path, out, texts, list(zip(targets, groups)), len(channels))
+    write_responses(path, list(zip(targets[len(groups):], frfs)), texts, arguments.frf)
 
 
 if __name__ == "__main__":
