@@ -29,7 +29,8 @@ module beamid_command_table
          'Writes quality.csv, modes_seen.csv, estimates.csv, fit.csv, correlations.csv, '// &
          'autocorrelation.csv, modes.csv, shapes.csv, attachments.csv, labels.csv, case.txt '// &
          'and summary.txt; also along.csv if E or c_D varies along the beam, minima.csv with '// &
-         '&multistart, and windows.csv with &windows.', 'identify case.nml --out out/trial'), &
+         '&multistart, windows.csv with &windows, frf.csv and modal_fit.csv with records of '// &
+         'the kinds ''frf'' and ''modes''.', 'identify case.nml --out out/trial'), &
       command_t('simulate', 'case.nml', &
          'compute the response of the structure at the sample times', &
          'Writes response.csv and, with the group &noise, record.csv in the form that identify '// &

@@ -43,7 +43,7 @@ contains
       type(block_t), allocatable :: blocks(:)
       character(len=:), allocatable :: rules, manual, group
       type(outcome_t) :: page
-      integer :: g, k
+      integer :: column, g, k
 
       outcome = beamid('help man')
       call check('manual: every byte can be printed', prints(outcome%out))
@@ -61,6 +61,8 @@ contains
          call check('help '//group//': every byte can be printed', prints(outcome%out))
          call check('manual: '//group, index(manual, '.SS &'//group) > 0)
          call check('rules: '//group, index(rules, '&'//group) > 0)
+         ! Explanations begin behind the longest name.
+         column = max(17, 3 + maxval(len_trim(blocks(g)%keys%name)))
          do k = 1, size(blocks(g)%keys)
             associate (key => blocks(g)%keys(k))
                page = wide('help '//trim(key%name))
@@ -71,8 +73,8 @@ contains
                   unit_of(group, key)//'|allowed   '//allowed_of(group, key)//'|default   '// &
                   default_of(key)//'|example   '//example_of(group, key)//'|see also '))
                call check('help '//group//': '//trim(key%name), index(outcome%out, nl// &
-                  left('  '//trim(key%name), 17)//key%help//nl//repeat(' ', 17)// &
-                  key_line(group, key)//nl//repeat(' ', 17)//example_of(group, key)//nl) > 0)
+                  left('  '//trim(key%name), column)//key%help//nl//repeat(' ', column)// &
+                  key_line(group, key)//nl//repeat(' ', column)//example_of(group, key)//nl) > 0)
                call check('manual: '//group//' '//trim(key%name), index(manual, &
                   '.B '//trim(key%name)//nl//key%help//nl//'.br'//nl//key_line(group, key)//nl// &
                   '.br'//nl//example_of(group, key)//nl) > 0)
@@ -113,7 +115,7 @@ contains
       integer :: k
 
       call known_words(words)
-      list = 'identify simulate modes profile bootstrap compare reproduce new help version'
+      list = 'identify simulate modes frf profile bootstrap compare reproduce new help version'
       do k = 1, size(words)
          list = list//' '''//trim(words(k))//''''
       end do
@@ -137,7 +139,7 @@ contains
    !> Every word there is, and words that are nearly one.
    subroutine test_nearest()
       character(len=*), parameter :: commands(*) = [character(len=9) :: 'identify', 'simulate', &
-         'modes', 'profile', 'sample', 'bootstrap', 'compare', 'design', 'ensemble', &
+         'modes', 'frf', 'profile', 'sample', 'bootstrap', 'compare', 'design', 'ensemble', &
          'reproduce', 'new', 'help', 'version']
       integer :: k
 

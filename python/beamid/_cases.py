@@ -1,8 +1,11 @@
 """Arguments as the text of a case file: the library reads and checks nothing else."""
 from __future__ import annotations
 
+import tempfile
+import uuid
 from collections.abc import Iterable, Mapping, Sequence
 from ctypes import byref, c_int
+from pathlib import Path
 from typing import Any, Optional, Union
 
 import numpy as np
@@ -95,6 +98,159 @@ class Record:
                              "expected as many of one as of the other")
 
 
+class TableRecord:
+    """A record that is no function of time: a table with named columns.
+
+    The library reads the table from a file. It is written with all digits into a temporary folder,
+    which lives as long as the case inside the library.
+    """
+
+    #: Nothing is passed to the library as samples.
+    t: ArrayLike = ()
+    a: ArrayLike = ()
+
+    def __init__(self, columns: Mapping[str, Any], what: str, keys: Mapping[str, Any]) -> None:
+        self.columns = {name: numbers(values, f"{name} of {what}").copy()
+                        for name, values in columns.items() if values is not None}
+        self.what = what
+        self._file = f"{uuid.uuid4().hex}.csv"    #: its name in the text of a case
+        self.keys = dict(keys, file=self._file)
+        self.check()
+
+    def check(self) -> None:
+        """Raise InputError if the columns differ in length, or a value is not finite."""
+        sizes = {name: values.size for name, values in self.columns.items()}
+        if len(set(sizes.values())) > 1:
+            found = ", ".join(f"{size} of {name}" for name, size in sizes.items())
+            raise InputError(f"{self.what}: found {found}, expected as many of each")
+        for name, values in self.columns.items():
+            if not np.isfinite(values).all():
+                raise InputError(f"{self.what}: found a value of {name} that is not finite, "
+                                 "expected finite ones")
+
+    def write(self, folder: str, text: str) -> str:
+        """Write the table into a folder, and return the text of a case with its path."""
+        path = Path(folder, self._file)
+        rows = zip(*(values.tolist() for values in self.columns.values()))
+        path.write_text(",".join(self.columns) + "\n"
+                        + "".join(",".join(map(repr, row)) + "\n" for row in rows))
+        return text.replace(self._file, str(path).replace("'", "''"))
+
+
+class FrequencyRecord(TableRecord):
+    """A measured frequency response function (FRF): response per unit force, with the convention
+    e^(+i omega t).
+
+    Values are in the units of the case. The library reads them from a temporary file, which lives
+    as long as the problem.
+
+    Parameters
+    ----------
+    frequency : array_like of shape (n,)
+        Frequencies, ascending, in cycles per unit of time (Hz if times are in seconds).
+    h : array_like of shape (n,)
+        Complex response per unit force.
+    coherence : array_like of shape (n,), optional
+        Coherence, from 0 to 1. It requires `averages`.
+    sd : float or array_like of shape (n,), optional
+        Standard deviation of the real part, and of the imaginary part. Default: from `coherence`
+        and `averages`, or else estimated.
+    quantity : {'accelerance', 'mobility', 'receptance'}, optional
+        Acceleration, velocity or displacement per force. Default: 'accelerance'.
+    averages : int, optional
+        Number of averaged blocks.
+    x_F : float, optional
+        Position of the force [length]. Default: that of `excitation`, or else the tip.
+    x_S : float, optional
+        Position of the sensor [length]. Default: that of `sensor`.
+    f_first, f_last : float, optional
+        Lowest and highest frequency that a fit uses [1/time]. Default: all lines.
+    coherence_least : float, optional
+        Lines with a lower coherence are left out. Default: 0.
+    window : {'boxcar', 'hann'}, optional
+        Window of the blocks. Default: 'boxcar', none.
+    exponential_window : float, optional
+        Decay rate of the exponential window of force and response [1/time]. Default: 0.
+    scale : float, optional
+        Factor of the response, 1 by default.
+    sensor : str, optional
+        Name of the sensor; required if there are several.
+    length : float, optional
+        Length of the beam in this record [length]. Default: that of `beam`.
+    **other
+        Any other key of the group `&record`.
+
+    Raises
+    ------
+    InputError
+        If values are not finite numbers, or their numbers differ.
+    """
+
+    def __init__(self, frequency: ArrayLike, h: ArrayLike, *, coherence: ArrayLike | None = None,
+                 sd: ArrayLike | None = None, quantity: str | None = None,
+                 averages: int | None = None, x_F: float | None = None, x_S: float | None = None,
+                 f_first: float | None = None, f_last: float | None = None,
+                 coherence_least: float | None = None, window: str | None = None,
+                 exponential_window: float | None = None, scale: float | None = None,
+                 sensor: str | None = None, length: float | None = None, **other: Any) -> None:
+        values = np.asarray(h, dtype=complex).ravel()
+        one_sd = sd is not None and np.ndim(sd) == 0
+        super().__init__(
+            dict(frequency_hz=frequency, real=values.real, imag=values.imag, coherence=coherence,
+                 sd=None if one_sd else sd), "FrequencyRecord",
+            dict(kind="frf", sd=sd if one_sd else None, quantity=quantity, averages=averages,
+                 x_F=x_F, x_S=x_S, f_first=f_first, f_last=f_last,
+                 coherence_least=coherence_least, window=window,
+                 exponential_window=exponential_window, scale=scale, sensor=sensor, length=length,
+                 **other))
+
+
+class ModalRecord(TableRecord):
+    """A table of measured modes: natural frequencies and damping ratios with standard deviations.
+
+    The library reads the values from a temporary file, which lives as long as the problem.
+
+    Parameters
+    ----------
+    frequency : array_like of shape (n,)
+        Natural frequencies, in cycles per unit of time (Hz if times are in seconds).
+    sd : array_like of shape (n,) or float
+        Their standard deviations, in the same unit.
+    damping : array_like of shape (n,), optional
+        Damping ratios (2 % is 0.02).
+    sd_damping : array_like of shape (n,) or float, optional
+        Their standard deviations; required with `damping`.
+    mode : array_like of shape (n,), optional
+        Numbers of the modes, from 1. Default: the nearest modes of the model.
+    length : float, optional
+        Length of the beam in this record [length]. Default: that of `beam`.
+    **other
+        Any other key of the group `&record`.
+
+    Raises
+    ------
+    InputError
+        If values are not finite numbers, or their numbers differ.
+    """
+
+    def __init__(self, frequency: ArrayLike, sd: ArrayLike, damping: ArrayLike | None = None,
+                 sd_damping: ArrayLike | None = None, mode: ArrayLike | None = None, *,
+                 length: float | None = None, **other: Any) -> None:
+        size = np.size(frequency)
+
+        def all_of(value: ArrayLike | None) -> ArrayLike | None:
+            return np.full(size, value) if value is not None and np.ndim(value) == 0 else value
+
+        super().__init__(
+            dict(frequency_hz=frequency, sd_hz=all_of(sd), damping_ratio=damping,
+                 sd_damping=all_of(sd_damping), mode=mode), "ModalRecord",
+            dict(kind="modes", length=length, **other))
+
+
+#: A record of any kind.
+AnyRecord = Union[Record, TableRecord]
+
+
 def written(value: Any) -> str:
     """Return a value as a case file has it."""
     if isinstance(value, str):
@@ -147,7 +303,8 @@ def case_text(records: Sequence[Mapping[str, Any]], stages: Sequence[Mapping[str
     return text + "".join(group("stage", keys) for keys in stages)
 
 
-def open_case(path: str, text: str | bytes, records: Sequence[Record], *, fits: bool) -> Handle:
+def open_case(path: str, text: str | bytes, records: Sequence[AnyRecord], *,
+              fits: bool) -> Handle:
     """Open a case in the library.
 
     Parameters
@@ -169,8 +326,14 @@ def open_case(path: str, text: str | bytes, records: Sequence[Record], *, fits: 
     t = np.concatenate([numbers(item.t, "times of a record") for item in records] or [none])
     z = np.concatenate([numbers(item.a, "values of a record") for item in records] or [none])
     where = path.encode()
-    what = text.encode() if isinstance(text, str) else text
     handle = Handle()
+    tables = [item for item in records if isinstance(item, TableRecord)]
+    if tables and isinstance(text, str):
+        # Commands read the files again: the folder lives as long as the handle.
+        handle.folder = tempfile.TemporaryDirectory(prefix="beamid-")
+        for item in tables:
+            text = item.write(handle.folder.name, text)
+    what = text.encode() if isinstance(text, str) else text
     compute("beamid_open", where, len(where), what, len(what), len(records), sizes, t.size,
             t.ctypes.data, z.ctypes.data, int(fits), byref(handle.number))
     return handle
@@ -186,14 +349,14 @@ def as_list(value: Any, what: str) -> list[Any]:
     what
         Its name, for messages.
     """
-    if isinstance(value, (Mapping, Record)):
+    if isinstance(value, (Mapping, Record, TableRecord)):
         return [value]
     if isinstance(value, str) or not isinstance(value, Iterable):
         raise InputError(f"{what}: found {value!r}, expected one or several of them")
     return list(value)
 
 
-def records_of(t: Any, a: Any, record: Any, records: Any) -> list[Record]:
+def records_of(t: Any, a: Any, record: Any, records: Any) -> list[AnyRecord]:
     """Return the records that the arguments of a function describe; see `Problem`."""
     if records is None:
         if record is not None and not isinstance(record, Mapping):
@@ -203,8 +366,9 @@ def records_of(t: Any, a: Any, record: Any, records: Any) -> list[Record]:
         raise InputError("found records beside t, a or record, expected one or the other")
     items = as_list(records, "records")
     for item in items:
-        if not isinstance(item, Record):
-            raise InputError(f"records: found {item!r}, expected beamid.Record(t, a, ...)")
+        if not isinstance(item, (Record, TableRecord)):
+            raise InputError(f"records: found {item!r}, expected beamid.Record(t, a, ...), "
+                             "FrequencyRecord(...) or ModalRecord(...)")
     return items
 
 

@@ -1,4 +1,4 @@
-"""The commands simulate, modes, design, compare and ensemble."""
+"""The commands simulate, modes, frf, design, compare and ensemble."""
 from __future__ import annotations
 
 import csv
@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from . import _plots
-from ._cases import (IN_MEMORY, Group, Groups, Names, Record, as_list, case_text, given, open_case,
-                     records_of)
+from ._cases import (IN_MEMORY, AnyRecord, Group, Groups, Names, as_list, case_text, given,
+                     open_case, records_of)
 from ._fits import Fit, Problem
 from ._library import Handle, InputError, Progress, compute, optional, text_of
 
@@ -130,6 +130,42 @@ class Modes(Results):
             self.s, self.frequencies, self.damping_ratios) if s.imag > 0]
         return _plots.shapes(self.tables.get("shapes.csv", ""),
                              self.tables.get("attachments.csv", ""), "", modes, axes)
+
+
+@dataclass
+class FrequencyResponse(Results):
+    """Frequency response function of a structure, on the finest mesh."""
+
+    _table: ClassVar[str] = "frf"
+    frequency: np.ndarray = field(default_factory=lambda: np.empty(0))
+    """Frequencies, shape (n,) [1/time]."""
+    h: np.ndarray = field(default_factory=lambda: np.empty(0, complex), repr=False)
+    """Response per unit force, complex, shape (n,), with the convention e^(+i omega t)."""
+    lower: np.ndarray | None = field(default=None, repr=False)
+    """Lower end of the 95 % interval of the magnitude, shape (n,), if the structure is fitted; nan:
+    the records do not determine a parameter."""
+    upper: np.ndarray | None = field(default=None, repr=False)
+    """Upper end of this interval, shape (n,)."""
+
+    def plot(self, axes: Any = None) -> Any:
+        """Draw magnitude and phase, with the 95 % band if the structure is fitted.
+
+        Parameters
+        ----------
+        axes : sequence of two matplotlib axes, optional
+            Where to draw. Default: a new figure.
+
+        Returns
+        -------
+        numpy.ndarray of Axes of shape (2,)
+
+        Raises
+        ------
+        ImportError
+            If matplotlib is not installed.
+        """
+        return _plots.response(self.frequency, self.h, self.lower, self.upper, axes,
+                               "FrequencyResponse.plot")
 
 
 @dataclass
@@ -380,6 +416,58 @@ def modes(case: Case | None = None, *, beam: Group = None, tip: Group = None, ma
     return found
 
 
+def frf(case: Case | None = None, *, record: Groups = None,
+        records: AnyRecord | Sequence[AnyRecord] | None = None, free: Names | None = None,
+        start: Any = None, lower: Any = None, upper: Any = None, shared: Names | None = None,
+        stages: Groups = None, beam: Group = None, tip: Group = None, mass: Groups = None,
+        hose: Groups = None, sensor: Groups = None, support: Groups = None, end: Groups = None,
+        gravity: Group = None, axial: Group = None, along: Groups = None,
+        excitation: Groups = None, discretization: Group = None, prior: Groups = None,
+        units: Group = None, progress: Progress | None = None, **other: Any) -> FrequencyResponse:
+    """Compute the frequency response of a structure, as the command `frf` does.
+
+    If the case can be fitted, it is the response of the fitted structure, with its 95 % band.
+
+    The other arguments are those of `Problem`, which describes them with their units: `free`,
+    `start`, `lower`, `upper`, `shared`, `stages`; `beam`, `tip`, `mass`, `hose`, `sensor`,
+    `support`, `end`, `gravity`, `axial`, `along`, `excitation`; `discretization`, `prior`; `units`;
+    and any other group, `other`.
+
+    Parameters
+    ----------
+    case : str, os.PathLike or Problem, optional
+        A case, as the only argument.
+    record : mapping
+        Frequencies `f_first`, `f_last`, `f_step` [1/time], position of the force `x_F` [length],
+        `quantity` ('accelerance', 'mobility' or 'receptance'), `exponential_window` [1/time],
+        `sensor`.
+    records : FrequencyRecord or sequence of records, optional
+        In place of `record`: records to fit. The response is computed at the lines of the first
+        `FrequencyRecord`.
+    progress : bool or callable, optional
+        See `Problem.fit`.
+
+    Returns
+    -------
+    FrequencyResponse
+
+    Raises
+    ------
+    InputError
+        If the arguments are incomplete or contradict one another.
+    ComputationError
+        If the response cannot be computed.
+    """
+    arguments = locals()
+    if isinstance(record, Mapping):
+        arguments["record"] = dict(record, kind="frf")
+    found = FrequencyResponse(**_results("frf", [_case_of("case", arguments)], progress))
+    columns = found._finest("frf.csv")
+    found.frequency, found.h = columns["frequency_hz"], columns["real"] + 1j*columns["imag"]
+    found.lower, found.upper = (columns.get(f"magnitude_{end}95") for end in ("lower", "upper"))
+    return found
+
+
 def design(case: Case | None = None, *, record: Groups = None, free: Names | None = None,
            stages: Groups = None, beam: Group = None, tip: Group = None, mass: Groups = None,
            hose: Groups = None, sensor: Groups = None, support: Groups = None, end: Groups = None,
@@ -487,7 +575,7 @@ def _label(number: int, case: Case) -> str:
 
 
 def ensemble(t: ArrayLike | Case | None = None, *, record: Group = None,
-             records: Record | Sequence[Record] | None = None, free: Names | None = None,
+             records: AnyRecord | Sequence[AnyRecord] | None = None, free: Names | None = None,
              start: Any = None, lower: Any = None, upper: Any = None, shared: Names | None = None,
              stages: Groups = None, beam: Group = None, tip: Group = None, mass: Groups = None,
              hose: Groups = None, sensor: Groups = None, support: Groups = None, end: Groups = None,

@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from . import _plots
-from ._cases import (IN_MEMORY, Group, Groups, Names, Record, as_list, case_text, given, open_case,
-                     records_of)
+from ._cases import (IN_MEMORY, AnyRecord, Group, Groups, Names, as_list, case_text, given,
+                     open_case, records_of)
 from ._library import (Handle, InputError, NoFit, Progress, array_of, compute, numbers, optional,
                        text_of)
 
@@ -66,6 +66,54 @@ class Mode(NamedTuple):
     """Half width of the 95 % interval of the frequency [1/time]."""
     damping_half_width: float
     """Half width of the 95 % interval of the damping ratio."""
+
+
+class FittedResponse(NamedTuple):
+    """A measured frequency response beside that of the fitted structure."""
+
+    record: int
+    """Number of the record."""
+    frequency: np.ndarray
+    """Frequencies of the lines that were used, shape (n,) [1/time]."""
+    measured: np.ndarray
+    """Measured response per unit force, complex, shape (n,)."""
+    model: np.ndarray
+    """Response of the fitted structure, complex, shape (n,)."""
+    residual: np.ndarray
+    """Measured - model, complex, shape (n,)."""
+    lower: np.ndarray
+    """Lower end of the 95 % interval of the magnitude of the model, shape (n,)."""
+    upper: np.ndarray
+    """Upper end of the 95 % interval of the magnitude of the model, shape (n,)."""
+    sd: np.ndarray
+    """Standard deviation of real and imaginary part, shape (n,); nan: estimated by the fit."""
+    coherence: np.ndarray
+    """Coherence, shape (n,); nan: not known."""
+
+
+class FittedMode(NamedTuple):
+    """A measured mode beside that of the fitted structure; nan: not measured."""
+
+    record: int
+    """Number of the record."""
+    mode: int
+    """Number of the mode."""
+    frequency: float
+    """Measured natural frequency [1/time]."""
+    sd: float
+    """Its standard deviation [1/time]."""
+    model_frequency: float
+    """Natural frequency of the fitted structure [1/time]."""
+    residual: float
+    """Measured frequency - that of the model [1/time]."""
+    damping_ratio: float
+    """Measured damping ratio."""
+    sd_damping: float
+    """Its standard deviation."""
+    model_damping_ratio: float
+    """Damping ratio of the fitted structure."""
+    damping_residual: float
+    """Measured damping ratio - that of the model."""
 
 
 class Fit:
@@ -180,7 +228,12 @@ class Fit:
     @property
     def residuals(self) -> np.ndarray:
         """Residuals, record - model, shape (m,), of all records in turn [length/time²]. They are
-        those of the column `residual` in `fit.csv`."""
+        those of the column `residual` in `fit.csv`.
+
+        Residuals of a frequency response or a table of modes are divided by the standard
+        deviations that the record states: first all real parts, then all imaginary parts; first
+        all frequencies, then all damping ratios. `frequency_responses` and `measured_modes` have
+        them in their units."""
         # 0 - r, not -r: a residual that vanishes is 0, not -0.
         residuals: np.ndarray = 0 - self._array("residual")[:, 0]
         return residuals
@@ -193,7 +246,8 @@ class Fit:
 
     @property
     def t(self) -> np.ndarray:
-        """Times of the samples that were used, shape (m,), of all records in turn [time]."""
+        """Times of the samples that were used, shape (m,), of all records in turn [time].
+        Frequency responses and tables of modes have none."""
         return self._array("t")[:, 0]
 
     @property
@@ -232,6 +286,44 @@ class Fit:
         self._judge()
         return [Mode(int(row[0]), complex(row[1], row[2]), *row[3:])
                 for row in self._array("modes").tolist()]
+
+    @property
+    def frequency_responses(self) -> list[FittedResponse]:
+        """Measured and fitted frequency responses of the records with `FrequencyRecord` or
+        kind='frf', on the finest mesh."""
+        columns = self._finest("frf.csv")
+        if not columns:
+            return []
+        found = []
+        for record in np.unique(columns["record"]):
+            of = {name: values[columns["record"] == record] for name, values in columns.items()}
+            found.append(FittedResponse(
+                int(record), of["frequency_hz"],
+                *(of[stem + "real"] + 1j*of[stem + "imag"]
+                  for stem in ("measured_", "", "residual_")),
+                of["magnitude_lower95"], of["magnitude_upper95"], of["sd"], of["coherence"]))
+        return found
+
+    @property
+    def measured_modes(self) -> list[FittedMode]:
+        """Measured and fitted modes of the records with `ModalRecord` or kind='modes', on the
+        finest mesh."""
+        columns = self._finest("modal_fit.csv")
+        rows = zip(*(columns[name].tolist() for name in (
+            "record", "mode", "measured_hz", "sd_hz", "model_hz", "residual_hz",
+            "measured_damping", "sd_damping", "model_damping", "residual_damping"))) \
+            if columns else ()
+        return [FittedMode(int(row[0]), int(row[1]), *row[2:]) for row in rows]
+
+    def _finest(self, table: str) -> dict[str, np.ndarray]:
+        """Return the columns of a table of the finest mesh; none if there is no such table."""
+        self._judge()
+        text = self._text(table)
+        if not text:
+            return {}
+        columns = _plots.read(text)
+        chosen = columns["elements"] == columns["elements"][-1]
+        return {name: values[chosen] for name, values in columns.items()}
 
     @property
     def no_fit(self) -> str:
@@ -291,18 +383,19 @@ class Fit:
         return pandas.read_csv(io.StringIO(text))
 
     def plot(self, record: int = 1, axes: Any = None) -> Any:
-        """Draw record and model, and below them the residuals, record - model.
+        """Draw record and model, and below them the residuals, record - model. Of a frequency
+        response, draw magnitude, phase and the magnitude of the residuals.
 
         Parameters
         ----------
         record : int
             Number of the record, from 1.
-        axes : sequence of two matplotlib axes, optional
+        axes : sequence of two or three matplotlib axes, optional
             Where to draw. Default: a new figure.
 
         Returns
         -------
-        numpy.ndarray of Axes of shape (2,)
+        numpy.ndarray of Axes of shape (2,), or (3,) for a frequency response
 
         Raises
         ------
@@ -312,6 +405,11 @@ class Fit:
             If there is no such record.
         """
         self._judge()
+        for found in self.frequency_responses:
+            if found.record == record:
+                return _plots.response(
+                    found.frequency, found.model, found.lower, found.upper, axes, "Fit.plot",
+                    found.measured)
         return _plots.fit(self._text("fit.csv"), self._text("labels.csv"), record, axes)
 
     def plot_modes(self, axes: Any = None) -> Any:
@@ -378,8 +476,8 @@ class Problem:
         Times [time] and values of one record; see `Record`.
     record : mapping, optional
         Further arguments of `Record` for this record, such as ``dict(t_first=0.2)``.
-    records : Record or sequence of Record, optional
-        Records, in place of `t`, `a` and `record`.
+    records : Record, FrequencyRecord, ModalRecord or sequence of these, optional
+        Records, in place of `t`, `a` and `record`. They may be of several kinds.
     free : str or sequence of str, optional
         Names of the parameters to estimate, such as ``["E", "c_D", "offset"]``.
     start : sequence of float, 'auto' or 'case', optional
@@ -446,7 +544,7 @@ class Problem:
     """
 
     def __init__(self, t: ArrayLike | None = None, a: ArrayLike | None = None, *,
-                 record: Group = None, records: Record | Sequence[Record] | None = None,
+                 record: Group = None, records: AnyRecord | Sequence[AnyRecord] | None = None,
                  free: Names | None = None, start: Any = None, lower: Any = None, upper: Any = None,
                  shared: Names | None = None, stages: Groups = None, beam: Group = None,
                  tip: Group = None, mass: Groups = None, hose: Groups = None, sensor: Groups = None,
@@ -467,7 +565,7 @@ class Problem:
         text = case_text([item.keys for item in items], as_list(stages, "stages"), groups)
         self._set(IN_MEMORY, text, items)
 
-    def _set(self, path: str, text: str | bytes, records: Sequence[Record]) -> None:
+    def _set(self, path: str, text: str | bytes, records: Sequence[AnyRecord]) -> None:
         self._path, self._text, self._records = path, text, records
         self._lock = threading.Lock()
         self._opened: Handle | None = open_case(path, text, records, fits=True)
@@ -568,7 +666,7 @@ def load(path: str | PathLike[str]) -> Problem:
 
 
 def fit(t: Subject = None, a: ArrayLike | None = None, *, record: Group = None,
-        records: Record | Sequence[Record] | None = None, free: Names | None = None,
+        records: AnyRecord | Sequence[AnyRecord] | None = None, free: Names | None = None,
         start: Any = None, lower: Any = None, upper: Any = None, shared: Names | None = None,
         stages: Groups = None, beam: Group = None, tip: Group = None, mass: Groups = None,
         hose: Groups = None, sensor: Groups = None, support: Groups = None, end: Groups = None,

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple, overload
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ._cases import Group, Groups, Names, Record
+from ._cases import AnyRecord, Group, Groups, Names
 from ._fits import Fit, Subject, fitted
 from ._library import Progress, optional
 
@@ -219,7 +219,7 @@ def infer(command: str, fit: Fit, progress: Progress | None) -> Inference:
 
 
 def profile(t: Subject = None, a: ArrayLike | None = None, *, record: Group = None,
-            records: Record | Sequence[Record] | None = None, free: Names | None = None,
+            records: AnyRecord | Sequence[AnyRecord] | None = None, free: Names | None = None,
             start: Any = None, lower: Any = None, upper: Any = None, shared: Names | None = None,
             stages: Groups = None, beam: Group = None, tip: Group = None, mass: Groups = None,
             hose: Groups = None, sensor: Groups = None, support: Groups = None, end: Groups = None,
@@ -263,7 +263,7 @@ def profile(t: Subject = None, a: ArrayLike | None = None, *, record: Group = No
 
 
 def sample(t: Subject = None, a: ArrayLike | None = None, *, record: Group = None,
-           records: Record | Sequence[Record] | None = None, free: Names | None = None,
+           records: AnyRecord | Sequence[AnyRecord] | None = None, free: Names | None = None,
            start: Any = None, lower: Any = None, upper: Any = None, shared: Names | None = None,
            stages: Groups = None, beam: Group = None, tip: Group = None, mass: Groups = None,
            hose: Groups = None, sensor: Groups = None, support: Groups = None, end: Groups = None,
@@ -309,7 +309,7 @@ def sample(t: Subject = None, a: ArrayLike | None = None, *, record: Group = Non
 
 
 def bootstrap(t: Subject = None, a: ArrayLike | None = None, *, record: Group = None,
-              records: Record | Sequence[Record] | None = None, free: Names | None = None,
+              records: AnyRecord | Sequence[AnyRecord] | None = None, free: Names | None = None,
               start: Any = None, lower: Any = None, upper: Any = None, shared: Names | None = None,
               stages: Groups = None, beam: Group = None, tip: Group = None, mass: Groups = None,
               hose: Groups = None, sensor: Groups = None, support: Groups = None,

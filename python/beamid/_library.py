@@ -218,6 +218,7 @@ class Handle:
         self.is_judged = False          #: of a fit: its verdict is there
         self.number = c_longlong(0)     #: 0 until the library has written it
         self.lock = threading.RLock()   #: the library allows one call at a time for a fit
+        self.folder: Any = None         #: temporary folder with files that a case names
         weakref.finalize(self, _close_number, self.number)
 
     def __deepcopy__(self, _: Any) -> Handle:

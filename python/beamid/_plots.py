@@ -16,6 +16,9 @@ MARKED = 400
 def fit(table: str, labels: str, record: int, axes: Any) -> Any:
     """Draw record, model and residuals from fit.csv; see `Fit.plot`."""
     columns = read(table)
+    if not columns["record"].size:
+        raise ValueError(f"plot: found record={record}, which has no samples, expected a record "
+                         "of samples or a frequency response")
     chosen = (columns["elements"] == columns["elements"].max()) & (columns["record"] == record)
     if not chosen.any():
         raise ValueError(f"plot: found record={record}, expected 1 to "
@@ -36,6 +39,52 @@ def fit(table: str, labels: str, record: int, axes: Any) -> Any:
     lower.set_ylabel("record - model")
     lower.set_xlabel(labelled("t", units.get("time")))
     return np.array([upper, lower])
+
+
+def response(frequency: np.ndarray, h: np.ndarray, lower: np.ndarray | None,
+             upper: np.ndarray | None, axes: Any, what: str,
+             measured: np.ndarray | None = None) -> Any:
+    """Draw magnitude and phase of a frequency response, and of a measured one the residuals.
+
+    Parameters
+    ----------
+    frequency, h
+        Frequencies [1/time] and complex response of the model.
+    lower, upper
+        Ends of the 95 % band of the magnitude; None: not known.
+    axes
+        Where to draw; None: a new figure.
+    what
+        Name of the function, for messages.
+    measured
+        Measured response; None: none.
+    """
+    count = 2 if measured is None else 3
+    drawn = panels(count, axes, what, figsize=(8, 2 + 1.6*count),
+                   height_ratios=[2, 1, 1][:count])
+    magnitude, phase = drawn[:2]
+    few = frequency.size < MARKED
+    if measured is not None:
+        style = "." if few else "-"
+        magnitude.plot(frequency, np.abs(measured), style, color="black", markersize=4,
+                       linewidth=0.8, label="measured")
+        phase.plot(frequency, np.degrees(np.angle(measured)), ".", color="black", markersize=2)
+        drawn[2].semilogy(frequency, np.abs(measured - h), ".", color="black", markersize=2)
+        drawn[2].set_ylabel("|measured - model|")
+    if lower is not None and upper is not None and np.isfinite(upper).all():
+        magnitude.fill_between(frequency, np.maximum(lower, 1e-300), upper, color="tab:blue",
+                               alpha=0.3, linewidth=0, label="95 % band")
+    magnitude.semilogy(frequency, np.abs(h), color="tab:blue", linewidth=1, label="model")
+    positive = np.abs(h)[np.abs(h) > 0]
+    if positive.size:
+        magnitude.set_ylim(positive.min()/3, 3*positive.max())
+    magnitude.set_ylabel("magnitude")
+    magnitude.legend(loc="upper right")
+    phase.plot(frequency, np.degrees(np.angle(h)), ".", color="tab:blue", markersize=2)
+    phase.set_ylabel("phase [degrees]")
+    phase.set_yticks([-180, -90, 0, 90, 180])
+    drawn[-1].set_xlabel("frequency [1/time]")
+    return np.array(drawn)
 
 
 def shapes(table: str, attachments: str, labels: str, modes: Sequence[tuple[float, float]],

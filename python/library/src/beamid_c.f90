@@ -51,7 +51,8 @@ contains
    !> text     text of a case file
    !> records  number of records whose samples are passed here, in the order of the groups &record;
    !>          0: the samples are in files
-   !> sizes    (records) numbers of samples
+   !> sizes    (records) numbers of samples; 0 for a record of another kind than 'time', whose
+   !>          values are in the file that its group names
    !> samples  sum of `sizes`
    !> t, z     (samples) times [time] and values of all records; they are copied
    !> fits     0: the case serves responses; 1: it serves fits
@@ -110,6 +111,7 @@ contains
          first = 1
          do k = 1, size(sizes)
             associate (recording => case%recordings(k))
+               if (recording%kind /= 'time' .and. sizes(k) == 0) cycle
                recording%path = 'record '//to_text(k)
                recording%t = t(first:first + sizes(k) - 1)
                recording%z = z(first:first + sizes(k) - 1)

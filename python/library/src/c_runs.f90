@@ -70,7 +70,7 @@ contains
          call give_back(of(1))
          progress => progress_of_call()
          select case (characters(command))
-         case ('simulate', 'modes', 'design')
+         case ('simulate', 'modes', 'frf', 'design')
             if (characters(command) == 'simulate') call check_records(outcome%case, error)
             if (.not. allocated(error)) call run_case(characters(command), outcome%case, &
                outcome%tables, outcome%summary, error, progress)

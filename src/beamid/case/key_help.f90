@@ -15,7 +15,7 @@ module beamid_key_help
 
    public :: add_help_on, add_group_list, add_see_also, key_line, known_words, meaning_of, symbol_of
 
-   !> Column of the explanations of keys, and that of their properties.
+   !> Least column of the explanations of keys, and column of their properties.
    integer, parameter :: key_column = 17, fact_column = 14
 
 contains
@@ -130,7 +130,7 @@ contains
       integer, intent(in) :: g
       type(block_t), intent(in) :: block
       character(len=:), allocatable :: title
-      integer :: k
+      integer :: column, k
 
       title = 'group &'//block%name
       if (groups(g)%required) title = title//' (required)'
@@ -138,11 +138,12 @@ contains
       call page%line(title)
       call page%paragraph(2, groups(g)%purpose)
       call page%line()
+      column = max(key_column, 3 + maxval(len_trim(block%keys%name)))
       do k = 1, size(block%keys)
          associate (key => block%keys(k))
-            call page%labelled(2, key%name, key_column, key%help)
-            call page%labelled(2, '', key_column, key_line(block%name, key))
-            call page%labelled(2, '', key_column, example_of(block%name, key))
+            call page%labelled(2, key%name, column, key%help)
+            call page%labelled(2, '', column, key_line(block%name, key))
+            call page%labelled(2, '', column, example_of(block%name, key))
          end associate
       end do
       call page%line()

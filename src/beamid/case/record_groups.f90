@@ -32,7 +32,7 @@ contains
          default='required, except by simulate')
       call get_window(block, found%window)
       call block%get('scale', found%scale, 'factor that converts the record into an '// &
-         'acceleration: acceleration = scale (value - offset)')
+         'acceleration: acceleration = scale (value - offset); factor of a frequency response')
       call block%get('offset', found%offset, 'offset of the sensor: value of the '// &
          'record at zero acceleration')
       call get_columns(block, 'measured values', found%time_column, found%value_column, found%rate)
@@ -43,7 +43,8 @@ contains
       call block%get('thin', found%thin, 'reduction factor n: after a low-pass filter, every '// &
          'n-th sample is used', range_t(2, 100000), default='every sample, without a filter')
       call block%get('sd', found%sd, 'estimated by the fit', &
-         'standard deviation of the noise of the acceleration', positive)
+         'standard deviation of the noise of the acceleration, or of the real and of the '// &
+         'imaginary part of a frequency response', positive)
       call block%get('length', found%length, 'length of &beam', &
          'length of the beam in this record', positive)
       call block%get('x_S', found%x_S, 'x_S of &sensor', 'position of the sensor in this record', &
@@ -87,14 +88,14 @@ contains
       call block%get('f_last', lines%last, 'end of the record; required without file', &
          'highest frequency that is used', positive)
       call block%get('f_step', lines%step, 'none; required without file', &
-         'distance of the frequencies of a response that is computed', positive)
+         'spacing of the frequencies of a response that is computed by frf', positive)
       call block%get('coherence_least', lines%least_coherence, 'least coherence; lines with a '// &
          'lower coherence are left out', range_t(0, 1))
-      call block%get('averages', lines%averages, 'number of blocks whose average the response '// &
-         'is, from which the coherence gives the noise', range_t(2, 1000000), &
+      call block%get('averages', lines%averages, 'number of averaged blocks; with the '// &
+         'coherence, it determines the noise of each line', range_t(2, 1000000), &
          default='none; required with a coherence and without sd')
-      call block%get('exponential_window', lines%rate, 'decay rate of the exponential window '// &
-         'by which the response was multiplied; the rate is added to that of each mode', range_t(0))
+      call block%get('exponential_window', lines%rate, 'decay rate of the exponential '// &
+         'window of force and response; it is added to the decay rate of each mode of the model', range_t(0))
       call block%get('window', window, 'window of the blocks: ''boxcar'' (none) or ''hann''', &
          [character(len=6) :: 'boxcar', 'hann'])
       lines%is_hann = window == 'hann'

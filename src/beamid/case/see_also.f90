@@ -14,7 +14,7 @@ module beamid_see_also
    type :: related_t
       !> `a_command`, `a_group`, or the name of the group of a key; blank: a key of any group.
       character(len=14) :: of
-      character(len=14) :: topic
+      character(len=18) :: topic
       character(len=56) :: words
    end type related_t
 
@@ -49,7 +49,7 @@ module beamid_see_also
       related_t(a_group, 'discretization', 'integrator'), &
       related_t(a_group, 'integrator', 'discretization observation'), &
       related_t(a_group, 'observation', 'integrator sensor record'), &
-      related_t(a_group, 'record', 'sensor excitation observation score'), &
+      related_t(a_group, 'record', 'sensor excitation observation score frf'), &
       related_t(a_group, 'score', 'record windows'), &
       related_t(a_group, 'stage', 'prior multistart windows identify'), &
       related_t(a_group, 'prior', 'stage sample identify'), &
@@ -103,6 +103,16 @@ module beamid_see_also
       related_t('record', 'sensor', 'experiment'), &
       related_t('record', 'experiment', 'sensor'), &
       related_t('record', 'file', 'time_column value_column rate'), &
+      related_t('record', 'kind', 'frf quantity averages f_first'), &
+      related_t('record', 'quantity', 'kind x_F frf'), &
+      related_t('record', 'averages', 'coherence_least sd window'), &
+      related_t('record', 'coherence_least', 'averages f_first f_last'), &
+      related_t('record', 'exponential_window', 'window'), &
+      related_t('record', 'window', 'averages exponential_window'), &
+      related_t('record', 'x_F', 'sensor x_S quantity'), &
+      related_t('', 'f_first', 'f_last f_step'), &
+      related_t('', 'f_last', 'f_first f_step'), &
+      related_t('', 'f_step', 'f_first f_last frf'), &
       related_t('', 't_first', 't_last t_step'), &
       related_t('', 't_last', 't_first t_step'), &
       related_t('', 't_step', 't_first t_last'), &

@@ -9,7 +9,7 @@ module beamid_fit_reports
    use beamid_identification, only: stage_fit_t
    use beamid_mode_summaries, only: fitted_modes_summary, minima_summary
    use beamid_outputs, only: output_t
-   use beamid_response_reports, only: add_fitted_responses
+   use beamid_response_reports, only: add_fitted_responses, add_measured_modes
    use beamid_score_reports, only: add_score_lines, add_score_table
    use beamid_shape_tables, only: add_shapes
    use beamid_summaries, only: fit_summary
@@ -63,6 +63,7 @@ contains
       if (present(modes)) call move_alloc(last_modes, modes)
       call add_fit_tables(output, case%units, found%fits, found%experiments)
       call add_fitted_responses(output, found%fits(size(found%fits, 1), :), found%experiments)
+      call add_measured_modes(output, found%fits(size(found%fits, 1), :), found%experiments)
       call add_along_table(output, case%units, found%fits(size(found%fits, 1), :))
       call add_verdict_tables(output, found%verdict)
       call output%add('case.txt', case%text, is_quoted=.true.)

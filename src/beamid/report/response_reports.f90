@@ -1,4 +1,4 @@
-!> The table frf.csv and the summary of the command `frf`.
+!> The tables frf.csv and modal_fit.csv, and the summary of the command `frf`.
 module beamid_response_reports
    use beamid_case_files, only: case_t
    use beamid_experiments, only: experiment_t
@@ -7,6 +7,7 @@ module beamid_response_reports
    use beamid_identification, only: stage_fit_t
    use beamid_kinds, only: wp
    use beamid_lines, only: csv_row
+   use beamid_modal_tables, only: modal_table_t
    use beamid_outputs, only: output_t
    use beamid_statistics, only: unlimited
    use beamid_strings, only: full, rounded, to_text
@@ -15,7 +16,7 @@ module beamid_response_reports
    implicit none
    private
 
-   public :: add_fitted_responses, report_responses
+   public :: add_fitted_responses, add_measured_modes, report_responses
 
    character(len=*), parameter :: header = 'elements,frequency_hz,real,imag,magnitude,phase_deg', &
       band_header = ',magnitude_lower95,magnitude_upper95'
@@ -125,6 +126,64 @@ contains
          call table%line(line)
       end do
    end subroutine add_rows
+
+   !> Adds modal_fit.csv to the tables of a fit: measured and fitted modes. The residual is
+   !> measured - model. There is no such table without tables of modes.
+   !>
+   !> fits  (meshes) of the last stage
+   subroutine add_measured_modes(output, fits, experiments)
+      type(output_t), intent(inout) :: output
+      type(stage_fit_t), intent(in) :: fits(:)
+      type(experiment_t), intent(in) :: experiments(:)
+      type(text_t) :: table
+      integer :: i, mesh, row
+      logical :: any_mode
+
+      any_mode = .false.
+      call table%line('elements,record,mode,measured_hz,sd_hz,model_hz,residual_hz,'// &
+         'measured_damping,sd_damping,model_damping,residual_damping')
+      do mesh = 1, size(fits)
+         row = 0
+         do i = 1, size(experiments)
+            if (allocated(experiments(i)%observed)) then
+               select type (observed => experiments(i)%observed)
+               type is (modal_table_t)
+                  any_mode = .true.
+                  call add_mode_rows(table, observed, i, fits(mesh), row)
+               end select
+            end if
+            row = row + size(experiments(i)%measured)
+         end do
+      end do
+      if (any_mode) call output%add('modal_fit.csv', table%content())
+   end subroutine add_measured_modes
+
+   !> Adds the rows of one table of modes; arguments as of `add_rows`.
+   subroutine add_mode_rows(table, observed, record, fit, first)
+      type(text_t), intent(inout) :: table
+      type(modal_table_t), intent(in) :: observed
+      integer, intent(in) :: record, first
+      type(stage_fit_t), intent(in) :: fit
+      character(len=:), allocatable :: line
+      real(wp) :: residual
+      integer :: j, n
+
+      n = size(observed%mode)
+      do j = 1, n
+         residual = -fit%residual(first + j)*observed%sd_frequency(j)
+         line = to_text(fit%elements)//','//to_text(record)//','//to_text(observed%mode(j))// &
+            csv_row('', [observed%frequency(j), observed%sd_frequency(j), &
+            observed%frequency(j) - residual, residual])
+         if (allocated(observed%damping)) then
+            residual = -fit%residual(first + n + j)*observed%sd_damping(j)
+            line = line//csv_row('', [observed%damping(j), observed%sd_damping(j), &
+               observed%damping(j) - residual, residual])
+         else
+            line = line//',,,,'
+         end if
+         call table%line(line)
+      end do
+   end subroutine add_mode_rows
 
    !> Returns the fields of one line of a response: elements, frequency, real and imaginary part,
    !> magnitude and phase.

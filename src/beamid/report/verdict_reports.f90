@@ -95,15 +95,18 @@ contains
       type(output_t), intent(inout) :: output
       type(verdict_t), intent(in) :: verdict
       type(text_t) :: quality, seen
-      character(len=:), allocatable :: peak
+      character(len=:), allocatable :: kind, peak
       integer :: k
 
       call quality%line('record,samples,rms_signal,rms_residual,fit_percent,noise_sd,'// &
-         'effective_samples')
+         'effective_samples,kind')
       do k = 1, size(verdict%qualities)
          associate (q => verdict%qualities(k))
+            kind = 'time'
+            if (q%noun(:4) == 'line') kind = 'frf'
+            if (q%noun(:4) == 'mode') kind = 'modes'
             call quality%line(csv_row(to_text(k)//','//to_text(q%samples), [q%rms_signal, &
-               q%rms_residual, q%fit_percent, q%noise_sd, q%effective]))
+               q%rms_residual, q%fit_percent, q%noise_sd, q%effective])//','//kind)
          end associate
       end do
       call seen%line('record,mode,model_hz,peak_hz,energy_share,verdict')
