@@ -17,8 +17,8 @@ import numpy as np
 import signals as s
 from fit_page import value
 from model_curve import even, interpolated
-from output_folder import find_case, has_rows
-from program import read_text
+from output_folder import find_case
+from program import has_rows, read_text
 from units import Units
 
 #: What each command did, in the words of the page's first sentence.

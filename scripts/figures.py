@@ -203,10 +203,10 @@ def spectra(t, series, modes, units, names=("record", "model", "residual")):
     return figure
 
 
-def autocorrelation(lags, values, band):
+def autocorrelation(lags, values, band, unit="samples"):
     """Draws the autocorrelation of residuals with the band that holds 95 % of it for white
-    noise."""
-    figure = new(260, "lag (samples)", "autocorrelation")
+    noise. The lags count samples, or what `unit` says."""
+    figure = new(260, f"lag ({unit})", "autocorrelation")
     ends = [0, max(lags) + 1]
     add_band(figure, ends, np.array([-band, -band]), np.array([band, band]),
              "95 % band of white noise")

@@ -16,7 +16,7 @@ import plot_modes
 import signals as s
 import numpy as np
 from model_curve import model_curve
-from output_folder import has_rows
+from program import has_rows
 
 SOURCES = (("noise", "blue"), ("coloured residuals", "sky"), ("held parameters", "orange"),
            ("mesh", "purple"))
@@ -74,9 +74,7 @@ class Fit:
 
     def verdict(self):
         """Returns the verdict box: how much of the signal is explained, and what limits the fit."""
-        least = min(p.number(row, "fit_percent") for row in self.quality)
-        many = f" of each of {len(self.quality)} records" * (len(self.quality) > 1)
-        headline = f"The model explains {least:.1f} %{many} of the signal."
+        headline = self.headline()
         summary = self.outputs.summary("identify")
         if summary is None:
             note = ("summary.txt is from another command: run `identify` again for the warnings of "
@@ -98,14 +96,67 @@ class Fit:
         return (h.box("good" if good else "bad" if failed else "", first if failed else headline,
                       points) + self.quality_table())
 
+    def headline(self):
+        """Returns the share of the signal that is explained. Of modes alone, a share would say
+        nothing: the residuals are compared with the standard deviations."""
+        signals = [row for row in self.quality if row.get("kind") != "modes"]
+        if not signals:
+            return ("The model agrees with the measured modes within "
+                    f"{h.significant(self.rms_of_modes(), 2)} standard deviations (rms).")
+        least = min(p.number(row, "fit_percent") for row in signals)
+        if len(self.quality) == 1:
+            return f"The model explains {least:.1f} % of the signal."
+        return (f"The model explains {least:.1f} % or more of the signal of each of "
+                f"{len(self.quality)} records.")
+
+    def rms_of_modes(self):
+        """Returns the rms residual of the measured modes, in standard deviations."""
+        found = [value(row, f"residual_{end}") / p.number(row, sd)
+                 for row in self.modal_rows() for end, sd in (("hz", "sd_hz"),
+                                                              ("damping", "sd_damping"))
+                 if value(row, f"residual_{end}") is not None]
+        return math.sqrt(sum(z**2 for z in found) / len(found))
+
+    def modal_rows(self):
+        """Returns the rows of modal_fit.csv of this mesh."""
+        return [row for row in self.outputs.table(
+            "modal_fit.csv", "elements", "record", "mode", "measured_hz", "sd_hz", "model_hz",
+            "residual_hz", "measured_damping", "sd_damping", "model_damping", "residual_damping")
+            if row["elements"] == str(self.elements)]
+
     def quality_table(self):
         """Returns a table with a row for each record: samples, signal, residual, explained."""
+        kinds = {row.get("kind") or "time" for row in self.quality}
+        same = kinds == {"time"}
         unit = h.raised(self.units.get("acceleration"))
-        rows = [[row["record"], row["samples"], *(h.significant(p.number(row, name)) for name in
-                 ("rms_signal", "rms_residual")), f"{p.number(row, 'fit_percent'):.2f} %"]
-                for row in self.quality]
-        return h.table(["record", "samples", f"signal, rms ({unit})", f"residual, rms ({unit})",
+        units = [self.signal_unit(row.get("kind") or "time", int(row["record"]))
+                 for row in self.quality]
+        rows = []
+        for row, own in zip(self.quality, units):
+            kind = row.get("kind") or "time"
+            count = row["samples"] if same else f"{row['samples']} {self.counted(kind, row)}"
+            rows.append([row["record"], count, *(h.significant(p.number(row, name)) for name in
+                         ("rms_signal", "rms_residual")), *[own] * (any(units) and not same),
+                         f"{p.number(row, 'fit_percent'):.2f} %"])
+        if same:
+            return h.table(["record", "samples", f"signal, rms ({unit})",
+                            f"residual, rms ({unit})", "explained"], [rows])
+        return h.table(["record", "data", "signal, rms", "residual, rms", *["unit"] * any(units),
                         "explained"], [rows])
+
+    @staticmethod
+    def counted(kind, row):
+        """Returns what the column samples of quality.csv counts for a kind of record."""
+        noun = {"frf": "lines", "modes": "modes"}.get(kind, "samples")
+        return noun[:-1] if row["samples"] == "1" else noun
+
+    def signal_unit(self, kind, record):
+        """Returns the unit of the rms values of a record, as it stands in a cell."""
+        if kind == "modes":
+            return self.units.hertz
+        if kind == "frf":
+            return h.raised(frf_page.o.Folder(self.folder).unit(record))
+        return h.raised(self.units.get("acceleration"))
 
     def estimates(self):
         """Returns the table of estimates with their intervals, and the sources of their errors."""
@@ -161,7 +212,7 @@ class Fit:
         text = ""
         estimates = {row["parameter"]: p.number(row, "estimate") for row in self.rows}
         for record, meshes in self.records.items():
-            of = f"record {record}" if len(self.records) > 1 else "the record"
+            of = f"record {record}" if len(self.quality) > 1 else "the record"
             t, measured, model, residual, by_parameters = meshes[self.elements]
             fine, values, how = model_curve(self.outputs.case, estimates, self.elements, t, model)
             whole = (fine, values) if len(fine) <= f.MOST_POINTS else (t, model)
@@ -182,7 +233,7 @@ class Fit:
                     f.spectra(t, (measured, model, residual), modes, self.units),
                     f"Amplitude spectra of {of}, the model and the residual."
                     + " Dashed: the modes of the fitted structure." * bool(modes))
-        return text + self.autocorrelation()
+        return text + (self.autocorrelation() if text else "")
 
     def cycles(self, of, t, measured, band, curve):
         """Returns the figure of some cycles with the prediction band."""
@@ -203,7 +254,8 @@ class Fit:
             return ""
         return h.figure(f.autocorrelation(
             [p.number(row, "lag", int) for row in rows],
-            [p.number(row, "autocorrelation") for row in rows], p.number(rows[0], "band95")),
+            [p.number(row, "autocorrelation") for row in rows], p.number(rows[0], "band95"),
+            "samples" if self.records else "lines"),
             "Autocorrelation of the residuals. Residuals of a good model look like white noise; "
             "the intervals are wider if they do not.")
 
@@ -211,13 +263,48 @@ class Fit:
         """Returns the figures of the frequency responses of the records; empty without any."""
         if not self.outputs.written_by("frf.csv", "identify"):
             return ""
-        return frf_page.section(self.outputs)
+        return frf_page.section(self.outputs) + ("" if self.records else self.autocorrelation())
 
     # -- modes
 
+    def measured_modes(self):
+        """Returns the table of the modes that were measured, beside those of the model."""
+        if not has_rows(self.folder / "modal_fit.csv"):
+            return ""
+        rows = self.modal_rows()
+        with_damping = any(value(row, "measured_damping") is not None for row in rows)
+        many = len({row["record"] for row in rows}) > 1
+        cells = []
+        for row in rows:
+            cells.append([*[row["record"]] * many, row["mode"],
+                          *self.compared(row, "measured_hz", "sd_hz", "model_hz", "residual_hz"),
+                          *(self.compared(row, "measured_damping", "sd_damping", "model_damping",
+                                          "residual_damping") if with_damping else [])])
+        hertz = self.units.hertz or "1/time"
+        heads = ["measured", "± sd", "model", "residual/sd"]
+        return "<h3>Measured modes</h3>\n" + h.table(
+            [*["record"] * many, "mode", f"frequency ({hertz})", *heads[1:],
+             *(["damping ratio", *heads[1:]] if with_damping else [])], [cells]) + h.paragraph(
+            "A residual is the measured value minus that of the model. With good standard "
+            "deviations, 95 % of the residuals are between -2 and 2 standard deviations.")
+
+    @staticmethod
+    def compared(row, measured, sd, model, residual):
+        """Returns the cells of a measured value, its standard deviation, the value of the model,
+        and the residual in standard deviations."""
+        if value(row, measured) is None:
+            return ["", "", "", ""]
+        error = p.number(row, sd)
+        decimals = max(0, 1 - math.floor(math.log10(error)))
+        if decimals > 9:
+            numbers = [h.significant(p.number(row, name), 6) for name in (measured, sd, model)]
+        else:
+            numbers = [h.fixed(p.number(row, name), decimals) for name in (measured, sd, model)]
+        return [*numbers, h.fixed(p.number(row, residual) / error, 2)]
+
     def modes(self):
         """Returns the modes that the records show, and those of the fitted structure."""
-        text = ""
+        text = self.measured_modes()
         hertz = self.units.hertz
         if has_rows(self.folder / "modes_seen.csv"):
             rows = []

@@ -15,7 +15,8 @@ from units import Units
 SMOOTHED = 21       # lines of a moving average of variances
 ARC = 0.2           # a Nyquist circle contains the lines above this share of the peak
 LEAST_ARC = 5       # lines of a Nyquist circle on each side of the peak, if there are as many
-FINE = 8            # points of a Nyquist circle for each line
+FINE = 8            # least number of points of a Nyquist circle for each line
+POINTS = 2000       # points of a circle with few lines, between which a sharp peak turns
 LEAST_PEAK = 1e-3   # of the highest peak
 MOTIONS = {"accelerance": "acceleration", "mobility": "velocity", "receptance": "length"}
 
@@ -76,6 +77,14 @@ class Folder:
         text = p.read_text(path) if path.exists() else ""
         self.units = Units.of_folder(directory, text)
         self.records = [keys for name, keys, _ in c.read_groups(text) if name == "record"]
+        if "record" not in p.header(directory / "frf.csv"):
+            self.records = self.records_of_command()
+
+    def records_of_command(self):
+        """Returns the &record of the command frf alone: the first FRF without a file, or else the
+        first FRF."""
+        found = [keys for keys in self.records if c.unquoted(keys.get("kind") or "") == "frf"]
+        return [keys for keys in found if not keys.get("file")][:1] or found[:1]
 
     def key(self, record, name):
         """Returns the text of a key of a &record; '' without it."""
@@ -200,7 +209,7 @@ def between(f, values):
     interpolated by cubic polynomials."""
     if len(f) < 3 or not values.all():
         return f, values
-    fine = np.linspace(f[0], f[-1], FINE * (len(f) - 1) + 1)
+    fine = np.linspace(f[0], f[-1], max(FINE, POINTS // (len(f) - 1)) * (len(f) - 1) + 1)
     inverse = 1 / values
     slope = np.gradient(inverse, f)
     k = np.clip(np.searchsorted(f, fine, "right") - 1, 0, len(f) - 2)

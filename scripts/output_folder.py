@@ -9,11 +9,6 @@ from program import read_text
 from units import Units
 
 
-def has_rows(path):
-    """Tells whether a table has anything below its header."""
-    return path.exists() and len(read_text(path).splitlines()) > 1
-
-
 def find_case(name):
     """Returns the path of the only case file of this name in the current folder or in a folder
     below it; None if there is none or more than one."""

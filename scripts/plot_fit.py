@@ -279,8 +279,14 @@ def draw(directory, meshes, chosen, rows, corrected, record=1, of=1):
 
 def pictures(directory, chosen=None):
     """The figures of an output folder, one for each record, for the mesh chosen or the finest."""
-    if not (directory / "fit.csv").exists() and (directory / "frf.csv").exists():
-        p.fail(f"{directory}: found no fit.csv, but frf.csv, which plot_frf.py draws")
+    if not p.has_rows(directory / "fit.csv"):
+        if (directory / "frf.csv").exists():    # a fit of frequency responses alone
+            import plot_frf
+            yield from plot_frf.pictures(directory, chosen)
+            return
+        if (directory / "modal_fit.csv").exists():
+            p.fail(f"{directory}: found a fit of modes alone, which has no curve: report.py shows "
+                   "it, and plot_modes.py draws the mode shapes")
     records = read_fit(directory)
     meshes = next(iter(records.values()))
     chosen = max(meshes) if chosen is None else chosen

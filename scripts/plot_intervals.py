@@ -111,7 +111,7 @@ class Found:
     def samples(self, name, *columns):
         """Columns as an array with a row for each, or None; of fit.csv on the same mesh only."""
         path = self.folder / name
-        if not path.exists():
+        if not p.has_rows(path):    # a fit of frequency responses or modes alone has no samples
             return None
         if name != "fit.csv":
             return self.on_mesh(path, columns)

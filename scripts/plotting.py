@@ -7,7 +7,7 @@ with the Python of the checkout's environment. Also what `program` shares is her
 import re
 from pathlib import Path
 
-from program import (fail, need, new_parser, number, outputs, read_table,  # noqa: F401
+from program import (fail, has_rows, need, new_parser, number, outputs, read_table,  # noqa: F401
                      read_text, reason)
 
 need("numpy", "matplotlib")

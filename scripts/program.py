@@ -143,6 +143,11 @@ def write_text(path, text):
         fail(f"{path}: {reason(error)}")
 
 
+def has_rows(path):
+    """Tells whether a table has anything below its header."""
+    return path.exists() and len(read_text(path).splitlines()) > 1
+
+
 def read_table(path, *columns):
     """The rows of a CSV file as dictionaries of text; each of `columns` must be in the header."""
     try:
