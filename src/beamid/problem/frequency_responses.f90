@@ -37,6 +37,7 @@ module beamid_frequency_responses
       procedure :: evaluate
       procedure :: sequence
       procedure :: plain
+      procedure :: take
       procedure :: noun
       procedure :: values
    end type frequency_response_t
@@ -50,6 +51,17 @@ contains
 
       values = [real(self%h)/self%noise, aimag(self%h)/self%noise]
    end function values
+
+   !> Replaces the measured response.
+   pure subroutine take(self, values)
+      class(frequency_response_t), intent(inout) :: self
+      real(wp), intent(in) :: values(:)
+      integer :: n
+
+      n = size(self%h)
+      self%measured = values
+      self%h = cmplx(values(:n), values(n + 1:), wp)*self%noise
+   end subroutine take
 
    !> Returns real and imaginary parts without the division by the noise.
    pure function plain(self, r)

@@ -30,6 +30,7 @@ module beamid_modal_tables
       procedure :: evaluate
       procedure :: sequence
       procedure :: plain
+      procedure :: take
       procedure :: noun
       procedure :: values
    end type modal_table_t
@@ -44,6 +45,18 @@ contains
       values = self%frequency/self%sd_frequency
       if (allocated(self%damping)) values = [values, self%damping/self%sd_damping]
    end function values
+
+   !> Replaces the measured modes.
+   pure subroutine take(self, values)
+      class(modal_table_t), intent(inout) :: self
+      real(wp), intent(in) :: values(:)
+      integer :: n
+
+      n = size(self%mode)
+      self%measured = values
+      self%frequency = values(:n)*self%sd_frequency
+      if (allocated(self%damping)) self%damping = values(n + 1:)*self%sd_damping
+   end subroutine take
 
    !> Returns the frequencies among some rows [1/time].
    pure function plain(self, r)

@@ -49,6 +49,7 @@ module beamid_observed_data
       procedure :: times => no_times
       procedure :: sequence => all_rows
       procedure :: plain => as_it_is
+      procedure :: take => take_values
       procedure :: noun => samples_noun
       procedure :: keep_beginning => keep_all
    end type observed_data_t
@@ -121,6 +122,16 @@ contains
 
       plain = r(:size(self%measured))
    end function as_it_is
+
+   !> Replaces the measured values, as in a simulation.
+   !>
+   !> values  (m) in the unit of `measured`
+   pure subroutine take_values(self, values)
+      class(observed_data_t), intent(inout) :: self
+      real(wp), intent(in) :: values(:)
+
+      self%measured = values
+   end subroutine take_values
 
    !> Returns what a record of this kind consists of, for reports.
    pure function samples_noun(self) result(noun)
