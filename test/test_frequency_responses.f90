@@ -193,8 +193,8 @@ contains
    !> Beams whose parameters spread over six decades, on 4 to 16 elements: none is refused, and the
    !> displacement agrees with full matrices. These lose up to 15 of 34 digits beside a root that is
    !> next to rigid. The poles of the mesh lose up to 4 of 16 digits by the condition of M and K,
-   !> and a frequency beside a pole loses as many as its damping is small: 1e-8, or 1e-7 for one in a
-   !> thousand.
+   !> and a frequency beside a pole loses as many as its damping is small: 1e-8, or 1e-7 for one in
+   !> a thousand.
    subroutine test_wide(structures)
       integer, intent(in) :: structures
       integer, parameter :: n = 8
