@@ -22,7 +22,7 @@ module beamid_modal
    use beamid_structure_checks, only: check_axial_load
    use beamid_synthesis, only: synthesize
    use beamid_terms, only: tilting
-   use beamid_transfer, only: transfer_along
+   use beamid_transfer_lines, only: transfer_along
    implicit none
    private
 

@@ -75,8 +75,9 @@ contains
    !> A wrong modulus multiplies all frequencies of the model by nearly the same factor. Each pair of
    !> a measured and a computed frequency suggests a factor. With each factor, every measured
    !> frequency belongs to the nearest mode. The factor counts that leaves the least sum of squared
-   !> logarithmic distances, its own distance from 1 in units of 15 % (the effect of 30 % of E)
-   !> among them.
+   !> logarithmic distances, in units of 5 %, and of a penalty for its own distance from 1. The
+   !> penalty is a quadratic one for some 15 % (the effect of 30 % of E), but grows slowly, because a
+   !> unit error makes a factor of any size.
    !>
    !> measured  (n) ascending or not [1/time]
    !> computed  (m) ascending, m >= n [1/time]
@@ -85,8 +86,9 @@ contains
    pure subroutine assign_modes(measured, computed, modes)
       real(wp), intent(in) :: measured(:), computed(:)
       integer, intent(out) :: modes(:)
-      !> Standard deviations of the common factor and of the ratio of frequencies.
-      real(wp), parameter :: of_factor = 0.15_wp, of_ratio = 0.03_wp
+      !> Standard deviations of the common factor and of the ratio of frequencies, and the weight of
+      !> the penalty.
+      real(wp), parameter :: of_factor = 0.15_wp, of_ratio = 0.05_wp, weight = 3
       integer :: candidate(size(measured)), i, j, k
       real(wp) :: cost, factor, least
 
@@ -98,7 +100,7 @@ contains
             candidate = [(minloc(abs(log(measured(k)/(factor*computed))), dim=1), &
                k=1, size(measured))]
             if (any([(any(candidate(k + 1:) == candidate(k)), k=1, size(candidate))])) cycle
-            cost = (log(factor)/of_factor)**2 + sum((log(measured/(factor*computed(candidate))) &
+            cost = weight*log(1 + (log(factor)/of_factor)**2) + sum((log(measured/(factor*computed(candidate))) &
                /of_ratio)**2)
             if (cost >= least) cycle
             least = cost

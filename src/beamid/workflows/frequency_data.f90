@@ -103,7 +103,21 @@ contains
          call bad_input(error, recording%path//': found the same value at every frequency, '// &
          'expected a frequency response')
       call check_convention(response, notes)
+      if (table%is_polar) call check_decibels(abs(table%h), notes)
    end subroutine load_response
+
+   !> Warns of magnitudes that look like decibels: over a resonance a magnitude changes by a large
+   !> factor, its logarithm by a small one.
+   subroutine check_decibels(magnitude, notes)
+      real(wp), intent(in) :: magnitude(:)
+      character(len=note_length), allocatable, intent(inout) :: notes(:)
+      real(wp), parameter :: factor = 10, range = 20
+
+      if (maxval(magnitude) > factor*minval(magnitude) .or. maxval(magnitude) - minval(magnitude) &
+         < range) return
+      call add_note(notes, 'warning: magnitudes from '//rounded(minval(magnitude), 3)//' to '// &
+         rounded(maxval(magnitude), 3)//' look like decibels; magnitude = 10^(dB/20)')
+   end subroutine check_decibels
 
    !> Determines the standard deviation of the real and of the imaginary part of every line: from the
    !> key sd, the column sd, or the coherence and the number of averages. Without any of them it is
@@ -149,16 +163,16 @@ contains
    subroutine check_convention(response, notes)
       type(frequency_response_t), intent(inout) :: response
       character(len=note_length), allocatable, intent(inout) :: notes(:)
-      !> Fewest lines, and least mean phase step in comparison with the scatter of the steps.
+      !> Fewest lines, and least sum of the steps as a share of the sum of their sizes.
       integer, parameter :: enough = 16
-      real(wp), parameter :: clear = 4
+      real(wp), parameter :: clear = 0.5_wp
       real(wp), allocatable :: steps(:)
       integer :: n
 
       n = size(response%h)
       if (n < enough) return
       steps = aimag(conjg(response%h(:n - 1))*response%h(2:))
-      if (.not. sum(steps) > clear*norm2(steps - sum(steps)/size(steps))) return
+      if (.not. sum(steps) > clear*sum(abs(steps))) return
       response%h = conjg(response%h)
       call add_note(notes, 'the phase of the response rises through its resonances, as with the '// &
          'convention exp(-i omega t): the response has been conjugated')
