@@ -51,7 +51,8 @@ contains
       if (present(of_E)) factors(1) = of_E
       if (present(of_c_D)) factors(2) = of_c_D
       if (present(of_m_S)) factors(3) = of_m_S
-      beam = '&beam length=0.5, width=0.03, height=0.003, density=2700, E='//to_text(factors(1)*E) &
+      beam = '&beam length=0.5, width=0.03, height=0.003, density=2700, '// &
+         'E='//to_text(factors(1)*E) &
          //', c_D='//to_text(factors(2)*c_D)//', gamma='//to_text(gamma)//' /'//nl// &
          '&sensor m_S='//to_text(factors(3)*m_S)//', x_S=0.4 /'//nl// &
          '&discretization elements=6, degree=5 /'//nl
@@ -200,7 +201,7 @@ contains
       answer = identified(beam(1.2_wp, 0.8_wp, 1.2_wp)//at_F//', file=''conjugate.csv'' /'//nl// &
          all_four)
       call check_true('conjugated response', answer)
-      call check('  the note', index(answer%out, 'the response has been conjugated') > 0, answer%out)
+      call check('  the note', index(answer%out, ' conjugated') > 0, answer%out)
       answer = identified(beam()//at_F//', file=''exact.csv'' /'//nl//all_four)
       call check('no note without need', index(answer%out, 'conjugated') == 0, answer%out)
    end subroutine test_conjugate
@@ -214,8 +215,8 @@ contains
       if (text(1:1) == '-') negative = text(2:)
    end function negative
 
-   !> A Hann window widens every standard error by sqrt(35/18). The residuals are small, so that the
-   !> stated noise counts in both fits.
+   !> A Hann window widens every standard error by sqrt(35/18). The residuals are small, so that
+   !> the stated noise counts in both fits.
    subroutine test_windows()
       character(len=*), parameter :: keys = ', file=''exact.csv'', sd=0.5', &
          names(4) = [character(len=5) :: 'E', 'c_D', 'm_S', 'gamma']
@@ -239,7 +240,8 @@ contains
       real(wp), allocatable :: f(:)
       type(outcome_t) :: outcome
 
-      call write_file('m.nml', text//'&excitation kind=''pulse'', amplitude=1, duration=0.01 /'//nl)
+      call write_file('m.nml', text//'&excitation kind=''pulse'', amplitude=1, '// &
+         'duration=0.01 /'//nl)
       outcome = beamid('modes m.nml --quiet --out m')
       call check('modes', outcome%status == 0, outcome%err)
       f = column(read_file('m/modes.csv'), 3)
@@ -260,8 +262,8 @@ contains
       row_of = row_of//nl
    end function row_of
 
-   !> One frequency determines E: f**2 is proportional to E, so that the relative error of E is twice
-   !> that of f. The estimate is linear in this error to second order.
+   !> One frequency determines E: f**2 is proportional to E, so that the relative error of E is
+   !> twice that of f. The estimate is linear in this error to second order.
    subroutine test_one_frequency()
       real(wp), parameter :: share = 1e-4_wp
       real(wp), allocatable :: f(:)
@@ -281,8 +283,9 @@ contains
    end subroutine test_one_frequency
 
    !> Two frequencies determine E and m_S without a degree of freedom left: the intervals come from
-   !> the stated deviations alone, D**-1 diag(sd**2) D**-T with the derivatives D of the frequencies.
-   !> Central differences over 1e-3 of m_S have a truncation error of 1e-6 times a factor below 10.
+   !> the stated deviations alone, D**-1 diag(sd**2) D**-T with the derivatives D of the
+   !> frequencies. Central differences over 1e-3 of m_S have a truncation error of 1e-6 times a
+   !> factor below 10.
    subroutine test_two_frequencies()
       real(wp), parameter :: share(2) = [2e-4_wp, 1e-4_wp], change = 1e-3_wp
       real(wp), allocatable :: f(:)
@@ -302,7 +305,8 @@ contains
       variance = matmul(inverse**2, sd**2)
       call write_file('two.csv', 'frequency_hz,sd_hz'//nl//row_of([f(1), sd(1)])//row_of([f(2), &
          sd(2)]))
-      answer = identified(beam(0.8_wp, of_m_S=1.2_wp)//'&record kind=''modes'', file=''two.csv'' /' &
+      answer = identified(beam(0.8_wp, of_m_S=1.2_wp)//'&record kind=''modes'', '// &
+         'file=''two.csv'' /' &
          //nl//'&stage free=''E'',''m_S'' /')
       call check('two frequencies, two parameters', answer%status == 0, answer%err)
       call check_close('  E', value(answer, 'E', 'estimate')/E, 1.0_wp, 1e-8_wp)
@@ -313,8 +317,8 @@ contains
          sqrt(variance(2))), 1.0_wp, 1e-4_wp)
    end subroutine test_two_frequencies
 
-   !> Frequencies without numbers are assigned to the nearest modes after a common factor, even if E
-   !> is wrong by 40 %, and the assignment is printed.
+   !> Frequencies without numbers are assigned to the nearest modes after a common factor, even if
+   !> E is wrong by 40 %, and the assignment is printed.
    subroutine test_assignment()
       real(wp), allocatable :: f(:)
       type(answer_t) :: answer
@@ -330,16 +334,18 @@ contains
          index(answer%out, ' is mode 1 (model ') > 0, answer%out)
    end subroutine test_assignment
 
-   !> The band of a fitted response is that of the delta method, with derivatives of the magnitude by
-   !> differences over 1e-4 of a parameter and the total intervals of the estimates. Their truncation
-   !> error grows beside a resonance of damping ratio .002 to (1e-4/.002)**2 = 3e-3 of the derivative.
+   !> The band of a fitted response is that of the delta method, with derivatives of the magnitude
+   !> by differences over 1e-4 of a parameter, at the estimates, and the intervals of the
+   !> estimates. The truncation error grows beside a resonance of damping ratio .002 to
+   !> (1e-4/.002)**2 = 3e-3.
    subroutine test_band()
       real(wp), parameter :: change = 1e-4_wp, allowed = 1e-2_wp
       character(len=*), parameter :: stage = '&stage free=''E'',''c_D'' /'//nl
       type(answer_t) :: answer
       type(outcome_t) :: outcome
       real(wp), allocatable :: slopes(:, :), magnitude(:), width(:)
-      real(wp) :: half(2), correlation
+      real(wp), dimension(2) :: above, below, estimate, half
+      real(wp) :: correlation
       character(len=:), allocatable :: table, case
       integer :: k
 
@@ -347,11 +353,12 @@ contains
       case = beam()//at_F//', file=''noisy.csv'' /'//nl//stage
       answer = identified(case)
       call check('fit of a response with noise', answer%status == 0, answer%err)
-      half = [value(answer, 'E', 'total_upper95') - value(answer, 'E', 'total_lower95'), &
-         value(answer, 'c_D', 'total_upper95') - value(answer, 'c_D', 'total_lower95')]/2
+      half = [value(answer, 'E', 'upper95_corrected') - value(answer, 'E', 'lower95_corrected'), &
+         value(answer, 'c_D', 'upper95_corrected') - value(answer, 'c_D', 'lower95_corrected')]/2
       table = read_file('o/frf.csv')
       call write_file('fit.csv', table)
-      correlation = number(field(read_file('o/correlations.csv'), 1, 5))
+      estimate = [value(answer, 'E', 'estimate')/E, value(answer, 'c_D', 'estimate')/c_D]
+      correlation = number(field(read_file('o/correlations.csv'), 2, 5))
       call write_file('band.nml', case)
       outcome = beamid('frf band.nml --quiet --out band')
       call check('band of the fitted response', outcome%status == 0, outcome%err)
@@ -362,7 +369,11 @@ contains
          read_file('fit.csv'), 12)) <= 1e-9_wp*magnitude))
       allocate (slopes(size(magnitude), 2))
       do k = 1, 2
-         slopes(:, k) = (magnitude_of(k, 1 + change) - magnitude_of(k, 1 - change))/(2*change)
+         above = estimate
+         above(k) = estimate(k) + change
+         below = estimate
+         below(k) = estimate(k) - change
+         slopes(:, k) = (magnitude_of(above) - magnitude_of(below))/(2*change)
       end do
       slopes = slopes*spread(half/[E, c_D], 1, size(magnitude))
       width = sqrt(slopes(:, 1)**2 + slopes(:, 2)**2 + 2*correlation*slopes(:, 1)*slopes(:, 2))
@@ -372,14 +383,14 @@ contains
          - width))/maxval(width), 0.0_wp, allowed)
    end subroutine test_band
 
-   !> Returns the magnitude of the response of the true beam with another value of E (k = 1) or c_D.
-   function magnitude_of(k, factor) result(magnitude)
-      integer, intent(in) :: k
-      real(wp), intent(in) :: factor
+   !> Returns the magnitude of the response of a beam.
+   !>
+   !> factors  of E and c_D
+   function magnitude_of(factors) result(magnitude)
+      real(wp), intent(in) :: factors(2)
       real(wp), allocatable :: magnitude(:)
 
-      call make_response('other.csv', at_F//band, beam(merge(factor, 1.0_wp, k == 1), merge(factor, &
-         1.0_wp, k == 2)))
+      call make_response('other.csv', at_F//band, beam(factors(1), factors(2)))
       magnitude = column(read_file('other.csv'), 5)
    end function magnitude_of
 
@@ -391,7 +402,8 @@ contains
       call write_noisy('loud.csv', 'exact.csv', 1.5_wp, 31)
       honest = identified(beam()//at_F//', file=''loud.csv'' /'//nl//'&stage free=''E'' /')
       wrong = identified(beam()//at_F//', file=''loud.csv'', sd=0.5 /'//nl//'&stage free=''E'' /')
-      call check('stated noise that is right, too low', honest%status == 0 .and. wrong%status == 0, &
+      call check('stated noise that is right, too low', honest%status == 0 .and. &
+         wrong%status == 0, &
          honest%err//wrong%err)
       ! Four standard deviations of the estimated noise, .17.
       call check_close('  standard error', value(wrong, 'E', 'std_error')/value(honest, 'E', &
@@ -400,8 +412,9 @@ contains
          'estimate')) < 1e-3_wp*value(honest, 'E', 'std_error'))
    end subroutine test_excess
 
-   !> A free decay, a response and two frequencies of one beam: the errors of the mixture are smaller
-   !> than those of each record alone, and every interval holds the truth (five standard errors).
+   !> A free decay, a response and two frequencies of one beam: the errors of the mixture are
+   !> smaller than those of each record alone, and every interval holds the truth (five standard
+   !> errors).
    subroutine test_mixture()
       character(len=*), parameter :: names(3) = [character(len=3) :: 'E', 'c_D', 'm_S'], &
          blow = '&excitation kind=''pulse'', amplitude=20, duration=0.004, x_F=0.3 /'//nl, &
@@ -414,11 +427,11 @@ contains
       integer :: j, k
 
       call make_decay()
-      call write_noisy('mixed.csv', 'exact.csv', 20.0_wp, 21)
+      call write_noisy('mixed.csv', 'exact.csv', 3.0_wp, 21)
       f = frequencies_of(beam())
       call write_file('mixed-modes.csv', 'frequency_hz,sd_hz,damping_ratio,sd_damping'//nl// &
-         row_of([f(1), 1e-3_wp*f(1), 0.00244_wp, 3e-4_wp])//row_of([f(2), 1e-3_wp*f(2), &
-         0.0058_wp, 4e-4_wp]))
+         row_of([f(1), 1e-4_wp*f(1), 0.00244_wp, 3e-5_wp])//row_of([f(2), 1e-4_wp*f(2), &
+         0.0058_wp, 4e-5_wp]))
       all = identified(beam(1.2_wp, 0.8_wp, 1.2_wp)//blow//trim(records(1))//nl// &
          trim(records(2))//nl//trim(records(3))//stage)
       call check('mixture from 20 % off', all%status == 0, all%err)
@@ -441,14 +454,14 @@ contains
       character(len=:), allocatable :: table, text
       integer :: k
 
-      call write_file('s.nml', beam()//'&excitation kind=''pulse'', amplitude=20, duration=0.004, '// &
-         'x_F=0.3 /'//nl//'&record t_first=0.01, t_last=0.8, t_step=0.002 /')
+      call write_file('s.nml', beam()//'&excitation kind=''pulse'', amplitude=20, '// &
+         'duration=0.004, x_F=0.3 /'//nl//'&record t_first=0.01, t_last=0.8, t_step=0.002 /')
       outcome = beamid('simulate s.nml --quiet --out s')
       call check('a decay', outcome%status == 0, outcome%err)
       table = read_file('s/record.csv')
       t = column(table, 1)
       a = column(table, 2)
-      a = a + gaussian_noise(size(a), 3.0_wp, 41)
+      a = a + gaussian_noise(size(a), 5.0_wp, 41)
       text = 't,a'//nl
       do k = 1, size(t)
          text = text//row_of([t(k), a(k)])
@@ -489,31 +502,34 @@ contains
          '2,2,3,0.9'//nl)
       call write_file('high.csv', 'frequency_hz,sd_hz,mode'//nl//'9.4,0.01,40'//nl)
       call write_file('close.csv', 'frequency_hz,sd_hz'//nl//'9.9,0.01'//nl//'10.1,0.01'//nl)
-      call refused('&integrator method=''cvode'' /'//nl//file//free, '&integrator method: found '// &
-         '''cvode''')
-      call refused(file//', t_first=1'//free, '&record t_first: found a value, expected none with '// &
-         'kind = ''frf''')
+      call refused('&integrator method=''cvode'' /'//nl//file//free, &
+         '&integrator method: found ''cvode''')
+      call refused(file//', t_first=1'//free, '&record t_first: found a value, '// &
+         'expected none with kind = ''frf''')
       call refused('&record kind=''modes'', file=''high.csv'', f_first=1'//free, '&record '// &
          'f_first: found a value, expected none with kind = ''modes''')
-      call refused('&record file=''exact.csv'', quantity=''mobility'''//free, '&record quantity: '// &
-         'found a value, expected none with kind = ''time''')
+      call refused('&record file=''exact.csv'', quantity=''mobility'''//free, &
+         '&record quantity: found a value, expected none with kind = ''time''')
       call refused(at_F//', file=''coherence.csv'''//free, '&record averages: found nothing '// &
          'beside a column coherence, expected the number of averaged blocks, or sd')
-      call refused(file//', coherence_least=0.5'//free, '&record coherence_least: found 0.5 for '// &
-         'a file without coherence, expected a column coherence')
+      call refused(file//', coherence_least=0.5'//free, &
+         '&record coherence_least: found 0.5 for a file without coherence, '// &
+         'expected a column coherence')
       call refused(file//', f_first=1000'//free, 'found no line between f_first and f_last')
-      call refused(file//', f_first=10, f_last=5'//free, '&record f_last: found 5, expected no '// &
-         'less than f_first = 10')
-      call refused('&record kind=''frf'', x_F=0.7, file=''exact.csv'''//free, '&record x_F: found 0.7')
-      call refused('&record kind=''modes'', file=''high.csv'''//free, 'found mode 40, expected at '// &
-         'most ')
-      call refused('&record kind=''modes'', file=''close.csv'''//free, 'expected a column mode '// &
-         'with the numbers of the modes')
-      call no_response(at_F//', f_first=1, f_last=9 /', '&record: found no list of frequencies, '// &
-         'expected f_first, f_last and f_step')
+      call refused(file//', f_first=10, f_last=5'//free, '&record f_last: found 5, '// &
+         'expected no less than f_first = 10')
+      call refused('&record kind=''frf'', x_F=0.7, file=''exact.csv'''//free, &
+         '&record x_F: found 0.7')
+      call refused('&record kind=''modes'', file=''high.csv'''//free, 'found mode 40, '// &
+         'expected at most ')
+      call refused('&record kind=''modes'', file=''close.csv'''//free, &
+         'expected a column mode with the numbers of the modes')
+      call no_response(at_F//', f_first=1, f_last=9 /', &
+         '&record: found no list of frequencies, expected f_first, f_last and f_step')
       call no_response(at_F//', f_first=1, f_last=1e9, f_step=1e-3 /', 'at least 1000, which '// &
          'makes a million frequencies')
-      call no_response('&record t_first=1, t_last=2, t_step=1 /', 'found no group with kind=''frf''')
+      call no_response('&record t_first=1, t_last=2, t_step=1 /', &
+         'found no group with kind=''frf''')
       call no_response(at_F//', file=''exact.csv'' /', 'found a measured response and no fit, '// &
          'expected f_first, f_last and f_step, or a &stage')
    end subroutine test_refusals
