@@ -214,9 +214,11 @@ contains
       !> Largest numbers of peaks and of modes that are computed.
       integer, parameter :: most_peaks = 6, most_modes = 12
       !> Standard deviations: of a frequency as a share of itself, of a damping ratio likewise.
-      real(wp), parameter :: of_frequency = 1e-3_wp, of_damping = 0.2_wp
+      real(wp), parameter :: of_frequency = 1e-3_wp, of_damping = 0.3_wp
       !> Standard deviation of a frequency as a share of the distance between lines.
       real(wp), parameter :: of_spacing = 0.2_wp
+      !> Height of a peak in standard deviations from which its width shows the damping.
+      real(wp), parameter :: clear = 30
       type(peak_t), allocatable :: peaks(:)
       complex(wp), allocatable :: s(:), ds(:, :)
       type(error_t), allocatable :: failed
@@ -248,7 +250,7 @@ contains
       table%damping = peaks(:n)%damping - response%rate/(two_pi*table%frequency)
       table%sd_damping = of_damping*abs(table%damping)
       ! Without a damping ratio the row has no weight.
-      where (.not. table%damping > 0)
+      where (.not. table%damping > 0 .or. peaks(:n)%size < clear*peaks(:n)%noise)
          table%damping = 0
          table%sd_damping = 1e3_wp
       end where

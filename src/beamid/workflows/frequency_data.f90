@@ -159,7 +159,7 @@ contains
    !>
    !> With exp(i omega t) the phase decreases through every resonance, whatever the sign of its
    !> residue, because a response follows its force. The sum of the phase steps, each weighted by
-   !> |h|**2, is therefore negative.
+   !> |h|**2/noise**2, is therefore negative.
    subroutine check_convention(response, notes)
       type(frequency_response_t), intent(inout) :: response
       character(len=note_length), allocatable, intent(inout) :: notes(:)
@@ -171,7 +171,9 @@ contains
 
       n = size(response%h)
       if (n < enough) return
-      steps = aimag(conjg(response%h(:n - 1))*response%h(2:))
+      associate (h => response%h/response%noise)
+         steps = aimag(conjg(h(:n - 1))*h(2:))
+      end associate
       if (.not. sum(steps) > clear*sum(abs(steps))) return
       response%h = conjg(response%h)
       call add_note(notes, 'the phase of the response rises through its resonances, as with the '// &
