@@ -202,8 +202,8 @@ contains
       call move_alloc(table, problem%parts(r)%observed)
    end subroutine set_data
 
-   !> Makes a table of the resonances of a frequency response. Peaks that cannot be assigned to modes
-   !> are left out, the lowest first.
+   !> Makes a table of the resonances of a frequency response. Peaks that cannot be assigned to
+   !> modes are left out, the lowest first.
    !>
    !> r  number of the record
    subroutine make_table(problem, r, response, table)
